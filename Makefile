@@ -1,0 +1,61 @@
+# make run          install into .venv and open the dashboard; ARGS="--port 8090"
+# make test         install, find a browser, run the tests;   ARGS="-k hybrid"
+# make check        lint, format, types, import rules
+# make bench        microseconds per step
+# make screenshots  docs/screenshots/ anew
+# make constraints  constraints.txt anew, every package at its newest version
+# make clean        remove what these made
+
+PYTHON ?= $(shell for python in python3 python3.13 python3.12 python3.11; do \
+	$$python -c 'import sys, ensurepip, venv; sys.exit(sys.version_info < (3, 11))' 2>/dev/null \
+	&& command -v $$python && break; done)
+BIN := .venv/bin
+
+# The matrices are small: BLAS threads only take the cores from the loop and the page.
+export OMP_NUM_THREADS = 1
+
+.PHONY: run test check bench screenshots constraints clean
+
+run: .venv/run.stamp
+	@$(BIN)/vsmrc serve $(ARGS)
+
+test: .venv/dev.stamp
+	@$(BIN)/python -m tests.browser
+	$(BIN)/python -m pytest -n 2 --dist worksteal $(ARGS)
+
+check: .venv/dev.stamp
+	$(BIN)/ruff check
+	$(BIN)/ruff format --check
+	$(BIN)/pyright
+	$(BIN)/lint-imports --no-logo
+
+bench: .venv/dev.stamp
+	@$(BIN)/python -m benchmarks $(ARGS)
+
+screenshots: .venv/dev.stamp
+	@$(BIN)/python -m tests.browser
+	$(BIN)/python -m docs.make_screenshots $(ARGS)
+
+.venv/run.stamp: pyproject.toml constraints.txt
+	@python="$(PYTHON)"; test -n "$$python" || { \
+		echo "No Python 3.11 or newer with venv found: install one (Debian: apt install python3-venv)" \
+			"or name it: make PYTHON=/path/to/python" >&2; exit 1; }; \
+	echo "Installing into .venv with $$python"; "$$python" -m venv .venv
+	$(BIN)/python -m pip install --constraint constraints.txt --editable .
+	@touch $@
+
+.venv/dev.stamp: .venv/run.stamp
+	$(BIN)/python -m pip install --constraint constraints.txt --editable ".[dev,bench]"
+	@touch $@
+
+# A fresh environment, so that nothing installed by hand slips in; `pip list` gives names and versions, never an address.
+constraints:
+	$(PYTHON) -m venv --clear build/constraints
+	build/constraints/bin/python -m pip install --editable ".[dev,bench]"
+	echo "# Written by 'make constraints': versions that were tested together." > constraints.txt
+	build/constraints/bin/python -m pip list --format freeze --exclude pip --exclude-editable >> constraints.txt
+	rm -rf build/constraints
+
+clean:
+	rm -rf .venv build dist *.egg-info .pytest_cache .ruff_cache .hypothesis .import_linter_cache
+	find . -name __pycache__ -prune -exec rm -rf {} +

@@ -1,0 +1,423 @@
+"""From a Scenario to the objects that it stands for, checked: the one place where the three folders meet."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from app.scenario import (
+    Circle,
+    ConstantForce,
+    Contact,
+    Cylinder,
+    ForceSinusoid,
+    ForceStep,
+    Hold,
+    Line,
+    Matrix,
+    Plane,
+    PointToPoint,
+    Scenario,
+    ScenarioError,
+    Sphere,
+    TargetModel,
+    edited,
+    from_plain,
+    to_plain,
+)
+from controllers import modes
+from controllers.bounds import InertiaRange, Uncertainty
+from controllers.compensator import Compensator
+from controllers.computed_torque import ComputedTorque
+from controllers.modes import Mode
+from controllers.nominal_model import Estimate, Lipschitz, NominalModel, lipschitz_constants
+from controllers.switching import Switching
+from controllers.target_model import InvalidGain
+from controllers.target_model import TargetModel as Model
+from controllers.task_space import TaskLayout, TaskSpace, task_space
+from controllers.vsmrc import Vsmrc
+from environments import contact, robots, surfaces, trajectories
+from environments.plant import Plant, Truth
+from environments.robots import Robot, RobotError
+from environments.sensors import ForceSensor
+
+SAMPLES = 200  # postures drawn from Omega for the constants over it
+MARGIN = 1.1  # on k_r_low and k_r_high, for what lies between the samples
+
+
+@dataclass(frozen=True)
+class Constants:
+    """What holds over Omega = {q: ||q - q_0|| <= radius, J_q regular}: Property 1's k_r_low and k_r_high (kg) for
+    every arm inside the declared set, and the Lipschitz constants of the estimates."""
+
+    k_r_low: float
+    k_r_high: float
+    lipschitz: Lipschitz
+
+
+@dataclass(frozen=True)
+class Coordinate:
+    """One task coordinate: its name and the unit that the screen shows."""
+
+    name: str
+    unit: str
+
+
+@dataclass(frozen=True)
+class System:
+    """A scenario's objects. `charted` gives the task coordinates: the surface, or Cartesian axes; q_0 (n,) rad."""
+
+    scenario: Scenario
+    robot: Robot
+    mode: Mode
+    layout: TaskLayout
+    coordinates: tuple[Coordinate, ...]
+    surface: surfaces.Surface
+    charted: surfaces.Surface
+    nominal: NominalModel
+    plant: Plant
+    constants: Constants
+    law: Vsmrc
+    motion: trajectories.Trajectory
+    force: trajectories.ForceProfile
+    sensor: ForceSensor
+    q_0: np.ndarray
+
+    @property
+    def m(self) -> int:
+        """Number of force-controlled directions."""
+        return self.mode.m()
+
+    def observe(self, q: np.ndarray, q_dot: np.ndarray, t: float) -> tuple[Estimate, TaskSpace]:
+        """The controller's view of a state: estimates and task coordinates."""
+        estimate = self.nominal.evaluate(q, q_dot)
+        return estimate, task_space(self.layout, self.charted.chart(estimate.p, t), estimate, q, q_dot)
+
+    @cached_property
+    def compliance(self) -> float:
+        """r_fd per desired force, m/N: 1/K_e_hat (33), nothing on a rigid surface (41)."""
+        return 0.0 if self.mode.name == "constrained" else 1.0 / self.scenario.controller.K_e_hat
+
+
+def assemble(scenario: Scenario, previous: System | None = None) -> System:
+    """All objects of a scenario; parts of `previous` that are the same are used again.
+
+    Raises ScenarioError with one sentence that names the field, its value and what is allowed.
+    """
+    try:
+        return _assemble(scenario, previous)
+    except (InvalidGain, RobotError) as error:
+        raise ScenarioError(str(error)) from error
+
+
+def _assemble(scenario: Scenario, previous: System | None) -> System:
+    mode = modes.MODES[scenario.mode]
+    if scenario.contact.kind not in mode.contacts:
+        raise ScenarioError(
+            f"contact.kind: {scenario.contact.kind!r} in {mode.name} mode; allowed: {', '.join(mode.contacts)}"
+        )
+    if scenario.task_space.kind == "joint" and mode.name != "motion":
+        raise ScenarioError(f"task_space.kind: 'joint' in {mode.name} mode; allowed: 'cartesian' (joint in motion mode)")
+    same_robot = previous is not None and previous.scenario.robot == scenario.robot
+    robot = previous.robot if previous is not None and same_robot else _robot(scenario)
+    nominal = (
+        previous.nominal
+        if previous is not None and same_robot
+        else NominalModel(robot.model, robot.tool_joint, robot.tool_placement)
+    )
+    surface = _surface(scenario)
+    plant = Plant(
+        robot,
+        _truth(scenario, robot.n),
+        surface,
+        contact.Contact(**{f: getattr(scenario.contact, f) for f in Contact.__struct_fields__}),
+        scenario.simulation.integrator,
+        scenario.simulation.substeps,
+    )
+    q_0 = _start(plant, robot)
+    layout = _layout(scenario, robot, nominal, q_0)
+    charted = surface if mode.on_surface else surfaces.Cartesian.along(_axes(robot))
+    shaping = ("robot", "task_space", "declared", "surface", "mode", "simulation")
+    if previous is not None and all(getattr(previous.scenario, f) == getattr(scenario, f) for f in shaping):
+        constants = previous.constants
+    else:
+        constants = _constants(scenario, nominal, layout, charted, q_0)
+    return System(
+        scenario=scenario,
+        robot=robot,
+        mode=mode,
+        layout=layout,
+        coordinates=_coordinates(layout, mode, robot),
+        surface=surface,
+        charted=charted,
+        nominal=nominal,
+        plant=plant,
+        constants=constants,
+        law=_law(scenario, mode, layout, constants),
+        motion=_motion(scenario, mode, layout),
+        force=_force(scenario),
+        sensor=ForceSensor(
+            scenario.sensor.noise,
+            np.array(scenario.sensor.bias),
+            scenario.sensor.delay,
+            scenario.sensor.cutoff,
+            scenario.controller.period,
+        ),
+        q_0=q_0,
+    )
+
+
+def in_mode(scenario: Scenario, mode_name: str) -> Scenario:
+    """The scenario in another mode, with what that mode cannot keep (target model, contact) set to its defaults.
+
+    Raises ScenarioError for an unknown mode.
+    """
+    changed = edited(scenario, "mode", mode_name)
+    mode = modes.MODES[mode_name]
+    data = to_plain(changed)
+    data["target_model"] = {}
+    if scenario.contact.kind not in mode.contacts:
+        data["contact"]["kind"] = mode.contacts[-1] if mode_name == "motion" else mode.contacts[0]
+    if mode_name != "motion":
+        data["task_space"]["kind"] = "cartesian"
+    return from_plain(data)
+
+
+def on_robot(scenario: Scenario, name: str) -> Scenario:
+    """The scenario with another arm of the catalogue, and what depends on the number of joints at its defaults.
+
+    Raises ScenarioError for an unknown robot.
+    """
+    data = to_plain(scenario)
+    data["robot"] = {"name": name}
+    data["target_model"] = {}
+    for gain in ("A", "F_1", "F_2", "K_s"):
+        value = data["controller"][gain]
+        data["controller"][gain] = value[0] if isinstance(value, list) and not isinstance(value[0], list) else value
+    return from_plain(data)
+
+
+def _robot(scenario: Scenario) -> Robot:
+    r = scenario.robot
+    return robots.load(
+        r.name,
+        urdf=r.urdf,
+        tool_frame=r.tool_frame,
+        tool_offset=r.tool_offset,
+        posture=r.posture,
+        rotor_inertia=r.rotor_inertia,
+    )
+
+
+def _truth(scenario: Scenario, n: int) -> Truth:
+    t = scenario.truth
+    scaling = np.broadcast_to(np.array(t.link_scaling, dtype=float), (n,)) if np.ndim(t.link_scaling) == 0 else np.array(t.link_scaling)
+    if scaling.shape != (n,):
+        raise ScenarioError(f"truth.link_scaling: {len(scaling)} values; allowed: one number or {n}, one per link")
+    if (scaling <= 0.0).any():
+        raise ScenarioError(f"truth.link_scaling: {float(scaling.min())}; allowed: numbers > 0")
+    return Truth(
+        scaling,
+        t.payload_mass,
+        np.array(t.payload_offset),
+        t.coulomb,
+        t.viscous,
+        t.disturbance,
+        t.disturbance_frequency,
+    )
+
+
+def _surface(scenario: Scenario) -> surfaces.Surface:
+    s = scenario.surface
+    m = s.motion
+    motion = surfaces.Motion(_direction("surface.motion.direction", m.direction), m.amplitude, m.frequency)
+    match s:
+        case Plane():
+            return surfaces.Plane.create(np.array(s.origin), _direction("surface.normal", s.normal), motion)
+        case Cylinder():
+            side = 1.0 if s.side == "outside" else -1.0
+            axis, reference = _direction("surface.axis", s.axis), _direction("surface.reference", s.reference)
+            try:
+                return surfaces.Cylinder.create(np.array(s.origin), axis, reference, s.radius, side, motion)
+            except ValueError as error:
+                raise ScenarioError(str(error)) from error
+        case Sphere():
+            side = 1.0 if s.side == "outside" else -1.0
+            reference = _direction("surface.reference", s.reference)
+            return surfaces.Sphere.create(np.array(s.origin), reference, s.radius, side, motion)
+
+
+def _direction(path: str, vector: tuple[float, float, float]) -> np.ndarray:
+    length = float(np.linalg.norm(vector))
+    if length < 1e-9:
+        raise ScenarioError(f"{path}: {list(vector)}; allowed: a vector that is not zero")
+    return np.array(vector) / length
+
+
+def _start(plant: Plant, robot: Robot) -> np.ndarray:
+    try:
+        return plant.start(robot.posture, np.zeros(robot.n), 0.0).q
+    except ValueError as error:
+        raise ScenarioError(str(error)) from error
+
+
+def _axes(robot: Robot) -> np.ndarray:
+    """Rows: the Cartesian coordinates in their order; a planar arm uses the first two, x and z."""
+    return np.eye(3)[[0, 2, 1]] if robot.geometry == "planar" else np.eye(3)
+
+
+def _layout(scenario: Scenario, robot: Robot, nominal: NominalModel, q_0: np.ndarray) -> TaskLayout:
+    positions = 2 if robot.geometry == "planar" else 3
+    angles = {"planar": min(robot.n - 2, 1), "pose": 3, "position": 0}[robot.geometry]
+    estimate = nominal.evaluate(q_0, np.zeros(robot.n))
+    return TaskLayout(
+        kind=scenario.task_space.kind,
+        positions=positions,
+        angles=angles,
+        supplemental=np.array(robot.supplemental, dtype=np.int64),
+        l=scenario.task_space.characteristic_length,
+        R_ref=estimate.R,
+    )
+
+
+def _coordinates(layout: TaskLayout, mode: Mode, robot: Robot) -> tuple[Coordinate, ...]:
+    if layout.kind == "joint":
+        return tuple(Coordinate(name, "rad") for name in robot.joint_names)
+    places = ["φ", "ψ₁", "ψ₂"] if mode.on_surface else (["x", "z"] if layout.positions == 2 else ["x", "y", "z"])
+    angles = {0: [], 1: ["ℓ·θ"], 3: ["ℓ·α", "ℓ·β", "ℓ·γ"]}[layout.angles]
+    extra = [f"ℓ·q{joint + 1}" for joint in layout.supplemental]
+    return tuple(Coordinate(name, "m") for name in places[: layout.positions] + angles + extra)
+
+
+def _constants(
+    scenario: Scenario, nominal: NominalModel, layout: TaskLayout, charted: surfaces.Surface, q_0: np.ndarray
+) -> Constants:
+    random = np.random.default_rng(1)
+    n = len(q_0)
+    directions = random.standard_normal((SAMPLES, n))
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    radii = scenario.simulation.domain_radius * random.uniform(size=(SAMPLES, 1)) ** (1 / n)
+    samples = np.vstack([q_0, q_0 + radii * directions])
+    uncertainty = _uncertainty(scenario, 0.0)
+    period = 1.0 / max(charted.motion.frequency, 1e-3)
+    low, high = np.inf, 0.0
+    for q in samples:
+        estimate = nominal.evaluate(q, np.zeros(n))
+        chart = charted.chart(estimate.p, period * random.uniform())
+        try:
+            task = task_space(layout, chart, estimate, q, np.zeros(n))
+        except ValueError:
+            continue  # J_q exactly singular: not in Omega
+        if np.linalg.norm(task.J_q_inv, 2) * scenario.simulation.sigma_min > 1.0:
+            continue
+        inertia = InertiaRange.at(uncertainty, estimate, task)
+        low = min(low, float(np.linalg.eigvalsh(inertia.H_low)[0]))
+        high = max(high, float(np.linalg.eigvalsh(inertia.H_high)[-1]))
+    if not low < np.inf:
+        raise ScenarioError("robot.posture: J_q is singular around it; allowed: a posture away from singularities")
+    return Constants(low / MARGIN, high * MARGIN, lipschitz_constants(nominal.model, samples[:: SAMPLES // 50]))
+
+
+def _uncertainty(scenario: Scenario, k_C: float) -> Uncertainty:
+    d = scenario.declared
+    return Uncertainty(
+        d.link_scaling, d.payload_mass, d.payload_offset, d.coulomb, d.viscous, d.disturbance, d.force_error, k_C
+    )
+
+
+def default_target_model(mode: Mode, n: int, K_e_hat: float) -> dict[str, np.ndarray]:
+    """Diagonals for a mode: critically damped at 20 rad/s; softer where it meets forces."""
+    M = np.full(n, 10.0)
+    if mode.name == "impedance":
+        K = np.full(n, 1000.0)
+    else:
+        K = np.full(n, 4000.0)
+    B = 2.0 * np.sqrt(K * M)
+    m = mode.m()
+    K[:m] = 0.0
+    if mode.name == "constrained":
+        M[:m], B[:m] = 15.0, 100.0
+    else:
+        B[:m] = 2.0 * np.sqrt(K_e_hat * M[:m])
+    return {"M_m": M, "B_m": B, "K_m": K, "K_f": mode.controlled(n)}
+
+
+def _square(path: str, value: Matrix | float, n: int) -> np.ndarray:
+    if isinstance(value, int | float):
+        return np.eye(n) * value
+    rows = [np.atleast_1d(np.array(row, dtype=float)) for row in value]
+    shape = f"{len(rows)} entries" if all(len(r) == 1 for r in rows) else f"rows of {sorted({len(r) for r in rows})}"
+    if len(rows) == n and all(r.shape == (1,) for r in rows) and n > 1:
+        return np.diag(np.concatenate(rows))
+    if len(rows) == n and all(r.shape == (n,) for r in rows):
+        return np.stack(rows)
+    raise ScenarioError(f"{path}: {shape}; allowed: {n} diagonal entries or a {n} x {n} matrix")
+
+
+def _law(scenario: Scenario, mode: Mode, layout: TaskLayout, constants: Constants) -> Vsmrc:
+    n, c = layout.n, scenario.controller
+    default = default_target_model(mode, n, c.K_e_hat)
+    given = {f: getattr(scenario.target_model, f) for f in TargetModel.__struct_fields__}
+    matrices = {
+        f: np.diag(default[f]) if value is None else _square(f"target_model.{f}", value, n) for f, value in given.items()
+    }
+    model = Model(**matrices)
+    mode.check(model, c.K_e_hat)
+    gains = {f: _square(f"controller.{f}", getattr(c, f), n) for f in ("A", "F_1", "F_2", "K_s")}
+    kind = Vsmrc if c.law == "vsmrc" else ComputedTorque
+    return kind(
+        model=model,
+        compensator=Compensator.design(model, gains["A"], gains["F_1"], gains["F_2"]),
+        K_s=gains["K_s"],
+        d=None if c.gain == "theorem" else c.d,
+        epsilon=c.epsilon,
+        bounds=c.bounds,
+        switching=Switching[c.switching.upper()],
+        phi=c.layer,
+        uncertainty=_uncertainty(scenario, constants.lipschitz.k_C),
+        controlled=mode.controlled(n),
+        m=mode.m(),
+    )
+
+
+def _motion(scenario: Scenario, mode: Mode, layout: TaskLayout) -> trajectories.Trajectory:
+    m, n = mode.m(), layout.n
+    free = n if layout.kind == "joint" else layout.positions - m  # coordinates that a trajectory may move
+
+    def spread(displacement: tuple[float, ...]) -> np.ndarray:
+        if len(displacement) > free:
+            raise ScenarioError(
+                f"motion.displacement: {len(displacement)} values; allowed: at most {free} in this mode with this arm"
+            )
+        vector = np.zeros(n)
+        vector[m : m + len(displacement)] = displacement
+        return vector
+
+    match scenario.motion:
+        case Hold():
+            return trajectories.PointToPoint(np.zeros(n))
+        case PointToPoint() as p:
+            return trajectories.PointToPoint(spread(p.displacement), p.duration)
+        case Line() as p:
+            return trajectories.Line(spread(p.displacement), p.period, p.ramp)
+        case Circle() as p:
+            if p.axes[0] == p.axes[1] or not all(0 <= a < free for a in p.axes):
+                raise ScenarioError(
+                    f"motion.axes: {list(p.axes)}; allowed: two different numbers from 0 to {free - 1}"
+                    if free > 1
+                    else "motion.kind: 'circle' needs two free coordinates; allowed here: hold, point-to-point, line"
+                )
+            u, v = np.eye(n)[m + p.axes[0]], np.eye(n)[m + p.axes[1]]
+            return trajectories.Circle(u, v, p.radius, p.period, p.ramp)
+
+
+def _force(scenario: Scenario) -> trajectories.ForceProfile:
+    match scenario.force:
+        case ConstantForce() as f:
+            return trajectories.ForceStep(f.value, f.value)
+        case ForceStep() as f:
+            return trajectories.ForceStep(f.value, f.start, f.time, f.rise)
+        case ForceSinusoid() as f:
+            return trajectories.ForceSinusoid(f.value, f.amplitude, f.frequency)

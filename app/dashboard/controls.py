@@ -1,0 +1,251 @@
+"""Controls: each shows one field of the running scenario and posts an Edit when the user changes it.
+
+No control holds state. What the user asked for stays on the screen only until the runner has answered; then the
+control shows the value of the snapshot again, which after a refusal is the one still running.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import viser
+
+from app.dashboard.style import COMMIT
+from app.runner import Edit, Snapshot
+from app.scenario import Scenario, field_info
+
+
+@dataclass(frozen=True)
+class Desk:
+    """What a panel works with: where widgets are made, where commands go, the newest snapshot, and complaints."""
+
+    gui: viser.GuiApi
+    post: Callable[[Any], None]
+    snapshot: Callable[[], Snapshot]
+    complain: Callable[[str], None]
+
+
+class Control(Protocol):
+    def show(self, snapshot: Snapshot) -> None: ...
+
+
+class Answer:
+    """Until the runner has answered an edit, or this long, a widget keeps what the user put in it."""
+
+    def __init__(self) -> None:
+        self._until = -math.inf
+        self._refusals = 0
+
+    def expect(self, snapshot: Snapshot, seconds: float) -> None:
+        self._until = time.monotonic() + seconds
+        self._refusals = snapshot.refusal_number
+
+    def awaited(self, snapshot: Snapshot) -> bool:
+        if snapshot.refusal_number != self._refusals:
+            self._until = -math.inf
+        return time.monotonic() < self._until
+
+
+@dataclass(frozen=True)
+class Place:
+    """A field of the scenario by its dotted path; with `entry`, one diagonal entry of a matrix."""
+
+    path: str
+    entry: int | None = None
+
+    def read(self, scenario: Scenario) -> Any:
+        """The value, or None when this scenario has no such field."""
+        value: Any = scenario
+        for name in self.path.split("."):
+            value = getattr(value, name, None)
+        if self.entry is None or value is None or isinstance(value, float | int):
+            return value
+        row = value[self.entry] if self.entry < len(value) else None
+        return row[self.entry] if isinstance(row, tuple | list) else row
+
+    def edit(self, scenario: Scenario, value: Any) -> Edit:
+        if self.entry is None:
+            return Edit(self.path, value)
+        rows: Any = Place(self.path).read(scenario)
+        changed = [list(row) if isinstance(row, tuple | list) else row for row in rows]
+        if isinstance(changed[self.entry], list):
+            changed[self.entry][self.entry] = value
+        else:
+            changed[self.entry] = value
+        return Edit(self.path, changed)
+
+    @property
+    def hint(self) -> str:
+        """The meaning, unit and bounds that the scenario's schema gives."""
+        try:
+            info = field_info(self.path)
+        except KeyError:
+            return self.path
+        unit = f" [{info.unit}]" if info.unit not in ("", "1") else ""
+        low = "" if info.least is None else f" ≥ {info.least:g}"
+        high = "" if info.largest is None else f" ≤ {info.largest:g}"
+        return f"{info.doc}{unit}{low}{high}"
+
+
+@dataclass(frozen=True)
+class Scale:
+    """The range of a slider. Logarithmic where decades matter; `zero`: its left end means exactly 0."""
+
+    low: float
+    high: float
+    logarithmic: bool = False
+    zero: bool = False
+
+    def value(self, position: float) -> float:
+        if not self.logarithmic:
+            return _rounded(self.low + position * (self.high - self.low))
+        if self.zero and position <= 0:
+            return 0.0
+        return _rounded(self.low * (self.high / self.low) ** position)
+
+    def position(self, value: float) -> float:
+        if not self.logarithmic:
+            share = (value - self.low) / (self.high - self.low)
+        elif value <= 0:
+            share = 0.0
+        else:
+            share = math.log(value / self.low) / math.log(self.high / self.low)
+        return min(max(share, 0.0), 1.0)
+
+
+def decades(low: float, high: float, *, zero: bool = False) -> Scale:
+    return Scale(low, high, logarithmic=True, zero=zero)
+
+
+def _rounded(value: float) -> float:
+    return float(f"{value:.3g}")
+
+
+def written(value: Any) -> str:
+    """A number, or several separated by commas, as the text field shows it."""
+    if value is None:
+        return ""
+    if isinstance(value, tuple | list):
+        return ", ".join(written(v) for v in value)
+    return f"{value:.6g}"
+
+
+def read_back(text: str) -> float | list[float]:
+    """The inverse of `written`. Raises ValueError."""
+    numbers = [float(part) for part in text.replace(";", ",").split(",")]
+    return numbers[0] if len(numbers) == 1 else numbers
+
+
+class Number:
+    """A number as a text field, which takes effect on Enter or when it is left, and a slider."""
+
+    def __init__(self, desk: Desk, place: Place, label: str, scale: Scale | None = None) -> None:
+        self._desk, self._place, self._label, self._scale = desk, place, label, scale
+        self._answer = Answer()
+        self._form = desk.gui.add_form(None)
+        with self._form:
+            self._text = desk.gui.add_text(label, "", hint=place.hint)
+            self._text.on_update(self._on_text)
+            self._slider = None
+            if scale is not None:
+                self._slider = desk.gui.add_slider("", 0.0, 1.0, 0.002, 0.0, marks=(), hint=place.hint)
+                self._slider.on_update(self._on_slider)
+
+    async def _on_text(self, event: viser.GuiEvent) -> None:
+        if event.client is None:
+            return
+        if not self._text.value.endswith(COMMIT):
+            self._answer.expect(self._desk.snapshot(), seconds=60.0)
+            return
+        snapshot = self._desk.snapshot()
+        text = self._text.value.rstrip(COMMIT).strip()
+        running = self._place.read(snapshot.scenario)
+        try:
+            value = read_back(text) if text else running
+        except ValueError:
+            self._desk.complain(f"{self._label}: {text!r} is not a number")
+            value = running
+        if value == running or written(value) == written(running):
+            self._answer.expect(snapshot, seconds=0.0)
+            self.show(snapshot)
+        else:
+            self._ask(snapshot, value, seconds=1.0)
+
+    async def _on_slider(self, event: viser.GuiEvent) -> None:
+        if event.client is None or self._slider is None or self._scale is None:
+            return
+        value = self._scale.value(self._slider.value)
+        self._text.value = written(value)
+        self._ask(self._desk.snapshot(), value, seconds=0.5)
+
+    def _ask(self, snapshot: Snapshot, value: Any, seconds: float) -> None:
+        self._answer.expect(snapshot, seconds)
+        self._desk.post(self._place.edit(snapshot.scenario, value))
+
+    def show(self, snapshot: Snapshot) -> None:
+        value = self._place.read(snapshot.scenario)
+        if self._form.visible != (value is not None):
+            self._form.visible = value is not None
+        if value is None or self._answer.awaited(snapshot):
+            return
+        self._text.value = written(value)
+        if self._slider is not None and self._scale is not None and isinstance(value, float | int):
+            self._slider.value = self._scale.position(value)
+
+    def enable(self, enabled: bool) -> None:
+        for widget in (self._text, self._slider):
+            if widget is not None and widget.disabled == enabled:
+                widget.disabled = not enabled
+
+
+class Choice:
+    """One of several; `options` maps what is shown to the value that the scenario holds."""
+
+    def __init__(self, desk: Desk, path: str, label: str, options: Mapping[str, str]) -> None:
+        self._desk, self._place, self._options = desk, Place(path), dict(options)
+        self._shown = {value: title for title, value in options.items()}
+        self._answer = Answer()
+        self._dropdown = desk.gui.add_dropdown(label, tuple(options), hint=self._place.hint)
+        self._dropdown.on_update(self._on_update)
+
+    async def _on_update(self, event: viser.GuiEvent) -> None:
+        if event.client is None:
+            return
+        snapshot = self._desk.snapshot()
+        self._answer.expect(snapshot, seconds=1.0)
+        self._desk.post(Edit(self._place.path, self._options[self._dropdown.value]))
+
+    def show(self, snapshot: Snapshot) -> None:
+        value = self._place.read(snapshot.scenario)
+        value = getattr(value, "__struct_config__", None) and value.__struct_config__.tag or value
+        if self._dropdown.visible != (value is not None):
+            self._dropdown.visible = value is not None
+        if value in self._shown and not self._answer.awaited(snapshot):
+            self._dropdown.value = self._shown[value]
+
+
+class Switch:
+    """Yes or no."""
+
+    def __init__(self, desk: Desk, path: str, label: str) -> None:
+        self._desk, self._place = desk, Place(path)
+        self._answer = Answer()
+        self._checkbox = desk.gui.add_checkbox(label, False, hint=self._place.hint)
+        self._checkbox.on_update(self._on_update)
+
+    async def _on_update(self, event: viser.GuiEvent) -> None:
+        if event.client is None:
+            return
+        self._answer.expect(self._desk.snapshot(), seconds=1.0)
+        self._desk.post(Edit(self._place.path, self._checkbox.value))
+
+    def show(self, snapshot: Snapshot) -> None:
+        value = self._place.read(snapshot.scenario)
+        if self._checkbox.visible != (value is not None):
+            self._checkbox.visible = value is not None
+        if value is not None and not self._answer.awaited(snapshot):
+            self._checkbox.value = bool(value)

@@ -1,0 +1,30 @@
+"""The tabs of the control panel, one file each: they post commands and read snapshots, and hold no state."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+from app.dashboard.controls import Desk
+from app.dashboard.panels.controller import ControllerPanel
+from app.dashboard.panels.model import ModelPanel
+from app.dashboard.panels.robot import RobotPanel
+from app.dashboard.panels.task import TaskPanel
+from app.dashboard.panels.world import WorldPanel
+from app.runner import Snapshot
+
+
+class Panel(Protocol):
+    """One tab: its widgets are made in the current container; `show` sets them to the snapshot."""
+
+    def __init__(self, desk: Desk) -> None: ...
+
+    def show(self, snapshot: Snapshot) -> None: ...
+
+
+PANELS: dict[str, type[Panel]] = {
+    "Task": TaskPanel,
+    "Model": ModelPanel,
+    "Controller": ControllerPanel,
+    "World": WorldPanel,
+    "Robot": RobotPanel,
+}

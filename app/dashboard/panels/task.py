@@ -1,0 +1,65 @@
+"""Task: what the arm is asked to do."""
+
+from __future__ import annotations
+
+import viser
+
+from app.dashboard.controls import Choice, Control, Desk, Number, Place, Scale, decades
+from app.dashboard.status import MODE_TITLES
+from app.runner import Load, Snapshot
+from app.scenario import shipped
+
+MODE_NOTES = {
+    "motion": "Robust motion control: K_f = 0, the force is only compensated for (26).",
+    "impedance": "Impedance control: the force error moves the tool as through M_m, B_m, K_m (27).",
+    "hybrid": "Hybrid control: force along the normal φ, motion along the tangents ψ (34).",
+    "hybrid-impedance": "Force along the normal, an impedance along the tangents (Remark 6).",
+    "constrained": "Rigid surface: the normal force is the multiplier λ, motion stays tangential (38)-(42).",
+}
+
+
+class TaskPanel:
+    """Scenario, mode, desired motion and desired force."""
+
+    def __init__(self, desk: Desk) -> None:
+        self._desk = desk
+        gui = desk.gui
+        self._scenarios = shipped()
+        self._titles = {(s.title or name): name for name, s in self._scenarios.items()}
+        self._scenario = gui.add_dropdown("Scenario", tuple(self._titles), hint="Load one of the shipped scenarios.")
+        self._scenario.on_update(self._load)
+        self._mode = Choice(desk, "mode", "Mode", {title: mode for mode, title in MODE_TITLES.items()})
+        self._note = gui.add_html("")
+        self._controls: list[Control] = [self._mode]
+        with gui.add_folder("Desired force"):
+            self._controls += [
+                Choice(desk, "force", "Profile", {"constant": "constant", "step": "step", "sinusoid": "sinusoid"}),
+                Number(desk, Place("force.value"), "F_d  N", Scale(0, 60)),
+                Number(desk, Place("force.start"), "before  N", Scale(0, 60)),
+                Number(desk, Place("force.time"), "at time  s", Scale(0, 20)),
+                Number(desk, Place("force.rise"), "rise  s", decades(0.01, 2)),
+                Number(desk, Place("force.amplitude"), "amplitude  N", Scale(0, 20)),
+                Number(desk, Place("force.frequency"), "frequency  Hz", decades(0.05, 5)),
+            ]
+        with gui.add_folder("Desired motion"):
+            kinds = {"hold": "hold", "point to point": "point-to-point", "circle": "circle", "line": "line"}
+            self._controls += [
+                Choice(desk, "motion", "Path", kinds),
+                Number(desk, Place("motion.radius"), "radius  m", Scale(0, 0.15)),
+                Number(desk, Place("motion.displacement"), "by  m"),
+                Number(desk, Place("motion.period"), "period  s", decades(1, 30)),
+                Number(desk, Place("motion.duration"), "duration  s", decades(0.2, 20)),
+                Number(desk, Place("motion.ramp"), "ramp  s", Scale(0, 5)),
+            ]
+
+    async def _load(self, event: viser.GuiEvent) -> None:
+        if event.client is not None:
+            self._desk.post(Load(self._scenarios[self._titles[self._scenario.value]]))
+
+    def show(self, snapshot: Snapshot) -> None:
+        scenario = self._scenarios.get(snapshot.scenario.name)
+        if scenario is not None:
+            self._scenario.value = scenario.title or snapshot.scenario.name
+        self._note.content = f'<div class="vs-note">{MODE_NOTES[snapshot.scenario.mode]}</div>'
+        for control in self._controls:
+            control.show(snapshot)

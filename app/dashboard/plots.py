@@ -1,0 +1,179 @@
+"""The plots: each names the signals it needs and turns them into lines; one read of the recording feeds them all."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import viser
+from viser import uplot
+
+from app.dashboard.equation import symbol
+from app.dashboard.theme import BOUND, DESIRED, MEASURED, SERIES, Rgb, css
+from app.runner import Snapshot
+
+WINDOW = 8.0  # s
+POINTS = 320  # about what a plot has pixels for
+_FLOOR = 1e-7  # m/s: what a logarithmic axis shows of an exact zero
+
+Signals = Mapping[str, np.ndarray]
+
+
+@dataclass(frozen=True)
+class Line:
+    """One line: its name, its look, and its values from the recording's signals."""
+
+    name: str
+    color: Rgb
+    values: Callable[[Signals], np.ndarray]
+    dashed: bool = False
+    width: float = 1.6
+
+    def series(self) -> uplot.Series:
+        look = uplot.Series(label=self.name, stroke=css(self.color), width=self.width, points={"show": False})
+        if self.dashed:
+            look["dash"] = (6.0, 4.0)
+        return look
+
+
+@dataclass(frozen=True)
+class Plot:
+    """A chart: title with unit, the signals it reads, its lines for the coordinates of a run."""
+
+    title: str
+    signals: tuple[str, ...]
+    lines: Callable[[Snapshot], list[Line]]
+    logarithmic: bool = False
+
+
+def _column(signal: str, index: int, factor: float = 1.0) -> Callable[[Signals], np.ndarray]:
+    return lambda signals: factor * signals[signal].reshape(len(signals["t"]), -1)[:, index]
+
+
+def _whole(signal: str) -> Callable[[Signals], np.ndarray]:
+    return lambda signals: signals[signal].reshape(len(signals["t"]), -1).sum(axis=1)
+
+
+def _normal_force(signal: str) -> Callable[[Signals], np.ndarray]:
+    return _column(signal, 0)
+
+
+def _per_coordinate(signal: str, factor: float = 1.0) -> Callable[[Snapshot], list[Line]]:
+    def lines(snapshot: Snapshot) -> list[Line]:
+        return [
+            Line(symbol(name), SERIES[i % len(SERIES)], _column(signal, i, factor))
+            for i, (name, _) in enumerate(snapshot.coordinates)
+        ]
+
+    return lines
+
+
+def _forces(_: Snapshot) -> list[Line]:
+    return [
+        Line("desired", DESIRED, _normal_force("F_cd"), dashed=True, width=2.0),
+        Line("measured", MEASURED, _normal_force("F_c")),
+    ]
+
+
+def _sliding(_: Snapshot) -> list[Line]:
+    return [
+        Line("bound (20)", BOUND, _whole("s_bound"), dashed=True, width=2.0),
+        Line("‖s‖", SERIES[0], _whole("s_norm")),
+    ]
+
+
+def _guarantee(_: Snapshot) -> list[Line]:
+    return [
+        Line("needed (17)", BOUND, _whole("d_required"), dashed=True, width=2.0),
+        Line("d", DESIRED, _whole("d")),
+    ]
+
+
+def _torques(snapshot: Snapshot) -> list[Line]:
+    return [
+        Line(f"τ{symbol(f'_{i + 1}')}", SERIES[i % len(SERIES)], _column("tau", i))
+        for i in range(len(snapshot.robot.joint_names))
+    ]
+
+
+TABS: dict[str, tuple[Plot, ...]] = {
+    "Live": (
+        Plot("tracking error  e_r  [mm]", ("e_r",), _per_coordinate("e_r", 1000.0)),
+        Plot("normal force  [N]", ("F_c", "F_cd"), _forces),
+        Plot("sliding variable  ‖s‖  [m/s]", ("s_norm", "s_bound"), _sliding, logarithmic=True),
+        Plot("gain  d  against what (17) needs  [N]", ("d", "d_required"), _guarantee),
+    ),
+    "Torque": (
+        Plot("joint torque  τ  [N·m]", ("tau",), _torques),
+        Plot("residual of the target model (8)  [N]", ("residual",), _per_coordinate("residual")),
+    ),
+}
+
+
+class _Chart:
+    """One plot on the page."""
+
+    def __init__(self, gui: viser.GuiApi, plot: Plot) -> None:
+        self.plot = plot
+        self._lines: list[Line] = []
+        empty = np.array([0.0, 1.0])
+        y_scale = uplot.Scale(distr=3) if plot.logarithmic else uplot.Scale()
+        self._handle = gui.add_uplot(
+            (empty, empty + _FLOOR),
+            (uplot.Series(label="t"), uplot.Series(label="")),
+            title=plot.title,
+            scales={"x": uplot.Scale(time=False), "y": y_scale},
+            axes=(uplot.Axis(size=26, space=60), uplot.Axis(size=52, space=26)),
+            cursor=uplot.Cursor(sync={"key": "vsmrc"}),
+            height=150,
+            padding=(4, 14, 0, 0),
+        )
+
+    def adapt(self, snapshot: Snapshot) -> None:
+        """Take the lines that this run has."""
+        self._lines = self.plot.lines(snapshot)
+        t = np.array([0.0, 1.0])
+        self._handle.series = (uplot.Series(label="t"), *(line.series() for line in self._lines))
+        self._handle.data = (t, *(np.full(2, _FLOOR) for _ in self._lines))
+
+    def set_height(self, pixels: int) -> None:
+        self._handle.height = pixels
+
+    def draw(self, signals: Signals) -> None:
+        columns = [np.asarray(line.values(signals), dtype=float) for line in self._lines]
+        low, high = (_FLOOR, math.inf) if self.plot.logarithmic else (-math.inf, math.inf)
+        self._handle.data = (signals["t"], *(np.nan_to_num(np.clip(c, low, high), nan=max(low, 0.0)) for c in columns))
+
+
+class Plots:
+    """The left dock."""
+
+    def __init__(self, gui: viser.GuiApi) -> None:
+        panel = gui.add_panel()
+        self._charts: list[tuple[int, _Chart]] = []
+        for title, plots in TABS.items():
+            with panel.add_tab(title):
+                self._charts += [(len(plots), _Chart(gui, plot)) for plot in plots]
+        panel.dock_left()
+        panel.set_width(400)
+        self._signals = tuple({"t", *(name for _, chart in self._charts for name in chart.plot.signals)})
+        self._key: object = None
+
+    def show(self, snapshot: Snapshot) -> None:
+        key = (tuple(snapshot.coordinates), tuple(snapshot.robot.joint_names))
+        if key != self._key:
+            self._key = key
+            for _, chart in self._charts:
+                chart.adapt(snapshot)
+        signals = snapshot.recording.window(self._signals, snapshot.t - WINDOW, snapshot.t, POINTS)
+        if len(signals["t"]) < 2:
+            return
+        for _, chart in self._charts:
+            chart.draw(signals)
+
+    def fit(self, page_height: int) -> None:
+        """Share the height of the page among the plots of a tab."""
+        for count, chart in self._charts:
+            chart.set_height(int(min(max((page_height - 90) / count - 66, 96), 320)))

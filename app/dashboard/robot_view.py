@@ -1,0 +1,122 @@
+"""The arm from its own meshes: one mesh per (joint, colour), moved by Pinocchio's joint placements."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+import pinocchio as pin
+import trimesh
+import viser
+import yourdfpy
+
+from app.dashboard.theme import Rgb
+from environments.robots import Robot
+
+_CELL = 0.0035  # m: detail finer than this is not drawn
+_PLAIN: Rgb = (196, 200, 206)
+
+
+@dataclass(frozen=True)
+class Part:
+    """The triangles of one colour that move with one joint, in that joint's frame."""
+
+    joint: int
+    color: Rgb
+    vertices: np.ndarray
+    faces: np.ndarray
+
+
+def parts(robot: Robot) -> list[Part]:
+    """Every visual mesh of the URDF, grouped; links without a frame in the reduced model are left out."""
+    urdf = yourdfpy.URDF.load(str(robot.urdf), filename_handler=lambda fname: _file(robot, fname))
+    groups: defaultdict[tuple[int, Rgb], list[trimesh.Trimesh]] = defaultdict(list)
+    if urdf.scene is None:
+        return []
+    graph = urdf.scene.graph
+    for name, mesh in urdf.scene.geometry.items():
+        link = graph.transforms.parents[name]
+        frame_id = robot.model.getFrameId(link, pin.FrameType.BODY)
+        if frame_id >= robot.model.nframes or not isinstance(mesh, trimesh.Trimesh):
+            continue
+        frame = robot.model.frames[frame_id]
+        T_joint_mesh = frame.placement.homogeneous @ graph.get(name, link)[0]
+        groups[frame.parentJoint, _color(mesh)].append(mesh.copy().apply_transform(T_joint_mesh))
+    return [Part(joint, color, *_lightened(meshes)) for (joint, color), meshes in groups.items()]
+
+
+def _file(robot: Robot, fname: str) -> str:
+    if not fname.startswith("package://"):
+        return fname if fname.startswith("/") else str(robot.urdf.parent / fname)
+    package_path = fname.removeprefix("package://")
+    candidates = [base / package_path for base in (robot.package_root, *robot.package_root.parents)]
+    return str(next((path for path in candidates if path.is_file()), candidates[0]))
+
+
+def _color(mesh: trimesh.Trimesh) -> Rgb:
+    material = getattr(mesh.visual, "material", None)
+    rgba = np.asarray(getattr(material, "main_color", None) if material is not None else mesh.visual.main_color)
+    if rgba.shape != (4,):
+        return _PLAIN
+    # Pure black and pure white lose their shape in the plain lights of the scene.
+    r, g, b = np.clip(rgba[:3].astype(int), 38, 232)
+    return int(r), int(g), int(b)
+
+
+def _lightened(meshes: list[trimesh.Trimesh]) -> tuple[np.ndarray, np.ndarray]:
+    """One mesh whose vertices are merged within a cell: about a third of the triangles, hardly a visible difference."""
+    merged = trimesh.util.concatenate(meshes)
+    cells = np.round(merged.vertices / _CELL).astype(np.int64)
+    # Sharp edges stay sharp: only vertices that look the same way are merged.
+    sides = np.round(merged.vertex_normals).astype(np.int64)
+    _, first, index = np.unique(np.hstack([cells, sides]), axis=0, return_index=True, return_inverse=True)
+    faces = index.reshape(-1)[merged.faces]
+    whole = (faces[:, 0] != faces[:, 1]) & (faces[:, 1] != faces[:, 2]) & (faces[:, 2] != faces[:, 0])
+    return merged.vertices[first].astype(np.float32), faces[whole].astype(np.uint32)
+
+
+class RobotView:
+    """Draws one arm below the scene node `root`."""
+
+    def __init__(self, scene: viser.SceneApi, robot: Robot, root: str) -> None:
+        self._model = robot.model
+        self._data = robot.model.createData()
+        self._root = scene.add_frame(root, show_axes=False)
+        paths = list(_paths(robot.model, root))
+        self._frames = [scene.add_frame(path, show_axes=False) for path in paths[1:]]
+        for number, part in enumerate(parts(robot)):
+            scene.add_mesh_simple(
+                f"{paths[part.joint]}/mesh_{number}",
+                part.vertices,
+                part.faces,
+                color=part.color,
+                cast_shadow=False,
+                receive_shadow=False,
+            )
+
+    def show(self, q: np.ndarray) -> None:
+        """Move the joints to q (n,)."""
+        pin.forwardKinematics(self._model, self._data, np.asarray(q, dtype=float))
+        for joint, frame in enumerate(self._frames, start=1):
+            T_parent_joint = self._data.liMi[joint]
+            frame.wxyz = _wxyz(T_parent_joint.rotation)
+            frame.position = T_parent_joint.translation
+
+    def remove(self) -> None:
+        self._root.remove()
+
+
+def _paths(model: pin.Model, root: str) -> Iterator[str]:
+    """The scene node of every joint, below that of its parent."""
+    known = [root]
+    yield root
+    for joint in range(1, model.njoints):
+        known.append(f"{known[model.parents[joint]]}/{joint}")
+        yield known[-1]
+
+
+def _wxyz(rotation: np.ndarray) -> np.ndarray:
+    x, y, z, w = pin.Quaternion(rotation).coeffs()
+    return np.array([w, x, y, z])

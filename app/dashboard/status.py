@@ -1,0 +1,63 @@
+"""The status line: what runs, how far, how fast, and whether the theorem's bound holds now."""
+
+from __future__ import annotations
+
+import math
+from html import escape
+
+from app.runner import Snapshot
+
+MODE_TITLES = {
+    "motion": "Motion",
+    "impedance": "Impedance",
+    "hybrid": "Hybrid position / force",
+    "hybrid-impedance": "Hybrid impedance / force",
+    "constrained": "Constrained motion",
+}
+
+
+def status_html(snapshot: Snapshot, complaint: str) -> str:
+    """Two lines of chips and numbers; below them why the run stopped, what was refused, what to notice."""
+    scenario = snapshot.scenario
+    pace = f"{snapshot.realtime_factor:.2f}×" if snapshot.phase == "running" else "—"
+    lines = [
+        f'<div class="vs-row"><span class="vs-title">{escape(scenario.title or scenario.name)}</span></div>',
+        '<div class="vs-row">'
+        f'{_chip(MODE_TITLES[scenario.mode], "vs-mode")}{_phase(snapshot)}'
+        f'<span class="vs-right"><span class="vs-dim">t</span> <b class="vs-number">{snapshot.t:.2f}</b> s</span></div>',
+        '<div class="vs-row">'
+        f'{_bound(snapshot)}<span class="vs-right"><span class="vs-dim">real time</span> '
+        f'<b class="vs-number">{pace}</b></span></div>',
+    ]
+    if snapshot.phase == "stopped":
+        lines.append(_message("vs-bad", f"Stopped: {snapshot.reason}"))
+    if complaint:
+        lines.append(_message("vs-bad", f"Refused: {complaint}"))
+    if snapshot.notice:
+        lines.append(_message("vs-warn", snapshot.notice))
+    return f'<div class="vs-status">{"".join(lines)}</div>'
+
+
+def splash_html(text: str) -> str:
+    """What the page shows while there is no run yet."""
+    return f'<div class="vs-splash"><span class="vs-spinner"></span>{escape(text)}</div>'
+
+
+def _phase(snapshot: Snapshot) -> str:
+    look = {"running": "vs-good", "paused": "vs-warn", "stopped": "vs-bad"}[snapshot.phase]
+    return _chip(snapshot.phase, look)
+
+
+def _bound(snapshot: Snapshot) -> str:
+    s_norm, bound = snapshot.live.get("s_norm", math.nan), snapshot.live.get("s_bound", math.nan)
+    if not (math.isfinite(s_norm) and math.isfinite(bound)):
+        return _chip("‖s‖ ≤ bound: —", "vs-dim")
+    return _chip("‖s‖ ≤ bound: holds", "vs-good") if s_norm <= bound else _chip("‖s‖ ≤ bound: violated", "vs-bad")
+
+
+def _chip(text: str, look: str) -> str:
+    return f'<span class="vs-chip {look}">{escape(text)}</span>'
+
+
+def _message(look: str, text: str) -> str:
+    return f'<div class="vs-message {look}">{escape(text)}</div>'

@@ -1,0 +1,101 @@
+"""The style sheet and the one script of the page, injected as HTML.
+
+viser's text field sends every keystroke and knows no "Enter or leaving the field". The script tells the two apart:
+it appends the character COMMIT to the text when the user is done, so a commit is an ordinary change of the value.
+(A submit of viser's form would not do: the client has one throttled message slot, and a submit within 50 ms of the
+last keystroke replaces that keystroke.)
+"""
+
+from __future__ import annotations
+
+from app.dashboard.theme import ACCENT, BOUND, DESIRED, MEASURED, css
+
+COMMIT = "\u200b"  # zero width space: never typed, never seen
+
+_SCRIPT = """
+if (!window.vsmrcCommit) {
+  window.vsmrcCommit = true;
+  const mark = "\\u200b";
+  const field = (e) => e.target instanceof HTMLInputElement && e.target.type === "text" && e.target.closest("form")
+    ? e.target : null;
+  let writing = false;
+  const write = (input, text) => {
+    writing = true;
+    Object.getOwnPropertyDescriptor(HTMLInputElement.prototype, "value").set.call(input, text);
+    input.dispatchEvent(new Event("input", { bubbles: true }));
+    writing = false;
+  };
+  const commit = (input, text) => {
+    if (input.dataset.pending === undefined) return;
+    write(input, text + mark);
+    delete input.dataset.pending;
+  };
+  document.addEventListener("input", (e) => {
+    const input = field(e);
+    if (input && !writing) input.dataset.pending = "";
+  }, true);
+  document.addEventListener("keydown", (e) => {
+    const input = field(e);
+    if (!input || (e.key !== "Enter" && e.key !== "Escape")) return;
+    e.preventDefault();
+    commit(input, e.key === "Enter" ? input.value : "");
+    if (e.key === "Enter") input.select();
+  }, true);
+  document.addEventListener("focusout", (e) => { const i = field(e); if (i) commit(i, i.value); }, true);
+}
+"""
+
+# A row of `controls.Number` is an unlabelled form of a text field and a slider: label | slider | text.
+_CSS = f"""
+form:has(.mantine-TextInput-root) {{
+  display: grid; grid-template-columns: 7.6em 1fr 4.6em; align-items: center; gap: 0 0.5em;
+  padding: 0 0.7em 0.3em 0.7em; min-height: 1.95em;
+}}
+form:has(.mantine-TextInput-root) > div, form:has(.mantine-TextInput-root) > div > div {{ display: contents; }}
+form > div:has(.mantine-TextInput-root) > div > div:first-child {{ order: 1; width: auto !important; }}
+form > div:has(.mantine-TextInput-root) > div > div:last-child {{ order: 3; grid-column: 3; }}
+form:not(:has(.mantine-Slider-root)) > div > div > div:last-child {{ grid-column: 2 / 4 !important; }}
+form > div:has(.mantine-Slider-root) > div > div:first-child {{ display: none; }}
+form > div:has(.mantine-Slider-root) > div > div:last-child {{ order: 2; }}
+form .mantine-NumberInput-root {{ display: none; }}
+form input {{ text-align: right; font-variant-numeric: tabular-nums; }}
+form input[data-pending] {{ border-color: {css(MEASURED)}; color: {css(MEASURED)}; }}
+form label {{ white-space: nowrap; }}
+.vs-status {{ padding: 0.5em 0.8em 0.35em; font-size: 0.9em; line-height: 1.55; font-variant-numeric: tabular-nums; }}
+.vs-row {{ display: flex; flex-wrap: wrap; gap: 0.35em 0.5em; align-items: center; }}
+.vs-row > .vs-right {{ margin-left: auto; }}
+.vs-title {{ font-weight: 600; font-size: 1.05em; }}
+.vs-dim {{ opacity: 0.65; }}
+.vs-number {{ display: inline-block; min-width: 3.6em; text-align: right; }}
+.vs-chip {{ border-radius: 0.7em; padding: 0 0.7em; font-weight: 600; white-space: nowrap; }}
+.vs-mode {{ background: {css(ACCENT, 0.25)}; color: #9cc3ff; }}
+.vs-good {{ background: {css(DESIRED, 0.2)}; color: {css(DESIRED)}; }}
+.vs-warn {{ background: {css(MEASURED, 0.2)}; color: {css(MEASURED)}; }}
+.vs-bad {{ background: {css(BOUND, 0.25)}; color: #ff8f8f; }}
+.vs-message {{ margin-top: 0.35em; padding: 0.2em 0.7em; border-left: 3px solid; border-radius: 0.2em;
+  line-height: 1.35; overflow-wrap: anywhere; }}
+.vs-note {{ padding: 0.1em 0.8em 0.5em; font-size: 0.8em; line-height: 1.4; opacity: 0.75; }}
+.vs-facts {{ width: calc(100% - 1.4em); margin: 0.2em 0.7em 0.6em; font-size: 0.84em; border-collapse: collapse;
+  font-variant-numeric: tabular-nums; }}
+.vs-facts td {{ padding: 0.12em 0; border-bottom: 1px solid rgba(255, 255, 255, 0.07); }}
+.vs-facts td:last-child {{ text-align: right; }}
+.vs-equation {{ padding: 0.3em 0.9em 0.5em; overflow-x: auto; }}
+.vs-equation math {{ font-size: 1.02em; }}
+.vs-equation .fixed {{ opacity: 0.38; }}
+.vs-splash {{ padding: 1.2em 0.9em; font-size: 1.05em; }}
+.vs-spinner {{ display: inline-block; width: 0.9em; height: 0.9em; margin-right: 0.6em; border-radius: 50%;
+  border: 2px solid {css(ACCENT)}; border-top-color: transparent; animation: vs-turn 0.9s linear infinite; }}
+@keyframes vs-turn {{ to {{ transform: rotate(360deg); }} }}
+.u-title {{ font-size: 0.85em !important; font-weight: 600; }}
+.u-legend {{ font-size: 0.72em !important; }}
+.u-legend .u-value, .u-legend th::after {{ display: none !important; }}
+"""
+
+# Scripts in innerHTML do not run; the load event of an image that is part of the page does, and needs no request.
+_PIXEL = "data:image/gif;base64,R0lGODlhAQABAAAAACH5BAEKAAEALAAAAAABAAEAAAICTAEAOw=="
+
+
+def injected_html() -> str:
+    """The style sheet and the script, as an invisible piece of HTML."""
+    script = _SCRIPT.replace("&", "&amp;").replace('"', "&quot;")
+    return f'<style>{_CSS}</style><img src="{_PIXEL}" style="display:none" onload="{script}">'

@@ -1,0 +1,153 @@
+"""What a run leaves behind: one row per control period in blocks of a table, bounded; readable while it grows."""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numba import njit
+
+BLOCK = 4096  # rows
+THINNING = 20  # of rows older than the full-rate history, one in this many is kept
+
+
+@dataclass(frozen=True)
+class Signal:
+    """A column group of the table. width: "n" for one per task coordinate or joint, otherwise a number."""
+
+    name: str
+    width: int | str
+    unit: str
+    doc: str
+
+
+SIGNALS = (
+    Signal("t", 1, "s", "simulated time"),
+    Signal("q", "n", "rad", "joint angles"),
+    Signal("q_dot", "n", "rad/s", "joint rates"),
+    Signal("r", "n", "m", "task coordinates, (3)"),
+    Signal("r_dot", "n", "m/s", "their rates"),
+    Signal("r_d", "n", "m", "desired task coordinates"),
+    Signal("e_r", "n", "m", "r - r_d"),
+    Signal("e_r_dot", "n", "m/s", "its rate"),
+    Signal("tool", 3, "m", "tool point in the world"),
+    Signal("F", 3, "N", "measured force of the tool on the environment, world axes"),
+    Signal("F_true", 3, "N", "that force itself"),
+    Signal("F_c", "n", "N", "controlled force, from the measured one"),
+    Signal("F_cd", "n", "N", "desired controlled force"),
+    Signal("z", "n", "m/s", "state of the compensator, (9)"),
+    Signal("s", "n", "m/s", "switching function, (10)"),
+    Signal("tau_inertia", "n", "N·m", "M_hat q_eq_ddot, (25)"),
+    Signal("tau_coriolis", "n", "N·m", "C_hat q_eq_dot, (25)"),
+    Signal("tau_gravity", "n", "N·m", "G_hat, (25)"),
+    Signal("tau_force", "n", "N·m", "J^T F, (25)"),
+    Signal("tau_linear", "n", "N·m", "-J_q^T K_s s, (25)"),
+    Signal("tau_switching", "n", "N·m", "-J_q^T d sigma(s), (25)"),
+    Signal("tau", "n", "N·m", "their sum"),
+    Signal("needed", 6, "N", "terms of (17): inertia, Coriolis, gravity, moving task, disturbance, epsilon"),
+    Signal("residual", "n", "N", "left side of (8) minus its right side"),
+    Signal("d", 1, "N", "gain of the switching term"),
+    Signal("s_norm", 1, "m/s", "||s||"),
+    Signal("s_bound", 1, "m/s", "envelope of ||s||, (20)"),
+    Signal("s_band", 1, "m/s", "what sampling and the boundary layer add to it"),
+    Signal("sigma_min", 1, "m", "smallest singular value of J_q"),
+    Signal("multiplier", 1, "N", "true normal force per gradient of phi, (32) or (39)"),
+    Signal("phi", 1, "m", "penetration of the tool into the surface"),
+)
+
+
+@njit(cache=True)
+def _pack(row, parts):
+    """Lay the parts one behind the other; all are one-dimensional."""
+    i = 0
+    for part in parts:
+        for value in part:
+            row[i] = value
+            i += 1
+
+
+class Recording:
+    """A bounded table of rows. One thread appends; any thread reads whole rows.
+
+    history (rows): kept at full rate; older rows are thinned to one in `THINNING`, as many blocks again at most.
+    """
+
+    def __init__(self, n: int, history: int = 600_000) -> None:
+        self.n = n
+        self.columns: dict[str, slice] = {}
+        start = 0
+        for signal in SIGNALS:
+            width = n if isinstance(signal.width, str) else signal.width
+            self.columns[signal.name] = slice(start, start + width)
+            start += width
+        self.width = start
+        self._most = max(history // BLOCK, 2)
+        self._blocks: deque[np.ndarray] = deque()
+        self._thinned: deque[np.ndarray] = deque(maxlen=self._most)
+        self._fill = BLOCK
+
+    def __len__(self) -> int:
+        return max(len(self._blocks) - 1, 0) * BLOCK + (self._fill if self._blocks else 0)
+
+    def append(self, parts: tuple[np.ndarray, ...]) -> None:
+        """Add one row, the signals' values in the order of `SIGNALS`."""
+        if self._fill == BLOCK:
+            self._blocks.append(np.empty((BLOCK, self.width)))
+            self._fill = 0
+            if len(self._blocks) > self._most:
+                self._thinned.append(self._blocks.popleft()[::THINNING].copy())
+        _pack(self._blocks[-1][self._fill], parts)
+        self._fill += 1
+
+    def rows(self, t_from: float = -np.inf, t_to: float = np.inf) -> np.ndarray:
+        """The rows with t_from <= t <= t_to, oldest first: (N, width), a copy."""
+        fill, full, thinned = self._fill, list(self._blocks), list(self._thinned)
+        if not full:
+            return np.empty((0, self.width))
+        pieces = [*thinned, *full[:-1], full[-1][:fill]]
+        kept = [p for p in pieces if len(p) and p[-1, 0] >= t_from and p[0, 0] <= t_to]
+        if not kept:
+            return np.empty((0, self.width))
+        kept[0] = kept[0][np.searchsorted(kept[0][:, 0], t_from) :]
+        kept[-1] = kept[-1][: np.searchsorted(kept[-1][:, 0], t_to, side="right")]
+        return np.concatenate(kept)
+
+    def signals(self, names: tuple[str, ...], t_from: float = -np.inf, t_to: float = np.inf) -> dict[str, np.ndarray]:
+        """Named signals of a stretch of time: (N,) for single columns, (N, width) for the others."""
+        return self._split(self.rows(t_from, t_to), names)
+
+    def window(self, names: tuple[str, ...], t_from: float, t_to: float, max_points: int) -> dict[str, np.ndarray]:
+        """The same, thinned to about `max_points` rows; a row keeps its exact values."""
+        rows = self.rows(t_from, t_to)
+        stride = max(1, -(-len(rows) // max_points))
+        # rows are taken at multiples of the stride counted from the run's start, so that points stand still
+        first = (-round(rows[0, 0] / self._period(rows))) % stride if len(rows) > 1 else 0
+        return self._split(rows[first::stride], names)
+
+    def at(self, t: float) -> dict[str, np.ndarray]:
+        """Every signal of the last row not after t. Raises ValueError when nothing is recorded there."""
+        rows = self.rows(t_to=t)
+        if not len(rows):
+            raise ValueError(f"nothing recorded at t = {t:g} s")
+        return {name: rows[-1, where] for name, where in self.columns.items()}
+
+    def save(self, path: Path) -> None:
+        """All rows as an .npz of named signals, with `units` and `docs` beside them."""
+        signals = self._split(self.rows(), tuple(self.columns))
+        about = {
+            "units": np.array([f"{s.name}: {s.unit}" for s in SIGNALS]),
+            "docs": np.array([f"{s.name}: {s.doc}" for s in SIGNALS]),
+        }
+        np.savez_compressed(path, allow_pickle=False, **signals, **about)
+
+    def _period(self, rows: np.ndarray) -> float:
+        return max(float(rows[-1, 0] - rows[-2, 0]), 1e-9)
+
+    def _split(self, rows: np.ndarray, names: tuple[str, ...]) -> dict[str, np.ndarray]:
+        out = {}
+        for name in names:
+            columns = rows[:, self.columns[name]]
+            out[name] = columns[:, 0] if columns.shape[1] == 1 else columns
+        return out

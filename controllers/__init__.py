@@ -1,0 +1,1 @@
+"""The paper, and nothing else: numpy in, numpy out. Names are its symbols, (n) its equation numbers."""

@@ -1,0 +1,136 @@
+"""The five applications of section IV (and Remark 6): what each mode fixes of task space, target model and F_c."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from controllers.target_model import InvalidGain, TargetModel, require_spd, require_spsd
+
+
+@dataclass(frozen=True)
+class Mode:
+    """One row of section IV.
+
+    equation: the paper's number of the mode's target model; on_surface: r begins with phi (31), otherwise it is
+    Cartesian (or r = q); feedback: which part of the interaction force is F_c.
+    """
+
+    name: str
+    title: str
+    equation: str
+    summary: str
+    on_surface: bool
+    feedback: Literal["none", "normal", "all"]
+    contacts: tuple[str, ...]
+
+    def m(self) -> int:
+        """Number of force-controlled directions: our environments are one surface."""
+        return 1 if self.on_surface else 0
+
+    def controlled(self, n: int) -> np.ndarray:
+        """(n,) ones where a component of the interaction force enters F_c."""
+        mask = np.zeros(n)
+        if self.feedback == "all":
+            mask[:] = 1.0
+        elif self.feedback == "normal":
+            mask[: self.m()] = 1.0
+        return mask
+
+    def fixed(self, n: int) -> dict[str, np.ndarray]:
+        """Entries (n, n), bool, of each matrix that the mode fixes: at zero, but for K_f on F_c's directions at 1."""
+        m, inside = self.m(), np.ones((n, n), dtype=bool)
+        coupling = inside.copy()
+        coupling[:m, :m] = coupling[m:, m:] = False
+        stiffness = coupling.copy()
+        stiffness[:m, :m] |= self.name == "constrained"
+        force = inside.copy() if self.name == "motion" else coupling.copy()
+        if self.feedback == "normal":
+            force[m:, :] = True
+            force[:, m:] = True
+        return {"M_m": coupling, "B_m": coupling.copy(), "K_m": stiffness, "K_f": force}
+
+    def check(self, model: TargetModel, K_e_hat: float) -> None:
+        """Raises InvalidGain, naming matrix and reason, unless the model is one that the mode admits.
+
+        K_e_hat: estimated stiffness (N/m) along the first coordinate, with which the model must be stable.
+        """
+        m, n = self.m(), model.n
+        for name, entries in self.fixed(n).items():
+            if np.count_nonzero(getattr(model, name)[entries]):
+                raise InvalidGain(
+                    f"target_model.{name}: an entry that {self.name} mode fixes at 0 {self.equation} is not 0"
+                )
+        for part, rows in (("1", slice(0, m)), ("2", slice(m, n))) if m else (("", slice(0, n)),):
+            require_spd(f"target_model.M_m{part}", model.M_m[rows, rows])
+            require_spd(f"target_model.B_m{part}", model.B_m[rows, rows])
+            if part == "1":
+                require_spsd("target_model.K_m1", model.K_m[rows, rows])
+            else:
+                require_spd(f"target_model.K_m{part}", model.K_m[rows, rows])
+            if self.controlled(n)[rows].all():
+                require_spd(f"target_model.K_f{part}", model.K_f[rows, rows])
+        environment = np.zeros((n, n))
+        environment[:m, :m] = K_e_hat
+        poles = model.poles(environment)
+        unstable = poles.real.max()
+        if self.name == "constrained":
+            return  # r_f = 0 on the surface: M_m1, B_m1 do not move, and the rest is s.p.d. (42)
+        if unstable >= -1e-9:
+            raise InvalidGain(
+                f"target_model: unstable in contact, a pole at {unstable:.4g} 1/s; allowed: all poles left of 0, (8)"
+            )
+
+
+MODES: dict[str, Mode] = {
+    mode.name: mode
+    for mode in (
+        Mode(
+            "motion",
+            "Robust motion control",
+            "(26)",
+            "The tool follows r_d(t) whatever the modelling errors; forces are compensated, not controlled.",
+            on_surface=False,
+            feedback="none",
+            contacts=("free", "elastic", "mass-damper-spring"),
+        ),
+        Mode(
+            "impedance",
+            "Impedance control",
+            "(27)",
+            "The tool yields to forces like the mass, damper and spring that you choose.",
+            on_surface=False,
+            feedback="all",
+            contacts=("free", "elastic", "mass-damper-spring"),
+        ),
+        Mode(
+            "hybrid",
+            "Hybrid position/force control",
+            "(34)",
+            "The normal force follows f_nd(t) while the tool follows r_pd(t) along the surface.",
+            on_surface=True,
+            feedback="normal",
+            contacts=("elastic", "mass-damper-spring"),
+        ),
+        Mode(
+            "hybrid-impedance",
+            "Hybrid impedance/force control",
+            "(38)",
+            "The normal force is controlled, and the tool yields along the surface.",
+            on_surface=True,
+            feedback="all",
+            contacts=("elastic", "mass-damper-spring"),
+        ),
+        Mode(
+            "constrained",
+            "Constrained motion control",
+            "(41)",
+            "The surface is rigid: the multiplier follows lambda_d(t) while the tool moves on the surface.",
+            on_surface=True,
+            feedback="normal",
+            contacts=("rigid",),
+        ),
+    )
+}

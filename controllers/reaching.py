@@ -1,0 +1,59 @@
+"""What Theorem 1 promises about reaching: c_1, c_2, V_0, t_r and the envelope of ||s||, (18)-(20)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+
+from controllers.switching import layer_width
+
+
+@dataclass(frozen=True)
+class ReachingCertificate:
+    """k_r_low I <= H(r, t) <= k_r_high I over Omega (kg), Property 1; lambda_min(K_s) N s/m; epsilon N; V_0 J."""
+
+    k_r_low: float
+    k_r_high: float
+    lambda_min_K_s: float
+    epsilon: float
+    V_0: float
+
+    @property
+    def c_1(self) -> float:
+        """1/s, (19)."""
+        return 2.0 * self.lambda_min_K_s / self.k_r_high
+
+    @property
+    def c_2(self) -> float:
+        """sqrt(J)/s, (19)."""
+        return self.epsilon * float(np.sqrt(2.0 / self.k_r_high))
+
+    @property
+    def t_r(self) -> float:
+        """Upper bound of the reaching time, s, (18)."""
+        return 2.0 / self.c_1 * float(np.log1p(self.c_1 / self.c_2 * np.sqrt(self.V_0)))
+
+    def lyapunov_bound(self, t: np.ndarray | float) -> np.ndarray:
+        """Bound of V (J) at t s after s(0), (24)."""
+        ratio = self.c_2 / self.c_1
+        root = (np.sqrt(self.V_0) + ratio) * np.exp(-0.5 * self.c_1 * np.asarray(t)) - ratio
+        return np.maximum(root, 0.0) ** 2
+
+    def envelope(self, t: np.ndarray | float) -> np.ndarray:
+        """Bound of ||s|| (m/s) at t s after s(0), (20); zero after t_r."""
+        return np.sqrt(2.0 / self.k_r_low * self.lyapunov_bound(t))
+
+
+@njit(cache=True)
+def sampling_band(k_r_low, k_r_high, lambda_max_K_s, kind, phi, d, epsilon, period):
+    """||s|| (m/s) that the sampled, smoothed law may keep, where the theorem has s = 0 (DESIGN 4.9).
+
+    Outside the boundary layer V falls; within one period s leaves it by at most period * ||s_dot||, where
+    ||s_dot|| <= (2 d + lambda_max(K_s) ||s||) / k_r_low since the perturbation is below d; and V turns a radius into
+    at most sqrt(k_r_high / k_r_low) times it.
+    """
+    width = layer_width(kind, phi, d, epsilon)
+    drift = period * (2.0 * d + lambda_max_K_s * width) / k_r_low
+    return np.sqrt(k_r_high / k_r_low) * (width + drift)

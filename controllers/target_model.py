@@ -1,0 +1,94 @@
+"""The general target model M_m e_r_ddot + B_m e_r_dot + K_m e_r = -K_f e_Fc, (8)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+
+class InvalidGain(ValueError):
+    """A matrix or number that the theory does not admit; the message names it, its value and what is allowed."""
+
+
+def as_matrix(name: str, value: np.ndarray, n: int) -> np.ndarray:
+    """A frozen (n, n) copy of a matrix, or of a diagonal given as (n,). Raises InvalidGain."""
+    array = np.array(value, dtype=float)
+    if array.shape == (n,):
+        array = np.diag(array)
+    if array.shape != (n, n):
+        raise InvalidGain(f"{name}: shape {array.shape}; allowed: {n} diagonal entries or a {n} x {n} matrix")
+    if not np.isfinite(array).all():
+        raise InvalidGain(f"{name}: has an entry that is not a finite number")
+    array.setflags(write=False)
+    return array
+
+
+def smallest_eigenvalue(name: str, matrix: np.ndarray) -> float:
+    """Smallest eigenvalue of a symmetric matrix; raises InvalidGain when it is not symmetric."""
+    if not np.allclose(matrix, matrix.T, rtol=1e-9, atol=1e-9):
+        raise InvalidGain(f"{name}: not symmetric; allowed: symmetric positive definite")
+    return float(np.linalg.eigvalsh(matrix)[0]) if matrix.size else np.inf
+
+
+def require_spd(name: str, matrix: np.ndarray) -> None:
+    """Raises InvalidGain unless the matrix is symmetric positive definite."""
+    smallest = smallest_eigenvalue(name, matrix)
+    if smallest <= 0.0:
+        raise InvalidGain(f"{name}: smallest eigenvalue {smallest:.4g}; allowed: symmetric positive definite")
+
+
+def require_spsd(name: str, matrix: np.ndarray) -> None:
+    """Raises InvalidGain unless the matrix is symmetric positive semidefinite."""
+    smallest = smallest_eigenvalue(name, matrix)
+    if smallest < -1e-12:
+        raise InvalidGain(f"{name}: smallest eigenvalue {smallest:.4g}; allowed: symmetric positive semidefinite")
+
+
+@dataclass(frozen=True)
+class TargetModel:
+    """M_m kg, B_m N s/m, K_m N/m, K_f 1: each (n, n), constant. M_m must be nonsingular, (8).
+
+    Raises InvalidGain for a wrong shape, an entry that is not finite, and a singular M_m.
+    """
+
+    M_m: np.ndarray
+    B_m: np.ndarray
+    K_m: np.ndarray
+    K_f: np.ndarray
+
+    def __post_init__(self) -> None:
+        n = len(np.atleast_1d(self.M_m))
+        for name in ("M_m", "B_m", "K_m", "K_f"):
+            object.__setattr__(self, name, as_matrix(f"target_model.{name}", getattr(self, name), n))
+        singular = np.linalg.svd(self.M_m, compute_uv=False)
+        if singular[-1] <= 1e-12 * max(singular[0], 1.0):
+            raise InvalidGain(
+                f"target_model.M_m: singular (smallest singular value {singular[-1]:.4g}); allowed: nonsingular"
+            )
+
+    @property
+    def n(self) -> int:
+        return len(self.M_m)
+
+    def poles(self, K_e: np.ndarray | None = None) -> np.ndarray:
+        """The 2n poles (1/s) of (8), interacting with a stiffness K_e (n, n) of the environment if one is given."""
+        n = self.n
+        stiffness = self.K_m if K_e is None else self.K_m + self.K_f @ K_e
+        M_inv = np.linalg.inv(self.M_m)
+        companion = np.block([[np.zeros((n, n)), np.eye(n)], [-M_inv @ stiffness, -M_inv @ self.B_m]])
+        return np.linalg.eigvals(companion)
+
+    def steady_force(self, axis: int, K_e: float, x_e: float, x_d: float, F_d: float) -> float:
+        """Steady force (N) of one decoupled axis pressing on a wall K_e (r - x_e), with constant x_d and F_d.
+
+        F_ss = K_e [K_f F_d + K_m (x_d - x_e)] / (K_m + K_f K_e); both references act, as in (8).
+        """
+        K_m, K_f = self.K_m[axis, axis], self.K_f[axis, axis]
+        return K_e * (K_f * F_d + K_m * (x_d - x_e)) / (K_m + K_f * K_e)
+
+    def residual(
+        self, e_r: np.ndarray, e_r_dot: np.ndarray, e_r_ddot: np.ndarray, e_Fc: np.ndarray
+    ) -> np.ndarray:
+        """Left side of (8) minus its right side, (..., n) N; errors (..., n)."""
+        return e_r_ddot @ self.M_m.T + e_r_dot @ self.B_m.T + e_r @ self.K_m.T + e_Fc @ self.K_f.T

@@ -1,0 +1,48 @@
+"""The force sensor: bias, noise, low-pass, delay. The loop reads forces only through it."""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class ForceSensor:
+    """noise: standard deviation per axis (N); bias (3,) N; delay s; cutoff of a first-order low-pass in Hz (0: none)."""
+
+    noise: float
+    bias: np.ndarray
+    delay: float
+    cutoff: float
+    period: float
+
+    @property
+    def exact(self) -> bool:
+        return self.noise == 0.0 and self.delay == 0.0 and self.cutoff == 0.0 and not self.bias.any()
+
+
+class ForceReader:
+    """The sensor's memory within one run: its random stream, the filter and the delay line."""
+
+    def __init__(self, sensor: ForceSensor, seed: int) -> None:
+        self.sensor = sensor
+        self._random = np.random.default_rng(seed)
+        self._filtered: np.ndarray | None = None
+        self._line: deque[np.ndarray] = deque(maxlen=1 + round(sensor.delay / sensor.period))
+
+    def read(self, force: np.ndarray) -> np.ndarray:
+        """What the sensor shows (3,) N for the true force (3,) N; call once per control period."""
+        sensor = self.sensor
+        if sensor.exact:
+            return force
+        reading = force + sensor.bias
+        if sensor.noise > 0.0:
+            reading = reading + sensor.noise * self._random.standard_normal(3)
+        if sensor.cutoff > 0.0:
+            gain = 1.0 - np.exp(-2 * np.pi * sensor.cutoff * sensor.period)
+            previous = reading if self._filtered is None else self._filtered
+            reading = self._filtered = previous + gain * (reading - previous)
+        self._line.append(reading)
+        return self._line[0]

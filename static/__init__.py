@@ -1,0 +1,1 @@
+"""Files that ship beside the code; read them through `importlib.resources.files("static")`."""
