@@ -13,7 +13,9 @@ from app.scenario import Scenario
 from controllers.bounds import InertiaRange
 from controllers.nominal_model import ON_LINE, Estimate
 from controllers.reaching import ReachingCertificate, sampling_band
+from controllers.force_loop import force_loop_factor, layer_loop_factor
 from controllers.reference_estimates import ReferenceEstimates
+from controllers.switching import Switching
 from controllers.task_space import TaskSpace
 from controllers.vsmrc import ControlOutput, LawState, Reference
 from environments.plant import PlantState
@@ -48,6 +50,19 @@ def _reference(t_start, path, rate, acceleration, f, f_rate, f_acceleration, com
     return Reference(r_d, r_d_dot, r_d_ddot, F_cd)
 
 
+@dataclass(frozen=True)
+class View:
+    """What there is to draw and read now. q (n,) rad; tool, tool_desired (3,) m, the latter None in joint space;
+    force, force_desired (3,) N; live numbers as `app.runner.Snapshot` lists them."""
+
+    q: np.ndarray
+    tool: np.ndarray
+    tool_desired: np.ndarray | None
+    force: np.ndarray
+    force_desired: np.ndarray
+    live: dict[str, float]
+
+
 class ClosedLoop:
     """One run of a scenario: no thread, no screen, no file.
 
@@ -68,6 +83,7 @@ class ClosedLoop:
         self._plant_state = system.plant.start(system.robot.posture, np.zeros(system.robot.n), 0.0)
         _, task = system.observe(self._plant_state.q, self._plant_state.q_dot, 0.0)
         self._r_start = task.r.copy()
+        self._last_force, self._residual_norm = self._plant_state.force, 0.0
         self._law_state = LawState(np.zeros(system.layout.n))
         self._along_reference = self._reference_estimates()
         self._restart_compensator(remove_reaching=system.scenario.controller.on_change == "remove")
@@ -121,6 +137,54 @@ class ClosedLoop:
         system = self.system
         path, force = system.motion.evaluate(t), system.force.evaluate(t)
         return _reference(self._r_start, *path, *force, system.compliance, system.m, system.layout.n)
+
+    def view(self) -> View:
+        """The present state as the screen shows it."""
+        system, plant, law = self.system, self._plant_state, self.system.law
+        estimate, task = system.observe(plant.q, plant.q_dot, self.t)
+        reference = self.reference(self.t)
+        force = self._last_force
+        output = self._law(estimate, task, reference, plant, force, self.t)
+        H_hat = task.J_q_inv.T @ estimate.M_hat @ task.J_q_inv
+        contact, needed = system.scenario.contact, sum(output.needed)
+        s_norm = float(np.linalg.norm(output.s))
+        live = {
+            "s_norm": s_norm,
+            "s_bound": float(self.certificate.envelope(self.t - self.s_since)),
+            "s_band": self._band(output.d),
+            "d": output.d,
+            "d_required": needed,
+            "gain_margin": output.d - needed,
+            "sigma_min": 1.0 / float(np.linalg.norm(task.J_q_inv, 2)),
+            "V": float(0.5 * output.s @ H_hat @ output.s),
+            "residual": self._residual_norm,
+            "reaching_time_bound": self.certificate.t_r,
+            "reaching_time": np.nan if self.reaching_time is None else self.reaching_time,
+            "layer_loop_factor": np.nan
+            if law.switching is Switching.DISCONTINUOUS
+            else layer_loop_factor(H_hat, law.K_s, output.d, law.phi, system.scenario.controller.period),
+            "force_loop_factor": force_loop_factor(
+                H_hat, H_hat, law.model, np.inf if contact.kind == "rigid" else contact.M_e
+            )
+            if system.m and contact.kind in ("rigid", "mass-damper-spring")
+            else np.nan,
+        }
+        tool_desired = None
+        if system.layout.kind == "cartesian":
+            g = np.zeros(3)
+            g[: system.layout.positions] = reference.r_d[: system.layout.positions]
+            if system.layout.positions == 2:
+                g[2] = system.charted.chart(estimate.p, self.t).g[2]
+            tool_desired = system.charted.point(g, self.t)
+        normal = task.normal * reference.F_cd[0] if system.m else np.zeros(3)
+        return View(plant.q, estimate.p, tool_desired, force, normal, live)
+
+    def _band(self, d: float) -> float:
+        c, law = self.certificate, self.system.law
+        period = self.system.scenario.controller.period
+        return sampling_band(
+            c.k_r_low, c.k_r_high, self._lambda_max_K_s, int(law.switching), law.phi, d, law.epsilon, period
+        )
 
     def _law(
         self,
@@ -182,6 +246,7 @@ class ClosedLoop:
             system.law.epsilon * system.law.switching.kept,
             V_0=float(0.5 * s @ H_high @ s),
         )
+        self.reaching_time: float | None = None
         self.s_since = self._t_period = self.t
         self._steps = 0
 
@@ -215,12 +280,10 @@ class ClosedLoop:
         residual = law.model.residual(
             output.e_r, output.e_r_dot, r_ddot - at.reference.r_d_ddot, output.e_Fc
         )
+        self._last_force, self._residual_norm = true.force, float(np.linalg.norm(residual))
         s_norm = float(np.sqrt(output.s @ output.s))
         bound = float(self.certificate.envelope(at.t - self.s_since))
-        band = sampling_band(
-            self.certificate.k_r_low, self.certificate.k_r_high, self._lambda_max_K_s,
-            int(law.switching), law.phi, output.d, law.epsilon, system.scenario.controller.period,
-        )  # fmt: skip
+        band = self._band(output.d)
         sigma_min = 1.0 / float(np.linalg.norm(at.task.J_q_inv, 2))
         terms = output.terms
         self.recording.append(
@@ -232,6 +295,8 @@ class ClosedLoop:
                 np.array([output.d, s_norm, bound, band, sigma_min, true.multiplier, at.plant.phi]),
             )
         )  # fmt: skip
+        if self.reaching_time is None and s_norm <= band:
+            self.reaching_time = at.t - self.s_since
         self._watch(at, s_norm, bound + band, sigma_min, after)
 
     def _watch(self, at: Instant, s_norm: float, s_allowed: float, sigma_min: float, after: PlantState) -> None:

@@ -1,0 +1,157 @@
+"""The dashboard: one viser server that shows the newest snapshot of one runner and posts commands to it."""
+
+from __future__ import annotations
+
+import socket
+import threading
+import time
+
+import viser
+
+from app.dashboard.controls import Desk
+from app.dashboard.equation import equation_html
+from app.dashboard.panels import PANELS, Panel
+from app.dashboard.playback import Playback
+from app.dashboard.plots import Plots
+from app.dashboard.scene import SceneView
+from app.dashboard.status import splash_html, status_html
+from app.dashboard.style import injected_html
+from app.dashboard.theme import ACCENT
+from app.runner import Runner, Snapshot
+
+FRAME = 1 / 30  # s, scene
+REFRESH = 1 / 10  # s, plots, numbers and controls
+COMPLAINT_SHOWN = 12.0  # s
+
+
+class PortBusy(OSError):
+    """Something else listens at the port; viser would silently take the next one."""
+
+
+class Dashboard:
+    """The page is up as soon as this is made; it shows a run once `attach` has given it a runner.
+
+    port 0 takes any free port. Raises PortBusy.
+    """
+
+    def __init__(self, runner: Runner | None = None, host: str = "127.0.0.1", port: int = 8080) -> None:
+        if port and _taken(host, port):
+            raise PortBusy(f"port {port} of {host} is in use; choose another one with --port")
+        self._server = viser.ViserServer(host=host, port=port, label="VSMRC Lab", verbose=False)
+        self.host, self.port = host, self._server.get_port()
+        if port and self.port != port:
+            self._server.stop()
+            raise PortBusy(f"port {port} of {host} is in use; choose another one with --port")
+        gui = self._server.gui
+        gui.configure_theme(dark_mode=True, show_logo=False, show_share_button=False, brand_color=ACCENT)
+        gui.main_panel.dock_right()
+        gui.main_panel.set_width(380)
+        gui.add_html(injected_html())
+        self._status = gui.add_html(splash_html("starting…"))
+        self._scene = SceneView(self._server)
+        self._closed = threading.Event()
+        self._view: _View | None = None
+        if runner is not None:
+            self.attach(runner)
+
+    @property
+    def url(self) -> str:
+        return f"http://{self.host}:{self.port}"
+
+    def show_progress(self, text: str) -> None:
+        """What is being prepared, while there is no runner yet."""
+        self._status.content = splash_html(text)
+
+    def attach(self, runner: Runner) -> None:
+        """Build the controls for this runner and show it from now on."""
+        self._view = _View(self._server, self._status, self._scene, runner)
+
+    def run_forever(self) -> None:
+        """Draw until `close`, about 30 times a second; nothing while nobody looks."""
+        while not self._closed.is_set():
+            started = time.monotonic()
+            if self._view is not None and self._server.get_clients():
+                self._view.draw(started)
+            self._closed.wait(max(FRAME - (time.monotonic() - started), 0.002))
+
+    def close(self) -> None:
+        """End `run_forever` and stop the server. The runner is the caller's."""
+        self._closed.set()
+        self._server.stop()
+
+
+class _View:
+    """What is on the page while a runner is attached."""
+
+    def __init__(
+        self, server: viser.ViserServer, status: viser.GuiHtmlHandle, scene: SceneView, runner: Runner
+    ) -> None:
+        self._server, self._status, self._scene, self._runner = server, status, scene, runner
+        self._complaint, self._complaint_until, self._complaint_revision = "", 0.0, -1
+        self._refusals = runner.snapshot.refusal_number
+        desk = Desk(server.gui, runner.post, lambda: runner.snapshot, self.complain)
+        self._playback = Playback(desk)
+        self._plots = Plots(server.gui)
+        tabs = server.gui.add_tab_group()
+        self._panels: list[Panel] = []
+        for title, panel in PANELS.items():
+            with tabs.add_tab(title):
+                self._panels.append(panel(desk))
+        equation = server.gui.add_panel()
+        with equation.add_tab("Target model"):
+            self._equation = server.gui.add_html("")
+        equation.float(x=12, y=-12, width=400)
+        self._refreshed = 0.0
+        self._drawn: Snapshot | None = None
+        self._page_height = 0
+
+    def complain(self, sentence: str) -> None:
+        """Show a refusal until another edit is accepted, or for a while."""
+        self._complaint, self._complaint_until = sentence, time.monotonic() + COMPLAINT_SHOWN
+        self._complaint_revision = self._runner.snapshot.revision
+        for client in self._server.get_clients().values():
+            client.add_notification("Refused", sentence, color="red", auto_close_seconds=6.0)
+
+    def draw(self, now: float) -> None:
+        """One frame: the scene always, everything else less often."""
+        snapshot = self._runner.snapshot
+        if snapshot is not self._drawn:
+            self._scene.show(snapshot)
+        if now - self._refreshed >= REFRESH:
+            self._refresh(snapshot, now, fresh=snapshot is not self._drawn)
+            self._refreshed = now
+        self._drawn = snapshot
+
+    def _refresh(self, snapshot: Snapshot, now: float, *, fresh: bool) -> None:
+        if snapshot.refusal_number != self._refusals:
+            self._refusals = snapshot.refusal_number
+            self.complain(snapshot.refusal or "")
+        if now > self._complaint_until or snapshot.revision != self._complaint_revision:
+            self._complaint = ""
+        self._status.content = status_html(snapshot, self._complaint)
+        self._equation.content = equation_html(snapshot)
+        self._playback.show(snapshot)
+        for panel in self._panels:
+            panel.show(snapshot)
+        self._fit()
+        self._scene.draw_paths()
+        if fresh:
+            self._plots.show(snapshot)
+
+    def _fit(self) -> None:
+        heights = [client.camera.image_height for client in self._server.get_clients().values()]
+        height = min((h for h in heights if h > 0), default=0)
+        if height and height != self._page_height:
+            self._page_height = height
+            self._plots.fit(height)
+
+
+def _taken(host: str, port: int) -> bool:
+    """Whether something listens there already."""
+    with socket.socket(socket.AF_INET, socket.SOCK_STREAM) as probe:
+        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            probe.bind((host, port))
+        except OSError:
+            return True
+    return False

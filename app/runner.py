@@ -1,0 +1,270 @@
+"""The backend thread: pacing, commands in, snapshots out, stops on a fault."""
+
+from __future__ import annotations
+
+import logging
+import queue
+import sys
+import threading
+import time
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+
+from app import assembly
+from app.assembly import Coordinate
+from app.closed_loop import ClosedLoop
+from app.recording import Recording
+from app.scenario import Scenario, ScenarioError, edited
+from controllers.force_loop import force_loop_factor, layer_loop_factor
+from environments.robots import Robot
+from environments.surfaces import Surface
+
+log = logging.getLogger("vsmrc.runner")
+
+TICK = 0.002  # s, between two batches of steps
+PUBLISH = 1 / 60  # s, between two snapshots
+LAG = 0.1  # s of wall time that the loop may fall behind before simulated time slows
+SLOWEST, FASTEST = 0.01, 100.0
+
+
+@dataclass(frozen=True)
+class Play:
+    """Go on."""
+
+
+@dataclass(frozen=True)
+class Pause:
+    """Hold simulated time."""
+
+
+@dataclass(frozen=True)
+class StepOnce:
+    """One control period, then hold."""
+
+
+@dataclass(frozen=True)
+class Reset:
+    """Begin the scenario anew."""
+
+
+@dataclass(frozen=True)
+class SetSpeed:
+    """Simulated seconds per second."""
+
+    factor: float
+
+
+@dataclass(frozen=True)
+class Load:
+    """Another scenario, whole."""
+
+    scenario: Scenario
+
+
+@dataclass(frozen=True)
+class Edit:
+    """One field of the scenario by its dotted path, with plain data. Mode and robot bring their own defaults."""
+
+    path: str
+    value: object
+
+
+Command = Play | Pause | StepOnce | Reset | SetSpeed | Load | Edit
+
+
+@dataclass(frozen=True)
+class Snapshot:
+    """What the screen may know of the loop at one moment. Arrays are never changed afterwards.
+
+    revision counts accepted changes of the scenario, run counts beginnings at t = 0, refusal_number refused commands.
+    live: numbers by name, SI units: s_norm, s_bound, d, d_required, gain_margin, sigma_min, V, residual,
+    layer_loop_factor, force_loop_factor, reaching_time_bound, reaching_time.
+    """
+
+    scenario: Scenario
+    revision: int
+    run: int
+    t: float
+    phase: Literal["running", "paused", "stopped"]
+    reason: str
+    realtime_factor: float
+    speed: float
+    refusal: str | None
+    refusal_number: int
+    notice: str
+    robot: Robot
+    coordinates: tuple[Coordinate, ...]
+    fixed: dict[str, np.ndarray]
+    matrices: dict[str, np.ndarray]
+    q: np.ndarray
+    tool: np.ndarray
+    tool_desired: np.ndarray | None
+    force: np.ndarray
+    force_desired: np.ndarray
+    surface: Surface | None
+    surface_offset: np.ndarray
+    live: dict[str, float]
+    recording: Recording
+
+
+class Runner:
+    """Owns the loop. `post` and `snapshot` may be used from any thread; nothing else touches the loop."""
+
+    def __init__(self, scenario: Scenario) -> None:
+        self._loop = ClosedLoop(scenario)
+        self._commands: queue.SimpleQueue[Command] = queue.SimpleQueue()
+        self._closing = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="closed-loop", daemon=True)
+        self._playing = True
+        self._speed = 1.0
+        self._revision = self._runs = self._refusals = 0
+        self._refusal: str | None = None
+        self._notice = ""
+        self._realtime_factor = 0.0
+        self.snapshot = self._publish()
+
+    def start(self) -> None:
+        """Begin to run in real time."""
+        # the loop's thread must not wait for the screen's longer than a control period or so
+        sys.setswitchinterval(5e-4)
+        self._thread.start()
+
+    def close(self) -> None:
+        """End the thread; returns when it has ended."""
+        self._closing.set()
+        if self._thread.is_alive():
+            self._thread.join(timeout=5.0)
+
+    def post(self, command: Command) -> None:
+        """Queue a command; it takes effect between two control periods."""
+        self._commands.put(command)
+
+    def _run(self) -> None:
+        try:
+            self._pace()
+        except Exception as error:  # the thread's last resort: say it, keep the recording and the page
+            log.exception("the loop's thread failed")
+            self.snapshot = replace(self.snapshot, phase="stopped", reason=f"internal error: {error}")
+
+    def _pace(self) -> None:
+        anchor, anchor_t = time.perf_counter(), self._loop.t
+        published, measured, measured_t = 0.0, anchor, anchor_t
+        while not self._closing.is_set():
+            if self._drain():
+                anchor, anchor_t = time.perf_counter(), self._loop.t
+                measured, measured_t = anchor, anchor_t
+            now = time.perf_counter()
+            if self._going:
+                target = anchor_t + (now - anchor) * self._speed
+                self._advance_to(target, now + LAG)
+                behind = (target - self._loop.t) / self._speed
+                if behind > LAG:
+                    anchor, anchor_t = time.perf_counter(), self._loop.t
+                if now - measured > 0.5:
+                    self._realtime_factor = (self._loop.t - measured_t) / (now - measured)
+                    measured, measured_t = now, self._loop.t
+            if now - published > PUBLISH:
+                published = now
+                self.snapshot = self._publish()
+            time.sleep(TICK)
+
+    @property
+    def _going(self) -> bool:
+        return self._playing and self._loop.stopped is None
+
+    def _advance_to(self, target: float, deadline: float) -> None:
+        """All steps that are due: every one of them, or later; a control step is never skipped."""
+        period = self._loop.system.scenario.controller.period
+        while self._loop.t + period <= target + 1e-12 and self._loop.stopped is None:
+            self._step()
+            if time.perf_counter() > deadline:
+                return
+
+    def _step(self) -> None:
+        try:
+            self._loop.step()
+        except (ArithmeticError, ValueError) as error:
+            self._loop.stopped = f"t = {self._loop.t:.3f} s: {error}"
+
+    def _drain(self) -> bool:
+        """Carry out what is queued; True when simulated time must be paced anew."""
+        changed = False
+        while True:
+            try:
+                command = self._commands.get_nowait()
+            except queue.Empty:
+                return changed
+            changed = True
+            try:
+                self._carry_out(command)
+            except (ScenarioError, ArithmeticError, ValueError) as error:
+                self._refusal = str(error)
+                self._refusals += 1
+                log.info("refused %s: %s", command, error)
+
+    def _carry_out(self, command: Command) -> None:
+        loop = self._loop
+        match command:
+            case Play():
+                self._playing = True
+            case Pause():
+                self._playing = False
+            case StepOnce():
+                self._playing = False
+                if loop.stopped is None:
+                    self._step()
+            case Reset():
+                loop.reset()
+                self._runs += 1
+            case SetSpeed(factor):
+                if not SLOWEST <= factor <= FASTEST:
+                    raise ScenarioError(f"speed: {factor}; allowed: {SLOWEST} to {FASTEST}")
+                self._speed = float(factor)
+            case Load(scenario):
+                self._edit(scenario)
+            case Edit("mode", value):
+                self._edit(assembly.in_mode(loop.system.scenario, str(value)))
+            case Edit("robot.name", value):
+                self._edit(assembly.on_robot(loop.system.scenario, str(value)))
+            case Edit(path, value):
+                self._edit(edited(loop.system.scenario, path, value))
+
+    def _edit(self, scenario: Scenario) -> None:
+        before = self._loop.recording
+        self._loop.edit(scenario)
+        self._revision += 1
+        self._runs += self._loop.recording is not before
+
+    def _publish(self) -> Snapshot:
+        loop = self._loop
+        system, scenario = loop.system, loop.system.scenario
+        view = loop.view()
+        phase = "stopped" if loop.stopped else "running" if self._playing else "paused"
+        return Snapshot(
+            scenario=scenario,
+            revision=self._revision,
+            run=self._runs,
+            t=loop.t,
+            phase=phase,
+            reason=loop.stopped or "",
+            realtime_factor=self._realtime_factor if self._going else 0.0,
+            speed=self._speed,
+            refusal=self._refusal,
+            refusal_number=self._refusals,
+            notice=loop.warning or "",
+            robot=system.robot,
+            coordinates=system.coordinates,
+            fixed=system.mode.fixed(system.layout.n),
+            matrices={name: getattr(system.law.model, name) for name in ("M_m", "B_m", "K_m", "K_f")},
+            q=view.q,
+            tool=view.tool,
+            tool_desired=view.tool_desired,
+            force=view.force,
+            force_desired=view.force_desired,
+            surface=None if scenario.contact.kind == "free" and not system.m else system.surface,
+            surface_offset=system.surface.motion.offset(loop.t),
+            live=view.live,
+            recording=loop.recording,
+        )
