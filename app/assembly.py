@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 
+from app.control_period import ReferencePlan, reference_at
 from app.scenario import (
     Circle,
     ConstantForce,
-    Contact,
     Cylinder,
     ForceSinusoid,
     ForceStep,
@@ -37,24 +37,36 @@ from controllers.switching import Switching
 from controllers.target_model import InvalidGain
 from controllers.target_model import TargetModel as Model
 from controllers.task_space import TaskLayout, TaskSpace, task_space
-from controllers.vsmrc import Vsmrc
-from environments import contact, robots, surfaces, trajectories
+from controllers.vsmrc import Reference, Vsmrc
+from environments import robots, surfaces, trajectories
+from environments.contact import Contact
 from environments.plant import Plant, Truth
 from environments.robots import Robot, RobotError
 from environments.sensors import ForceSensor
 
-SAMPLES = 200  # postures drawn from Omega for the constants over it
+SAMPLES = 240  # postures drawn from Omega for the constants over it
+CENTRES = 24  # postures along the reference, around which Omega lies
 MARGIN = 1.1  # on k_r_low and k_r_high, for what lies between the samples
+
+
+Observe = Callable[[np.ndarray, np.ndarray, float], tuple[Estimate, TaskSpace]]
 
 
 @dataclass(frozen=True)
 class Constants:
-    """What holds over Omega = {q: ||q - q_0|| <= radius, J_q regular}: Property 1's k_r_low and k_r_high (kg) for
-    every arm inside the declared set, and the Lipschitz constants of the estimates."""
+    """What holds over Omega, the postures within `radius` (rad) of one that the reference passes through, `centres`
+    (N, n), as far as J_q is regular there: Property 1's k_r_low and k_r_high (kg) for every arm inside the declared
+    set, and the Lipschitz constants of the estimates."""
 
     k_r_low: float
     k_r_high: float
     lipschitz: Lipschitz
+    centres: np.ndarray
+    radius: float
+
+    def holds_at(self, q: np.ndarray) -> bool:
+        """Whether q (n,) rad lies in Omega."""
+        return bool((np.square(self.centres - q).sum(axis=1) <= self.radius**2).any())
 
 
 @dataclass(frozen=True)
@@ -83,6 +95,7 @@ class System:
     motion: trajectories.Trajectory
     force: trajectories.ForceProfile
     sensor: ForceSensor
+    plan: ReferencePlan
     q_0: np.ndarray
 
     @property
@@ -95,10 +108,15 @@ class System:
         estimate = self.nominal.evaluate(q, q_dot)
         return estimate, task_space(self.layout, self.charted.chart(estimate.p, t), estimate, q, q_dot)
 
-    @cached_property
-    def compliance(self) -> float:
-        """r_fd per desired force, m/N: 1/K_e_hat (33), nothing on a rigid surface (41)."""
-        return 0.0 if self.mode.name == "constrained" else 1.0 / self.scenario.controller.K_e_hat
+    def posture_at(self, q: np.ndarray, reference: Reference, t: float) -> tuple[np.ndarray, np.ndarray]:
+        """q_d, q_d_dot with r(q_d, t) = r_d and its rate, by Newton's method from q (n,) rad."""
+        return posture_at(self.observe, q, reference, t)
+
+    def tool_at(self, reference: Reference, t: float) -> np.ndarray:
+        """The tool point (3,) m at which r_d wants it; a planar arm stays in its plane."""
+        g = np.zeros(3)
+        g[: self.layout.positions] = reference.r_d[: self.layout.positions]
+        return self.charted.point(g, t)
 
 
 def assemble(scenario: Scenario, previous: System | None = None) -> System:
@@ -132,18 +150,31 @@ def _assemble(scenario: Scenario, previous: System | None) -> System:
         robot,
         _truth(scenario, robot.n),
         surface,
-        contact.Contact(**{f: getattr(scenario.contact, f) for f in Contact.__struct_fields__}),
+        scenario.contact.kind,
+        Contact(*(getattr(scenario.contact, f) for f in Contact._fields)),
         scenario.simulation.integrator,
         scenario.simulation.substeps,
     )
     q_0 = _start(plant, robot)
     layout = _layout(scenario, robot, nominal, q_0)
     charted = surface if mode.on_surface else surfaces.Cartesian.along(_axes(robot))
-    shaping = ("robot", "task_space", "declared", "surface", "mode", "simulation")
+    motion, force = _motion(scenario, mode, layout), _force(scenario)
+
+    def observe(q: np.ndarray, q_dot: np.ndarray, t: float) -> tuple[Estimate, TaskSpace]:
+        estimate = nominal.evaluate(q, q_dot)
+        return estimate, task_space(layout, charted.chart(estimate.p, t), estimate, q, q_dot)
+
+    plan = ReferencePlan(
+        start=observe(q_0, np.zeros(robot.n), 0.0)[1].r,
+        compliance=0.0 if mode.name == "constrained" else 1.0 / scenario.controller.K_e_hat,
+        m=mode.m(),
+    )
+    shaping = ("robot", "task_space", "declared", "surface", "mode", "motion", "simulation")
     if previous is not None and all(getattr(previous.scenario, f) == getattr(scenario, f) for f in shaping):
         constants = previous.constants
     else:
-        constants = _constants(scenario, nominal, layout, charted, q_0)
+        along = _centres(observe, plan, motion, force, q_0, scenario.simulation.duration)
+        constants = _constants(scenario, nominal, observe, along)
     return System(
         scenario=scenario,
         robot=robot,
@@ -156,8 +187,8 @@ def _assemble(scenario: Scenario, previous: System | None) -> System:
         plant=plant,
         constants=constants,
         law=_law(scenario, mode, layout, constants),
-        motion=_motion(scenario, mode, layout),
-        force=_force(scenario),
+        motion=motion,
+        force=force,
         sensor=ForceSensor(
             scenario.sensor.noise,
             np.array(scenario.sensor.bias),
@@ -165,6 +196,7 @@ def _assemble(scenario: Scenario, previous: System | None) -> System:
             scenario.sensor.cutoff,
             scenario.controller.period,
         ),
+        plan=plan,
         q_0=q_0,
     )
 
@@ -273,7 +305,7 @@ def _layout(scenario: Scenario, robot: Robot, nominal: NominalModel, q_0: np.nda
     angles = {"planar": min(robot.n - 2, 1), "pose": 3, "position": 0}[robot.geometry]
     estimate = nominal.evaluate(q_0, np.zeros(robot.n))
     return TaskLayout(
-        kind=scenario.task_space.kind,
+        joint=scenario.task_space.kind == "joint",
         positions=positions,
         angles=angles,
         supplemental=np.array(robot.supplemental, dtype=np.int64),
@@ -283,7 +315,7 @@ def _layout(scenario: Scenario, robot: Robot, nominal: NominalModel, q_0: np.nda
 
 
 def _coordinates(layout: TaskLayout, mode: Mode, robot: Robot) -> tuple[Coordinate, ...]:
-    if layout.kind == "joint":
+    if layout.joint:
         return tuple(Coordinate(name, "rad") for name in robot.joint_names)
     places = ["φ", "ψ₁", "ψ₂"] if mode.on_surface else (["x", "z"] if layout.positions == 2 else ["x", "y", "z"])
     angles = {0: [], 1: ["ℓ·θ"], 3: ["ℓ·α", "ℓ·β", "ℓ·γ"]}[layout.angles]
@@ -291,23 +323,52 @@ def _coordinates(layout: TaskLayout, mode: Mode, robot: Robot) -> tuple[Coordina
     return tuple(Coordinate(name, "m") for name in places[: layout.positions] + angles + extra)
 
 
-def _constants(
-    scenario: Scenario, nominal: NominalModel, layout: TaskLayout, charted: surfaces.Surface, q_0: np.ndarray
-) -> Constants:
+def posture_at(
+    observe: Observe, q: np.ndarray, reference: Reference, t: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """q_d, q_d_dot with r(q_d, t) = r_d and its rate, by Newton's method from q (n,) rad."""
+    for _ in range(4):
+        _, task = observe(q, np.zeros_like(q), t)
+        q = q + task.J_q_inv @ (reference.r_d - task.r)
+    _, task = observe(q, np.zeros_like(q), t)
+    return q, task.J_q_inv @ (reference.r_d_dot - task.v_t)
+
+
+def _centres(
+    observe: Observe,
+    plan: ReferencePlan,
+    motion: trajectories.Trajectory,
+    force: trajectories.ForceProfile,
+    q_0: np.ndarray,
+    duration: float,
+) -> np.ndarray:
+    """Postures (N, n) along the reference. Raises ScenarioError when the arm cannot follow it."""
+    centres = [q_0]
+    q = q_0
+    for t in np.linspace(0.0, duration, 8 * CENTRES):
+        try:
+            q, _ = posture_at(observe, q, reference_at(plan, motion.evaluate(t), force.evaluate(t)), t)
+        except ValueError:  # J_q exactly singular
+            q = np.full_like(q, np.nan)
+        if not np.linalg.norm(q - centres[-1]) < 1.0:
+            raise ScenarioError(f"motion: the arm cannot follow the reference beyond t = {t:.3g} s")
+        centres.append(q)
+    return np.array(centres[::8])
+
+
+def _constants(scenario: Scenario, nominal: NominalModel, observe: Observe, centres: np.ndarray) -> Constants:
     random = np.random.default_rng(1)
-    n = len(q_0)
+    n, radius = centres.shape[1], scenario.simulation.domain_radius
     directions = random.standard_normal((SAMPLES, n))
-    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
-    radii = scenario.simulation.domain_radius * random.uniform(size=(SAMPLES, 1)) ** (1 / n)
-    samples = np.vstack([q_0, q_0 + radii * directions])
+    directions *= radius / np.linalg.norm(directions, axis=1, keepdims=True)
+    around = centres[np.arange(SAMPLES) % len(centres)] + directions * random.uniform(size=(SAMPLES, 1)) ** (1 / n)
+    samples = np.vstack([centres, around])
     uncertainty = _uncertainty(scenario, 0.0)
-    period = 1.0 / max(charted.motion.frequency, 1e-3)
+    period = 1.0 / max(scenario.surface.motion.frequency, 1e-3)
     low, high = np.inf, 0.0
     for q in samples:
-        estimate = nominal.evaluate(q, np.zeros(n))
-        chart = charted.chart(estimate.p, period * random.uniform())
         try:
-            task = task_space(layout, chart, estimate, q, np.zeros(n))
+            estimate, task = observe(q, np.zeros(n), period * random.uniform())
         except ValueError:
             continue  # J_q exactly singular: not in Omega
         if np.linalg.norm(task.J_q_inv, 2) * scenario.simulation.sigma_min > 1.0:
@@ -317,7 +378,8 @@ def _constants(
         high = max(high, float(np.linalg.eigvalsh(inertia.H_high)[-1]))
     if not low < np.inf:
         raise ScenarioError("robot.posture: J_q is singular around it; allowed: a posture away from singularities")
-    return Constants(low / MARGIN, high * MARGIN, lipschitz_constants(nominal.model, samples[:: SAMPLES // 50]))
+    lipschitz = lipschitz_constants(nominal.model, samples[:: len(samples) // 50])
+    return Constants(low / MARGIN, high * MARGIN, lipschitz, centres, radius)
 
 
 def _uncertainty(scenario: Scenario, k_C: float) -> Uncertainty:
@@ -384,7 +446,7 @@ def _law(scenario: Scenario, mode: Mode, layout: TaskLayout, constants: Constant
 
 def _motion(scenario: Scenario, mode: Mode, layout: TaskLayout) -> trajectories.Trajectory:
     m, n = mode.m(), layout.n
-    free = n if layout.kind == "joint" else layout.positions - m  # coordinates that a trajectory may move
+    free = n if layout.joint else layout.positions - m  # coordinates that a trajectory may move
 
     def spread(displacement: tuple[float, ...]) -> np.ndarray:
         if len(displacement) > free:

@@ -47,7 +47,7 @@ def measure(loop: ClosedLoop, realtime_factor: float | None = None) -> Metrics:
         reaching_time=loop.reaching_time,
         reaching_time_bound=loop.certificate.t_r,
         envelope_violation=max(float(excess.max()), 0.0),
-        gain_condition_margin=float((record["d"] - record["needed"].sum(axis=1)).min()),
+        gain_condition_margin=float((record["d"] - record["d_required"]).min()),
         target_model_residual_tail=float(np.sqrt(np.mean(record["residual"][tail] ** 2))),
         torque_total_variation=[float(v) / duration for v in np.abs(np.diff(tau, axis=0)).sum(axis=0)],
         simulated_time=float(t[-1]) + system.scenario.controller.period,
@@ -59,7 +59,7 @@ def measure(loop: ClosedLoop, realtime_factor: float | None = None) -> Metrics:
 def _motion_error(loop: ClosedLoop, record: dict[str, np.ndarray], tail: np.ndarray) -> np.ndarray:
     """The position errors (N, k) that a motion target governs: along the surface where there is one."""
     system = loop.system
-    if system.layout.kind == "joint":
+    if system.layout.joint:
         return record["e_r"][tail]
     error = record["e_r"][tail][:, system.m : system.layout.positions]
     if system.m or system.scenario.contact.kind == "free":

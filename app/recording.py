@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numba import njit
 
 BLOCK = 4096  # rows
 THINNING = 20  # of rows older than the full-rate history, one in this many is kept
@@ -23,6 +22,7 @@ class Signal:
     doc: str
 
 
+# in the order in which `app.control_period` fills a row; the last ones are known when the plant has answered
 SIGNALS = (
     Signal("t", 1, "s", "simulated time"),
     Signal("q", "n", "rad", "joint angles"),
@@ -34,7 +34,6 @@ SIGNALS = (
     Signal("e_r_dot", "n", "m/s", "its rate"),
     Signal("tool", 3, "m", "tool point in the world"),
     Signal("F", 3, "N", "measured force of the tool on the environment, world axes"),
-    Signal("F_true", 3, "N", "that force itself"),
     Signal("F_c", "n", "N", "controlled force, from the measured one"),
     Signal("F_cd", "n", "N", "desired controlled force"),
     Signal("z", "n", "m/s", "state of the compensator, (9)"),
@@ -47,25 +46,17 @@ SIGNALS = (
     Signal("tau_switching", "n", "N·m", "-J_q^T d sigma(s), (25)"),
     Signal("tau", "n", "N·m", "their sum"),
     Signal("needed", 6, "N", "terms of (17): inertia, Coriolis, gravity, moving task, disturbance, epsilon"),
-    Signal("residual", "n", "N", "left side of (8) minus its right side"),
     Signal("d", 1, "N", "gain of the switching term"),
+    Signal("d_required", 1, "N", "what (17) needs: the sum of `needed`"),
     Signal("s_norm", 1, "m/s", "||s||"),
     Signal("s_bound", 1, "m/s", "envelope of ||s||, (20)"),
     Signal("s_band", 1, "m/s", "what sampling and the boundary layer add to it"),
-    Signal("sigma_min", 1, "m", "smallest singular value of J_q"),
+    Signal("sigma_min", 1, "m", "smallest singular value of J_q, at most 3 % too small"),
+    Signal("residual", "n", "N", "left side of (8) minus its right side"),
+    Signal("F_true", 3, "N", "the force itself, of which F is the reading"),
     Signal("multiplier", 1, "N", "true normal force per gradient of phi, (32) or (39)"),
     Signal("phi", 1, "m", "penetration of the tool into the surface"),
 )
-
-
-@njit(cache=True)
-def _pack(row, parts):
-    """Lay the parts one behind the other; all are one-dimensional."""
-    i = 0
-    for part in parts:
-        for value in part:
-            row[i] = value
-            i += 1
 
 
 class Recording:
@@ -91,14 +82,17 @@ class Recording:
     def __len__(self) -> int:
         return max(len(self._blocks) - 1, 0) * BLOCK + (self._fill if self._blocks else 0)
 
-    def append(self, parts: tuple[np.ndarray, ...]) -> None:
-        """Add one row, the signals' values in the order of `SIGNALS`."""
+    def new_row(self) -> np.ndarray:
+        """The row to be filled next, (width,); it counts from `commit` on."""
         if self._fill == BLOCK:
             self._blocks.append(np.empty((BLOCK, self.width)))
             self._fill = 0
             if len(self._blocks) > self._most:
                 self._thinned.append(self._blocks.popleft()[::THINNING].copy())
-        _pack(self._blocks[-1][self._fill], parts)
+        return self._blocks[-1][self._fill]
+
+    def commit(self) -> None:
+        """The new row is complete."""
         self._fill += 1
 
     def rows(self, t_from: float = -np.inf, t_to: float = np.inf) -> np.ndarray:

@@ -237,7 +237,7 @@ class Simulation(_Section, frozen=True, forbid_unknown_fields=True):
     seed: Annotated[int, _number("of the sensor's noise", "", ge=0)] = 0
     integrator: Annotated[Literal["semi-implicit-euler", "rk4"], _number("of the plant", "")] = "semi-implicit-euler"
     substeps: Annotated[int, _number("plant steps in a control period", "", ge=1, le=1000)] = 1
-    domain_radius: Annotated[float, _number("Omega: joints within this of the start", "rad", gt=0, le=3)] = 0.4
+    domain_radius: Annotated[float, _number("Omega: postures within this of the reference", "rad", gt=0, le=3)] = 0.15
     sigma_min: Annotated[float, _number("J_q counts as singular below this singular value", "m", ge=0, le=1)] = 0.01
     leaving_domain: Annotated[
         Literal["stop", "flag"], _number("singular J_q, or ||q_dot|| beyond 20 rad/s", "")

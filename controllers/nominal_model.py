@@ -64,11 +64,22 @@ def _cross_columns(a, J):
     return out
 
 
+class Terms(NamedTuple):
+    """Live views of Pinocchio's arrays: M, C (n, n); J, J_dot (6, n) spatial Jacobians of the world origin; placements
+    (3, 4n) the static regressor, whose blocks are the links' placements over the total mass."""
+
+    M: np.ndarray
+    C: np.ndarray
+    J: np.ndarray
+    J_dot: np.ndarray
+    placements: np.ndarray
+
+
 @njit(cache=True)
-def _estimate(M, C, J, J_dot, placements, q_dot, links):
-    """Assemble an `Estimate` from Pinocchio's arrays; J and J_dot (6, n) are spatial Jacobians of the world origin,
-    placements (3, 4n + 4) the static regressor, whose blocks are the links' placements over the total mass."""
+def estimates(terms, links, q_dot):
+    """The `Estimate` from Pinocchio's arrays."""
     n = q_dot.shape[0]
+    J, J_dot, placements = terms.J, terms.J_dot, terms.placements
     G_links = np.zeros((n, n))
     for i in range(n):
         block = links.total_mass * placements[:, 4 * i : 4 * i + 4]
@@ -92,11 +103,11 @@ def _estimate(M, C, J, J_dot, placements, q_dot, links):
     J_w_dot = np.ascontiguousarray(J_dot[3:])
     J_v = J[:3] - _cross_columns(p, J_w)
     J_v_dot = J_dot[:3] - _cross_columns(p, J_w_dot) - _cross_columns(J_v @ q_dot, J_w)
-    M_hat = np.ascontiguousarray(M)
+    M_hat = np.ascontiguousarray(terms.M)
     return Estimate(
         M_hat,
         M_hat - np.diag(links.rotor),
-        np.ascontiguousarray(C),
+        np.ascontiguousarray(terms.C),
         G_links.sum(axis=1),
         G_links,
         p,
@@ -128,16 +139,19 @@ class NominalModel:
             tool_rotation=np.ascontiguousarray(tool_placement.rotation),
             tool_lever=np.array(tool_placement.translation),
         )
-        # live views: Pinocchio fills them at every call
-        self._M, self._C, self._J, self._J_dot = self.data.M, self.data.C, self.data.J, self.data.dJ
-        self._placements = self.data.staticRegressor
+        d = self.data
+        self.terms = Terms(d.M, d.C, d.J, d.dJ, d.staticRegressor)
 
-    def evaluate(self, q: np.ndarray, q_dot: np.ndarray) -> Estimate:
-        """Estimates at q (n,) rad, q_dot (n,) rad/s."""
+    def update(self, q: np.ndarray, q_dot: np.ndarray) -> Terms:
+        """Pinocchio's terms at q (n,) rad, q_dot (n,) rad/s; they are overwritten by the next call."""
         pin.computeCoriolisMatrix(self.model, self.data, q, q_dot)
         pin.crba(self.model, self.data, q)
         pin.computeStaticRegressor(self.model, self.data, q)
-        return _estimate(self._M, self._C, self._J, self._J_dot, self._placements, q_dot, self.links)
+        return self.terms
+
+    def evaluate(self, q: np.ndarray, q_dot: np.ndarray) -> Estimate:
+        """Estimates at q (n,) rad, q_dot (n,) rad/s."""
+        return estimates(self.update(q, q_dot), self.links, q_dot)
 
 
 class Lipschitz(NamedTuple):

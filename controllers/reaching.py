@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
@@ -35,15 +36,38 @@ class ReachingCertificate:
         """Upper bound of the reaching time, s, (18)."""
         return 2.0 / self.c_1 * float(np.log1p(self.c_1 / self.c_2 * np.sqrt(self.V_0)))
 
-    def lyapunov_bound(self, t: np.ndarray | float) -> np.ndarray:
-        """Bound of V (J) at t s after s(0), (24)."""
-        ratio = self.c_2 / self.c_1
-        root = (np.sqrt(self.V_0) + ratio) * np.exp(-0.5 * self.c_1 * np.asarray(t)) - ratio
-        return np.maximum(root, 0.0) ** 2
+    @property
+    def promise(self) -> Promise:
+        """The same in the kernel's form."""
+        return Promise(self.k_r_low, self.k_r_high, self.c_1, self.c_2, self.V_0)
 
     def envelope(self, t: np.ndarray | float) -> np.ndarray:
         """Bound of ||s|| (m/s) at t s after s(0), (20); zero after t_r."""
-        return np.sqrt(2.0 / self.k_r_low * self.lyapunov_bound(t))
+        return envelope(self.promise, t)
+
+
+class Promise(NamedTuple):
+    """k_r_low, k_r_high kg; c_1 1/s; c_2 sqrt(J)/s; V_0 J: (19)."""
+
+    k_r_low: float
+    k_r_high: float
+    c_1: float
+    c_2: float
+    V_0: float
+
+
+@njit(cache=True)
+def lyapunov_bound(promise, t):
+    """Bound of V (J) at t s after s(0), (24)."""
+    ratio = promise.c_2 / promise.c_1
+    root = (np.sqrt(promise.V_0) + ratio) * np.exp(-0.5 * promise.c_1 * t) - ratio
+    return np.maximum(root, 0.0) ** 2
+
+
+@njit(cache=True)
+def envelope(promise, t):
+    """Bound of ||s|| (m/s) at t s after s(0), (20)."""
+    return np.sqrt(2.0 / promise.k_r_low * lyapunov_bound(promise, t))
 
 
 @njit(cache=True)

@@ -7,13 +7,10 @@ makes metres and radians comparable, so that a scalar d and a 2-norm mean someth
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
-
-from controllers.nominal_model import Estimate
 
 
 class TaskSpace(NamedTuple):
@@ -29,15 +26,14 @@ class TaskSpace(NamedTuple):
     normal: np.ndarray
 
 
-@dataclass(frozen=True)
-class TaskLayout:
+class TaskLayout(NamedTuple):
     """Which coordinates make up r.
 
-    kind: "cartesian" or "joint" (r = q, section 4.1); positions 2 or 3, angles 0, 1 or 3; supplemental: joint
-    numbers; l: characteristic length, m; R_ref (3, 3): the tool's orientation at which the Euler angles vanish.
+    joint: r = q (section 4.1), otherwise positions (2 or 3), angles (0, 1 or 3), supplemental joints by number;
+    l: characteristic length, m; R_ref (3, 3): the tool's orientation at which the Euler angles vanish.
     """
 
-    kind: Literal["cartesian", "joint"]
+    joint: bool
     positions: int
     angles: int
     supplemental: np.ndarray
@@ -46,6 +42,7 @@ class TaskLayout:
 
     @property
     def n(self) -> int:
+        """Number of task coordinates."""
         return self.positions + self.angles + len(self.supplemental)
 
 
@@ -80,8 +77,8 @@ def _euler_rates(angles, omega):
 
 
 @njit(cache=True)
-def _cartesian(chart, estimate, q, q_dot, positions, angles, supplemental, l, R_ref):
-    n = q.shape[0]
+def _cartesian(layout, chart, estimate, q, q_dot):
+    n, positions, angles, l = q.shape[0], layout.positions, layout.angles, layout.l
     r, v_t, v_t_dot = np.zeros(n), np.zeros(n), np.zeros(n)
     J_q, J_q_dot = np.zeros((n, n)), np.zeros((n, n))
     p_dot = estimate.J_v @ q_dot
@@ -93,8 +90,8 @@ def _cartesian(chart, estimate, q, q_dot, positions, angles, supplemental, l, R_
         v_t[i] = chart.g_t[i]
         v_t_dot[i] = chart.G_t[i] @ p_dot + chart.g_tt[i]
     if angles > 0:
-        R = R_ref.T @ estimate.R
-        J_w, J_w_dot = R_ref.T @ estimate.J_w, R_ref.T @ estimate.J_w_dot
+        R = layout.R_ref.T @ estimate.R
+        J_w, J_w_dot = layout.R_ref.T @ estimate.J_w, layout.R_ref.T @ estimate.J_w_dot
         if angles == 3:
             phi = euler_angles(R)
             E_inv, _, E_dot = _euler_rates(phi, J_w @ q_dot)
@@ -106,11 +103,11 @@ def _cartesian(chart, estimate, q, q_dot, positions, angles, supplemental, l, R_
             r[positions] = l * np.arctan2(R[0, 2], R[0, 0])
             J_q[positions] = l * J_w[1]
             J_q_dot[positions] = l * J_w_dot[1]
-    for k in range(supplemental.shape[0]):
-        r[positions + angles + k] = l * q[supplemental[k]]
-        J_q[positions + angles + k, supplemental[k]] = l
+    for k in range(layout.supplemental.shape[0]):
+        r[positions + angles + k] = l * q[layout.supplemental[k]]
+        J_q[positions + angles + k, layout.supplemental[k]] = l
     return TaskSpace(
-        r, J_q @ q_dot + v_t, J_q, J_q_dot, np.linalg.inv(J_q), v_t, v_t_dot, chart.G[0].copy()
+        r, J_q @ q_dot + v_t, J_q, J_q_dot, np.ascontiguousarray(np.linalg.inv(J_q)), v_t, v_t_dot, chart.G[0].copy()
     )
 
 
@@ -122,14 +119,13 @@ def _joint(chart, q, q_dot):
     return TaskSpace(q.copy(), q_dot.copy(), J_q, np.zeros((n, n)), J_q.copy(), zero, zero.copy(), chart.G[0].copy())
 
 
-def task_space(layout: TaskLayout, chart: NamedTuple, estimate: Estimate, q: np.ndarray, q_dot: np.ndarray) -> TaskSpace:
-    """The task coordinates at one instant, (3).
+@njit(cache=True)
+def task_space(layout, chart, estimate, q, q_dot):
+    """The `TaskSpace` at one instant, (3).
 
     chart: g, G, G_p, g_t, G_t, g_tt of the tool point, as `environments.surfaces.Chart` has them.
-    Raises numpy.linalg.LinAlgError (a ValueError) where J_q is exactly singular.
+    Raises ValueError where J_q is exactly singular.
     """
-    if layout.kind == "joint":
+    if layout.joint:
         return _joint(chart, q, q_dot)
-    return _cartesian(
-        chart, estimate, q, q_dot, layout.positions, layout.angles, layout.supplemental, layout.l, layout.R_ref
-    )
+    return _cartesian(layout, chart, estimate, q, q_dot)

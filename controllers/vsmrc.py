@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Literal, NamedTuple
+from typing import ClassVar, Literal, NamedTuple
 
 import numpy as np
 from numba import njit
@@ -59,9 +59,20 @@ class ControlOutput(NamedTuple):
     needed: RequiredGain
 
 
-class Gains(NamedTuple):
-    """What the kernel needs of the law's parameters: see `Compensator` and `Vsmrc`."""
+class ModelMatrices(NamedTuple):
+    """M_m, B_m, K_m, K_f of (8), each (n, n)."""
 
+    M_m: np.ndarray
+    B_m: np.ndarray
+    K_m: np.ndarray
+    K_f: np.ndarray
+
+
+class Gains(NamedTuple):
+    """What the kernel needs of the law's parameters: see `Compensator` and `Vsmrc`. robust: False for the baseline."""
+
+    robust: bool
+    model: ModelMatrices
     A: np.ndarray
     F_1: np.ndarray
     F_2: np.ndarray
@@ -128,6 +139,30 @@ def vsmrc_law(gains, z, reference, task, estimate, deviation, q_dot, F):
     return ControlOutput(tau, terms, e_r, e_r_dot, F_c, e_Fc, z, z_dot, s, d, needed)
 
 
+@njit(cache=True)
+def computed_torque(unified, model, reference, task, estimate, q_dot):
+    """The baseline: the r_ddot that (8) asks for, by M_hat, C_hat, G_hat alone; z and s are carried along."""
+    wanted = -(model.B_m @ unified.e_r_dot + model.K_m @ unified.e_r + model.K_f @ unified.e_Fc)
+    r_ddot = reference.r_d_ddot + np.linalg.solve(model.M_m, wanted)
+    q_ddot = task.J_q_inv @ (r_ddot - task.J_q_dot @ q_dot - task.v_t_dot)
+    zero = np.zeros_like(q_dot)
+    terms = TorqueTerms(
+        estimate.M_hat @ q_ddot, estimate.C_hat @ q_dot, unified.terms.gravity, unified.terms.force, zero, zero.copy()
+    )
+    tau = terms.inertia + terms.coriolis + terms.gravity + terms.force
+    u = unified
+    return ControlOutput(tau, terms, u.e_r, u.e_r_dot, u.F_c, u.e_Fc, u.z, u.z_dot, u.s, 0.0, u.needed)
+
+
+@njit(cache=True)
+def control_law(gains, z, reference, task, estimate, deviation, q_dot, F):
+    """(25), or the baseline where `gains.robust` is False."""
+    output = vsmrc_law(gains, z, reference, task, estimate, deviation, q_dot, F)
+    if gains.robust:
+        return output
+    return computed_torque(output, gains.model, reference, task, estimate, q_dot)
+
+
 @dataclass(frozen=True)
 class Vsmrc:
     """The sliding-mode law for one target model.
@@ -148,6 +183,7 @@ class Vsmrc:
     uncertainty: Uncertainty
     controlled: np.ndarray
     m: int
+    robust: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "K_s", as_matrix("controller.K_s", self.K_s, self.model.n))
@@ -161,10 +197,12 @@ class Vsmrc:
     @cached_property
     def gains(self) -> Gains:
         """The parameters in the kernel's form."""
-        c = self.compensator
+        c, model = self.compensator, self.model
         arrays = (c.A, c.F_1, c.F_2, c.K_pz, c.K_vz, c.K_fz, self.K_s, self.controlled)
         return Gains(
-            *(np.ascontiguousarray(a, dtype=float).copy() for a in arrays),
+            self.robust,
+            ModelMatrices(*(np.array(a) for a in (model.M_m, model.B_m, model.K_m, model.K_f))),
+            *(np.array(a, dtype=float, order="C") for a in arrays),
             m=self.m,
             by_theorem=self.d is None,
             d=float(self.d or 0.0),
@@ -193,7 +231,7 @@ class Vsmrc:
 
         deviation: how far the estimates may be from those at q, zero when they are taken on-line (Remark 3).
         """
-        return vsmrc_law(self.gains, state.z, reference, task, estimate, deviation, q_dot, F)
+        return control_law(self.gains, state.z, reference, task, estimate, deviation, q_dot, F)
 
     def next(self, output: ControlOutput, period: float) -> LawState:
         """z one control period (s) later."""

@@ -8,7 +8,8 @@ body by a `Motion`, and `Surface.chart` adds what the movement does to every der
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from functools import cached_property
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 from numba import njit
@@ -41,20 +42,29 @@ class Motion:
         """a(t), (3,) m."""
         return self.direction * (self.amplitude * np.sin(2 * np.pi * self.frequency * t))
 
-    def velocity(self, t: float) -> np.ndarray:
-        """Time derivative of a(t), (3,) m/s."""
-        omega = 2 * np.pi * self.frequency
-        return self.direction * (self.amplitude * omega * np.cos(omega * t))
+
+class Shape(NamedTuple):
+    """A surface in the kernels' form: which one, origin (3,) m, frame (3, 3) of unit rows, radius m, side +-1, and
+    its `Motion`."""
+
+    kind: int
+    origin: np.ndarray
+    frame: np.ndarray
+    radius: float
+    side: float
+    direction: np.ndarray
+    amplitude: float
+    frequency: float
+
+
+PLANE, CYLINDER, SPHERE = 0, 1, 2
 
 
 @njit(cache=True)
-def _zeta(p, t, origin, direction, amplitude, frequency):
-    """The point in the moving frame, and velocity and acceleration of that frame."""
-    omega = 2 * np.pi * frequency
-    a = direction * (amplitude * np.sin(omega * t))
-    a_dot = direction * (amplitude * omega * np.cos(omega * t))
-    a_ddot = direction * (-amplitude * omega**2 * np.sin(omega * t))
-    return p - origin - a, a_dot, a_ddot
+def surface_velocity(shape, t):
+    """Velocity (3,) m/s of the surface at time t (s)."""
+    omega = 2 * np.pi * shape.frequency
+    return shape.direction * (shape.amplitude * omega * np.cos(omega * t))
 
 
 @njit(cache=True)
@@ -81,39 +91,51 @@ def _polar(zeta, u, v):
 
 
 @njit(cache=True)
-def _plane_chart(p, t, origin, frame, direction, amplitude, frequency):
-    zeta, a_dot, a_ddot = _zeta(p, t, origin, direction, amplitude, frequency)
-    return _in_motion(frame @ zeta, frame, np.zeros((3, 3, 3)), a_dot, a_ddot)
+def _plane(zeta, shape):
+    return shape.frame @ zeta, shape.frame.copy(), np.zeros((3, 3, 3))
 
 
 @njit(cache=True)
-def _cylinder_chart(p, t, origin, frame, radius, side, direction, amplitude, frequency):
-    """frame: rows reference direction, tangent, axis; side +1: solid inside (press from outside), -1: solid outside."""
-    zeta, a_dot, a_ddot = _zeta(p, t, origin, direction, amplitude, frequency)
+def _cylinder(zeta, shape):
+    """Rows of the frame: reference direction, tangent, axis."""
+    frame, radius, side = shape.frame, shape.radius, shape.side
     rho, rho_p, rho_pp, theta, theta_p, theta_pp = _polar(zeta, frame[0], frame[1])
     g = np.array([side * (radius - rho), radius * theta, frame[2] @ zeta])
-    G = np.empty((3, 3))
+    G, G_p = np.empty((3, 3)), np.zeros((3, 3, 3))
     G[0], G[1], G[2] = -side * rho_p, radius * theta_p, frame[2]
-    G_p = np.zeros((3, 3, 3))
     G_p[0], G_p[1] = -side * rho_pp, radius * theta_pp
-    return _in_motion(g, G, G_p, a_dot, a_ddot)
+    return g, G, G_p
 
 
 @njit(cache=True)
-def _sphere_chart(p, t, origin, frame, radius, side, direction, amplitude, frequency):
+def _sphere(zeta, shape):
     """psi_1, psi_2: arc lengths of the angles seen from the reference direction towards each tangent."""
-    zeta, a_dot, a_ddot = _zeta(p, t, origin, direction, amplitude, frequency)
+    frame, radius, side = shape.frame, shape.radius, shape.side
     rho = np.sqrt(zeta @ zeta)
     e_rho = zeta / rho
     _, _, _, theta_1, theta_1_p, theta_1_pp = _polar(zeta, frame[0], frame[1])
     _, _, _, theta_2, theta_2_p, theta_2_pp = _polar(zeta, frame[0], frame[2])
     g = np.array([side * (radius - rho), radius * theta_1, radius * theta_2])
-    G = np.empty((3, 3))
+    G, G_p = np.empty((3, 3)), np.empty((3, 3, 3))
     G[0], G[1], G[2] = -side * e_rho, radius * theta_1_p, radius * theta_2_p
-    G_p = np.empty((3, 3, 3))
     G_p[0] = -side * (np.eye(3) - np.outer(e_rho, e_rho)) / rho
     G_p[1], G_p[2] = radius * theta_1_pp, radius * theta_2_pp
-    return _in_motion(g, G, G_p, a_dot, a_ddot)
+    return g, G, G_p
+
+
+@njit(cache=True)
+def surface_chart(shape, p, t):
+    """The `Chart` of a point p (3,) m at time t (s)."""
+    omega = 2 * np.pi * shape.frequency
+    a = shape.direction * (shape.amplitude * np.sin(omega * t))
+    zeta = p - shape.origin - a
+    if shape.kind == PLANE:
+        g, G, G_p = _plane(zeta, shape)
+    elif shape.kind == CYLINDER:
+        g, G, G_p = _cylinder(zeta, shape)
+    else:
+        g, G, G_p = _sphere(zeta, shape)
+    return _in_motion(g, G, G_p, surface_velocity(shape, t), -(omega**2) * a)
 
 
 def _unit(vector: np.ndarray) -> np.ndarray:
@@ -130,15 +152,27 @@ def tangent_frame(normal: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True)
 class Surface:
-    """What every surface shares: origin (3,) m, its frame (3, 3) of unit rows, its motion."""
+    """What every surface shares: origin (3,) m, its frame (3, 3) of unit rows, its motion; a round one has a radius
+    (m) and a side, +1 with the solid inside, -1 with the solid outside and the tool within."""
 
     origin: np.ndarray
     frame: np.ndarray
     motion: Motion
+    radius: float = 0.0
+    side: float = 1.0
+    kind: ClassVar[int]
+
+    @cached_property
+    def shape(self) -> Shape:
+        """The surface in the kernels' form."""
+        m = self.motion
+        return Shape(
+            self.kind, self.origin, self.frame, self.radius, self.side, m.direction, m.amplitude, m.frequency
+        )
 
     def chart(self, p: np.ndarray, t: float) -> Chart:
         """Coordinates of the point p (3,) m at time t (s) with all derivatives."""
-        raise NotImplementedError
+        return surface_chart(self.shape, p, t)
 
     def point(self, g: np.ndarray, t: float) -> np.ndarray:
         """The point (3,) with coordinates g = (phi, psi_1, psi_2): the inverse of `chart`."""
@@ -165,13 +199,11 @@ class Surface:
 class Plane(Surface):
     """phi = normal . (p - origin): the normal points into the environment; psi along the two tangents."""
 
+    kind = PLANE
+
     @classmethod
     def create(cls, origin: np.ndarray, normal: np.ndarray, motion: Motion) -> Plane:
         return cls(np.asarray(origin, dtype=float), tangent_frame(normal), motion)
-
-    def chart(self, p: np.ndarray, t: float) -> Chart:
-        m = self.motion
-        return _plane_chart(p, t, self.origin, self.frame, m.direction, m.amplitude, m.frequency)
 
     def _local_point(self, g: np.ndarray) -> np.ndarray:
         return self.frame.T @ g
@@ -183,16 +215,10 @@ class Plane(Surface):
         return super().mesh(min(resolution, 2))
 
 
-@dataclass(frozen=True)
-class Round(Surface):
-    """A surface with a radius (m) and a side: +1 the solid is inside, -1 the solid is outside and the tool within."""
-
-    radius: float
-    side: float
-
-
-class Cylinder(Round):
+class Cylinder(Surface):
     """phi = side (radius - rho); psi_1 = radius * theta from the reference direction, psi_2 along the axis."""
+
+    kind = CYLINDER
 
     @classmethod
     def create(
@@ -213,12 +239,6 @@ class Cylinder(Round):
         frame = np.ascontiguousarray(np.stack([e_ref, np.cross(e_axis, e_ref), e_axis]))
         return cls(np.asarray(origin, dtype=float), frame, motion, radius, side)
 
-    def chart(self, p: np.ndarray, t: float) -> Chart:
-        m = self.motion
-        return _cylinder_chart(
-            p, t, self.origin, self.frame, self.radius, self.side, m.direction, m.amplitude, m.frequency
-        )
-
     def _local_point(self, g: np.ndarray) -> np.ndarray:
         rho, theta = self.radius - self.side * g[0], g[1] / self.radius
         return self.frame.T @ np.array([rho * np.cos(theta), rho * np.sin(theta), g[2]])
@@ -228,20 +248,16 @@ class Cylinder(Round):
         return (-half, half), (-0.2, 0.2)
 
 
-class Sphere(Round):
+class Sphere(Surface):
     """phi = side (radius - rho); psi_i = radius * angle towards tangent i, both zero in the reference direction."""
+
+    kind = SPHERE
 
     @classmethod
     def create(
         cls, origin: np.ndarray, reference: np.ndarray, radius: float, side: float, motion: Motion
     ) -> Sphere:
         return cls(np.asarray(origin, dtype=float), tangent_frame(reference), motion, radius, side)
-
-    def chart(self, p: np.ndarray, t: float) -> Chart:
-        m = self.motion
-        return _sphere_chart(
-            p, t, self.origin, self.frame, self.radius, self.side, m.direction, m.amplitude, m.frequency
-        )
 
     def _local_point(self, g: np.ndarray) -> np.ndarray:
         towards = np.array([1.0, np.tan(g[1] / self.radius), np.tan(g[2] / self.radius)])

@@ -12,11 +12,13 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, Protocol
 
+import numpy as np
 import viser
+from msgspec import Struct
 
 from app.dashboard.style import COMMIT
-from app.runner import Edit, Snapshot
-from app.scenario import Scenario, field_info
+from app.runner import Command, Edit, Snapshot
+from app.scenario import field_info
 
 
 @dataclass(frozen=True)
@@ -24,7 +26,7 @@ class Desk:
     """What a panel works with: where widgets are made, where commands go, the newest snapshot, and complaints."""
 
     gui: viser.GuiApi
-    post: Callable[[Any], None]
+    post: Callable[[Command], None]
     snapshot: Callable[[], Snapshot]
     complain: Callable[[str], None]
 
@@ -52,31 +54,21 @@ class Answer:
 
 @dataclass(frozen=True)
 class Place:
-    """A field of the scenario by its dotted path; with `entry`, one diagonal entry of a matrix."""
+    """A field of the scenario by its dotted path."""
 
     path: str
-    entry: int | None = None
 
-    def read(self, scenario: Scenario) -> Any:
-        """The value, or None when this scenario has no such field."""
-        value: Any = scenario
+    def read(self, snapshot: Snapshot) -> Any:
+        """The running value, or None when this scenario has no such field."""
+        value: Any = snapshot.scenario
         for name in self.path.split("."):
             value = getattr(value, name, None)
-        if self.entry is None or value is None or isinstance(value, float | int):
-            return value
-        row = value[self.entry] if self.entry < len(value) else None
-        return row[self.entry] if isinstance(row, tuple | list) else row
+        return value
 
-    def edit(self, scenario: Scenario, value: Any) -> Edit:
-        if self.entry is None:
-            return Edit(self.path, value)
-        rows: Any = Place(self.path).read(scenario)
-        changed = [list(row) if isinstance(row, tuple | list) else row for row in rows]
-        if isinstance(changed[self.entry], list):
-            changed[self.entry][self.entry] = value
-        else:
-            changed[self.entry] = value
-        return Edit(self.path, changed)
+    def edit(self, snapshot: Snapshot, value: Any) -> Edit:
+        """The command that sets this field; the snapshot is for places that are part of a field."""
+        del snapshot
+        return Edit(self.path, value)
 
     @property
     def hint(self) -> str:
@@ -89,6 +81,26 @@ class Place:
         low = "" if info.least is None else f" ≥ {info.least:g}"
         high = "" if info.largest is None else f" ≤ {info.largest:g}"
         return f"{info.doc}{unit}{low}{high}"
+
+
+@dataclass(frozen=True)
+class DiagonalPlace(Place):
+    """Entry `index` on the diagonal of a matrix of the target model, as it is in force."""
+
+    index: int
+
+    def read(self, snapshot: Snapshot) -> Any:
+        matrix = self._matrix(snapshot)
+        return float(matrix[self.index, self.index]) if self.index < len(matrix) else None
+
+    def edit(self, snapshot: Snapshot, value: Any) -> Edit:
+        matrix = self._matrix(snapshot).copy()
+        matrix[self.index, self.index] = value
+        diagonal = np.count_nonzero(matrix - np.diag(np.diag(matrix))) == 0
+        return Edit(self.path, (np.diag(matrix) if diagonal else matrix).tolist())
+
+    def _matrix(self, snapshot: Snapshot) -> np.ndarray:
+        return snapshot.matrices[self.path.rpartition(".")[2]]
 
 
 @dataclass(frozen=True)
@@ -163,7 +175,7 @@ class Number:
             return
         snapshot = self._desk.snapshot()
         text = self._text.value.rstrip(COMMIT).strip()
-        running = self._place.read(snapshot.scenario)
+        running = self._place.read(snapshot)
         try:
             value = read_back(text) if text else running
         except ValueError:
@@ -184,10 +196,10 @@ class Number:
 
     def _ask(self, snapshot: Snapshot, value: Any, seconds: float) -> None:
         self._answer.expect(snapshot, seconds)
-        self._desk.post(self._place.edit(snapshot.scenario, value))
+        self._desk.post(self._place.edit(snapshot, value))
 
     def show(self, snapshot: Snapshot) -> None:
-        value = self._place.read(snapshot.scenario)
+        value = self._place.read(snapshot)
         if self._form.visible != (value is not None):
             self._form.visible = value is not None
         if value is None or self._answer.awaited(snapshot):
@@ -220,8 +232,8 @@ class Choice:
         self._desk.post(Edit(self._place.path, self._options[self._dropdown.value]))
 
     def show(self, snapshot: Snapshot) -> None:
-        value = self._place.read(snapshot.scenario)
-        value = getattr(value, "__struct_config__", None) and value.__struct_config__.tag or value
+        value = self._place.read(snapshot)
+        value = value.__struct_config__.tag if isinstance(value, Struct) else value
         if self._dropdown.visible != (value is not None):
             self._dropdown.visible = value is not None
         if value in self._shown and not self._answer.awaited(snapshot):
@@ -244,7 +256,7 @@ class Switch:
         self._desk.post(Edit(self._place.path, self._checkbox.value))
 
     def show(self, snapshot: Snapshot) -> None:
-        value = self._place.read(snapshot.scenario)
+        value = self._place.read(snapshot)
         if self._checkbox.visible != (value is not None):
             self._checkbox.visible = value is not None
         if value is not None and not self._answer.awaited(snapshot):

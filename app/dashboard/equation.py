@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 from html import escape
-from typing import Any
-
 import numpy as np
 
 from app.runner import Snapshot
@@ -21,11 +19,7 @@ def symbol(coordinate: str) -> str:
 
 def equation_html(snapshot: Snapshot) -> str:
     """(8), then every row with its numbers; the entries that the mode fixes are grey."""
-    model = snapshot.scenario.target_model
-    matrices = {name: getattr(model, name) for name in _NAMES}
-    rows = [_general()]
-    if all(matrix is not None for matrix in matrices.values()):
-        rows += [_row(i, matrices, snapshot) for i in range(len(snapshot.coordinates))]
+    rows = [_general(), *(_row(i, snapshot) for i in range(len(snapshot.coordinates)))]
     return (
         '<div class="vs-equation"><math display="block"><mtable columnalign="right right right left left" '
         f'columnspacing="0.35em" rowspacing="0.32em">{"".join(rows)}</mtable></math></div>'
@@ -33,28 +27,24 @@ def equation_html(snapshot: Snapshot) -> str:
 
 
 def _general() -> str:
-    error, force = "<msub><mi>e</mi><mi>r</mi></msub>", "<msub><mi>e</mi><msub><mi>F</mi><mi>c</mi></msub></msub>"
+    force = "<msub><mi>e</mi><msub><mi>F</mi><mi>c</mi></msub></msub>"
     return _cells(
         [
-            f"{_sub('M', 'm')}{_dots(error, '¨')}",
-            f"<mo>+</mo>{_sub('B', 'm')}{_dots(error, '˙')}",
-            f"<mo>+</mo>{_sub('K', 'm')}{error}",
+            f"{_sub('M', 'm')}{_error('r', '¨')}",
+            f"<mo>+</mo>{_sub('B', 'm')}{_error('r', '˙')}",
+            f"<mo>+</mo>{_sub('K', 'm')}{_error('r')}",
             f"<mo>=</mo><mo>−</mo>{_sub('K', 'f')}{force}",
             '<mspace width="0.6em"/><mtext mathcolor="#888">(8)</mtext>',
         ]
     )
 
 
-def _row(i: int, matrices: dict[str, Any], snapshot: Snapshot) -> str:
-    name, _ = snapshot.coordinates[i]
-    error = f"<msub><mi>e</mi><mi>{escape(symbol(name))}</mi></msub>"
-    force = f"<msub><mi>e</mi><mrow><mi>F</mi><mi>{escape(symbol(name))}</mi></mrow></msub>"
-    factors = (_dots(error, "¨"), _dots(error, "˙"), error, force)
-    terms = [
-        _term(matrices[key], i, factor, fixed=is_fixed(snapshot, key, i))
-        for key, factor in zip(_NAMES, factors, strict=True)
-    ]
-    coupled = any(_coupled(matrices[key], i) for key in _NAMES)
+def _row(i: int, snapshot: Snapshot) -> str:
+    index = escape(symbol(snapshot.coordinates[i].name))
+    force = f"<msub><mi>e</mi><mrow><mi>F</mi><mi>{index}</mi></mrow></msub>"
+    factors = (_error(index, "¨"), _error(index, "˙"), _error(index), force)
+    terms = [_term(name, i, factor, snapshot) for name, factor in zip(_NAMES, factors, strict=True)]
+    coupled = any(np.count_nonzero(snapshot.matrices[name][i]) > (entry != 0) for name, entry in _entries(i, snapshot))
     return _cells(
         [
             terms[0],
@@ -66,26 +56,19 @@ def _row(i: int, matrices: dict[str, Any], snapshot: Snapshot) -> str:
     )
 
 
-def _term(matrix: Any, i: int, factor: str, *, fixed: bool) -> str:
-    grey = ' class="fixed"' if fixed else ""
-    return f"<mrow{grey}><mn>{entry(matrix, i):.4g}</mn><mspace width='0.15em'/>{factor}</mrow>"
+def _term(name: str, i: int, factor: str, snapshot: Snapshot) -> str:
+    grey = ' class="fixed"' if is_fixed(snapshot, name, i) else ""
+    value = snapshot.matrices[name][i, i]
+    return f'<mrow{grey}><mn>{value:.4g}</mn><mspace width="0.15em"/>{factor}</mrow>'
 
 
-def entry(matrix: Any, i: int) -> float:
-    """Diagonal entry i of a matrix given by its diagonal or by its rows."""
-    row = matrix[i]
-    return float(row[i] if isinstance(row, tuple | list) else row)
-
-
-def _coupled(matrix: Any, i: int) -> bool:
-    row = matrix[i]
-    return isinstance(row, tuple | list) and any(value for j, value in enumerate(row) if j != i)
+def _entries(i: int, snapshot: Snapshot) -> list[tuple[str, float]]:
+    return [(name, float(snapshot.matrices[name][i, i])) for name in _NAMES]
 
 
 def is_fixed(snapshot: Snapshot, name: str, i: int) -> bool:
     """Whether the mode fixes diagonal entry i of this matrix."""
-    mask = np.asarray(snapshot.fixed.get(name, False))
-    return bool(mask[i, i] if mask.ndim == 2 else mask)
+    return name in snapshot.fixed and bool(snapshot.fixed[name][i, i])
 
 
 def _cells(contents: list[str]) -> str:
@@ -96,5 +79,6 @@ def _sub(base: str, index: str) -> str:
     return f"<msub><mi>{base}</mi><mi>{index}</mi></msub>"
 
 
-def _dots(base: str, accent: str) -> str:
-    return f'<mover accent="true">{base}<mo>{accent}</mo></mover>'
+def _error(index: str, accent: str = "") -> str:
+    base = f'<mover accent="true"><mi>e</mi><mo stretchy="false">{accent}</mo></mover>' if accent else "<mi>e</mi>"
+    return f"<msub>{base}<mi>{index}</mi></msub>"

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
@@ -16,7 +15,8 @@ from app.runner import Snapshot
 
 WINDOW = 8.0  # s
 POINTS = 320  # about what a plot has pixels for
-_FLOOR = 1e-7  # m/s: what a logarithmic axis shows of an exact zero
+_FLOOR = 1e-2  # mm/s: what a logarithmic axis shows of an exact zero
+_EMPTY = np.array([-WINDOW, 0.0])
 
 Signals = Mapping[str, np.ndarray]
 
@@ -46,25 +46,33 @@ class Plot:
     signals: tuple[str, ...]
     lines: Callable[[Snapshot], list[Line]]
     logarithmic: bool = False
+    at_least: tuple[float, float] | None = None  # this range is always in view, so that noise does not fill the plot
+
+    def y_scale(self) -> uplot.Scale:
+        if self.logarithmic:
+            return uplot.Scale(distr=3)
+        if self.at_least is None:
+            return uplot.Scale()
+        low, high = ({"pad": 0.1, "soft": soft, "mode": 1} for soft in self.at_least)
+        return uplot.Scale(range={"min": low, "max": high})
 
 
 def _column(signal: str, index: int, factor: float = 1.0) -> Callable[[Signals], np.ndarray]:
     return lambda signals: factor * signals[signal].reshape(len(signals["t"]), -1)[:, index]
 
 
-def _whole(signal: str) -> Callable[[Signals], np.ndarray]:
-    return lambda signals: signals[signal].reshape(len(signals["t"]), -1).sum(axis=1)
+def _total(*names: str, factor: float = 1.0) -> Callable[[Signals], np.ndarray]:
+    def total(signals: Signals) -> np.ndarray:
+        return factor * sum(signals[name].reshape(len(signals["t"]), -1).sum(axis=1) for name in names)
 
-
-def _normal_force(signal: str) -> Callable[[Signals], np.ndarray]:
-    return _column(signal, 0)
+    return total
 
 
 def _per_coordinate(signal: str, factor: float = 1.0) -> Callable[[Snapshot], list[Line]]:
     def lines(snapshot: Snapshot) -> list[Line]:
         return [
-            Line(symbol(name), SERIES[i % len(SERIES)], _column(signal, i, factor))
-            for i, (name, _) in enumerate(snapshot.coordinates)
+            Line(symbol(coordinate.name), SERIES[i % len(SERIES)], _column(signal, i, factor))
+            for i, coordinate in enumerate(snapshot.coordinates)
         ]
 
     return lines
@@ -72,22 +80,22 @@ def _per_coordinate(signal: str, factor: float = 1.0) -> Callable[[Snapshot], li
 
 def _forces(_: Snapshot) -> list[Line]:
     return [
-        Line("desired", DESIRED, _normal_force("F_cd"), dashed=True, width=2.0),
-        Line("measured", MEASURED, _normal_force("F_c")),
+        Line("desired", DESIRED, _column("F_cd", 0), dashed=True, width=2.0),
+        Line("measured", MEASURED, _column("F_c", 0)),
     ]
 
 
 def _sliding(_: Snapshot) -> list[Line]:
     return [
-        Line("bound (20)", BOUND, _whole("s_bound"), dashed=True, width=2.0),
-        Line("‖s‖", SERIES[0], _whole("s_norm")),
+        Line("bound (20) + sampling", BOUND, _total("s_bound", "s_band", factor=1e3), dashed=True, width=2.0),
+        Line("‖s‖", SERIES[0], _total("s_norm", factor=1e3)),
     ]
 
 
 def _guarantee(_: Snapshot) -> list[Line]:
     return [
-        Line("needed (17)", BOUND, _whole("d_required"), dashed=True, width=2.0),
-        Line("d", DESIRED, _whole("d")),
+        Line("needed (17)", BOUND, _total("needed"), dashed=True, width=2.0),
+        Line("d", DESIRED, _total("d")),
     ]
 
 
@@ -100,14 +108,14 @@ def _torques(snapshot: Snapshot) -> list[Line]:
 
 TABS: dict[str, tuple[Plot, ...]] = {
     "Live": (
-        Plot("tracking error  e_r  [mm]", ("e_r",), _per_coordinate("e_r", 1000.0)),
-        Plot("normal force  [N]", ("F_c", "F_cd"), _forces),
-        Plot("sliding variable  ‖s‖  [m/s]", ("s_norm", "s_bound"), _sliding, logarithmic=True),
-        Plot("gain  d  against what (17) needs  [N]", ("d", "d_required"), _guarantee),
+        Plot("tracking error  e_r  [mm]", ("e_r",), _per_coordinate("e_r", 1000.0), at_least=(-0.01, 0.01)),
+        Plot("normal force  [N]", ("F_c", "F_cd"), _forces, at_least=(0.0, 1.0)),
+        Plot("sliding variable  ‖s‖  [mm/s]", ("s_norm", "s_bound", "s_band"), _sliding, logarithmic=True),
+        Plot("gain  d  against what (17) needs  [N]", ("d", "needed"), _guarantee, at_least=(0.0, 1.0)),
     ),
     "Torque": (
         Plot("joint torque  τ  [N·m]", ("tau",), _torques),
-        Plot("residual of the target model (8)  [N]", ("residual",), _per_coordinate("residual")),
+        Plot("residual of the target model (8)  [N]", ("residual",), _per_coordinate("residual"), at_least=(-0.01, 0.01)),
     ),
 }
 
@@ -118,33 +126,32 @@ class _Chart:
     def __init__(self, gui: viser.GuiApi, plot: Plot) -> None:
         self.plot = plot
         self._lines: list[Line] = []
-        empty = np.array([0.0, 1.0])
-        y_scale = uplot.Scale(distr=3) if plot.logarithmic else uplot.Scale()
         self._handle = gui.add_uplot(
-            (empty, empty + _FLOOR),
-            (uplot.Series(label="t"), uplot.Series(label="")),
+            (_EMPTY, np.full(2, _FLOOR)),
+            (uplot.Series(label="s ago"), uplot.Series(label="")),
             title=plot.title,
-            scales={"x": uplot.Scale(time=False), "y": y_scale},
-            axes=(uplot.Axis(size=26, space=60), uplot.Axis(size=52, space=26)),
+            scales={"x": uplot.Scale(time=False, range=(-WINDOW, 0.0)), "y": plot.y_scale()},
+            axes=(uplot.Axis(size=34, space=60), uplot.Axis(size=60, space=26, ticks={"show": not plot.logarithmic})),
             cursor=uplot.Cursor(sync={"key": "vsmrc"}),
             height=150,
-            padding=(4, 14, 0, 0),
+            padding=(10, 14, 0, 0),
         )
 
     def adapt(self, snapshot: Snapshot) -> None:
         """Take the lines that this run has."""
         self._lines = self.plot.lines(snapshot)
-        t = np.array([0.0, 1.0])
-        self._handle.series = (uplot.Series(label="t"), *(line.series() for line in self._lines))
-        self._handle.data = (t, *(np.full(2, _FLOOR) for _ in self._lines))
+        self._handle.data = (_EMPTY, *(np.full(2, _FLOOR) for _ in self._lines))
+        self._handle.series = (uplot.Series(label="s ago"), *(line.series() for line in self._lines))
 
     def set_height(self, pixels: int) -> None:
         self._handle.height = pixels
 
-    def draw(self, signals: Signals) -> None:
+    def draw(self, ago: np.ndarray, signals: Signals) -> None:
+        """ago: each row's time minus now, s."""
         columns = [np.asarray(line.values(signals), dtype=float) for line in self._lines]
-        low, high = (_FLOOR, math.inf) if self.plot.logarithmic else (-math.inf, math.inf)
-        self._handle.data = (signals["t"], *(np.nan_to_num(np.clip(c, low, high), nan=max(low, 0.0)) for c in columns))
+        if self.plot.logarithmic:
+            columns = [np.maximum(column, _FLOOR) for column in columns]
+        self._handle.data = (ago, *columns)
 
 
 class Plots:
@@ -170,8 +177,10 @@ class Plots:
         signals = snapshot.recording.window(self._signals, snapshot.t - WINDOW, snapshot.t, POINTS)
         if len(signals["t"]) < 2:
             return
+        # An axis that stands still: viser's client may lose a moving one while the window is still growing.
+        ago = signals["t"] - signals["t"][-1]
         for _, chart in self._charts:
-            chart.draw(signals)
+            chart.draw(ago, signals)
 
     def fit(self, page_height: int) -> None:
         """Share the height of the page among the plots of a tab."""

@@ -16,6 +16,7 @@ from app.dashboard.theme import Rgb
 from environments.robots import Robot
 
 _CELL = 0.0035  # m: detail finer than this is not drawn
+_BRIGHTEN = 0.55
 _PLAIN: Rgb = (196, 200, 206)
 
 
@@ -60,8 +61,8 @@ def _color(mesh: trimesh.Trimesh) -> Rgb:
     rgba = np.asarray(getattr(material, "main_color", None) if material is not None else mesh.visual.main_color)
     if rgba.shape != (4,):
         return _PLAIN
-    # Pure black and pure white lose their shape in the plain lights of the scene.
-    r, g, b = np.clip(rgba[:3].astype(int), 38, 232)
+    # Many files hold linear colours, which look almost black; pure white loses its shape in plain lights.
+    r, g, b = np.clip(255 * (rgba[:3] / 255) ** _BRIGHTEN, 0, 235)
     return int(r), int(g), int(b)
 
 
@@ -92,6 +93,7 @@ class RobotView:
                 part.vertices,
                 part.faces,
                 color=part.color,
+                side="double",
                 cast_shadow=False,
                 receive_shadow=False,
             )
@@ -103,6 +105,11 @@ class RobotView:
             T_parent_joint = self._data.liMi[joint]
             frame.wxyz = _wxyz(T_parent_joint.rotation)
             frame.position = T_parent_joint.translation
+
+    @property
+    def extent(self) -> float:
+        """How far the farthest joint is from the base, m."""
+        return max(float(np.linalg.norm(T.translation)) for T in self._data.oMi)
 
     def remove(self) -> None:
         self._root.remove()

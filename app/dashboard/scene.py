@@ -10,8 +10,9 @@ import viser
 from app.dashboard.robot_view import RobotView
 from app.dashboard.theme import DESIRED, GRID, GRID_SECTION, MEASURED, SURFACE, TOOL_PATH, Rgb
 from app.runner import Snapshot
+from environments.surfaces import Plane
 
-_METRES_PER_NEWTON = 0.008
+_METRES_PER_NEWTON = 0.007
 _LEAST_FORCE = 0.2  # N: below this no arrow
 _ASIDE = np.array([0.0, 0.03, 0.0])  # m: keeps the desired force apart from the measured one
 
@@ -51,8 +52,8 @@ class ForceArrow:
             name,
             np.array([[[0.0, 0.0, 0.0], [0.0, 0.0, 0.1]]]),
             color,
-            shaft_radius=0.006,
-            head_radius=0.016,
+            shaft_radius=0.008,
+            head_radius=0.02,
             head_length=0.04,
             visible=False,
         )
@@ -73,6 +74,7 @@ class SceneView:
         scene.configure_default_lights(enabled=True, cast_shadow=False)
         scene.configure_environment_map(None)
         scene.world_axes.visible = False
+        scene.add_light_hemisphere("/light", sky_color=(255, 255, 255), ground_color=(150, 150, 160), intensity=1.2)
         scene.add_grid(
             "/grid",
             width=4.0,
@@ -89,6 +91,7 @@ class SceneView:
         self._desired = ForceArrow(scene, "/force/desired", DESIRED)
         self._robot_view: RobotView | None = None
         self._robot_key: object = None
+        self._robots = 0
         self._surface_key: object = None
         self._surface: viser.MeshHandle | None = None
         self._run = -1
@@ -121,8 +124,10 @@ class SceneView:
             self._robot_key = robot_key
             if self._robot_view is not None:
                 self._robot_view.remove()
-            self._robot_view = RobotView(self._server.scene, snapshot.robot, "/robot")
-            self._look_at(snapshot.tool)
+            self._robots += 1  # a name of its own: messages about the removed one may still be under way
+            self._robot_view = RobotView(self._server.scene, snapshot.robot, f"/robot_{self._robots}")
+            self._robot_view.show(snapshot.q)
+            self._look_at(snapshot.tool, max(float(np.linalg.norm(snapshot.tool)), self._robot_view.extent))
         surface_key = (snapshot.scenario.surface, snapshot.surface is None)
         if surface_key != self._surface_key:
             self._surface_key = surface_key
@@ -135,6 +140,9 @@ class SceneView:
         if snapshot.surface is None:
             return
         vertices, faces = snapshot.surface.mesh()
+        if isinstance(snapshot.surface, Plane):  # it has no middle of its own: show the part where the tool is
+            normal, along = snapshot.surface.frame[0], snapshot.tool - snapshot.surface.origin
+            vertices = vertices + along - normal * (normal @ along)
         self._surface = self._server.scene.add_mesh_simple(
             "/surface",
             np.asarray(vertices, dtype=np.float32),
@@ -146,11 +154,10 @@ class SceneView:
             receive_shadow=False,
         )
 
-    def _look_at(self, tool: np.ndarray) -> None:
+    def _look_at(self, tool: np.ndarray, reach: float) -> None:
         """A view from the side on which the tool works, with the whole arm in it."""
-        reach = float(np.linalg.norm(tool)) or 1.0
-        target = 0.62 * tool + np.array([0.0, 0.0, 0.16 * reach])
-        position = target + reach * np.array([1.05, -1.75, 0.75])
+        target = 0.55 * tool + np.array([0.0, 0.0, 0.05 * reach])
+        position = target + reach * np.array([0.85, -1.45, 0.8])
         camera = self._server.initial_camera
         camera.position, camera.look_at = position, target
         for client in self._server.get_clients().values():

@@ -49,7 +49,8 @@ def _phase(snapshot: Snapshot) -> str:
 
 
 def _bound(snapshot: Snapshot) -> str:
-    s_norm, bound = snapshot.live.get("s_norm", math.nan), snapshot.live.get("s_bound", math.nan)
+    live = snapshot.live
+    s_norm, bound = live.get("s_norm", math.nan), live.get("s_bound", math.nan) + live.get("s_band", 0.0)
     if not (math.isfinite(s_norm) and math.isfinite(bound)):
         return _chip("‖s‖ ≤ bound: —", "vs-dim")
     return _chip("‖s‖ ≤ bound: holds", "vs-good") if s_norm <= bound else _chip("‖s‖ ≤ bound: violated", "vs-bad")

@@ -56,12 +56,12 @@ form > div:has(.mantine-TextInput-root) > div > div:first-child {{ order: 1; wid
 form > div:has(.mantine-TextInput-root) > div > div:last-child {{ order: 3; grid-column: 3; }}
 form:not(:has(.mantine-Slider-root)) > div > div > div:last-child {{ grid-column: 2 / 4 !important; }}
 form > div:has(.mantine-Slider-root) > div > div:first-child {{ display: none; }}
-form > div:has(.mantine-Slider-root) > div > div:last-child {{ order: 2; }}
+form > div:has(.mantine-Slider-root) > div > div:last-child {{ order: 2; margin-top: -0.4em; }}
 form .mantine-NumberInput-root {{ display: none; }}
-form input {{ text-align: right; font-variant-numeric: tabular-nums; }}
+form input {{ text-align: right !important; font-variant-numeric: tabular-nums; }}
 form input[data-pending] {{ border-color: {css(MEASURED)}; color: {css(MEASURED)}; }}
 form label {{ white-space: nowrap; }}
-.vs-status {{ padding: 0.5em 0.8em 0.35em; font-size: 0.9em; line-height: 1.55; font-variant-numeric: tabular-nums; }}
+.vs-status {{ padding: 0.5em 1.1em 0.35em 0.8em; font-size: 0.9em; line-height: 1.55; font-variant-numeric: tabular-nums; }}
 .vs-row {{ display: flex; flex-wrap: wrap; gap: 0.35em 0.5em; align-items: center; }}
 .vs-row > .vs-right {{ margin-left: auto; }}
 .vs-title {{ font-weight: 600; font-size: 1.05em; }}
@@ -75,7 +75,7 @@ form label {{ white-space: nowrap; }}
 .vs-message {{ margin-top: 0.35em; padding: 0.2em 0.7em; border-left: 3px solid; border-radius: 0.2em;
   line-height: 1.35; overflow-wrap: anywhere; }}
 .vs-note {{ padding: 0.1em 0.8em 0.5em; font-size: 0.8em; line-height: 1.4; opacity: 0.75; }}
-.vs-facts {{ width: calc(100% - 1.4em); margin: 0.2em 0.7em 0.6em; font-size: 0.84em; border-collapse: collapse;
+.vs-facts {{ width: calc(100% - 1.7em); margin: 0.2em 1em 0.6em 0.7em; font-size: 0.84em; border-collapse: collapse;
   font-variant-numeric: tabular-nums; }}
 .vs-facts td {{ padding: 0.12em 0; border-bottom: 1px solid rgba(255, 255, 255, 0.07); }}
 .vs-facts td:last-child {{ text-align: right; }}

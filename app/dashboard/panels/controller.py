@@ -24,18 +24,18 @@ class ControllerPanel:
         with gui.add_folder("Robust term"):
             self._controls += [
                 Choice(desk, "controller.gain", "Gain d", {"by the theorem (17)": "theorem", "constant": "constant"}),
-                Number(desk, Place("controller.d"), "constant d  N", decades(1, 1000)),
-                Number(desk, Place("controller.epsilon"), "margin ε  N", decades(0.1, 100)),
+                Number(desk, Place("controller.d"), "constant d [N]", decades(1, 1000)),
+                Number(desk, Place("controller.epsilon"), "margin ε [N]", decades(0.1, 100)),
                 Choice(desk, "controller.bounds", "Bounds", {"in task space (tight)": "tight", "as in (7)": "paper"}),
                 Choice(desk, "controller.switching", "Switching", switching),
-                Number(desk, Place("controller.layer"), "layer φ  m/s", decades(1e-4, 0.1)),
-                Number(desk, Place("controller.K_s"), "K_s  N·s/m", decades(1, 2000)),
+                Number(desk, Place("controller.layer"), "layer φ [m/s]", decades(1e-4, 0.1)),
+                Number(desk, Place("controller.K_s"), "K_s [N·s/m]", decades(1, 2000)),
             ]
         with gui.add_folder("Sliding surface"):
             self._controls += [
-                Number(desk, Place("controller.F_1"), "F_1  1/s", decades(0.5, 200)),
+                Number(desk, Place("controller.F_1"), "F_1 [1/s]", decades(0.5, 200)),
                 Number(desk, Place("controller.F_2"), "F_2", decades(0.05, 20)),
-                Number(desk, Place("controller.A"), "A ≤ 0  1/s"),
+                Number(desk, Place("controller.A"), "A ≤ 0 [1/s]"),
                 Choice(
                     desk,
                     "controller.on_change",
@@ -47,7 +47,7 @@ class ControllerPanel:
             estimates = {"M, C, G on-line": "online", "along r_d (Remark 3)": "along-reference"}
             self._controls += [
                 Choice(desk, "controller.estimates", "Estimates", estimates),
-                Number(desk, Place("controller.period"), "period  s", decades(1e-4, 0.02)),
+                Number(desk, Place("controller.period"), "period [s]", decades(1e-4, 0.02)),
             ]
 
     def show(self, snapshot: Snapshot) -> None:

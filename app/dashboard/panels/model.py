@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import viser
 
-from app.dashboard.controls import Desk, Number, Place, decades
+from app.dashboard.controls import Desk, DiagonalPlace, Number, decades
 from app.dashboard.equation import is_fixed, symbol
 from app.runner import Snapshot
 
@@ -36,7 +36,8 @@ class ModelPanel:
                 with tabs.add_tab(name):
                     gui.add_html(f'<div class="vs-note">{meaning}</div>')
                     for i, coordinate in enumerate(snapshot.coordinates):
-                        row = Number(self._desk, Place(f"target_model.{name}", i), f"{name}  {symbol(coordinate[0])}", scale)
+                        place = DiagonalPlace(f"target_model.{name}", i)
+                        row = Number(self._desk, place, f"{name} {symbol(coordinate.name)}", scale)
                         self._rows.append((name, i, row))
 
     def show(self, snapshot: Snapshot) -> None:

@@ -34,22 +34,22 @@ class TaskPanel:
         with gui.add_folder("Desired force"):
             self._controls += [
                 Choice(desk, "force", "Profile", {"constant": "constant", "step": "step", "sinusoid": "sinusoid"}),
-                Number(desk, Place("force.value"), "F_d  N", Scale(0, 60)),
-                Number(desk, Place("force.start"), "before  N", Scale(0, 60)),
-                Number(desk, Place("force.time"), "at time  s", Scale(0, 20)),
-                Number(desk, Place("force.rise"), "rise  s", decades(0.01, 2)),
-                Number(desk, Place("force.amplitude"), "amplitude  N", Scale(0, 20)),
-                Number(desk, Place("force.frequency"), "frequency  Hz", decades(0.05, 5)),
+                Number(desk, Place("force.value"), "F_d [N]", Scale(0, 60)),
+                Number(desk, Place("force.start"), "before [N]", Scale(0, 60)),
+                Number(desk, Place("force.time"), "at time [s]", Scale(0, 20)),
+                Number(desk, Place("force.rise"), "rise [s]", decades(0.01, 2)),
+                Number(desk, Place("force.amplitude"), "amplitude [N]", Scale(0, 20)),
+                Number(desk, Place("force.frequency"), "frequency [Hz]", decades(0.05, 5)),
             ]
         with gui.add_folder("Desired motion"):
             kinds = {"hold": "hold", "point to point": "point-to-point", "circle": "circle", "line": "line"}
             self._controls += [
                 Choice(desk, "motion", "Path", kinds),
-                Number(desk, Place("motion.radius"), "radius  m", Scale(0, 0.15)),
-                Number(desk, Place("motion.displacement"), "by  m"),
-                Number(desk, Place("motion.period"), "period  s", decades(1, 30)),
-                Number(desk, Place("motion.duration"), "duration  s", decades(0.2, 20)),
-                Number(desk, Place("motion.ramp"), "ramp  s", Scale(0, 5)),
+                Number(desk, Place("motion.radius"), "radius [m]", Scale(0, 0.15)),
+                Number(desk, Place("motion.displacement"), "by [m]"),
+                Number(desk, Place("motion.period"), "period [s]", decades(1, 30)),
+                Number(desk, Place("motion.duration"), "duration [s]", decades(0.2, 20)),
+                Number(desk, Place("motion.ramp"), "ramp [s]", Scale(0, 5)),
             ]
 
     async def _load(self, event: viser.GuiEvent) -> None:

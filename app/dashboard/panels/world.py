@@ -21,28 +21,28 @@ class WorldPanel:
             }
             self._controls += [
                 Choice(desk, "contact.kind", "Kind", kinds),
-                Number(desk, Place("contact.K_e"), "K_e  N/m", decades(100, 1_000_000)),
-                Number(desk, Place("controller.K_e_hat"), "K̂_e  N/m", decades(100, 1_000_000)),
-                Number(desk, Place("contact.B_e"), "B_e  N·s/m", decades(1, 10_000, zero=True)),
-                Number(desk, Place("contact.M_e"), "M_e  kg", decades(0.01, 100, zero=True)),
+                Number(desk, Place("contact.K_e"), "K_e [N/m]", decades(100, 1_000_000)),
+                Number(desk, Place("controller.K_e_hat"), "K̂_e [N/m]", decades(100, 1_000_000)),
+                Number(desk, Place("contact.B_e"), "B_e [N·s/m]", decades(1, 10_000, zero=True)),
+                Number(desk, Place("contact.M_e"), "M_e [kg]", decades(0.01, 100, zero=True)),
                 Switch(desk, "contact.unilateral", "Pushes only"),
                 Number(desk, Place("contact.friction_coulomb"), "friction μ", Scale(0, 1)),
-                Number(desk, Place("contact.friction_viscous"), "viscous  N·s/m", decades(0.1, 1000, zero=True)),
+                Number(desk, Place("contact.friction_viscous"), "viscous [N·s/m]", decades(0.1, 1000, zero=True)),
             ]
         with gui.add_folder("Surface"):
             self._controls += [
                 Choice(desk, "surface", "Shape", {"plane": "plane", "cylinder": "cylinder", "sphere": "sphere"}),
-                Number(desk, Place("surface.origin"), "origin  m"),
-                Number(desk, Place("surface.radius"), "radius  m", decades(0.05, 2)),
-                Number(desk, Place("surface.motion.amplitude"), "moves by  m", Scale(0, 0.05)),
-                Number(desk, Place("surface.motion.frequency"), "at  Hz", Scale(0, 2)),
+                Number(desk, Place("surface.origin"), "origin [m]"),
+                Number(desk, Place("surface.radius"), "radius [m]", decades(0.05, 2)),
+                Number(desk, Place("surface.motion.amplitude"), "moves by [m]", Scale(0, 0.05)),
+                Number(desk, Place("surface.motion.frequency"), "at [Hz]", Scale(0, 2)),
                 Number(desk, Place("surface.motion.direction"), "direction"),
             ]
         with gui.add_folder("Force sensor"):
             self._controls += [
-                Number(desk, Place("sensor.noise"), "noise  N", decades(0.01, 10, zero=True)),
-                Number(desk, Place("sensor.delay"), "delay  s", decades(1e-3, 0.1, zero=True)),
-                Number(desk, Place("sensor.cutoff"), "low-pass  Hz", decades(1, 1000, zero=True)),
+                Number(desk, Place("sensor.noise"), "noise [N]", decades(0.01, 10, zero=True)),
+                Number(desk, Place("sensor.delay"), "delay [s]", decades(1e-3, 0.1, zero=True)),
+                Number(desk, Place("sensor.cutoff"), "low-pass [Hz]", decades(1, 1000, zero=True)),
                 Switch(desk, "sensor.ideal", "Ideal reading"),
             ]
 

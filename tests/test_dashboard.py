@@ -1,0 +1,213 @@
+"""The page in a real browser: a person's actions, and their effect in the running loop."""
+
+import socket
+import threading
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import pytest
+from playwright.sync_api import Locator, Page
+
+from app.dashboard import Dashboard, PortBusy
+from app.dashboard.controls import Scale, decades, read_back, written
+from app.runner import Load, Play, Runner, SetSpeed, Snapshot
+from app.scenario import shipped
+
+VIEWPORT = {"width": 1280, "height": 720}
+
+
+@dataclass(frozen=True)
+class Session:
+    """A page, and the runner behind it."""
+
+    page: Page
+    runner: Runner
+
+    @property
+    def now(self) -> Snapshot:
+        return self.runner.snapshot
+
+    def choose(self, label: str, option: str) -> None:
+        self.page.get_by_label(label, exact=True).click()
+        self.page.get_by_role("option", name=option, exact=True).click()
+
+    def tab(self, name: str) -> None:
+        self.page.get_by_role("tab", name=name, exact=True).click()
+
+    def row(self, label: str) -> Locator:
+        return self.page.locator("form", has=self.page.get_by_text(label, exact=True))
+
+    def number(self, label: str) -> Locator:
+        return self.row(label).locator(".mantine-TextInput-input")
+
+    def wait(self, condition: Callable[[Snapshot], bool], seconds: float = 15.0) -> None:
+        """Until the loop is as the test wants it; a failure shows where it stood."""
+        until = time.monotonic() + seconds
+        while not condition(self.now):
+            assert time.monotonic() < until, (self.now.phase, self.now.reason, self.now.refusal, self.now.live)
+            self.page.wait_for_timeout(50)
+
+
+@pytest.fixture(scope="module")
+def served() -> Iterator[tuple[Dashboard, Runner]]:
+    """A dashboard on a free port, with the loop that it shows."""
+    dashboard = Dashboard(port=0)
+    dashboard.show_progress("compiling the control law…")
+    runner = Runner(shipped()["ur5-hybrid"])
+    dashboard.attach(runner)
+    runner.start()
+    drawing = threading.Thread(target=dashboard.run_forever, daemon=True)
+    drawing.start()
+    yield dashboard, runner
+    dashboard.close()
+    runner.close()
+    drawing.join(timeout=5.0)
+
+
+@pytest.fixture
+def session(served: tuple[Dashboard, Runner], open_page: Callable[..., Page]) -> Session:
+    dashboard, runner = served
+    for command in (Load(shipped()["ur5-hybrid"]), SetSpeed(1.0), Play()):
+        runner.post(command)
+    page = open_page(dashboard.url, viewport=VIEWPORT)
+    page.get_by_text("real time").wait_for(timeout=60_000)
+    opened = Session(page, runner)
+    opened.wait(lambda now: now.scenario.name == "ur5-hybrid" and now.phase == "running")
+    return opened
+
+
+def test_the_page_comes_up_and_shows_the_running_loop(session: Session):
+    page = session.page
+    page.locator("canvas[data-engine]").wait_for()
+    page.get_by_text("‖s‖ ≤ bound: holds").wait_for()
+    assert page.locator("math mtr").count() == 1 + len(session.now.coordinates)
+    page.wait_for_function("Object.values(__viserTestpoints.uplots).some((p) => p.chart.data[0].length > 100)")
+    assert page.locator(".uplot-container:visible").count() == 4
+
+
+def test_another_scenario_and_mode(session: Session):
+    session.choose("Scenario", shipped()["ur5-motion"].title)
+    session.wait(lambda now: now.scenario.name == "ur5-motion" and now.phase == "running")
+    session.choose("Mode", "Impedance")
+    session.wait(lambda now: now.scenario.mode == "impedance" and now.t > 0.3)
+    assert session.now.phase == "running", session.now.reason
+    session.page.get_by_text("the force error moves the tool").wait_for()
+
+
+def test_a_number_takes_effect_on_enter_not_digit_by_digit(session: Session):
+    session.wait(lambda now: abs(now.recording.signals(("F_c",))["F_c"][-1, 0] - 20.0) < 0.1)
+    field = session.number("F_d [N]")
+    field.fill("")
+    field.press_sequentially("35", delay=60)
+    session.page.wait_for_timeout(300)
+    assert session.now.scenario.force.value == 20.0
+    assert field.get_attribute("data-pending") is not None
+    field.press("Enter")
+    session.wait(lambda now: now.scenario.force.value == 35.0)
+    session.wait(lambda now: abs(now.recording.signals(("F_c",))["F_c"][-1, 0] - 35.0) < 0.1)
+
+
+def test_a_number_takes_effect_when_its_field_is_left(session: Session):
+    field = session.number("F_d [N]")
+    field.fill("12.5")
+    field.blur()
+    session.wait(lambda now: now.scenario.force.value == 12.5)
+    field.fill("99")
+    field.press("Escape")
+    session.page.wait_for_timeout(400)
+    assert session.now.scenario.force.value == 12.5
+
+
+def test_a_slider_changes_the_running_response(session: Session):
+    slider = session.row("F_d [N]").locator(".mantine-Slider-root")
+    box = slider.bounding_box()
+    assert box is not None
+    y = box["y"] + box["height"] / 2
+    session.page.mouse.move(box["x"] + 0.33 * box["width"], y)
+    session.page.mouse.down()
+    session.page.mouse.move(box["x"] + 0.75 * box["width"], y, steps=10)
+    session.page.mouse.up()
+    session.wait(lambda now: 40.0 < now.scenario.force.value < 50.0)
+    session.page.wait_for_timeout(1000)
+    wanted = session.now.scenario.force.value
+    session.wait(lambda now: abs(now.recording.signals(("F_c",))["F_c"][-1, 0] - wanted) < 0.1)
+    assert session.number("F_d [N]").input_value() == written(wanted)
+
+
+def test_an_invalid_gain_shows_its_reason_and_the_run_goes_on(session: Session):
+    session.tab("Model")
+    before = session.now
+    field = session.number("M_m φ")
+    field.fill("0")
+    field.press("Enter")
+    session.wait(lambda now: now.refusal_number == before.refusal_number + 1)
+    session.page.locator(".vs-message", has_text="M_m").wait_for()
+    session.page.wait_for_timeout(500)
+    assert field.input_value() == written(before.matrices["M_m"][0, 0])
+    assert session.now.revision == before.revision
+    assert session.now.phase == "running"
+    assert session.now.t > before.t
+
+
+def test_text_that_is_no_number_is_refused_on_the_page(session: Session):
+    before = session.now
+    field = session.number("F_d [N]")
+    field.fill("<b>twenty</b>")
+    field.press("Enter")
+    session.page.locator(".vs-message", has_text="<b>twenty</b>").wait_for()
+    session.page.wait_for_timeout(500)
+    assert field.input_value() == "20"
+    assert session.now.revision == before.revision
+
+
+def test_pause_and_step(session: Session):
+    session.page.get_by_role("button", name="play / pause").click()
+    session.wait(lambda now: now.phase == "paused")
+    t = session.now.t
+    session.page.get_by_role("button", name="step").click()
+    session.wait(lambda now: now.t > t)
+    assert session.now.t == pytest.approx(t + session.now.scenario.controller.period)
+    session.page.get_by_role("button", name="reset").click()
+    session.wait(lambda now: now.t < t)
+
+
+def test_looking_at_every_tab_changes_nothing(session: Session):
+    before = session.now
+    for name in ("Model", "Controller", "World", "Robot", "Torque", "Task"):
+        session.tab(name)
+        session.page.wait_for_timeout(300)
+    assert session.now.revision == before.revision
+    assert session.now.scenario == before.scenario
+    assert session.now.refusal_number == before.refusal_number
+
+
+def test_every_shipped_scenario_can_be_shown(session: Session):
+    for name, scenario in shipped().items():
+        session.runner.post(Load(scenario))
+        session.wait(lambda now, name=name: now.scenario.name == name and now.t > 0.2, seconds=60.0)
+        session.page.locator(".vs-title", has_text=scenario.title).wait_for()
+
+
+def test_a_busy_port_is_said():
+    with socket.socket() as other:
+        other.bind(("127.0.0.1", 0))
+        other.listen()
+        with pytest.raises(PortBusy, match=str(other.getsockname()[1])):
+            Dashboard(port=other.getsockname()[1])
+
+
+@pytest.mark.parametrize("scale", [Scale(0, 60), decades(0.1, 100), decades(1, 1e5, zero=True)])
+def test_slider_positions_and_values_are_inverse(scale: Scale):
+    for position in (0.1, 0.37, 0.5, 1.0):
+        assert scale.position(scale.value(position)) == pytest.approx(position, abs=0.003)
+    assert scale.value(0.0) == (0.0 if scale.zero else scale.low)
+    assert scale.position(-1.0) == 0.0
+    assert scale.position(1e12) == 1.0
+
+
+def test_numbers_are_written_and_read_back():
+    assert read_back(written(0.01)) == 0.01
+    assert read_back(written((0.1, 0.0, -2.5))) == [0.1, 0.0, -2.5]
+    with pytest.raises(ValueError, match="could not convert"):
+        read_back("twenty")
