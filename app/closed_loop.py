@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from app.assembly import System, assemble
-from app.control_period import Outcome, ReferencePlan, control_period, reference_at
+from app.control_period import Outcome, Setting, complete_row, control_period, reference_at
 from app.recording import Recording
 from app.scenario import Scenario
 from controllers.bounds import InertiaRange
@@ -16,6 +16,7 @@ from controllers.reaching import ReachingCertificate
 from controllers.reference_estimates import EstimateOverride, ReferenceEstimates
 from controllers.switching import Switching
 from controllers.vsmrc import LawState, Reference
+from environments.held import hold
 from environments.plant import PlantState
 from environments.sensors import ForceReader
 
@@ -106,11 +107,9 @@ class ClosedLoop:
         """The law's answer to the present state and the measured force F (3,) N."""
         system, t, q, q_dot = self.system, self.t, self._plant.q, self._plant.q_dot
         override = self._override if self._along is None else self._along.at(q, q_dot, t)
-        return control_period(
-            system.nominal.update(q, q_dot), system.nominal.links, override, system.charted.shape, system.layout,
-            system.plan, system.motion.evaluate(t), system.force.evaluate(t), system.law.gains, self._promise,
-            self._law.z, q, q_dot, F, t, self.s_since, self._period, row,
-        )  # fmt: skip
+        system.nominal.update(q, q_dot)
+        path, force = system.motion.evaluate(t), system.force.evaluate(t)
+        return control_period(self._held, override, path, force, self._law.z, q, q_dot, F, t, row)
 
     def _with_solved_force(self, outcome: Outcome, row: np.ndarray) -> Outcome:
         """The law fed with the force that its own torque causes: secant iteration on the multiplier (DESIGN 4.6)."""
@@ -152,8 +151,13 @@ class ClosedLoop:
             law.epsilon * law.switching.kept,
             V_0=float(0.5 * s @ H_high @ s),
         )
-        self._promise = self.certificate.promise
         self.s_since = self.t
+        self._held = hold(
+            Setting(
+                system.nominal.terms, system.nominal.links, system.charted.shape, system.layout, system.plan,
+                law.gains, self.certificate.promise, self.s_since, self._period,
+            )
+        )  # fmt: skip
         self.reaching_time: float | None = None
 
     def _reference_estimates(self) -> ReferenceEstimates | None:
@@ -170,14 +174,13 @@ class ClosedLoop:
 
     def _complete(self, row: np.ndarray, before: PlantState, outcome: Outcome) -> None:
         """Record what is known only now that the plant has answered."""
-        after, column = self._plant, self.recording.columns
+        after = self._plant
         # a heavy contact's force goes with this period's torque
         load = after.load if self.system.plant.heavy else before.load
-        self._force, self._residual = load.force, outcome.residual_gain @ after.q_ddot + outcome.residual_rest
-        row[column["residual"]] = self._residual
-        row[column["F_true"]] = load.force
-        row[column["multiplier"]] = load.multiplier
-        row[column["phi"]] = before.load.phi
+        self._force = load.force
+        self._residual = complete_row(
+            row, outcome.residual_gain, outcome.residual_rest, after.q_ddot, load.force, load.multiplier, before.load.phi
+        )
         self.recording.commit()
 
     def _watch(self, t: float, outcome: Outcome) -> None:

@@ -8,12 +8,12 @@ import numpy as np
 from numba import njit
 
 from controllers.bounds import norm, spectral_norm
-from controllers.nominal_model import estimates
-from controllers.reaching import envelope, sampling_band
+from controllers.nominal_model import LinkConstants, Terms, estimates
+from controllers.reaching import Promise, envelope, sampling_band
 from controllers.reference_estimates import believed_estimate
-from controllers.task_space import task_space
-from controllers.vsmrc import Reference, control_law
-from environments.surfaces import surface_chart
+from controllers.task_space import TaskLayout, task_space
+from controllers.vsmrc import Gains, Reference, control_law
+from environments.surfaces import Shape, surface_chart
 
 
 class ReferencePlan(NamedTuple):
@@ -39,7 +39,7 @@ class Outcome(NamedTuple):
     sigma_min: float
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def reference_at(plan, path, force):
     """r_d(t) = start + path, but r_fd = f_nd / K_e_hat (33) in the first m coordinates; F_cd = f_nd there."""
     r_d, r_d_dot, r_d_ddot = plan.start + path.value, path.rate.copy(), path.acceleration.copy()
@@ -52,7 +52,7 @@ def reference_at(plan, path, force):
     return Reference(r_d, r_d_dot, r_d_ddot, F_cd)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _lay_down(row, parts):
     """Lay the parts one behind the other."""
     i = 0
@@ -61,16 +61,27 @@ def _lay_down(row, parts):
         i += part.shape[0]
 
 
-@njit(cache=True)
-def control_period(
-    terms, links, override, shape, layout, plan, path, force, gains, promise, z, q, q_dot, F, t, since, period, row
-):
-    """Evaluate the law at time t (s) for the state q, q_dot (n,) and the measured force F (3,) N, and write what it
-    saw and did into `row`.
+class Setting(NamedTuple):
+    """What stays the same between two edits. terms, links: see `NominalModel`; shape: the surface (or Cartesian axes)
+    that gives the task coordinates; promise: `ReachingCertificate`'s, counted from `since` (s); period s."""
 
-    terms, links: see `NominalModel`; override: see `ReferenceEstimates`; shape: the surface (or Cartesian
-    axes) that gives the task coordinates; since: time of the last jump of s, s.
+    terms: Terms
+    links: LinkConstants
+    shape: Shape
+    layout: TaskLayout
+    plan: ReferencePlan
+    gains: Gains
+    promise: Promise
+    since: float
+    period: float
+
+
+@njit(cache=True, error_model="numpy")
+def control_period(held, override, path, force, z, q, q_dot, F, t, row):
+    """Evaluate the law at time t (s) for the state q, q_dot (n,) and the measured force F (3,) N, and write what it
+    saw and did into `row`. held: a `Setting`; override: see `ReferenceEstimates`.
     """
+    terms, links, shape, layout, plan, gains, promise, since, period = held.value
     estimate = estimates(terms, links, q_dot)
     chart = surface_chart(shape, estimate.p, t)
     task = task_space(layout, chart, estimate, q, q_dot)
@@ -81,11 +92,10 @@ def control_period(
     model, n = gains.model, q.shape[0]
     known = task.J_q_dot @ q_dot + task.v_t_dot - reference.r_d_ddot
     rest = model.M_m @ known + model.B_m @ output.e_r_dot + model.K_m @ output.e_r + model.K_f @ output.e_Fc
-    K_s_largest = spectral_norm(gains.K_s)
     s_norm = norm(output.s)
     s_bound = envelope(promise, t - since)
     s_band = sampling_band(
-        promise.k_r_low, promise.k_r_high, K_s_largest, gains.switching, gains.phi, output.d, gains.epsilon, period
+        promise.k_r_low, promise.k_r_high, gains.K_s_largest, gains.switching, gains.phi, output.d, gains.epsilon, period
     )
     sigma_min = 1.0 / spectral_norm(task.J_q_inv)
     needed = np.array(
@@ -110,3 +120,11 @@ def control_period(
     return Outcome(
         output.tau, z + period * output.z_dot, model.M_m @ task.J_q, rest, s_norm, s_bound + s_band, s_band, sigma_min
     )
+
+
+@njit(cache=True, error_model="numpy")
+def complete_row(row, residual_gain, residual_rest, q_ddot, force, multiplier, phi):
+    """Write what is known only when the plant has answered behind the rest; returns the residual of (8), (n,) N."""
+    residual = residual_gain @ q_ddot + residual_rest
+    _lay_down(row[row.shape[0] - residual.shape[0] - 5 :], (residual, force, np.array([multiplier, phi])))
+    return residual

@@ -74,7 +74,7 @@ class Recording:
             self.columns[signal.name] = slice(start, start + width)
             start += width
         self.width = start
-        self._most = max(history // BLOCK, 2)
+        self._most = history // BLOCK + 2
         self._blocks: deque[np.ndarray] = deque()
         self._thinned: deque[np.ndarray] = deque(maxlen=self._most)
         self._fill = BLOCK

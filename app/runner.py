@@ -113,6 +113,7 @@ class Runner:
     """Owns the loop. `post` and `snapshot` may be used from any thread; nothing else touches the loop."""
 
     def __init__(self, scenario: Scenario) -> None:
+        ClosedLoop(scenario, history=1).step()  # compiles, where no cache has it yet, what must not delay the loop
         self._loop = ClosedLoop(scenario)
         self._commands: queue.SimpleQueue[Command] = queue.SimpleQueue()
         self._closing = threading.Event()

@@ -407,6 +407,8 @@ def _sentence(message: str, data: object) -> str:
     """msgspec's "Expected ... - at `$.a.b`" as "a.b: value; expected ..."."""
     reason, _, place = message.partition(" - at `")
     path = place.rstrip("`").removeprefix("$").removeprefix(".")
+    for technical, plain in _PLAIN.items():
+        reason = reason.replace(technical, plain)
     if not path:
         return f"scenario: {reason}"
     value: Any = data
@@ -419,3 +421,16 @@ def _sentence(message: str, data: object) -> str:
     if reason.startswith("Invalid enum value"):
         reason = f"allowed: {', '.join(field_info(path).choices)}"
     return f"{path}: {shown}{reason[:1].lower()}{reason[1:]}"
+
+
+_PLAIN = {
+    "Expected ": "allowed: ",
+    "`float | array`": "numbers or rows of numbers",
+    "`array | float`": "a number, or a list of numbers or rows",
+    "`float`": "a number",
+    "`int`": "a whole number",
+    "`str`": "text",
+    "`bool`": "true or false",
+    "`array`": "a list",
+    "`object`": "a table",
+}

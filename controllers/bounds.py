@@ -51,13 +51,13 @@ class RequiredGain(NamedTuple):
     epsilon: float
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def norm(v):
     """Euclidean norm of a vector."""
     return np.sqrt(v @ v)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def spectral_norm(A):
     """||A||_2 from above: its Schatten norm of order 64, at most n^(1/64) (3 % for n = 6) too large."""
     S = A @ A.T
@@ -74,7 +74,7 @@ def spectral_norm(A):
     return np.sqrt(bound * np.trace(S) ** power)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def paper_bound(u, deviation, estimate, task, q_dot, r_eq_dot, r_eq_ddot):
     """Each product of (17) with the bounds (7); delta_Ft stands in `task_motion`."""
     J_inv = spectral_norm(task.J_q_inv)
@@ -105,7 +105,7 @@ def paper_bound(u, deviation, estimate, task, q_dot, r_eq_dot, r_eq_ddot):
     )
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def tight_bound(u, deviation, estimate, task, q_dot, q_eq_dot, q_eq_ddot):
     """The same perturbation bounded in task space, term by term."""
     J_inv_T = np.ascontiguousarray(task.J_q_inv.T)

@@ -54,7 +54,7 @@ class LinkConstants(NamedTuple):
     tool_lever: np.ndarray
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _cross_columns(a, J):
     """a x J, column by column."""
     out = np.empty(J.shape)
@@ -75,7 +75,7 @@ class Terms(NamedTuple):
     placements: np.ndarray
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def estimates(terms, links, q_dot):
     """The `Estimate` from Pinocchio's arrays."""
     n = q_dot.shape[0]

@@ -26,7 +26,7 @@ class EstimateOverride(NamedTuple):
         return cls(False, np.zeros((n, n)), np.zeros((n, n)), np.zeros(n), ON_LINE)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def believed_estimate(estimate, override):
     """The estimate that (25) uses: with M_hat, C_hat, G_hat of the override where it is active."""
     if not override.active:

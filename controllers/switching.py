@@ -22,7 +22,7 @@ class Switching(IntEnum):
         return 1.0 if self in (Switching.DISCONTINUOUS, Switching.SATURATION) else 0.5
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def layer_width(kind, phi, d, epsilon):
     """||s|| (m/s) from which on d eta keeps its share of the margin epsilon in (17): outside, the proof holds."""
     if kind == 0 or d <= 0.0:
@@ -35,7 +35,7 @@ def layer_width(kind, phi, d, epsilon):
     return phi * np.arctanh(1.0 - given_up)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def unit_vector(s, kind, phi):
     """sigma(s), (n,), for s (n,) m/s; zero at s = 0."""
     norm = np.sqrt(s @ s)

@@ -46,7 +46,7 @@ class TaskLayout(NamedTuple):
         return self.positions + self.angles + len(self.supplemental)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def euler_angles(R):
     """Angles (alpha, beta, gamma) of R = R_z(gamma) R_y(beta) R_x(alpha)."""
     return np.array(
@@ -58,7 +58,7 @@ def euler_angles(R):
     )
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _euler_rates(angles, omega):
     """E_inv with angles_dot = E_inv omega, angles_dot, and the exact time derivative of E."""
     b, c = angles[1], angles[2]
@@ -76,7 +76,7 @@ def _euler_rates(angles, omega):
     return E_inv, rates, E_dot
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _cartesian(layout, chart, estimate, q, q_dot):
     n, positions, angles, l = q.shape[0], layout.positions, layout.angles, layout.l
     r, v_t, v_t_dot = np.zeros(n), np.zeros(n), np.zeros(n)
@@ -111,7 +111,7 @@ def _cartesian(layout, chart, estimate, q, q_dot):
     )
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _joint(chart, q, q_dot):
     n = q.shape[0]
     J_q = np.eye(n)
@@ -119,7 +119,7 @@ def _joint(chart, q, q_dot):
     return TaskSpace(q.copy(), q_dot.copy(), J_q, np.zeros((n, n)), J_q.copy(), zero, zero.copy(), chart.G[0].copy())
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def task_space(layout, chart, estimate, q, q_dot):
     """The `TaskSpace` at one instant, (3).
 

@@ -81,6 +81,7 @@ class Gains(NamedTuple):
     K_fz: np.ndarray
     K_s: np.ndarray
     controlled: np.ndarray
+    K_s_largest: float
     m: int
     by_theorem: bool
     d: float
@@ -91,7 +92,7 @@ class Gains(NamedTuple):
     uncertainty: Uncertainty
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def controlled_force(task, tau_F, F, controlled, m):
     """F_c (n,): the entries of F_r = J_q^-T J^T F in `controlled`; the first m are the multiplier, (39), (40)."""
     F_r = task.J_q_inv.T @ tau_F
@@ -100,7 +101,7 @@ def controlled_force(task, tau_F, F, controlled, m):
     return controlled * F_r
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def vsmrc_law(gains, z, reference, task, estimate, deviation, q_dot, F):
     """One evaluation of (25) for the compensator state z (n,) and measured force F (3,) N."""
     e_r = task.r - reference.r_d
@@ -139,7 +140,7 @@ def vsmrc_law(gains, z, reference, task, estimate, deviation, q_dot, F):
     return ControlOutput(tau, terms, e_r, e_r_dot, F_c, e_Fc, z, z_dot, s, d, needed)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def computed_torque(unified, model, reference, task, estimate, q_dot):
     """The baseline: the r_ddot that (8) asks for, by M_hat, C_hat, G_hat alone; z and s are carried along."""
     wanted = -(model.B_m @ unified.e_r_dot + model.K_m @ unified.e_r + model.K_f @ unified.e_Fc)
@@ -154,7 +155,7 @@ def computed_torque(unified, model, reference, task, estimate, q_dot):
     return ControlOutput(tau, terms, u.e_r, u.e_r_dot, u.F_c, u.e_Fc, u.z, u.z_dot, u.s, 0.0, u.needed)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def control_law(gains, z, reference, task, estimate, deviation, q_dot, F):
     """(25), or the baseline where `gains.robust` is False."""
     output = vsmrc_law(gains, z, reference, task, estimate, deviation, q_dot, F)
@@ -203,6 +204,7 @@ class Vsmrc:
             self.robust,
             ModelMatrices(*(np.array(a) for a in (model.M_m, model.B_m, model.K_m, model.K_f))),
             *(np.array(a, dtype=float, order="C") for a in arrays),
+            K_s_largest=float(np.linalg.eigvalsh(self.K_s)[-1]),
             m=self.m,
             by_theorem=self.d is None,
             d=float(self.d or 0.0),

@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from environments.surfaces import surface_chart, surface_velocity
+from environments.surfaces import Shape, surface_chart, surface_velocity
 
 SLIP_SPEED = 1e-3  # m/s, where Coulomb friction has reached 0.7 of its value: the smooth transition through rest
 
@@ -53,7 +53,7 @@ class Load(NamedTuple):
     phi: float
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def tool_point(J, rotation, translation, lever, q_dot):
     """Tool point p (3,) m, its Jacobian J_v (3, n) and velocity (3,) m/s, from the world Jacobian J (6, n) of the
     joint that carries it, that joint's placement, and the lever (3,) m of the tool in it."""
@@ -66,7 +66,7 @@ def tool_point(J, rotation, translation, lever, q_dot):
     return p, J_v, J_v @ q_dot
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def touch(shape, contact, t, p, p_dot, p_ddot_bias):
     """The `Touch` of a tool at p (3,) m with velocity p_dot (3,) and acceleration bias J_v_dot q_dot (3,)."""
     chart = surface_chart(shape, p, t)
@@ -80,7 +80,7 @@ def touch(shape, contact, t, p, p_dot, p_ddot_bias):
     return Touch(normal, drag, v_rel, chart.g[0], normal @ p_dot + chart.g_t[0], bias)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def spring(contact, phi, phi_dot):
     """lambda (N) of an elastic surface, (32) with damping; zero in the air unless the surface is bilateral."""
     pull = contact.B_e * phi_dot + contact.K_e * phi
@@ -89,11 +89,25 @@ def spring(contact, phi, phi_dot):
     return pull
 
 
-@njit(cache=True)
-def elastic_load(J, rotation, translation, lever, q_dot, shape, contact, t):
-    """The `Load` of an elastic surface at one state: it does not depend on the torque."""
-    p, J_v, p_dot = tool_point(J, rotation, translation, lever, q_dot)
-    at = touch(shape, contact, t, p, p_dot, np.zeros(3))
+class World(NamedTuple):
+    """What `elastic_load` needs: live views of the arm's J, and of the placement of the joint that carries the tool;
+    the lever (3,) m of the tool in it; the surface's shape and the contact."""
+
+    J: np.ndarray
+    rotation: np.ndarray
+    translation: np.ndarray
+    lever: np.ndarray
+    shape: Shape
+    contact: Contact
+
+
+@njit(cache=True, error_model="numpy")
+def elastic_load(held, q_dot, t):
+    """The `Load` of an elastic surface at one state: it does not depend on the torque. held: a `World`."""
+    world = held.value
+    contact = world.contact
+    p, J_v, p_dot = tool_point(world.J, world.rotation, world.translation, world.lever, q_dot)
+    at = touch(world.shape, contact, t, p, p_dot, np.zeros(3))
     multiplier = spring(contact, at.phi, at.phi_dot)
     force = multiplier * (at.normal + at.drag)
     if multiplier != 0.0:

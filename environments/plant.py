@@ -8,7 +8,8 @@ from typing import Literal, NamedTuple
 import numpy as np
 import pinocchio as pin
 
-from environments.contact import Contact, Load, Touch, elastic_load, heavy_multiplier, tool_point, touch
+from environments.contact import Contact, Load, Touch, World, elastic_load, heavy_multiplier, tool_point, touch
+from environments.held import hold
 from environments.robots import Robot
 from environments.surfaces import Surface
 
@@ -104,10 +105,11 @@ class Plant:
         self.data = self.model.createData()
         self._joint = robot.tool_joint
         self._placement = robot.tool_placement
-        self._lever = np.array(robot.tool_placement.translation)
         # live views: Pinocchio fills them at every call
         carrier = self.data.oMi[robot.tool_joint]
-        self._J, self._rotation, self._translation = self.data.J, carrier.rotation, carrier.translation
+        lever = np.array(robot.tool_placement.translation)
+        self._world = World(self.data.J, carrier.rotation, carrier.translation, lever, surface.shape, contact)
+        self._held = hold(self._world)
         self._no_load = Load(np.zeros(3), np.zeros(robot.n), 0.0, 0.0)
         self._integrate = {"semi-implicit-euler": self._semi_implicit_euler, "rk4": self._rk4}[integrator]
 
@@ -148,14 +150,13 @@ class Plant:
         if self.kind == "rigid":
             return self._no_load._replace(phi=self._touch(q, q_dot, t)[0].phi)
         pin.computeJointJacobians(self.model, self.data, q)
-        return elastic_load(
-            self._J, self._rotation, self._translation, self._lever, q_dot, self.surface.shape, self.contact, t
-        )
+        return elastic_load(self._held, q_dot, t)
 
     def _touch(self, q: np.ndarray, q_dot: np.ndarray, t: float) -> tuple[Touch, np.ndarray]:
         """The contact's geometry at a state, and the tool's Jacobian (3, n)."""
         pin.computeJointJacobians(self.model, self.data, q)
-        p, J_v, p_dot = tool_point(self._J, self._rotation, self._translation, self._lever, q_dot)
+        w = self._world
+        p, J_v, p_dot = tool_point(w.J, w.rotation, w.translation, w.lever, q_dot)
         pin.forwardKinematics(self.model, self.data, q, q_dot, np.zeros_like(q))
         p_ddot_bias = pin.getFrameClassicalAcceleration(
             self.model, self.data, self._joint, self._placement, pin.LOCAL_WORLD_ALIGNED

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from collections import deque
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 
 @dataclass(frozen=True)
 class ForceSensor:
-    """noise: standard deviation per axis (N); bias (3,) N; delay s; cutoff of a first-order low-pass in Hz (0: none)."""
+    """noise: standard deviation per axis, N; bias (3,) N; delay s; cutoff of a first-order low-pass, Hz, 0 for none;
+    period s: time between two readings."""
 
     noise: float
     bias: np.ndarray
@@ -18,8 +20,9 @@ class ForceSensor:
     cutoff: float
     period: float
 
-    @property
+    @cached_property
     def exact(self) -> bool:
+        """Whether it shows the force as it is."""
         return self.noise == 0.0 and self.delay == 0.0 and self.cutoff == 0.0 and not self.bias.any()
 
 

@@ -60,14 +60,14 @@ class Shape(NamedTuple):
 PLANE, CYLINDER, SPHERE = 0, 1, 2
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def surface_velocity(shape, t):
     """Velocity (3,) m/s of the surface at time t (s)."""
     omega = 2 * np.pi * shape.frequency
     return shape.direction * (shape.amplitude * omega * np.cos(omega * t))
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _in_motion(g, G, G_p, a_dot, a_ddot):
     """Derivatives in time of g(p - a(t)): the chain rule, exact."""
     G_t = np.empty((3, 3))
@@ -78,7 +78,7 @@ def _in_motion(g, G, G_p, a_dot, a_ddot):
     return Chart(g, G, G_p, -(G @ a_dot), G_t, g_tt)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _polar(zeta, u, v):
     """Radius and angle of zeta in the plane of the unit vectors u, v, each with gradient and Hessian."""
     x, y = u @ zeta, v @ zeta
@@ -90,12 +90,12 @@ def _polar(zeta, u, v):
     return rho, e_rho, rho_pp, np.arctan2(y, x), e_theta / rho, theta_pp
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _plane(zeta, shape):
     return shape.frame @ zeta, shape.frame.copy(), np.zeros((3, 3, 3))
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _cylinder(zeta, shape):
     """Rows of the frame: reference direction, tangent, axis."""
     frame, radius, side = shape.frame, shape.radius, shape.side
@@ -107,7 +107,7 @@ def _cylinder(zeta, shape):
     return g, G, G_p
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _sphere(zeta, shape):
     """psi_1, psi_2: arc lengths of the angles seen from the reference direction towards each tangent."""
     frame, radius, side = shape.frame, shape.radius, shape.side
@@ -123,7 +123,7 @@ def _sphere(zeta, shape):
     return g, G, G_p
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def surface_chart(shape, p, t):
     """The `Chart` of a point p (3,) m at time t (s)."""
     omega = 2 * np.pi * shape.frequency

@@ -36,7 +36,7 @@ class ForceProfile(Protocol):
     def evaluate(self, t: float) -> Signal: ...
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def minimum_jerk(t, duration):
     """sigma(t) from 0 to 1 in `duration` s with zero speed and acceleration at both ends, and two derivatives."""
     if t <= 0.0:
@@ -51,7 +51,7 @@ def minimum_jerk(t, duration):
     )
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _phase(t, omega, ramp):
     """theta(t) whose rate rises smoothly from 0 to omega within `ramp` s (the integral of minimum jerk)."""
     if ramp <= 0.0:
@@ -63,13 +63,13 @@ def _phase(t, omega, ramp):
     return omega * ramp * u**4 * (2.5 - 3 * u + u**2), omega * sigma, omega * sigma_dot
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _point_to_point(t, displacement, duration):
     sigma, sigma_dot, sigma_ddot = minimum_jerk(t, duration)
     return Path(displacement * sigma, displacement * sigma_dot, displacement * sigma_ddot)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _circle(t, u, v, radius, omega, ramp):
     theta, theta_dot, theta_ddot = _phase(t, omega, ramp)
     c, s = np.cos(theta), np.sin(theta)
@@ -82,7 +82,7 @@ def _circle(t, u, v, radius, omega, ramp):
     )
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _line(t, displacement, omega, ramp):
     theta, theta_dot, theta_ddot = _phase(t, omega, ramp)
     c, s = np.cos(theta), np.sin(theta)

@@ -208,6 +208,9 @@ class Number:
         if self._slider is not None and self._scale is not None and isinstance(value, float | int):
             self._slider.value = self._scale.position(value)
 
+    def set_label(self, label: str) -> None:
+        self._label = self._text.label = label
+
     def enable(self, enabled: bool) -> None:
         for widget in (self._text, self._slider):
             if widget is not None and widget.disabled == enabled:

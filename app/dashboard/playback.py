@@ -20,12 +20,9 @@ class Playback:
         self._run.on_click(self._on_run)
         self._speed = gui.add_dropdown("Speed", tuple(_SPEEDS), initial_value="1×", hint="Simulated over real time.")
         self._speed.on_update(self._on_speed)
-        for label, key, action in (
-            ("Play / pause", "space", self._toggle),
-            ("One control period", "arrowright", self._step),
-            ("Back to the start", "R", self._reset),
-        ):
-            gui.add_command(label, hotkey=key).on_trigger(action)
+        gui.add_command("Play / pause", hotkey="space").on_trigger(self._toggle)
+        gui.add_command("One control period", hotkey="arrowright").on_trigger(self._step)
+        gui.add_command("Back to the start", hotkey="R").on_trigger(self._reset)
 
     async def _on_run(self, event: viser.GuiEvent) -> None:
         actions = {"play / pause": self._toggle, "step": self._step, "reset": self._reset}

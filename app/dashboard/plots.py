@@ -63,7 +63,8 @@ def _column(signal: str, index: int, factor: float = 1.0) -> Callable[[Signals],
 
 def _total(*names: str, factor: float = 1.0) -> Callable[[Signals], np.ndarray]:
     def total(signals: Signals) -> np.ndarray:
-        return factor * sum(signals[name].reshape(len(signals["t"]), -1).sum(axis=1) for name in names)
+        columns = [signals[name].reshape(len(signals["t"]), -1).sum(axis=1) for name in names]
+        return factor * np.sum(columns, axis=0)
 
     return total
 
@@ -78,10 +79,12 @@ def _per_coordinate(signal: str, factor: float = 1.0) -> Callable[[Snapshot], li
     return lines
 
 
-def _forces(_: Snapshot) -> list[Line]:
+def _forces(snapshot: Snapshot) -> list[Line]:
+    if snapshot.coordinates[0].name != "φ":  # no normal direction in this task space
+        return [Line(f"F {axis}", SERIES[i], _column("F", i)) for i, axis in enumerate("xyz")]
     return [
-        Line("desired", DESIRED, _column("F_cd", 0), dashed=True, width=2.0),
-        Line("measured", MEASURED, _column("F_c", 0)),
+        Line("desired normal", DESIRED, _column("F_cd", 0), dashed=True, width=2.0),
+        Line("measured normal", MEASURED, _column("F_c", 0)),
     ]
 
 
@@ -109,13 +112,13 @@ def _torques(snapshot: Snapshot) -> list[Line]:
 TABS: dict[str, tuple[Plot, ...]] = {
     "Live": (
         Plot("tracking error  e_r  [mm]", ("e_r",), _per_coordinate("e_r", 1000.0), at_least=(-0.01, 0.01)),
-        Plot("normal force  [N]", ("F_c", "F_cd"), _forces, at_least=(0.0, 1.0)),
+        Plot("force on the environment  [N]", ("F", "F_c", "F_cd"), _forces, at_least=(0.0, 1.0)),
         Plot("sliding variable  ‖s‖  [mm/s]", ("s_norm", "s_bound", "s_band"), _sliding, logarithmic=True),
         Plot("gain  d  against what (17) needs  [N]", ("d", "needed"), _guarantee, at_least=(0.0, 1.0)),
     ),
     "Torque": (
         Plot("joint torque  τ  [N·m]", ("tau",), _torques),
-        Plot("residual of the target model (8)  [N]", ("residual",), _per_coordinate("residual"), at_least=(-0.01, 0.01)),
+        Plot("residual of the model (8)  [N]", ("residual",), _per_coordinate("residual"), at_least=(-0.01, 0.01)),
     ),
 }
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import cast
 
 import numpy as np
 import pinocchio as pin
@@ -57,8 +58,8 @@ def _file(robot: Robot, fname: str) -> str:
 
 
 def _color(mesh: trimesh.Trimesh) -> Rgb:
-    material = getattr(mesh.visual, "material", None)
-    rgba = np.asarray(getattr(material, "main_color", None) if material is not None else mesh.visual.main_color)
+    colored = getattr(mesh.visual, "material", mesh.visual)
+    rgba = np.asarray(getattr(colored, "main_color", None))
     if rgba.shape != (4,):
         return _PLAIN
     # Many files hold linear colours, which look almost black; pure white loses its shape in plain lights.
@@ -68,7 +69,7 @@ def _color(mesh: trimesh.Trimesh) -> Rgb:
 
 def _lightened(meshes: list[trimesh.Trimesh]) -> tuple[np.ndarray, np.ndarray]:
     """One mesh whose vertices are merged within a cell: about a third of the triangles, hardly a visible difference."""
-    merged = trimesh.util.concatenate(meshes)
+    merged = cast(trimesh.Trimesh, trimesh.util.concatenate(meshes))
     cells = np.round(merged.vertices / _CELL).astype(np.int64)
     # Sharp edges stay sharp: only vertices that look the same way are merged.
     sides = np.round(merged.vertex_normals).astype(np.int64)

@@ -61,7 +61,7 @@ class ForceArrow:
     def show(self, start: np.ndarray, force: np.ndarray) -> None:
         visible = bool(np.linalg.norm(force) > _LEAST_FORCE)
         if visible:
-            self._arrow.points = np.stack([start, start + _METRES_PER_NEWTON * force])[None]
+            self._arrow.points = np.stack([start, start + _METRES_PER_NEWTON * force])[None].astype(np.float32)
         self._arrow.visible = visible
 
 

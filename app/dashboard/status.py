@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
-import math
 from html import escape
 
+import numpy as np
+
 from app.runner import Snapshot
+
+_LATELY = 0.2  # s, what the badge looks back
 
 MODE_TITLES = {
     "motion": "Motion",
@@ -23,8 +26,9 @@ def status_html(snapshot: Snapshot, complaint: str) -> str:
     lines = [
         f'<div class="vs-row"><span class="vs-title">{escape(scenario.title or scenario.name)}</span></div>',
         '<div class="vs-row">'
-        f'{_chip(MODE_TITLES[scenario.mode], "vs-mode")}{_phase(snapshot)}'
-        f'<span class="vs-right"><span class="vs-dim">t</span> <b class="vs-number">{snapshot.t:.2f}</b> s</span></div>',
+        f"{_chip(MODE_TITLES[scenario.mode], 'vs-mode')}{_phase(snapshot)}"
+        f'<span class="vs-right"><span class="vs-dim">t</span> <b class="vs-number">{snapshot.t:.2f}</b> s</span>'
+        "</div>",
         '<div class="vs-row">'
         f'{_bound(snapshot)}<span class="vs-right"><span class="vs-dim">real time</span> '
         f'<b class="vs-number">{pace}</b></span></div>',
@@ -49,11 +53,12 @@ def _phase(snapshot: Snapshot) -> str:
 
 
 def _bound(snapshot: Snapshot) -> str:
-    live = snapshot.live
-    s_norm, bound = live.get("s_norm", math.nan), live.get("s_bound", math.nan) + live.get("s_band", 0.0)
-    if not (math.isfinite(s_norm) and math.isfinite(bound)):
+    names = ("s_norm", "s_bound", "s_band")
+    rows = snapshot.recording.window(names, snapshot.t - _LATELY, snapshot.t, max_points=1000)
+    if not len(rows["s_norm"]):
         return _chip("‖s‖ ≤ bound: —", "vs-dim")
-    return _chip("‖s‖ ≤ bound: holds", "vs-good") if s_norm <= bound else _chip("‖s‖ ≤ bound: violated", "vs-bad")
+    holds = bool(np.all(rows["s_norm"] <= rows["s_bound"] + rows["s_band"]))
+    return _chip("‖s‖ ≤ bound: holds", "vs-good") if holds else _chip("‖s‖ ≤ bound: violated", "vs-bad")
 
 
 def _chip(text: str, look: str) -> str:

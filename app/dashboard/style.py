@@ -1,5 +1,7 @@
 """The style sheet and the one script of the page, injected as HTML.
 
+uPlot now and then does not lay out the time axis of a chart that is made with its data; the script asks it again.
+
 viser's text field sends every keystroke and knows no "Enter or leaving the field". The script tells the two apart:
 it appends the character COMMIT to the text when the user is done, so a commit is an ordinary change of the value.
 (A submit of viser's form would not do: the client has one throttled message slot, and a submit within 50 ms of the
@@ -41,6 +43,10 @@ if (!window.vsmrcCommit) {
     commit(input, e.key === "Enter" ? input.value : "");
     if (e.key === "Enter") input.select();
   }, true);
+  setInterval(() => {
+    for (const { chart } of Object.values(window.__viserTestpoints?.uplots ?? {}))
+      if (!chart.axes[0]._splits) chart.setSize({ width: chart.width, height: chart.height });
+  }, 400);
   document.addEventListener("focusout", (e) => { const i = field(e); if (i) commit(i, i.value); }, true);
 }
 """
@@ -61,7 +67,8 @@ form .mantine-NumberInput-root {{ display: none; }}
 form input {{ text-align: right !important; font-variant-numeric: tabular-nums; }}
 form input[data-pending] {{ border-color: {css(MEASURED)}; color: {css(MEASURED)}; }}
 form label {{ white-space: nowrap; }}
-.vs-status {{ padding: 0.5em 1.1em 0.35em 0.8em; font-size: 0.9em; line-height: 1.55; font-variant-numeric: tabular-nums; }}
+.vs-status {{ padding: 0.5em 1.1em 0.35em 0.8em; font-size: 0.9em; line-height: 1.55;
+  font-variant-numeric: tabular-nums; }}
 .vs-row {{ display: flex; flex-wrap: wrap; gap: 0.35em 0.5em; align-items: center; }}
 .vs-row > .vs-right {{ margin-left: auto; }}
 .vs-title {{ font-weight: 600; font-size: 1.05em; }}

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import viser
 
-from app.dashboard.controls import Desk, DiagonalPlace, Number, decades
+from app.dashboard.controls import Desk, DiagonalPlace, Number, Scale, decades
 from app.dashboard.equation import is_fixed, symbol
 from app.runner import Snapshot
 
@@ -16,34 +18,43 @@ _MATRICES = {
 }
 
 
+@dataclass(frozen=True)
+class _Matrix:
+    """The tab of one matrix, and its rows so far."""
+
+    name: str
+    scale: Scale
+    tab: viser.GuiTabHandle
+    rows: list[Number]
+
+
 class ModelPanel:
-    """One tab per matrix, one row per task coordinate; rows that the mode fixes are disabled."""
+    """One tab per matrix, one row per task coordinate; rows that the mode fixes are disabled.
+
+    Rows are added and hidden, never removed: viser's client complains when a widget goes while it is being drawn.
+    """
 
     def __init__(self, desk: Desk) -> None:
         self._desk = desk
-        self._folder = desk.gui.add_folder(None)
-        self._rows: list[tuple[str, int, Number]] = []
-        self._coordinates: object = None
-
-    def _build(self, snapshot: Snapshot) -> None:
-        gui: viser.GuiApi = self._desk.gui
-        for child in list(self._folder._children.values()):
-            child.remove()
-        self._rows.clear()
-        with self._folder:
-            tabs = gui.add_tab_group()
-            for name, (meaning, scale) in _MATRICES.items():
-                with tabs.add_tab(name):
-                    gui.add_html(f'<div class="vs-note">{meaning}</div>')
-                    for i, coordinate in enumerate(snapshot.coordinates):
-                        place = DiagonalPlace(f"target_model.{name}", i)
-                        row = Number(self._desk, place, f"{name} {symbol(coordinate.name)}", scale)
-                        self._rows.append((name, i, row))
+        tabs = desk.gui.add_tab_group()
+        self._matrices: list[_Matrix] = []
+        for name, (meaning, scale) in _MATRICES.items():
+            tab = tabs.add_tab(name)
+            with tab:
+                desk.gui.add_html(f'<div class="vs-note">{meaning}</div>')
+            self._matrices.append(_Matrix(name, scale, tab, []))
 
     def show(self, snapshot: Snapshot) -> None:
-        if tuple(snapshot.coordinates) != self._coordinates:
-            self._coordinates = tuple(snapshot.coordinates)
-            self._build(snapshot)
-        for name, i, row in self._rows:
-            row.show(snapshot)
-            row.enable(not is_fixed(snapshot, name, i))
+        for matrix in self._matrices:
+            self._add_missing(matrix, len(snapshot.coordinates))
+            for i, row in enumerate(matrix.rows):
+                row.show(snapshot)
+                if i < len(snapshot.coordinates):
+                    row.set_label(f"{matrix.name} {symbol(snapshot.coordinates[i].name)}")
+                    row.enable(not is_fixed(snapshot, matrix.name, i))
+
+    def _add_missing(self, matrix: _Matrix, count: int) -> None:
+        for i in range(len(matrix.rows), count):
+            with matrix.tab:
+                place = DiagonalPlace(f"target_model.{matrix.name}", i)
+                matrix.rows.append(Number(self._desk, place, f"{matrix.name} {i + 1}", matrix.scale))

@@ -1,0 +1,153 @@
+"""The `vsmrc` command."""
+
+from __future__ import annotations
+
+import logging
+import sys
+import time
+import tomllib
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import Annotated
+
+import msgspec
+import tyro
+from tqdm import tqdm
+
+from app import headless
+from app.dashboard import Dashboard, PortBusy
+from app.runner import Runner
+from app.scenario import Scenario, ScenarioError, edited, load, shipped
+from environments.robots import CATALOGUE
+
+DONE, BAD_INPUT, STOPPED = 0, 2, 3
+Settings = Annotated[
+    tyro.conf.UseAppendAction[tuple[tuple[str, ...], ...]],
+    tyro.conf.arg(name="set", metavar="KEY=VALUE", help="change fields, e.g. --set force.value=30 contact.K_e=2e4"),
+]
+
+
+def serve(
+    scenario: Annotated[str, tyro.conf.Positional] = "ur5-hybrid",
+    /,
+    *,
+    host: str = "127.0.0.1",
+    port: int = 8080,
+    settings: Settings = (),
+) -> int:
+    """Open the dashboard.
+
+    Args:
+        scenario: a shipped scenario or a .toml file to begin with
+        host: address to listen at; only this machine can reach 127.0.0.1
+        port: port to listen at
+    """
+    chosen = _configured(scenario, settings)
+    dashboard = Dashboard(host=host, port=port)
+    print(f"VSMRC Lab: {dashboard.url}  (Ctrl-C ends it)", flush=True)
+    runner: Runner | None = None
+    try:
+        with ThreadPoolExecutor(1) as pool, tqdm(desc="preparing", bar_format="{desc} {elapsed}", leave=False) as bar:
+            ready = pool.submit(Runner, chosen)
+            while not ready.done():
+                time.sleep(0.2)
+                elapsed = bar.format_dict["elapsed"]
+                doing = "preparing" if elapsed < 3 else "compiling the control law (only the first start takes this long)"
+                bar.set_description(doing)
+                dashboard.show_progress(f"{doing} … {elapsed:.0f} s")
+            runner = ready.result()
+        runner.start()
+        dashboard.attach(runner)
+        dashboard.run_forever()
+    except KeyboardInterrupt:
+        print("\nended")
+    finally:
+        dashboard.close()
+        if runner is not None:
+            runner.close()
+    return DONE
+
+
+def run(
+    scenario: tyro.conf.Positional[str],
+    /,
+    *,
+    out: Path,
+    duration: float | None = None,
+    settings: Settings = (),
+) -> int:
+    """Simulate a scenario without a screen; writes recording.npz, metrics.json and scenario.toml.
+
+    Args:
+        scenario: a shipped scenario (see `vsmrc list`) or a .toml file
+        out: folder for the files
+        duration: simulated time in s, instead of the scenario's
+    """
+    chosen = _configured(scenario, settings)
+    if duration is not None:
+        chosen = edited(chosen, "simulation.duration", duration)
+    loop, metrics = headless.simulate(chosen, show_progress=True)
+    try:
+        headless.write(loop, metrics, out)
+    except OSError as error:
+        raise ScenarioError(f"--out {out}: cannot be written: {error.strerror}") from error
+    for name, value in msgspec.to_builtins(metrics).items():
+        print(f"{name:28s} {_shown(value)}")
+    if loop.warning:
+        print(f"flagged: {loop.warning}")
+    print(f"written to {out}")
+    return STOPPED if loop.stopped else DONE
+
+
+def list_() -> int:
+    """Show the robots and the scenarios."""
+    print("robots")
+    for name, entry in CATALOGUE.items():
+        print(f"  {name:34s} {entry.title}")
+    print("scenarios")
+    for name, scenario in shipped().items():
+        print(f"  {name:34s} {scenario.title}")
+    return DONE
+
+
+def _configured(name_or_file: str, settings: Settings) -> Scenario:
+    scenario = load(name_or_file)
+    for setting in (s for group in settings for s in group):
+        path, equals, text = setting.partition("=")
+        if not equals:
+            raise ScenarioError(f"--set {setting}: no '='; allowed: KEY=VALUE")
+        scenario = edited(scenario, path.strip(), _value(text.strip()))
+    return scenario
+
+
+def _value(text: str) -> object:
+    """A TOML value; anything else is taken as text."""
+    try:
+        return tomllib.loads(f"value = {text}")["value"]
+    except tomllib.TOMLDecodeError:
+        return text
+
+
+def _shown(value: object) -> str:
+    if isinstance(value, list):
+        return "  ".join(_shown(v) for v in value)
+    return f"{value:.4g}" if isinstance(value, float) else "-" if value is None else str(value)
+
+
+def main() -> None:
+    """Entry point: exit status 0 done, 2 bad input, 3 the simulation stopped."""
+    logging.basicConfig(level=logging.WARNING, format="%(levelname)s %(name)s: %(message)s")
+    commands = {"serve": serve, "run": run, "list": list_}
+    arguments = sys.argv[1:]
+    if not arguments or (arguments[0].startswith("-") and arguments[0] not in ("-h", "--help")):
+        arguments = ["serve", *arguments]
+    try:
+        status = tyro.extras.subcommand_cli_from_dict(commands, args=arguments, prog="vsmrc")
+    except (ScenarioError, PortBusy) as error:
+        print(f"vsmrc: {error}", file=sys.stderr)
+        status = BAD_INPUT
+    sys.exit(status)
+
+
+if __name__ == "__main__":
+    main()

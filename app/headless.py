@@ -1,0 +1,40 @@
+"""A run without a screen, and the files that it leaves."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+
+import msgspec
+from tqdm import tqdm
+
+from app.closed_loop import ClosedLoop
+from app.metrics import Metrics, measure
+from app.scenario import Scenario, to_toml
+
+
+def simulate(scenario: Scenario, *, show_progress: bool = False) -> tuple[ClosedLoop, Metrics]:
+    """The whole duration of a scenario, or until it stops. Raises ScenarioError."""
+    loop = ClosedLoop(scenario, history=round(scenario.simulation.duration / scenario.controller.period) + 1)
+    steps = round(scenario.simulation.duration / scenario.controller.period)
+    batch = max(1, steps // 200)
+    started = time.perf_counter()
+    with tqdm(total=steps, unit=" steps", disable=not show_progress, desc=scenario.name) as bar:
+        for step in range(1, steps + 1):
+            try:
+                loop.step()
+            except (ArithmeticError, ValueError) as error:
+                loop.stopped = f"t = {loop.t:.3f} s: {error}"
+            if step % batch == 0:
+                bar.update(batch)
+            if loop.stopped:
+                break
+    return loop, measure(loop, loop.t / (time.perf_counter() - started))
+
+
+def write(loop: ClosedLoop, metrics: Metrics, out: Path) -> None:
+    """recording.npz, metrics.json and scenario.toml in the folder `out`, which is made. Raises OSError."""
+    out.mkdir(parents=True, exist_ok=True)
+    loop.recording.save(out / "recording.npz")
+    (out / "metrics.json").write_bytes(msgspec.json.format(msgspec.json.encode(metrics)) + b"\n")
+    (out / "scenario.toml").write_text(to_toml(loop.system.scenario), encoding="utf-8")
