@@ -12,7 +12,7 @@ from app.recording import Recording
 from app.scenario import Scenario
 from controllers.bounds import InertiaRange
 from controllers.force_loop import force_loop_factor, layer_loop_factor
-from controllers.reaching import ReachingCertificate
+from controllers.reaching import ReachingCertificate, sampling_band
 from controllers.reference_estimates import EstimateOverride, ReferenceEstimates
 from controllers.switching import Switching
 from controllers.vsmrc import LawState, Reference
@@ -225,6 +225,10 @@ class ClosedLoop:
         live = {
             "s_norm": float(np.linalg.norm(output.s)),
             "s_bound": float(self.certificate.envelope(t - self.s_since)),
+            "s_band": sampling_band(
+                self.certificate.k_r_low, self.certificate.k_r_high, law.gains.K_s_largest, int(law.switching), law.phi,
+                output.d, law.epsilon, self._period,
+            ),
             "d": output.d,
             "d_required": float(sum(output.needed)),
             "gain_margin": output.d - float(sum(output.needed)),

@@ -59,8 +59,16 @@ SIGNALS = (
 )
 
 
+@dataclass
+class _Block:
+    """A piece of the table; `filled` grows only after a row is complete, so that readers never see half of one."""
+
+    rows: np.ndarray
+    filled: int = 0
+
+
 class Recording:
-    """A bounded table of rows. One thread appends; any thread reads whole rows.
+    """A bounded table of rows. One thread adds; any thread reads whole rows.
 
     history (rows): kept at full rate; older rows are thinned to one in `THINNING`, as many blocks again at most.
     """
@@ -75,32 +83,28 @@ class Recording:
             start += width
         self.width = start
         self._most = history // BLOCK + 2
-        self._blocks: deque[np.ndarray] = deque()
+        self._blocks: deque[_Block] = deque()
         self._thinned: deque[np.ndarray] = deque(maxlen=self._most)
-        self._fill = BLOCK
 
     def __len__(self) -> int:
-        return max(len(self._blocks) - 1, 0) * BLOCK + (self._fill if self._blocks else 0)
+        return sum(block.filled for block in tuple(self._blocks))
 
     def new_row(self) -> np.ndarray:
         """The row to be filled next, (width,); it counts from `commit` on."""
-        if self._fill == BLOCK:
-            self._blocks.append(np.empty((BLOCK, self.width)))
-            self._fill = 0
+        if not self._blocks or self._blocks[-1].filled == BLOCK:
+            self._blocks.append(_Block(np.empty((BLOCK, self.width))))
             if len(self._blocks) > self._most:
-                self._thinned.append(self._blocks.popleft()[::THINNING].copy())
-        return self._blocks[-1][self._fill]
+                self._thinned.append(self._blocks.popleft().rows[::THINNING].copy())
+        last = self._blocks[-1]
+        return last.rows[last.filled]
 
     def commit(self) -> None:
         """The new row is complete."""
-        self._fill += 1
+        self._blocks[-1].filled += 1
 
     def rows(self, t_from: float = -np.inf, t_to: float = np.inf) -> np.ndarray:
         """The rows with t_from <= t <= t_to, oldest first: (N, width), a copy."""
-        fill, full, thinned = self._fill, list(self._blocks), list(self._thinned)
-        if not full:
-            return np.empty((0, self.width))
-        pieces = [*thinned, *full[:-1], full[-1][:fill]]
+        pieces = [*tuple(self._thinned), *(block.rows[: block.filled] for block in tuple(self._blocks))]
         kept = [p for p in pieces if len(p) and p[-1, 0] >= t_from and p[0, 0] <= t_to]
         if not kept:
             return np.empty((0, self.width))

@@ -79,7 +79,7 @@ class Snapshot:
     """What the screen may know of the loop at one moment. Arrays are never changed afterwards.
 
     revision counts accepted changes of the scenario, run counts beginnings at t = 0, refusal_number refused commands.
-    live: numbers by name, SI units: s_norm, s_bound, d, d_required, gain_margin, sigma_min, V, residual,
+    live: numbers by name, SI units: s_norm, s_bound, s_band, d, d_required, gain_margin, sigma_min, V, residual,
     layer_loop_factor, force_loop_factor, reaching_time_bound, reaching_time.
     """
 

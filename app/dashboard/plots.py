@@ -97,7 +97,7 @@ def _sliding(_: Snapshot) -> list[Line]:
 
 def _guarantee(_: Snapshot) -> list[Line]:
     return [
-        Line("needed (17)", BOUND, _total("needed"), dashed=True, width=2.0),
+        Line("needed (17)", BOUND, _total("d_required"), dashed=True, width=2.0),
         Line("d", DESIRED, _total("d")),
     ]
 
@@ -114,7 +114,7 @@ TABS: dict[str, tuple[Plot, ...]] = {
         Plot("tracking error  e_r  [mm]", ("e_r",), _per_coordinate("e_r", 1000.0), at_least=(-0.01, 0.01)),
         Plot("force on the environment  [N]", ("F", "F_c", "F_cd"), _forces, at_least=(0.0, 1.0)),
         Plot("sliding variable  ‖s‖  [mm/s]", ("s_norm", "s_bound", "s_band"), _sliding, logarithmic=True),
-        Plot("gain  d  against what (17) needs  [N]", ("d", "needed"), _guarantee, at_least=(0.0, 1.0)),
+        Plot("gain  d  against what (17) needs  [N]", ("d", "d_required"), _guarantee, at_least=(0.0, 1.0)),
     ),
     "Torque": (
         Plot("joint torque  τ  [N·m]", ("tau",), _torques),

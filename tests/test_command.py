@@ -1,0 +1,126 @@
+"""The `vsmrc` command: files, exit statuses, and one sentence for every wrong input."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from app.scenario import Scenario, ScenarioError, edited, from_toml, load, to_toml
+
+
+def vsmrc(*arguments: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run([sys.executable, "-m", "app", *arguments], capture_output=True, text=True, timeout=120)
+
+
+def test_run_writes_recording_and_metrics(tmp_path: Path) -> None:
+    done = vsmrc(
+        "run", "ur5-hybrid", "--set", "force.value=15", "truth.link_scaling=1.1", "--set", "controller.layer=0.02",
+        "--duration", "0.5", "--out", str(tmp_path),
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    metrics = json.loads((tmp_path / "metrics.json").read_text())
+    assert {
+        "motion_error_tail", "force_error_tail", "constraint_violation", "reaching_time", "reaching_time_bound",
+        "envelope_violation", "gain_condition_margin", "target_model_residual_tail", "torque_total_variation",
+        "realtime_factor", "stopped",
+    } <= metrics.keys()  # fmt: skip
+    assert metrics["stopped"] is None
+    with np.load(tmp_path / "recording.npz") as recording:
+        assert len(recording["t"]) == 500
+        assert np.all(recording["F_cd"][:, 0] == 15.0)
+    scenario = from_toml((tmp_path / "scenario.toml").read_text())
+    assert scenario.controller.layer == 0.02
+
+
+def test_stopped_run_keeps_its_files_and_says_why(tmp_path: Path) -> None:
+    done = vsmrc("run", "ur5-constrained", "--set", "force.value=-5", "--duration", "1", "--out", str(tmp_path))
+    assert done.returncode == 3
+    assert "contact lost" in json.loads((tmp_path / "metrics.json").read_text())["stopped"]
+    assert (tmp_path / "recording.npz").exists()
+
+
+def test_list_shows_robots_and_scenarios() -> None:
+    done = vsmrc("list")
+    assert done.returncode == 0
+    assert "panda" in done.stdout
+    assert "planar2r-semicircle" in done.stdout
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (("run", "nothing"), "allowed: a .toml file or"),
+        (("run", "ur5-hybrid", "--set", "force.value"), "allowed: KEY=VALUE"),
+        (("run", "ur5-hybrid", "--set", "force.value=nan"), "force.value: nan; allowed: a finite number"),
+        (("run", "ur5-hybrid", "--set", "controller.layer=-1"), "controller.layer: -1; allowed: a number > 0"),
+        (("run", "ur5-hybrid", "--set", "mode=constrained"), "contact.kind: 'elastic' in constrained mode"),
+        (("run", "ur5-hybrid", "--set", "target_model.M_m=[1,2]"), "target_model.M_m: 2 entries; allowed: 6"),
+        (("run", "ur5-hybrid", "--set", "robot.urdf=/none.urdf"), "robot.urdf: cannot read /none.urdf"),
+        (("run", "ur5-hybrid", "--set", "robot.tool_frame=hand"), "robot.tool_frame: no frame 'hand'"),
+    ],
+)
+def test_wrong_input_is_refused_in_one_sentence(arguments: tuple[str, ...], said: str, tmp_path: Path) -> None:
+    done = vsmrc(*arguments, "--out", str(tmp_path / "out"))
+    assert done.returncode == 2
+    assert said in done.stderr
+    assert "Traceback" not in done.stderr
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (("mode", "levitation"), "mode: 'levitation'; allowed: constrained, hybrid"),
+        (("motion", "spiral"), "motion"),
+        (("controller.gain", 3), "controller.gain"),
+        (("sensor.bias", [1.0, 2.0]), "sensor.bias"),
+        (("contact.K_e", "stiff"), "contact.K_e: 'stiff'; allowed: a number"),
+        (("simulation.substeps", 2.5), "simulation.substeps: 2.5; allowed: a whole number"),
+        (("robot", 5), "robot"),
+        (("surface.colour", "red"), "surface.colour: no such field; allowed: kind, origin"),
+    ],
+)
+def test_wrong_field_is_named(change: tuple[str, object], said: str) -> None:
+    with pytest.raises(ScenarioError, match=said.replace("(", r"\(")):
+        edited(Scenario(), *change)
+
+
+def test_scenario_files_that_are_none(tmp_path: Path) -> None:
+    for text, said in (("mode = ", "not a TOML file"), ("colour = 'red'", "colour"), ("[robot]\nlegs = 2", "legs")):
+        path = tmp_path / "scenario.toml"
+        path.write_text(text)
+        with pytest.raises(ScenarioError, match=said):
+            load(str(path))
+    with pytest.raises(ScenarioError, match="cannot be read"):
+        load(str(tmp_path / "missing.toml"))
+
+
+def test_toml_keeps_every_field() -> None:
+    scenario = edited(Scenario(), "target_model.K_m", [[1.0, 0.5], [0.5, 2.0]])
+    assert from_toml(to_toml(scenario)) == scenario
+
+
+def test_serve_says_its_address_and_a_busy_port_and_ends_on_ctrl_c() -> None:
+    command = [sys.executable, "-m", "app", "serve", "planar2r-semicircle", "--port", "8137"]
+    server = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
+    try:
+        assert server.stdout is not None
+        said = next(line for line in server.stdout if line.startswith("VSMRC Lab"))
+        assert "http://127.0.0.1:8137" in said
+        second = vsmrc("serve", "--port", "8137")
+        assert second.returncode == 2
+        assert "8137" in second.stderr
+        time.sleep(1.0)
+        os.kill(server.pid, signal.SIGINT)
+        assert server.wait(timeout=10) == 0
+    finally:
+        server.kill()
+        server.wait()

@@ -1,0 +1,148 @@
+"""What holds for every arm in every mode against everything it may meet."""
+
+from __future__ import annotations
+
+import time
+
+import msgspec
+import numpy as np
+import pytest
+
+from app import runner as run
+from app.assembly import in_mode, on_robot
+from app.closed_loop import ClosedLoop
+from app.scenario import Scenario, edited, from_plain, from_toml, shipped, to_plain, to_toml
+from controllers.modes import MODES
+from environments.robots import CATALOGUE
+
+STEPS = 60
+
+
+def tool_height(robot: str) -> np.ndarray:
+    return ClosedLoop(from_plain({"robot": {"name": robot}})).view().tool
+
+
+def surfaces(robot: str) -> dict[str, dict[str, object]]:
+    """Surfaces that this arm's tool just touches, at rest and moving."""
+    x, y, z = tool_height(robot).tolist()
+    motion = {"direction": [0.0, 0.0, 1.0], "amplitude": 0.01, "frequency": 1.0}
+    below = {"origin": [x, y, z - 0.3], "radius": 0.3}
+    return {
+        "plane": {"kind": "plane", "origin": [x, y, z]},
+        "moving plane": {"kind": "plane", "origin": [x, y, z], "motion": motion},
+        "cylinder": {"kind": "cylinder", **below},
+        "inside of a cylinder": {
+            "kind": "cylinder", "origin": [x, y, z + 0.3], "radius": 0.3, "side": "inside", "reference": [0, 0, -1.0],
+        },
+        "moving sphere": {"kind": "sphere", **below, "motion": motion},
+    }  # fmt: skip
+
+
+def cases() -> list[tuple[str, str, str, str]]:
+    rows = []
+    for robot in CATALOGUE:
+        for mode in MODES.values():
+            for contact in mode.contacts:
+                for surface in ["plane"] if contact == "free" else list(surfaces(robot)):
+                    rows.append((robot, mode.name, contact, surface))
+    return rows
+
+
+def scenario_of(robot: str, mode: str, contact: str, surface: str) -> Scenario:
+    data = to_plain(in_mode(on_robot(Scenario(), robot), mode))
+    data["surface"] = surfaces(robot)[surface]
+    data["contact"] |= {"kind": contact, "friction_coulomb": 0.1, "M_e": 1.0, "B_e": 10.0}
+    data["motion"] = {"kind": "line", "displacement": [0.05]}
+    data["truth"] |= {"link_scaling": 1.1, "viscous": 0.1}
+    data["declared"] |= {"link_scaling": 0.15, "viscous": 0.2}
+    data["sensor"] |= {"noise": 0.05}
+    data["simulation"] |= {"seed": 7}
+    return from_plain(data)
+
+
+def table(scenario: Scenario) -> np.ndarray:
+    loop = ClosedLoop(scenario)
+    for _ in range(STEPS):
+        loop.step()
+        assert loop.stopped is None
+    return loop.recording.rows()
+
+
+@pytest.mark.parametrize("case", cases(), ids=" / ".join)
+def test_run_is_finite_and_repeats_bit_for_bit(case: tuple[str, str, str, str]) -> None:
+    scenario = scenario_of(*case)
+    before = to_toml(scenario)
+    first, second = table(scenario), table(scenario)
+    assert len(first) == STEPS
+    assert np.isfinite(first).all()
+    assert np.array_equal(first, second)
+    assert to_toml(scenario) == before
+    assert from_toml(before) == scenario
+
+
+@pytest.mark.parametrize("name", ["ur5-hybrid-moving", "planar2r-semicircle", "panda-hybrid"])
+def test_dashboard_has_the_numbers_of_a_headless_run(name: str) -> None:
+    runner = run.Runner(shipped()[name])
+    runner.start()
+    try:
+        deadline = time.monotonic() + 20
+        while runner.snapshot.t < 0.4:
+            assert time.monotonic() < deadline
+            time.sleep(0.02)
+        runner.post(run.Pause())
+        while runner.snapshot.phase != "paused":
+            assert time.monotonic() < deadline
+            time.sleep(0.02)
+        live = runner.snapshot.recording.rows(t_to=0.3)
+    finally:
+        runner.close()
+    loop = ClosedLoop(shipped()[name])
+    for _ in range(len(live)):
+        loop.step()
+    assert len(live) > 250
+    assert np.array_equal(live, loop.recording.rows())
+
+
+def test_edits_while_running_equal_edits_headless() -> None:
+    """Edits are carried out between two steps, so a run with edits can be repeated exactly."""
+    base = shipped()["ur5-hybrid"]
+    changed = edited(base, "force.value", 25.0)
+    tables = []
+    for _ in range(2):
+        loop = ClosedLoop(base)
+        for step in range(200):
+            if step == 100:
+                loop.edit(changed)
+            loop.step()
+        tables.append(loop.recording.rows())
+    assert np.array_equal(*tables)
+    assert np.isclose(tables[0][-1, loop.recording.columns["F_cd"]][0], 25.0)
+
+
+def test_refused_edit_keeps_the_loop() -> None:
+    runner = run.Runner(shipped()["ur5-hybrid"])
+    runner.start()
+    try:
+        before = runner.snapshot.scenario
+        runner.post(run.Edit("controller.K_s", -1.0))
+        runner.post(run.Edit("target_model.M_m", [0.0] * 6))
+        runner.post(run.Edit("contact.kind", "rigid"))
+        runner.post(run.Edit("nothing.like.this", 1))
+        runner.post(run.SetSpeed(float("nan")))
+        deadline = time.monotonic() + 20
+        while runner.snapshot.refusal_number < 5:
+            assert time.monotonic() < deadline
+            time.sleep(0.02)
+        after = runner.snapshot
+        time.sleep(0.2)
+        assert after.scenario == before
+        assert after.phase == "running"
+        assert runner.snapshot.t > after.t
+        assert "speed" in (after.refusal or "")
+    finally:
+        runner.close()
+
+
+def test_snapshot_is_serialisable_as_a_scenario() -> None:
+    for scenario in shipped().values():
+        assert from_plain(msgspec.to_builtins(scenario)) == scenario
