@@ -52,7 +52,9 @@ def serve(
             while not ready.done():
                 time.sleep(0.2)
                 elapsed = bar.format_dict["elapsed"]
-                doing = "preparing" if elapsed < 3 else "compiling the control law (only the first start takes this long)"
+                doing = (
+                    "preparing" if elapsed < 3 else "compiling the control law (only the first start takes this long)"
+                )
                 bar.set_description(doing)
                 dashboard.show_progress(f"{doing} … {elapsed:.0f} s")
             runner = ready.result()

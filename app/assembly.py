@@ -137,7 +137,9 @@ def _assemble(scenario: Scenario, previous: System | None) -> System:
             f"contact.kind: {scenario.contact.kind!r} in {mode.name} mode; allowed: {', '.join(mode.contacts)}"
         )
     if scenario.task_space.kind == "joint" and mode.name != "motion":
-        raise ScenarioError(f"task_space.kind: 'joint' in {mode.name} mode; allowed: 'cartesian' (joint in motion mode)")
+        raise ScenarioError(
+            f"task_space.kind: 'joint' in {mode.name} mode; allowed: 'cartesian' (joint in motion mode)"
+        )
     same_robot = previous is not None and previous.scenario.robot == scenario.robot
     robot = previous.robot if previous is not None and same_robot else _robot(scenario)
     nominal = (
@@ -245,7 +247,11 @@ def _robot(scenario: Scenario) -> Robot:
 
 def _truth(scenario: Scenario, n: int) -> Truth:
     t = scenario.truth
-    scaling = np.broadcast_to(np.array(t.link_scaling, dtype=float), (n,)) if np.ndim(t.link_scaling) == 0 else np.array(t.link_scaling)
+    scaling = (
+        np.broadcast_to(np.array(t.link_scaling, dtype=float), (n,))
+        if np.ndim(t.link_scaling) == 0
+        else np.array(t.link_scaling)
+    )
     if scaling.shape != (n,):
         raise ScenarioError(f"truth.link_scaling: {len(scaling)} values; allowed: one number or {n}, one per link")
     if (scaling <= 0.0).any():
@@ -323,9 +329,7 @@ def _coordinates(layout: TaskLayout, mode: Mode, robot: Robot) -> tuple[Coordina
     return tuple(Coordinate(name, "m") for name in places[: layout.positions] + angles + extra)
 
 
-def posture_at(
-    observe: Observe, q: np.ndarray, reference: Reference, t: float
-) -> tuple[np.ndarray, np.ndarray]:
+def posture_at(observe: Observe, q: np.ndarray, reference: Reference, t: float) -> tuple[np.ndarray, np.ndarray]:
     """q_d, q_d_dot with r(q_d, t) = r_d and its rate, by Newton's method from q (n,) rad."""
     for _ in range(4):
         _, task = observe(q, np.zeros_like(q), t)
@@ -392,10 +396,7 @@ def _uncertainty(scenario: Scenario, k_C: float) -> Uncertainty:
 def default_target_model(mode: Mode, n: int, K_e_hat: float) -> dict[str, np.ndarray]:
     """Diagonals for a mode: critically damped at 20 rad/s; softer where it meets forces."""
     M = np.full(n, 10.0)
-    if mode.name == "impedance":
-        K = np.full(n, 1000.0)
-    else:
-        K = np.full(n, 4000.0)
+    K = np.full(n, 1000.0 if mode.name == "impedance" else 4000.0)
     B = 2.0 * np.sqrt(K * M)
     m = mode.m()
     K[:m] = 0.0
@@ -423,7 +424,8 @@ def _law(scenario: Scenario, mode: Mode, layout: TaskLayout, constants: Constant
     default = default_target_model(mode, n, c.K_e_hat)
     given = {f: getattr(scenario.target_model, f) for f in TargetModel.__struct_fields__}
     matrices = {
-        f: np.diag(default[f]) if value is None else _square(f"target_model.{f}", value, n) for f, value in given.items()
+        f: np.diag(default[f]) if value is None else _square(f"target_model.{f}", value, n)
+        for f, value in given.items()
     }
     model = Model(**matrices)
     mode.check(model, c.K_e_hat)

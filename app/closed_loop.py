@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -178,8 +179,15 @@ class ClosedLoop:
         # a heavy contact's force goes with this period's torque
         load = after.load if self.system.plant.heavy else before.load
         self._force = load.force
-        self._residual = complete_row(
-            row, outcome.residual_gain, outcome.residual_rest, after.q_ddot, load.force, load.multiplier, before.load.phi
+        self._residual, self._speed = complete_row(
+            row,
+            outcome.residual_gain,
+            outcome.residual_rest,
+            after.q_ddot,
+            after.q_dot,
+            load.force,
+            load.multiplier,
+            before.load.phi,
         )
         self.recording.commit()
 
@@ -188,9 +196,9 @@ class ClosedLoop:
         scenario, plant = self.system.scenario, self._plant
         if self.reaching_time is None and outcome.s_norm <= outcome.s_band:
             self.reaching_time = t - self.s_since
-        speed = float(np.sqrt(plant.q_dot @ plant.q_dot))
+        speed = self._speed
         choice = scenario.simulation.leaving_domain
-        if not np.isfinite(speed + outcome.s_norm):
+        if not math.isfinite(speed + outcome.s_norm):
             self._left("stop", "the state is no longer finite: the loop diverged")
         elif scenario.contact.kind == "rigid" and scenario.contact.unilateral and plant.load.multiplier < 0.0 < t:
             self._left("stop", f"contact lost, the surface would have to pull (λ = {plant.load.multiplier:.4g} N)")
@@ -226,8 +234,14 @@ class ClosedLoop:
             "s_norm": float(np.linalg.norm(output.s)),
             "s_bound": float(self.certificate.envelope(t - self.s_since)),
             "s_band": sampling_band(
-                self.certificate.k_r_low, self.certificate.k_r_high, law.gains.K_s_largest, int(law.switching), law.phi,
-                output.d, law.epsilon, self._period,
+                self.certificate.k_r_low,
+                self.certificate.k_r_high,
+                law.gains.K_s_largest,
+                int(law.switching),
+                law.phi,
+                output.d,
+                law.epsilon,
+                self._period,
             ),
             "d": output.d,
             "d_required": float(sum(output.needed)),

@@ -89,13 +89,20 @@ def control_period(held, override, path, force, z, q, q_dot, F, t, row):
     believed = believed_estimate(estimate, override)
     output = control_law(gains, z, reference, task, believed, override.deviation, q_dot, F)
 
-    model, n = gains.model, q.shape[0]
+    model = gains.model
     known = task.J_q_dot @ q_dot + task.v_t_dot - reference.r_d_ddot
     rest = model.M_m @ known + model.B_m @ output.e_r_dot + model.K_m @ output.e_r + model.K_f @ output.e_Fc
     s_norm = norm(output.s)
     s_bound = envelope(promise, t - since)
     s_band = sampling_band(
-        promise.k_r_low, promise.k_r_high, gains.K_s_largest, gains.switching, gains.phi, output.d, gains.epsilon, period
+        promise.k_r_low,
+        promise.k_r_high,
+        gains.K_s_largest,
+        gains.switching,
+        gains.phi,
+        output.d,
+        gains.epsilon,
+        period,
     )
     sigma_min = 1.0 / spectral_norm(task.J_q_inv)
     needed = np.array(
@@ -123,8 +130,11 @@ def control_period(held, override, path, force, z, q, q_dot, F, t, row):
 
 
 @njit(cache=True, error_model="numpy")
-def complete_row(row, residual_gain, residual_rest, q_ddot, force, multiplier, phi):
-    """Write what is known only when the plant has answered behind the rest; returns the residual of (8), (n,) N."""
+def complete_row(row, residual_gain, residual_rest, q_ddot, q_dot, force, multiplier, phi):
+    """Write what is known only when the plant has answered behind the rest.
+
+    Returns the residual of (8), (n,) N, and ||q_dot||, rad/s.
+    """
     residual = residual_gain @ q_ddot + residual_rest
     _lay_down(row[row.shape[0] - residual.shape[0] - 5 :], (residual, force, np.array([multiplier, phi])))
-    return residual
+    return residual, norm(q_dot)

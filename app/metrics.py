@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from msgspec import Struct
-
 import numpy as np
+from msgspec import Struct
 
 from app.closed_loop import ClosedLoop
 

@@ -17,7 +17,6 @@ from app.assembly import Coordinate
 from app.closed_loop import ClosedLoop
 from app.recording import Recording
 from app.scenario import Scenario, ScenarioError, edited
-from controllers.force_loop import force_loop_factor, layer_loop_factor
 from environments.robots import Robot
 from environments.surfaces import Surface
 

@@ -25,7 +25,7 @@ class ScenarioError(ValueError):
     """A scenario that cannot be used: one sentence with the field's path, its value and what is allowed."""
 
 
-def _number(doc: str, unit: str, **bounds: float) -> Meta:
+def _number(doc: str, unit: str, **bounds: Any) -> Meta:
     return Meta(description=doc, extra={"unit": unit}, **bounds)
 
 
@@ -38,7 +38,9 @@ class Robot(_Section, frozen=True, forbid_unknown_fields=True):
 
     name: Annotated[str, _number("row of the catalogue", "")] = "ur5"
     urdf: Annotated[str | None, _number("any URDF instead, by path", "")] = None
-    tool_frame: Annotated[str | None, _number("frame of the tool; default: the catalogue's, or the last one", "")] = None
+    tool_frame: Annotated[str | None, _number("frame of the tool; default: the catalogue's, or the last one", "")] = (
+        None
+    )
     tool_offset: Annotated[Vector3 | None, _number("tool point in the tool frame", "m")] = None
     posture: Annotated[Vector | None, _number("joint angles at the start; default: the working posture", "rad")] = None
     rotor_inertia: Annotated[Vector | None, _number("reflected rotor inertia per joint", "kg·m²")] = None
@@ -107,7 +109,8 @@ class Controller(_Section, frozen=True, forbid_unknown_fields=True):
     ] = "saturation"
     layer: Annotated[float, _number("boundary layer", "m/s", gt=0, le=10)] = 0.01
     on_change: Annotated[
-        Literal["remove", "watch"], _number("z at the start and on changes: s = 0 (Remark 2), or kept, s is reached", "")
+        Literal["remove", "watch"],
+        _number("z at the start and on changes: s = 0 (Remark 2), or kept, s is reached", ""),
     ] = "remove"
     estimates: Annotated[
         Literal["online", "along-reference"], _number("M, C, G at q, or beforehand along r_d (Remark 3)", "")
@@ -239,9 +242,9 @@ class Simulation(_Section, frozen=True, forbid_unknown_fields=True):
     substeps: Annotated[int, _number("plant steps in a control period", "", ge=1, le=1000)] = 1
     domain_radius: Annotated[float, _number("Omega: postures within this of the reference", "rad", gt=0, le=3)] = 0.15
     sigma_min: Annotated[float, _number("J_q counts as singular below this singular value", "m", ge=0, le=1)] = 0.01
-    leaving_domain: Annotated[
-        Literal["stop", "flag"], _number("singular J_q, or ||q_dot|| beyond 20 rad/s", "")
-    ] = "stop"
+    leaving_domain: Annotated[Literal["stop", "flag"], _number("singular J_q, or ||q_dot|| beyond 20 rad/s", "")] = (
+        "stop"
+    )
     bound_violation: Annotated[Literal["stop", "flag"], _number("||s|| over its envelope (20)", "")] = "flag"
 
 

@@ -27,7 +27,9 @@ class Compensator:
     @classmethod
     def design(cls, model: TargetModel, A: np.ndarray, F_1: np.ndarray, F_2: np.ndarray) -> Compensator:
         """The compensator whose sliding mode is `model`; A, F_1, F_2 are (n,) diagonals."""
-        diagonal = {name: as_matrix(f"controller.{name}", v, model.n) for name, v in (("A", A), ("F_1", F_1), ("F_2", F_2))}
+        diagonal = {
+            name: as_matrix(f"controller.{name}", v, model.n) for name, v in (("A", A), ("F_1", F_1), ("F_2", F_2))
+        }
         A, F_1, F_2 = diagonal["A"], diagonal["F_1"], diagonal["F_2"]
         for name, matrix in diagonal.items():
             if np.count_nonzero(matrix - np.diag(np.diag(matrix))):

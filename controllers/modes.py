@@ -75,7 +75,7 @@ class Mode:
         environment = np.zeros((n, n))
         environment[:m, :m] = K_e_hat
         poles = model.poles(environment)
-        unstable = poles.real.max()
+        unstable = float(np.real(poles).max())
         if self.name == "constrained":
             return  # r_f = 0 on the surface: M_m1, B_m1 do not move, and the rest is s.p.d. (42)
         if unstable >= -1e-9:

@@ -202,5 +202,5 @@ def lipschitz_constants(model: pin.Model, samples: np.ndarray, margin: float = 1
             pin.computeGeneralizedGravity(model, data, beside),
         )
         slopes = [np.linalg.norm(b - a, 2 if a.ndim == 2 else None) / step for a, b in zip(here, moved, strict=True)]
-        largest = np.maximum(largest, [sum(per_link), *slopes])
+        largest = np.maximum(largest, np.array([np.sum(per_link), *slopes]))
     return Lipschitz(*(float(v) for v in margin * largest))

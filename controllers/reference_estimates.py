@@ -33,7 +33,17 @@ def believed_estimate(estimate, override):
         return estimate
     e = estimate
     return Estimate(
-        override.M_hat, e.M_links, override.C_hat, override.G_hat, e.G_links, e.p, e.R, e.J_v, e.J_w, e.J_v_dot, e.J_w_dot
+        override.M_hat,
+        e.M_links,
+        override.C_hat,
+        override.G_hat,
+        e.G_links,
+        e.p,
+        e.R,
+        e.J_v,
+        e.J_w,
+        e.J_v_dot,
+        e.J_w_dot,
     )
 
 

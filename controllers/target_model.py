@@ -87,8 +87,6 @@ class TargetModel:
         K_m, K_f = self.K_m[axis, axis], self.K_f[axis, axis]
         return K_e * (K_f * F_d + K_m * (x_d - x_e)) / (K_m + K_f * K_e)
 
-    def residual(
-        self, e_r: np.ndarray, e_r_dot: np.ndarray, e_r_ddot: np.ndarray, e_Fc: np.ndarray
-    ) -> np.ndarray:
+    def residual(self, e_r: np.ndarray, e_r_dot: np.ndarray, e_r_ddot: np.ndarray, e_Fc: np.ndarray) -> np.ndarray:
         """Left side of (8) minus its right side, (..., n) N; errors (..., n)."""
         return e_r_ddot @ self.M_m.T + e_r_dot @ self.B_m.T + e_r @ self.K_m.T + e_Fc @ self.K_f.T

@@ -119,9 +119,13 @@ def vsmrc_law(gains, z, reference, task, estimate, deviation, q_dot, F):
 
     u = gains.uncertainty
     if gains.tight:
-        inertia, coriolis, gravity, motion, disturbance = tight_bound(u, deviation, estimate, task, q_dot, q_eq_dot, q_eq_ddot)
+        inertia, coriolis, gravity, motion, disturbance = tight_bound(
+            u, deviation, estimate, task, q_dot, q_eq_dot, q_eq_ddot
+        )
     else:
-        inertia, coriolis, gravity, motion, disturbance = paper_bound(u, deviation, estimate, task, q_dot, r_eq_dot, r_eq_ddot)
+        inertia, coriolis, gravity, motion, disturbance = paper_bound(
+            u, deviation, estimate, task, q_dot, r_eq_dot, r_eq_ddot
+        )
     needed = RequiredGain(inertia, coriolis, gravity, motion, disturbance, gains.epsilon)
     d = gains.d
     if gains.by_theorem:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -60,8 +61,9 @@ class Truth:
             total += self.disturbance * wave / max(np.linalg.norm(wave), 1.0)
         return total
 
-    @property
+    @cached_property
     def silent(self) -> bool:
+        """Whether there is neither friction nor disturbance in the joints."""
         return self.coulomb == 0.0 and self.viscous == 0.0 and self.disturbance == 0.0
 
 

@@ -166,9 +166,7 @@ class Surface:
     def shape(self) -> Shape:
         """The surface in the kernels' form."""
         m = self.motion
-        return Shape(
-            self.kind, self.origin, self.frame, self.radius, self.side, m.direction, m.amplitude, m.frequency
-        )
+        return Shape(self.kind, self.origin, self.frame, self.radius, self.side, m.direction, m.amplitude, m.frequency)
 
     def chart(self, p: np.ndarray, t: float) -> Chart:
         """Coordinates of the point p (3,) m at time t (s) with all derivatives."""
@@ -254,9 +252,7 @@ class Sphere(Surface):
     kind = SPHERE
 
     @classmethod
-    def create(
-        cls, origin: np.ndarray, reference: np.ndarray, radius: float, side: float, motion: Motion
-    ) -> Sphere:
+    def create(cls, origin: np.ndarray, reference: np.ndarray, radius: float, side: float, motion: Motion) -> Sphere:
         return cls(np.asarray(origin, dtype=float), tangent_frame(reference), motion, radius, side)
 
     def _local_point(self, g: np.ndarray) -> np.ndarray:

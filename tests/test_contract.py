@@ -16,6 +16,7 @@ from controllers.modes import MODES
 from environments.robots import CATALOGUE
 
 STEPS = 60
+SURFACES = ("plane", "moving plane", "cylinder", "inside of a cylinder", "moving sphere")
 
 
 def tool_height(robot: str) -> np.ndarray:
@@ -39,13 +40,13 @@ def surfaces(robot: str) -> dict[str, dict[str, object]]:
 
 
 def cases() -> list[tuple[str, str, str, str]]:
-    rows = []
-    for robot in CATALOGUE:
-        for mode in MODES.values():
-            for contact in mode.contacts:
-                for surface in ["plane"] if contact == "free" else list(surfaces(robot)):
-                    rows.append((robot, mode.name, contact, surface))
-    return rows
+    return [
+        (robot, mode.name, contact, surface)
+        for robot in CATALOGUE
+        for mode in MODES.values()
+        for contact in mode.contacts
+        for surface in (["plane"] if contact == "free" else SURFACES)
+    ]
 
 
 def scenario_of(robot: str, mode: str, contact: str, surface: str) -> Scenario:
