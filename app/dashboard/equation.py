@@ -81,5 +81,6 @@ def _sub(base: str, index: str) -> str:
 
 
 def _error(index: str, accent: str = "") -> str:
-    base = f'<mover accent="true"><mi>e</mi><mo stretchy="false">{accent}</mo></mover>' if accent else "<mi>e</mi>"
-    return f"<msub>{base}<mi>{index}</mi></msub>"
+    # composed letters: an accent of its own (<mover>) is lost in small type
+    letter = {"": "e", "˙": "ė", "¨": "ë"}[accent]
+    return f'<msub><mi style="font-style: italic">{letter}</mi><mi>{index}</mi></msub>'

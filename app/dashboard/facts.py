@@ -29,12 +29,12 @@ def _facts(snapshot: Snapshot) -> list[tuple[str, str]]:
 
     rows = [
         ("gain d, needed by (17)", f"{number('d')}, {number('d_required')} N"),
-        ("margin of the gain condition", _judged(live.get("gain_margin", math.nan), " N", low=0.0)),
+        ("margin of the gain condition", _judged(live.get("gain_margin", math.nan), " N", low=-1e-9)),
         ("reaching time, promised by (18)", f"{number('reaching_time')}, ≤ {number('reaching_time_bound')} s"),
-        ("Lyapunov function V", number("V")),
+        ("Lyapunov function V", number("V", " J")),
         ("residual of the target model", number("residual", " N")),
         ("loop factor in the layer (&lt; 2)", _judged(live.get("layer_loop_factor", math.nan), "", high=2.0)),
-        ("smallest singular value of J_q", number("sigma_min")),
+        ("smallest singular value of J_q", number("sigma_min", " m")),
     ]
     if math.isfinite(live.get("force_loop_factor", math.nan)):
         rows.append(("force loop factor (&lt; 1)", _judged(abs(live["force_loop_factor"]), "", high=1.0)))
@@ -45,4 +45,4 @@ def _judged(value: float, unit: str, low: float = -math.inf, high: float = math.
     if not math.isfinite(value):
         return "—"
     look = "vs-good" if low <= value <= high else "vs-bad"
-    return f'<span class="vs-chip {look}">{value:.3g}{unit}</span>'
+    return f'<span class="vs-chip {look}">{value if abs(value) > 1e-9 else 0.0:.3g}{unit}</span>'

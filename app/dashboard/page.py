@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import socket
 import threading
 import time
@@ -18,6 +19,8 @@ from app.dashboard.status import splash_html, status_html
 from app.dashboard.style import injected_html
 from app.dashboard.theme import ACCENT
 from app.runner import Runner, Snapshot
+
+log = logging.getLogger("vsmrc.dashboard")
 
 FRAME = 1 / 30  # s, scene
 REFRESH = 1 / 10  # s, plots, numbers and controls
@@ -71,7 +74,12 @@ class Dashboard:
         while not self._closed.is_set():
             started = time.monotonic()
             if self._view is not None and self._server.get_clients():
-                self._view.draw(started)
+                try:
+                    self._view.draw(started)
+                except Exception as error:  # a drawing fault must not take the page down: say it, log it, go on
+                    log.exception("drawing failed")
+                    self._view.complain(f"drawing failed: {error}")
+                    self._closed.wait(1.0)
             self._closed.wait(max(FRAME - (time.monotonic() - started), 0.002))
 
     def close(self) -> None:

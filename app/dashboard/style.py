@@ -67,6 +67,9 @@ form .mantine-NumberInput-root {{ display: none; }}
 form input {{ text-align: right !important; font-variant-numeric: tabular-nums; }}
 form input[data-pending] {{ border-color: {css(MEASURED)}; color: {css(MEASURED)}; }}
 form label {{ white-space: nowrap; }}
+/* the status line stays in sight while the tabs scroll: nothing between it and the scroll area may clip */
+div:has(> .vs-status) {{ position: sticky; top: 0; z-index: 5; background: var(--mantine-color-body); }}
+div:has(> div > div > div > .vs-status) {{ overflow: visible !important; }}
 .vs-status {{ padding: 0.5em 1.1em 0.35em 0.8em; font-size: 0.9em; line-height: 1.55;
   font-variant-numeric: tabular-nums; }}
 .vs-row {{ display: flex; flex-wrap: wrap; gap: 0.35em 0.5em; align-items: center; }}
