@@ -46,6 +46,7 @@ from environments.sensors import ForceSensor
 
 SAMPLES = 240  # postures drawn from Omega for the constants over it
 CENTRES = 24  # postures along the reference, around which Omega lies
+NEAR = 0.03  # m
 MARGIN = 1.1  # on k_r_low and k_r_high, for what lies between the samples
 
 
@@ -213,10 +214,10 @@ def in_mode(scenario: Scenario, mode_name: str) -> Scenario:
     data = to_plain(changed)
     data["target_model"] = {}
     if scenario.contact.kind not in mode.contacts:
-        data["contact"]["kind"] = mode.contacts[-1] if mode_name == "motion" else mode.contacts[0]
+        data["contact"]["kind"] = mode.contacts[0]
     if mode_name != "motion":
         data["task_space"]["kind"] = "cartesian"
-    return from_plain(data)
+    return _within_reach(from_plain(data))
 
 
 def on_robot(scenario: Scenario, name: str) -> Scenario:
@@ -230,7 +231,23 @@ def on_robot(scenario: Scenario, name: str) -> Scenario:
     for gain in ("A", "F_1", "F_2", "K_s"):
         value = data["controller"][gain]
         data["controller"][gain] = value[0] if isinstance(value, list) and not isinstance(value[0], list) else value
-    return from_plain(data)
+    return _within_reach(from_plain(data))
+
+
+def _within_reach(scenario: Scenario) -> Scenario:
+    """The surface brought to the tool, when a mode that needs one finds it farther away than `NEAR`."""
+    if not modes.MODES[scenario.mode].on_surface:
+        return scenario
+    try:
+        robot = _robot(scenario)
+    except RobotError as error:
+        raise ScenarioError(str(error)) from error
+    p = NominalModel(robot.model, robot.tool_joint, robot.tool_placement).evaluate(robot.posture, np.zeros(robot.n)).p
+    chart = _surface(scenario).chart(p, 0.0)
+    if abs(chart.g[0]) <= NEAR:
+        return scenario
+    origin = np.array(scenario.surface.origin) + chart.G[0] * chart.g[0]
+    return edited(scenario, "surface.origin", origin.tolist())
 
 
 def _robot(scenario: Scenario) -> Robot:

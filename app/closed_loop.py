@@ -13,9 +13,11 @@ from app.recording import Recording
 from app.scenario import Scenario
 from controllers.bounds import InertiaRange
 from controllers.force_loop import force_loop_factor, layer_loop_factor
+from controllers.nominal_model import Estimate
 from controllers.reaching import ReachingCertificate, sampling_band
 from controllers.reference_estimates import EstimateOverride, ReferenceEstimates
 from controllers.switching import Switching
+from controllers.task_space import TaskSpace
 from controllers.vsmrc import LawState, Reference
 from environments.held import hold
 from environments.plant import PlantState
@@ -56,7 +58,6 @@ class ClosedLoop:
         self.system = system
         self.t = 0.0
         self.stopped: str | None = None
-        self.warning: str | None = None
         self.recording = Recording(system.layout.n, self._history)
         self._reader = ForceReader(system.sensor, system.scenario.simulation.seed)
         self._plant = system.plant.start(system.robot.posture, np.zeros(system.robot.n), 0.0)
@@ -152,6 +153,7 @@ class ClosedLoop:
             law.epsilon * law.switching.kept,
             V_0=float(0.5 * s @ H_high @ s),
         )
+        self.warning = self._force_loop_warning(estimate, task)
         self.s_since = self.t
         self._held = hold(
             Setting(
@@ -160,6 +162,24 @@ class ClosedLoop:
             )
         )  # fmt: skip
         self.reaching_time: float | None = None
+
+    def _force_loop_factor(self, estimate: Estimate, task: TaskSpace) -> float:
+        """See `controllers.force_loop`; nan where no force is fed back through a loop that sampling closes."""
+        contact, plant = self.system.scenario.contact, self.system.plant
+        if not (self.system.m and plant.heavy):
+            return math.nan
+        H_hat = task.J_q_inv.T @ estimate.M_hat @ task.J_q_inv
+        M_e = math.inf if contact.kind == "rigid" else contact.M_e
+        return force_loop_factor(H_hat, H_hat, self.system.law.model, M_e)
+
+    def _force_loop_warning(self, estimate: Estimate, task: TaskSpace) -> str | None:
+        factor = self._force_loop_factor(estimate, task)
+        if self.system.scenario.sensor.ideal or math.isnan(factor) or abs(factor) < 1.0:
+            return None
+        return (
+            f"the sampled force loop diverges: its factor is {factor:.3g}, allowed: between -1 and 1; "
+            "raise M_m1, or set sensor.ideal"
+        )
 
     def _reference_estimates(self) -> ReferenceEstimates | None:
         system = self.system
@@ -229,7 +249,6 @@ class ClosedLoop:
         deviation = self._override.deviation
         output = law.evaluate(self._law, reference, task, estimate, deviation, plant.q_dot, self._force)
         H_hat = task.J_q_inv.T @ estimate.M_hat @ task.J_q_inv
-        kind = system.scenario.contact.kind
         live = {
             "s_norm": float(np.linalg.norm(output.s)),
             "s_bound": float(self.certificate.envelope(t - self.s_since)),
@@ -252,13 +271,10 @@ class ClosedLoop:
             "reaching_time_bound": self.certificate.t_r,
             "reaching_time": np.nan if self.reaching_time is None else self.reaching_time,
             "layer_loop_factor": np.nan,
-            "force_loop_factor": np.nan,
+            "force_loop_factor": self._force_loop_factor(estimate, task),
         }
         if law.switching is not Switching.DISCONTINUOUS:
             live["layer_loop_factor"] = layer_loop_factor(H_hat, law.K_s, output.d, law.phi, self._period)
-        if system.m and system.plant.heavy:
-            M_e = np.inf if kind == "rigid" else system.scenario.contact.M_e
-            live["force_loop_factor"] = force_loop_factor(H_hat, H_hat, law.model, M_e)
         return View(
             plant.q,
             estimate.p,

@@ -61,9 +61,8 @@ def main() -> None:
         for name, loop in loops.items():
             steps[name].append(microseconds(loop.step))
             bare[name].append(microseconds(floors[name]))
-    print(
-        f"\n{platform.machine()}, Python {platform.python_version()}, pin {pin.__version__}, {ROUNDS} rounds of {STEPS}\n"
-    )
+    machine = f"{platform.machine()}, Python {platform.python_version()}, pin {pin.__version__}"
+    print(f"\n{machine}, {ROUNDS} rounds of {STEPS}\n")
     print(f"{'scenario':24s}{'step, us':>10s}{'bare pin, us':>14s}{'ratio':>8s}{'x real time':>13s}")
     for name, loop in loops.items():
         if loop.stopped:

@@ -60,7 +60,7 @@ class ReferenceEstimates:
         posture: Callable[[np.ndarray, float], tuple[np.ndarray, np.ndarray]],
         q_0: np.ndarray,
         period: float,
-        block: int = 1000,
+        block: int = 20,
     ) -> None:
         self._model, self._lipschitz, self._posture = model, lipschitz, posture
         self._period, self._block = period, block

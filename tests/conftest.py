@@ -5,6 +5,7 @@ from collections.abc import Callable, Iterator
 import pytest
 from playwright.sync_api import Browser, Page, sync_playwright
 
+import app  # noqa: F401  # says where kernels are cached, which must come before numba
 from tests.browser import LAUNCH_ARGS, find_or_install
 
 
