@@ -45,7 +45,7 @@ from environments.robots import Robot, RobotError
 from environments.sensors import ForceSensor
 
 SAMPLES = 240  # postures drawn from Omega for the constants over it
-CENTRES = 24  # postures along the reference, around which Omega lies
+CENTRES = 192  # postures along the reference, around which Omega lies
 NEAR = 0.03  # m
 MARGIN = 1.1  # on k_r_low and k_r_high, for what lies between the samples
 
@@ -217,7 +217,7 @@ def in_mode(scenario: Scenario, mode_name: str) -> Scenario:
         data["contact"]["kind"] = mode.contacts[0]
     if mode_name != "motion":
         data["task_space"]["kind"] = "cartesian"
-    return _within_reach(from_plain(data))
+    return _adapted(from_plain(data))
 
 
 def on_robot(scenario: Scenario, name: str) -> Scenario:
@@ -231,11 +231,12 @@ def on_robot(scenario: Scenario, name: str) -> Scenario:
     for gain in ("A", "F_1", "F_2", "K_s"):
         value = data["controller"][gain]
         data["controller"][gain] = value[0] if isinstance(value, list) and not isinstance(value[0], list) else value
-    return _within_reach(from_plain(data))
+    return _adapted(from_plain(data))
 
 
-def _within_reach(scenario: Scenario) -> Scenario:
-    """The surface brought to the tool, when a mode that needs one finds it farther away than `NEAR`."""
+def _adapted(scenario: Scenario) -> Scenario:
+    """In a mode on a surface: the surface brought to the tool when it is farther away than `NEAR`, and a circle
+    flattened to a line where an arm has only one direction along the surface."""
     if not modes.MODES[scenario.mode].on_surface:
         return scenario
     try:
@@ -244,10 +245,14 @@ def _within_reach(scenario: Scenario) -> Scenario:
         raise ScenarioError(str(error)) from error
     p = NominalModel(robot.model, robot.tool_joint, robot.tool_placement).evaluate(robot.posture, np.zeros(robot.n)).p
     chart = _surface(scenario).chart(p, 0.0)
-    if abs(chart.g[0]) <= NEAR:
-        return scenario
-    origin = np.array(scenario.surface.origin) + chart.G[0] * chart.g[0]
-    return edited(scenario, "surface.origin", origin.tolist())
+    if abs(chart.g[0]) > NEAR:
+        origin = np.array(scenario.surface.origin) + chart.G[0] * chart.g[0]
+        scenario = edited(scenario, "surface.origin", origin.tolist())
+    path = scenario.motion
+    if robot.geometry == "planar" and isinstance(path, Circle):
+        line = {"kind": "line", "displacement": [2 * path.radius], "period": path.period, "ramp": path.ramp}
+        scenario = edited(scenario, "motion", line)
+    return scenario
 
 
 def _robot(scenario: Scenario) -> Robot:
@@ -348,10 +353,12 @@ def _coordinates(layout: TaskLayout, mode: Mode, robot: Robot) -> tuple[Coordina
 
 def posture_at(observe: Observe, q: np.ndarray, reference: Reference, t: float) -> tuple[np.ndarray, np.ndarray]:
     """q_d, q_d_dot with r(q_d, t) = r_d and its rate, by Newton's method from q (n,) rad."""
-    for _ in range(4):
+    for _ in range(8):
         _, task = observe(q, np.zeros_like(q), t)
-        q = q + task.J_q_inv @ (reference.r_d - task.r)
-    _, task = observe(q, np.zeros_like(q), t)
+        away = task.J_q_inv @ (reference.r_d - task.r)
+        if np.abs(away).max() < 1e-9:
+            break
+        q = q + away
     return q, task.J_q_inv @ (reference.r_d_dot - task.v_t)
 
 
@@ -366,7 +373,7 @@ def _centres(
     """Postures (N, n) along the reference. Raises ScenarioError when the arm cannot follow it."""
     centres = [q_0]
     q = q_0
-    for t in np.linspace(0.0, duration, 8 * CENTRES):
+    for t in np.linspace(0.0, duration, CENTRES):
         try:
             q, _ = posture_at(observe, q, reference_at(plan, motion.evaluate(t), force.evaluate(t)), t)
         except ValueError:  # J_q exactly singular
@@ -374,7 +381,7 @@ def _centres(
         if not np.linalg.norm(q - centres[-1]) < 1.0:
             raise ScenarioError(f"motion: the arm cannot follow the reference beyond t = {t:.3g} s")
         centres.append(q)
-    return np.array(centres[::8])
+    return np.array(centres)
 
 
 def _constants(scenario: Scenario, nominal: NominalModel, observe: Observe, centres: np.ndarray) -> Constants:
@@ -382,8 +389,8 @@ def _constants(scenario: Scenario, nominal: NominalModel, observe: Observe, cent
     n, radius = centres.shape[1], scenario.simulation.domain_radius
     directions = random.standard_normal((SAMPLES, n))
     directions *= radius / np.linalg.norm(directions, axis=1, keepdims=True)
-    around = centres[np.arange(SAMPLES) % len(centres)] + directions * random.uniform(size=(SAMPLES, 1)) ** (1 / n)
-    samples = np.vstack([centres, around])
+    around = centres[np.linspace(0, len(centres) - 1, SAMPLES).astype(int)] + directions * random.uniform(size=(SAMPLES, 1)) ** (1 / n)
+    samples = np.vstack([centres[::8], around])
     uncertainty = _uncertainty(scenario, 0.0)
     period = 1.0 / max(scenario.surface.motion.frequency, 1e-3)
     low, high = np.inf, 0.0

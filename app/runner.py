@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import itertools
 import logging
 import queue
 import sys
@@ -190,19 +192,20 @@ class Runner:
 
     def _drain(self) -> bool:
         """Carry out what is queued; True when simulated time must be paced anew."""
-        changed = False
-        while True:
-            try:
-                command = self._commands.get_nowait()
-            except queue.Empty:
-                return changed
-            changed = True
+        queued: list[Command] = []
+        with contextlib.suppress(queue.Empty):
+            while True:
+                queued.append(self._commands.get_nowait())
+        for command, following in itertools.zip_longest(queued, queued[1:]):
+            if isinstance(command, Edit) and isinstance(following, Edit) and command.path == following.path:
+                continue  # a slider has moved on: only where it is now matters
             try:
                 self._carry_out(command)
             except (ScenarioError, ArithmeticError, ValueError) as error:
                 self._refusal = str(error)
                 self._refusals += 1
                 log.info("refused %s: %s", command, error)
+        return bool(queued)
 
     def _carry_out(self, command: Command) -> None:
         loop = self._loop
