@@ -353,12 +353,13 @@ def _coordinates(layout: TaskLayout, mode: Mode, robot: Robot) -> tuple[Coordina
 
 def posture_at(observe: Observe, q: np.ndarray, reference: Reference, t: float) -> tuple[np.ndarray, np.ndarray]:
     """q_d, q_d_dot with r(q_d, t) = r_d and its rate, by Newton's method from q (n,) rad."""
+    _, task = observe(q, np.zeros_like(q), t)
     for _ in range(8):
-        _, task = observe(q, np.zeros_like(q), t)
         away = task.J_q_inv @ (reference.r_d - task.r)
         if np.abs(away).max() < 1e-9:
             break
         q = q + away
+        _, task = observe(q, np.zeros_like(q), t)
     return q, task.J_q_inv @ (reference.r_d_dot - task.v_t)
 
 
@@ -389,7 +390,8 @@ def _constants(scenario: Scenario, nominal: NominalModel, observe: Observe, cent
     n, radius = centres.shape[1], scenario.simulation.domain_radius
     directions = random.standard_normal((SAMPLES, n))
     directions *= radius / np.linalg.norm(directions, axis=1, keepdims=True)
-    around = centres[np.linspace(0, len(centres) - 1, SAMPLES).astype(int)] + directions * random.uniform(size=(SAMPLES, 1)) ** (1 / n)
+    spread = np.linspace(0, len(centres) - 1, SAMPLES).astype(int)
+    around = centres[spread] + directions * random.uniform(size=(SAMPLES, 1)) ** (1 / n)
     samples = np.vstack([centres[::8], around])
     uncertainty = _uncertainty(scenario, 0.0)
     period = 1.0 / max(scenario.surface.motion.frequency, 1e-3)

@@ -7,8 +7,8 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from controllers.bounds import norm, spectral_norm
 from controllers.nominal_model import LinkConstants, Terms, estimates
+from controllers.norms import norm
 from controllers.reaching import Promise, envelope, sampling_band
 from controllers.reference_estimates import believed_estimate
 from controllers.task_space import TaskLayout, task_space
@@ -104,7 +104,7 @@ def control_period(held, override, path, force, z, q, q_dot, F, t, row):
         gains.epsilon,
         period,
     )
-    sigma_min = 1.0 / spectral_norm(task.J_q_inv)
+    sigma_min = 1.0 / task.J_q_inv_norm
     needed = np.array(
         [
             output.needed.inertia,

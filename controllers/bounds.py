@@ -19,6 +19,7 @@ import numpy as np
 from numba import njit
 
 from controllers.nominal_model import Estimate
+from controllers.norms import norm, spectral_norm
 from controllers.task_space import TaskSpace
 
 
@@ -52,32 +53,9 @@ class RequiredGain(NamedTuple):
 
 
 @njit(cache=True, error_model="numpy")
-def norm(v):
-    """Euclidean norm of a vector."""
-    return np.sqrt(v @ v)
-
-
-@njit(cache=True, error_model="numpy")
-def spectral_norm(A):
-    """||A||_2 from above: its Schatten norm of order 64, at most n^(1/64) (3 % for n = 6) too large."""
-    S = A @ A.T
-    bound = 1.0
-    power = 1.0
-    for _ in range(5):
-        trace = np.trace(S)
-        if trace <= 0.0:
-            return 0.0
-        bound *= trace**power
-        S = S / trace
-        S = S @ S
-        power *= 0.5
-    return np.sqrt(bound * np.trace(S) ** power)
-
-
-@njit(cache=True, error_model="numpy")
 def paper_bound(u, deviation, estimate, task, q_dot, r_eq_dot, r_eq_ddot):
     """Each product of (17) with the bounds (7); delta_Ft stands in `task_motion`."""
-    J_inv = spectral_norm(task.J_q_inv)
+    J_inv = task.J_q_inv_norm
     reach = spectral_norm(estimate.J_v) + u.payload_offset * spectral_norm(estimate.J_w)
     reach_dot = spectral_norm(estimate.J_v_dot) + u.payload_offset * (
         spectral_norm(estimate.J_w_dot) + norm(estimate.J_w @ q_dot) * spectral_norm(estimate.J_w)
@@ -110,8 +88,10 @@ def tight_bound(u, deviation, estimate, task, q_dot, q_eq_dot, q_eq_ddot):
     """The same perturbation bounded in task space, term by term."""
     J_inv_T = np.ascontiguousarray(task.J_q_inv.T)
     H_links = J_inv_T @ estimate.M_links @ task.J_q_inv
-    J_inv = spectral_norm(task.J_q_inv)
-    carry = spectral_norm(estimate.J_v @ task.J_q_inv)
+    J_inv = task.J_q_inv_norm
+    carry = 0.0  # of a force at the tool to r
+    if u.payload_mass > 0.0 or u.force_error > 0.0:
+        carry = spectral_norm(estimate.J_v @ task.J_q_inv)
     inertia = u.rho * np.sqrt(max(spectral_norm(H_links) * (q_eq_ddot @ estimate.M_links @ q_eq_ddot), 0.0))
     coriolis = u.rho * u.k_C * J_inv * norm(q_dot) * norm(q_eq_dot)
     gravity = 0.0

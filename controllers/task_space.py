@@ -12,15 +12,19 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
+from controllers.norms import spectral_norm
+
 
 class TaskSpace(NamedTuple):
-    """r, r_dot, v_t, v_t_dot (n,); J_q, J_q_dot, J_q_inv (n, n); normal (3,): gradient of phi in the world frame."""
+    """r, r_dot, v_t, v_t_dot (n,); J_q, J_q_dot, J_q_inv (n, n) and J_q_inv's norm from above (see `spectral_norm`);
+    normal (3,): gradient of phi in the world frame."""
 
     r: np.ndarray
     r_dot: np.ndarray
     J_q: np.ndarray
     J_q_dot: np.ndarray
     J_q_inv: np.ndarray
+    J_q_inv_norm: float
     v_t: np.ndarray
     v_t_dot: np.ndarray
     normal: np.ndarray
@@ -82,13 +86,14 @@ def _cartesian(layout, chart, estimate, q, q_dot):
     r, v_t, v_t_dot = np.zeros(n), np.zeros(n), np.zeros(n)
     J_q, J_q_dot = np.zeros((n, n)), np.zeros((n, n))
     p_dot = estimate.J_v @ q_dot
+    G_dot = chart.G_t.copy()
     for i in range(positions):
-        G_dot = chart.G_p[i] @ p_dot + chart.G_t[i]
-        r[i] = chart.g[i]
-        J_q[i] = chart.G[i] @ estimate.J_v
-        J_q_dot[i] = G_dot @ estimate.J_v + chart.G[i] @ estimate.J_v_dot
-        v_t[i] = chart.g_t[i]
-        v_t_dot[i] = chart.G_t[i] @ p_dot + chart.g_tt[i]
+        G_dot[i] += chart.G_p[i] @ p_dot
+    J_q[:positions] = (chart.G @ estimate.J_v)[:positions]
+    J_q_dot[:positions] = (G_dot @ estimate.J_v + chart.G @ estimate.J_v_dot)[:positions]
+    r[:positions] = chart.g[:positions]
+    v_t[:positions] = chart.g_t[:positions]
+    v_t_dot[:positions] = (chart.G_t @ p_dot + chart.g_tt)[:positions]
     if angles > 0:
         R = layout.R_ref.T @ estimate.R
         J_w, J_w_dot = layout.R_ref.T @ estimate.J_w, layout.R_ref.T @ estimate.J_w_dot
@@ -106,8 +111,9 @@ def _cartesian(layout, chart, estimate, q, q_dot):
     for k in range(layout.supplemental.shape[0]):
         r[positions + angles + k] = l * q[layout.supplemental[k]]
         J_q[positions + angles + k, layout.supplemental[k]] = l
+    J_q_inv = np.ascontiguousarray(np.linalg.inv(J_q))
     return TaskSpace(
-        r, J_q @ q_dot + v_t, J_q, J_q_dot, np.ascontiguousarray(np.linalg.inv(J_q)), v_t, v_t_dot, chart.G[0].copy()
+        r, J_q @ q_dot + v_t, J_q, J_q_dot, J_q_inv, spectral_norm(J_q_inv), v_t, v_t_dot, chart.G[0].copy()
     )
 
 
@@ -116,7 +122,9 @@ def _joint(chart, q, q_dot):
     n = q.shape[0]
     J_q = np.eye(n)
     zero = np.zeros(n)
-    return TaskSpace(q.copy(), q_dot.copy(), J_q, np.zeros((n, n)), J_q.copy(), zero, zero.copy(), chart.G[0].copy())
+    return TaskSpace(
+        q.copy(), q_dot.copy(), J_q, np.zeros((n, n)), J_q.copy(), 1.0, zero, zero.copy(), chart.G[0].copy()
+    )
 
 
 @njit(cache=True, error_model="numpy")

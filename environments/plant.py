@@ -8,6 +8,7 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 import pinocchio as pin
+from numba import njit
 
 from environments.contact import Contact, Load, Touch, World, elastic_load, heavy_multiplier, tool_point, touch
 from environments.held import hold
@@ -82,6 +83,12 @@ class Acceleration(NamedTuple):
 
     q_ddot: np.ndarray
     load: Load
+
+
+@njit(cache=True, error_model="numpy")
+def _euler(q, q_dot, q_ddot, h):
+    q_dot_after = q_dot + h * q_ddot
+    return q + h * q_dot_after, q_dot_after
 
 
 class Plant:
@@ -190,8 +197,7 @@ class Plant:
         self, q: np.ndarray, q_dot: np.ndarray, load: Load, tau: np.ndarray, t: float, h: float
     ) -> tuple[np.ndarray, np.ndarray, Acceleration]:
         at = self._acceleration(q, q_dot, load, tau, t)
-        q_dot = q_dot + h * at.q_ddot
-        q = q + h * q_dot
+        q, q_dot = _euler(q, q_dot, at.q_ddot, h)
         return *self._constrained(q, q_dot, t + h), at
 
     def _rk4(
