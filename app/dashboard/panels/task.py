@@ -8,14 +8,7 @@ from app.dashboard.controls import Choice, Control, Desk, Number, Place, Scale, 
 from app.dashboard.status import MODE_TITLES
 from app.runner import Load, Snapshot
 from app.scenario import shipped
-
-MODE_NOTES = {
-    "motion": "Robust motion control: K_f = 0, the force is only compensated for (26).",
-    "impedance": "Impedance control: the force error moves the tool as through M_m, B_m, K_m (27).",
-    "hybrid": "Hybrid control: force along the normal φ, motion along the tangents ψ (34).",
-    "hybrid-impedance": "Force along the normal, an impedance along the tangents (Remark 6).",
-    "constrained": "Rigid surface: the normal force is the multiplier λ, motion stays tangential (38)-(42).",
-}
+from controllers.modes import MODES
 
 
 class TaskPanel:
@@ -31,7 +24,8 @@ class TaskPanel:
         self._mode = Choice(desk, "mode", "Mode", {title: mode for mode, title in MODE_TITLES.items()})
         self._note = gui.add_html("")
         self._controls: list[Control] = [self._mode]
-        with gui.add_folder("Desired force"):
+        self._force = gui.add_folder("Desired force")
+        with self._force:
             self._controls += [
                 Choice(desk, "force", "Profile", {"constant": "constant", "step": "step", "sinusoid": "sinusoid"}),
                 Number(desk, Place("force.value"), "F_d [N]", Scale(0, 60)),
@@ -60,6 +54,9 @@ class TaskPanel:
         scenario = self._scenarios.get(snapshot.scenario.name)
         if scenario is not None:
             self._scenario.value = scenario.title or snapshot.scenario.name
-        self._note.content = f'<div class="vs-note">{MODE_NOTES[snapshot.scenario.mode]}</div>'
+        mode = MODES[snapshot.scenario.mode]
+        if self._force.visible != mode.on_surface:
+            self._force.visible = mode.on_surface
+        self._note.content = f'<div class="vs-note">{mode.title}, {mode.equation}. {mode.summary}</div>'
         for control in self._controls:
             control.show(snapshot)
