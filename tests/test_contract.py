@@ -9,34 +9,13 @@ import numpy as np
 import pytest
 
 from app import runner as run
-from app.assembly import in_mode, on_robot
 from app.closed_loop import ClosedLoop
-from app.scenario import Scenario, edited, from_plain, from_toml, shipped, to_plain, to_toml
+from app.scenario import Scenario, edited, from_plain, from_toml, shipped, to_toml
 from controllers.modes import MODES
 from environments.robots import CATALOGUE
+from tests.cases import SURFACES, scenario_of
 
 STEPS = 60
-SURFACES = ("plane", "moving plane", "cylinder", "inside of a cylinder", "moving sphere")
-
-
-def tool_height(robot: str) -> np.ndarray:
-    return ClosedLoop(from_plain({"robot": {"name": robot}})).view().tool
-
-
-def surfaces(robot: str) -> dict[str, dict[str, object]]:
-    """Surfaces that this arm's tool just touches, at rest and moving."""
-    x, y, z = tool_height(robot).tolist()
-    motion = {"direction": [0.0, 0.0, 1.0], "amplitude": 0.01, "frequency": 1.0}
-    below = {"origin": [x, y, z - 0.3], "radius": 0.3}
-    return {
-        "plane": {"kind": "plane", "origin": [x, y, z]},
-        "moving plane": {"kind": "plane", "origin": [x, y, z], "motion": motion},
-        "cylinder": {"kind": "cylinder", **below},
-        "inside of a cylinder": {
-            "kind": "cylinder", "origin": [x, y, z + 0.3], "radius": 0.3, "side": "inside", "reference": [0, 0, -1.0],
-        },
-        "moving sphere": {"kind": "sphere", **below, "motion": motion},
-    }  # fmt: skip
 
 
 def cases() -> list[tuple[str, str, str, str]]:
@@ -47,18 +26,6 @@ def cases() -> list[tuple[str, str, str, str]]:
         for contact in mode.contacts
         for surface in (["plane"] if contact == "free" else SURFACES)
     ]
-
-
-def scenario_of(robot: str, mode: str, contact: str, surface: str) -> Scenario:
-    data = to_plain(in_mode(on_robot(Scenario(), robot), mode))
-    data["surface"] = surfaces(robot)[surface]
-    data["contact"] |= {"kind": contact, "friction_coulomb": 0.1, "M_e": 1.0, "B_e": 10.0}
-    data["motion"] = {"kind": "line", "displacement": [0.05]}
-    data["truth"] |= {"link_scaling": 1.1, "viscous": 0.1}
-    data["declared"] |= {"link_scaling": 0.15, "viscous": 0.2}
-    data["sensor"] |= {"noise": 0.05}
-    data["simulation"] |= {"seed": 7}
-    return from_plain(data)
 
 
 def table(scenario: Scenario) -> np.ndarray:
