@@ -238,7 +238,7 @@ class ClosedLoop:
     def _left(self, choice: str, reason: str) -> None:
         if choice == "stop":
             self.stopped = f"t = {self.t:.3f} s: {reason}"
-        else:
+        elif self.warning is None:  # what came first explains what follows
             self.warning = f"t = {self.t:.3f} s: {reason}"
 
     def view(self) -> View:

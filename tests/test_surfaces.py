@@ -5,11 +5,26 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from environments.surfaces import Cylinder, Motion, Surface
-from tests.cases import AWAY, MOTIONS, SURFACES, TOWARDS, surface
+from environments.surfaces import Cylinder, Motion, Plane, Sphere, Surface
 
+SURFACES = ("plane", "cylinder outside", "cylinder inside", "sphere outside", "sphere inside")
+MOTIONS = {"at rest": Motion(), "moving": Motion(np.array([0.6, 0.48, 0.64]), 0.03, 1.7)}
 TOOL = np.array([0.5, 0.1, 0.4])
-STEP = 1e-6  # central differences: errors of some 1e-10 here
+TOWARDS = np.array([0.28, 0.576, -0.768])  # from the tool to the middle of each surface, AWAY m from it
+AWAY, RADIUS = 0.03, 0.4
+STEP = 1e-6  # of central differences, m and s: wrong by some 1e-9 here
+
+
+def surface(kind: str, motion: Motion) -> Surface:
+    name, _, where = kind.partition(" ")
+    middle = TOOL + AWAY * TOWARDS
+    if name == "plane":
+        return Plane.create(middle, TOWARDS, motion)
+    side = 1.0 if where == "outside" else -1.0
+    centre, reference = middle + side * RADIUS * TOWARDS, -side * TOWARDS
+    if name == "cylinder":
+        return Cylinder.create(centre, np.array([0.0, 0.8, 0.6]), reference, RADIUS, side, motion)
+    return Sphere.create(centre, reference, RADIUS, side, motion)
 
 
 @pytest.fixture(params=SURFACES)
@@ -19,24 +34,22 @@ def kind(request: pytest.FixtureRequest) -> str:
 
 @pytest.fixture(params=MOTIONS)
 def body(request: pytest.FixtureRequest, kind: str) -> Surface:
-    return surface(kind, TOOL, MOTIONS[request.param])
+    return surface(kind, MOTIONS[request.param])
 
 
-def near(seed: int = 0) -> list[tuple[np.ndarray, float]]:
+def near(count: int = 10) -> list[tuple[np.ndarray, float]]:
     """Points and instants around the tool."""
-    random = np.random.default_rng(seed)
-    return [(TOOL + random.uniform(-0.15, 0.15, 3), random.uniform(0.0, 2.0)) for _ in range(10)]
+    random = np.random.default_rng(0)
+    return [(TOOL + random.uniform(-0.15, 0.15, 3), random.uniform(0.0, 2.0)) for _ in range(count)]
 
 
 def test_derivatives_in_space_and_time(body: Surface) -> None:
     for p, t in near():
         chart = body.chart(p, t)
         sides = [(body.chart(p + h, t), body.chart(p - h, t)) for h in STEP * np.eye(3)]
-        G, G_p = (
-            np.stack([(getattr(a, of) - getattr(b, of)) / (2 * STEP) for a, b in sides], axis=-1) for of in ("g", "G")
-        )
-        np.testing.assert_allclose(chart.G, G, atol=1e-7)
-        np.testing.assert_allclose(chart.G_p, G_p, atol=1e-7)
+        for of, derivative in (("g", chart.G), ("G", chart.G_p)):
+            differences = np.stack([(getattr(a, of) - getattr(b, of)) / (2 * STEP) for a, b in sides], axis=-1)
+            np.testing.assert_allclose(derivative, differences, atol=1e-7, err_msg=f"{of} in space")
         after, before = body.chart(p, t + STEP), body.chart(p, t - STEP)
         for of, derivative in (("g", chart.g_t), ("G", chart.G_t), ("g_t", chart.g_tt)):
             differences = (getattr(after, of) - getattr(before, of)) / (2 * STEP)
@@ -53,11 +66,11 @@ def test_gradient_of_phi_is_a_unit_vector_across_the_others(body: Surface) -> No
         G = body.chart(p, t).G
         assert np.linalg.norm(G[0]) == pytest.approx(1.0, abs=1e-12)
         np.testing.assert_allclose(G[1:] @ G[0], 0.0, atol=1e-12)
-        assert abs(np.linalg.det(G)) > 0.5
+        assert abs(np.linalg.det(G)) > 0.2
 
 
 def test_phi_is_positive_inside_the_environment(kind: str) -> None:
-    body = surface(kind, TOOL, Motion())
+    body = surface(kind, Motion())
     air, solid = body.chart(TOOL, 0.0), body.chart(TOOL + 2 * AWAY * TOWARDS, 0.0)
     assert air.g[0] == pytest.approx(-AWAY)
     assert solid.g[0] == pytest.approx(AWAY)
@@ -69,13 +82,11 @@ def test_mesh_lies_on_the_surface(body: Surface) -> None:
     phi = [body.chart(v + body.motion.offset(0.3), 0.3).g[0] for v in vertices]
     np.testing.assert_allclose(phi, 0.0, atol=1e-12)
     assert set(faces.ravel()) == set(range(len(vertices)))
-    corners = vertices[faces]
-    areas = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
-    assert areas.min() > 0.0
+    a, b, c = (vertices[faces[:, corner]] for corner in range(3))
+    assert np.linalg.norm(np.cross(b - a, c - a), axis=1).min() > 0.0
 
 
 def test_moving_surface_carries_its_coordinates(body: Surface) -> None:
-    """A point that rides on the surface keeps its coordinates."""
     for p, t in near():
         carried = p + body.motion.offset(t) - body.motion.offset(0.0)
         np.testing.assert_allclose(body.chart(carried, t).g, body.chart(p, 0.0).g, atol=1e-12)

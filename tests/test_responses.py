@@ -1,0 +1,271 @@
+"""Runs held to closed forms: (29), (35)-(37), (42), the wall's steady force, and where the sampled loops break."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from scipy.linalg import expm
+
+from app.assembly import assemble
+from app.closed_loop import ClosedLoop
+from app.headless import simulate
+from app.scenario import Scenario, ScenarioError, edited, from_plain, shipped, to_plain
+from controllers.force_loop import force_loop_factor
+
+
+def changed(scenario: Scenario, **sections: dict[str, object]) -> Scenario:
+    data = to_plain(scenario)
+    for name, fields in sections.items():
+        data[name] = fields if "kind" in fields and name in ("motion", "force", "surface") else data[name] | fields
+    return from_plain(data)
+
+
+def certain(scenario: Scenario) -> Scenario:
+    """The controller knows the arm exactly."""
+    return changed(scenario, truth={"link_scaling": 1.0}, declared={"link_scaling": 0.0})
+
+
+@pytest.mark.parametrize("robot", ["planar3r", "ur5"])
+@pytest.mark.parametrize("ratio", [0.5, 1.0, 2.0])
+@pytest.mark.parametrize("K_m1", [0.0, 3000.0])
+@pytest.mark.parametrize("f_nd", [8.0, 25.0])
+def test_steady_force_with_unknown_stiffness(robot: str, ratio: float, K_m1: float, f_nd: float) -> None:
+    """(36), (37): exact for every estimate of the stiffness, and no error at all with K_m1 = 0."""
+    base = shipped()[f"{robot}-hybrid"]
+    K_e, n = 10_000.0, 3 if robot == "planar3r" else 6
+    model = {"K_m": [K_m1] + [4000.0] * (n - 1), "B_m": [700.0] + [400.0] * (n - 1)}
+    loop, _ = simulate(
+        changed(
+            base,
+            motion={"kind": "hold"},
+            force={"kind": "constant", "value": f_nd},
+            target_model=model,
+            controller={"K_e_hat": ratio * K_e},
+            simulation={"duration": 2.5},
+        )
+    )
+    last = loop.recording.at(loop.t)
+    e_rf = -(K_e - ratio * K_e) / (K_m1 + K_e) * f_nd / (ratio * K_e)
+    e_fn = (1 - K_e / (K_m1 + K_e)) * (K_e - ratio * K_e) / (ratio * K_e) * f_nd
+    assert last["multiplier"][0] - f_nd == pytest.approx(e_fn, abs=2e-3)
+    assert last["e_r"][0] == pytest.approx(e_rf, abs=2e-7)
+
+
+@pytest.mark.parametrize(("K_m", "K_f"), [(2000.0, 1.0), (500.0, 1.0), (2000.0, 0.4)])
+def test_steady_force_of_a_wall_under_impedance(K_m: float, K_f: float) -> None:
+    """F_ss = K_e [K_f F_d + K_m (x_d - x_e)] / (K_m + K_f K_e), here with F_d = 0, whatever the arm weighs."""
+    base = shipped()["ur5-impedance"]
+    model = {"K_m": [K_m] * 6, "B_m": [2 * math.sqrt(10 * K_m)] * 6, "K_f": [K_f] * 6}
+    scenario = changed(base, target_model=model, simulation={"duration": 4.0})
+    scenario = changed(scenario, motion={"kind": "point-to-point", "displacement": [0.0, 0.0, -0.04], "duration": 1.0})
+    loop, _ = simulate(scenario)
+    last = loop.recording.at(loop.t)
+    x_d, x_e, K_e = last["r_d"][2], 0.17, scenario.contact.K_e
+    expected = loop.system.law.model.steady_force(2, K_e, -x_e, -x_d, 0.0)
+    assert expected == pytest.approx(K_e * K_m * (x_e - x_d) / (K_m + K_f * K_e))
+    assert last["multiplier"][0] == pytest.approx(expected, rel=1e-4)
+
+
+def pressed(M_e: float, period: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """A tool on a bilateral mass-damper-spring, away from its equilibrium: t, penetration, and (29)'s own."""
+    base = certain(shipped()["ur5-impedance"])
+    M_m, B_m, K_m, B_e, K_e = 10.0, 60.0, 800.0, 30.0, 3000.0
+    start = ClosedLoop(base).view().tool[2].item()
+    height = start + 0.004
+    scenario = changed(
+        base,
+        target_model={"M_m": [M_m] * 6, "B_m": [B_m] * 6, "K_m": [K_m] * 6},
+        surface={"kind": "plane", "origin": [0.0, 0.0, height]},
+        contact={
+            "kind": "mass-damper-spring" if M_e else "elastic",
+            "M_e": M_e,
+            "B_e": B_e,
+            "K_e": K_e,
+            "unilateral": False,
+        },
+        sensor={"ideal": True},
+        controller={"period": period, "epsilon": 1.0, "layer": 0.02},
+        motion={"kind": "hold"},
+        simulation={"duration": 0.6},
+    )
+    loop, metrics = simulate(scenario)
+    assert metrics.stopped is None
+    record = loop.recording.signals(("t", "phi"))
+    # with y = phi: (M_m + M_e) y'' + (B_m + B_e) y' + (K_m + K_e) y = K_m y_d, the tool at rest at y_d to begin with
+    M, B, K, y_d = M_m + M_e, B_m + B_e, K_m + K_e, 0.004
+    A = np.array([[0.0, 1.0], [-K / M, -B / M]])
+    rest = np.array([K_m * y_d / K, 0.0])
+    exact = np.array([(expm(A * t) @ (np.array([y_d, 0.0]) - rest) + rest)[0] for t in record["t"]])
+    return record["t"], record["phi"], exact
+
+
+@pytest.mark.parametrize("M_e", [0.0, 3.0])
+def test_impedance_response_is_that_of_the_matrix_exponential(M_e: float) -> None:
+    """(29): the error is of first order in the control period, and small."""
+    errors = []
+    for period in (0.002, 0.001, 0.0005):
+        _, phi, exact = pressed(M_e, period)
+        errors.append(np.abs(phi - exact).max())
+        assert np.ptp(exact) > 0.003
+    assert errors[-1] < 5e-5
+    assert 1.6 < errors[0] / errors[1] < 2.4
+    assert 1.6 < errors[1] / errors[2] < 2.4
+
+
+def test_moving_surface_error_obeys_the_target_model() -> None:
+    """With s(0) = 0 the error of a tool at rest on a surface that begins to move is the free response of (8)."""
+    base = certain(shipped()["ur5-hybrid-moving"])
+    scenario = changed(
+        base,
+        motion={"kind": "hold"},
+        controller={"period": 0.0005},
+        surface={
+            "kind": "plane", "origin": [0.0, 0.0, 0.17],
+            "motion": {"direction": [1.0, 0.0, 0.0], "amplitude": 0.02, "frequency": 0.5},
+        },
+        simulation={"duration": 0.5},
+    )  # fmt: skip
+    loop, _ = simulate(scenario)
+    record = loop.recording.signals(("t", "e_r", "e_r_dot"))
+    along = int(np.argmax(np.abs(record["e_r_dot"][0])))
+    A = np.array([[0.0, 1.0], [-400.0, -40.0]])
+    start = np.array([record["e_r"][0, along], record["e_r_dot"][0, along]])
+    exact = np.array([(expm(A * t) @ start)[0] for t in record["t"]])
+    assert np.abs(start[1]) > 0.05
+    assert np.abs(exact).max() > 5e-4
+    np.testing.assert_allclose(record["e_r"][:, along], exact, atol=3e-5)
+
+
+def on_rigid(M_m1: float, **sensor: object) -> tuple[ClosedLoop, float]:
+    base = certain(shipped()["ur5-constrained"])
+    scenario = changed(
+        base,
+        motion={"kind": "hold"},
+        contact={"unilateral": False},
+        target_model={"M_m": [M_m1, 10, 10, 10, 10, 10]},
+        sensor=sensor,
+        simulation={"duration": 0.3},
+    )
+    loop, _ = simulate(scenario)
+    record = loop.recording.signals(("multiplier", "F_cd"))
+    return loop, float(np.abs(record["multiplier"] - record["F_cd"][:, 0])[-1])
+
+
+def test_sampled_force_loop_diverges_where_its_factor_says() -> None:
+    """The factor is 1 - h/M_m1 with the effective mass h = 1/(H^-1)_11, not H_11."""
+    system = assemble(certain(shipped()["ur5-constrained"]))
+    e, task = system.observe(system.q_0, np.zeros(6), 0.0)
+    H = task.J_q_inv.T @ e.M_hat @ task.J_q_inv
+    h = float(1.0 / np.linalg.inv(H)[0, 0])
+    assert H[0, 0] > 1.1 * h
+    assert force_loop_factor(H, H, system.law.model) == pytest.approx(1 - h / system.law.model.M_m[0, 0])
+    stable, error = on_rigid(h / 1.9)
+    assert stable.warning is None
+    assert error < 1e-3
+    unstable, error = on_rigid(h / 2.1)
+    assert "sampled force loop diverges" in (unstable.warning or "")
+    assert error > 1.0
+    ideal, error = on_rigid(h / 2.1, ideal=True)
+    assert ideal.stopped is None
+    assert error < 1e-3
+
+
+def test_constrained_force_and_surface() -> None:
+    """(42): lambda = lambda_d, also when it varies, and phi = 0 at machine level."""
+    base = shipped()["ur5-constrained"]
+    scenario = changed(
+        base,
+        force={"kind": "sinusoid", "value": 20.0, "amplitude": 5.0, "frequency": 1.0},
+        sensor={"ideal": True},
+        contact={"friction_coulomb": 0.2},
+        simulation={"duration": 2.0},
+    )
+    _, metrics = simulate(scenario)
+    assert metrics.force_error_tail is not None
+    assert metrics.constraint_violation is not None
+    assert metrics.force_error_tail < 0.3
+    assert metrics.constraint_violation < 1e-11
+
+
+def test_lost_contact_and_singular_postures_stop_with_their_reason() -> None:
+    pulled = changed(shipped()["ur5-constrained"], force={"kind": "step", "value": -5.0, "start": 10.0, "time": 0.1})
+    loop, metrics = simulate(pulled)
+    assert "contact lost" in (metrics.stopped or "")
+    assert len(loop.recording) > 100
+    stretched = changed(
+        Scenario(),
+        robot={"name": "planar2r"},
+        motion={"kind": "point-to-point", "displacement": [0.2], "duration": 1.0},
+        simulation={"sigma_min": 0.2},
+    )
+    loop, metrics = simulate(stretched)
+    assert "nearly singular" in (metrics.stopped or "")
+    flagged, metrics = simulate(edited(stretched, "simulation.leaving_domain", "flag"))
+    assert metrics.stopped is None
+    assert "nearly singular" in (flagged.warning or "")
+    with pytest.raises(ScenarioError, match="cannot follow the reference"):
+        assemble(changed(stretched, motion={"kind": "point-to-point", "displacement": [0.5]}))
+
+
+def test_unilateral_surface_only_pushes_and_friction_only_opposes() -> None:
+    base = changed(
+        shipped()["ur5-hybrid"],
+        surface={"kind": "plane", "origin": [0.0, 0.0, 0.16]},
+        contact={"friction_coulomb": 0.3},
+    )
+    loop, _ = simulate(changed(base, simulation={"duration": 2.0}))
+    record = loop.recording.signals(("multiplier", "phi", "F_true", "q", "q_dot"))
+    assert record["multiplier"].min() == 0.0
+    assert np.all(record["multiplier"][record["phi"] <= 0] == 0.0)
+    velocity = np.array([
+        loop.system.nominal.evaluate(q, v).J_v @ v for q, v in zip(record["q"], record["q_dot"], strict=True)
+    ])  # fmt: skip
+    rubbing = (record["F_true"][:, :2] * velocity[:, :2]).sum(axis=1)
+    assert rubbing.min() >= 0.0
+    assert rubbing.max() > 0.05
+
+
+def test_integrators_agree_and_substeps_refine() -> None:
+    base = changed(shipped()["ur5-hybrid"], simulation={"duration": 0.3})
+
+    def final(integrator: str, substeps: int) -> np.ndarray:
+        loop, _ = simulate(changed(base, simulation={"integrator": integrator, "substeps": substeps}))
+        return loop.recording.rows()[-1, loop.recording.columns["q"]]
+
+    exact = final("rk4", 16)
+    coarse, fine = (np.abs(final("semi-implicit-euler", k) - exact).max() for k in (2, 8))
+    assert 2.5 < coarse / fine < 6.0
+    assert np.abs(final("rk4", 2) - exact).max() < 0.05 * fine
+
+
+def test_robust_law_beats_its_baseline_and_estimates_may_be_taken_beforehand() -> None:
+    scenario = changed(shipped()["ur5-motion"], simulation={"duration": 3.0})
+    errors = {
+        name: simulate(edited(scenario, f"controller.{field}", name))[1].motion_error_tail
+        for field, name in (("law", "vsmrc"), ("law", "computed-torque"), ("estimates", "along-reference"))
+    }
+    assert errors["vsmrc"] < 5e-5
+    assert errors["along-reference"] < 5e-5
+    assert errors["computed-torque"] > 50 * errors["vsmrc"]
+
+
+@pytest.mark.parametrize("switching", ["rational", "tanh"])
+def test_other_smooth_switching_functions_work(switching: str) -> None:
+    scenario = changed(shipped()["planar3r-hybrid"], simulation={"duration": 2.0}, controller={"switching": switching})
+    _, metrics = simulate(scenario)
+    assert metrics.motion_error_tail < 2e-4
+    assert metrics.envelope_violation == 0.0
+
+
+def test_sensor_errors_show_up_in_the_force() -> None:
+    base = changed(shipped()["planar3r-hybrid"], motion={"kind": "hold"}, simulation={"duration": 2.0})
+    biased, _ = simulate(changed(base, sensor={"bias": [0.0, 0.0, -1.5]}))
+    last = biased.recording.at(biased.t)
+    assert last["multiplier"][0] == pytest.approx(20.0 - 1.5, abs=0.01)
+    noisy = changed(base, sensor={"noise": 0.5, "cutoff": 50.0, "delay": 0.003})
+    record = simulate(noisy)[0].recording.signals(("F", "F_true"))
+    assert 0.05 < np.std((record["F"] - record["F_true"])[-500:]) < 0.3
+    other = simulate(edited(noisy, "simulation.seed", 1))[0].recording.signals(("F",))
+    assert not np.array_equal(other["F"], record["F"])
