@@ -62,7 +62,7 @@ def paper_bound(u, deviation, estimate, task, q_dot, r_eq_dot, r_eq_ddot):
     )
     weight = 0.0
     for i in range(q_dot.shape[0]):
-        weight += norm(estimate.G_links[:, i])
+        weight += norm(estimate.G_links[i])
     delta_M = u.rho * spectral_norm(estimate.M_links) + u.payload_mass * reach**2 + deviation.delta_M
     delta_C_q = u.rho * u.k_C * norm(q_dot) + u.payload_mass * reach * reach_dot + deviation.delta_C
     delta_G_q = u.rho * weight + u.payload_mass * 9.81 * reach + deviation.delta_G
@@ -95,9 +95,9 @@ def tight_bound(u, deviation, estimate, task, q_dot, q_eq_dot, q_eq_ddot):
     inertia = u.rho * np.sqrt(max(spectral_norm(H_links) * (q_eq_ddot @ estimate.M_links @ q_eq_ddot), 0.0))
     coriolis = u.rho * u.k_C * J_inv * norm(q_dot) * norm(q_eq_dot)
     gravity = 0.0
-    pulls = J_inv_T @ estimate.G_links
+    pulls = estimate.G_links @ task.J_q_inv
     for i in range(q_dot.shape[0]):
-        gravity += u.rho * norm(pulls[:, i])
+        gravity += u.rho * norm(pulls[i])
     inertia += J_inv * deviation.delta_M * norm(q_eq_ddot)
     coriolis += J_inv * deviation.delta_C * norm(q_eq_dot)
     gravity += J_inv * deviation.delta_G

@@ -13,7 +13,7 @@ class Estimate(NamedTuple):
     """What the controller believes of the arm at one state.
 
     M_hat (n, n) with and M_links (n, n) without rotor inertia, C_hat (n, n) the Christoffel matrix (Property 2 needs
-    it), G_hat (n,), G_links (n, n) whose column i is the gravity torque of link i; the tool: p (3,) m, R (3, 3),
+    it), G_hat (n,), G_links (n, n) whose row i is the gravity torque of link i; the tool: p (3,) m, R (3, 3),
     J_v, J_w (3, n) linear and angular Jacobian in the world frame, J_v_dot, J_w_dot (3, n) their time derivatives.
     """
 
@@ -94,7 +94,7 @@ def estimates(terms, links, q_dot):
         )
         for j in range(i + 1):
             for k in range(3):
-                G_links[j, i] += J[k, j] * weight[k] + J[3 + k, j] * turning[k]
+                G_links[i, j] += J[k, j] * weight[k] + J[3 + k, j] * turning[k]
     k = 4 * (links.tool_joint - 1)
     carrier = links.total_mass * placements[:, k : k + 4]
     carrier_rotation = np.ascontiguousarray(carrier[:, 1:])
@@ -108,7 +108,7 @@ def estimates(terms, links, q_dot):
         M_hat,
         M_hat - np.diag(links.rotor),
         np.ascontiguousarray(terms.C),
-        G_links.sum(axis=1),
+        G_links.sum(axis=0),
         G_links,
         p,
         carrier_rotation @ links.tool_rotation,
@@ -171,9 +171,16 @@ class Lipschitz(NamedTuple):
         return Deviation(self.k_M * away, self.k_C * slower + self.k_Cq * away * speed, self.k_G * away)
 
 
+def _largest(T: np.ndarray) -> float:
+    """At least ||T(., u, ...)|| for unit vectors u, ... in all axes but one: the least of the flattenings' norms."""
+    flat = (np.moveaxis(T, axis, 0).reshape(T.shape[axis], -1) for axis in range(T.ndim))
+    return float(min(np.linalg.norm(A, 2) for A in flat))
+
+
 def lipschitz_constants(model: pin.Model, samples: np.ndarray, margin: float = 1.25) -> Lipschitz:
-    """Largest values found over the sampled postures (N, n) rad, times `margin` for what lies between samples."""
-    data, n = model.createData(), model.nv
+    """From above over all directions at the sampled postures (N, n) rad, times `margin` for what lies between them."""
+    n, step = model.nv, 1e-5
+    data = model.createData()
     links = []
     for link in range(1, n + 1):
         alone = model.copy()
@@ -181,26 +188,19 @@ def lipschitz_constants(model: pin.Model, samples: np.ndarray, margin: float = 1
             if other != link:
                 alone.inertias[other] = pin.Inertia.Zero()
         links.append((alone, alone.createData()))
-    random = np.random.default_rng(0)
-    step = 1e-4
+
+    def C(m: pin.Model, d: pin.Data, q: np.ndarray) -> np.ndarray:
+        """C is linear in q_dot: (n, n, n), one C for each joint at 1 rad/s."""
+        return np.array([pin.computeCoriolisMatrix(m, d, q, one) for one in np.eye(n)])
+
+    def terms(q: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        M, G = pin.crba(model, data, q).copy(), pin.computeGeneralizedGravity(model, data, q).copy()
+        return M, C(model, data, q), G
+
     largest = np.zeros(4)
     for q in samples:
-        unit, towards = (v / np.linalg.norm(v) for v in random.standard_normal((2, n)))
-        per_link = [np.linalg.norm(pin.computeCoriolisMatrix(m, d, q, unit), 2) for m, d in links]
-        here = [
-            np.array(f)
-            for f in (
-                pin.crba(model, data, q),
-                pin.computeCoriolisMatrix(model, data, q, unit),
-                pin.computeGeneralizedGravity(model, data, q),
-            )
-        ]
-        beside = q + step * towards
-        moved = (
-            pin.crba(model, data, beside),
-            pin.computeCoriolisMatrix(model, data, beside, unit),
-            pin.computeGeneralizedGravity(model, data, beside),
-        )
-        slopes = [np.linalg.norm(b - a, 2 if a.ndim == 2 else None) / step for a, b in zip(here, moved, strict=True)]
-        largest = np.maximum(largest, np.array([np.sum(per_link), *slopes]))
+        here, beside = terms(q), [terms(q + h) for h in step * np.eye(n)]
+        k_M, k_Cq, k_G = (_largest(np.array([b[k] - here[k] for b in beside]) / step) for k in range(3))
+        k_C = sum(_largest(C(m, d, q)) for m, d in links)
+        largest = np.maximum(largest, np.array([k_C, k_M, k_Cq, k_G]))
     return Lipschitz(*(float(v) for v in margin * largest))

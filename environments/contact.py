@@ -90,8 +90,8 @@ def spring(contact, phi, phi_dot):
 
 
 class World(NamedTuple):
-    """What `elastic_load` needs: live views of the arm's J, and of the placement of the joint that carries the tool;
-    the lever (3,) m of the tool in it; the surface's shape and the contact."""
+    """What a contact sees of the arm: live views of J and of the placement of the joint that carries the tool; the
+    lever (3,) m of the tool in it; the surface's shape and the contact."""
 
     J: np.ndarray
     rotation: np.ndarray
@@ -102,14 +102,20 @@ class World(NamedTuple):
 
 
 @njit(cache=True, error_model="numpy")
+def touch_at(held, q_dot, t, p_ddot_bias):
+    """The `Touch` and the tool's Jacobian J_v (3, n) at the state of the arm that `held`, a `World`, looks at."""
+    world = held.value
+    p, J_v, p_dot = tool_point(world.J, world.rotation, world.translation, world.lever, q_dot)
+    return touch(world.shape, world.contact, t, p, p_dot, p_ddot_bias), J_v
+
+
+@njit(cache=True, error_model="numpy")
 def elastic_load(held, q_dot, t):
     """The `Load` of an elastic surface at one state: it does not depend on the torque. held: a `World`."""
-    world = held.value
-    contact = world.contact
-    p, J_v, p_dot = tool_point(world.J, world.rotation, world.translation, world.lever, q_dot)
-    at = touch(world.shape, contact, t, p, p_dot, np.zeros(3))
+    contact = held.value.contact
+    at, J_v = touch_at(held, q_dot, t, np.zeros(3))
     multiplier = spring(contact, at.phi, at.phi_dot)
-    force = multiplier * (at.normal + at.drag)
+    force = multiplier * at.normal + abs(multiplier) * at.drag
     if multiplier != 0.0:
         force += contact.friction_viscous * at.v_rel
     return Load(force, J_v.T @ force, multiplier, at.phi)

@@ -10,13 +10,14 @@ import numpy as np
 import pinocchio as pin
 from numba import njit
 
-from environments.contact import Contact, Load, Touch, World, elastic_load, heavy_multiplier, tool_point, touch
+from environments.contact import Contact, Load, Touch, World, elastic_load, heavy_multiplier, touch_at
 from environments.held import hold
 from environments.robots import Robot
 from environments.surfaces import Surface
 
 ContactKind = Literal["free", "elastic", "mass-damper-spring", "rigid"]
 Integrator = Literal["semi-implicit-euler", "rk4"]
+NO_BIAS = np.zeros(3)  # where phi_ddot is not asked for
 SLIP_RATE = 0.01  # rad/s, the smooth transition of Coulomb friction in the joints
 
 
@@ -117,8 +118,7 @@ class Plant:
         # live views: Pinocchio fills them at every call
         carrier = self.data.oMi[robot.tool_joint]
         lever = np.array(robot.tool_placement.translation)
-        self._world = World(self.data.J, carrier.rotation, carrier.translation, lever, surface.shape, contact)
-        self._held = hold(self._world)
+        self._held = hold(World(self.data.J, carrier.rotation, carrier.translation, lever, surface.shape, contact))
         self._no_load = Load(np.zeros(3), np.zeros(robot.n), 0.0, 0.0)
         self._integrate = {"semi-implicit-euler": self._semi_implicit_euler, "rk4": self._rk4}[integrator]
 
@@ -150,7 +150,7 @@ class Plant:
     def force_of(self, state: PlantState, multiplier: float, t: float) -> np.ndarray:
         """Force (3,) N of the tool on the environment when the multiplier of a heavy contact is the given one."""
         at, _ = self._touch(state.q, state.q_dot, t)
-        return multiplier * (at.normal + at.drag) + self._viscous(at)
+        return multiplier * at.normal + abs(multiplier) * at.drag + self._viscous(at)
 
     def _load(self, q: np.ndarray, q_dot: np.ndarray, t: float) -> Load:
         """The contact's load at a state as far as it does not depend on the torque."""
@@ -161,16 +161,18 @@ class Plant:
         pin.computeJointJacobians(self.model, self.data, q)
         return elastic_load(self._held, q_dot, t)
 
-    def _touch(self, q: np.ndarray, q_dot: np.ndarray, t: float) -> tuple[Touch, np.ndarray]:
+    def _touch(
+        self, q: np.ndarray, q_dot: np.ndarray, t: float, p_ddot_bias: np.ndarray = NO_BIAS
+    ) -> tuple[Touch, np.ndarray]:
         """The contact's geometry at a state, and the tool's Jacobian (3, n)."""
         pin.computeJointJacobians(self.model, self.data, q)
-        w = self._world
-        p, J_v, p_dot = tool_point(w.J, w.rotation, w.translation, w.lever, q_dot)
+        return touch_at(self._held, q_dot, t, p_ddot_bias)
+
+    def _drift(self, q: np.ndarray, q_dot: np.ndarray) -> np.ndarray:
+        """J_v_dot q_dot of the tool, (3,) m/s^2: its acceleration without q_ddot."""
         pin.forwardKinematics(self.model, self.data, q, q_dot, np.zeros_like(q))
-        p_ddot_bias = pin.getFrameClassicalAcceleration(
-            self.model, self.data, self._joint, self._placement, pin.LOCAL_WORLD_ALIGNED
-        ).linear
-        return touch(self.surface.shape, self.contact, t, p, p_dot, p_ddot_bias), J_v
+        frame = pin.LOCAL_WORLD_ALIGNED
+        return pin.getFrameClassicalAcceleration(self.model, self.data, self._joint, self._placement, frame).linear
 
     def _viscous(self, at: Touch) -> np.ndarray:
         touching = self.kind == "rigid" or at.phi > 0.0 or not self.contact.unilateral
@@ -182,15 +184,20 @@ class Plant:
             tau = tau - self.truth.torque(q_dot, t)
         if not self.heavy:
             return Acceleration(pin.aba(self.model, self.data, q, q_dot, tau - load.torque), load)
-        at, J_v = self._touch(q, q_dot, t)
+        at, J_v = self._touch(q, q_dot, t, self._drift(q, q_dot))
         rub = self._viscous(at)
         free = pin.aba(self.model, self.data, q, q_dot, tau - J_v.T @ rub)
-        response = np.linalg.solve(pin.crba(self.model, self.data, q), J_v.T @ (at.normal + at.drag))
-        pull = J_v.T @ at.normal
-        multiplier = heavy_multiplier(
-            self.contact, self.kind == "rigid", at, float(pull @ free) + at.phi_ddot_bias, float(pull @ response)
-        )
-        force = multiplier * (at.normal + at.drag) + rub
+        M, pull = pin.crba(self.model, self.data, q), J_v.T @ at.normal
+        push, response, multiplier = at.normal, pull, -1.0
+        for side in (1.0, -1.0):  # where a bilateral surface pulls, friction opposes the slip all the same
+            push = at.normal + side * at.drag
+            response = np.linalg.solve(M, J_v.T @ push)
+            multiplier = heavy_multiplier(
+                self.contact, self.kind == "rigid", at, float(pull @ free) + at.phi_ddot_bias, float(pull @ response)
+            )
+            if multiplier >= 0.0 or self.contact.unilateral:
+                break
+        force = multiplier * push + rub
         return Acceleration(free - response * multiplier, Load(force, J_v.T @ force, multiplier, at.phi))
 
     def _semi_implicit_euler(

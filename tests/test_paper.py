@@ -49,7 +49,7 @@ def test_estimates_are_those_of_recursive_newton_euler(robot: str) -> None:
         e = system.nominal.evaluate(q, q_dot)
         torque = pin.rnea(model, data, q, q_dot, q_ddot) + (0 if _has_armature_in_rnea() else model.armature * q_ddot)
         np.testing.assert_allclose(e.M_hat @ q_ddot + e.C_hat @ q_dot + e.G_hat, torque, atol=1e-10)
-        np.testing.assert_allclose(e.G_links.sum(axis=1), pin.computeGeneralizedGravity(model, data, q), atol=1e-10)
+        np.testing.assert_allclose(e.G_links.sum(axis=0), pin.computeGeneralizedGravity(model, data, q), atol=1e-10)
         np.testing.assert_allclose(e.M_hat - e.M_links, np.diag(model.armature), atol=1e-12)
         assert_kinematics(system, q, q_dot)
 

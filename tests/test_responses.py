@@ -13,6 +13,7 @@ from app.closed_loop import ClosedLoop
 from app.headless import simulate
 from app.scenario import Scenario, ScenarioError, edited, from_plain, shipped, to_plain
 from controllers.force_loop import force_loop_factor
+from tests.cases import scenario_of
 
 
 def changed(scenario: Scenario, **sections: dict[str, object]) -> Scenario:
@@ -187,6 +188,36 @@ def test_constrained_force_and_surface() -> None:
     assert metrics.constraint_violation is not None
     assert metrics.force_error_tail < 0.3
     assert metrics.constraint_violation < 1e-11
+
+
+@pytest.mark.parametrize("kind", ["rigid", "mass-damper-spring"])
+def test_contact_acceleration_obeys_the_law_of_the_surface(kind: str) -> None:
+    """phi_ddot = 0 on a rigid surface, and lambda = M_e phi_ddot + B_e phi_dot + K_e phi (28) on a heavy one, with
+    phi_ddot differenced along the motion of a tool that slides over a moving sphere."""
+    mode = "constrained" if kind == "rigid" else "hybrid"
+    data = to_plain(scenario_of("ur5", mode, kind, "moving sphere"))
+    data["contact"] |= {"unilateral": False, "M_e": 2.0, "B_e": 5.0, "K_e": 3000.0}
+    data["surface"]["motion"] = {"direction": [0.5, 0.3, 1.0], "amplitude": 0.1, "frequency": 1.0}
+    system = assemble(from_plain(data))
+    random, t = np.random.default_rng(0), 0.05
+    q_dot = random.uniform(-1.0, 1.0, 6)
+    state = system.plant.start(system.q_0 + 0.02, q_dot, t)
+    tau = 20.0 * random.standard_normal(6)
+    load = system.plant.respond(state, tau, t)
+    q_ddot = system.plant.advance(state, tau, t, 1e-3).q_ddot
+
+    def phi(h: float) -> float:
+        q = state.q + h * state.q_dot + 0.5 * h * h * q_ddot
+        return system.surface.chart(system.nominal.evaluate(q, q_dot).p, t + h).g[0]
+
+    h = 1e-4
+    phi_dot, phi_ddot = (phi(h) - phi(-h)) / (2 * h), (phi(h) - 2 * phi(0.0) + phi(-h)) / h**2
+    assert abs(load.multiplier) > 1.0
+    if kind == "rigid":
+        assert phi_dot == pytest.approx(0.0, abs=1e-6)
+        assert phi_ddot == pytest.approx(0.0, abs=1e-4)
+    else:
+        assert load.multiplier == pytest.approx(2.0 * phi_ddot + 5.0 * phi_dot + 3000.0 * phi(0.0), abs=1e-3)
 
 
 def test_lost_contact_and_singular_postures_stop_with_their_reason() -> None:
