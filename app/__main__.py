@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import logging
 import sys
+import threading
 import time
 import tomllib
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future
 from pathlib import Path
 from typing import Annotated
 
@@ -47,17 +48,7 @@ def serve(
     print(f"VSMRC Lab: {dashboard.url}  (Ctrl-C ends it)", flush=True)
     runner: Runner | None = None
     try:
-        with ThreadPoolExecutor(1) as pool, tqdm(desc="preparing", bar_format="{desc} {elapsed}", leave=False) as bar:
-            ready = pool.submit(Runner, chosen)
-            while not ready.done():
-                time.sleep(0.2)
-                elapsed = bar.format_dict["elapsed"]
-                doing = (
-                    "preparing" if elapsed < 3 else "compiling the control law (only the first start takes this long)"
-                )
-                bar.set_description(doing)
-                dashboard.show_progress(f"{doing} … {elapsed:.0f} s")
-            runner = ready.result()
+        runner = _prepared(chosen, dashboard)
         runner.start()
         dashboard.attach(runner)
         dashboard.run_forever()
@@ -68,6 +59,29 @@ def serve(
         if runner is not None:
             runner.close()
     return DONE
+
+
+def _prepared(scenario: Scenario, dashboard: Dashboard) -> Runner:
+    """A runner whose kernels are compiled; meanwhile terminal and page say what is going on."""
+    ready: Future[Runner] = Future()
+
+    def prepare() -> None:
+        try:
+            ready.set_result(Runner(scenario))
+        except BaseException as error:
+            ready.set_exception(error)
+
+    # a daemon, and no pool: Ctrl-C must not wait for the compiler
+    threading.Thread(target=prepare, name="preparing", daemon=True).start()
+    started = time.monotonic()
+    with tqdm(bar_format="{desc} {elapsed}", leave=False, disable=None) as bar:
+        while not ready.done():
+            time.sleep(0.1)
+            elapsed = time.monotonic() - started
+            doing = "preparing" if elapsed < 3 else "compiling the control law (only the first start takes this long)"
+            bar.set_description(doing)
+            dashboard.show_progress(f"{doing} … {elapsed:.0f} s")
+    return ready.result()
 
 
 def run(

@@ -65,8 +65,8 @@ def random_state(system: System, random: np.random.Generator) -> State:
 
 def random_reference(r: np.ndarray, random: np.random.Generator) -> Reference:
     """A reference near r (n,), with a desired force."""
-    n = len(r)
-    return Reference(r + 0.05 * random.standard_normal(n), *random.standard_normal((2, n)), random.standard_normal(n))
+    away, r_d_dot, r_d_ddot, F_cd = random.standard_normal((4, len(r)))
+    return Reference(r + 0.05 * away, r_d_dot, r_d_ddot, F_cd)
 
 
 def random_spd(random: np.random.Generator, n: int, low: float, high: float) -> np.ndarray:
@@ -79,7 +79,8 @@ def random_law(
     random: np.random.Generator, n: int, switching: Switching, controlled: np.ndarray, m: int = 0, kind: type = Vsmrc
 ) -> Vsmrc:
     """Full matrices wherever the paper allows them; d a constant."""
-    model = TargetModel(*(random_spd(random, n, 1.0, 30.0) for _ in range(3)), random.standard_normal((n, n)))
+    M_m, B_m, K_m = (random_spd(random, n, 1.0, 30.0) for _ in range(3))
+    model = TargetModel(M_m, B_m, K_m, random.standard_normal((n, n)))
     A, F_1, F_2 = -random.uniform(0.0, 5.0, n), random.uniform(-10.0, 10.0, n), random.uniform(0.5, 2.0, n)
     return kind(
         model=model,

@@ -242,7 +242,8 @@ def test_constants_over_omega_hold(robot: str) -> None:
 def test_poles_are_those_of_the_response(random: np.random.Generator) -> None:
     """e(t) of (8) pressing on K_e: exp of the poles are the eigenvalues of the transition matrix."""
     n = 3
-    model = TargetModel(*(random_spd(random, n, 1.0, 9.0) for _ in range(3)), random_spd(random, n, 0.5, 2.0))
+    M_m, B_m, K_m, K_f = (random_spd(random, n, 1.0, 9.0) for _ in range(4))
+    model = TargetModel(M_m, B_m, K_m, K_f)
     K_e = random_spd(random, n, 1.0, 5.0)
     M_inv = np.linalg.inv(model.M_m)
     system = np.block([
