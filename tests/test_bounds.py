@@ -151,6 +151,38 @@ def test_each_cause_has_its_own_share(robot: str, cause: str) -> None:
 
 
 @pytest.mark.parametrize("robot", ROBOTS)
+def test_paper_bounds_are_those_of_7(robot: str) -> None:
+    """Term by term with exact 2-norms: at most four norms in a product, each up to 3 % too large."""
+    system, random = charted(robot, CHART), np.random.default_rng(7)
+    u = CERTAIN._replace(rho=0.2, viscous=0.3, disturbance=2.0)
+    law = law_for(system, u, "paper")
+    q, q_dot, t = draw_state(system, random)
+    estimate, task = system.observe(q, q_dot, t)
+    reference, z = random_reference(task.r, random), random.standard_normal(system.robot.n)
+    out = law.evaluate(LawState(z), reference, task, estimate, ON_LINE, q_dot, np.zeros(3))
+
+    r_eq_dot = task.r_dot - out.s
+    r_eq_ddot = reference.r_d_ddot - law.compensator.F_1 @ out.e_r_dot - law.compensator.F_2 @ out.z_dot
+    J_inv, speed = np.linalg.norm(task.J_q_inv, 2), np.linalg.norm(q_dot)
+    delta_M, delta_C_q = u.rho * np.linalg.norm(estimate.M_links, 2), u.rho * law.uncertainty.k_C * speed
+    delta_G_q = u.rho * np.linalg.norm(estimate.G_links, axis=1).sum()
+    delta_H = delta_M * J_inv**2
+    turning = np.linalg.norm(task.J_q_inv @ task.J_q_dot @ task.J_q_inv, 2)
+    delta_C = delta_C_q * J_inv**2 + delta_M * J_inv * turning
+    exact = (
+        delta_H * np.linalg.norm(r_eq_ddot),
+        delta_C * np.linalg.norm(r_eq_dot),
+        J_inv * delta_G_q,
+        delta_H * np.linalg.norm(task.v_t_dot) + delta_C * np.linalg.norm(task.v_t),
+        J_inv * (u.viscous * speed + u.disturbance),
+        law.epsilon,
+    )
+    ratio = np.array(out.needed) / np.array(exact)
+    assert ratio.min() >= 1.0 - 1e-12
+    assert ratio.max() <= system.robot.n ** (4 / 64)
+
+
+@pytest.mark.parametrize("robot", ROBOTS)
 def test_inertia_of_every_declared_arm_is_in_its_range(robot: str) -> None:
     """H_low <= H <= H_high with an offset payload and, tighter, with one at the tool point."""
     system, random = charted(robot, CHART), np.random.default_rng(5)
