@@ -181,6 +181,8 @@ class Runner:
             if now - published > PUBLISH:
                 published = now
                 self.snapshot = self._publish()
+            # until the next step is due, not a fixed while: against resting 2 ms each time this brought the median
+            # lateness at 1 kHz from 1.4 to 0.2 ms, for 17 instead of 14 % of a core (`make bench`, nobody looking)
             due = schedule.due(self._loop.t + self._period) if self._going else math.inf
             time.sleep(min(max(due - time.perf_counter(), LEAST_REST), REST))
 
