@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections import Counter
 
 from benchmarks.browser import VIEWPORT, chromium, messages, opened
@@ -32,10 +33,9 @@ def measure(effort: Effort) -> Table:
         page = opened(browser, dashboard.url, frames)
         page.wait_for_timeout(SETTLE * 1e3)
         frames.clear()
-        before = dashboard.state()
+        before, began = dashboard.state(), time.perf_counter()
         drawn = page.evaluate(_COUNT_FRAMES, effort.traffic * 1e3)
-        received, after = list(frames), dashboard.state()
-    seconds = after.t - before.t
+        received, after, seconds = list(frames), dashboard.state(), time.perf_counter() - began
     kinds = Counter(_kind(message) for frame in received for message in messages(frame))
     rows = [
         ("frames drawn by the browser (software WebGL)", f"{drawn:.0f}"),

@@ -84,33 +84,36 @@ def served(scenario: str, speed: float = 1.0) -> Iterator[Served]:
         process.join()
 
 
-class _Noting(ClosedLoop):
-    """Notes when the first step with another desired force has been computed."""
+def _noting(uses: list[tuple[float, float]]) -> type[ClosedLoop]:
+    """A loop that notes when the first step with another desired force has been computed."""
 
-    def step(self) -> None:
-        super().step()
-        value = self.system.scenario.force.value
-        if value != self.seen:
-            self.seen = value
-            self.uses.append((value, time.perf_counter()))
+    class Noting(ClosedLoop):
+        seen = np.nan
 
-    seen: float = np.nan
-    uses: list[tuple[float, float]] = []  # noqa: RUF012  # the runner makes two loops; only the second one runs on
+        def step(self) -> None:
+            super().step()
+            value = self.system.scenario.force.value
+            if value != self.seen:
+                self.seen = value
+                uses.append((value, time.perf_counter()))
+
+    return Noting
 
 
 def _serve(connection: Connection, scenario: str, speed: float) -> None:
-    with contextlib.redirect_stdout(io.StringIO()), mock.patch.object(runner_module, "ClosedLoop", _Noting):
+    uses: list[tuple[float, float]] = []
+    with contextlib.redirect_stdout(io.StringIO()), mock.patch.object(runner_module, "ClosedLoop", _noting(uses)):
         dashboard = Dashboard(port=0)
         runner = Runner(load(scenario))
         runner.post(SetSpeed(speed))
         runner.start()
         dashboard.attach(runner)
-        threading.Thread(target=_answer, args=(connection, runner), daemon=True).start()
+        threading.Thread(target=_answer, args=(connection, runner, uses), daemon=True).start()
         connection.send(dashboard.url)
         dashboard.run_forever()
 
 
-def _answer(connection: Connection, runner: Runner) -> None:
+def _answer(connection: Connection, runner: Runner, uses: list[tuple[float, float]]) -> None:
     while True:
         match connection.recv():
             case ("state",):
@@ -119,7 +122,7 @@ def _answer(connection: Connection, runner: Runner) -> None:
             case ("lateness", since):
                 connection.send(runner.meter.lateness(since))
             case ("uses",):
-                connection.send(list(_Noting.uses))
+                connection.send(list(uses))
 
 
 def _resident() -> int:
