@@ -8,7 +8,7 @@ import multiprocessing
 import os
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import NamedTuple
@@ -108,21 +108,24 @@ def _serve(connection: Connection, scenario: str, speed: float) -> None:
         runner.post(SetSpeed(speed))
         runner.start()
         dashboard.attach(runner)
-        threading.Thread(target=_answer, args=(connection, runner, uses), daemon=True).start()
+        threading.Thread(target=_answer, args=(connection, runner, uses, dashboard.close), daemon=True).start()
         connection.send(dashboard.url)
         dashboard.run_forever()
 
 
-def _answer(connection: Connection, runner: Runner, uses: list[tuple[float, float]]) -> None:
-    while True:
-        match connection.recv():
-            case ("state",):
-                now = runner.snapshot
-                connection.send((now.t, now.reason, _resident(), time.process_time(), len(now.recording)))
-            case ("lateness", since):
-                connection.send(runner.meter.lateness(since))
-            case ("uses",):
-                connection.send(list(uses))
+def _answer(connection: Connection, runner: Runner, uses: list[tuple[float, float]], close: Callable[[], None]) -> None:
+    """Until the parent is gone."""
+    with contextlib.suppress(EOFError):
+        while True:
+            match connection.recv():
+                case ("state",):
+                    now = runner.snapshot
+                    connection.send((now.t, now.reason, _resident(), time.process_time(), len(now.recording)))
+                case ("lateness", since):
+                    connection.send(runner.meter.lateness(since))
+                case ("uses",):
+                    connection.send(list(uses))
+    close()
 
 
 def _resident() -> int:
