@@ -31,7 +31,7 @@ LEAST_REST = 0.0002  # s, the shortest one: at high speeds several steps share i
 PUBLISH = 1 / 60  # s, between two snapshots; also the longest batch of steps
 LAG = 0.1  # s of wall time that the loop may fall behind before simulated time slows
 MEASURE = 0.25  # s, between two measurements of the pace, each over the last `WATCHED` s
-WATCHED = 1.0
+WATCHED = 2.0
 SLOWEST, FASTEST = 0.01, 100.0
 
 

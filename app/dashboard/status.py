@@ -75,7 +75,7 @@ def _kept(pace: Pace | None) -> str:
 
 def _slowed(snapshot: Snapshot) -> str:
     return (
-        f"The loop cannot keep up: {snapshot.speed:g}× real time asked for, {snapshot.realtime_factor:.3g}× reached. "
+        f"The loop cannot keep up: {snapshot.speed:g}× asked for, {snapshot.realtime_factor:.3g}× reached. "
         "Simulated time is slowed; no control step is skipped."
     )
 
