@@ -34,10 +34,10 @@ def resolved(kernel: Any, *arguments: np.ndarray | float) -> Callable[..., Any]:
 
 
 def _type_of(argument: np.ndarray | float) -> types.Type:
-    if isinstance(argument, float):
-        return types.float64
-    layout = "C" if argument.flags.c_contiguous else "F" if argument.flags.f_contiguous else "A"
-    return _array_type(argument.dtype, argument.ndim, layout)
+    if isinstance(argument, np.ndarray):
+        layout = "C" if argument.flags.c_contiguous else "F" if argument.flags.f_contiguous else "A"
+        return _array_type(argument.dtype, argument.ndim, layout)
+    return types.float64
 
 
 @cache
