@@ -9,13 +9,14 @@ import time
 import tomllib
 from concurrent.futures import Future
 from pathlib import Path
+from subprocess import Popen
 from typing import Annotated
 
 import msgspec
 import tyro
 from tqdm import tqdm
 
-from app import headless
+from app import headless, warm
 from app.dashboard import Dashboard, PortBusy
 from app.runner import Runner
 from app.scenario import Scenario, ScenarioError, edited, load, shipped
@@ -47,15 +48,19 @@ def serve(
     dashboard = Dashboard(host=host, port=port)
     print(f"VSMRC Lab: {dashboard.url}  (Ctrl-C ends it)", flush=True)
     runner: Runner | None = None
+    warming: Popen[bytes] | None = None
     try:
         runner = _prepared(chosen, dashboard)
         runner.start()
         dashboard.attach(runner)
+        warming = warm.start()
         dashboard.run_forever()
     except KeyboardInterrupt:
         print("\nended")
     finally:
         dashboard.close()
+        if warming is not None:
+            warming.terminate()
         if runner is not None:
             runner.close()
     return DONE

@@ -32,6 +32,7 @@ PUBLISH = 1 / 60  # s, between two snapshots; also the longest batch of steps
 LAG = 0.1  # s of wall time that the loop may fall behind before simulated time slows
 MEASURE = 0.25  # s, between two measurements of the pace, each over the last `WATCHED` s
 WATCHED = 2.0
+PREPARING = "preparing another arm or contact; the very first one of its kind takes some seconds to compile"
 SLOWEST, FASTEST = 0.01, 100.0
 
 
@@ -228,6 +229,8 @@ class Runner:
         for command, following in itertools.zip_longest(queued, queued[1:]):
             if isinstance(command, Edit) and isinstance(following, Edit) and command.path == following.path:
                 continue  # a slider has moved on: only where it is now matters
+            if isinstance(command, Load) or (isinstance(command, Edit) and command.path in ("mode", "robot.name")):
+                self.snapshot = replace(self.snapshot, notice=PREPARING)
             try:
                 self._carry_out(command)
             except (ScenarioError, ArithmeticError, ValueError) as error:

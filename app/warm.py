@@ -1,0 +1,62 @@
+"""Compiling ahead, in a process of its own: what a change of robot or contact would otherwise wait for.
+
+Kernels are compiled once for each number of joints; they stay in the cache for every later start.
+"""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+
+from app.assembly import in_mode, on_robot
+from app.closed_loop import ClosedLoop
+from app.kernel_cache import cache_folder
+from app.scenario import Scenario, edited, load
+from environments import robots
+
+
+def start() -> subprocess.Popen[bytes] | None:
+    """Begin, unless it has been done before. The process ends with this one."""
+    if _mark().exists():
+        return None
+    return subprocess.Popen([sys.executable, "-m", "app.warm"], stdin=subprocess.PIPE)
+
+
+def _mark() -> Path:
+    return cache_folder() / "complete"
+
+
+def _to_compile() -> Iterator[Scenario]:
+    """One scenario for each number of joints and each kind of contact that has kernels of its own."""
+    done: set[int] = set()
+    for name, entry in robots.CATALOGUE.items():
+        if (n := len(entry.rotor_inertia)) not in done:
+            done.add(n)
+            base = on_robot(load("ur5-hybrid"), name)
+            yield base
+            yield edited(base, "contact.kind", "mass-damper-spring")
+            yield in_mode(base, "constrained")
+
+
+def main() -> None:
+    """Compile, at the lowest priority, until it is done or the process that began this ends."""
+    threading.Thread(target=_end_with_parent, name="parent", daemon=True).start()
+    os.nice(19)
+    for scenario in _to_compile():
+        loop = ClosedLoop(scenario, history=1)
+        loop.step()
+        loop.view()
+    _mark().touch()
+
+
+def _end_with_parent() -> None:
+    os.read(sys.stdin.fileno(), 1)  # returns when the other end of the pipe is gone
+    os._exit(0)
+
+
+if __name__ == "__main__":
+    main()
