@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+import pinocchio as pin
 
 from app.control_period import ReferencePlan, reference_at
 from app.scenario import (
@@ -24,6 +25,7 @@ from app.scenario import (
     Sphere,
     TargetModel,
     edited,
+    field_info,
     from_plain,
     to_plain,
 )
@@ -43,6 +45,7 @@ from environments.contact import Contact
 from environments.plant import Plant, Truth
 from environments.robots import Robot, RobotError
 from environments.sensors import ForceSensor
+from environments.stiffness import Mobility, oscillators, resolved, substeps_needed
 
 SAMPLES = 240  # postures drawn from Omega for the constants over it
 CENTRES = 192  # postures along the reference, around which Omega lies
@@ -178,6 +181,8 @@ def _assemble(scenario: Scenario, previous: System | None) -> System:
     else:
         along = _centres(observe, plan, motion, force, q_0, scenario.simulation.duration)
         constants = _constants(scenario, nominal, observe, along)
+    if previous is None or previous.constants is not constants or _stiffness(previous.scenario) != _stiffness(scenario):
+        _require_resolved(scenario, plant, nominal, constants)
     return System(
         scenario=scenario,
         robot=robot,
@@ -385,14 +390,20 @@ def _centres(
     return np.array(centres)
 
 
-def _constants(scenario: Scenario, nominal: NominalModel, observe: Observe, centres: np.ndarray) -> Constants:
-    random = np.random.default_rng(1)
-    n, radius = centres.shape[1], scenario.simulation.domain_radius
+def _postures(centres: np.ndarray, radius: float, random: np.random.Generator) -> np.ndarray:
+    """Samples of Omega, (N, n) rad: some of its centres and postures drawn around them."""
+    n = centres.shape[1]
     directions = random.standard_normal((SAMPLES, n))
     directions *= radius / np.linalg.norm(directions, axis=1, keepdims=True)
     spread = np.linspace(0, len(centres) - 1, SAMPLES).astype(int)
     around = centres[spread] + directions * random.uniform(size=(SAMPLES, 1)) ** (1 / n)
-    samples = np.vstack([centres[::8], around])
+    return np.vstack([centres[::8], around])
+
+
+def _constants(scenario: Scenario, nominal: NominalModel, observe: Observe, centres: np.ndarray) -> Constants:
+    random = np.random.default_rng(1)
+    n, radius = centres.shape[1], scenario.simulation.domain_radius
+    samples = _postures(centres, radius, random)
     uncertainty = _uncertainty(scenario, 0.0)
     period = 1.0 / max(scenario.surface.motion.frequency, 1e-3)
     low, high = np.inf, 0.0
@@ -410,6 +421,37 @@ def _constants(scenario: Scenario, nominal: NominalModel, observe: Observe, cent
         raise ScenarioError("robot.posture: J_q is singular around it; allowed: a posture away from singularities")
     lipschitz = lipschitz_constants(nominal.model, samples[:: len(samples) // 50])
     return Constants(low / MARGIN, high * MARGIN, lipschitz, centres, radius)
+
+
+def _stiffness(scenario: Scenario) -> tuple[object, ...]:
+    """What decides, beside `Constants`, whether the plant's step is short enough."""
+    return scenario.contact, scenario.truth, scenario.controller.period
+
+
+def _require_resolved(scenario: Scenario, plant: Plant, nominal: NominalModel, constants: Constants) -> None:
+    """Refuse what the plant's step cannot follow where in Omega the true arm is most mobile: it would explode,
+    whatever the controller does."""
+    if scenario.contact.kind == "free" and scenario.truth.viscous == 0.0:
+        return
+    data = plant.model.createData()
+
+    def mobility(q: np.ndarray) -> Mobility:
+        tool = nominal.evaluate(q, np.zeros_like(q))
+        return Mobility.at(pin.crba(plant.model, data, q), tool.J_v, plant.surface.chart(tool.p, 0.0).G[0])
+
+    postures = _postures(constants.centres, constants.radius, np.random.default_rng(1))
+    most = Mobility(*np.max([mobility(q) for q in postures], axis=0).tolist())
+    integrator, period = scenario.simulation.integrator, scenario.controller.period
+    for o in oscillators(scenario.contact.kind, plant.contact, plant.truth, most):
+        if resolved(integrator, o, period / plant.substeps):
+            continue
+        enough = substeps_needed(integrator, o, period, int(field_info("simulation.substeps").largest or 1))
+        raise ScenarioError(
+            f"{o.field}: {o.value:g} {o.unit} is too stiff for {plant.substeps} step(s) of {integrator} per control "
+            f"period of {period:g} s, the plant would explode; allowed: "
+            + ("" if enough is None else f"simulation.substeps >= {enough}, or ")
+            + "a smaller value"
+        )
 
 
 def _uncertainty(scenario: Scenario, k_C: float) -> Uncertainty:
