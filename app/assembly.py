@@ -83,7 +83,8 @@ class Coordinate:
 
 @dataclass(frozen=True)
 class System:
-    """A scenario's objects. `charted` gives the task coordinates: the surface, or Cartesian axes; q_0 (n,) rad."""
+    """A scenario's objects. `charted` gives the task coordinates: the surface, or Cartesian axes; `mobility` is the
+    true arm's largest over Omega; q_0 (n,) rad."""
 
     scenario: Scenario
     robot: Robot
@@ -95,6 +96,7 @@ class System:
     nominal: NominalModel
     plant: Plant
     constants: Constants
+    mobility: Mobility
     law: Vsmrc
     motion: trajectories.Trajectory
     force: trajectories.ForceProfile
@@ -181,8 +183,11 @@ def _assemble(scenario: Scenario, previous: System | None) -> System:
     else:
         along = _centres(observe, plan, motion, force, q_0, scenario.simulation.duration)
         constants = _constants(scenario, nominal, observe, along)
-    if previous is None or previous.constants is not constants or _stiffness(previous.scenario) != _stiffness(scenario):
-        _require_resolved(scenario, plant, nominal, constants)
+    if previous is not None and previous.constants is constants and previous.scenario.truth == scenario.truth:
+        mobility = previous.mobility
+    else:
+        mobility = _mobility(plant, nominal, constants)
+    _require_resolved(scenario, plant, mobility)
     return System(
         scenario=scenario,
         robot=robot,
@@ -194,6 +199,7 @@ def _assemble(scenario: Scenario, previous: System | None) -> System:
         nominal=nominal,
         plant=plant,
         constants=constants,
+        mobility=mobility,
         law=_law(scenario, mode, layout, constants),
         motion=motion,
         force=force,
@@ -423,26 +429,23 @@ def _constants(scenario: Scenario, nominal: NominalModel, observe: Observe, cent
     return Constants(low / MARGIN, high * MARGIN, lipschitz, centres, radius)
 
 
-def _stiffness(scenario: Scenario) -> tuple[object, ...]:
-    """What decides, beside `Constants`, whether the plant's step is short enough."""
-    return scenario.contact, scenario.truth, scenario.controller.period
-
-
-def _require_resolved(scenario: Scenario, plant: Plant, nominal: NominalModel, constants: Constants) -> None:
-    """Refuse what the plant's step cannot follow where in Omega the true arm is most mobile: it would explode,
-    whatever the controller does."""
-    if scenario.contact.kind == "free" and scenario.truth.viscous == 0.0:
-        return
-    data = plant.model.createData()
-
-    def mobility(q: np.ndarray) -> Mobility:
-        tool = nominal.evaluate(q, np.zeros_like(q))
-        return Mobility.at(pin.crba(plant.model, data, q), tool.J_v, plant.surface.chart(tool.p, 0.0).G[0])
-
+def _mobility(plant: Plant, nominal: NominalModel, constants: Constants) -> Mobility:
+    """How mobile the true arm is at most over Omega; the surface at rest."""
     postures = _postures(constants.centres, constants.radius, np.random.default_rng(1))
-    most = Mobility(*np.max([mobility(q) for q in postures], axis=0).tolist())
+    data = plant.model.createData()
+    tools = [nominal.evaluate(q, np.zeros_like(q)) for q in postures]
+    return Mobility.largest(
+        np.array([pin.crba(plant.model, data, q).copy() for q in postures]),
+        np.array([tool.J_v for tool in tools]),
+        np.array([plant.surface.chart(tool.p, 0.0).G[0] for tool in tools]),
+    )
+
+
+def _require_resolved(scenario: Scenario, plant: Plant, mobility: Mobility) -> None:
+    """Refuse what the plant's step cannot follow where the arm is most mobile: it would explode whatever the
+    controller does."""
     integrator, period = scenario.simulation.integrator, scenario.controller.period
-    for o in oscillators(scenario.contact.kind, plant.contact, plant.truth, most):
+    for o in oscillators(scenario.contact.kind, plant.contact, plant.truth, mobility):
         if resolved(integrator, o, period / plant.substeps):
             continue
         enough = substeps_needed(integrator, o, period, int(field_info("simulation.substeps").largest or 1))

@@ -22,22 +22,22 @@ ROUNDING = 1e-7  # of the radius of an undamped oscillator, which is 1
 
 
 class Mobility(NamedTuple):
-    """Acceleration per force: of the tool along grad(phi) and across it at most, 1/kg; of the joints at most,
-    1/(kg m^2)."""
+    """Acceleration per force, at most: of the tool along grad(phi) and across it, 1/kg; of the joints, 1/(kg m^2)."""
 
     normal: float
     tangential: float
     joints: float
 
     @classmethod
-    def at(cls, M: np.ndarray, J_v: np.ndarray, normal: np.ndarray) -> Mobility:
-        """M (n, n) kg m^2 of the true arm; J_v (3, n) of its tool; normal (3,): grad(phi)."""
-        compliance = J_v @ np.linalg.solve(M, J_v.T)
-        across = np.eye(3) - np.outer(normal, normal) / (normal @ normal)
+    def largest(cls, M: np.ndarray, J_v: np.ndarray, normal: np.ndarray) -> Mobility:
+        """Over N states: M (N, n, n) kg m^2 of the true arm, J_v (N, 3, n) of its tool, normal (N, 3): grad(phi)."""
+        compliance = J_v @ np.linalg.solve(M, J_v.swapaxes(1, 2))
+        along = normal[:, :, None] * normal[:, None, :]
+        across = np.eye(3) - along / np.square(normal).sum(axis=1)[:, None, None]
         return cls(
-            float(normal @ compliance @ normal),
-            float(np.linalg.eigvalsh(across @ compliance @ across)[-1]),
-            1.0 / float(np.linalg.eigvalsh(M)[0]),
+            float((compliance * along).sum(axis=(1, 2)).max()),
+            float(np.linalg.eigvalsh(across @ compliance @ across).max()),
+            1.0 / float(np.linalg.eigvalsh(M).min()),
         )
 
 

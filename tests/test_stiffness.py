@@ -73,7 +73,7 @@ CAUSES: dict[str, tuple[ContactKind, dict[str, float]]] = {
 def mobility(system: System, plant: Plant) -> Mobility:
     tool = system.nominal.evaluate(system.q_0, np.zeros(system.robot.n))
     M = pin.crba(plant.model, plant.model.createData(), system.q_0)
-    return Mobility.at(M, tool.J_v, plant.surface.chart(tool.p, 0.0).G[0])
+    return Mobility.largest(M[None], tool.J_v[None], plant.surface.chart(tool.p, 0.0).G[:1])
 
 
 @pytest.mark.parametrize("integrator", INTEGRATORS)
