@@ -10,7 +10,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from app.assembly import System, assemble
+from app.assembly import System, assemble, in_mode
 from app.closed_loop import ClosedLoop
 from app.sampled_loop import contact_loop_radius
 from app.scenario import Scenario, ScenarioError, edited, shipped
@@ -230,3 +230,29 @@ def test_growth_on_the_surface_is_what_the_loop_does(robot: str, fields: dict[st
     assert (loop.warning is not None) == (growth > 1.0)
     if growth > 1.0:
         assert "swings up on this surface" in (loop.warning or "")
+
+
+def test_growth_is_foretold_where_the_normal_is_oblique_to_every_coordinate() -> None:
+    """Impedance in Cartesian coordinates on an inclined plane: the multiplier acts on all of r."""
+    system, normal = arm("planar3r"), np.array([0.3, 0.0, -0.95])
+    normal /= np.linalg.norm(normal)
+    touched = system.nominal.evaluate(system.q_0, np.zeros(3)).p - 1e-12 * normal
+    loop = ClosedLoop(
+        changed(
+            in_mode(pressing("planar3r", 1e4, H), "impedance"), contact__K_e=2e6, contact__unilateral=False,
+            sensor__delay=0.003, surface__origin=touched.tolist(), surface__normal=normal.tolist(),
+        )
+    )  # fmt: skip
+    growth = contact_loop_radius(loop.system, loop.system.q_0, 0.0)
+    assert 1.05 < growth < 1.2
+    for _ in range(100):
+        loop.step()
+    change = np.abs(np.diff(loop.recording.signals(("multiplier",))["multiplier"]))
+    assert math.log(change[80:].max() / change[40:60].max()) / 40 == pytest.approx(math.log(growth), rel=0.1)
+    assert "swings up on this surface" in (loop.warning or "")
+
+
+@pytest.mark.parametrize("name", ["ur5-motion", "ur5-constrained", "planar2r-semicircle-discontinuous"])
+def test_nothing_is_foretold_where_nothing_elastic_is_sampled(name: str) -> None:
+    system = assemble(shipped()[name])
+    assert math.isnan(contact_loop_radius(system, system.q_0, 0.0))
