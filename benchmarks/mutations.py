@@ -31,12 +31,11 @@ PACKAGES = ("app", "controllers", "environments")
 FOLDERS = (*PACKAGES, "static", "tests", "benchmarks")
 # quick and sharp ones first: a row costs as much as the first test that fails
 TESTS = (
-    "tests/test_independent.py::test_each_term_at_random_states",
+    "tests/test_independent.py",
     "tests/test_paper.py",
     "tests/test_mathematics.py",
     "tests/test_bounds.py",
     "tests/test_stiffness.py",
-    "tests/test_independent.py",
     "tests/test_theorem.py",
     "tests/test_closed_forms.py",
     "tests/test_responses.py",
