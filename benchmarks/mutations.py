@@ -4,9 +4,10 @@
     python -m benchmarks.mutations --only task_space   rows with this in their file or meaning
     python -m benchmarks.mutations --check             only whether every row still fits the sources
 
-A row is caught when a test fails, and survives when all of `TESTS` pass; `--tests` names others. The copy has a cache of compiled kernels of
-its own; before each row the kernels of every module that imports the changed one are thrown out of it, since numba
-looks only at a function's own file. Exit status: 0 all caught, 1 some survived, 2 a row does not fit the sources.
+A row is caught when a test fails, and survives when all of `TESTS` pass; `--tests` names others. The copy has a cache
+of compiled kernels of its own; before each row the kernels of every module that imports the changed one are thrown
+out of it, since numba looks only at a function's own file. Exit status: 0 all caught, 1 some survived, 2 a row does
+not fit the sources.
 """
 
 from __future__ import annotations
