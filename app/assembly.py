@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+import pinocchio as pin
 
 from app.control_period import Observer, Planned, ReferencePlan
 from app.scenario import (
@@ -25,6 +26,7 @@ from app.scenario import (
     Sphere,
     TargetModel,
     edited,
+    field_info,
     from_plain,
     to_plain,
 )
@@ -44,6 +46,7 @@ from environments.contact import Contact
 from environments.plant import Plant, Truth
 from environments.robots import Robot, RobotError
 from environments.sensors import ForceSensor
+from environments.stiffness import Mobility, oscillators, resolved, substeps_needed
 
 SAMPLES = 240  # postures drawn from Omega for the constants over it
 CENTRES = 192  # postures along the reference, around which Omega lies
@@ -81,7 +84,8 @@ class Coordinate:
 
 @dataclass(frozen=True)
 class System:
-    """A scenario's objects. `charted` gives the task coordinates: the surface, or Cartesian axes; q_0 (n,) rad."""
+    """A scenario's objects. `charted` gives the task coordinates: the surface, or Cartesian axes; `mobility` is the
+    true arm's largest over Omega; q_0 (n,) rad."""
 
     scenario: Scenario
     robot: Robot
@@ -93,6 +97,7 @@ class System:
     nominal: NominalModel
     plant: Plant
     constants: Constants
+    mobility: Mobility
     law: Vsmrc
     motion: trajectories.Trajectory
     force: trajectories.ForceProfile
@@ -191,6 +196,11 @@ def _assemble(scenario: Scenario, previous: System | None) -> System:
     else:
         along = _centres(observer.at, Planned(plan), q_0, scenario.simulation.duration)
         constants = _constants(scenario, nominal, observer.at, along)
+    if previous is not None and previous.constants is constants and previous.scenario.truth == scenario.truth:
+        mobility = previous.mobility
+    else:
+        mobility = _mobility(plant, nominal, constants)
+    _require_resolved(scenario, plant, mobility)
     return System(
         scenario=scenario,
         robot=robot,
@@ -202,6 +212,7 @@ def _assemble(scenario: Scenario, previous: System | None) -> System:
         nominal=nominal,
         plant=plant,
         constants=constants,
+        mobility=mobility,
         law=_law(scenario, mode, layout, constants),
         motion=motion,
         force=force,
@@ -399,14 +410,20 @@ def _centres(
     return np.array(centres)
 
 
-def _constants(scenario: Scenario, nominal: NominalModel, observe: Observe, centres: np.ndarray) -> Constants:
-    random = np.random.default_rng(1)
-    n, radius = centres.shape[1], scenario.simulation.domain_radius
+def _postures(centres: np.ndarray, radius: float, random: np.random.Generator) -> np.ndarray:
+    """Samples of Omega, (N, n) rad: some of its centres and postures drawn around them."""
+    n = centres.shape[1]
     directions = random.standard_normal((SAMPLES, n))
     directions *= radius / np.linalg.norm(directions, axis=1, keepdims=True)
     spread = np.linspace(0, len(centres) - 1, SAMPLES).astype(int)
     around = centres[spread] + directions * random.uniform(size=(SAMPLES, 1)) ** (1 / n)
-    samples = np.vstack([centres[::8], around])
+    return np.vstack([centres[::8], around])
+
+
+def _constants(scenario: Scenario, nominal: NominalModel, observe: Observe, centres: np.ndarray) -> Constants:
+    random = np.random.default_rng(1)
+    n, radius = centres.shape[1], scenario.simulation.domain_radius
+    samples = _postures(centres, radius, random)
     uncertainty = _uncertainty(scenario, 0.0)
     period = 1.0 / max(scenario.surface.motion.frequency, 1e-3)
     low, high = np.inf, 0.0
@@ -424,6 +441,34 @@ def _constants(scenario: Scenario, nominal: NominalModel, observe: Observe, cent
         raise ScenarioError("robot.posture: J_q is singular around it; allowed: a posture away from singularities")
     lipschitz = lipschitz_constants(nominal.model, samples[:: len(samples) // 50])
     return Constants(low / MARGIN, high * MARGIN, lipschitz, centres, radius)
+
+
+def _mobility(plant: Plant, nominal: NominalModel, constants: Constants) -> Mobility:
+    """How mobile the true arm is at most over Omega; the surface at rest."""
+    postures = _postures(constants.centres, constants.radius, np.random.default_rng(1))
+    data = plant.model.createData()
+    tools = [nominal.evaluate(q, np.zeros_like(q)) for q in postures]
+    return Mobility.largest(
+        np.array([pin.crba(plant.model, data, q).copy() for q in postures]),
+        np.array([tool.J_v for tool in tools]),
+        np.array([plant.surface.chart(tool.p, 0.0).G[0] for tool in tools]),
+    )
+
+
+def _require_resolved(scenario: Scenario, plant: Plant, mobility: Mobility) -> None:
+    """Refuse what the plant's step cannot follow where the arm is most mobile: it would explode whatever the
+    controller does."""
+    integrator, period = scenario.simulation.integrator, scenario.controller.period
+    for o in oscillators(scenario.contact.kind, plant.contact, plant.truth, mobility):
+        if resolved(integrator, o, period / plant.substeps):
+            continue
+        enough = substeps_needed(integrator, o, period, int(field_info("simulation.substeps").largest or 1))
+        raise ScenarioError(
+            f"{o.field}: {o.value:g} {o.unit} is too stiff for {plant.substeps} step(s) of {integrator} per control "
+            f"period of {period:g} s, the plant would explode; allowed: "
+            + ("" if enough is None else f"simulation.substeps >= {enough}, or ")
+            + "a smaller value"
+        )
 
 
 def _uncertainty(scenario: Scenario, k_C: float) -> Uncertainty:

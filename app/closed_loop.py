@@ -10,6 +10,7 @@ import numpy as np
 from app.assembly import System, assemble
 from app.control_period import Alarm, Limits, Period, Setting, complete_row, control_period
 from app.recording import Recording
+from app.sampled_loop import contact_loop_radius
 from app.scenario import Scenario
 from controllers.bounds import InertiaRange
 from controllers.force_loop import force_loop_factor, layer_loop_factor
@@ -19,6 +20,7 @@ from controllers.reference_estimates import ReferenceEstimates
 from controllers.switching import Switching
 from controllers.task_space import TaskSpace
 from environments.sensors import ForceReader
+from environments.stiffness import ROUNDING
 from kernels import resolved
 from kernels.records import Record
 
@@ -150,7 +152,7 @@ class ClosedLoop:
             law.epsilon * law.switching.kept,
             V_0=float(0.5 * s @ H_high @ s),
         )
-        self.warning = self._force_loop_warning(estimate, task)
+        self.warning = self._force_loop_warning(estimate, task) or self._contact_loop_warning()
         self.s_since = self.t
         self._period.data["reached"] = False
         self._setting = Record(self._setting_of(system)).data
@@ -192,6 +194,15 @@ class ClosedLoop:
         return (
             f"the sampled force loop diverges: its factor is {factor:.3g}, allowed: between -1 and 1; "
             "raise M_m1, or set sensor.ideal"
+        )
+
+    def _contact_loop_warning(self) -> str | None:
+        growth = contact_loop_radius(self.system, self._arm.views.q, self.t)
+        if math.isnan(growth) or growth <= 1.0 + ROUNDING:
+            return None
+        return (
+            f"the sampled loop swings up on this surface: a deviation grows {growth:.4g} times each control period, "
+            "allowed: below 1; lower contact.K_e, controller.period or sensor.delay, or widen controller.layer"
         )
 
     def _reference_estimates(self) -> ReferenceEstimates | None:

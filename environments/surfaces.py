@@ -192,10 +192,14 @@ class Surface:
         radius, side, amplitude, frequency = (float(x) for x in (self.radius, self.side, m.amplitude, m.frequency))
         return Shape(self.kind, self.origin, self.frame, radius, side, m.direction, amplitude, frequency)
 
+    @cached_property
+    def _packed(self) -> np.ndarray:
+        return Record(self.shape).data
+
     def chart(self, p: np.ndarray, t: float) -> Chart:
         """Coordinates of the point p (3,) m at time t (s) with all derivatives."""
         chart = Record(Chart.zeros())
-        _chart_alone(Record(self.shape).data, p, t, chart.data)
+        _chart_alone(self._packed, p, t, chart.data)
         return chart.read()
 
     def point(self, g: np.ndarray, t: float) -> np.ndarray:

@@ -1,0 +1,69 @@
+"""What one control period makes of a small deviation from rest against an elastic surface.
+
+The law acts on samples: over a period its torque is constant while the surface's force changes. Theorem 1 knows
+nothing of that; against a stiff surface the loop can swing up though (8) is stable and the plant well resolved. So
+(9), (10), (15), (16) with the plant's own integrator and the force sensor are applied once to each unit deviation,
+which makes the matrix of the linearised loop. It contracts where its spectral radius is below 1.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+
+from app.assembly import System
+from controllers.reference_estimates import Believed
+from controllers.switching import Switching
+from controllers.vsmrc import LawState, Reference
+from environments.stiffness import STEPS
+
+LONGEST_LINE = 100  # periods of delay, beyond which the matrix becomes too large to be judged in passing
+
+
+def contact_loop_radius(system: System, q: np.ndarray, t: float) -> float:
+    """Growth of a deviation per control period with the tool on the surface at the posture q (n,) rad, 1.
+
+    nan where nothing is to be judged: no elastic surface, the discontinuous law (which chatters in any case), a
+    sensor with a very long delay.
+    """
+    scenario, law, sensor, n = system.scenario, system.law, system.sensor, system.layout.n
+    late = round(sensor.delay / sensor.period)
+    if scenario.contact.kind != "elastic" or law.switching is Switching.DISCONTINUOUS or late > LONGEST_LINE:
+        return np.nan
+    still = np.zeros(n)
+    estimate, task = system.observe(q, still, t)
+    J_inv, c = task.J_q_inv, law.compensator
+    H_hat = J_inv.T @ estimate.M_hat @ J_inv
+    H_inv = np.linalg.inv(J_inv.T @ pin.crba(system.plant.model, system.plant.model.createData(), q) @ J_inv)
+    across = J_inv.T @ (estimate.J_v.T @ system.surface.chart(estimate.p, t).G[0])  # F_r per unit of lambda
+    contact, simulation, period = scenario.contact, scenario.simulation, scenario.controller.period
+    at_rest = Reference(task.r, still, still, still)
+    d = law.evaluate(LawState(still), at_rest, task, estimate, Believed.at(estimate), still, np.zeros(3)).d
+    robust = law.K_s + d / law.phi * np.eye(n)
+    passed = 1.0 if sensor.cutoff == 0.0 else 1.0 - np.exp(-2 * np.pi * sensor.cutoff * period)
+
+    def push(x: np.ndarray, v: np.ndarray) -> float:
+        return across @ (contact.K_e * x + contact.B_e * v)
+
+    def after_a_period(state: np.ndarray) -> np.ndarray:
+        x, v, z = state[: 3 * n].reshape(3, n)
+        line = state[3 * n :]  # readings, the newest one first
+        line = np.concatenate([[line[0] + passed * (push(x, v) - line[0])], line])
+        F_r = across * line[late]
+        F_c = law.controlled * F_r
+        z_dot = c.A @ z + c.K_pz @ x + c.K_vz @ v + c.K_fz @ F_c
+        if law.robust:
+            s = v + c.F_1 @ x + c.F_2 @ z
+            T_r = H_hat @ (-c.F_1 @ v - c.F_2 @ z_dot) + F_r - robust @ s
+        else:
+            m = law.model
+            T_r = F_r - H_hat @ np.linalg.solve(m.M_m, m.B_m @ v + m.K_m @ x + m.K_f @ F_c)
+            z_dot = -z / period  # takes no part
+        for _ in range(simulation.substeps):
+            x, v = STEPS[simulation.integrator](
+                lambda x, v: H_inv @ (T_r - across * push(x, v)), x, v, period / simulation.substeps
+            )
+        return np.concatenate([x, v, z + period * z_dot, line[:-1]])
+
+    matrix = np.stack([after_a_period(unit) for unit in np.eye(3 * n + max(late, 1))], axis=1)
+    return float(np.abs(np.linalg.eigvals(matrix)).max())

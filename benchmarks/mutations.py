@@ -1,0 +1,178 @@
+"""Do the tests see a wrong sign? Mistakes of one line are planted in a copy of the tree, one at a time.
+
+    python -m benchmarks.mutations                     every row of mutations.toml, half an hour of one core
+    python -m benchmarks.mutations --only task_space   rows with this in their file or meaning
+    python -m benchmarks.mutations --check             only whether every row still fits the sources
+
+A row is caught when a test fails, and survives when all of `TESTS` pass; `--tests` names others. The copy has a cache
+of compiled kernels of its own; before each row the kernels of every module that imports the changed one are thrown
+out of it, since numba looks only at a function's own file. Exit status: 0 all caught, 1 some survived, 2 a row does
+not fit the sources.
+"""
+
+from __future__ import annotations
+
+import ast
+import os
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+import tomllib
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import NamedTuple
+
+import tyro
+
+ROOT = Path(__file__).parents[1]
+PACKAGES = ("app", "controllers", "environments")
+FOLDERS = (*PACKAGES, "static", "tests", "benchmarks")
+# the quick ones, sharpest first: a row costs as much as what comes before the first test that fails
+TESTS = (
+    "tests/test_independent.py",
+    "tests/test_paper.py",
+    "tests/test_mathematics.py",
+    "tests/test_bounds.py",
+    "tests/test_stiffness.py",
+    "tests/test_responses.py::test_every_friction_takes_energy_away",
+)
+PATIENCE = 1200.0  # s for one row
+
+
+class Mutation(NamedTuple):
+    """A mistake: in `file`, `old`, which stands there exactly once, becomes `new`."""
+
+    meaning: str
+    file: str
+    old: str
+    new: str
+
+
+def table() -> tuple[Mutation, ...]:
+    """The rows of `mutations.toml`."""
+    files = tomllib.loads(Path(__file__).with_suffix(".toml").read_text(encoding="utf-8"))
+    return tuple(
+        Mutation(meaning, file, old, new) for file, rows in files.items() for meaning, (old, new) in rows.items()
+    )
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What became of a row."""
+
+    mutation: Mutation
+    result: str  # "caught", "SURVIVED"
+    by: str  # the test that failed, or how it ended
+
+    def __str__(self) -> str:
+        m = self.mutation
+        return f"{self.result:10s}{m.file:34s}{m.meaning:40s}{self.by}"
+
+
+def misfits(rows: tuple[Mutation, ...]) -> list[str]:
+    """Rows whose old text does not stand exactly once in the sources."""
+    counts = {m: (ROOT / m.file).read_text(encoding="utf-8").count(m.old) for m in rows}
+    return [f"{m.file}: {m.old!r} ({m.meaning}) stands {n} times" for m, n in counts.items() if n != 1]
+
+
+def importers(root: Path, changed: str) -> set[str]:
+    """Modules ("app.assembly") that import the changed file, directly or not, and its own."""
+    imports: dict[str, set[str]] = {}
+    for package in PACKAGES:
+        for file in (root / package).glob("*.py"):
+            names = set()
+            for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+                if isinstance(node, ast.ImportFrom) and node.module:
+                    names |= {node.module, *(f"{node.module}.{alias.name}" for alias in node.names)}
+            imports[f"{package}.{file.stem}"] = names
+    found = {changed.removesuffix(".py").replace("/", ".")}
+    while more := {module for module, names in imports.items() if names & found} - found:
+        found |= more
+    return found
+
+
+class Copy:
+    """The tree in a folder of its own, with its own cache of kernels that fits the unchanged sources."""
+
+    def __init__(self, folder: Path, tests: tuple[str, ...]) -> None:
+        self.tree, self._kernels, self._tests = folder / "tree", folder / "kernels", tests
+        for name in FOLDERS:
+            shutil.copytree(ROOT / name, self.tree / name, ignore=shutil.ignore_patterns("__pycache__"))
+        shutil.copy2(ROOT / "pyproject.toml", self.tree)
+
+    def run(self, kernels: Path) -> subprocess.CompletedProcess[str]:
+        """The tests, up to the first failure."""
+        environment = os.environ | {
+            "NUMBA_CACHE_DIR": str(kernels), "PYTHONDONTWRITEBYTECODE": "1", "PYTHONPATH": str(self.tree),
+            "OMP_NUM_THREADS": "1",
+            "NUMBA_OPT": "0",  # compiled once and run for seconds
+        }  # fmt: skip
+        command = [sys.executable, "-m", "pytest", "-x", "-q", "--tb=no", "-p", "no:cacheprovider", *self._tests]
+        return subprocess.run(
+            command, cwd=self.tree, env=environment, capture_output=True, text=True, timeout=PATIENCE, check=False
+        )
+
+    def prepare(self) -> None:
+        """Compile, and make sure that the tests pass. Raises RuntimeError."""
+        done = self.run(self._kernels)
+        if done.returncode != 0:
+            raise RuntimeError(f"the tests fail without any mutation:\n{done.stdout[-2000:]}{done.stderr[-2000:]}")
+
+    def judge(self, mutation: Mutation) -> Verdict:
+        """Plant the mistake, run the tests, take it back."""
+        file, kernels = self.tree / mutation.file, self._kernels.with_name("kernels of this row")
+        sound, time = file.read_text(encoding="utf-8"), file.stat().st_mtime_ns
+        shutil.copytree(self._kernels, kernels)
+        for module in importers(self.tree, mutation.file):
+            package, name = module.split(".")
+            for stale in kernels.glob(f"{package}_*/{name}.*"):
+                stale.unlink()
+        file.write_text(sound.replace(mutation.old, mutation.new), encoding="utf-8")
+        try:
+            done = self.run(kernels)
+            failed = re.search(r"^(?:FAILED|ERROR) (?:tests/)?(\S+)", done.stdout, re.MULTILINE)
+            by = failed[1] if failed else f"pytest ended with {done.returncode}"
+            return Verdict(mutation, "caught", by) if done.returncode else Verdict(mutation, "SURVIVED", "")
+        except subprocess.TimeoutExpired:
+            return Verdict(mutation, "caught", f"not done within {PATIENCE:g} s")
+        finally:
+            file.write_text(sound, encoding="utf-8")
+            os.utime(file, ns=(time, time))  # numba compares it with the time that it noted beside a kernel
+            shutil.rmtree(kernels)
+
+
+def verdicts(rows: tuple[Mutation, ...], tests: tuple[str, ...]) -> Iterator[Verdict]:
+    """One after the other, as they become known."""
+    with tempfile.TemporaryDirectory(prefix="mutations-") as folder:
+        copy = Copy(Path(folder), tests)
+        copy.prepare()
+        for mutation in rows:
+            yield copy.judge(mutation)
+
+
+def main(only: tuple[str, ...] = (), check: bool = False, tests: tuple[str, ...] = TESTS) -> int:
+    """Plant mistakes, see whether the tests catch them.
+
+    Args:
+        only: rows with one of these in their file or meaning.
+        check: only see whether the rows fit the sources.
+        tests: what pytest is given.
+    """
+    wrong = misfits(table())
+    print("\n".join(wrong), file=sys.stderr, end="\n" if wrong else "")
+    if wrong or check:
+        return 2 if wrong else 0
+    rows = tuple(m for m in table() if not only or any(o in m.file or o in m.meaning for o in only))
+    survived = 0
+    for number, verdict in enumerate(verdicts(rows, tests), start=1):
+        print(f"{number:3d}/{len(rows)}  {verdict}", flush=True)
+        survived += verdict.result == "SURVIVED"
+    print(f"{len(rows) - survived} of {len(rows)} caught, {survived} survived")
+    return 1 if survived else 0
+
+
+if __name__ == "__main__":
+    sys.exit(tyro.cli(main))

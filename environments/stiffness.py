@@ -1,0 +1,111 @@
+"""Whether the plant's step resolves what is stiff in it: each integrator on its linear test equation.
+
+Along one direction the arm is a mass on a spring and a damper, x_ddot = -Y (K x + B x_dot), with its mobility Y there
+(1/kg): Y = grad(phi) J_v M^-1 J_v^T grad(phi)^T along the normal, Y / (1 + M_e Y) where the contact has a mass (28).
+One step of an integrator makes a matrix of it; deviations grow, whatever the controller does, where its spectral
+radius exceeds 1. Undamped, that is h omega > 2 for semi-implicit Euler and h omega > 2.83 for RK4.
+
+Coulomb friction is not judged: it is bounded, so that a step too long makes it chatter but nothing explode.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from typing import NamedTuple
+
+import numpy as np
+
+from environments.contact import Contact
+from environments.plant import ContactKind, Integrator, Truth
+
+ROUNDING = 1e-7  # of the radius of an undamped oscillator, which is 1
+
+
+class Mobility(NamedTuple):
+    """Acceleration per force, at most: of the tool along grad(phi) and across it, 1/kg; of the joints, 1/(kg m^2)."""
+
+    normal: float
+    tangential: float
+    joints: float
+
+    @classmethod
+    def largest(cls, M: np.ndarray, J_v: np.ndarray, normal: np.ndarray) -> Mobility:
+        """Over N states: M (N, n, n) kg m^2 of the true arm, J_v (N, 3, n) of its tool, normal (N, 3): grad(phi)."""
+        compliance = J_v @ np.linalg.solve(M, J_v.swapaxes(1, 2))
+        along = normal[:, :, None] * normal[:, None, :]
+        across = np.eye(3) - along / np.square(normal).sum(axis=1)[:, None, None]
+        return cls(
+            float((compliance * along).sum(axis=(1, 2)).max()),
+            float(np.linalg.eigvalsh(across @ compliance @ across).max()),
+            1.0 / float(np.linalg.eigvalsh(M).min()),
+        )
+
+
+class Oscillator(NamedTuple):
+    """x_ddot = -stiffness x - damping x_dot (1/s^2, 1/s), and which field, of what value and unit, makes it stiff."""
+
+    field: str
+    value: float
+    unit: str
+    stiffness: float
+    damping: float
+
+
+def oscillators(kind: ContactKind, contact: Contact, truth: Truth, mobility: Mobility) -> Iterator[Oscillator]:
+    """What pulls the arm back, each cause by itself."""
+    c, Y = contact, mobility.normal
+    if kind in ("elastic", "mass-damper-spring"):
+        if kind == "mass-damper-spring":
+            Y = Y / (1.0 + c.M_e * Y)
+        yield Oscillator("contact.B_e", c.B_e, "N·s/m", 0.0, Y * c.B_e)
+        yield Oscillator("contact.K_e", c.K_e, "N/m", Y * c.K_e, Y * c.B_e)
+    if kind != "free":
+        viscous = c.friction_viscous
+        yield Oscillator("contact.friction_viscous", viscous, "N·s/m", 0.0, mobility.tangential * viscous)
+    yield Oscillator("truth.viscous", truth.viscous, "N·m·s/rad", 0.0, mobility.joints * truth.viscous)
+
+
+Acceleration = Callable[[np.ndarray, np.ndarray], np.ndarray]
+Step = Callable[[Acceleration, np.ndarray, np.ndarray, float], tuple[np.ndarray, np.ndarray]]
+
+
+def _semi_implicit_euler(
+    acceleration: Acceleration, x: np.ndarray, v: np.ndarray, h: float
+) -> tuple[np.ndarray, np.ndarray]:
+    v = v + h * acceleration(x, v)
+    return x + h * v, v
+
+
+def _rk4(acceleration: Acceleration, x: np.ndarray, v: np.ndarray, h: float) -> tuple[np.ndarray, np.ndarray]:
+    a_1 = acceleration(x, v)
+    v_2 = v + 0.5 * h * a_1
+    a_2 = acceleration(x + 0.5 * h * v, v_2)
+    v_3 = v + 0.5 * h * a_2
+    a_3 = acceleration(x + 0.5 * h * v_2, v_3)
+    v_4 = v + h * a_3
+    a_4 = acceleration(x + h * v_3, v_4)
+    return x + (h / 6) * (v + 2 * v_2 + 2 * v_3 + v_4), v + (h / 6) * (a_1 + 2 * a_2 + 2 * a_3 + a_4)
+
+
+STEPS: dict[Integrator, Step] = {"semi-implicit-euler": _semi_implicit_euler, "rk4": _rk4}
+
+
+def spectral_radius(integrator: Integrator, stiffness: float, damping: float, h: float) -> float:
+    """What one step of h s makes of a deviation, at most and in the long run: the radius of the step's matrix."""
+
+    def acceleration(x: np.ndarray, v: np.ndarray) -> np.ndarray:
+        return -stiffness * x - damping * v
+
+    x, v = np.eye(2)  # two columns at once: the deviations (1, 0) and (0, 1)
+    step = np.array(STEPS[integrator](acceleration, x, v, h))
+    return float(np.abs(np.linalg.eigvals(step)).max())
+
+
+def resolved(integrator: Integrator, oscillator: Oscillator, h: float) -> bool:
+    """Whether deviations do not grow under steps of h s."""
+    return spectral_radius(integrator, oscillator.stiffness, oscillator.damping, h) <= 1.0 + ROUNDING
+
+
+def substeps_needed(integrator: Integrator, oscillator: Oscillator, period: float, most: int) -> int | None:
+    """The fewest steps per period (s) that resolve it, None where even `most` do not."""
+    return next((n for n in range(1, most + 1) if resolved(integrator, oscillator, period / n)), None)

@@ -1,0 +1,296 @@
+"""The closed loop written once more as a differential equation, straight from the paper, in continuous time.
+
+Nothing of `controllers/` is used, and of `environments/` only the arm's description: (2), (3), (5), (9), (10), (13),
+(15), (16), (31), (32), (39) in plain numpy, the law in task space where the product has it in joint space (25).
+Pinocchio gives M, C, G and the tool's Jacobian. Coordinates are written as functions of the tool's position and time
+alone: their partial derivatives are complex steps, J_q_dot and v_t_dot central differences along the motion.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+import pinocchio as pin
+from scipy.integrate import solve_ivp
+
+from environments.robots import Robot
+
+TINY = 1e-30  # of complex steps
+STEP = 1e-3  # s, of differences along the motion, fourth order
+
+
+@dataclass(frozen=True)
+class Surface:
+    """A plane (radius 0), or a sphere with the tool outside; it moves by a sinusoid.
+
+    origin (3,) m: a point of the plane, the centre of the sphere; normal (3,) unit: into the plane, or from the centre
+    to where psi = 0; amplitude (3,) m, omega rad/s.
+    """
+
+    origin: np.ndarray
+    normal: np.ndarray
+    radius: float
+    amplitude: np.ndarray
+    omega: float
+
+    @cached_property
+    def axes(self) -> np.ndarray:
+        """Rows: the normal, the tangent in the plane of normal and x axis, and what completes them to the right."""
+        e = self.normal
+        x = np.array([1.0, 0.0, 0.0]) if abs(e[0]) < 0.9 else np.array([0.0, 0.0, 1.0])
+        u = x - (x @ e) * e
+        u = u / np.sqrt(u @ u)
+        return np.stack([e, u, np.cross(e, u)])
+
+    def coordinates(self, p: np.ndarray, t: np.ndarray) -> np.ndarray:
+        """phi, psi_1, psi_2 (3, k) m of the points p (3, k) m at the times t (k,), (30); analytic in p and t."""
+        away = p - self.origin[:, None] - np.outer(self.amplitude, np.sin(self.omega * t))
+        first, second, third = self.axes @ away
+        if self.radius == 0.0:
+            return np.stack([first, second, third])
+        R, rho = self.radius, np.sqrt(np.sum(away * away, axis=0))
+        return np.stack([R - rho, R * np.arctan(second / first), R * np.arctan(third / first)])
+
+    def with_derivatives(self, p: np.ndarray, t: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """The coordinates (3,) of one point, their gradients (3, 3) in rows, and their partial derivatives in time."""
+        step = 1j * TINY * np.eye(4)
+        g = self.coordinates(p[:, None] + step[:3], t + step[3])
+        return g[:, 0].real, g[:, :3].imag / TINY, g[:, 3].imag / TINY
+
+
+class Kinematics(NamedTuple):
+    """(3): r (n,) m, J_q (n, n), v_t (n,) m/s; J_v (3, n) of the tool, gradient of phi (3,)."""
+
+    r: np.ndarray
+    J_q: np.ndarray
+    v_t: np.ndarray
+    J_v: np.ndarray
+    normal: np.ndarray
+
+
+class Motion(NamedTuple):
+    """r, r_dot, J_q, J_q_dot, v_t, v_t_dot of (3) and what `Kinematics` has of the tool."""
+
+    r: np.ndarray
+    r_dot: np.ndarray
+    J_q: np.ndarray
+    J_q_dot: np.ndarray
+    v_t: np.ndarray
+    v_t_dot: np.ndarray
+    J_v: np.ndarray
+    normal: np.ndarray
+
+
+class Answer(NamedTuple):
+    """The law's tau (n,) N m, z_dot (n,) m/s^2 and s (n,) m/s."""
+
+    tau: np.ndarray
+    z_dot: np.ndarray
+    s: np.ndarray
+
+
+@dataclass(frozen=True)
+class Gains:
+    """M_m, B_m, K_m, K_f of (8), A, F_1, F_2 of (9), (10), K_s of (15): (n, n); d N and the boundary layer m/s."""
+
+    M_m: np.ndarray
+    B_m: np.ndarray
+    K_m: np.ndarray
+    K_f: np.ndarray
+    A: np.ndarray
+    F_1: np.ndarray
+    F_2: np.ndarray
+    K_s: np.ndarray
+    d: float
+    layer: float
+
+
+@dataclass(frozen=True)
+class Wish:
+    """r_d goes from its start to start + displacement (n,) m and back, once in 2 pi / omega s; f_nd = mean + swing
+    sin(f_omega t), N; r_fd = compliance (m/N) f_nd, (33)."""
+
+    displacement: np.ndarray
+    omega: float
+    mean: float
+    swing: float
+    f_omega: float
+    compliance: float
+
+
+@dataclass(frozen=True)
+class World:
+    """M_e kg, B_e N s/m, K_e N/m of the contact, or rigid; scaling: of every link's inertia; viscous N m s/rad in the
+    joints; all: F_c = F_r rather than its normal part."""
+
+    surface: Surface
+    rigid: bool
+    M_e: float
+    B_e: float
+    K_e: float
+    scaling: float
+    viscous: float
+    all: bool
+
+
+class PaperLoop:
+    """An arm on a bilateral surface under the law of Theorem 1, from q_0 rad, q_dot_0 rad/s (n,) with s(0) = 0.
+
+    r: phi, psi_1 (and psi_2), then l times the Euler angles of the tool, three, or one of an arm in the x-z plane.
+    """
+
+    def __init__(
+        self, robot: Robot, q_0: np.ndarray, q_dot_0: np.ndarray, gains: Gains, wish: Wish, world: World, l: float
+    ) -> None:
+        self.q_0, self.q_dot_0, self.gains, self.wish, self.world, self.l = q_0, q_dot_0, gains, wish, world, l
+        self.planar, self.n = robot.geometry == "planar", robot.n
+        self.believed = robot.model.copy()
+        tool = pin.Frame("tool of the paper", robot.tool_joint, 0, robot.tool_placement, pin.FrameType.OP_FRAME)
+        self.frame = self.believed.addFrame(tool)
+        self.true = robot.model.copy()
+        for i in range(1, self.true.njoints):
+            body = self.true.inertias[i]
+            self.true.inertias[i] = pin.Inertia(world.scaling * body.mass, body.lever, world.scaling * body.inertia)
+        self.data, self.true_data = self.believed.createData(), self.true.createData()
+        self.R_0 = self._tool(q_0)[1]
+
+    def _tool(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        J = pin.computeFrameJacobian(self.believed, self.data, q, self.frame, pin.LOCAL_WORLD_ALIGNED).copy()
+        return self.data.oMf[self.frame].translation.copy(), self.data.oMf[self.frame].rotation.copy(), J
+
+    def kinematics(self, q: np.ndarray, t: float) -> Kinematics:
+        """(3) at rest: r, dr/dq and dr/dt."""
+        p, R, J = self._tool(q)
+        g, G, g_t = self.world.surface.with_derivatives(p, t)
+        turned, spin = self.R_0.T @ R, self.R_0.T @ J[3:]
+        if self.planar:
+            k, angles, J_angles = 2, [np.arctan2(turned[0, 2], turned[0, 0])][: self.n - 2], spin[1:2][: self.n - 2]
+        else:
+            k, angles = 3, pin.rpy.matrixToRpy(turned)
+            x, y, z = np.eye(3)
+            Rz, Ry = pin.rpy.rpyToMatrix(0.0, 0.0, angles[2]), pin.rpy.rpyToMatrix(0.0, angles[1], 0.0)
+            J_angles = np.linalg.solve(np.stack([Rz @ Ry @ x, Rz @ y, z], axis=1), spin)
+        return Kinematics(
+            np.concatenate([g[:k], self.l * np.array(angles)]),
+            np.vstack([(G @ J[:3])[:k], self.l * J_angles]),
+            np.concatenate([g_t[:k], np.zeros(len(angles))]),
+            J[:3],
+            G[0],
+        )
+
+    def motion(self, q: np.ndarray, q_dot: np.ndarray, t: float) -> Motion:
+        """(3) with the total derivatives of J_q and v_t."""
+        here = self.kinematics(q, t)
+        around = [self.kinematics(q + k * STEP * q_dot, t + k * STEP) for k in (-2, -1, 1, 2)]
+        weights = np.array([1.0, -8.0, 8.0, -1.0]) / (12 * STEP)
+        J_q_dot = sum(w * k.J_q for w, k in zip(weights, around, strict=True))
+        v_t_dot = sum(w * k.v_t for w, k in zip(weights, around, strict=True))
+        r_dot = here.J_q @ q_dot + here.v_t
+        return Motion(here.r, r_dot, here.J_q, J_q_dot, here.v_t, v_t_dot, here.J_v, here.normal)
+
+    def reference(self, t: float) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
+        """r_d m, its two derivatives, and f_nd N."""
+        w = self.wish
+        start, to, c, s = self._start, w.displacement, np.cos(w.omega * t), np.sin(w.omega * t)
+        r_d = start + to * (1 - c) / 2
+        rate, acceleration = to * w.omega * s / 2, to * w.omega**2 * c / 2
+        fc, fs = np.cos(w.f_omega * t), np.sin(w.f_omega * t)
+        r_d[0] = w.compliance * (w.mean + w.swing * fs)
+        rate[0] = w.compliance * w.swing * w.f_omega * fc
+        acceleration[0] = -w.compliance * w.swing * w.f_omega**2 * fs
+        return r_d, rate, acceleration, w.mean + w.swing * fs
+
+    @cached_property
+    def _start(self) -> np.ndarray:
+        return self.kinematics(self.q_0, 0.0).r
+
+    def law(self, m: Motion, q: np.ndarray, q_dot: np.ndarray, z: np.ndarray, lam: float, t: float) -> Answer:
+        """(9), (10), (13), (15), (16) with the multiplier lam (N) as the measured force."""
+        g = self.gains
+        r_d, r_d_dot, r_d_ddot, f_nd = self.reference(t)
+        e, e_dot = m.r - r_d, m.r_dot - r_d_dot
+        F_r = np.linalg.solve(m.J_q.T, m.J_v.T @ (lam * m.normal))
+        e_F = F_r.copy() if self.world.all else np.zeros(self.n)
+        e_F[0] = lam - f_nd
+        by_M, by_F_2 = np.linalg.inv(g.M_m), np.linalg.inv(g.F_2)
+        K_vz = by_F_2 @ (by_M @ g.B_m - g.F_1 + g.A)
+        K_pz = by_F_2 @ (by_M @ g.K_m + g.A @ g.F_1)
+        z_dot = g.A @ z + K_pz @ e + K_vz @ e_dot + by_F_2 @ by_M @ g.K_f @ e_F
+        s = e_dot + g.F_1 @ e + g.F_2 @ z
+        r_eq_dot = r_d_dot - g.F_1 @ e - g.F_2 @ z
+        r_eq_ddot = r_d_ddot - g.F_1 @ e_dot - g.F_2 @ z_dot
+        J_inv = np.linalg.inv(m.J_q)
+        M_hat = pin.crba(self.believed, self.data, q)
+        C_hat = pin.computeCoriolisMatrix(self.believed, self.data, q, q_dot)
+        G_hat = pin.computeGeneralizedGravity(self.believed, self.data, q)
+        H = J_inv.T @ M_hat @ J_inv
+        C = J_inv.T @ C_hat @ J_inv - J_inv.T @ M_hat @ J_inv @ m.J_q_dot @ J_inv
+        F_t = -H @ m.v_t_dot - C @ m.v_t
+        robust = g.K_s @ s + g.d * s / max(float(np.linalg.norm(s)), g.layer)
+        T_r = H @ r_eq_ddot + C @ r_eq_dot + J_inv.T @ G_hat + F_t + F_r - robust
+        return Answer(m.J_q.T @ T_r, z_dot, s)
+
+    def acceleration(self, q: np.ndarray, q_dot: np.ndarray, torque: np.ndarray) -> np.ndarray:
+        """(2) of the true arm under what is left of the torque when the contact has taken its part."""
+        h = pin.nonLinearEffects(self.true, self.true_data, q, q_dot) + self.world.viscous * q_dot
+        return np.linalg.solve(pin.crba(self.true, self.true_data, q), torque - h)
+
+    def contact(
+        self, m: Motion, q: np.ndarray, q_dot: np.ndarray, torque: Callable[[float], np.ndarray]
+    ) -> tuple[float, np.ndarray]:
+        """lambda N and q_ddot with lambda = M_e phi_ddot + B_e phi_dot + K_e phi, (28) and (32), or phi_ddot = 0, (39),
+        the constraint differentiated twice; the torque may feed lambda back, all being affine in it."""
+        w = self.world
+
+        def miss(lam: float) -> tuple[float, np.ndarray]:
+            q_ddot = self.acceleration(q, q_dot, torque(lam) - m.J_v.T @ m.normal * lam)
+            phi_ddot = float((m.J_q @ q_ddot + m.J_q_dot @ q_dot + m.v_t_dot)[0])
+            return (phi_ddot if w.rigid else w.M_e * phi_ddot + w.B_e * m.r_dot[0] + w.K_e * m.r[0] - lam), q_ddot
+
+        (at_0, without), (at_1, with_one) = miss(0.0), miss(1.0)
+        lam = at_0 / (at_0 - at_1)
+        return lam, without + lam * (with_one - without)
+
+    def slope(self, t: float, y: np.ndarray) -> np.ndarray:
+        """d/dt of (q, q_dot, z) (3n,) under the law."""
+        q, q_dot, z = y.reshape(3, self.n)
+        m = self.motion(q, q_dot, t)
+        lam, q_ddot = self.contact(m, q, q_dot, lambda lam: self.law(m, q, q_dot, z, lam, t).tau)
+        return np.concatenate([q_dot, q_ddot, self.law(m, q, q_dot, z, lam, t).z_dot])
+
+    def slope_under(self, tau: np.ndarray) -> Callable[[float, np.ndarray], np.ndarray]:
+        """d/dt of (q, q_dot) (2n,) under a constant torque (n,) N m."""
+
+        def slope(t: float, y: np.ndarray) -> np.ndarray:
+            q, q_dot = y.reshape(2, self.n)
+            return np.concatenate([q_dot, self.contact(self.motion(q, q_dot, t), q, q_dot, lambda _: tau)[1]])
+
+        return slope
+
+    def without_reaching(self) -> np.ndarray:
+        """z(0) of Remark 2."""
+        start, (r_d, r_d_dot, _, _) = self.motion(self.q_0, self.q_dot_0, 0.0), self.reference(0.0)
+        return -np.linalg.solve(self.gains.F_2, start.r_dot - r_d_dot + self.gains.F_1 @ (start.r - r_d))
+
+    def solve(self, times: np.ndarray) -> np.ndarray:
+        """(q, q_dot, z) (N, 3, n) at the times (N,) s."""
+        y_0 = np.concatenate([self.q_0, self.q_dot_0, self.without_reaching()])
+        return integrate(self.slope, y_0, times).reshape(len(times), 3, self.n)
+
+
+def integrate(
+    slope: Callable[[float, np.ndarray], np.ndarray], y_0: np.ndarray, times: np.ndarray, rtol: float = 1e-10
+) -> np.ndarray:
+    """y (N, k) at the times (N,) s, from y_0 (k,) at 0 s: Dormand and Prince's method of order 8."""
+    solution = solve_ivp(slope, (0.0, float(times[-1])), y_0, "DOP853", times, rtol=rtol, atol=1e-2 * rtol)
+    assert solution.success, solution.message
+    return solution.y.T
+
+
+def order(steps: Sequence[float] | np.ndarray, errors: np.ndarray) -> float:
+    """The slope of log(error) over log(step): the order of convergence."""
+    return float(np.polyfit(np.log(steps), np.log(errors), 1)[0])
