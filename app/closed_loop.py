@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from copy import deepcopy
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,7 +22,7 @@ from controllers.task_space import TaskSpace
 from controllers.vsmrc import LawState, Reference
 from environments.held import hold
 from environments.plant import PlantState
-from environments.sensors import ForceReader
+from environments.sensors import ForceReader, ReaderMemory
 
 SPEED_LIMIT = 20.0  # rad/s, beyond which a run counts as diverging
 FORCE_ITERATIONS = 30
@@ -43,6 +44,28 @@ class View:
     live: dict[str, float]
 
 
+@dataclass(frozen=True)
+class LoopState:
+    """Where a run stands between two control periods: all that the next ones depend on, nothing that they change, and
+    small, so that it can be kept or sent to another process. t, t_0, s_since s; steps counted from t_0; force (3,) N;
+    residual (n,) N."""
+
+    scenario: Scenario
+    t: float
+    t_0: float
+    steps: int
+    plant: PlantState
+    law: LawState
+    force: np.ndarray
+    residual: np.ndarray
+    reader: ReaderMemory
+    certificate: ReachingCertificate
+    s_since: float
+    reaching_time: float | None
+    stopped: str | None
+    warning: str | None
+
+
 class ClosedLoop:
     """One run of a scenario: no thread, no screen, no file.
 
@@ -50,9 +73,33 @@ class ClosedLoop:
     None until s is reached. Raises ScenarioError when the scenario cannot be built.
     """
 
-    def __init__(self, scenario: Scenario, history: int = 600_000) -> None:
+    def __init__(self, scenario: Scenario, history: int = 600_000, previous: System | None = None) -> None:
         self._history = history
-        self._begin(assemble(scenario))
+        self._begin(assemble(scenario, previous))
+
+    @classmethod
+    def resume(cls, state: LoopState, history: int = 600_000, previous: System | None = None) -> ClosedLoop:
+        """A run that goes on from `state` exactly as the one that was there; `edit` takes it elsewhere.
+
+        It shares the parts of `previous` that are the same, so the two must not step in different threads.
+        """
+        loop = cls(state.scenario, history, previous)
+        loop.t, loop._t_0, loop._steps = state.t, state.t_0, state.steps
+        loop._plant, loop._law = deepcopy((state.plant, state.law))
+        loop._force, loop._residual = state.force.copy(), state.residual.copy()
+        loop._reader.recall(state.reader)
+        loop.certificate, loop.s_since, loop.reaching_time = state.certificate, state.s_since, state.reaching_time
+        loop.stopped, loop.warning = state.stopped, state.warning
+        loop._set()
+        return loop
+
+    def state(self) -> LoopState:
+        """To go on from later, elsewhere: see `resume`."""
+        return LoopState(
+            self.system.scenario, self.t, self._t_0, self._steps, *deepcopy((self._plant, self._law)),
+            self._force.copy(), self._residual.copy(), self._reader.memory(), self.certificate, self.s_since,
+            self.reaching_time, self.stopped, self.warning,
+        )  # fmt: skip
 
     def _begin(self, system: System) -> None:
         self.system = system
@@ -155,13 +202,18 @@ class ClosedLoop:
         )
         self.warning = self._force_loop_warning(estimate, task)
         self.s_since = self.t
+        self.reaching_time: float | None = None
+        self._set()
+
+    def _set(self) -> None:
+        """Hand the kernel what stays the same until the next edit."""
+        system = self.system
         self._held = hold(
             Setting(
                 system.nominal.terms, system.nominal.links, system.charted.shape, system.layout, system.plan,
-                law.gains, self.certificate.promise, self.s_since, self._period,
+                system.law.gains, self.certificate.promise, self.s_since, self._period,
             )
         )  # fmt: skip
-        self.reaching_time: float | None = None
 
     def _force_loop_factor(self, estimate: Estimate, task: TaskSpace) -> float:
         """See `controllers.force_loop`; nan where no force is fed back through a loop that sampling closes."""
