@@ -90,6 +90,10 @@ class Foresight:
         if question.scenario != question.state.scenario:
             self._loop.edit(question.scenario)
         self._start, self._rows = self._loop.t, rows
+        # half of them evenly, half ever closer towards now, where what the edit stirs up is fast; not the very first
+        # row, where "no reaching transient" makes s exactly 0, which no logarithmic axis can show
+        even, close = np.linspace(1, rows - 1, POINTS // 2), np.geomspace(1, rows - 1, POINTS // 2)
+        self._points = np.unique(np.concatenate([even, close]).astype(int)) if rows > 2 else np.arange(rows)
 
     @property
     def share(self) -> float:
@@ -113,8 +117,8 @@ class Foresight:
         if not len(recording):
             return Refusal(number, f"nothing lies ahead: {self._loop.stopped or 'no control period is computed yet'}")
         record = recording.signals(tuple(recording.columns))
-        stride = -(-self._rows // POINTS)
-        signals = {name: values[::stride].copy() for name, values in record.items()}
+        points = self._points[self._points < len(recording)]
+        signals = {name: values[points] for name, values in record.items()}
         return Outlook(
             number,
             self.question.scenario,

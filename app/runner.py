@@ -16,7 +16,7 @@ import numpy as np
 
 from app import assembly
 from app.assembly import Coordinate
-from app.closed_loop import ClosedLoop
+from app.closed_loop import ClosedLoop, LoopState
 from app.recording import Recording
 from app.scenario import Scenario, ScenarioError, edited
 from environments.robots import Robot
@@ -108,6 +108,7 @@ class Snapshot:
     surface_offset: np.ndarray
     live: dict[str, float]
     recording: Recording
+    state: LoopState
 
 
 class Runner:
@@ -270,4 +271,5 @@ class Runner:
             surface_offset=system.surface.motion.offset(loop.t),
             live=view.live,
             recording=loop.recording,
+            state=loop.state(),
         )

@@ -130,7 +130,7 @@ def test_settling_of_the_force_is_that_of_the_target_model() -> None:
     assert isinstance(outlook, Outlook)
     assert outlook.figures.force_settling == pytest.approx(5.834 / np.sqrt(1e4 / 10.0), rel=0.02)
     assert outlook.figures.motion_settling == 0.0
-    assert outlook.ahead[0] == 0.0
+    np.testing.assert_allclose(outlook.ahead[[0, -1]], [1e-3, 1.999], rtol=1e-9)
 
 
 def test_leaving_the_domain_is_said() -> None:
@@ -176,7 +176,10 @@ def test_the_process_answers_the_newest_question_only(previewer: Previewer) -> N
     loop.edit(answer.scenario)
     for _ in range(300):
         loop.step()
-    np.testing.assert_array_equal(answer.signals["F_c"], loop.recording.signals(("F_c",), state.t)["F_c"][::2])
+    really = loop.recording.signals(("t", "F_c"), state.t)
+    rows = np.searchsorted(really["t"], answer.signals["t"])
+    assert len(rows) > 100
+    np.testing.assert_array_equal(answer.signals["F_c"], really["F_c"][rows])
 
 
 def test_answers_on_the_way_come_first_and_a_dropped_one_never(previewer: Previewer) -> None:
