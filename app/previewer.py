@@ -44,6 +44,7 @@ class Previewer:
         self._worker: _Worker | None = None
         self._waiting: Question | None = None
         self._number = self._dropped = 0
+        self._closed = False
         self.newest: Outlook | Refusal | None = None
         self.failure: str | None = None
 
@@ -78,13 +79,16 @@ class Previewer:
                 self._hurry(self._worker)
 
     def close(self) -> None:
-        """End the process; returns when it has ended."""
+        """End the process, and start no other; returns when it has ended."""
         with self._lock:
+            self._closed = True
             worker, self._worker, self._waiting = self._worker, None, None
         if worker is not None:
             _end(worker)
 
     def _put(self, question: Question) -> None:
+        if self._closed:
+            return
         self._waiting = question
         try:
             self._worker = self._worker or self._started()

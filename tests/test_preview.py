@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import os
 import signal
+import subprocess
+import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -226,3 +228,28 @@ def test_closing_leaves_no_process_behind() -> None:
     with pytest.raises(ProcessLookupError):
         os.kill(process, 0)
     until(lambda: not any(thread.name == "previews" for thread in threading.enumerate()))
+
+
+def test_the_process_ends_when_its_asker_is_killed() -> None:
+    program = """
+import os, signal, time
+from app.closed_loop import ClosedLoop
+from app.previewer import Previewer
+from app.scenario import shipped
+previewer = Previewer()
+state = ClosedLoop(shipped()["ur5-hybrid"]).state()
+previewer.ask(state, state.scenario, 20.0)
+while previewer.newest is None:
+    time.sleep(0.01)
+os.kill(os.getpid(), signal.SIGKILL)
+"""
+    # the preview's process has inherited the pipe: the run returns when both have let go of it
+    killed = subprocess.run([sys.executable, "-c", program], stdout=subprocess.PIPE, timeout=60, check=False)
+    assert killed.returncode == -signal.SIGKILL
+
+
+def test_a_closed_previewer_starts_nothing() -> None:
+    previewer = Previewer()
+    previewer.close()
+    previewer.warm_up(running(shipped()["ur5-hybrid"], 1).state())
+    assert previewer.process_id is None

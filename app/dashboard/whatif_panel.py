@@ -32,7 +32,7 @@ class WhatIfPanel:
             self._html = gui.add_html("")
             self._revert = gui.add_button("Revert", hint="Esc while the slider is held.")
         self._revert.on_click(self._on_revert)
-        self._window.float(x=12, y=12, width=330)
+        self._window.float(x=-12, y=12, width=330)
         self._told, self._until = "", -math.inf
 
     async def _on_switch(self, event: viser.GuiEvent) -> None:
