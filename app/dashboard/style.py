@@ -81,23 +81,24 @@ if (!window.vsmrcCommit) {
   }, 400);
   document.addEventListener("focusout", (e) => { const i = field(e); if (i) commit(i, i.value); }, true);
 
-  let held = null;
+  let held = null, byKey = false;
   const slider = (e) => e.target instanceof Element ? e.target.closest("form .mantine-Slider-root") : null;
-  const hold = (row) => { held = row; row.dataset.held = ""; clearTimeout(row.vsmrcLettingGo); };
+  const hold = (row, key) => { held = row; byKey = key; row.dataset.held = ""; row.vsmrcTurn = null; };
   const letGo = (mark) => {
     if (!held) return;
-    const row = held;
+    const row = held, turn = (row.vsmrcTurn = {});
     held = null;
-    // a frame and more than the 50 ms of the slot, so that the last position has gone
-    requestAnimationFrame(() => { row.vsmrcLettingGo = setTimeout(() => {
+    // a frame and more than the 50 ms of the slot, so that the last position has gone; unless held again meanwhile
+    requestAnimationFrame(() => setTimeout(() => {
       const input = row.querySelector("input.mantine-TextInput-input");
-      if (input) write(input, input.value + mark);
+      if (row.vsmrcTurn !== turn || !input) return;
+      write(input, input.value + mark);
       delete row.dataset.held;
-    }, 80); });
+    }, 80));
   };
   const moves = (e) => /^(Arrow|Home|End|Page)/.test(e.key);
   for (const kind of ["mousedown", "touchstart"])
-    document.addEventListener(kind, (e) => { const s = slider(e); if (s) hold(s.closest("form")); }, true);
+    document.addEventListener(kind, (e) => { const s = slider(e); if (s) hold(s.closest("form"), false); }, true);
   for (const kind of ["mouseup", "touchend", "touchcancel"])
     document.addEventListener(kind, () => letGo("\\u200c"), true);
   document.addEventListener("keydown", (e) => {
@@ -106,10 +107,11 @@ if (!window.vsmrcCommit) {
       letGo("\\u200d");
       document.dispatchEvent(new MouseEvent("mouseup", { bubbles: true }));
       document.dispatchEvent(new Event("touchend", { bubbles: true }));
-    } else if (s && moves(e)) hold(s.closest("form"));
+    } else if (s && moves(e)) hold(s.closest("form"), true);
   }, true);
   document.addEventListener("keyup", (e) => { if (moves(e)) letGo("\\u200c"); }, true);
-  window.addEventListener("blur", () => letGo("\\u200c"));
+  // the keyup goes elsewhere then; a mouse stays with the page that it was pressed on
+  window.addEventListener("blur", () => { if (byKey) letGo("\\u200c"); });
   // an arrow that moves a slider is not the page's hotkey
   document.body.addEventListener("keydown", (e) => { if (slider(e) && moves(e)) e.stopPropagation(); });
 }

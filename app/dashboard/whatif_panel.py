@@ -12,7 +12,7 @@ from app.dashboard.controls import Desk
 from app.preview import Figures
 from app.runner import Snapshot
 
-_SHOWN = 15.0  # s, how long an applied value can be taken back at a click
+_SHOWN = 20.0  # s, how long an applied value can be taken back at a click
 
 
 class WhatIfPanel:
