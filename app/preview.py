@@ -89,11 +89,7 @@ class Foresight:
         self.base = self._loop.system  # of the running scenario: a good `previous` for the next question
         if question.scenario != question.state.scenario:
             self._loop.edit(question.scenario)
-        self._start, self._rows = self._loop.t, rows
-        # half of them evenly, half ever closer towards now, where what the edit stirs up is fast; not the very first
-        # row, where "no reaching transient" makes s exactly 0, which no logarithmic axis can show
-        even, close = np.linspace(1, rows - 1, POINTS // 2), np.geomspace(1, rows - 1, POINTS // 2)
-        self._points = np.unique(np.concatenate([even, close]).astype(int)) if rows > 2 else np.arange(rows)
+        self._start, self._rows, self._points = self._loop.t, rows, _points(rows)
 
     @property
     def share(self) -> float:
@@ -151,3 +147,13 @@ class Foresight:
             gain_margin=float((record["d"] - record["d_required"]).min()),
             left=loop.stopped or loop.warning,
         )
+
+
+def _points(rows: int) -> np.ndarray:
+    """Which of so many rows are drawn: half of the points evenly, half ever closer towards now, where what an edit
+    stirs up is fast; not the very first, where "no reaching transient" makes s exactly 0, which no logarithmic axis
+    can show."""
+    if rows < 3:
+        return np.arange(rows)
+    even, close = np.linspace(1, rows - 1, POINTS // 2), np.geomspace(1, rows - 1, POINTS // 2)
+    return np.unique(np.concatenate([even, close]).astype(int))

@@ -135,6 +135,19 @@ def test_settling_of_the_force_is_that_of_the_target_model() -> None:
     np.testing.assert_allclose(outlook.ahead[[0, -1]], [1e-3, 1.999], rtol=1e-9)
 
 
+@pytest.mark.parametrize("periods", [1, 2, 3, 1000])
+def test_a_horizon_of_any_length_is_answered(periods: int) -> None:
+    loop = running(shipped()["planar2r-semicircle"], 5)
+    period = loop.system.scenario.controller.period
+    foresight = Foresight(Question(1, loop.state(), loop.system.scenario, periods * period))
+    foresight.advance(periods)
+    outlook = foresight.outlook()
+    assert isinstance(outlook, Outlook)
+    assert outlook.whole
+    assert outlook.figures.span == pytest.approx(periods * period)
+    assert outlook.ahead[-1] == pytest.approx((periods - 1) * period)
+
+
 def test_leaving_the_domain_is_said() -> None:
     loop = running(shipped()["ur5-hybrid"])
     weak = edited(edited(loop.system.scenario, "controller.gain", "constant"), "controller.d", 1.0)

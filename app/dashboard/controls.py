@@ -17,7 +17,7 @@ import numpy as np
 import viser
 from msgspec import Struct
 
-from app.dashboard.style import COMMIT, ESCAPED, RELEASED
+from app.dashboard.style import COMMIT, ESCAPED, MARKS, RELEASED
 from app.dashboard.whatif import Held, WhatIf
 from app.runner import Command, Edit, Snapshot
 from app.scenario import field_info
@@ -181,7 +181,7 @@ class Number:
             self._answer.expect(self._desk.snapshot(), seconds=60.0)
             return
         snapshot = self._desk.snapshot()
-        text = self._text.value.rstrip(COMMIT).strip()
+        text = self._text.value.rstrip("".join(MARKS)).strip()
         running = self._place.read(snapshot)
         try:
             value = read_back(text) if text else running

@@ -18,7 +18,7 @@ from __future__ import annotations
 from app.dashboard.theme import ACCENT, BOUND, DESIRED, MEASURED, css
 
 # zero width: never typed, never seen
-COMMIT, RELEASED, ESCAPED = "\u200b", "\u200c", "\u200d"
+COMMIT, RELEASED, ESCAPED = MARKS = "\u200b", "\u200c", "\u200d"
 
 _SCRIPT = """
 if (!window.vsmrcCommit) {
