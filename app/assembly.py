@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
-from app.control_period import ReferencePlan, reference_at
+from app.control_period import Observer, Planned, ReferencePlan
 from app.scenario import (
     Circle,
     ConstantForce,
@@ -36,7 +37,7 @@ from controllers.nominal_model import Estimate, Lipschitz, NominalModel, lipschi
 from controllers.switching import Switching
 from controllers.target_model import InvalidGain
 from controllers.target_model import TargetModel as Model
-from controllers.task_space import TaskLayout, TaskSpace, task_space
+from controllers.task_space import TaskLayout, TaskSpace
 from controllers.vsmrc import Reference, Vsmrc
 from environments import robots, surfaces, trajectories
 from environments.contact import Contact
@@ -104,14 +105,27 @@ class System:
         """Number of force-controlled directions."""
         return self.mode.m()
 
+    @cached_property
+    def observer(self) -> Observer:
+        """How the controller looks at the arm."""
+        return Observer(self.nominal, self.charted.shape, self.layout)
+
+    @cached_property
+    def planned(self) -> Planned:
+        """The reference."""
+        return Planned(self.plan)
+
     def observe(self, q: np.ndarray, q_dot: np.ndarray, t: float) -> tuple[Estimate, TaskSpace]:
         """The controller's view of a state: estimates and task coordinates."""
-        estimate = self.nominal.evaluate(q, q_dot)
-        return estimate, task_space(self.layout, self.charted.chart(estimate.p, t), estimate, q, q_dot)
+        return self.observer.at(q, q_dot, t)
 
-    def posture_at(self, q: np.ndarray, reference: Reference, t: float) -> tuple[np.ndarray, np.ndarray]:
-        """q_d, q_d_dot with r(q_d, t) = r_d and its rate, by Newton's method from q (n,) rad."""
-        return posture_at(self.observe, q, reference, t)
+    def reference(self, t: float) -> Reference:
+        """r_d and F_cd with their derivatives at time t (s)."""
+        return self.planned.at(t)
+
+    def posture_at(self, q: np.ndarray, t: float) -> tuple[np.ndarray, np.ndarray]:
+        """q_d, q_d_dot with r(q_d, t) = r_d(t) and its rate, by Newton's method from q (n,) rad."""
+        return posture_at(self.observe, q, self.reference(t), t)
 
     def tool_at(self, reference: Reference, t: float) -> np.ndarray:
         """The tool point (3,) m at which r_d wants it; a planar arm stays in its plane."""
@@ -163,21 +177,20 @@ def _assemble(scenario: Scenario, previous: System | None) -> System:
     charted = surface if mode.on_surface else surfaces.Cartesian.along(_axes(robot))
     motion, force = _motion(scenario, mode, layout), _force(scenario)
 
-    def observe(q: np.ndarray, q_dot: np.ndarray, t: float) -> tuple[Estimate, TaskSpace]:
-        estimate = nominal.evaluate(q, q_dot)
-        return estimate, task_space(layout, charted.chart(estimate.p, t), estimate, q, q_dot)
-
+    observer = Observer(nominal, charted.shape, layout)
     plan = ReferencePlan(
-        start=observe(q_0, np.zeros(robot.n), 0.0)[1].r,
+        start=observer.at(q_0, np.zeros(robot.n), 0.0)[1].r,
         compliance=0.0 if mode.name == "constrained" else 1.0 / scenario.controller.K_e_hat,
         m=mode.m(),
+        motion=motion.course,
+        force=force.course,
     )
     shaping = ("robot", "task_space", "declared", "surface", "mode", "motion", "simulation")
     if previous is not None and all(getattr(previous.scenario, f) == getattr(scenario, f) for f in shaping):
         constants = previous.constants
     else:
-        along = _centres(observe, plan, motion, force, q_0, scenario.simulation.duration)
-        constants = _constants(scenario, nominal, observe, along)
+        along = _centres(observer.at, Planned(plan), q_0, scenario.simulation.duration)
+        constants = _constants(scenario, nominal, observer.at, along)
     return System(
         scenario=scenario,
         robot=robot,
@@ -318,7 +331,7 @@ def _direction(path: str, vector: tuple[float, float, float]) -> np.ndarray:
 
 def _start(plant: Plant, robot: Robot) -> np.ndarray:
     try:
-        return plant.start(robot.posture, np.zeros(robot.n), 0.0).q
+        return plant.start(robot.posture, np.zeros(robot.n), 0.0).views.q
     except ValueError as error:
         raise ScenarioError(str(error)) from error
 
@@ -332,11 +345,14 @@ def _layout(scenario: Scenario, robot: Robot, nominal: NominalModel, q_0: np.nda
     positions = 2 if robot.geometry == "planar" else 3
     angles = {"planar": min(robot.n - 2, 1), "pose": 3, "position": 0}[robot.geometry]
     estimate = nominal.evaluate(q_0, np.zeros(robot.n))
+    supplemental = np.zeros(robot.n, dtype=np.int64)
+    supplemental[: len(robot.supplemental)] = robot.supplemental
     return TaskLayout(
+        n=robot.n,
         joint=scenario.task_space.kind == "joint",
         positions=positions,
         angles=angles,
-        supplemental=np.array(robot.supplemental, dtype=np.int64),
+        supplemental=supplemental,
         l=scenario.task_space.characteristic_length,
         R_ref=estimate.R,
     )
@@ -347,7 +363,7 @@ def _coordinates(layout: TaskLayout, mode: Mode, robot: Robot) -> tuple[Coordina
         return tuple(Coordinate(name, "rad") for name in robot.joint_names)
     places = ["φ", "ψ₁", "ψ₂"] if mode.on_surface else (["x", "z"] if layout.positions == 2 else ["x", "y", "z"])
     angles = {0: [], 1: ["ℓ·θ"], 3: ["ℓ·α", "ℓ·β", "ℓ·γ"]}[layout.angles]
-    extra = [f"ℓ·q{joint + 1}" for joint in layout.supplemental]
+    extra = [f"ℓ·q{joint + 1}" for joint in robot.supplemental]
     return tuple(Coordinate(name, "m") for name in places[: layout.positions] + angles + extra)
 
 
@@ -365,9 +381,7 @@ def posture_at(observe: Observe, q: np.ndarray, reference: Reference, t: float) 
 
 def _centres(
     observe: Observe,
-    plan: ReferencePlan,
-    motion: trajectories.Trajectory,
-    force: trajectories.ForceProfile,
+    planned: Planned,
     q_0: np.ndarray,
     duration: float,
 ) -> np.ndarray:
@@ -376,7 +390,7 @@ def _centres(
     q = q_0
     for t in np.linspace(0.0, duration, CENTRES):
         try:
-            q, _ = posture_at(observe, q, reference_at(plan, motion.evaluate(t), force.evaluate(t)), t)
+            q, _ = posture_at(observe, q, planned.at(t), t)
         except ValueError:  # J_q exactly singular
             q = np.full_like(q, np.nan)
         if not np.linalg.norm(q - centres[-1]) < 1.0:

@@ -3,26 +3,23 @@
 from __future__ import annotations
 
 import math
-from copy import deepcopy
 from dataclasses import dataclass
 
 import numpy as np
 
 from app.assembly import System, assemble
-from app.control_period import Outcome, Setting, complete_row, control_period, reference_at
+from app.control_period import Alarm, Limits, Period, Setting, complete_row, control_period
 from app.recording import Recording
 from app.scenario import Scenario
 from controllers.bounds import InertiaRange
 from controllers.force_loop import force_loop_factor, layer_loop_factor
 from controllers.nominal_model import Estimate
-from controllers.reaching import ReachingCertificate, sampling_band
-from controllers.reference_estimates import EstimateOverride, ReferenceEstimates
+from controllers.reaching import ReachingCertificate
+from controllers.reference_estimates import ReferenceEstimates
 from controllers.switching import Switching
 from controllers.task_space import TaskSpace
-from controllers.vsmrc import LawState, Reference
-from environments.held import hold
-from environments.plant import PlantState
 from environments.sensors import ForceReader, ReaderMemory
+from kernels.records import Record
 
 SPEED_LIMIT = 20.0  # rad/s, beyond which a run counts as diverging
 FORCE_ITERATIONS = 30
@@ -47,17 +44,15 @@ class View:
 @dataclass(frozen=True)
 class LoopState:
     """Where a run stands between two control periods: all that the next ones depend on, nothing that they change, and
-    small, so that it can be kept or sent to another process. t, t_0, s_since s; steps counted from t_0; force (3,) N;
-    residual (n,) N."""
+    small, so that it can be kept or sent to another process. t, t_0, s_since s; steps counted from t_0; arm, period:
+    the memory of the records of these names."""
 
     scenario: Scenario
     t: float
     t_0: float
     steps: int
-    plant: PlantState
-    law: LawState
-    force: np.ndarray
-    residual: np.ndarray
+    arm: np.ndarray
+    period: np.ndarray
     reader: ReaderMemory
     certificate: ReachingCertificate
     s_since: float
@@ -85,31 +80,27 @@ class ClosedLoop:
         """
         loop = cls(state.scenario, history, previous)
         loop.t, loop._t_0, loop._steps = state.t, state.t_0, state.steps
-        loop._plant, loop._law = deepcopy((state.plant, state.law))
-        loop._force, loop._residual = state.force.copy(), state.residual.copy()
+        loop._arm.data[:], loop._period.data[:] = state.arm, state.period
         loop._reader.recall(state.reader)
         loop.certificate, loop.s_since, loop.reaching_time = state.certificate, state.s_since, state.reaching_time
         loop.stopped, loop.warning = state.stopped, state.warning
-        loop._set()
+        loop._setting = Record(loop._setting_of(loop.system)).data
         return loop
 
     def state(self) -> LoopState:
         """To go on from later, elsewhere: see `resume`."""
         return LoopState(
-            self.system.scenario, self.t, self._t_0, self._steps, *deepcopy((self._plant, self._law)),
-            self._force.copy(), self._residual.copy(), self._reader.memory(), self.certificate, self.s_since,
-            self.reaching_time, self.stopped, self.warning,
+            self.system.scenario, self.t, self._t_0, self._steps, self._arm.data.copy(), self._period.data.copy(),
+            self._reader.memory(), self.certificate, self.s_since, self.reaching_time, self.stopped, self.warning,
         )  # fmt: skip
 
     def _begin(self, system: System) -> None:
-        self.system = system
         self.t = 0.0
         self.stopped: str | None = None
         self.recording = Recording(system.layout.n, self._history)
         self._reader = ForceReader(system.sensor, system.scenario.simulation.seed)
-        self._plant = system.plant.start(system.robot.posture, np.zeros(system.robot.n), 0.0)
-        self._force, self._residual = self._plant.load.force, np.zeros(system.layout.n)
-        self._law = LawState(np.zeros(system.layout.n))
+        self._arm = system.plant.start(system.robot.posture, np.zeros(system.robot.n), 0.0)
+        self._period = Record(Period.zeros(system.layout.n))
         self._take_up(system)
 
     def edit(self, scenario: Scenario) -> None:
@@ -133,65 +124,65 @@ class ClosedLoop:
 
     def step(self) -> None:
         """One control period. Call it only while `stopped` is None."""
-        system, plant, t = self.system, self._plant, self.t
+        plant, arm, t = self.system.plant, self._arm, self.t
         row = self.recording.new_row()
 
-        F = self._reader.read(plant.load.force)
-        outcome = self._control(F, row)
-        if system.scenario.sensor.ideal and system.plant.heavy:
-            outcome = self._with_solved_force(outcome, row)
-        self._plant = system.plant.advance(plant, outcome.tau, t, self._period)
+        F = self._reader.read(arm.views.load.force)
+        self._control(F, row)
+        if self._ideal:
+            self._solve_for_force(row)
+        plant.advance(arm, self._tau, t, self._h)
 
-        self._complete(row, plant, outcome)
-        self._watch(t, outcome)
-        self._law = LawState(outcome.z_next)
+        alarms = complete_row(self._setting, self._period.data, arm.data, row)
+        self.recording.commit()
+        if alarms:
+            self._heed(Alarm(alarms))
         self._steps += 1
-        self.t = self._t_0 + self._steps * self._period
+        self.t = self._t_0 + self._steps * self._h
+        if self._steps % DOMAIN_CHECK == 0 and not self.system.constants.holds_at(arm.views.q):
+            self._left("flag", "q has left Ω, over which the constants of (19) were computed")
 
-    def reference(self, t: float) -> Reference:
-        """r_d and F_cd with their derivatives at time t (s)."""
-        return reference_at(self.system.plan, self.system.motion.evaluate(t), self.system.force.evaluate(t))
-
-    def _control(self, F: np.ndarray, row: np.ndarray) -> Outcome:
+    def _control(self, F: np.ndarray, row: np.ndarray) -> None:
         """The law's answer to the present state and the measured force F (3,) N."""
-        system, t, q, q_dot = self.system, self.t, self._plant.q, self._plant.q_dot
-        override = self._override if self._along is None else self._along.at(q, q_dot, t)
-        system.nominal.update(q, q_dot)
-        path, force = system.motion.evaluate(t), system.force.evaluate(t)
-        return control_period(self._held, override, path, force, self._law.z, q, q_dot, F, t, row)
+        arm, t = self._arm, self.t
+        q, q_dot = arm.views.q, arm.views.q_dot
+        if self._along is not None:
+            self._period.write("believed", self._along.at(q, q_dot, t))
+        terms = self.system.nominal.update(q, q_dot)
+        control_period(self._setting, self._period.data, *terms, arm.data, F, t, row)
 
-    def _with_solved_force(self, outcome: Outcome, row: np.ndarray) -> Outcome:
+    def _solve_for_force(self, row: np.ndarray) -> None:
         """The law fed with the force that its own torque causes: secant iteration on the multiplier (DESIGN 4.6)."""
-        world, plant, t = self.system.plant, self._plant, self.t
-        guess = plant.load.multiplier
-        outcome = self._control(world.force_of(plant, guess, t), row)
-        error = world.respond(plant, outcome.tau, t).multiplier - guess
+        plant, arm, t, tau = self.system.plant, self._arm, self.t, self._tau
+        guess = arm.read().load.multiplier
+        self._control(plant.force_of(arm, guess, t), row)
+        error = plant.respond(arm, tau, t).multiplier - guess
         slope = -1.0
         for _ in range(FORCE_ITERATIONS):
             if abs(error) <= 1e-10 * (1.0 + abs(guess)):
-                return outcome
+                return
             change = -error / slope if slope != 0.0 else error
             guess += change
-            outcome = self._control(world.force_of(plant, guess, t), row)
-            before, error = error, world.respond(plant, outcome.tau, t).multiplier - guess
+            self._control(plant.force_of(arm, guess, t), row)
+            before, error = error, plant.respond(arm, tau, t).multiplier - guess
             slope = (error - before) / change
-        self._left("stop", f"the loop through the multiplier has no solution near {plant.load.multiplier:.4g} N")
-        return outcome
+        self._left("stop", f"the loop through the multiplier has no solution near {guess:.4g} N")
 
     def _take_up(self, system: System) -> None:
         """Go on with this system from the present state; s jumps where gains or references do."""
         self.system = system
-        self._period = system.scenario.controller.period
+        self._h = system.scenario.controller.period
         self._t_0, self._steps = self.t, 0
-        self._override = EstimateOverride.none(system.layout.n)
+        self._ideal = system.scenario.sensor.ideal and system.plant.heavy
         self._along = self._reference_estimates()
-        plant, law = self._plant, system.law
-        estimate, task = system.observe(plant.q, plant.q_dot, self.t)
-        reference = self.reference(self.t)
+        self._tau = self._period.views.output.tau
+        arm, z, law = self._arm.views, self._period.views.z, system.law
+        estimate, task = system.observe(arm.q, arm.q_dot, self.t)
+        reference = system.reference(self.t)
         e_r, e_r_dot = task.r - reference.r_d, task.r_dot - reference.r_d_dot
         if system.scenario.controller.on_change == "remove":
-            self._law = LawState(law.compensator.without_reaching(e_r, e_r_dot))
-        s = e_r_dot + law.compensator.F_1 @ e_r + law.compensator.F_2 @ self._law.z
+            z[:] = law.compensator.without_reaching(e_r, e_r_dot)
+        s = e_r_dot + law.compensator.F_1 @ e_r + law.compensator.F_2 @ z
         H_high = InertiaRange.at(law.uncertainty, estimate, task).H_high
         self.certificate = ReachingCertificate(
             system.constants.k_r_low,
@@ -202,18 +193,24 @@ class ClosedLoop:
         )
         self.warning = self._force_loop_warning(estimate, task)
         self.s_since = self.t
+        self._period.data["reached"] = False
+        self._setting = Record(self._setting_of(system)).data
         self.reaching_time: float | None = None
-        self._set()
 
-    def _set(self) -> None:
-        """Hand the kernel what stays the same until the next edit."""
-        system = self.system
-        self._held = hold(
-            Setting(
-                system.nominal.terms, system.nominal.links, system.charted.shape, system.layout, system.plan,
-                system.law.gains, self.certificate.promise, self.s_since, self._period,
-            )
-        )  # fmt: skip
+    def _setting_of(self, system: System) -> Setting:
+        contact = system.scenario.contact
+        pushes_only = contact.kind == "rigid" and contact.unilateral
+        return Setting(
+            sight=system.observer.sight,
+            plan=system.plan,
+            gains=system.law.gains,
+            promise=self.certificate.promise,
+            since=self.s_since,
+            period=self._h,
+            online=self._along is None,
+            heavy=system.plant.heavy,
+            limits=Limits(system.scenario.simulation.sigma_min, SPEED_LIMIT, pushes_only, system.law.robust),
+        )
 
     def _force_loop_factor(self, estimate: Estimate, task: TaskSpace) -> float:
         """See `controllers.force_loop`; nan where no force is fed back through a loop that sampling closes."""
@@ -240,52 +237,31 @@ class ClosedLoop:
         return ReferenceEstimates(
             system.nominal,
             system.constants.lipschitz,
-            lambda q, t: system.posture_at(q, self.reference(t), t),
+            system.posture_at,
             system.q_0,
-            self._period,
+            self._h,
         )
 
-    def _complete(self, row: np.ndarray, before: PlantState, outcome: Outcome) -> None:
-        """Record what is known only now that the plant has answered."""
-        after = self._plant
-        # a heavy contact's force goes with this period's torque
-        load = after.load if self.system.plant.heavy else before.load
-        self._force = load.force
-        self._residual, self._speed = complete_row(
-            row,
-            outcome.residual_gain,
-            outcome.residual_rest,
-            after.q_ddot,
-            after.q_dot,
-            load.force,
-            load.multiplier,
-            before.load.phi,
-        )
-        self.recording.commit()
-
-    def _watch(self, t: float, outcome: Outcome) -> None:
+    def _heed(self, alarms: Alarm) -> None:
         """Has the run left the theorem's domain? Say which way and when; stop, or flag where the user chose so."""
-        scenario, plant = self.system.scenario, self._plant
-        if self.reaching_time is None and outcome.s_norm <= outcome.s_band:
-            self.reaching_time = t - self.s_since
-        speed = self._speed
-        choice = scenario.simulation.leaving_domain
-        if not math.isfinite(speed + outcome.s_norm):
+        period, rules, arm = self._period.read(), self.system.scenario.simulation, self._arm.read()
+        if Alarm.REACHED in alarms:
+            self.reaching_time = self.t - self.s_since
+        if Alarm.NOT_FINITE in alarms:
             self._left("stop", "the state is no longer finite: the loop diverged")
-        elif scenario.contact.kind == "rigid" and scenario.contact.unilateral and plant.load.multiplier < 0.0 < t:
-            self._left("stop", f"contact lost, the surface would have to pull (λ = {plant.load.multiplier:.4g} N)")
-        elif outcome.sigma_min < scenario.simulation.sigma_min:
-            self._left(choice, f"J_q is nearly singular (σ_min = {outcome.sigma_min:.4g} m)")
-        elif speed > SPEED_LIMIT:
-            self._left(choice, f"the arm diverges (‖q̇‖ = {speed:.4g} rad/s)")
-        elif outcome.s_norm > outcome.s_allowed and scenario.controller.law == "vsmrc":
+        elif Alarm.PULLING in alarms and self.t > 0.0:
+            self._left("stop", f"contact lost, the surface would have to pull (λ = {arm.load.multiplier:.4g} N)")
+        elif Alarm.SINGULAR in alarms:
+            sigma_min = 1.0 / period.seen.task.J_q_inv_norm
+            self._left(rules.leaving_domain, f"J_q is nearly singular (σ_min = {sigma_min:.4g} m)")
+        elif Alarm.FAST in alarms:
+            self._left(rules.leaving_domain, f"the arm diverges (‖q̇‖ = {np.linalg.norm(arm.q_dot):.4g} rad/s)")
+        elif Alarm.OVER_BOUND in alarms:
             self._left(
-                scenario.simulation.bound_violation,
-                f"‖s‖ = {outcome.s_norm:.4g} m/s is over its bound (20), {outcome.s_allowed:.4g} m/s with the "
-                "sampling band",
+                rules.bound_violation,
+                f"‖s‖ = {period.output.s_norm:.4g} m/s is over its bound (20), {period.bound + period.band:.4g} m/s "
+                "with the sampling band",
             )
-        elif self._steps % DOMAIN_CHECK == 0 and not self.system.constants.holds_at(plant.q):
-            self._left("flag", "q has left Ω, over which the constants of (19) were computed")
 
     def _left(self, choice: str, reason: str) -> None:
         if choice == "stop":
@@ -295,43 +271,36 @@ class ClosedLoop:
 
     def view(self) -> View:
         """The present state as the screen shows it."""
-        system, plant, law, t = self.system, self._plant, self.system.law, self.t
-        estimate, task = system.observe(plant.q, plant.q_dot, t)
-        reference = self.reference(t)
-        deviation = self._override.deviation
-        output = law.evaluate(self._law, reference, task, estimate, deviation, plant.q_dot, self._force)
+        system, arm, law, t = self.system, self._arm.views, self.system.law, self.t
+        twin, row = self._period.copy(), np.empty(self.recording.width)
+        terms = system.nominal.update(arm.q, arm.q_dot)
+        control_period(self._setting, twin.data, *terms, self._arm.data, arm.load.force, t, row)
+        period = twin.read()
+        estimate, task, reference, output = period.seen.estimate, period.seen.task, period.reference, period.output
+        required = float(sum(output.needed))
         H_hat = task.J_q_inv.T @ estimate.M_hat @ task.J_q_inv
         live = {
-            "s_norm": float(np.linalg.norm(output.s)),
-            "s_bound": float(self.certificate.envelope(t - self.s_since)),
-            "s_band": sampling_band(
-                self.certificate.k_r_low,
-                self.certificate.k_r_high,
-                law.gains.K_s_largest,
-                int(law.switching),
-                law.phi,
-                output.d,
-                law.epsilon,
-                self._period,
-            ),
+            "s_norm": output.s_norm,
+            "s_bound": period.bound,
+            "s_band": period.band,
             "d": output.d,
-            "d_required": float(sum(output.needed)),
-            "gain_margin": output.d - float(sum(output.needed)),
+            "d_required": required,
+            "gain_margin": output.d - required,
             "sigma_min": 1.0 / float(np.linalg.norm(task.J_q_inv, 2)),
             "V": float(0.5 * output.s @ H_hat @ output.s),
-            "residual": float(np.linalg.norm(self._residual)),
+            "residual": float(np.linalg.norm(self._period.views.residual)),
             "reaching_time_bound": self.certificate.t_r,
             "reaching_time": np.nan if self.reaching_time is None else self.reaching_time,
             "layer_loop_factor": np.nan,
             "force_loop_factor": self._force_loop_factor(estimate, task),
         }
         if law.switching is not Switching.DISCONTINUOUS:
-            live["layer_loop_factor"] = layer_loop_factor(H_hat, law.K_s, output.d, law.phi, self._period)
+            live["layer_loop_factor"] = layer_loop_factor(H_hat, law.K_s, output.d, law.phi, self._h)
         return View(
-            plant.q,
+            arm.q.copy(),
             estimate.p,
             None if system.layout.joint else system.tool_at(reference, t),
-            self._force,
+            arm.load.force.copy(),
             task.normal * reference.F_cd[0] if system.m else np.zeros(3),
             live,
         )

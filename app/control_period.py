@@ -2,99 +2,166 @@
 
 from __future__ import annotations
 
+from enum import IntFlag
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
-from controllers.nominal_model import LinkConstants, Terms, estimates
-from controllers.norms import norm
+from controllers.nominal_model import ON_LINE, Estimate, LinkConstants, NominalModel, estimates
 from controllers.reaching import Promise, envelope, sampling_band
-from controllers.reference_estimates import believed_estimate
-from controllers.task_space import TaskLayout, task_space
-from controllers.vsmrc import Gains, Reference, control_law
-from environments.surfaces import Shape, surface_chart
+from controllers.reference_estimates import Believed, believe
+from controllers.task_space import TaskLayout, TaskSpace, Work, task_space
+from controllers.vsmrc import ControlOutput, Gains, Reference, control_law
+from environments.surfaces import Chart, Shape, surface_chart
+from environments.trajectories import Course, ForceCourse, force_at, path_at
+from kernels import kernel, part
+from kernels.algebra import copy, norm, row_times
+from kernels.records import Record
 
 
 class ReferencePlan(NamedTuple):
-    """start (n,): r at t = 0, to which trajectories add; compliance m/N: r_fd per f_nd, 1/K_e_hat in (33), 0 on a
+    """start (n,): r at t = 0, to which the motion adds; compliance m/N: r_fd per f_nd, 1/K_e_hat in (33), 0 on a
     rigid surface (41); m: number of force-controlled directions."""
 
     start: np.ndarray
     compliance: float
     m: int
+    motion: Course
+    force: ForceCourse
 
 
-class Outcome(NamedTuple):
-    """tau (n,) N m; z_next (n,) m/s; the residual of (8) is residual_gain (n, n) q_ddot + residual_rest (n,);
-    s_norm and what it is allowed, m/s; sigma_min m."""
+class Sight(NamedTuple):
+    """How the controller looks at the arm. links: see `NominalModel`; shape: the surface (or Cartesian axes) that
+    gives the task coordinates."""
 
-    tau: np.ndarray
-    z_next: np.ndarray
-    residual_gain: np.ndarray
-    residual_rest: np.ndarray
-    s_norm: float
-    s_allowed: float
-    s_band: float
-    sigma_min: float
-
-
-@njit(cache=True, error_model="numpy")
-def reference_at(plan, path, force):
-    """r_d(t) = start + path, but r_fd = f_nd / K_e_hat (33) in the first m coordinates; F_cd = f_nd there."""
-    r_d, r_d_dot, r_d_ddot = plan.start + path.value, path.rate.copy(), path.acceleration.copy()
-    F_cd = np.zeros_like(r_d)
-    for i in range(plan.m):
-        r_d[i] = plan.compliance * force.value
-        r_d_dot[i] = plan.compliance * force.rate
-        r_d_ddot[i] = plan.compliance * force.acceleration
-        F_cd[i] = force.value
-    return Reference(r_d, r_d_dot, r_d_ddot, F_cd)
-
-
-@njit(cache=True, error_model="numpy")
-def _lay_down(row, parts):
-    """Lay the parts one behind the other."""
-    i = 0
-    for part in parts:
-        row[i : i + part.shape[0]] = part
-        i += part.shape[0]
-
-
-class Setting(NamedTuple):
-    """What stays the same between two edits. terms, links: see `NominalModel`; shape: the surface (or Cartesian axes)
-    that gives the task coordinates; promise: `ReachingCertificate`'s, counted from `since` (s); period s."""
-
-    terms: Terms
     links: LinkConstants
     shape: Shape
     layout: TaskLayout
+
+
+class Observation(NamedTuple):
+    """What it sees at one state q (n,) rad, q_dot (n,) rad/s."""
+
+    q: np.ndarray
+    q_dot: np.ndarray
+    estimate: Estimate
+    chart: Chart
+    task: TaskSpace
+    work: Work
+
+    @classmethod
+    def zeros(cls, n: int) -> Observation:
+        """Of n coordinates."""
+        return cls(np.zeros(n), np.zeros(n), Estimate.zeros(n), Chart.zeros(), TaskSpace.zeros(n), Work.zeros(n))
+
+
+class Alarm(IntFlag):
+    """What a control period has to report."""
+
+    REACHED = 1  # ||s|| is within its sampling band for the first time
+    NOT_FINITE = 2  # the state
+    PULLING = 4  # a rigid unilateral surface would have to
+    SINGULAR = 8  # J_q nearly is
+    FAST = 16  # the joints are
+    OVER_BOUND = 32  # ||s|| is
+
+
+REACHED, NOT_FINITE, PULLING, SINGULAR, FAST, OVER_BOUND = (int(alarm) for alarm in Alarm)
+
+
+class Limits(NamedTuple):
+    """When a period gives alarm: sigma_min m; speed rad/s; pushes_only: the surface is rigid and unilateral; bounded:
+    the theorem holds for this law."""
+
+    sigma_min: float
+    speed: float
+    pushes_only: bool
+    bounded: bool
+
+
+class Setting(NamedTuple):
+    """What stays the same between two edits. promise: `ReachingCertificate`'s, counted from `since` (s); period s;
+    online: whether estimates are taken at q, not beforehand (Remark 3); heavy: the contact's force depends on tau."""
+
+    sight: Sight
     plan: ReferencePlan
     gains: Gains
     promise: Promise
     since: float
     period: float
+    online: bool
+    heavy: bool
+    limits: Limits
 
 
-@njit(cache=True, error_model="numpy")
-def control_period(held, override, path, force, z, q, q_dot, F, t, row):
-    """Evaluate the law at time t (s) for the state q, q_dot (n,) and the measured force F (3,) N, and write what it
-    saw and did into `row`. held: a `Setting`; override: see `ReferenceEstimates`.
+class Period(NamedTuple):
+    """What one control period works with and leaves: z (n,) m/s is that of its beginning; F (3,) N as measured;
+    residual (n,) N once q_ddot is known; bound, band: what ||s|| is allowed, m/s; reached: whether s ever was."""
+
+    z: np.ndarray
+    F: np.ndarray
+    seen: Observation
+    reference: Reference
+    believed: Believed
+    output: ControlOutput
+    residual: np.ndarray
+    bound: float
+    band: float
+    reached: bool
+
+    @classmethod
+    def zeros(cls, n: int) -> Period:
+        """Of n coordinates."""
+        v, seen, reference = np.zeros(n), Observation.zeros(n), Reference.zeros(n)
+        believed = Believed(np.zeros((n, n)), np.zeros((n, n)), v, ON_LINE)
+        return cls(v, np.zeros(3), seen, reference, believed, ControlOutput.zeros(n), v, 0.0, 0.0, False)
+
+
+@part
+def reference_at(plan, t, reference):
+    """r_d(t) = start + motion, but r_fd = f_nd / K_e_hat (33) in the first m coordinates; F_cd = f_nd there."""
+    path_at(plan.motion, t, reference.r_d, reference.r_d_dot, reference.r_d_ddot)
+    f, f_dot, f_ddot = force_at(plan.force, t)
+    for i in range(reference.r_d.shape[0]):
+        reference.r_d[i] += plan.start[i]
+        reference.F_cd[i] = 0.0
+    for i in range(plan.m):
+        reference.r_d[i] = plan.compliance * f
+        reference.r_d_dot[i] = plan.compliance * f_dot
+        reference.r_d_ddot[i] = plan.compliance * f_ddot
+        reference.F_cd[i] = f
+
+
+@part
+def observe(sight, M, C, J, J_dot, placements, t, seen):
+    """Estimates and task coordinates of a state, Remark 1 and (3), from the arrays of `nominal_model.Terms` there."""
+    estimates(sight.links, M, C, J, J_dot, placements, seen.q_dot, seen.estimate)
+    surface_chart(sight.shape, seen.estimate.p, t, seen.chart)
+    task_space(sight.layout, seen.chart, seen.estimate, seen.q, seen.q_dot, seen.work, seen.task)
+
+
+@kernel
+def control_period(setting, period, M, C, J, J_dot, placements, arm, F, t, row):
+    """Evaluate the law at time t (s) for the state of `arm` and the measured force F (3,) N, and write what it saw
+    and did into `row`. M ... placements: `nominal_model.Terms` at that state.
     """
-    terms, links, shape, layout, plan, gains, promise, since, period = held.value
-    estimate = estimates(terms, links, q_dot)
-    chart = surface_chart(shape, estimate.p, t)
-    task = task_space(layout, chart, estimate, q, q_dot)
-    reference = reference_at(plan, path, force)
-    believed = believed_estimate(estimate, override)
-    output = control_law(gains, z, reference, task, believed, override.deviation, q_dot, F)
+    setting, period, arm = setting[0], period[0], arm[0]
+    seen, output, reference = period.seen, period.output, period.reference
+    gains, task, estimate = setting.gains, seen.task, seen.estimate
+    copy(arm.q, seen.q)
+    copy(arm.q_dot, seen.q_dot)
+    copy(F, period.F)
+    observe(setting.sight, M, C, J, J_dot, placements, t, seen)
+    reference_at(setting.plan, t, reference)
+    if setting.online:
+        believe(estimate, period.believed)
+    believed = period.believed
+    control_law(gains, period.z, reference, task, estimate, believed, seen.q_dot, period.F, seen.work, output)
+    _prepare_residual(gains.model, seen, reference, output, period.residual)
 
-    model = gains.model
-    known = task.J_q_dot @ q_dot + task.v_t_dot - reference.r_d_ddot
-    rest = model.M_m @ known + model.B_m @ output.e_r_dot + model.K_m @ output.e_r + model.K_f @ output.e_Fc
-    s_norm = norm(output.s)
-    s_bound = envelope(promise, t - since)
-    s_band = sampling_band(
+    promise = setting.promise
+    period.bound = envelope(promise, t - setting.since)
+    period.band = sampling_band(
         promise.k_r_low,
         promise.k_r_high,
         gains.K_s_largest,
@@ -102,39 +169,153 @@ def control_period(held, override, path, force, z, q, q_dot, F, t, row):
         gains.phi,
         output.d,
         gains.epsilon,
-        period,
+        setting.period,
     )
-    sigma_min = 1.0 / task.J_q_inv_norm
-    needed = np.array(
-        [
-            output.needed.inertia,
-            output.needed.coriolis,
-            output.needed.gravity,
-            output.needed.task_motion,
-            output.needed.disturbance,
-            output.needed.epsilon,
-        ]
-    )
-    _lay_down(
-        row,
-        (
-            np.array([t]), q, q_dot, task.r, task.r_dot, reference.r_d, output.e_r, output.e_r_dot, estimate.p, F,
-            output.F_c, reference.F_cd, output.z, output.s, output.terms.inertia, output.terms.coriolis,
-            output.terms.gravity, output.terms.force, output.terms.linear, output.terms.switching, output.tau, needed,
-            np.array([output.d, needed.sum(), s_norm, s_bound, s_band, sigma_min]),
-        ),
-    )  # fmt: skip
-    return Outcome(
-        output.tau, z + period * output.z_dot, model.M_m @ task.J_q, rest, s_norm, s_bound + s_band, s_band, sigma_min
-    )
+    _write_row(row, t, arm, period)
 
 
-@njit(cache=True, error_model="numpy")
-def complete_row(row, residual_gain, residual_rest, q_ddot, q_dot, force, multiplier, phi):
-    """Write what is known only when the plant has answered behind the rest.
+@part
+def _prepare_residual(model, seen, reference, output, rest):
+    """The left side of (8) minus its right side but for the part in q_ddot."""
+    task, known = seen.task, seen.work.u
+    for i in range(rest.shape[0]):
+        known[i] = row_times(task.J_q_dot, i, seen.q_dot) + task.v_t_dot[i] - reference.r_d_ddot[i]
+    for i in range(rest.shape[0]):
+        inert, damped = row_times(model.M_m, i, known), row_times(model.B_m, i, output.e_r_dot)
+        rest[i] = inert + damped + row_times(model.K_m, i, output.e_r) + row_times(model.K_f, i, output.e_Fc)
 
-    Returns the residual of (8), (n,) N, and ||q_dot||, rad/s.
+
+@part
+def _put(row, i, part):
+    """Lay a part down in the row from i on; returns where the next one goes."""
+    for k in range(part.shape[0]):
+        row[i + k] = part[k]
+    return i + part.shape[0]
+
+
+@part
+def _write_row(row, t, arm, period):
+    """In the order of `recording.SIGNALS`; what the plant's answer changes is written again by `complete_row`."""
+    output, task, terms, needed = period.output, period.seen.task, period.output.terms, period.output.needed
+    row[0] = t
+    i = _put(row, 1, arm.q)
+    i = _put(row, i, arm.q_dot)
+    i = _put(row, i, task.r)
+    i = _put(row, i, task.r_dot)
+    i = _put(row, i, period.reference.r_d)
+    i = _put(row, i, output.e_r)
+    i = _put(row, i, output.e_r_dot)
+    i = _put(row, i, period.seen.estimate.p)
+    i = _put(row, i, period.F)
+    i = _put(row, i, output.F_c)
+    i = _put(row, i, period.reference.F_cd)
+    i = _put(row, i, period.z)
+    i = _put(row, i, output.s)
+    i = _put(row, i, terms.inertia)
+    i = _put(row, i, terms.coriolis)
+    i = _put(row, i, terms.gravity)
+    i = _put(row, i, terms.force)
+    i = _put(row, i, terms.linear)
+    i = _put(row, i, terms.switching)
+    i = _put(row, i, output.tau)
+    first = needed.inertia + needed.coriolis + needed.gravity
+    causes = (needed.inertia, needed.coriolis, needed.gravity, needed.task_motion, needed.disturbance, needed.epsilon)
+    for cause in causes:
+        row[i] = cause
+        i += 1
+    required = first + needed.task_motion + needed.disturbance + needed.epsilon
+    for value in (output.d, required, output.s_norm, period.bound, period.band, 1.0 / task.J_q_inv_norm):
+        row[i] = value
+        i += 1
+    i = _put(row, i, period.residual)
+    _put_load(row, i, arm.load)
+
+
+@part
+def _put_load(row, i, load):
+    i = _put(row, i, load.force)
+    row[i], row[i + 1] = load.multiplier, load.phi
+
+
+@kernel
+def complete_row(setting, period, arm, row):
+    """Write what is known only when the plant has answered: the residual of (8), and the force that a heavy contact
+    has with this period's torque. Then z is that of the next period. Returns the `Alarm` flags.
     """
-    residual = residual_gain @ q_ddot + residual_rest
-    _lay_down(row[row.shape[0] - residual.shape[0] - 5 :], (residual, force, np.array([multiplier, phi])))
-    return residual, norm(q_dot)
+    setting, period, arm = setting[0], period[0], arm[0]
+    n, J_q, r_ddot, residual = arm.q.shape[0], period.seen.task.J_q, period.seen.work.u, period.residual
+    for i in range(n):
+        r_ddot[i] = row_times(J_q, i, arm.q_ddot)
+        period.z[i] += setting.period * period.output.z_dot[i]
+    for i in range(n):
+        residual[i] += row_times(setting.gains.model.M_m, i, r_ddot)
+    load = row.shape[0] - 5
+    _put(row, load - n, residual)
+    if setting.heavy:
+        phi = row[load + 4]
+        _put_load(row, load, arm.load)
+        row[load + 4] = phi
+    return _alarms(setting.limits, period, norm(arm.q_dot), arm.load.multiplier)
+
+
+@part
+def _alarms(limits, period, speed, multiplier):
+    s_norm, flags = period.output.s_norm, 0
+    if not period.reached and s_norm <= period.band:
+        period.reached = True
+        flags += REACHED
+    if not np.isfinite(speed + s_norm):
+        flags += NOT_FINITE
+    if limits.pushes_only and multiplier < 0.0:
+        flags += PULLING
+    if limits.sigma_min * period.seen.task.J_q_inv_norm > 1.0:
+        flags += SINGULAR
+    if speed > limits.speed:
+        flags += FAST
+    if limits.bounded and s_norm > period.bound + period.band:
+        flags += OVER_BOUND
+    return flags
+
+
+@kernel
+def _observe_alone(sight, M, C, J, J_dot, placements, t, seen):
+    observe(sight[0], M, C, J, J_dot, placements, t, seen[0])
+
+
+@kernel
+def _reference_alone(plan, t, reference):
+    reference_at(plan[0], t, reference[0])
+
+
+class Observer:
+    """`observe` for use outside kernels."""
+
+    def __init__(self, model: NominalModel, shape: Shape, layout: TaskLayout) -> None:
+        self.sight = Sight(model.constants, shape, layout)
+        self._model, self._record = model, Record(self.sight)
+        self._blank = Record(Observation.zeros(layout.n))
+
+    def at(self, q: np.ndarray, q_dot: np.ndarray, t: float) -> tuple[Estimate, TaskSpace]:
+        """Estimates and task coordinates at q (n,) rad, q_dot (n,) rad/s, time t (s).
+
+        Raises ValueError where J_q is exactly singular.
+        """
+        seen = self._blank.copy()
+        seen.data["q"], seen.data["q_dot"] = q, q_dot
+        _observe_alone(self._record.data, *self._model.update(q, q_dot), t, seen.data)
+        observation = seen.read()
+        return observation.estimate, observation.task
+
+
+class Planned:
+    """`reference_at` for use outside kernels."""
+
+    def __init__(self, plan: ReferencePlan) -> None:
+        self._plan = Record(plan)
+        self._blank = Record(Reference.zeros(len(plan.start)))
+
+    def at(self, t: float) -> Reference:
+        """r_d and F_cd with their derivatives at time t (s)."""
+        reference = self._blank.copy()
+        _reference_alone(self._plan.data, t, reference.data)
+        return reference.read()

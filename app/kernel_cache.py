@@ -15,10 +15,10 @@ def cache_folder() -> Path:
     """A writable folder named after the contents of every source file that holds kernels."""
     root = Path(__file__).parents[1]
     digest = hashlib.sha256()
-    for package in ("app", "controllers", "environments"):
+    for package in ("app", "controllers", "environments", "kernels"):
         for file in sorted((root / package).glob("*.py")):
             source = file.read_bytes()
-            if b"njit" in source:
+            if b"kernel" in source:
                 digest.update(file.name.encode() + source)
     for base in (os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache", tempfile.gettempdir()):
         shelf = Path(base) / "vsmrc-lab"

@@ -13,14 +13,15 @@ Both bound the same perturbation ||Delta H r_eq_ddot + Delta C r_eq_dot + Delta 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
-from numba import njit
 
-from controllers.nominal_model import Estimate
-from controllers.norms import norm, spectral_norm
-from controllers.task_space import TaskSpace
+from controllers.nominal_model import Deviation, Estimate
+from controllers.task_space import TaskSpace, Work
+from kernels import kernel, part
+from kernels.algebra import congruence, multiply, norm, norm_of_product, quadratic, spectral_norm
+from kernels.records import Record
 
 
 class Uncertainty(NamedTuple):
@@ -51,65 +52,120 @@ class RequiredGain(NamedTuple):
     disturbance: float
     epsilon: float
 
+    @classmethod
+    def zeros(cls) -> RequiredGain:
+        """Not yet known."""
+        return cls(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
-@njit(cache=True, error_model="numpy")
-def paper_bound(u, deviation, estimate, task, q_dot, r_eq_dot, r_eq_ddot):
+
+class Equivalent(NamedTuple):
+    """The motion that (25) prescribes, each (n,): r_eq_dot m/s and r_eq_ddot m/s^2 of (16), q_eq_dot rad/s, q_eq_ddot
+    rad/s^2."""
+
+    r_dot: np.ndarray
+    r_ddot: np.ndarray
+    q_dot: np.ndarray
+    q_ddot: np.ndarray
+
+    @classmethod
+    def zeros(cls, n: int) -> Equivalent:
+        """Of n coordinates."""
+        return cls(*4 * (np.zeros(n),))
+
+
+@part
+def paper_bound(u, deviation, estimate, task, q_dot, eq, work, needed):
     """Each product of (17) with the bounds (7); delta_Ft stands in `task_motion`."""
     J_inv = task.J_q_inv_norm
-    reach = spectral_norm(estimate.J_v) + u.payload_offset * spectral_norm(estimate.J_w)
-    reach_dot = spectral_norm(estimate.J_v_dot) + u.payload_offset * (
-        spectral_norm(estimate.J_w_dot) + norm(estimate.J_w @ q_dot) * spectral_norm(estimate.J_w)
-    )
+    V, W = work.V, work.W
+    J_v, J_w = spectral_norm(estimate.J_v, V, W), spectral_norm(estimate.J_w, V, W)
+    reach = J_v + u.payload_offset * J_w
+    turning = spectral_norm(estimate.J_w_dot, V, W) + norm_of_product(estimate.J_w, q_dot) * J_w
+    reach_dot = spectral_norm(estimate.J_v_dot, V, W) + u.payload_offset * turning
     weight = 0.0
     for i in range(q_dot.shape[0]):
         weight += norm(estimate.G_links[i])
-    delta_M = u.rho * spectral_norm(estimate.M_links) + u.payload_mass * reach**2 + deviation.delta_M
+    delta_M = u.rho * spectral_norm(estimate.M_links, work.S, work.T) + u.payload_mass * reach**2 + deviation.delta_M
     delta_C_q = u.rho * u.k_C * norm(q_dot) + u.payload_mass * reach * reach_dot + deviation.delta_C
     delta_G_q = u.rho * weight + u.payload_mass * 9.81 * reach + deviation.delta_G
-    delta_f = (
-        u.coulomb * np.sqrt(q_dot.shape[0])
-        + u.viscous * norm(q_dot)
-        + u.disturbance
-        + u.force_error * spectral_norm(estimate.J_v)
-    )
+    delta_f = u.coulomb * np.sqrt(q_dot.shape[0]) + u.viscous * norm(q_dot) + u.disturbance + u.force_error * J_v
+    multiply(task.J_q_inv, task.J_q_dot, work.S)
+    multiply(work.S, task.J_q_inv, work.T)
     delta_H = delta_M * J_inv**2
-    delta_C = delta_C_q * J_inv**2 + delta_M * J_inv * spectral_norm(task.J_q_inv @ task.J_q_dot @ task.J_q_inv)
-    return (
-        delta_H * norm(r_eq_ddot),
-        delta_C * norm(r_eq_dot),
-        J_inv * delta_G_q,
-        delta_H * norm(task.v_t_dot) + delta_C * norm(task.v_t),
-        J_inv * delta_f,
-    )
+    delta_C = delta_C_q * J_inv**2 + delta_M * J_inv * spectral_norm(work.T, work.S, work.T)
+    needed.inertia = delta_H * norm(eq.r_ddot)
+    needed.coriolis = delta_C * norm(eq.r_dot)
+    needed.gravity = J_inv * delta_G_q
+    needed.task_motion = delta_H * norm(task.v_t_dot) + delta_C * norm(task.v_t)
+    needed.disturbance = J_inv * delta_f
 
 
-@njit(cache=True, error_model="numpy")
-def tight_bound(u, deviation, estimate, task, q_dot, q_eq_dot, q_eq_ddot):
+@part
+def tight_bound(u, deviation, estimate, task, q_dot, eq, work, needed):
     """The same perturbation bounded in task space, term by term."""
-    J_inv_T = np.ascontiguousarray(task.J_q_inv.T)
-    H_links = J_inv_T @ estimate.M_links @ task.J_q_inv
     J_inv = task.J_q_inv_norm
     carry = 0.0  # of a force at the tool to r
     if u.payload_mass > 0.0 or u.force_error > 0.0:
-        carry = spectral_norm(estimate.J_v @ task.J_q_inv)
-    inertia = u.rho * np.sqrt(max(spectral_norm(H_links) * (q_eq_ddot @ estimate.M_links @ q_eq_ddot), 0.0))
-    coriolis = u.rho * u.k_C * J_inv * norm(q_dot) * norm(q_eq_dot)
+        multiply(estimate.J_v, task.J_q_inv, work.Y)
+        carry = spectral_norm(work.Y, work.V, work.W)
+    congruence(task.J_q_inv, estimate.M_links, work.S, work.T)
+    H_links = spectral_norm(work.T, work.S, work.T)
+    inertia = u.rho * np.sqrt(max(H_links * quadratic(eq.q_ddot, estimate.M_links), 0.0))
+    coriolis = u.rho * u.k_C * J_inv * norm(q_dot) * norm(eq.q_dot)
     gravity = 0.0
-    pulls = estimate.G_links @ task.J_q_inv
+    multiply(estimate.G_links, task.J_q_inv, work.S)
     for i in range(q_dot.shape[0]):
-        gravity += u.rho * norm(pulls[i])
-    inertia += J_inv * deviation.delta_M * norm(q_eq_ddot)
-    coriolis += J_inv * deviation.delta_C * norm(q_eq_dot)
+        gravity += u.rho * norm(work.S[i])
+    inertia += J_inv * deviation.delta_M * norm(eq.q_ddot)
+    coriolis += J_inv * deviation.delta_C * norm(eq.q_dot)
     gravity += J_inv * deviation.delta_G
     if u.payload_mass > 0.0:
         c = u.payload_offset
-        load = u.payload_mass * (carry + c * spectral_norm(estimate.J_w @ task.J_q_inv))
-        inertia += load * (norm(estimate.J_v @ q_eq_ddot) + c * norm(estimate.J_w @ q_eq_ddot))
-        turning = norm(estimate.J_w_dot @ q_eq_dot) + norm(estimate.J_w @ q_dot) * norm(estimate.J_w @ q_eq_dot)
-        coriolis += load * (norm(estimate.J_v_dot @ q_eq_dot) + c * turning)
+        multiply(estimate.J_w, task.J_q_inv, work.Y)
+        load = u.payload_mass * (carry + c * spectral_norm(work.Y, work.V, work.W))
+        turning = norm_of_product(estimate.J_w_dot, eq.q_dot)
+        turning += norm_of_product(estimate.J_w, q_dot) * norm_of_product(estimate.J_w, eq.q_dot)
+        inertia += load * (norm_of_product(estimate.J_v, eq.q_ddot) + c * norm_of_product(estimate.J_w, eq.q_ddot))
+        coriolis += load * (norm_of_product(estimate.J_v_dot, eq.q_dot) + c * turning)
         gravity += load * 9.81
     torque = u.coulomb * np.sqrt(q_dot.shape[0]) + u.viscous * norm(q_dot) + u.disturbance
-    return inertia, coriolis, gravity, 0.0, J_inv * torque + u.force_error * carry
+    needed.inertia, needed.coriolis, needed.gravity, needed.task_motion = inertia, coriolis, gravity, 0.0
+    needed.disturbance = J_inv * torque + u.force_error * carry
+
+
+class _Question(NamedTuple):
+    uncertainty: Uncertainty
+    deviation: Deviation
+    estimate: Estimate
+    task: TaskSpace
+    q_dot: np.ndarray
+    equivalent: Equivalent
+    work: Work
+
+
+@kernel
+def _required_gain(tight, question, answer):
+    x = question[0]
+    if tight:
+        tight_bound(x.uncertainty, x.deviation, x.estimate, x.task, x.q_dot, x.equivalent, x.work, answer[0])
+    else:
+        paper_bound(x.uncertainty, x.deviation, x.estimate, x.task, x.q_dot, x.equivalent, x.work, answer[0])
+
+
+def required_gain(
+    bounds: Literal["tight", "paper"],
+    u: Uncertainty,
+    deviation: Deviation,
+    estimate: Estimate,
+    task: TaskSpace,
+    q_dot: np.ndarray,
+    equivalent: Equivalent,
+) -> RequiredGain:
+    """What (17) needs at one state but for its epsilon, N; q_dot (n,) rad/s."""
+    question = Record(_Question(u, deviation, estimate, task, q_dot, equivalent, Work.zeros(len(q_dot))))
+    answer = Record(RequiredGain.zeros())
+    _required_gain(bounds == "tight", question.data, answer.data)
+    return answer.read()
 
 
 @dataclass(frozen=True)

@@ -6,15 +6,19 @@ from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
-from numba import njit
+
+from kernels import kernel, part
+from kernels.algebra import cross
+from kernels.records import Record
 
 
 class Estimate(NamedTuple):
     """What the controller believes of the arm at one state.
 
     M_hat (n, n) with and M_links (n, n) without rotor inertia, C_hat (n, n) the Christoffel matrix (Property 2 needs
-    it), G_hat (n,), G_links (n, n) whose row i is the gravity torque of link i; the tool: p (3,) m, R (3, 3),
-    J_v, J_w (3, n) linear and angular Jacobian in the world frame, J_v_dot, J_w_dot (3, n) their time derivatives.
+    it), G_hat (n,), G_links (n, n) whose row i is the gravity torque of link i; the tool: p (3,) m, p_dot (3,) m/s,
+    R (3, 3), J_v, J_w (3, n) linear and angular Jacobian in the world frame, J_v_dot, J_w_dot (3, n) their time
+    derivatives.
     """
 
     M_hat: np.ndarray
@@ -23,11 +27,31 @@ class Estimate(NamedTuple):
     G_hat: np.ndarray
     G_links: np.ndarray
     p: np.ndarray
+    p_dot: np.ndarray
     R: np.ndarray
     J_v: np.ndarray
     J_w: np.ndarray
     J_v_dot: np.ndarray
     J_w_dot: np.ndarray
+
+    @classmethod
+    def zeros(cls, n: int) -> Estimate:
+        """Of an arm with n joints."""
+        square, tool = np.zeros((n, n)), np.zeros((3, n))
+        return cls(
+            square,
+            square,
+            square,
+            np.zeros(n),
+            square,
+            np.zeros(3),
+            np.zeros(3),
+            np.zeros((3, 3)),
+            tool,
+            tool,
+            tool,
+            tool,
+        )
 
 
 class Deviation(NamedTuple):
@@ -54,16 +78,6 @@ class LinkConstants(NamedTuple):
     tool_lever: np.ndarray
 
 
-@njit(cache=True, error_model="numpy")
-def _cross_columns(a, J):
-    """a x J, column by column."""
-    out = np.empty(J.shape)
-    out[0] = a[1] * J[2] - a[2] * J[1]
-    out[1] = a[2] * J[0] - a[0] * J[2]
-    out[2] = a[0] * J[1] - a[1] * J[0]
-    return out
-
-
 class Terms(NamedTuple):
     """Live views of Pinocchio's arrays: M, C (n, n); J, J_dot (6, n) spatial Jacobians of the world origin; placements
     (3, 4n) the static regressor, whose blocks are the links' placements over the total mass."""
@@ -75,48 +89,79 @@ class Terms(NamedTuple):
     placements: np.ndarray
 
 
-@njit(cache=True, error_model="numpy")
-def estimates(terms, links, q_dot):
-    """The `Estimate` from Pinocchio's arrays."""
-    n = q_dot.shape[0]
-    J, J_dot, placements = terms.J, terms.J_dot, terms.placements
-    G_links = np.zeros((n, n))
-    for i in range(n):
-        block = links.total_mass * placements[:, 4 * i : 4 * i + 4]
-        centre = block[:, 0] + np.ascontiguousarray(block[:, 1:]) @ links.levers[i]
-        weight = -links.masses[i] * links.gravity
-        turning = np.array(
-            [
-                centre[1] * weight[2] - centre[2] * weight[1],
-                centre[2] * weight[0] - centre[0] * weight[2],
-                centre[0] * weight[1] - centre[1] * weight[0],
-            ]
-        )
-        for j in range(i + 1):
-            for k in range(3):
-                G_links[i, j] += J[k, j] * weight[k] + J[3 + k, j] * turning[k]
-    k = 4 * (links.tool_joint - 1)
-    carrier = links.total_mass * placements[:, k : k + 4]
-    carrier_rotation = np.ascontiguousarray(carrier[:, 1:])
-    p = carrier[:, 0] + carrier_rotation @ links.tool_lever
-    J_w = np.ascontiguousarray(J[3:])
-    J_w_dot = np.ascontiguousarray(J_dot[3:])
-    J_v = J[:3] - _cross_columns(p, J_w)
-    J_v_dot = J_dot[:3] - _cross_columns(p, J_w_dot) - _cross_columns(J_v @ q_dot, J_w)
-    M_hat = np.ascontiguousarray(terms.M)
-    return Estimate(
-        M_hat,
-        M_hat - np.diag(links.rotor),
-        np.ascontiguousarray(terms.C),
-        G_links.sum(axis=0),
-        G_links,
-        p,
-        carrier_rotation @ links.tool_rotation,
-        J_v,
-        J_w,
-        J_v_dot,
-        J_w_dot,
+@part
+def _placed(links, placements, link, point):
+    """A point of a link, counted from 0, in the world: (x, y, z) m."""
+    k, total = 4 * link, links.total_mass
+    x, y, z = point[0], point[1], point[2]
+    return (
+        total * (placements[0, k] + placements[0, k + 1] * x + placements[0, k + 2] * y + placements[0, k + 3] * z),
+        total * (placements[1, k] + placements[1, k + 1] * x + placements[1, k + 2] * y + placements[1, k + 3] * z),
+        total * (placements[2, k] + placements[2, k + 1] * x + placements[2, k + 2] * y + placements[2, k + 3] * z),
     )
+
+
+@part
+def _gravity(links, J, placements, G_links, G_hat):
+    """Row i of G_links: what holding link i against gravity takes of every joint before it."""
+    n = G_hat.shape[0]
+    for i in range(n):
+        G_hat[i] = 0.0
+    for i in range(n):
+        centre = _placed(links, placements, i, links.levers[i])
+        m = links.masses[i]
+        weight = (-m * links.gravity[0], -m * links.gravity[1], -m * links.gravity[2])
+        turning = cross(centre, weight)
+        for j in range(n):
+            G_links[i, j] = 0.0
+            if j <= i:
+                for a in range(3):
+                    G_links[i, j] += J[a, j] * weight[a] + J[3 + a, j] * turning[a]
+            G_hat[j] += G_links[i, j]
+
+
+@part
+def _tool(links, J, J_dot, placements, q_dot, e):
+    """The tool's placement, velocity and Jacobians from those of the world's origin."""
+    n = q_dot.shape[0]
+    carrier = links.tool_joint - 1
+    p = _placed(links, placements, carrier, links.tool_lever)
+    for a in range(3):
+        e.p[a], e.p_dot[a] = p[a], 0.0
+        for b in range(3):
+            e.R[a, b] = 0.0
+            for c in range(3):
+                e.R[a, b] += links.total_mass * placements[a, 4 * carrier + 1 + c] * links.tool_rotation[c, b]
+    for j in range(n):
+        around = cross(p, (J[3, j], J[4, j], J[5, j]))
+        for a in range(3):
+            e.J_w[a, j], e.J_w_dot[a, j] = J[3 + a, j], J_dot[3 + a, j]
+            e.J_v[a, j] = J[a, j] - around[a]
+            e.p_dot[a] += e.J_v[a, j] * q_dot[j]
+    for j in range(n):
+        around = cross(p, (J_dot[3, j], J_dot[4, j], J_dot[5, j]))
+        moving = cross(e.p_dot, (J[3, j], J[4, j], J[5, j]))
+        for a in range(3):
+            e.J_v_dot[a, j] = J_dot[a, j] - around[a] - moving[a]
+
+
+@part
+def estimates(links, M, C, J, J_dot, placements, q_dot, estimate):
+    """The `Estimate` from the arrays of `Terms`."""
+    n = q_dot.shape[0]
+    for i in range(n):
+        for j in range(n):
+            estimate.M_hat[i, j] = M[i, j]
+            estimate.M_links[i, j] = M[i, j]
+            estimate.C_hat[i, j] = C[i, j]
+        estimate.M_links[i, i] -= links.rotor[i]
+    _gravity(links, J, placements, estimate.G_links, estimate.G_hat)
+    _tool(links, J, J_dot, placements, q_dot, estimate)
+
+
+@kernel
+def _estimates_alone(links, M, C, J, J_dot, placements, q_dot, estimate):
+    estimates(links[0], M, C, J, J_dot, placements, q_dot, estimate[0])
 
 
 class NominalModel:
@@ -129,7 +174,7 @@ class NominalModel:
         self.model = model
         self.data = model.createData()
         links = list(model.inertias)[1:]
-        self.links = LinkConstants(
+        self.constants = LinkConstants(
             masses=np.array([link.mass for link in links]),
             levers=np.array([link.lever for link in links]),
             rotor=np.array(model.armature),
@@ -139,6 +184,8 @@ class NominalModel:
             tool_rotation=np.ascontiguousarray(tool_placement.rotation),
             tool_lever=np.array(tool_placement.translation),
         )
+        self._links = Record(self.constants)
+        self._blank = Record(Estimate.zeros(model.nv))
         d = self.data
         self.terms = Terms(d.M, d.C, d.J, d.dJ, d.staticRegressor)
 
@@ -151,7 +198,9 @@ class NominalModel:
 
     def evaluate(self, q: np.ndarray, q_dot: np.ndarray) -> Estimate:
         """Estimates at q (n,) rad, q_dot (n,) rad/s."""
-        return estimates(self.update(q, q_dot), self.links, q_dot)
+        estimate = self._blank.copy()
+        _estimates_alone(self._links.data, *self.update(q, q_dot), q_dot, estimate.data)
+        return estimate.read()
 
 
 class Lipschitz(NamedTuple):

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from controllers.switching import layer_width
+from kernels import kernel
 
 
 @dataclass(frozen=True)
@@ -56,7 +56,7 @@ class Promise(NamedTuple):
     V_0: float
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def lyapunov_bound(promise, t):
     """Bound of V (J) at t s after s(0), (24)."""
     ratio = promise.c_2 / promise.c_1
@@ -64,13 +64,13 @@ def lyapunov_bound(promise, t):
     return np.maximum(root, 0.0) ** 2
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def envelope(promise, t):
     """Bound of ||s|| (m/s) at t s after s(0), (20)."""
     return np.sqrt(2.0 / promise.k_r_low * lyapunov_bound(promise, t))
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def sampling_band(k_r_low, k_r_high, lambda_max_K_s, kind, phi, d, epsilon, period):
     """||s|| (m/s) that the sampled, smoothed law may keep, where the theorem has s = 0 (DESIGN 4.9).
 

@@ -6,45 +6,34 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from controllers.nominal_model import ON_LINE, Deviation, Estimate, Lipschitz, NominalModel
+from kernels import part
+from kernels.algebra import copy, copy_matrix
 
 
-class EstimateOverride(NamedTuple):
-    """M_hat, C_hat (n, n), G_hat (n,) to be used in (25) where `active`, and their deviation from those at q."""
+class Believed(NamedTuple):
+    """M_hat, C_hat (n, n), G_hat (n,) that (25) uses, and how far they may be from the estimates at q."""
 
-    active: bool
     M_hat: np.ndarray
     C_hat: np.ndarray
     G_hat: np.ndarray
     deviation: Deviation
 
     @classmethod
-    def none(cls, n: int) -> EstimateOverride:
-        """Estimates are taken on-line."""
-        return cls(False, np.zeros((n, n)), np.zeros((n, n)), np.zeros(n), ON_LINE)
+    def at(cls, estimate: Estimate) -> Believed:
+        """The estimates at q themselves."""
+        return cls(estimate.M_hat, estimate.C_hat, estimate.G_hat, ON_LINE)
 
 
-@njit(cache=True, error_model="numpy")
-def believed_estimate(estimate, override):
-    """The estimate that (25) uses: with M_hat, C_hat, G_hat of the override where it is active."""
-    if not override.active:
-        return estimate
-    e = estimate
-    return Estimate(
-        override.M_hat,
-        e.M_links,
-        override.C_hat,
-        override.G_hat,
-        e.G_links,
-        e.p,
-        e.R,
-        e.J_v,
-        e.J_w,
-        e.J_v_dot,
-        e.J_w_dot,
-    )
+@part
+def believe(estimate, believed):
+    """Take the estimates at q themselves."""
+    copy_matrix(estimate.M_hat, believed.M_hat)
+    copy_matrix(estimate.C_hat, believed.C_hat)
+    copy(estimate.G_hat, believed.G_hat)
+    deviation = believed.deviation
+    deviation.delta_M, deviation.delta_C, deviation.delta_G = 0.0, 0.0, 0.0
 
 
 class ReferenceEstimates:
@@ -67,14 +56,14 @@ class ReferenceEstimates:
         self._q = q_0
         self._table: list[tuple[np.ndarray, np.ndarray, Estimate]] = []
 
-    def at(self, q: np.ndarray, q_dot: np.ndarray, t: float) -> EstimateOverride:
+    def at(self, q: np.ndarray, q_dot: np.ndarray, t: float) -> Believed:
         """M_hat, C_hat, G_hat from the table at time t, and how far they may be from those at q, q_dot."""
         k = round(t / self._period)
         while len(self._table) <= k:
             self._extend()
         q_d, q_d_dot, along = self._table[k]
         deviation = self._lipschitz.deviation(q, q_dot, q_d, q_d_dot)
-        return EstimateOverride(True, along.M_hat, along.C_hat, along.G_hat, deviation)
+        return Believed(along.M_hat, along.C_hat, along.G_hat, deviation)
 
     def _extend(self) -> None:
         for k in range(len(self._table), len(self._table) + self._block):

@@ -5,7 +5,8 @@ from __future__ import annotations
 from enum import IntEnum
 
 import numpy as np
-from numba import njit
+
+from kernels import kernel
 
 
 class Switching(IntEnum):
@@ -22,7 +23,7 @@ class Switching(IntEnum):
         return 1.0 if self in (Switching.DISCONTINUOUS, Switching.SATURATION) else 0.5
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def layer_width(kind, phi, d, epsilon):
     """||s|| (m/s) from which on d eta keeps its share of the margin epsilon in (17): outside, the proof holds."""
     if kind == 0 or d <= 0.0:
@@ -35,16 +36,15 @@ def layer_width(kind, phi, d, epsilon):
     return phi * np.arctanh(1.0 - given_up)
 
 
-@njit(cache=True, error_model="numpy")
-def unit_vector(s, kind, phi):
-    """sigma(s), (n,), for s (n,) m/s; zero at s = 0."""
-    norm = np.sqrt(s @ s)
-    if norm == 0.0:
-        return np.zeros_like(s)
+@kernel
+def unit_factor(size, kind, phi):
+    """eta(||s||) / ||s||, s/m: sigma(s) is s times this, for ||s|| = size m/s; zero at s = 0."""
+    if size == 0.0:
+        return 0.0
     if kind == 1:
-        return s / max(norm, phi)
+        return 1.0 / max(size, phi)
     if kind == 2:
-        return s / (norm + phi)
+        return 1.0 / (size + phi)
     if kind == 3:
-        return s * (np.tanh(norm / phi) / norm)
-    return s / norm
+        return np.tanh(size / phi) / size
+    return 1.0 / size

@@ -10,9 +10,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
-from controllers.norms import spectral_norm
+from kernels import part
+from kernels.algebra import copy, invert, spectral_norm, times
 
 
 class TaskSpace(NamedTuple):
@@ -29,14 +29,22 @@ class TaskSpace(NamedTuple):
     v_t_dot: np.ndarray
     normal: np.ndarray
 
+    @classmethod
+    def zeros(cls, n: int) -> TaskSpace:
+        """Of n coordinates."""
+        vector, square = np.zeros(n), np.zeros((n, n))
+        return cls(vector, vector, square, square, square, 0.0, vector, vector, np.zeros(3))
+
 
 class TaskLayout(NamedTuple):
     """Which coordinates make up r.
 
-    joint: r = q (section 4.1), otherwise positions (2 or 3), angles (0, 1 or 3), supplemental joints by number;
-    l: characteristic length, m; R_ref (3, 3): the tool's orientation at which the Euler angles vanish.
+    joint: r = q (section 4.1), otherwise positions (2 or 3), angles (0, 1 or 3), then supplemental (n,): numbers of the
+    joints that are coordinates themselves, of which the first n - positions - angles count; l: characteristic length,
+    m; R_ref (3, 3): the tool's orientation at which the Euler angles vanish.
     """
 
+    n: int
     joint: bool
     positions: int
     angles: int
@@ -44,96 +52,152 @@ class TaskLayout(NamedTuple):
     l: float
     R_ref: np.ndarray
 
-    @property
-    def n(self) -> int:
-        """Number of task coordinates."""
-        return self.positions + self.angles + len(self.supplemental)
+
+class Work(NamedTuple):
+    """Room for what is in between: S, T, U (n, n), u (n,), and in space V, W (3, 3), Y (3, n)."""
+
+    S: np.ndarray
+    T: np.ndarray
+    U: np.ndarray
+    u: np.ndarray
+    V: np.ndarray
+    W: np.ndarray
+    Y: np.ndarray
+
+    @classmethod
+    def zeros(cls, n: int) -> Work:
+        """For n joints."""
+        square, space = np.zeros((n, n)), np.zeros((3, 3))
+        return cls(square, square, square, np.zeros(n), space, space, np.zeros((3, n)))
 
 
-@njit(cache=True, error_model="numpy")
-def euler_angles(R):
-    """Angles (alpha, beta, gamma) of R = R_z(gamma) R_y(beta) R_x(alpha)."""
-    return np.array(
-        [
-            np.arctan2(R[2, 1], R[2, 2]),
-            np.arctan2(-R[2, 0], np.hypot(R[0, 0], R[1, 0])),
-            np.arctan2(R[1, 0], R[0, 0]),
-        ]
+@part
+def euler_angles(R_ref, R):
+    """Angles (alpha, beta, gamma) of R_ref^T R = R_z(gamma) R_y(beta) R_x(alpha)."""
+    xx, yx, zx = _relative(R_ref, R, 0)
+    _, _, zy = _relative(R_ref, R, 1)
+    _, _, zz = _relative(R_ref, R, 2)
+    return np.arctan2(zy, zz), np.arctan2(-zx, np.hypot(xx, yx)), np.arctan2(yx, xx)
+
+
+@part
+def _relative(R_ref, A, j):
+    """Column j of R_ref^T A, as a tuple."""
+    x, y, z = A[0, j], A[1, j], A[2, j]
+    return (
+        R_ref[0, 0] * x + R_ref[1, 0] * y + R_ref[2, 0] * z,
+        R_ref[0, 1] * x + R_ref[1, 1] * y + R_ref[2, 1] * z,
+        R_ref[0, 2] * x + R_ref[1, 2] * y + R_ref[2, 2] * z,
     )
 
 
-@njit(cache=True, error_model="numpy")
-def _euler_rates(angles, omega):
-    """E_inv with angles_dot = E_inv omega, angles_dot, and the exact time derivative of E."""
-    b, c = angles[1], angles[2]
-    sb, cb, sc, cc = np.sin(b), np.cos(b), np.sin(c), np.cos(c)
-    E_inv = np.array([[cc / cb, sc / cb, 0.0], [-sc, cc, 0.0], [cc * sb / cb, sc * sb / cb, 1.0]])
-    rates = E_inv @ omega
-    b_dot, c_dot = rates[1], rates[2]
-    E_dot = np.array(
-        [
-            [-sb * cc * b_dot - cb * sc * c_dot, -cc * c_dot, 0.0],
-            [-sb * sc * b_dot + cb * cc * c_dot, -sc * c_dot, 0.0],
-            [-cb * b_dot, 0.0, 0.0],
-        ]
-    )
-    return E_inv, rates, E_dot
+@part
+def _euler_rates(sb, cb, sc, cc, omega):
+    """Rates of the Euler angles, E^-1 omega; s and c are sine and cosine of beta and gamma."""
+    along = (cc * omega[0] + sc * omega[1]) / cb
+    return along, cc * omega[1] - sc * omega[0], sb * along + omega[2]
 
 
-@njit(cache=True, error_model="numpy")
-def _cartesian(layout, chart, estimate, q, q_dot):
-    n, positions, angles, l = q.shape[0], layout.positions, layout.angles, layout.l
-    r, v_t, v_t_dot = np.zeros(n), np.zeros(n), np.zeros(n)
-    J_q, J_q_dot = np.zeros((n, n)), np.zeros((n, n))
-    p_dot = estimate.J_v @ q_dot
-    G_dot = chart.G_t.copy()
-    for i in range(positions):
-        G_dot[i] += chart.G_p[i] @ p_dot
-    J_q[:positions] = (chart.G @ estimate.J_v)[:positions]
-    J_q_dot[:positions] = (G_dot @ estimate.J_v + chart.G @ estimate.J_v_dot)[:positions]
-    r[:positions] = chart.g[:positions]
-    v_t[:positions] = chart.g_t[:positions]
-    v_t_dot[:positions] = (chart.G_t @ p_dot + chart.g_tt)[:positions]
-    if angles > 0:
-        R = layout.R_ref.T @ estimate.R
-        J_w, J_w_dot = layout.R_ref.T @ estimate.J_w, layout.R_ref.T @ estimate.J_w_dot
-        if angles == 3:
-            phi = euler_angles(R)
-            E_inv, _, E_dot = _euler_rates(phi, J_w @ q_dot)
-            J_phi = E_inv @ J_w
-            r[positions : positions + 3] = l * phi
-            J_q[positions : positions + 3] = l * J_phi
-            J_q_dot[positions : positions + 3] = l * (E_inv @ (J_w_dot - E_dot @ J_phi))
-        else:
-            r[positions] = l * np.arctan2(R[0, 2], R[0, 0])
-            J_q[positions] = l * J_w[1]
-            J_q_dot[positions] = l * J_w_dot[1]
-    for k in range(layout.supplemental.shape[0]):
-        r[positions + angles + k] = l * q[layout.supplemental[k]]
-        J_q[positions + angles + k, layout.supplemental[k]] = l
-    J_q_inv = np.ascontiguousarray(np.linalg.inv(J_q))
-    return TaskSpace(
-        r, J_q @ q_dot + v_t, J_q, J_q_dot, J_q_inv, spectral_norm(J_q_inv), v_t, v_t_dot, chart.G[0].copy()
-    )
+@part
+def _positions(layout, chart, estimate, task):
+    """(phi, psi_1, psi_2), or Cartesian coordinates, of the tool point: (31) and its derivatives."""
+    p_dot = estimate.p_dot
+    for i in range(layout.positions):
+        task.r[i], task.v_t[i], task.v_t_dot[i] = chart.g[i], chart.g_t[i], chart.g_tt[i]
+        for k in range(3):
+            task.v_t_dot[i] += chart.G_t[i, k] * p_dot[k]
+        for j in range(task.r.shape[0]):
+            task.J_q[i, j], task.J_q_dot[i, j] = 0.0, 0.0
+            for k in range(3):
+                G_dot = chart.G_t[i, k]
+                for a in range(3):
+                    G_dot += chart.G_p[i, k, a] * p_dot[a]
+                task.J_q[i, j] += chart.G[i, k] * estimate.J_v[k, j]
+                task.J_q_dot[i, j] += G_dot * estimate.J_v[k, j] + chart.G[i, k] * estimate.J_v_dot[k, j]
 
 
-@njit(cache=True, error_model="numpy")
-def _joint(chart, q, q_dot):
-    n = q.shape[0]
-    J_q = np.eye(n)
-    zero = np.zeros(n)
-    return TaskSpace(
-        q.copy(), q_dot.copy(), J_q, np.zeros((n, n)), J_q.copy(), 1.0, zero, zero.copy(), chart.G[0].copy()
-    )
+@part
+def _angles(layout, estimate, q_dot, task):
+    """l times three Euler angles, or the one of a planar arm."""
+    n, i, l = task.r.shape[0], layout.positions, layout.l
+    if layout.angles == 1:
+        cos, sin = _relative(layout.R_ref, estimate.R, 0)[0], _relative(layout.R_ref, estimate.R, 2)[0]
+        task.r[i] = l * np.arctan2(sin, cos)
+        for j in range(n):
+            task.J_q[i, j] = l * _relative(layout.R_ref, estimate.J_w, j)[1]
+            task.J_q_dot[i, j] = l * _relative(layout.R_ref, estimate.J_w_dot, j)[1]
+        return
+    alpha, beta, gamma = euler_angles(layout.R_ref, estimate.R)
+    task.r[i], task.r[i + 1], task.r[i + 2] = l * alpha, l * beta, l * gamma
+    sb, cb, sc, cc = np.sin(beta), np.cos(beta), np.sin(gamma), np.cos(gamma)
+    b_dot, c_dot = 0.0, 0.0
+    for j in range(n):
+        rates = _euler_rates(sb, cb, sc, cc, _relative(layout.R_ref, estimate.J_w, j))
+        task.J_q[i, j], task.J_q[i + 1, j], task.J_q[i + 2, j] = l * rates[0], l * rates[1], l * rates[2]
+        b_dot += rates[1] * q_dot[j]
+        c_dot += rates[2] * q_dot[j]
+    for j in range(n):
+        # J_phi_dot = E^-1 (J_w_dot - E_dot J_phi), the derivative of E exact
+        a, b = task.J_q[i, j] / l, task.J_q[i + 1, j] / l
+        w_dot = _relative(layout.R_ref, estimate.J_w_dot, j)
+        rates = _euler_rates(
+            sb,
+            cb,
+            sc,
+            cc,
+            (
+                w_dot[0] + (sb * cc * b_dot + cb * sc * c_dot) * a + cc * c_dot * b,
+                w_dot[1] + (sb * sc * b_dot - cb * cc * c_dot) * a + sc * c_dot * b,
+                w_dot[2] + cb * b_dot * a,
+            ),
+        )
+        task.J_q_dot[i, j], task.J_q_dot[i + 1, j], task.J_q_dot[i + 2, j] = l * rates[0], l * rates[1], l * rates[2]
 
 
-@njit(cache=True, error_model="numpy")
-def task_space(layout, chart, estimate, q, q_dot):
+@part
+def _cartesian(layout, chart, estimate, q, q_dot, work, task):
+    n = task.r.shape[0]
+    _positions(layout, chart, estimate, task)
+    if layout.angles > 0:
+        _angles(layout, estimate, q_dot, task)
+    first = layout.positions + layout.angles
+    for i in range(layout.positions, n):
+        task.v_t[i], task.v_t_dot[i] = 0.0, 0.0
+    for i in range(first, n):
+        joint = layout.supplemental[i - first]
+        for j in range(n):
+            task.J_q[i, j], task.J_q_dot[i, j] = 0.0, 0.0
+        task.r[i] = layout.l * q[joint]
+        task.J_q[i, joint] = layout.l
+    times(task.J_q, q_dot, task.r_dot)
+    for i in range(n):
+        task.r_dot[i] += task.v_t[i]
+    invert(task.J_q, work.S, task.J_q_inv)
+    task.J_q_inv_norm = spectral_norm(task.J_q_inv, work.S, work.T)
+
+
+@part
+def _joint(q, q_dot, task):
+    copy(q, task.r)
+    copy(q_dot, task.r_dot)
+    for i in range(q.shape[0]):
+        task.v_t[i], task.v_t_dot[i] = 0.0, 0.0
+        for j in range(q.shape[0]):
+            task.J_q[i, j] = task.J_q_inv[i, j] = 1.0 if i == j else 0.0
+            task.J_q_dot[i, j] = 0.0
+    task.J_q_inv_norm = 1.0
+
+
+@part
+def task_space(layout, chart, estimate, q, q_dot, work, task):
     """The `TaskSpace` at one instant, (3).
 
-    chart: g, G, G_p, g_t, G_t, g_tt of the tool point, as `environments.surfaces.Chart` has them.
+    chart: g, G, G_p, g_t, G_t, g_tt of the tool point, as `environments.surfaces.Chart` has them; work (2, n, n).
     Raises ValueError where J_q is exactly singular.
     """
+    for k in range(3):
+        task.normal[k] = chart.G[0, k]
     if layout.joint:
-        return _joint(chart, q, q_dot)
-    return _cartesian(layout, chart, estimate, q, q_dot)
+        _joint(q, q_dot, task)
+    else:
+        _cartesian(layout, chart, estimate, q, q_dot, work, task)

@@ -7,14 +7,17 @@ from functools import cached_property
 from typing import ClassVar, Literal, NamedTuple
 
 import numpy as np
-from numba import njit
 
-from controllers.bounds import RequiredGain, Uncertainty, paper_bound, tight_bound
+from controllers.bounds import Equivalent, RequiredGain, Uncertainty, paper_bound, tight_bound
 from controllers.compensator import Compensator
-from controllers.nominal_model import Deviation, Estimate
-from controllers.switching import Switching, unit_vector
+from controllers.nominal_model import Estimate
+from controllers.reference_estimates import Believed
+from controllers.switching import Switching, unit_factor
 from controllers.target_model import InvalidGain, TargetModel, as_matrix, require_spd
-from controllers.task_space import TaskSpace
+from controllers.task_space import TaskSpace, Work
+from kernels import kernel, part
+from kernels.algebra import copy, dot, norm, row_times, times, transposed_times
+from kernels.records import Record
 
 
 class Reference(NamedTuple):
@@ -24,6 +27,11 @@ class Reference(NamedTuple):
     r_d_dot: np.ndarray
     r_d_ddot: np.ndarray
     F_cd: np.ndarray
+
+    @classmethod
+    def zeros(cls, n: int) -> Reference:
+        """Of n coordinates."""
+        return cls(*4 * (np.zeros(n),))
 
 
 class LawState(NamedTuple):
@@ -44,7 +52,8 @@ class TorqueTerms(NamedTuple):
 
 
 class ControlOutput(NamedTuple):
-    """tau (n,) N m and its terms; errors e_r m, e_r_dot m/s, e_Fc N; F_c N; z, z_dot; s m/s; d N; needed: (17)."""
+    """tau (n,) N m and its terms; errors e_r m, e_r_dot m/s, e_Fc N; F_c N; z_dot m/s^2; s m/s and its norm; d N;
+    needed: (17); equivalent: the motion that the terms prescribe."""
 
     tau: np.ndarray
     terms: TorqueTerms
@@ -52,24 +61,34 @@ class ControlOutput(NamedTuple):
     e_r_dot: np.ndarray
     F_c: np.ndarray
     e_Fc: np.ndarray
-    z: np.ndarray
     z_dot: np.ndarray
     s: np.ndarray
+    s_norm: float
     d: float
     needed: RequiredGain
+    equivalent: Equivalent
+
+    @classmethod
+    def zeros(cls, n: int) -> ControlOutput:
+        """Of n coordinates."""
+        v = np.zeros(n)
+        terms = TorqueTerms(*6 * (v,))
+        return cls(v, terms, v, v, v, v, v, v, 0.0, 0.0, RequiredGain.zeros(), Equivalent.zeros(n))
 
 
 class ModelMatrices(NamedTuple):
-    """M_m, B_m, K_m, K_f of (8), each (n, n)."""
+    """M_m, its inverse, B_m, K_m, K_f of (8), each (n, n)."""
 
     M_m: np.ndarray
+    M_m_inv: np.ndarray
     B_m: np.ndarray
     K_m: np.ndarray
     K_f: np.ndarray
 
 
 class Gains(NamedTuple):
-    """What the kernel needs of the law's parameters: see `Compensator` and `Vsmrc`. robust: False for the baseline."""
+    """What the kernel needs of the law's parameters: see `Compensator` and `Vsmrc`; of the diagonal A, F_1, F_2 the
+    diagonals (n,). robust: False for the baseline."""
 
     robust: bool
     model: ModelMatrices
@@ -92,80 +111,143 @@ class Gains(NamedTuple):
     uncertainty: Uncertainty
 
 
-@njit(cache=True, error_model="numpy")
-def controlled_force(task, tau_F, F, controlled, m):
+@part
+def controlled_force(gains, task, tau_F, F, F_c):
     """F_c (n,): the entries of F_r = J_q^-T J^T F in `controlled`; the first m are the multiplier, (39), (40)."""
-    F_r = task.J_q_inv.T @ tau_F
-    if m > 0:
-        F_r[0] = (task.normal @ F) / (task.normal @ task.normal)
-    return controlled * F_r
+    transposed_times(task.J_q_inv, tau_F, F_c)
+    if gains.m > 0:
+        F_c[0] = dot(task.normal, F) / dot(task.normal, task.normal)
+    for i in range(F_c.shape[0]):
+        F_c[i] *= gains.controlled[i]
 
 
-@njit(cache=True, error_model="numpy")
-def vsmrc_law(gains, z, reference, task, estimate, deviation, q_dot, F):
-    """One evaluation of (25) for the compensator state z (n,) and measured force F (3,) N."""
-    e_r = task.r - reference.r_d
-    e_r_dot = task.r_dot - reference.r_d_dot
-    tau_F = estimate.J_v.T @ F
-    F_c = controlled_force(task, tau_F, F, gains.controlled, gains.m)
-    e_Fc = gains.controlled * (F_c - reference.F_cd)
+@part
+def errors(gains, reference, task, estimate, F, out):
+    """e_r, e_r_dot and e_Fc, with J^T F and F_c on the way."""
+    transposed_times(estimate.J_v, F, out.terms.force)
+    controlled_force(gains, task, out.terms.force, F, out.F_c)
+    for i in range(out.s.shape[0]):
+        out.e_r[i] = task.r[i] - reference.r_d[i]
+        out.e_r_dot[i] = task.r_dot[i] - reference.r_d_dot[i]
+        out.e_Fc[i] = gains.controlled[i] * (out.F_c[i] - reference.F_cd[i])
 
-    z_dot = gains.A @ z + gains.K_pz @ e_r + gains.K_vz @ e_r_dot + gains.K_fz @ e_Fc  # (9)
-    s = e_r_dot + gains.F_1 @ e_r + gains.F_2 @ z  # (10)
-    r_eq_dot = reference.r_d_dot - gains.F_1 @ e_r - gains.F_2 @ z  # (16)
-    r_eq_ddot = reference.r_d_ddot - gains.F_1 @ e_r_dot - gains.F_2 @ z_dot
-    q_eq_dot = task.J_q_inv @ (r_eq_dot - task.v_t)  # (25)
-    q_eq_ddot = task.J_q_inv @ (r_eq_ddot - task.J_q_dot @ q_eq_dot - task.v_t_dot)
 
-    u = gains.uncertainty
+@part
+def sliding(gains, z, reference, out):
+    """The compensator (9), the switching function (10) and the velocity that keeps it zero, (16)."""
+    e_r, e_r_dot, eq = out.e_r, out.e_r_dot, out.equivalent
+    A, F_1, F_2 = gains.A, gains.F_1, gains.F_2
+    for i in range(z.shape[0]):
+        fed_back = (
+            row_times(gains.K_pz, i, e_r) + row_times(gains.K_vz, i, e_r_dot) + row_times(gains.K_fz, i, out.e_Fc)
+        )
+        out.z_dot[i] = A[i] * z[i] + fed_back  # (9)
+        out.s[i] = e_r_dot[i] + F_1[i] * e_r[i] + F_2[i] * z[i]  # (10)
+        eq.r_dot[i] = reference.r_d_dot[i] - F_1[i] * e_r[i] - F_2[i] * z[i]  # (16)
+        eq.r_ddot[i] = reference.r_d_ddot[i] - F_1[i] * e_r_dot[i] - F_2[i] * out.z_dot[i]
+    out.s_norm = norm(out.s)
+
+
+@part
+def joint_motion(task, r_dot, r_ddot, q_dot_drift, work, q_dot, q_ddot):
+    """q_dot = J_q^-1 (r_dot - v_t) and q_ddot = J_q^-1 (r_ddot - J_q_dot q_dot_drift - v_t_dot), as in (25)."""
+    for i in range(work.u.shape[0]):
+        work.u[i] = r_dot[i] - task.v_t[i]
+    times(task.J_q_inv, work.u, q_dot)
+    for i in range(work.u.shape[0]):
+        work.u[i] = r_ddot[i] - row_times(task.J_q_dot, i, q_dot_drift) - task.v_t_dot[i]
+    times(task.J_q_inv, work.u, q_ddot)
+
+
+@part
+def gain(gains, deviation, task, estimate, q_dot, work, out):
+    """d: the constant, or what (17) needs."""
+    u, needed = gains.uncertainty, out.needed
     if gains.tight:
-        inertia, coriolis, gravity, motion, disturbance = tight_bound(
-            u, deviation, estimate, task, q_dot, q_eq_dot, q_eq_ddot
-        )
+        tight_bound(u, deviation, estimate, task, q_dot, out.equivalent, work, needed)
     else:
-        inertia, coriolis, gravity, motion, disturbance = paper_bound(
-            u, deviation, estimate, task, q_dot, r_eq_dot, r_eq_ddot
-        )
-    needed = RequiredGain(inertia, coriolis, gravity, motion, disturbance, gains.epsilon)
-    d = gains.d
+        paper_bound(u, deviation, estimate, task, q_dot, out.equivalent, work, needed)
+    needed.epsilon = gains.epsilon
+    out.d = gains.d
     if gains.by_theorem:
-        d = inertia + coriolis + gravity + motion + disturbance + gains.epsilon  # (17)
-
-    J_q_T = task.J_q.T
-    terms = TorqueTerms(
-        estimate.M_hat @ q_eq_ddot,
-        estimate.C_hat @ q_eq_dot,
-        estimate.G_hat.copy(),
-        tau_F,
-        -(J_q_T @ (gains.K_s @ s)),
-        -(J_q_T @ (d * unit_vector(s, gains.switching, gains.phi))),
-    )
-    tau = terms.inertia + terms.coriolis + terms.gravity + terms.force + terms.linear + terms.switching  # (25)
-    return ControlOutput(tau, terms, e_r, e_r_dot, F_c, e_Fc, z, z_dot, s, d, needed)
+        perturbation = needed.inertia + needed.coriolis + needed.gravity + needed.task_motion + needed.disturbance
+        out.d = perturbation + needed.epsilon  # (17)
 
 
-@njit(cache=True, error_model="numpy")
-def computed_torque(unified, model, reference, task, estimate, q_dot):
+@part
+def vsmrc_law(gains, z, reference, task, estimate, believed, q_dot, F, work, out):
+    """One evaluation of (25) for the compensator state z (n,) and measured force F (3,) N."""
+    errors(gains, reference, task, estimate, F, out)
+    sliding(gains, z, reference, out)
+    eq, terms = out.equivalent, out.terms
+    joint_motion(task, eq.r_dot, eq.r_ddot, eq.q_dot, work, eq.q_dot, eq.q_ddot)
+    gain(gains, believed.deviation, task, estimate, q_dot, work, out)
+
+    times(believed.M_hat, eq.q_ddot, terms.inertia)
+    times(believed.C_hat, eq.q_dot, terms.coriolis)
+    copy(believed.G_hat, terms.gravity)
+    switched = out.d * unit_factor(out.s_norm, gains.switching, gains.phi)  # d sigma(s) is s times this
+    times(gains.K_s, out.s, work.u)
+    for j in range(out.tau.shape[0]):
+        linear, switching = 0.0, 0.0
+        for i in range(out.tau.shape[0]):
+            linear -= task.J_q[i, j] * work.u[i]
+            switching -= task.J_q[i, j] * (switched * out.s[i])
+        terms.linear[j], terms.switching[j] = linear, switching
+    total(out)
+
+
+@part
+def total(out):
+    """tau as the sum of its terms, (25)."""
+    terms = out.terms
+    for i in range(out.tau.shape[0]):
+        predicted = terms.inertia[i] + terms.coriolis[i] + terms.gravity[i] + terms.force[i]
+        out.tau[i] = predicted + terms.linear[i] + terms.switching[i]
+
+
+@part
+def computed_torque(gains, reference, task, believed, q_dot, work, out):
     """The baseline: the r_ddot that (8) asks for, by M_hat, C_hat, G_hat alone; z and s are carried along."""
-    wanted = -(model.B_m @ unified.e_r_dot + model.K_m @ unified.e_r + model.K_f @ unified.e_Fc)
-    r_ddot = reference.r_d_ddot + np.linalg.solve(model.M_m, wanted)
-    q_ddot = task.J_q_inv @ (r_ddot - task.J_q_dot @ q_dot - task.v_t_dot)
-    zero = np.zeros_like(q_dot)
-    terms = TorqueTerms(
-        estimate.M_hat @ q_ddot, estimate.C_hat @ q_dot, unified.terms.gravity, unified.terms.force, zero, zero.copy()
-    )
-    tau = terms.inertia + terms.coriolis + terms.gravity + terms.force
-    u = unified
-    return ControlOutput(tau, terms, u.e_r, u.e_r_dot, u.F_c, u.e_Fc, u.z, u.z_dot, u.s, 0.0, u.needed)
+    model, eq, terms = gains.model, out.equivalent, out.terms
+    for i in range(q_dot.shape[0]):
+        asked = row_times(model.B_m, i, out.e_r_dot) + row_times(model.K_m, i, out.e_r)
+        work.u[i] = asked + row_times(model.K_f, i, out.e_Fc)
+    for i in range(q_dot.shape[0]):
+        eq.r_ddot[i] = reference.r_d_ddot[i] - row_times(model.M_m_inv, i, work.u)
+    joint_motion(task, task.r_dot, eq.r_ddot, q_dot, work, eq.q_dot, eq.q_ddot)
+    times(believed.M_hat, eq.q_ddot, terms.inertia)
+    times(believed.C_hat, q_dot, terms.coriolis)
+    for i in range(q_dot.shape[0]):
+        terms.linear[i], terms.switching[i] = 0.0, 0.0
+    out.d = 0.0
+    total(out)
 
 
-@njit(cache=True, error_model="numpy")
-def control_law(gains, z, reference, task, estimate, deviation, q_dot, F):
+@part
+def control_law(gains, z, reference, task, estimate, believed, q_dot, F, work, out):
     """(25), or the baseline where `gains.robust` is False."""
-    output = vsmrc_law(gains, z, reference, task, estimate, deviation, q_dot, F)
-    if gains.robust:
-        return output
-    return computed_torque(output, gains.model, reference, task, estimate, q_dot)
+    vsmrc_law(gains, z, reference, task, estimate, believed, q_dot, F, work, out)
+    if not gains.robust:
+        computed_torque(gains, reference, task, believed, q_dot, work, out)
+
+
+class _Question(NamedTuple):
+    gains: Gains
+    z: np.ndarray
+    reference: Reference
+    task: TaskSpace
+    estimate: Estimate
+    believed: Believed
+    q_dot: np.ndarray
+    F: np.ndarray
+    work: Work
+
+
+@kernel
+def _control_law_alone(question, answer):
+    x = question[0]
+    control_law(x.gains, x.z, x.reference, x.task, x.estimate, x.believed, x.q_dot, x.F, x.work, answer[0])
 
 
 @dataclass(frozen=True)
@@ -203,11 +285,17 @@ class Vsmrc:
     def gains(self) -> Gains:
         """The parameters in the kernel's form."""
         c, model = self.compensator, self.model
-        arrays = (c.A, c.F_1, c.F_2, c.K_pz, c.K_vz, c.K_fz, self.K_s, self.controlled)
         return Gains(
-            self.robust,
-            ModelMatrices(*(np.array(a) for a in (model.M_m, model.B_m, model.K_m, model.K_f))),
-            *(np.array(a, dtype=float, order="C") for a in arrays),
+            robust=self.robust,
+            model=ModelMatrices(model.M_m, np.linalg.inv(model.M_m), model.B_m, model.K_m, model.K_f),
+            A=np.diag(c.A),
+            F_1=np.diag(c.F_1),
+            F_2=np.diag(c.F_2),
+            K_pz=c.K_pz,
+            K_vz=c.K_vz,
+            K_fz=c.K_fz,
+            K_s=self.K_s,
+            controlled=np.array(self.controlled, dtype=float),
             K_s_largest=float(np.linalg.eigvalsh(self.K_s)[-1]),
             m=self.m,
             by_theorem=self.d is None,
@@ -229,16 +317,20 @@ class Vsmrc:
         reference: Reference,
         task: TaskSpace,
         estimate: Estimate,
-        deviation: Deviation,
+        believed: Believed,
         q_dot: np.ndarray,
         F: np.ndarray,
     ) -> ControlOutput:
         """(25) at one instant; q_dot (n,) rad/s, F (3,) N measured force of the tool on the environment.
 
-        deviation: how far the estimates may be from those at q, zero when they are taken on-line (Remark 3).
+        believed: `Believed.at(estimate)` when estimates are taken on-line, otherwise see Remark 3.
         """
-        return control_law(self.gains, state.z, reference, task, estimate, deviation, q_dot, F)
+        n = self.model.n
+        work, answer = Work.zeros(n), Record(ControlOutput.zeros(n))
+        question = _Question(self.gains, state.z, reference, task, estimate, believed, q_dot, F, work)
+        _control_law_alone(Record(question).data, answer.data)
+        return answer.read()
 
-    def next(self, output: ControlOutput, period: float) -> LawState:
+    def next(self, state: LawState, output: ControlOutput, period: float) -> LawState:
         """z one control period (s) later."""
-        return LawState(output.z + period * output.z_dot)
+        return LawState(state.z + period * output.z_dot)

@@ -13,9 +13,10 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
-from environments.surfaces import Shape, surface_chart, surface_velocity
+from environments.surfaces import Chart, Shape, surface_chart
+from kernels import part
+from kernels.algebra import cross, dot, transposed_times
 
 SLIP_SPEED = 1e-3  # m/s, where Coulomb friction has reached 0.7 of its value: the smooth transition through rest
 
@@ -33,15 +34,26 @@ class Contact(NamedTuple):
 
 
 class Touch(NamedTuple):
-    """The contact's geometry at one state. normal (3,): gradient of phi; drag (3,): friction per unit multiplier;
-    v_rel (3,) m/s: slip; phi m, phi_dot m/s, phi_ddot_bias m/s^2: phi_ddot without its part in q_ddot."""
+    """The contact's geometry at one state. p (3,) m, p_dot (3,) m/s, J_v (3, n) of the tool point; chart: the surface
+    there; drag (3,): friction per unit multiplier; v_rel (3,) m/s: slip; phi m, phi_dot m/s, phi_ddot_bias m/s^2:
+    phi_ddot without its part in q_ddot; pull (n,): phi_dot per unit of q_dot."""
 
-    normal: np.ndarray
+    p: np.ndarray
+    p_dot: np.ndarray
+    J_v: np.ndarray
+    chart: Chart
     drag: np.ndarray
     v_rel: np.ndarray
     phi: float
     phi_dot: float
     phi_ddot_bias: float
+    pull: np.ndarray
+
+    @classmethod
+    def zeros(cls, n: int) -> Touch:
+        """Of an arm with n joints."""
+        v = np.zeros(3)
+        return cls(v, v, np.zeros((3, n)), Chart.zeros(), v, v, 0.0, 0.0, 0.0, np.zeros(n))
 
 
 class Load(NamedTuple):
@@ -52,35 +64,71 @@ class Load(NamedTuple):
     multiplier: float
     phi: float
 
-
-@njit(cache=True, error_model="numpy")
-def tool_point(J, rotation, translation, lever, q_dot):
-    """Tool point p (3,) m, its Jacobian J_v (3, n) and velocity (3,) m/s, from the world Jacobian J (6, n) of the
-    joint that carries it, that joint's placement, and the lever (3,) m of the tool in it."""
-    p = translation + np.ascontiguousarray(rotation) @ lever
-    J_v = np.empty((3, J.shape[1]))
-    for j in range(J.shape[1]):
-        J_v[0, j] = J[0, j] + J[4, j] * p[2] - J[5, j] * p[1]
-        J_v[1, j] = J[1, j] + J[5, j] * p[0] - J[3, j] * p[2]
-        J_v[2, j] = J[2, j] + J[3, j] * p[1] - J[4, j] * p[0]
-    return p, J_v, J_v @ q_dot
+    @classmethod
+    def zeros(cls, n: int) -> Load:
+        """Of an arm with n joints that touches nothing."""
+        return cls(np.zeros(3), np.zeros(n), 0.0, 0.0)
 
 
-@njit(cache=True, error_model="numpy")
-def touch(shape, contact, t, p, p_dot, p_ddot_bias):
-    """The `Touch` of a tool at p (3,) m with velocity p_dot (3,) and acceleration bias J_v_dot q_dot (3,)."""
-    chart = surface_chart(shape, p, t)
-    normal = chart.G[0].copy()
-    square = normal @ normal
-    v_rel = p_dot - surface_velocity(shape, t)
-    v_rel = v_rel - normal * ((normal @ v_rel) / square)
-    drag = v_rel * (contact.friction_coulomb * np.sqrt(square / (v_rel @ v_rel + SLIP_SPEED**2)))
+class World(NamedTuple):
+    """What the tool meets: the lever (3,) m of the tool in the joint that carries it, the surface's shape and the
+    contact, rigid or not."""
+
+    lever: np.ndarray
+    shape: Shape
+    contact: Contact
+    rigid: bool
+
+
+@part
+def touch_at(world, J, rotation, translation, q_dot, t, touch):
+    """The `Touch` for the world Jacobian J (6, n) of the joint that carries the tool and that joint's placement; its
+    phi_ddot_bias lacks the tool's own drift, see `add_drift`."""
+    lever, shape, n = world.lever, world.shape, q_dot.shape[0]
+    p, p_dot, chart = touch.p, touch.p_dot, touch.chart
+    for a in range(3):
+        reach = rotation[a, 0] * lever[0] + rotation[a, 1] * lever[1] + rotation[a, 2] * lever[2]
+        p[a], p_dot[a] = translation[a] + reach, 0.0
+    for j in range(n):
+        around = cross(p, (J[3, j], J[4, j], J[5, j]))
+        for a in range(3):
+            touch.J_v[a, j] = J[a, j] - around[a]
+            p_dot[a] += touch.J_v[a, j] * q_dot[j]
+    surface_chart(shape, p, t, chart)
+    normal = chart.G[0]
+    transposed_times(touch.J_v, normal, touch.pull)
+
+    omega = 2 * np.pi * shape.frequency
+    surface_speed = shape.amplitude * omega * np.cos(omega * t)
+    square, into = dot(normal, normal), 0.0
+    for a in range(3):
+        touch.v_rel[a] = p_dot[a] - surface_speed * shape.direction[a]
+        into += normal[a] * touch.v_rel[a]
+    for a in range(3):
+        touch.v_rel[a] -= normal[a] * (into / square)
+    slip = np.sqrt(square / (dot(touch.v_rel, touch.v_rel) + SLIP_SPEED**2))
+    touch.phi, touch.phi_dot = chart.g[0], dot(normal, p_dot) + chart.g_t[0]
     # the mixed term grad(phi_t) . p_dot stands once in J_dot q_dot and once in the derivative of phi_t
-    bias = normal @ p_ddot_bias + p_dot @ (chart.G_p[0] @ p_dot) + 2.0 * (chart.G_t[0] @ p_dot) + chart.g_tt[0]
-    return Touch(normal, drag, v_rel, chart.g[0], normal @ p_dot + chart.g_t[0], bias)
+    touch.phi_ddot_bias = 2.0 * dot(chart.G_t[0], p_dot) + chart.g_tt[0]
+    for a in range(3):
+        touch.drag[a] = touch.v_rel[a] * (world.contact.friction_coulomb * slip)
+        touch.phi_ddot_bias += p_dot[a] * dot(chart.G_p[0, a], p_dot)
 
 
-@njit(cache=True, error_model="numpy")
+@part
+def add_drift(J, J_dot, q_dot, touch):
+    """Add the part of phi_ddot in the tool's acceleration without q_ddot, J_v_dot q_dot."""
+    for a in range(3):
+        b, c = (a + 1) % 3, (a + 2) % 3
+        drift = 0.0
+        for j in range(q_dot.shape[0]):
+            turning = touch.p[b] * J_dot[3 + c, j] - touch.p[c] * J_dot[3 + b, j]
+            carried = touch.p_dot[b] * J[3 + c, j] - touch.p_dot[c] * J[3 + b, j]
+            drift += (J_dot[a, j] - turning - carried) * q_dot[j]
+        touch.phi_ddot_bias += touch.chart.G[0, a] * drift
+
+
+@part
 def spring(contact, phi, phi_dot):
     """lambda (N) of an elastic surface, (32) with damping; zero in the air unless the surface is bilateral."""
     pull = contact.B_e * phi_dot + contact.K_e * phi
@@ -89,47 +137,33 @@ def spring(contact, phi, phi_dot):
     return pull
 
 
-class World(NamedTuple):
-    """What a contact sees of the arm: live views of J and of the placement of the joint that carries the tool; the
-    lever (3,) m of the tool in it; the surface's shape and the contact."""
-
-    J: np.ndarray
-    rotation: np.ndarray
-    translation: np.ndarray
-    lever: np.ndarray
-    shape: Shape
-    contact: Contact
+@part
+def contact_force(contact, multiplier, touching, touch, force):
+    """Force (3,) N of the tool on the environment for a multiplier, friction included where they touch."""
+    viscous = contact.friction_viscous if touching else 0.0
+    for a in range(3):
+        along = abs(multiplier) * touch.drag[a] + viscous * touch.v_rel[a]
+        force[a] = multiplier * touch.chart.G[0, a] + along
 
 
-@njit(cache=True, error_model="numpy")
-def touch_at(held, q_dot, t, p_ddot_bias):
-    """The `Touch` and the tool's Jacobian J_v (3, n) at the state of the arm that `held`, a `World`, looks at."""
-    world = held.value
-    p, J_v, p_dot = tool_point(world.J, world.rotation, world.translation, world.lever, q_dot)
-    return touch(world.shape, world.contact, t, p, p_dot, p_ddot_bias), J_v
+@part
+def elastic_load(contact, touch, load):
+    """The `Load` of an elastic surface: it does not depend on the torque."""
+    load.multiplier, load.phi = spring(contact, touch.phi, touch.phi_dot), touch.phi
+    contact_force(contact, load.multiplier, load.multiplier != 0.0, touch, load.force)
+    transposed_times(touch.J_v, load.force, load.torque)
 
 
-@njit(cache=True, error_model="numpy")
-def elastic_load(held, q_dot, t):
-    """The `Load` of an elastic surface at one state: it does not depend on the torque. held: a `World`."""
-    contact = held.value.contact
-    at, J_v = touch_at(held, q_dot, t, np.zeros(3))
-    multiplier = spring(contact, at.phi, at.phi_dot)
-    force = multiplier * at.normal + abs(multiplier) * at.drag
-    if multiplier != 0.0:
-        force += contact.friction_viscous * at.v_rel
-    return Load(force, J_v.T @ force, multiplier, at.phi)
-
-
-def heavy_multiplier(contact: Contact, rigid: bool, at: Touch, phi_ddot_free: float, mobility: float) -> float:
+@part
+def heavy_multiplier(contact, rigid, touch, phi_ddot_free, mobility):
     """lambda (N) where it depends on the acceleration phi_ddot = phi_ddot_free - mobility lambda: (28), (39).
 
     On a rigid surface it may come out negative: the caller decides whether contact is lost.
     """
     if rigid:
         return phi_ddot_free / mobility
-    if contact.unilateral and at.phi <= 0.0:
+    if contact.unilateral and touch.phi <= 0.0:
         return 0.0
-    pull = contact.M_e * phi_ddot_free + contact.B_e * at.phi_dot + contact.K_e * at.phi
+    pull = contact.M_e * phi_ddot_free + contact.B_e * touch.phi_dot + contact.K_e * touch.phi
     multiplier = pull / (1.0 + contact.M_e * mobility)
     return max(0.0, multiplier) if contact.unilateral else multiplier

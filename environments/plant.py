@@ -3,21 +3,31 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Literal, NamedTuple
 
 import numpy as np
 import pinocchio as pin
-from numba import njit
 
-from environments.contact import Contact, Load, Touch, World, elastic_load, heavy_multiplier, touch_at
-from environments.held import hold
+from environments.contact import (
+    Contact,
+    Load,
+    Touch,
+    World,
+    add_drift,
+    contact_force,
+    elastic_load,
+    heavy_multiplier,
+    touch_at,
+)
 from environments.robots import Robot
 from environments.surfaces import Surface
+from kernels import kernel, part
+from kernels.algebra import copy, dot, solve_spd, transposed_times
+from kernels.records import Record
 
 ContactKind = Literal["free", "elastic", "mass-damper-spring", "rigid"]
 Integrator = Literal["semi-implicit-euler", "rk4"]
-NO_BIAS = np.zeros(3)  # where phi_ddot is not asked for
+ON_SURFACE = 1e-12  # m
 SLIP_RATE = 0.01  # rad/s, the smooth transition of Coulomb friction in the joints
 
 
@@ -51,25 +61,27 @@ class Truth:
 
     def torque(self, q_dot: np.ndarray, t: float) -> np.ndarray:
         """Joint friction plus disturbance, (n,) N m, on the left side of (2)."""
-        total = np.zeros_like(q_dot)
-        if self.coulomb > 0.0:
-            total += self.coulomb * np.tanh(q_dot / SLIP_RATE)
-        if self.viscous > 0.0:
-            total += self.viscous * q_dot
-        if self.disturbance > 0.0:
-            n = len(q_dot)
-            phase = 2 * np.pi * (self.disturbance_frequency * t + np.arange(n) / n)
-            wave = np.sin(phase)
-            total += self.disturbance * wave / max(np.linalg.norm(wave), 1.0)
-        return total
+        torque = np.empty_like(q_dot)
+        _resistance_alone(Record(self.resistance).data, q_dot, t, torque)
+        return torque
 
-    @cached_property
-    def silent(self) -> bool:
-        """Whether there is neither friction nor disturbance in the joints."""
-        return self.coulomb == 0.0 and self.viscous == 0.0 and self.disturbance == 0.0
+    @property
+    def resistance(self) -> Resistance:
+        """The same in the kernels' form."""
+        omega = 2 * np.pi * self.disturbance_frequency
+        return Resistance(float(self.coulomb), float(self.viscous), float(self.disturbance), omega)
 
 
-class PlantState(NamedTuple):
+class Resistance(NamedTuple):
+    """What `Truth` says of the joints; omega: of the disturbance, rad/s."""
+
+    coulomb: float
+    viscous: float
+    disturbance: float
+    omega: float
+
+
+class Arm(NamedTuple):
     """q (n,), q_dot (n,) and the contact's `Load` there; q_ddot (n,) at the beginning of the period that led here.
     With a rigid or heavy environment the load is that of the last substep, since it depends on the torque."""
 
@@ -78,18 +90,154 @@ class PlantState(NamedTuple):
     load: Load
     q_ddot: np.ndarray
 
-
-class Acceleration(NamedTuple):
-    """q_ddot (n,) under a torque, with the contact's load that goes with it."""
-
-    q_ddot: np.ndarray
-    load: Load
+    @classmethod
+    def zeros(cls, n: int) -> Arm:
+        """At rest, all joints at zero."""
+        return cls(np.zeros(n), np.zeros(n), Load.zeros(n), np.zeros(n))
 
 
-@njit(cache=True, error_model="numpy")
-def _euler(q, q_dot, q_ddot, h):
-    q_dot_after = q_dot + h * q_ddot
-    return q + h * q_dot_after, q_dot_after
+PlantState = Record[Arm]
+
+
+@part
+def _resistance(resistance, q_dot, t, torque):
+    n = q_dot.shape[0]
+    square = 0.0
+    for i in range(n):
+        torque[i] = resistance.viscous * q_dot[i]
+        if resistance.coulomb > 0.0:
+            torque[i] += resistance.coulomb * np.tanh(q_dot[i] / SLIP_RATE)
+        if resistance.disturbance > 0.0:
+            square += np.sin(resistance.omega * t + 2 * np.pi * i / n) ** 2
+    if resistance.disturbance > 0.0:
+        size = resistance.disturbance / max(np.sqrt(square), 1.0)
+        for i in range(n):
+            torque[i] += size * np.sin(resistance.omega * t + 2 * np.pi * i / n)
+
+
+@kernel
+def _resistance_alone(resistance, q_dot, t, torque):
+    _resistance(resistance[0], q_dot, t, torque)
+
+
+class Surroundings(NamedTuple):
+    """What resists the arm, and what the plant works with between two of Pinocchio's calls: the contact's geometry,
+    the torque (n,) N m that moves the arm, and room (3,), (n,), (n,), (n, n)."""
+
+    world: World
+    resistance: Resistance
+    touch: Touch
+    torque: np.ndarray
+    push: np.ndarray
+    pushed: np.ndarray
+    response: np.ndarray
+    factor: np.ndarray
+
+    @classmethod
+    def of(cls, world: World, resistance: Resistance, n: int) -> Surroundings:
+        """Of an arm with n joints."""
+        v = np.zeros(n)
+        return cls(world, resistance, Touch.zeros(n), v, np.zeros(3), v, v, np.zeros((n, n)))
+
+
+@kernel
+def _drive(around, arm, tau, t):
+    """The torque that moves the arm against a load that does not depend on it."""
+    around, arm = around[0], arm[0]
+    torque = around.torque
+    _resistance(around.resistance, arm.q_dot, t, torque)
+    for i in range(torque.shape[0]):
+        torque[i] = tau[i] - torque[i] - arm.load.torque[i]
+
+
+@kernel
+def _drive_heavy(around, J, J_dot, rotation, translation, arm, tau, t):
+    """The torque that moves the arm but for the multiplier's part, and the contact's geometry."""
+    around, arm = around[0], arm[0]
+    world, touch, torque = around.world, around.touch, around.torque
+    touch_at(world, J, rotation, translation, arm.q_dot, t, touch)
+    add_drift(J, J_dot, arm.q_dot, touch)
+    contact_force(world.contact, 0.0, _touching(world, touch), touch, around.push)
+    transposed_times(touch.J_v, around.push, around.pushed)
+    _resistance(around.resistance, arm.q_dot, t, torque)
+    for i in range(torque.shape[0]):
+        torque[i] = tau[i] - torque[i] - around.pushed[i]
+
+
+@part
+def _touching(world, touch):
+    return world.rigid or touch.phi > 0.0 or not world.contact.unilateral
+
+
+@kernel
+def _answer(around, M, free, arm):
+    """q_ddot and load from the acceleration `free` (n,) that the arm would have without the multiplier."""
+    around, arm = around[0], arm[0]
+    world, touch = around.world, around.touch
+    contact = world.contact
+    phi_ddot_free = dot(touch.pull, free) + touch.phi_ddot_bias
+    for side in (1.0, -1.0):  # where a bilateral surface pulls, friction opposes the slip all the same
+        for a in range(3):
+            around.push[a] = touch.chart.G[0, a] + side * touch.drag[a]
+        transposed_times(touch.J_v, around.push, around.pushed)
+        solve_spd(M, around.pushed, around.factor, around.response)
+        mobility = dot(touch.pull, around.response)
+        multiplier = heavy_multiplier(contact, world.rigid, touch, phi_ddot_free, mobility)
+        if multiplier >= 0.0 or contact.unilateral:
+            break
+    for i in range(free.shape[0]):
+        arm.q_ddot[i] = free[i] - around.response[i] * multiplier
+    arm.load.multiplier, arm.load.phi = multiplier, touch.phi
+    contact_force(contact, multiplier, _touching(world, touch), touch, arm.load.force)
+    transposed_times(touch.J_v, arm.load.force, arm.load.torque)
+
+
+@kernel
+def _load(around, J, rotation, translation, arm, t):
+    around, arm = around[0], arm[0]
+    world = around.world
+    touch_at(world, J, rotation, translation, arm.q_dot, t, around.touch)
+    elastic_load(world.contact, around.touch, arm.load)
+
+
+@kernel
+def _penetration(around, J, rotation, translation, arm, t):
+    touch_at(around[0].world, J, rotation, translation, arm[0].q_dot, t, around[0].touch)
+    arm[0].load.phi = around[0].touch.phi
+
+
+@kernel
+def _force_of(around, J, rotation, translation, arm, multiplier, t, force):
+    world, around = around[0].world, around[0]
+    touch_at(world, J, rotation, translation, arm[0].q_dot, t, around.touch)
+    contact_force(world.contact, multiplier, _touching(world, around.touch), around.touch, force)
+
+
+@kernel
+def _onto_surface(around, J, rotation, translation, M, arm, t):
+    """Move q a step of Newton's towards phi = 0, or, once it is there, make phi_dot zero too; returns phi."""
+    around, arm = around[0], arm[0]
+    world, touch = around.world, around.touch
+    touch_at(world, J, rotation, translation, arm.q_dot, t, touch)
+    solve_spd(M, touch.pull, around.factor, around.response)
+    mobility = dot(touch.pull, around.response)
+    there = abs(touch.phi) < ON_SURFACE
+    arm.load.phi = touch.phi
+    for i in range(arm.q.shape[0]):
+        if there:
+            arm.q_dot[i] -= around.response[i] * (touch.phi_dot / mobility)
+        else:
+            arm.q[i] -= around.response[i] * (touch.phi / mobility)
+    return touch.phi
+
+
+@kernel
+def _semi_implicit_euler(arm, q_ddot, h):
+    arm = arm[0]
+    copy(q_ddot, arm.q_ddot)
+    for i in range(arm.q.shape[0]):
+        arm.q_dot[i] += h * arm.q_ddot[i]
+        arm.q[i] += h * arm.q_dot[i]
 
 
 class Plant:
@@ -113,128 +261,107 @@ class Plant:
         self.substeps = substeps
         self.model = truth.model(robot)
         self.data = self.model.createData()
-        self._joint = robot.tool_joint
-        self._placement = robot.tool_placement
+        lever = np.array(robot.tool_placement.translation)
+        world = World(lever, surface.shape, contact, kind == "rigid")
+        around = Record(Surroundings.of(world, truth.resistance, robot.n))
+        self._around, self._torque = around.data, around.views.torque
         # live views: Pinocchio fills them at every call
         carrier = self.data.oMi[robot.tool_joint]
-        lever = np.array(robot.tool_placement.translation)
-        self._held = hold(World(self.data.J, carrier.rotation, carrier.translation, lever, surface.shape, contact))
-        self._no_load = Load(np.zeros(3), np.zeros(robot.n), 0.0, 0.0)
-        self._integrate = {"semi-implicit-euler": self._semi_implicit_euler, "rk4": self._rk4}[integrator]
+        self._tool = (self.data.J, carrier.rotation, carrier.translation)
+        self._tool_moving = (self.data.J, self.data.dJ, carrier.rotation, carrier.translation)
+        self._integrate = {"semi-implicit-euler": self._euler, "rk4": self._rk4}[integrator]
 
     def start(self, q: np.ndarray, q_dot: np.ndarray, t: float) -> PlantState:
         """The state q (n,), q_dot (n,) at time t; on a rigid surface it is moved onto it.
 
         Raises ValueError when the rigid surface cannot be reached from q.
         """
-        q, q_dot = self._constrained(q, q_dot, t)
-        return PlantState(q, q_dot, self._load(q, q_dot, t), np.zeros_like(q))
+        state = Record(Arm.zeros(len(q))._replace(q=q, q_dot=q_dot))
+        self._constrain(state, t)
+        if self.kind not in ("free", "rigid"):
+            pin.computeJointJacobians(self.model, self.data, state.views.q)
+            _load(self._around, *self._tool, state.data, t)
+        return state
 
-    def advance(self, state: PlantState, tau: np.ndarray, t: float, period: float) -> PlantState:
-        """One control period from time t with the torque tau (n,) N m."""
+    def advance(self, state: PlantState, tau: np.ndarray, t: float, period: float) -> None:
+        """One control period from time t with the torque tau (n,) N m; the state is the next one then."""
         h = period / self.substeps
-        q, q_dot, load = state.q, state.q_dot, state.load
-        first: Acceleration | None = None
-        for i in range(self.substeps):
-            q, q_dot, at = self._integrate(q, q_dot, load, tau, t + i * h, h)
-            after = self._load(q, q_dot, t + (i + 1) * h)
-            load = at.load._replace(phi=after.phi) if self.heavy else after
-            first = first or at
-        assert first is not None
-        return PlantState(q, q_dot, load, first.q_ddot)
+        self._integrate(state, tau, t, h)
+        self._find_load(state, t + h)
+        if self.substeps > 1:
+            first = state.views.q_ddot.copy()
+            for i in range(1, self.substeps):
+                self._integrate(state, tau, t + i * h, h)
+                self._find_load(state, t + (i + 1) * h)
+            state.views.q_ddot[:] = first
 
     def respond(self, state: PlantState, tau: np.ndarray, t: float) -> Load:
         """The contact's load that the torque tau (n,) N m causes at a state, without going on."""
-        return self._acceleration(state.q, state.q_dot, state.load, tau, t).load
+        twin = state.copy()
+        self._accelerate(twin, tau, t)
+        return twin.read().load
 
     def force_of(self, state: PlantState, multiplier: float, t: float) -> np.ndarray:
         """Force (3,) N of the tool on the environment when the multiplier of a heavy contact is the given one."""
-        at, _ = self._touch(state.q, state.q_dot, t)
-        return multiplier * at.normal + abs(multiplier) * at.drag + self._viscous(at)
+        force = np.zeros(3)
+        pin.computeJointJacobians(self.model, self.data, state.views.q)
+        _force_of(self._around, *self._tool, state.data, multiplier, t, force)
+        return force
 
-    def _load(self, q: np.ndarray, q_dot: np.ndarray, t: float) -> Load:
-        """The contact's load at a state as far as it does not depend on the torque."""
-        if self.kind == "free":
-            return self._no_load
-        if self.kind == "rigid":
-            return self._no_load._replace(phi=self._touch(q, q_dot, t)[0].phi)
-        pin.computeJointJacobians(self.model, self.data, q)
-        return elastic_load(self._held, q_dot, t)
+    def _find_load(self, state: PlantState, t: float) -> None:
+        """The contact's load at a state; a heavy contact keeps the one of the torque that led there, but for phi."""
+        if self.kind in ("free", "rigid"):
+            return
+        pin.computeJointJacobians(self.model, self.data, state.views.q)
+        find = _penetration if self.heavy else _load
+        find(self._around, *self._tool, state.data, t)
 
-    def _touch(
-        self, q: np.ndarray, q_dot: np.ndarray, t: float, p_ddot_bias: np.ndarray = NO_BIAS
-    ) -> tuple[Touch, np.ndarray]:
-        """The contact's geometry at a state, and the tool's Jacobian (3, n)."""
-        pin.computeJointJacobians(self.model, self.data, q)
-        return touch_at(self._held, q_dot, t, p_ddot_bias)
-
-    def _drift(self, q: np.ndarray, q_dot: np.ndarray) -> np.ndarray:
-        """J_v_dot q_dot of the tool, (3,) m/s^2: its acceleration without q_ddot."""
-        pin.forwardKinematics(self.model, self.data, q, q_dot, np.zeros_like(q))
-        frame = pin.LOCAL_WORLD_ALIGNED
-        return pin.getFrameClassicalAcceleration(self.model, self.data, self._joint, self._placement, frame).linear
-
-    def _viscous(self, at: Touch) -> np.ndarray:
-        touching = self.kind == "rigid" or at.phi > 0.0 or not self.contact.unilateral
-        return self.contact.friction_viscous * at.v_rel if touching else np.zeros(3)
-
-    def _acceleration(self, q: np.ndarray, q_dot: np.ndarray, load: Load, tau: np.ndarray, t: float) -> Acceleration:
-        """load: the contact's at this state, which a heavy contact replaces by the one that tau causes."""
-        if not self.truth.silent:
-            tau = tau - self.truth.torque(q_dot, t)
+    def _accelerate(self, state: PlantState, tau: np.ndarray, t: float) -> np.ndarray:
+        """q_ddot (n,) under the torque tau; of a heavy contact also the load that goes with it."""
+        q, q_dot = state.views.q, state.views.q_dot
         if not self.heavy:
-            return Acceleration(pin.aba(self.model, self.data, q, q_dot, tau - load.torque), load)
-        at, J_v = self._touch(q, q_dot, t, self._drift(q, q_dot))
-        rub = self._viscous(at)
-        free = pin.aba(self.model, self.data, q, q_dot, tau - J_v.T @ rub)
-        M, pull = pin.crba(self.model, self.data, q), J_v.T @ at.normal
-        push, response, multiplier = at.normal, pull, -1.0
-        for side in (1.0, -1.0):  # where a bilateral surface pulls, friction opposes the slip all the same
-            push = at.normal + side * at.drag
-            response = np.linalg.solve(M, J_v.T @ push)
-            multiplier = heavy_multiplier(
-                self.contact, self.kind == "rigid", at, float(pull @ free) + at.phi_ddot_bias, float(pull @ response)
-            )
-            if multiplier >= 0.0 or self.contact.unilateral:
-                break
-        force = multiplier * push + rub
-        return Acceleration(free - response * multiplier, Load(force, J_v.T @ force, multiplier, at.phi))
+            _drive(self._around, state.data, tau, t)
+            return pin.aba(self.model, self.data, q, q_dot, self._torque)
+        pin.computeJointJacobiansTimeVariation(self.model, self.data, q, q_dot)
+        _drive_heavy(self._around, *self._tool_moving, state.data, tau, t)
+        free = pin.aba(self.model, self.data, q, q_dot, self._torque)
+        _answer(self._around, pin.crba(self.model, self.data, q), free, state.data)
+        return state.views.q_ddot
 
-    def _semi_implicit_euler(
-        self, q: np.ndarray, q_dot: np.ndarray, load: Load, tau: np.ndarray, t: float, h: float
-    ) -> tuple[np.ndarray, np.ndarray, Acceleration]:
-        at = self._acceleration(q, q_dot, load, tau, t)
-        q, q_dot = _euler(q, q_dot, at.q_ddot, h)
-        return *self._constrained(q, q_dot, t + h), at
+    def _euler(self, state: PlantState, tau: np.ndarray, t: float, h: float) -> None:
+        _semi_implicit_euler(state.data, self._accelerate(state, tau, t), h)
+        self._constrain(state, t + h)
 
-    def _rk4(
-        self, q: np.ndarray, q_dot: np.ndarray, load: Load, tau: np.ndarray, t: float, h: float
-    ) -> tuple[np.ndarray, np.ndarray, Acceleration]:
+    def _rk4(self, state: PlantState, tau: np.ndarray, t: float, h: float) -> None:
+        stage, q, q_dot = state.copy(), state.views.q.copy(), state.views.q_dot.copy()
+
         def acceleration(q: np.ndarray, q_dot: np.ndarray, t: float) -> np.ndarray:
-            return self._acceleration(q, q_dot, self._load(q, q_dot, t), tau, t).q_ddot
+            stage.views.q[:], stage.views.q_dot[:] = q, q_dot
+            self._find_load(stage, t)
+            return self._accelerate(stage, tau, t).copy()
 
-        at = self._acceleration(q, q_dot, load, tau, t)
-        v_2 = q_dot + 0.5 * h * at.q_ddot
+        a_1 = self._accelerate(state, tau, t).copy()
+        v_2 = q_dot + 0.5 * h * a_1
         a_2 = acceleration(q + 0.5 * h * q_dot, v_2, t + 0.5 * h)
         v_3 = q_dot + 0.5 * h * a_2
         a_3 = acceleration(q + 0.5 * h * v_2, v_3, t + 0.5 * h)
         v_4 = q_dot + h * a_3
         a_4 = acceleration(q + h * v_3, v_4, t + h)
-        q = q + (h / 6) * (q_dot + 2 * v_2 + 2 * v_3 + v_4)
-        q_dot = q_dot + (h / 6) * (at.q_ddot + 2 * a_2 + 2 * a_3 + a_4)
-        return *self._constrained(q, q_dot, t + h), at
+        state.views.q[:] = q + (h / 6) * (q_dot + 2 * v_2 + 2 * v_3 + v_4)
+        state.views.q_dot[:] = q_dot + (h / 6) * (a_1 + 2 * a_2 + 2 * a_3 + a_4)
+        state.views.q_ddot[:] = a_1
+        self._constrain(state, t + h)
 
-    def _constrained(self, q: np.ndarray, q_dot: np.ndarray, t: float) -> tuple[np.ndarray, np.ndarray]:
+    def _constrain(self, state: PlantState, t: float) -> None:
         """On a rigid surface: the nearest state (in the metric of M) with phi = 0 and phi_dot = 0."""
         if self.kind != "rigid":
-            return q, q_dot
+            return
+        q = state.views.q
         M = pin.crba(self.model, self.data, q)
         phi = np.inf
         for _ in range(20):
-            at, J_v = self._touch(q, q_dot, t)
-            pull, phi = J_v.T @ at.normal, at.phi
-            response = np.linalg.solve(M, pull)
-            if abs(phi) < 1e-12:
-                return q, q_dot - response * (at.phi_dot / (pull @ response))
-            q = q - response * (phi / (pull @ response))
+            pin.computeJointJacobians(self.model, self.data, q)
+            phi = _onto_surface(self._around, *self._tool, M, state.data, t)
+            if abs(phi) < ON_SURFACE:
+                return
         raise ValueError(f"surface: the tool cannot be brought onto the rigid surface (phi = {phi:.2g} m)")

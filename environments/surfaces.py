@@ -12,7 +12,10 @@ from functools import cached_property
 from typing import ClassVar, NamedTuple
 
 import numpy as np
-from numba import njit
+
+from kernels import kernel, part
+from kernels.algebra import dot
+from kernels.records import Record
 
 
 class Chart(NamedTuple):
@@ -28,6 +31,11 @@ class Chart(NamedTuple):
     g_t: np.ndarray
     G_t: np.ndarray
     g_tt: np.ndarray
+
+    @classmethod
+    def zeros(cls) -> Chart:
+        """Not yet known."""
+        return cls(np.zeros(3), np.zeros((3, 3)), np.zeros((3, 3, 3)), np.zeros(3), np.zeros((3, 3)), np.zeros(3))
 
 
 @dataclass(frozen=True)
@@ -60,82 +68,97 @@ class Shape(NamedTuple):
 PLANE, CYLINDER, SPHERE = 0, 1, 2
 
 
-@njit(cache=True, error_model="numpy")
-def surface_velocity(shape, t):
-    """Velocity (3,) m/s of the surface at time t (s)."""
-    omega = 2 * np.pi * shape.frequency
-    return shape.direction * (shape.amplitude * omega * np.cos(omega * t))
-
-
-@njit(cache=True, error_model="numpy")
-def _in_motion(g, G, G_p, a_dot, a_ddot):
-    """Derivatives in time of g(p - a(t)): the chain rule, exact."""
-    G_t = np.empty((3, 3))
-    g_tt = np.empty(3)
+@part
+def _plane(zeta, shape, chart):
     for i in range(3):
-        G_t[i] = -(G_p[i] @ a_dot)
-        g_tt[i] = -(G_t[i] @ a_dot) - G[i] @ a_ddot
-    return Chart(g, G, G_p, -(G @ a_dot), G_t, g_tt)
+        chart.g[i] = dot(shape.frame[i], zeta)
+        for k in range(3):
+            chart.G[i, k] = shape.frame[i, k]
+            for a in range(3):
+                chart.G_p[i, k, a] = 0.0
 
 
-@njit(cache=True, error_model="numpy")
-def _polar(zeta, u, v):
-    """Radius and angle of zeta in the plane of the unit vectors u, v, each with gradient and Hessian."""
-    x, y = u @ zeta, v @ zeta
+@part
+def _in_plane(zeta, u, v):
+    """Radius and angle of zeta in the plane of the unit vectors u, v, with their unit directions e_rho, e_theta."""
+    x, y = dot(u, zeta), dot(v, zeta)
     rho = np.hypot(x, y)
-    e_rho = (x * u + y * v) / rho
-    e_theta = (x * v - y * u) / rho
-    rho_pp = np.outer(e_theta, e_theta) / rho
-    theta_pp = -(np.outer(e_rho, e_theta) + np.outer(e_theta, e_rho)) / rho**2
-    return rho, e_rho, rho_pp, np.arctan2(y, x), e_theta / rho, theta_pp
+    c, s = x / rho, y / rho
+    e_rho = (c * u[0] + s * v[0], c * u[1] + s * v[1], c * u[2] + s * v[2])
+    e_theta = (c * v[0] - s * u[0], c * v[1] - s * u[1], c * v[2] - s * u[2])
+    return rho, np.arctan2(y, x), e_rho, e_theta
 
 
-@njit(cache=True, error_model="numpy")
-def _plane(zeta, shape):
-    return shape.frame @ zeta, shape.frame.copy(), np.zeros((3, 3, 3))
+@part
+def _arc(i, radius, rho, theta, e_rho, e_theta, chart):
+    """Coordinate i is radius * theta."""
+    chart.g[i] = radius * theta
+    for k in range(3):
+        chart.G[i, k] = radius * e_theta[k] / rho
+        for a in range(3):
+            chart.G_p[i, k, a] = -radius * (e_rho[k] * e_theta[a] + e_theta[k] * e_rho[a]) / rho**2
 
 
-@njit(cache=True, error_model="numpy")
-def _cylinder(zeta, shape):
+@part
+def _cylinder(zeta, shape, chart):
     """Rows of the frame: reference direction, tangent, axis."""
-    frame, radius, side = shape.frame, shape.radius, shape.side
-    rho, rho_p, rho_pp, theta, theta_p, theta_pp = _polar(zeta, frame[0], frame[1])
-    g = np.array([side * (radius - rho), radius * theta, frame[2] @ zeta])
-    G, G_p = np.empty((3, 3)), np.zeros((3, 3, 3))
-    G[0], G[1], G[2] = -side * rho_p, radius * theta_p, frame[2]
-    G_p[0], G_p[1] = -side * rho_pp, radius * theta_pp
-    return g, G, G_p
+    frame, side = shape.frame, shape.side
+    rho, theta, e_rho, e_theta = _in_plane(zeta, frame[0], frame[1])
+    _arc(1, shape.radius, rho, theta, e_rho, e_theta, chart)
+    chart.g[0], chart.g[2] = side * (shape.radius - rho), dot(frame[2], zeta)
+    for k in range(3):
+        chart.G[0, k], chart.G[2, k] = -side * e_rho[k], frame[2, k]
+        for a in range(3):
+            chart.G_p[0, k, a] = -side * e_theta[k] * e_theta[a] / rho
+            chart.G_p[2, k, a] = 0.0
 
 
-@njit(cache=True, error_model="numpy")
-def _sphere(zeta, shape):
+@part
+def _sphere(zeta, shape, chart):
     """psi_1, psi_2: arc lengths of the angles seen from the reference direction towards each tangent."""
-    frame, radius, side = shape.frame, shape.radius, shape.side
-    rho = np.sqrt(zeta @ zeta)
-    e_rho = zeta / rho
-    _, _, _, theta_1, theta_1_p, theta_1_pp = _polar(zeta, frame[0], frame[1])
-    _, _, _, theta_2, theta_2_p, theta_2_pp = _polar(zeta, frame[0], frame[2])
-    g = np.array([side * (radius - rho), radius * theta_1, radius * theta_2])
-    G, G_p = np.empty((3, 3)), np.empty((3, 3, 3))
-    G[0], G[1], G[2] = -side * e_rho, radius * theta_1_p, radius * theta_2_p
-    G_p[0] = -side * (np.eye(3) - np.outer(e_rho, e_rho)) / rho
-    G_p[1], G_p[2] = radius * theta_1_pp, radius * theta_2_pp
-    return g, G, G_p
+    frame, side = shape.frame, shape.side
+    for i in range(1, 3):
+        rho, theta, e_rho, e_theta = _in_plane(zeta, frame[0], frame[i])
+        _arc(i, shape.radius, rho, theta, e_rho, e_theta, chart)
+    rho = np.sqrt(zeta[0] ** 2 + zeta[1] ** 2 + zeta[2] ** 2)
+    chart.g[0] = side * (shape.radius - rho)
+    for k in range(3):
+        chart.G[0, k] = -side * zeta[k] / rho
+        for a in range(3):
+            across = (1.0 if k == a else 0.0) - zeta[k] * zeta[a] / rho**2
+            chart.G_p[0, k, a] = -side * across / rho
 
 
-@njit(cache=True, error_model="numpy")
-def surface_chart(shape, p, t):
+@part
+def surface_chart(shape, p, t, chart):
     """The `Chart` of a point p (3,) m at time t (s)."""
     omega = 2 * np.pi * shape.frequency
-    a = shape.direction * (shape.amplitude * np.sin(omega * t))
-    zeta = p - shape.origin - a
+    moved, speed = shape.amplitude * np.sin(omega * t), shape.amplitude * omega * np.cos(omega * t)
+    u = shape.direction
+    zeta = (
+        p[0] - shape.origin[0] - moved * u[0],
+        p[1] - shape.origin[1] - moved * u[1],
+        p[2] - shape.origin[2] - moved * u[2],
+    )
     if shape.kind == PLANE:
-        g, G, G_p = _plane(zeta, shape)
+        _plane(zeta, shape, chart)
     elif shape.kind == CYLINDER:
-        g, G, G_p = _cylinder(zeta, shape)
+        _cylinder(zeta, shape, chart)
     else:
-        g, G, G_p = _sphere(zeta, shape)
-    return _in_motion(g, G, G_p, surface_velocity(shape, t), -(omega**2) * a)
+        _sphere(zeta, shape, chart)
+    for i in range(3):  # derivatives in time of g(p - a(t)): the chain rule, exact
+        chart.g_t[i], chart.g_tt[i] = 0.0, 0.0
+        for k in range(3):
+            chart.G_t[i, k] = 0.0
+            for a in range(3):
+                chart.G_t[i, k] -= chart.G_p[i, k, a] * speed * u[a]
+            chart.g_t[i] -= chart.G[i, k] * speed * u[k]
+            chart.g_tt[i] += -chart.G_t[i, k] * speed * u[k] + chart.G[i, k] * omega**2 * moved * u[k]
+
+
+@kernel
+def _chart_alone(shape, p, t, chart):
+    surface_chart(shape[0], p, t, chart[0])
 
 
 def _unit(vector: np.ndarray) -> np.ndarray:
@@ -166,11 +189,14 @@ class Surface:
     def shape(self) -> Shape:
         """The surface in the kernels' form."""
         m = self.motion
-        return Shape(self.kind, self.origin, self.frame, self.radius, self.side, m.direction, m.amplitude, m.frequency)
+        radius, side, amplitude, frequency = (float(x) for x in (self.radius, self.side, m.amplitude, m.frequency))
+        return Shape(self.kind, self.origin, self.frame, radius, side, m.direction, amplitude, frequency)
 
     def chart(self, p: np.ndarray, t: float) -> Chart:
         """Coordinates of the point p (3,) m at time t (s) with all derivatives."""
-        return surface_chart(self.shape, p, t)
+        chart = Record(Chart.zeros())
+        _chart_alone(Record(self.shape).data, p, t, chart.data)
+        return chart.read()
 
     def point(self, g: np.ndarray, t: float) -> np.ndarray:
         """The point (3,) with coordinates g = (phi, psi_1, psi_2): the inverse of `chart`."""

@@ -1,6 +1,7 @@
 """References r_d(t) and F_cd(t), each with two exact derivatives.
 
-A trajectory is a displacement from where it starts. A new one is a short frozen class with `evaluate(t)`.
+A trajectory is a displacement from where it starts. A new one is a short frozen class with its `course`, and a branch
+in `_in_plane` or `force_at`.
 """
 
 from __future__ import annotations
@@ -9,7 +10,9 @@ from dataclasses import dataclass
 from typing import NamedTuple, Protocol
 
 import numpy as np
-from numba import njit
+
+from kernels import kernel, part
+from kernels.records import Record
 
 
 class Path(NamedTuple):
@@ -28,15 +31,48 @@ class Signal(NamedTuple):
     acceleration: float
 
 
+class Course(NamedTuple):
+    """A trajectory in the kernels' form, x(t) u + y(t) v with u, v (n,) m: which one, the duration or rise at its
+    beginning (s), and its angular frequency (rad/s)."""
+
+    kind: int
+    u: np.ndarray
+    v: np.ndarray
+    ramp: float
+    omega: float
+
+
+class ForceCourse(NamedTuple):
+    """A force profile in the kernels' form: which one; start N and change N; the time of a step and its rise, s; the
+    angular frequency of a harmonic, rad/s."""
+
+    kind: int
+    start: float
+    change: float
+    time: float
+    rise: float
+    omega: float
+
+
+POINT_TO_POINT, CIRCLE, LINE = 0, 1, 2
+STEP, SINUSOID = 0, 1
+
+
 class Trajectory(Protocol):
+    @property
+    def course(self) -> Course: ...
+
     def evaluate(self, t: float) -> Path: ...
 
 
 class ForceProfile(Protocol):
+    @property
+    def course(self) -> ForceCourse: ...
+
     def evaluate(self, t: float) -> Signal: ...
 
 
-@njit(cache=True, error_model="numpy")
+@part
 def minimum_jerk(t, duration):
     """sigma(t) from 0 to 1 in `duration` s with zero speed and acceleration at both ends, and two derivatives."""
     if t <= 0.0:
@@ -51,7 +87,7 @@ def minimum_jerk(t, duration):
     )
 
 
-@njit(cache=True, error_model="numpy")
+@part
 def _phase(t, omega, ramp):
     """theta(t) whose rate rises smoothly from 0 to omega within `ramp` s (the integral of minimum jerk)."""
     if ramp <= 0.0:
@@ -63,34 +99,56 @@ def _phase(t, omega, ramp):
     return omega * ramp * u**4 * (2.5 - 3 * u + u**2), omega * sigma, omega * sigma_dot
 
 
-@njit(cache=True, error_model="numpy")
-def _point_to_point(t, displacement, duration):
-    sigma, sigma_dot, sigma_ddot = minimum_jerk(t, duration)
-    return Path(displacement * sigma, displacement * sigma_dot, displacement * sigma_ddot)
-
-
-@njit(cache=True, error_model="numpy")
-def _circle(t, u, v, radius, omega, ramp):
-    theta, theta_dot, theta_ddot = _phase(t, omega, ramp)
+@part
+def _in_plane(course, t):
+    """x, y of a course and their first and second derivatives."""
+    if course.kind == POINT_TO_POINT:
+        sigma, sigma_dot, sigma_ddot = minimum_jerk(t, course.ramp)
+        return sigma, 0.0, sigma_dot, 0.0, sigma_ddot, 0.0
+    theta, theta_dot, theta_ddot = _phase(t, course.omega, course.ramp)
     c, s = np.cos(theta), np.sin(theta)
-    along = -s * u + c * v
-    inward = c * u + s * v
-    return Path(
-        radius * (inward - u),
-        radius * theta_dot * along,
-        radius * (theta_ddot * along - theta_dot**2 * inward),
-    )
+    s_dot, c_dot = c * theta_dot, -s * theta_dot
+    s_ddot, c_ddot = c * theta_ddot - s * theta_dot**2, -s * theta_ddot - c * theta_dot**2
+    if course.kind == CIRCLE:
+        return c - 1.0, s, c_dot, s_dot, c_ddot, s_ddot
+    return 0.5 * (1.0 - c), 0.0, -0.5 * c_dot, 0.0, -0.5 * c_ddot, 0.0
 
 
-@njit(cache=True, error_model="numpy")
-def _line(t, displacement, omega, ramp):
-    theta, theta_dot, theta_ddot = _phase(t, omega, ramp)
-    c, s = np.cos(theta), np.sin(theta)
-    return Path(
-        displacement * (0.5 * (1 - c)),
-        displacement * (0.5 * s * theta_dot),
-        displacement * (0.5 * (c * theta_dot**2 + s * theta_ddot)),
-    )
+@part
+def path_at(course, t, value, rate, acceleration):
+    """The displacement (n,) and its derivatives at time t (s)."""
+    x, y, x_dot, y_dot, x_ddot, y_ddot = _in_plane(course, t)
+    for i in range(value.shape[0]):
+        value[i] = x * course.u[i] + y * course.v[i]
+        rate[i] = x_dot * course.u[i] + y_dot * course.v[i]
+        acceleration[i] = x_ddot * course.u[i] + y_ddot * course.v[i]
+
+
+@part
+def force_at(course, t):
+    """The force (N) and its derivatives at time t (s)."""
+    if course.kind == STEP:
+        sigma, sigma_dot, sigma_ddot = minimum_jerk(t - course.time, course.rise)
+        return course.start + course.change * sigma, course.change * sigma_dot, course.change * sigma_ddot
+    omega = course.omega
+    s, c = course.change * np.sin(omega * t), course.change * np.cos(omega * t)
+    return course.start + s, omega * c, -(omega**2) * s
+
+
+@kernel
+def _path_alone(course, t, path):
+    path_at(course[0], t, path[0].value, path[0].rate, path[0].acceleration)
+
+
+def _evaluated(course: Course, t: float) -> Path:
+    path = Record(Path(*3 * (np.zeros(len(course.u)),)))
+    _path_alone(Record(course).data, t, path.data)
+    return path.read()
+
+
+@kernel
+def _force_alone(course, t):
+    return force_at(course[0], t)
 
 
 @dataclass(frozen=True)
@@ -100,8 +158,13 @@ class PointToPoint:
     displacement: np.ndarray
     duration: float = 1.0
 
+    @property
+    def course(self) -> Course:
+        u = np.asarray(self.displacement, dtype=float)
+        return Course(POINT_TO_POINT, u, np.zeros_like(u), float(self.duration), 0.0)
+
     def evaluate(self, t: float) -> Path:
-        return _point_to_point(t, self.displacement, self.duration)
+        return _evaluated(self.course, t)
 
 
 @dataclass(frozen=True)
@@ -114,8 +177,12 @@ class Circle:
     period: float
     ramp: float
 
+    @property
+    def course(self) -> Course:
+        return Course(CIRCLE, self.radius * self.u, self.radius * self.v, float(self.ramp), 2 * np.pi / self.period)
+
     def evaluate(self, t: float) -> Path:
-        return _circle(t, self.u, self.v, self.radius, 2 * np.pi / self.period, self.ramp)
+        return _evaluated(self.course, t)
 
 
 @dataclass(frozen=True)
@@ -126,8 +193,13 @@ class Line:
     period: float
     ramp: float
 
+    @property
+    def course(self) -> Course:
+        u = np.asarray(self.displacement, dtype=float)
+        return Course(LINE, u, np.zeros_like(u), float(self.ramp), 2 * np.pi / self.period)
+
     def evaluate(self, t: float) -> Path:
-        return _line(t, self.displacement, 2 * np.pi / self.period, self.ramp)
+        return _evaluated(self.course, t)
 
 
 @dataclass(frozen=True)
@@ -139,10 +211,13 @@ class ForceStep:
     time: float = 0.0
     rise: float = 0.1
 
+    @property
+    def course(self) -> ForceCourse:
+        start, value, time, rise = (float(x) for x in (self.start, self.value, self.time, self.rise))
+        return ForceCourse(STEP, start, value - start, time, rise, 0.0)
+
     def evaluate(self, t: float) -> Signal:
-        sigma, sigma_dot, sigma_ddot = minimum_jerk(t - self.time, self.rise)
-        change = self.value - self.start
-        return Signal(self.start + change * sigma, change * sigma_dot, change * sigma_ddot)
+        return Signal(*_force_alone(Record(self.course).data, t))
 
 
 @dataclass(frozen=True)
@@ -153,7 +228,9 @@ class ForceSinusoid:
     amplitude: float
     frequency: float
 
+    @property
+    def course(self) -> ForceCourse:
+        return ForceCourse(SINUSOID, float(self.value), float(self.amplitude), 0.0, 0.0, 2 * np.pi * self.frequency)
+
     def evaluate(self, t: float) -> Signal:
-        omega = 2 * np.pi * self.frequency
-        s, c = self.amplitude * np.sin(omega * t), self.amplitude * np.cos(omega * t)
-        return Signal(self.value + s, omega * c, -(omega**2) * s)
+        return Signal(*_force_alone(Record(self.course).data, t))

@@ -12,7 +12,7 @@ from app.assembly import System, assemble
 from app.scenario import from_plain
 from controllers.bounds import Uncertainty
 from controllers.compensator import Compensator
-from controllers.switching import Switching
+from controllers.switching import Switching, unit_factor
 from controllers.target_model import TargetModel
 from controllers.vsmrc import Reference, Vsmrc
 from environments.robots import CATALOGUE
@@ -95,3 +95,8 @@ def random_law(
         controlled=controlled,
         m=m,
     )
+
+
+def unit_vector(s: np.ndarray, kind: int, phi: float) -> np.ndarray:
+    """sigma(s) (n,), the smoothed s/||s||."""
+    return s * unit_factor(float(np.linalg.norm(s)), kind, phi)

@@ -296,13 +296,13 @@ def energies(
     state = plant.start(system.robot.posture, np.random.default_rng(3).uniform(-1.0, 1.0, n), 0.0)
     model, data, seen = plant.model, plant.model.createData(), []
     for k in range(round(duration / period)):
-        q, q_dot, t = state.q, state.q_dot, k * period
+        q, q_dot, t = state.views.q, state.views.q_dot, k * period
         tool = system.nominal.evaluate(q, q_dot)
         at = surface.chart(tool.p, t)
         phi, phi_dot = at.g[0], at.G[0] @ tool.J_v @ q_dot
         arm_energy = 0.5 * q_dot @ pin.crba(model, data, q) @ q_dot + pin.computePotentialEnergy(model, data, q)
         seen.append(arm_energy + 0.5 * law.K_e * phi**2 + 0.5 * law.M_e * phi_dot**2)
-        state = plant.advance(state, np.zeros(n), t, period)
+        plant.advance(state, np.zeros(n), t, period)
     return np.array(seen)
 
 

@@ -7,20 +7,22 @@ from dataclasses import replace
 import numpy as np
 import pinocchio as pin
 import pytest
+from numba import njit
 from scipy.linalg import expm
 
 from app.assembly import System
 from controllers.computed_torque import ComputedTorque
 from controllers.modes import MODES
-from controllers.nominal_model import ON_LINE
 from controllers.reaching import ReachingCertificate
-from controllers.switching import Switching, unit_vector
+from controllers.reference_estimates import Believed
+from controllers.switching import Switching
 from controllers.target_model import InvalidGain, TargetModel, require_spd
 from controllers.task_space import TaskSpace
 from controllers.vsmrc import LawState, Vsmrc
-from environments.contact import Contact, touch
+from environments.contact import Contact, Touch, World, add_drift, touch_at
 from environments.trajectories import Circle, ForceSinusoid, ForceStep, Line, PointToPoint
-from tests.arms import CHARTS, ROBOTS, arm, charted, random_law, random_reference, random_spd, random_state
+from kernels.records import Record
+from tests.arms import CHARTS, ROBOTS, arm, charted, random_law, random_reference, random_spd, random_state, unit_vector
 
 STEP = 1e-5  # of central differences, rad and s
 FEEDBACK = ("none", "normal", "all")
@@ -110,7 +112,7 @@ def test_law_in_joint_space_is_the_law_in_task_space(
     q, q_dot, t = random_state(system, random)
     estimate, task = system.observe(q, q_dot, t)
     reference, z, F = random_reference(task.r, random), random.standard_normal(n), random.standard_normal(3)
-    out = law.evaluate(LawState(z), reference, task, estimate, ON_LINE, q_dot, F)
+    out = law.evaluate(LawState(z), reference, task, estimate, Believed.at(estimate), q_dot, F)
 
     c, J_inv, H = law.compensator, task.J_q_inv, task.J_q_inv.T @ estimate.M_hat @ task.J_q_inv
     C = coriolis(system, q, q_dot, t)
@@ -129,7 +131,7 @@ def test_law_in_joint_space_is_the_law_in_task_space(
     for name, expected in (("e_r", e_r), ("e_r_dot", e_r_dot), ("e_Fc", e_Fc), ("z_dot", z_dot), ("s", s)):
         np.testing.assert_allclose(getattr(out, name), expected, atol=1e-9, err_msg=name)
     np.testing.assert_allclose(out.terms.force, estimate.J_v.T @ F, atol=1e-12)
-    np.testing.assert_allclose(law.next(out, 0.01).z, z + 0.01 * z_dot, atol=1e-12)
+    np.testing.assert_allclose(law.next(LawState(z), out, 0.01).z, z + 0.01 * z_dot, atol=1e-12)
 
 
 @pytest.mark.parametrize("law_type", [Vsmrc, ComputedTorque])
@@ -145,7 +147,7 @@ def test_known_arm_obeys_the_target_model(
     q, q_dot, t = random_state(system, random)
     estimate, task = system.observe(q, q_dot, t)
     reference, z, F = random_reference(task.r, random), random.standard_normal(n), random.standard_normal(3)
-    out = law.evaluate(LawState(z), reference, task, estimate, ON_LINE, q_dot, F)
+    out = law.evaluate(LawState(z), reference, task, estimate, Believed.at(estimate), q_dot, F)
 
     q_ddot = pin.aba(system.robot.model, system.robot.model.createData(), q, q_dot, out.tau - estimate.J_v.T @ F)
     e_r_ddot = task.J_q @ q_ddot + task.J_q_dot @ q_dot + task.v_t_dot - reference.r_d_ddot
@@ -169,22 +171,35 @@ def test_gravity_link_by_link(robot: str, random: np.random.Generator) -> None:
         np.testing.assert_allclose(G_links[link - 1], gravity, atol=1e-10)
 
 
+@njit(error_model="numpy")
+def touch_of_point(world, J, J_dot, axes, p, p_dot, t, touch):
+    touch_at(world[0], J, axes, p, p_dot, t, touch[0])
+    add_drift(J, J_dot, p_dot, touch[0])
+
+
 @pytest.mark.parametrize("chart", CHARTS[2:])
 def test_contact_acceleration_of_a_moving_surface(chart: str, random: np.random.Generator) -> None:
     """phi_ddot = grad(phi) p_ddot + bias, the mixed term twice in it, along a curve p(t)."""
     shape = charted("ur5", chart).charted.shape
     middle, swing, t, h = charted("ur5", chart).nominal.evaluate(arm("ur5").q_0, np.zeros(6)).p, 0.05, 0.3, 1e-3
     u, v = random.standard_normal((2, 3))
-    contact = Contact(0.0, 0.0, 1.0, False, 0.0, 0.0)
+    world = Record(World(np.zeros(3), shape, Contact(0.0, 0.0, 1.0, False, 0.0, 0.0), False)).data
+
+    def touch(time: float, p: np.ndarray, p_dot: np.ndarray, p_ddot: np.ndarray) -> Touch:
+        """Of three orthogonal sliders whose directions turn just so that p_ddot follows without their acceleration."""
+        J, J_dot, at = np.eye(6, 3), np.zeros((6, 3)), Record(Touch.zeros(3))
+        J_dot[:3] = np.outer(p_ddot, p_dot) / max(p_dot @ p_dot, 1e-9)
+        touch_of_point(world, J, J_dot, np.eye(3), p, p_dot, time, at.data)
+        return at.read()
 
     def phi(time: float) -> float:
         p = middle + swing * (u * np.sin(2 * time) + v * np.cos(3 * time))
-        return touch(shape, contact, time, p, np.zeros(3), np.zeros(3)).phi
+        return touch(time, p, np.zeros(3), np.zeros(3)).phi
 
     p = middle + swing * (u * np.sin(2 * t) + v * np.cos(3 * t))
     p_dot = swing * (2 * u * np.cos(2 * t) - 3 * v * np.sin(3 * t))
     p_ddot = -swing * (4 * u * np.sin(2 * t) + 9 * v * np.cos(3 * t))
-    at = touch(shape, contact, t, p, p_dot, p_ddot)
+    at = touch(t, p, p_dot, p_ddot)
     near, far = (phi(t + h), phi(t - h)), (phi(t + 2 * h), phi(t - 2 * h))
     assert at.phi_dot == pytest.approx((8 * (near[0] - near[1]) - (far[0] - far[1])) / (12 * h), abs=1e-8)
     assert at.phi_ddot_bias == pytest.approx((16 * sum(near) - sum(far) - 30 * phi(t)) / (12 * h**2), abs=1e-6)

@@ -11,7 +11,7 @@ from zipfile import ZipFile
 import pytest
 
 ROOT = Path(__file__).parents[1]
-PACKAGES = ("app", "controllers", "environments", "static")
+PACKAGES = ("app", "controllers", "environments", "kernels", "static")
 
 
 def pip(*arguments: str | Path) -> None:

@@ -10,7 +10,7 @@ from scipy.integrate import solve_ivp
 from app.assembly import System, assemble
 from app.headless import simulate
 from app.scenario import Scenario, edited, from_plain, shipped, to_plain
-from controllers.bounds import InertiaRange, paper_bound, tight_bound
+from controllers.bounds import Equivalent, InertiaRange, required_gain
 from controllers.nominal_model import ON_LINE
 from controllers.reaching import ReachingCertificate, lyapunov_bound
 from environments.plant import Truth
@@ -69,8 +69,9 @@ def bounds_at(system: System, state: tuple, q_eq_dot: np.ndarray, q_eq_ddot: np.
     u = system.law.uncertainty
     r_eq_dot = task.J_q @ q_eq_dot + task.v_t
     r_eq_ddot = task.J_q @ q_eq_ddot + task.J_q_dot @ q_eq_dot + task.v_t_dot
-    inertia, coriolis, gravity, _, disturbance = tight_bound(u, ON_LINE, e, task, q_dot, q_eq_dot, q_eq_ddot)
-    return [inertia, coriolis, gravity, disturbance], sum(paper_bound(u, ON_LINE, e, task, q_dot, r_eq_dot, r_eq_ddot))
+    equivalent = Equivalent(r_eq_dot, r_eq_ddot, q_eq_dot, q_eq_ddot)
+    tight, paper = (required_gain(kind, u, ON_LINE, e, task, q_dot, equivalent) for kind in ("tight", "paper"))
+    return [tight.inertia, tight.coriolis, tight.gravity, tight.disturbance], sum(paper)
 
 
 @pytest.mark.parametrize("robot", ["ur5", "panda", "planar3r"])

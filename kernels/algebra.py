@@ -1,0 +1,210 @@
+"""Linear algebra of a few rows and columns, without memory of its own: results go to the last argument.
+
+LAPACK through numpy costs 1 to 10 us a call at this size and memory for every result; these cost 0.01 to 0.3 us.
+The sizes are those of the last argument, which is part of a record: the compiler knows them.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from kernels import kernel, part
+
+
+@part
+def copy(a, out):
+    """out = a, vectors."""
+    for i in range(out.shape[0]):
+        out[i] = a[i]
+
+
+@part
+def copy_matrix(A, out):
+    """out = A."""
+    for i in range(out.shape[0]):
+        for j in range(out.shape[1]):
+            out[i, j] = A[i, j]
+
+
+@part
+def cross(a, b):
+    """a x b of two vectors in space, as a tuple."""
+    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+
+
+@part
+def times(A, x, out):
+    """out = A x."""
+    for i in range(out.shape[0]):
+        total = 0.0
+        for j in range(x.shape[0]):
+            total += A[i, j] * x[j]
+        out[i] = total
+
+
+@part
+def transposed_times(A, x, out):
+    """out = A^T x."""
+    for j in range(out.shape[0]):
+        total = 0.0
+        for i in range(x.shape[0]):
+            total += A[i, j] * x[i]
+        out[j] = total
+
+
+@part
+def row_times(A, i, x):
+    """(A x)_i."""
+    total = 0.0
+    for j in range(x.shape[0]):
+        total += A[i, j] * x[j]
+    return total
+
+
+@part
+def multiply(A, B, out):
+    """out = A B."""
+    for i in range(out.shape[0]):
+        for j in range(out.shape[1]):
+            total = 0.0
+            for k in range(B.shape[0]):
+                total += A[i, k] * B[k, j]
+            out[i, j] = total
+
+
+@part
+def congruence(T, A, work, out):
+    """out = T^T A T for a symmetric A; work has its shape."""
+    multiply(A, T, work)
+    n = out.shape[0]
+    for i in range(n):
+        for j in range(i + 1):
+            total = 0.0
+            for k in range(n):
+                total += T[k, i] * work[k, j]
+            out[i, j] = total
+            out[j, i] = total
+
+
+@part
+def dot(a, b):
+    """a . b."""
+    total = 0.0
+    for i in range(a.shape[0]):
+        total += a[i] * b[i]
+    return total
+
+
+@part
+def norm(v):
+    """Euclidean norm of a vector, the norm of (6)."""
+    return np.sqrt(dot(v, v))
+
+
+@part
+def quadratic(x, A):
+    """x . A x."""
+    total = 0.0
+    for i in range(x.shape[0]):
+        total += x[i] * row_times(A, i, x)
+    return total
+
+
+@part
+def norm_of_product(A, x):
+    """||A x||."""
+    square = 0.0
+    for i in range(A.shape[0]):
+        square += row_times(A, i, x) ** 2
+    return np.sqrt(square)
+
+
+@kernel
+def spectral_norm(A, S, T):
+    """||A||_2 from above: its Schatten norm of order 64, at most k^(1/64) (3 % for 6 rows) too large.
+
+    A (k, l); S and T (k, k) are overwritten; T may be A.
+    """
+    rows = S.shape[0]
+    for i in range(rows):
+        for j in range(i + 1):
+            total = 0.0
+            for k in range(A.shape[1]):
+                total += A[i, k] * A[j, k]
+            S[i, j] = total
+    bound, power = 1.0, 1.0
+    for _ in range(5):
+        trace = 0.0
+        for i in range(rows):
+            trace += S[i, i]
+            for j in range(i):
+                S[j, i] = S[i, j]
+        if not trace > 0.0:
+            return np.sqrt(trace)
+        bound *= trace**power
+        power *= 0.5
+        for i in range(rows):
+            for j in range(i + 1):
+                total = 0.0
+                for k in range(rows):
+                    total += S[i, k] * S[k, j]
+                T[i, j] = total / trace**2
+        S, T = T, S
+    trace = 0.0
+    for i in range(rows):
+        trace += S[i, i]
+    return np.sqrt(bound * trace**power)
+
+
+@part
+def invert(A, work, out):
+    """out = A^-1 by Gauss and Jordan with row pivots; work has its shape. Raises ValueError when A is singular."""
+    n = out.shape[0]
+    for i in range(n):
+        for j in range(n):
+            work[i, j] = A[i, j]
+            out[i, j] = 0.0
+        out[i, i] = 1.0
+    for c in range(n):
+        pivot = c
+        for i in range(c + 1, n):
+            if abs(work[i, c]) > abs(work[pivot, c]):
+                pivot = i
+        if work[pivot, c] == 0.0:
+            raise ValueError("singular matrix")
+        if pivot != c:
+            for j in range(n):
+                work[c, j], work[pivot, j] = work[pivot, j], work[c, j]
+                out[c, j], out[pivot, j] = out[pivot, j], out[c, j]
+        scale = 1.0 / work[c, c]
+        for j in range(n):
+            work[c, j] *= scale
+            out[c, j] *= scale
+        for i in range(n):
+            if i != c:
+                share = work[i, c]
+                for j in range(n):
+                    work[i, j] -= share * work[c, j]
+                    out[i, j] -= share * out[c, j]
+
+
+@part
+def solve_spd(A, b, work, out):
+    """out = A^-1 b for a symmetric positive definite A, by Cholesky's factor, which stays in work."""
+    n = out.shape[0]
+    for i in range(n):
+        for j in range(i + 1):
+            total = A[i, j]
+            for k in range(j):
+                total -= work[i, k] * work[j, k]
+            work[i, j] = np.sqrt(total) if i == j else total / work[j, j]
+    for i in range(n):
+        total = b[i]
+        for k in range(i):
+            total -= work[i, k] * out[k]
+        out[i] = total / work[i, i]
+    for i in range(n - 1, -1, -1):
+        total = out[i]
+        for k in range(i + 1, n):
+            total -= work[k, i] * out[k]
+        out[i] = total / work[i, i]

@@ -1,0 +1,84 @@
+"""Named tuples laid out in one piece of memory, in which a kernel reads and writes by the same names.
+
+Handing one record to a compiled function costs about 0.06 us; a named tuple of sixty arrays costs 10 us.
+"""
+
+from __future__ import annotations
+
+from functools import cache, cached_property
+from typing import Any, Generic, NamedTuple, TypeVar
+
+import numpy as np
+
+T = TypeVar("T", bound=NamedTuple)
+Layout = tuple[tuple[Any, ...], ...]
+
+
+class Record(Generic[T]):
+    """A named tuple of arrays, numbers and further named tuples in one piece of memory.
+
+    data: a structured array (1,) for kernels, where `data[0].name` is a field.
+    """
+
+    def __init__(self, value: T) -> None:
+        self._template = value
+        self.data = np.zeros(1, _dtype(_layout(value)))
+        _write(self.data, value)
+
+    @cached_property
+    def views(self) -> T:
+        """The named tuple, whose arrays are this memory; its numbers are those of the first call."""
+        return self.read()
+
+    def read(self) -> T:
+        """The named tuple with the numbers of now; its arrays are this memory."""
+        return _read(self.data, self._template)
+
+    def write(self, name: str, value: NamedTuple) -> None:
+        """Give the named tuple of this name other values of the same shapes."""
+        _write(self.data[name], value)
+
+    def copy(self) -> Record[T]:
+        """Another piece of memory with the same content."""
+        twin = object.__new__(Record)
+        twin._template = self._template
+        twin.data = self.data.copy()
+        return twin
+
+
+def _layout(value: NamedTuple) -> Layout:
+    """What a dtype is made of, in a form that can be compared."""
+    layout: list[tuple[Any, ...]] = []
+    for name, part in value._asdict().items():
+        if isinstance(part, tuple):
+            layout.append((name, _layout(part)))  # pyright: ignore[reportArgumentType]
+        else:
+            array = np.asarray(part)
+            layout.append((name, array.dtype.str, array.shape))
+    return tuple(layout)
+
+
+@cache  # numba looks dtypes up by identity: equal layouts must share one
+def _dtype(layout: Layout) -> np.dtype:
+    fields = [(name, _dtype(rest[0])) if len(rest) == 1 else (name, *rest) for name, *rest in layout]
+    return np.dtype(fields, align=True)
+
+
+def _write(data: np.ndarray, value: NamedTuple) -> None:
+    for name, part in value._asdict().items():
+        if isinstance(part, tuple):
+            _write(data[name], part)  # pyright: ignore[reportArgumentType]
+        else:
+            data[name][0] = part
+
+
+def _read(data: np.ndarray, template: Any) -> Any:
+    parts = []
+    for name, part in zip(template._fields, template, strict=True):
+        if isinstance(part, tuple):
+            parts.append(_read(data[name], part))
+        elif isinstance(part, np.ndarray):
+            parts.append(data[name][0])
+        else:
+            parts.append(data[name][0].item())
+    return type(template)(*parts)
