@@ -18,6 +18,7 @@ from app.scenario import ScenarioError
 log = logging.getLogger("vsmrc.preview")
 
 DRAWING = 0.06  # s between two answers on the way: every one is drawn
+SOON = 0.06  # s of work left, for the sake of which an answer is not given up any more
 LOOK = 25  # control periods between two looks at the clock and at the connection
 NICENESS = 10  # the running loop comes first
 
@@ -56,9 +57,7 @@ def _look_ahead(foresight: Foresight, asker: Connection) -> None:
         foresight.advance(LOOK)
         now, share = time.perf_counter(), foresight.share
         left = (now - began) * (1.0 - share) / share
-        if left < DRAWING:
-            continue  # what is as good as there is not given up, nor drawn twice
-        if asker.poll() and not owed:
+        if left > SOON and not owed and asker.poll():
             return
         if foresight.question.partial and now - drawn > DRAWING:
             asker.send(foresight.outlook())
