@@ -1,7 +1,7 @@
 # make run          install into .venv and open the dashboard; ARGS="--port 8090"
 # make test         install, find a browser, run the tests;   ARGS="-k hybrid"
 # make check        lint, format, types, import rules
-# make bench        microseconds per step
+# make bench        measure speed, pacing and memory, write docs/performance.md; ARGS="--quick", ARGS="--only step"
 # make screenshots  docs/screenshots/ anew
 # make constraints  constraints.txt anew, every package at its newest version
 # make clean        remove what these made
@@ -30,6 +30,7 @@ check: .venv/dev.stamp
 	$(BIN)/lint-imports --no-logo
 
 bench: .venv/dev.stamp
+	@$(BIN)/python -m tests.browser
 	@$(BIN)/python -m benchmarks $(ARGS)
 
 screenshots: .venv/dev.stamp

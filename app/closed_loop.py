@@ -19,6 +19,7 @@ from controllers.reference_estimates import ReferenceEstimates
 from controllers.switching import Switching
 from controllers.task_space import TaskSpace
 from environments.sensors import ForceReader, ReaderMemory
+from kernels import resolved
 from kernels.records import Record
 
 SPEED_LIMIT = 20.0  # rad/s, beyond which a run counts as diverging
@@ -133,7 +134,7 @@ class ClosedLoop:
             self._solve_for_force(row)
         plant.advance(arm, self._tau, t, self._h)
 
-        alarms = complete_row(self._setting, self._period.data, arm.data, row)
+        alarms = self._complete_row(self._setting, self._period.data, arm.data, row)
         self.recording.commit()
         if alarms:
             self._heed(Alarm(alarms))
@@ -149,7 +150,7 @@ class ClosedLoop:
         if self._along is not None:
             self._period.write("believed", self._along.at(q, q_dot, t))
         terms = self.system.nominal.update(q, q_dot)
-        control_period(self._setting, self._period.data, *terms, arm.data, F, t, row)
+        self._control_period(self._setting, self._period.data, *terms, arm.data, F, t, row)
 
     def _solve_for_force(self, row: np.ndarray) -> None:
         """The law fed with the force that its own torque causes: secant iteration on the multiplier (DESIGN 4.6)."""
@@ -195,6 +196,11 @@ class ClosedLoop:
         self.s_since = self.t
         self._period.data["reached"] = False
         self._setting = Record(self._setting_of(system)).data
+        row, data = np.empty(self.recording.width), (self._setting, self._period.data)
+        self._complete_row = resolved(complete_row, *data, self._arm.data, row)
+        self._control_period = resolved(
+            control_period, *data, *system.nominal.terms, self._arm.data, arm.load.force, self.t, row
+        )
         self.reaching_time: float | None = None
 
     def _setting_of(self, system: System) -> Setting:
@@ -274,7 +280,7 @@ class ClosedLoop:
         system, arm, law, t = self.system, self._arm.views, self.system.law, self.t
         twin, row = self._period.copy(), np.empty(self.recording.width)
         terms = system.nominal.update(arm.q, arm.q_dot)
-        control_period(self._setting, twin.data, *terms, self._arm.data, arm.load.force, t, row)
+        self._control_period(self._setting, twin.data, *terms, self._arm.data, arm.load.force, t, row)
         period = twin.read()
         estimate, task, reference, output = period.seen.estimate, period.seen.task, period.reference, period.output
         required = float(sum(output.needed))

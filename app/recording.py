@@ -70,7 +70,8 @@ class _Block:
 class Recording:
     """A bounded table of rows. One thread adds; any thread reads whole rows.
 
-    history (rows): kept at full rate; older rows are thinned to one in `THINNING`, as many blocks again at most.
+    history (rows): kept at full rate; older rows are thinned to one in `THINNING`, as long a time again at most, and
+    what is older still is forgotten. So memory grows up to this bound and no further: with six joints 0.7 GB.
     """
 
     def __init__(self, n: int, history: int = 600_000) -> None:

@@ -108,12 +108,13 @@ def _positions(layout, chart, estimate, task):
             task.v_t_dot[i] += chart.G_t[i, k] * p_dot[k]
         for j in range(task.r.shape[0]):
             task.J_q[i, j], task.J_q_dot[i, j] = 0.0, 0.0
-            for k in range(3):
-                G_dot = chart.G_t[i, k]
-                for a in range(3):
-                    G_dot += chart.G_p[i, k, a] * p_dot[a]
-                task.J_q[i, j] += chart.G[i, k] * estimate.J_v[k, j]
-                task.J_q_dot[i, j] += G_dot * estimate.J_v[k, j] + chart.G[i, k] * estimate.J_v_dot[k, j]
+        for k in range(3):
+            gradient, gradient_dot = chart.G[i, k], chart.G_t[i, k]
+            for a in range(3):
+                gradient_dot += chart.G_p[i, k, a] * p_dot[a]
+            for j in range(task.r.shape[0]):
+                task.J_q[i, j] += gradient * estimate.J_v[k, j]
+                task.J_q_dot[i, j] += gradient_dot * estimate.J_v[k, j] + gradient * estimate.J_v_dot[k, j]
 
 
 @part

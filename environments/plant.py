@@ -21,7 +21,7 @@ from environments.contact import (
 )
 from environments.robots import Robot
 from environments.surfaces import Surface
-from kernels import kernel, part
+from kernels import kernel, part, resolved
 from kernels.algebra import copy, dot, solve_spd, transposed_times
 from kernels.records import Record
 
@@ -270,6 +270,20 @@ class Plant:
         self._tool = (self.data.J, carrier.rotation, carrier.translation)
         self._tool_moving = (self.data.J, self.data.dJ, carrier.rotation, carrier.translation)
         self._integrate = {"semi-implicit-euler": self._euler, "rk4": self._rk4}[integrator]
+        self._resolve_kernels(robot.n)
+
+    def _resolve_kernels(self, n: int) -> None:
+        q = np.zeros(n)
+        around, arm, tau, M = self._around, Record(Arm.zeros(n)).data, q, pin.crba(self.model, self.data, q)
+        self._step_of_euler = resolved(_semi_implicit_euler, arm, q, 0.0)
+        if not self.heavy:
+            self._drive = resolved(_drive, around, arm, tau, 0.0)
+            self._find = resolved(_load, around, *self._tool, arm, 0.0)
+            return
+        self._find = resolved(_penetration, around, *self._tool, arm, 0.0)
+        self._drive = resolved(_drive_heavy, around, *self._tool_moving, arm, tau, 0.0)
+        self._answer = resolved(_answer, around, M, q, arm)
+        self._onto_surface = resolved(_onto_surface, around, *self._tool, M, arm, 0.0)
 
     def start(self, q: np.ndarray, q_dot: np.ndarray, t: float) -> PlantState:
         """The state q (n,), q_dot (n,) at time t; on a rigid surface it is moved onto it.
@@ -313,23 +327,22 @@ class Plant:
         if self.kind in ("free", "rigid"):
             return
         pin.computeJointJacobians(self.model, self.data, state.views.q)
-        find = _penetration if self.heavy else _load
-        find(self._around, *self._tool, state.data, t)
+        self._find(self._around, *self._tool, state.data, t)
 
     def _accelerate(self, state: PlantState, tau: np.ndarray, t: float) -> np.ndarray:
         """q_ddot (n,) under the torque tau; of a heavy contact also the load that goes with it."""
         q, q_dot = state.views.q, state.views.q_dot
         if not self.heavy:
-            _drive(self._around, state.data, tau, t)
+            self._drive(self._around, state.data, tau, t)
             return pin.aba(self.model, self.data, q, q_dot, self._torque)
         pin.computeJointJacobiansTimeVariation(self.model, self.data, q, q_dot)
-        _drive_heavy(self._around, *self._tool_moving, state.data, tau, t)
+        self._drive(self._around, *self._tool_moving, state.data, tau, t)
         free = pin.aba(self.model, self.data, q, q_dot, self._torque)
-        _answer(self._around, pin.crba(self.model, self.data, q), free, state.data)
+        self._answer(self._around, pin.crba(self.model, self.data, q), free, state.data)
         return state.views.q_ddot
 
     def _euler(self, state: PlantState, tau: np.ndarray, t: float, h: float) -> None:
-        _semi_implicit_euler(state.data, self._accelerate(state, tau, t), h)
+        self._step_of_euler(state.data, self._accelerate(state, tau, t), h)
         self._constrain(state, t + h)
 
     def _rk4(self, state: PlantState, tau: np.ndarray, t: float, h: float) -> None:
@@ -361,7 +374,7 @@ class Plant:
         phi = np.inf
         for _ in range(20):
             pin.computeJointJacobians(self.model, self.data, q)
-            phi = _onto_surface(self._around, *self._tool, M, state.data, t)
+            phi = self._onto_surface(self._around, *self._tool, M, state.data, t)
             if abs(phi) < ON_SURFACE:
                 return
         raise ValueError(f"surface: the tool cannot be brought onto the rigid surface (phi = {phi:.2g} m)")

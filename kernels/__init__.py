@@ -6,9 +6,12 @@ arguments.
 """
 
 import hashlib
+from collections.abc import Callable
+from functools import cache
 from typing import Any
 
-from numba import jit, njit, types
+import numpy as np
+from numba import from_dtype, jit, njit, types
 
 # contracting a b + c to one rounding is the only liberty that the compiler may take
 kernel = njit(cache=True, error_model="numpy", fastmath={"contract"})
@@ -20,6 +23,26 @@ part = jit(
     error_model="numpy",
     fastmath={"contract"},
 )
+
+
+def resolved(kernel: Any, *arguments: np.ndarray | float) -> Callable[..., Any]:
+    """The kernel compiled for arguments of these types, to be called again and again with arguments of just these.
+
+    It takes 0.1 us less per argument than the kernel itself, which looks at their types in every call.
+    """
+    return kernel.compile(tuple(_type_of(argument) for argument in arguments))
+
+
+def _type_of(argument: np.ndarray | float) -> types.Type:
+    if isinstance(argument, np.ndarray):
+        layout = "C" if argument.flags.c_contiguous else "F" if argument.flags.f_contiguous else "A"
+        return _array_type(argument.dtype, argument.ndim, layout)
+    return types.float64
+
+
+@cache
+def _array_type(dtype: np.dtype, ndim: int, layout: str) -> types.Type:
+    return types.Array(from_dtype(dtype), ndim, layout)
 
 
 def _array_symbol(array: types.NestedArray) -> tuple[str, list[Any]]:

@@ -132,7 +132,7 @@ def spectral_norm(A, S, T):
             for k in range(A.shape[1]):
                 total += A[i, k] * A[j, k]
             S[i, j] = total
-    bound, power = 1.0, 1.0
+    logarithm, power = 0.0, 0.5  # of the norm
     for _ in range(5):
         trace = 0.0
         for i in range(rows):
@@ -141,19 +141,20 @@ def spectral_norm(A, S, T):
                 S[j, i] = S[i, j]
         if not trace > 0.0:
             return np.sqrt(trace)
-        bound *= trace**power
+        logarithm += power * np.log(trace)
         power *= 0.5
+        scale = 1.0 / trace**2
         for i in range(rows):
             for j in range(i + 1):
                 total = 0.0
                 for k in range(rows):
                     total += S[i, k] * S[k, j]
-                T[i, j] = total / trace**2
+                T[i, j] = total * scale
         S, T = T, S
     trace = 0.0
     for i in range(rows):
         trace += S[i, i]
-    return np.sqrt(bound * trace**power)
+    return np.exp(logarithm + power * np.log(trace))
 
 
 @part

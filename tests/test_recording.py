@@ -28,6 +28,14 @@ def test_recent_rows_are_whole_and_older_ones_thinned() -> None:
     assert np.isclose(np.diff(t).max(), THINNING * 1e-3)
 
 
+def test_a_long_run_keeps_no_more_than_its_bound() -> None:
+    history = 2 * BLOCK
+    blocks = history // BLOCK + 2  # at full rate, and as many thinned ones
+    kept = [len(filled(n * BLOCK, history).rows()) for n in (2 * blocks, 3 * blocks, 4 * blocks)]
+    assert kept == [blocks * (BLOCK + -(-BLOCK // THINNING))] * 3
+    assert len(filled(3 * blocks * BLOCK, history)) >= history
+
+
 def test_window_is_thinned_and_its_points_stand_still() -> None:
     recording = filled(3000, history=10 * BLOCK)
     first = recording.window(("t", "tau"), 0.5, 2.5, max_points=100)

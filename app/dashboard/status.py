@@ -6,6 +6,7 @@ from html import escape
 
 import numpy as np
 
+from app.pacing import Pace
 from app.runner import Snapshot
 
 _LATELY = 0.2  # s, what the badge looks back
@@ -22,7 +23,7 @@ MODE_TITLES = {
 def status_html(snapshot: Snapshot, complaint: str) -> str:
     """Two lines of chips and numbers; below them why the run stopped, what was refused, what to notice."""
     scenario = snapshot.scenario
-    pace = f"{snapshot.realtime_factor:.2f}×" if snapshot.phase == "running" else "—"
+    pace = snapshot.pace
     lines = [
         f'<div class="vs-row"><span class="vs-title">{escape(scenario.title or scenario.name)}</span></div>',
         '<div class="vs-row">'
@@ -30,11 +31,13 @@ def status_html(snapshot: Snapshot, complaint: str) -> str:
         f'<span class="vs-right"><span class="vs-dim">t</span> <b class="vs-number">{snapshot.t:.2f}</b> s</span>'
         "</div>",
         '<div class="vs-row">'
-        f'{_bound(snapshot)}<span class="vs-right"><span class="vs-dim">real time</span> '
-        f'<b class="vs-number">{pace}</b></span></div>',
+        f'{_bound(snapshot)}<span class="vs-right" title="{_kept(pace)}"><span class="vs-dim">real time</span> '
+        f'<b class="vs-number">{f"{snapshot.realtime_factor:.2f}×" if pace else "—"}</b></span></div>',
     ]
     if snapshot.phase == "stopped":
         lines.append(_message("vs-bad", f"Stopped: {snapshot.reason}"))
+    if pace and pace.slowed:
+        lines.append(_message("vs-warn", _slowed(snapshot)))
     if complaint:
         lines.append(_message("vs-bad", f"Refused: {complaint}"))
     if snapshot.notice:
@@ -59,6 +62,22 @@ def _bound(snapshot: Snapshot) -> str:
         return _chip("‖s‖ ≤ bound: —", "vs-dim")
     holds = bool(np.all(rows["s_norm"] <= rows["s_bound"] + rows["s_band"]))
     return _chip("‖s‖ ≤ bound: holds", "vs-good") if holds else _chip("‖s‖ ≤ bound: violated", "vs-bad")
+
+
+def _kept(pace: Pace | None) -> str:
+    if pace is None:
+        return ""
+    return (
+        f"{pace.achieved:.0f} of {pace.asked:.0f} control steps per second; late by {pace.late_median * 1e3:.2f} ms "
+        f"(median), at most {pace.late_most * 1e3:.1f} ms"
+    )
+
+
+def _slowed(snapshot: Snapshot) -> str:
+    return (
+        f"The loop cannot keep up: {snapshot.speed:g}× asked for, {snapshot.realtime_factor:.3g}× reached. "
+        "Simulated time is slowed; no control step is skipped."
+    )
 
 
 def _chip(text: str, look: str) -> str:

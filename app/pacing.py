@@ -1,0 +1,89 @@
+"""Simulated against wall time: when each step is due, how late it was computed, and the rate that was achieved."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+KEPT = 1 << 16  # batches: a minute at 1 kHz
+SLOWED = 0.97  # of the rate asked for: below it simulated time visibly falls behind
+
+
+class Schedule(NamedTuple):
+    """Simulated time t (s) is due at wall time wall + (t - t_0) / speed (s of `time.perf_counter`)."""
+
+    wall: float
+    t_0: float
+    speed: float
+
+    def due(self, t: float) -> float:
+        """Wall time at which the step that ends at simulated time t is due."""
+        return self.wall + (t - self.t_0) / self.speed
+
+    def target(self, now: float) -> float:
+        """Simulated time that ought to be reached by now."""
+        return self.t_0 + (now - self.wall) * self.speed
+
+
+class Pace(NamedTuple):
+    """asked, achieved: control steps per second of wall time; lateness of a step, when it was computed minus when it
+    was due: its median and largest value, s."""
+
+    asked: float
+    achieved: float
+    late_median: float
+    late_most: float
+
+    @property
+    def slowed(self) -> bool:
+        """Whether simulated time runs more slowly than it should."""
+        return self.achieved < SLOWED * self.asked
+
+
+class PaceMeter:
+    """Notes each batch of steps by its bounds: always on, so it must cost nothing per step.
+
+    One thread notes. A row: wall times of beginning and end, s; number of steps; lateness of the first and the last, s.
+    """
+
+    def __init__(self, kept: int = KEPT) -> None:
+        self._batches = np.zeros((kept, 5))
+        self._noted = 0
+
+    def note(self, schedule: Schedule, began: float, ended: float, first: float, last: float, steps: int) -> None:
+        """A batch of steps, computed from `began` to `ended`, ending at simulated times `first` to `last` s."""
+        first_computed = began + (ended - began) / steps
+        self._batches[self._noted % len(self._batches)] = (
+            began,
+            ended,
+            steps,
+            first_computed - schedule.due(first),
+            ended - schedule.due(last),
+        )
+        self._noted += 1
+
+    def lateness(self, since: float) -> np.ndarray:
+        """Of every step computed since that wall time, oldest batch first, as far as it is kept: (N,) s.
+
+        Between the first and the last of a batch steps are taken to be equally long.
+        """
+        batches = self._since(since)
+        counts = batches[:, 2].astype(int)
+        at = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
+        share = at / np.repeat(np.maximum(counts - 1, 1), counts)
+        first, last = (np.repeat(batches[:, column], counts) for column in (3, 4))
+        return first + share * (last - first)
+
+    def pace(self, since: float, now: float, asked: float) -> Pace:
+        """Since that wall time. asked: steps per second."""
+        late = self.lateness(since)
+        if not len(late):
+            return Pace(asked, 0.0, 0.0, 0.0)
+        return Pace(asked, len(late) / (now - since), float(np.median(late)), float(late.max()))
+
+    def _since(self, since: float) -> np.ndarray:
+        head = self._noted % len(self._batches)
+        older = self._batches[head:] if self._noted >= len(self._batches) else self._batches[:0]
+        newer = self._batches[:head]
+        return np.concatenate([part[np.searchsorted(part[:, 0], since) :] for part in (older, newer)])

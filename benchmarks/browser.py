@@ -1,0 +1,39 @@
+"""The page in headless Chromium, and the messages that come to it."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Iterator
+
+import msgspec
+import zstandard
+from playwright.sync_api import Browser, Page, sync_playwright
+
+from tests.browser import LAUNCH_ARGS, find_or_install
+
+VIEWPORT = {"width": 1280, "height": 720}
+RUNNING = "‖s‖ ≤ bound: holds"  # what the page says once it shows the running loop
+
+
+@contextlib.contextmanager
+def chromium() -> Iterator[Browser]:
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=find_or_install(), args=LAUNCH_ARGS)
+        yield browser
+        browser.close()
+
+
+def opened(browser: Browser, url: str, frames: list[bytes] | None = None) -> Page:
+    """The page once it shows the running loop; `frames` takes what comes to it over its web socket."""
+    page = browser.new_page(viewport=VIEWPORT)
+    if frames is not None:
+        page.on("websocket", lambda socket: socket.on("framereceived", lambda frame: frames.append(frame)))
+    page.goto(url)
+    page.get_by_text(RUNNING).wait_for(timeout=60_000)
+    return page
+
+
+def messages(frame: bytes) -> list[dict]:
+    """What is in a frame of viser's: two lengths of 8 bytes, the messages packed, then the arrays that they name."""
+    packed = int.from_bytes(frame[8:16], "little")
+    return msgspec.msgpack.decode(zstandard.decompress(frame[16 : 16 + packed]))["messages"]

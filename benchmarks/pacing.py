@@ -1,0 +1,50 @@
+"""Is 1 kHz held? Rate and lateness of the control steps, with and without a page.
+
+The lateness of a step is the wall time at which it has been computed minus the time at which it was due.
+"""
+
+from __future__ import annotations
+
+import time
+
+import numpy as np
+
+from benchmarks.browser import chromium, opened
+from benchmarks.effort import Effort
+from benchmarks.report import Table
+from benchmarks.served import Served, served
+
+SCENARIO = "ur5-hybrid"
+SETTLE = 3.0  # s
+
+
+def measure(effort: Effort) -> Table:
+    """The table of paces. Raises RuntimeError when the loop stopped."""
+    with served(SCENARIO) as dashboard:
+        rows = [("without a page", *_held(dashboard, effort.pacing))]
+        with chromium() as browser:
+            page = opened(browser, dashboard.url)
+            rows.append(("with a page", *_held(dashboard, effort.pacing)))
+            page.close()
+    titles = ("steps per s", "late p50, ms", "p99, ms", "p99.9, ms", "max, ms", "processor, %")
+    return Table((f"1 kHz for {effort.pacing:.0f} s", *titles), rows)
+
+
+def _held(dashboard: Served, seconds: float) -> tuple[str, ...]:
+    time.sleep(SETTLE)
+    before, began = dashboard.state(), time.perf_counter()
+    time.sleep(seconds)
+    late, ended = dashboard.lateness(began), time.perf_counter()
+    after = dashboard.state()
+    if after.reason:
+        raise RuntimeError(after.reason)
+    p50, p99, p999 = np.percentile(late, (50, 99, 99.9)) * 1e3
+    share = (after.processor - before.processor) / (ended - began)
+    return (
+        f"{len(late) / (ended - began):.0f}",
+        f"{p50:.2f}",
+        f"{p99:.2f}",
+        f"{p999:.2f}",
+        f"{late.max() * 1e3:.2f}",
+        f"{share * 100:.0f}",
+    )

@@ -1,0 +1,33 @@
+"""Times of several things in interleaved rounds, so that a machine whose speed drifts treats them alike."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping
+from statistics import median
+
+from tqdm import tqdm
+
+Call = Callable[[], None]
+
+
+def interleaved(calls: Mapping[str, Call], rounds: int, steps: int) -> dict[str, list[float]]:
+    """Mean time of one call, in us, for every round of `steps` calls."""
+    times: dict[str, list[float]] = {name: [] for name in calls}
+    for _ in tqdm(range(rounds), desc="rounds", leave=False, disable=None):
+        for name, call in calls.items():
+            times[name].append(microseconds(call, steps))
+    return times
+
+
+def microseconds(call: Call, steps: int) -> float:
+    """Mean time of one call."""
+    started = time.perf_counter()
+    for _ in range(steps):
+        call()
+    return (time.perf_counter() - started) / steps * 1e6
+
+
+def ratio(times: list[float], to: list[float]) -> float:
+    """Median of the ratios round by round: what both rounds share, the machine's mood, cancels."""
+    return median(a / b for a, b in zip(times, to, strict=True))

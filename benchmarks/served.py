@@ -1,0 +1,133 @@
+"""A dashboard in a fresh process, as `vsmrc serve` makes it, that can be asked how it fares."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import multiprocessing
+import os
+import threading
+import time
+from collections.abc import Callable, Iterator
+from multiprocessing.connection import Connection
+from pathlib import Path
+from typing import NamedTuple
+from unittest import mock
+
+import numpy as np
+
+from app import runner as runner_module
+from app.closed_loop import ClosedLoop
+from app.dashboard import Dashboard
+from app.runner import Runner, SetSpeed
+from app.scenario import load
+
+
+class State(NamedTuple):
+    """t: simulated, s; reason: why the loop stopped, if it did; resident memory, bytes; processor time, s;
+    rows: recorded and still kept."""
+
+    t: float
+    reason: str
+    resident: int
+    processor: float
+    rows: int
+
+
+class Use(NamedTuple):
+    """A new desired force (N), and the wall time (s of `time.perf_counter`) at which the first step with it ended."""
+
+    value: float
+    computed: float
+
+
+class Served:
+    """The parent's end. Times are those of `time.perf_counter`, one clock for all processes of a Linux machine."""
+
+    def __init__(self, connection: Connection) -> None:
+        self._connection = connection
+        self.url: str = self._received()
+
+    def state(self) -> State:
+        return State(*self._asked("state"))
+
+    def lateness(self, since: float) -> np.ndarray:
+        """Of every control step since that wall time, s."""
+        return self._asked("lateness", since)
+
+    def uses(self) -> list[Use]:
+        """Every change of the desired force so far."""
+        return [Use(*use) for use in self._asked("uses")]
+
+    def _asked(self, *question: object):
+        self._connection.send(question)
+        return self._received()
+
+    def _received(self):
+        if not self._connection.poll(120.0):
+            raise TimeoutError("the served dashboard does not answer")
+        return self._connection.recv()
+
+
+@contextlib.contextmanager
+def served(scenario: str, speed: float = 1.0) -> Iterator[Served]:
+    """Runs while the context lasts."""
+    context = multiprocessing.get_context("spawn")
+    ours, theirs = context.Pipe()
+    process = context.Process(target=_serve, args=(theirs, scenario, speed), daemon=True)
+    process.start()
+    theirs.close()  # so that the end of the process is seen as such
+    try:
+        yield Served(ours)
+    finally:
+        process.terminate()
+        process.join()
+
+
+def _noting(uses: list[tuple[float, float]]) -> type[ClosedLoop]:
+    """A loop that notes when the first step with another desired force has been computed."""
+
+    class Noting(ClosedLoop):
+        seen = np.nan
+
+        def step(self) -> None:
+            super().step()
+            value = self.system.scenario.force.value
+            if value != self.seen:
+                self.seen = value
+                uses.append((value, time.perf_counter()))
+
+    return Noting
+
+
+def _serve(connection: Connection, scenario: str, speed: float) -> None:
+    uses: list[tuple[float, float]] = []
+    with contextlib.redirect_stdout(io.StringIO()), mock.patch.object(runner_module, "ClosedLoop", _noting(uses)):
+        dashboard = Dashboard(port=0)
+        runner = Runner(load(scenario))
+        runner.post(SetSpeed(speed))
+        runner.start()
+        dashboard.attach(runner)
+        threading.Thread(target=_answer, args=(connection, runner, uses, dashboard.close), daemon=True).start()
+        connection.send(dashboard.url)
+        dashboard.run_forever()
+
+
+def _answer(connection: Connection, runner: Runner, uses: list[tuple[float, float]], close: Callable[[], None]) -> None:
+    """Until the parent is gone."""
+    with contextlib.suppress(EOFError):
+        while True:
+            match connection.recv():
+                case ("state",):
+                    now = runner.snapshot
+                    connection.send((now.t, now.reason, _resident(), time.process_time(), len(now.recording)))
+                case ("lateness", since):
+                    connection.send(runner.meter.lateness(since))
+                case ("uses",):
+                    connection.send(list(uses))
+    close()
+
+
+def _resident() -> int:
+    pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[1])
+    return pages * os.sysconf("SC_PAGE_SIZE")

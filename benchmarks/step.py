@@ -1,0 +1,72 @@
+"""One control period of every scenario, beside the bare Pinocchio calls that it needs and beside MuJoCo."""
+
+from __future__ import annotations
+
+from statistics import median
+
+import numpy as np
+import pinocchio as pin
+from tqdm import tqdm
+
+from app.closed_loop import ClosedLoop
+from app.scenario import load
+from benchmarks import mujoco_osc
+from benchmarks.effort import Effort
+from benchmarks.report import Table
+from benchmarks.rounds import Call, interleaved, ratio
+
+SCENARIOS = ("ur5-hybrid", "ur5-motion", "ur5-constrained", "panda-hybrid", "planar2r-semicircle", "planar3r-hybrid")
+OURS = "ur5-hybrid"  # the task that MuJoCo is given too
+FLOOR = "bare pin calls of "
+WARM = 300  # steps before the first round
+
+
+def bare_calls(loop: ClosedLoop) -> Call:
+    """What Pinocchio must do in one period of this loop: Coriolis, mass, gravity and placements for the law; the
+    tool's Jacobian and the forward dynamics for the plant."""
+    robot = loop.system.robot
+    model, data = robot.model, robot.model.createData()
+    true, true_data = loop.system.plant.model, loop.system.plant.model.createData()
+    q, v = robot.posture, np.zeros(robot.n)
+    tau = np.zeros(robot.n)
+
+    def period() -> None:
+        pin.computeCoriolisMatrix(model, data, q, v)
+        pin.crba(model, data, q)
+        pin.computeStaticRegressor(model, data, q)
+        pin.computeJointJacobians(true, true_data, q)
+        pin.aba(true, true_data, q, v, tau)
+
+    return period
+
+
+def measure(effort: Effort) -> Table:
+    """The table of steps. Raises RuntimeError when a run stopped or did not do its task."""
+    loops = {name: ClosedLoop(load(name)) for name in SCENARIOS}
+    calls: dict[str, Call] = {}
+    for name, loop in tqdm(loops.items(), desc="compiling", leave=False, disable=None):
+        for _ in range(WARM):
+            loop.step()
+        calls[name] = loop.step
+        calls[FLOOR + name] = bare_calls(loop)
+    contenders = mujoco_osc.contenders(loops[OURS].system)
+    times = interleaved(calls | contenders, effort.rounds, effort.steps)
+    for name, loop in loops.items():
+        if loop.stopped:
+            raise RuntimeError(f"{name}: {loop.stopped}")
+    periods = {name: loop.system.scenario.controller.period for name, loop in loops.items()}
+    header = ("one control period", "µs", "× real time", "bare pin calls, µs", "× bare calls", f"× our {OURS}")
+    rows = []
+    for name in (*SCENARIOS, *contenders):
+        us, floor = times[name], times.get(FLOOR + name)
+        rows.append(
+            (
+                name,
+                f"{median(us):.1f}",
+                f"{periods.get(name, periods[OURS]) / median(us) * 1e6:.1f}",
+                f"{median(floor):.1f}" if floor else "",
+                f"{ratio(us, floor):.1f}" if floor else "",
+                f"{ratio(us, times[OURS]):.2f}",
+            )
+        )
+    return Table(header, rows)

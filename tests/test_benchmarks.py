@@ -1,0 +1,48 @@
+"""The report of the benchmark: complete, and only written when it is."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from string import Template
+from typing import get_args
+
+import pytest
+
+from benchmarks import __main__ as command
+from benchmarks import report
+from benchmarks.rounds import interleaved, ratio
+
+TABLE = report.Table(("what", "µs"), [("a step", "14.5"), ("a longer name", "3")])
+
+
+def test_every_subject_has_its_place_in_the_report() -> None:
+    places = set(Template(report.TEMPLATE.read_text(encoding="utf-8")).get_identifiers())
+    assert places == {"machine", *get_args(command.Subject)}
+
+
+def test_a_partial_run_writes_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(report, "WRITTEN", tmp_path / "performance.md")
+    monkeypatch.setattr(command.machine, "describe", lambda: "a machine")
+    monkeypatch.setattr(command, "import_module", lambda _: type("", (), {"measure": staticmethod(lambda _: TABLE)}))
+    command.main(only=("step",))
+    command.main(quick=True)
+    assert not report.WRITTEN.exists()
+    command.main()
+    assert TABLE.markdown() in report.WRITTEN.read_text(encoding="utf-8")
+
+
+def test_tables_read_well_as_text() -> None:
+    assert TABLE.markdown().splitlines() == [
+        "| what          |   µs |",
+        "| ------------- | ---: |",
+        "| a step        | 14.5 |",
+        "| a longer name |    3 |",
+    ]
+
+
+def test_rounds_are_interleaved_and_ratios_taken_round_by_round() -> None:
+    order: list[str] = []
+    times = interleaved({name: lambda name=name: order.append(name) for name in "ab"}, rounds=2, steps=2)
+    assert "".join(order) == "aabbaabb"
+    assert [len(rounds) for rounds in times.values()] == [2, 2]
+    assert ratio([1.0, 20.0, 3.0], [1.0, 10.0, 1.0]) == 2.0
