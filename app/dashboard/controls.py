@@ -209,12 +209,13 @@ class Number:
         snapshot = self._desk.snapshot()
         running = self._place.read(snapshot)
         value = running if self._slider is None or self._scale is None else self._scale.value(self._slider.value)
-        self._desk.whatif.let_go(self)
         self._text.value = written(value)  # without the mark
-        if apply and written(value) != written(running):
-            self._desk.whatif.remember(snapshot.scenario, self._place.edit(snapshot, value))
+        changed = apply and written(value) != written(running)
+        if changed:  # before the slider counts as let go, since the page is drawn meanwhile
+            self._desk.whatif.remember(snapshot, self._place.edit(snapshot, value))
             self._ask(snapshot, value, seconds=1.0)
-        else:
+        self._desk.whatif.let_go(self)
+        if not changed:
             self._answer.expect(snapshot, seconds=0.0)
             self.show(snapshot)
 

@@ -34,6 +34,19 @@ class _Asked:
     t: float
 
 
+@dataclass(frozen=True)
+class _Applied:
+    """The scenario before and after the last edit by a slider, and how far the runner's answers were then."""
+
+    before: Scenario
+    after: Scenario
+    asked_at: tuple[int, int]
+
+
+def _answers(snapshot: Snapshot) -> tuple[int, int]:
+    return snapshot.revision, snapshot.refusal_number
+
+
 class WhatIf:
     """One slider at a time, whoever holds it. Callbacks `hold` and `let_go`; the drawing loop calls `look`.
 
@@ -48,7 +61,7 @@ class WhatIf:
         self.outlook: Outlook | None = None
         self.refusal = ""
         self._asked: _Asked | None = None
-        self._applied: tuple[Scenario, Scenario] | None = None
+        self._applied: _Applied | None = None
         self._run = -1
 
     def hold(self, held: Held) -> None:
@@ -65,18 +78,21 @@ class WhatIf:
         if self.holds(control):
             self.held = None
 
-    def remember(self, before: Scenario, edit: Edit) -> None:
+    def remember(self, snapshot: Snapshot, edit: Edit) -> None:
         """This edit is being applied; `undo` takes it back."""
         try:
-            self._applied = before, edited(before, edit.path, edit.value)
+            after = edited(snapshot.scenario, edit.path, edit.value)
         except ScenarioError:  # the runner will refuse it, too, and say so
             self._applied = None
+        else:
+            self._applied = _Applied(snapshot.scenario, after, _answers(snapshot))
 
     def undo(self, snapshot: Snapshot) -> Load | None:
-        """What takes the last applied slider back, None when nothing does or something else has changed since."""
-        if self._applied is None or self._applied[1] != snapshot.scenario:
+        """What takes the last applied slider back, None when it was refused or something else has changed since."""
+        applied = self._applied
+        if applied is None or (applied.after != snapshot.scenario and applied.asked_at != _answers(snapshot)):
             return None
-        return Load(self._applied[0])
+        return Load(applied.before)
 
     def look(self, snapshot: Snapshot, clients: Collection[int]) -> bool:
         """Ask what is to be asked and take what is answered; True when there is something else to draw."""
