@@ -19,7 +19,7 @@ from controllers.reaching import ReachingCertificate
 from controllers.reference_estimates import ReferenceEstimates
 from controllers.switching import Switching
 from controllers.task_space import TaskSpace
-from environments.sensors import ForceReader
+from environments.sensors import ForceReader, ReaderMemory
 from environments.stiffness import ROUNDING
 from kernels import resolved
 from kernels.records import Record
@@ -44,6 +44,26 @@ class View:
     live: dict[str, float]
 
 
+@dataclass(frozen=True)
+class LoopState:
+    """Where a run stands between two control periods: all that the next ones depend on, nothing that they change, and
+    small, so that it can be kept or sent to another process. t, t_0, s_since s; steps counted from t_0; arm, period:
+    the memory of the records of these names."""
+
+    scenario: Scenario
+    t: float
+    t_0: float
+    steps: int
+    arm: np.ndarray
+    period: np.ndarray
+    reader: ReaderMemory
+    certificate: ReachingCertificate
+    s_since: float
+    reaching_time: float | None
+    stopped: str | None
+    warning: str | None
+
+
 class ClosedLoop:
     """One run of a scenario: no thread, no screen, no file.
 
@@ -51,9 +71,31 @@ class ClosedLoop:
     None until s is reached. Raises ScenarioError when the scenario cannot be built.
     """
 
-    def __init__(self, scenario: Scenario, history: int = 600_000) -> None:
+    def __init__(self, scenario: Scenario, history: int = 600_000, previous: System | None = None) -> None:
         self._history = history
-        self._begin(assemble(scenario))
+        self._begin(assemble(scenario, previous))
+
+    @classmethod
+    def resume(cls, state: LoopState, history: int = 600_000, previous: System | None = None) -> ClosedLoop:
+        """A run that goes on from `state` exactly as the one that was there; `edit` takes it elsewhere.
+
+        It shares the parts of `previous` that are the same, so the two must not step in different threads.
+        """
+        loop = cls(state.scenario, history, previous)
+        loop.t, loop._t_0, loop._steps = state.t, state.t_0, state.steps
+        loop._arm.data[:], loop._period.data[:] = state.arm, state.period
+        loop._reader.recall(state.reader)
+        loop.certificate, loop.s_since, loop.reaching_time = state.certificate, state.s_since, state.reaching_time
+        loop.stopped, loop.warning = state.stopped, state.warning
+        loop._setting = Record(loop._setting_of(loop.system)).data
+        return loop
+
+    def state(self) -> LoopState:
+        """To go on from later, elsewhere: see `resume`."""
+        return LoopState(
+            self.system.scenario, self.t, self._t_0, self._steps, self._arm.data.copy(), self._period.data.copy(),
+            self._reader.memory(), self.certificate, self.s_since, self.reaching_time, self.stopped, self.warning,
+        )  # fmt: skip
 
     def _begin(self, system: System) -> None:
         self.t = 0.0

@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Mapping
+
 import numpy as np
 from msgspec import Struct
 
+from app.assembly import System
 from app.closed_loop import ClosedLoop
 
 TAIL = 0.2  # share of the run that "tail" figures look at
+BAND = 0.02  # of the largest deviation, within which a signal counts as settled
 
 
 class Metrics(Struct, frozen=True):
@@ -33,15 +38,16 @@ def measure(loop: ClosedLoop, realtime_factor: float | None = None) -> Metrics:
     t = record["t"]
     if len(t) == 0:
         raise ValueError("metrics: nothing recorded yet")
-    tail = t >= t[0] + (1.0 - TAIL) * (t[-1] - t[0])
+    tail = tail_of(t)
+    last = {name: values[tail] for name, values in record.items()}
     system = loop.system
     rigid = system.scenario.contact.kind == "rigid"
     tau = record["tau"]
     duration = max(float(t[-1] - t[0]), system.scenario.controller.period)
     excess = record["s_norm"] - record["s_bound"] - record["s_band"]
     return Metrics(
-        motion_error_tail=float(np.linalg.norm(_motion_error(loop, record, tail), axis=1).max()),
-        force_error_tail=float(np.abs(record["multiplier"] - record["F_cd"][:, 0])[tail].max()) if system.m else None,
+        motion_error_tail=float(np.linalg.norm(motion_error(system, last), axis=1).max()),
+        force_error_tail=float(np.abs(force_error(last)).max()) if system.m else None,
         constraint_violation=float(np.abs(record["phi"]).max()) if rigid else None,
         reaching_time=loop.reaching_time,
         reaching_time_bound=loop.certificate.t_r,
@@ -55,18 +61,52 @@ def measure(loop: ClosedLoop, realtime_factor: float | None = None) -> Metrics:
     )
 
 
-def _motion_error(loop: ClosedLoop, record: dict[str, np.ndarray], tail: np.ndarray) -> np.ndarray:
-    """The position errors (N, k) that a motion target governs: along the surface where there is one."""
-    system = loop.system
+def tail_of(t: np.ndarray) -> np.ndarray:
+    """Which of the times t (N,) s belong to the tail: (N,) bool."""
+    return t >= t[-1] - TAIL * (t[-1] - t[0])
+
+
+def force_error(record: Mapping[str, np.ndarray]) -> np.ndarray:
+    """f_n - f_nd, (N,) N, of a mode that controls a force."""
+    return record["multiplier"] - record["F_cd"][:, 0]
+
+
+def motion_error(system: System, record: Mapping[str, np.ndarray]) -> np.ndarray:
+    """The position errors (N, k) m that a motion target governs: along the surface where there is one."""
     if system.layout.joint:
-        return record["e_r"][tail]
-    error = record["e_r"][tail][:, system.m : system.layout.positions]
+        return record["e_r"]
+    error = record["e_r"][:, system.m : system.layout.positions]
     if system.m or system.scenario.contact.kind == "free":
         return error
     # Cartesian coordinates against a surface: the part along the normal is the force's business
     axes = system.charted.frame[: system.layout.positions]
     normals = np.array(
-        [axes @ system.surface.chart(p, t).G[0] for p, t in zip(record["tool"][tail], record["t"][tail], strict=True)]
+        [axes @ system.surface.chart(p, t).G[0] for p, t in zip(record["tool"], record["t"], strict=True)]
     )
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
     return error - normals * np.sum(error * normals, axis=1, keepdims=True)
+
+
+def steady_force_error(system: System, f_nd: float) -> float | None:
+    """What (37) says of f_n - f_nd (N) in the end, for a constant desired force (N); None where no force is controlled.
+
+    On a rigid surface r_fd = 0 and (41) leaves none.
+    """
+    if not system.m:
+        return None
+    if system.scenario.contact.kind == "rigid":
+        return 0.0
+    r_fd = f_nd * system.plan.compliance
+    return float(system.law.model.steady_force(0, system.scenario.contact.K_e, 0.0, r_fd, f_nd)) - f_nd
+
+
+def settling_time(t: np.ndarray, signal: np.ndarray, resolution: float) -> float:
+    """From t[0] on, s, until the signal (N,) stays within `BAND` of its largest deviation from its final value, the
+    mean of its tail; smaller deviations than `resolution` do not count. Infinite when it has not settled by the tail.
+    """
+    tail = tail_of(t)
+    away = np.abs(signal - signal[tail].mean())
+    outside = np.flatnonzero(away > max(BAND * float(away.max()), resolution))
+    if not len(outside):
+        return 0.0
+    return math.inf if tail[outside[-1]] else float(t[outside[-1] + 1] - t[0])

@@ -17,7 +17,7 @@ import numpy as np
 
 from app import assembly
 from app.assembly import Coordinate
-from app.closed_loop import ClosedLoop
+from app.closed_loop import ClosedLoop, LoopState
 from app.pacing import Pace, PaceMeter, Schedule
 from app.recording import Recording
 from app.scenario import Scenario, ScenarioError, edited
@@ -114,6 +114,7 @@ class Snapshot:
     surface_offset: np.ndarray
     live: dict[str, float]
     recording: Recording
+    state: LoopState
 
     @property
     def realtime_factor(self) -> float:
@@ -302,4 +303,5 @@ class Runner:
             surface_offset=system.surface.motion.offset(loop.t),
             live=view.live,
             recording=loop.recording,
+            state=loop.state(),
         )

@@ -85,11 +85,16 @@ def _client(url: str) -> ClientConnection:
 
 
 def _slider(socket: ClientConnection) -> str:
-    """The identifier of the slider in the row labelled `LABEL`. It comes after the row's text."""
+    """The identifier of the slider in the row labelled `LABEL`. It comes after the row's text.
+
+    On the way previews are switched off, with which a slider would be applied only when it is let go.
+    """
     _send(socket, CAMERA)
     row: str | None = None
     while True:
         for message in messages(bytes(socket.recv(timeout=30.0))):
+            if message["type"] == "GuiCheckboxMessage" and message["props"]["label"] == "Preview":
+                _send(socket, {"type": "GuiUpdateMessage", "uuid": message["uuid"], "updates": {"value": False}})
             if message["type"] == "GuiTextMessage" and message["props"]["label"] == LABEL:
                 row = message["container_uuid"]
             if message["type"] == "GuiSliderMessage" and message["container_uuid"] == row:

@@ -53,6 +53,11 @@ def main(folder: Path) -> None:
             shoot(page, folder / f"tab-{tab.lower()}.png")
         runner.post(Edit("target_model.M_m", [0.0] * 6))
         shoot(page, folder / "refused.png")
+        page.get_by_role("tab", name="Task", exact=True).click()
+        hold(page, "F_d [N]", 0.33, 0.75)
+        page.screenshot(path=folder / "what-if.png")
+        page.keyboard.press("Escape")
+        page.mouse.up()
         page.close()
         for width, height in SIZES:
             page = opened(browser.new_page(viewport={"width": width, "height": height}), dashboard.url)
@@ -82,6 +87,19 @@ def load(runner: Runner, name: str, page: Page) -> None:
         if snapshot.scenario.name == name and (snapshot.t >= SETTLED or snapshot.phase == "stopped"):
             return
         page.wait_for_timeout(100)
+
+
+def hold(page: Page, label: str, at: float, to: float) -> None:
+    """Drag a row's slider from one share of its length to another and hold it until its preview is whole."""
+    row = page.locator("form", has=page.get_by_text(label, exact=True))
+    box = row.locator(".mantine-Slider-root").bounding_box()
+    assert box is not None
+    y = box["y"] + box["height"] / 2
+    page.mouse.move(box["x"] + at * box["width"], y)
+    page.mouse.down()
+    page.mouse.move(box["x"] + to * box["width"], y, steps=20)
+    page.get_by_text("within the next 5.0 s").wait_for()
+    page.wait_for_timeout(1500)
 
 
 def shoot(page: Page, path: Path) -> None:

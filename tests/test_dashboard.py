@@ -41,6 +41,23 @@ class Session:
     def number(self, label: str) -> Locator:
         return self.row(label).locator(".mantine-TextInput-input")
 
+    def grip(self, label: str, at: float = 0.33) -> tuple[Callable[[float], None], Locator]:
+        """Press the mouse on a row's slider; returns how to move it (0 to 1), and the row's text field."""
+        box = self.row(label).locator(".mantine-Slider-root").bounding_box()
+        assert box is not None
+        y = box["y"] + box["height"] / 2
+
+        def move(share: float) -> None:
+            self.page.mouse.move(box["x"] + share * box["width"], y, steps=10)
+
+        self.page.mouse.move(box["x"] + at * box["width"], y)
+        self.page.mouse.down()
+        return move, self.number(label)
+
+    def ahead(self) -> float:
+        """How far right of now the first plot's lines reach, s."""
+        return self.page.evaluate("Object.values(__viserTestpoints.uplots)[0].chart.data[0].at(-1)")
+
     def wait(self, condition: Callable[[Snapshot], bool], seconds: float = 15.0) -> None:
         """Until the loop is as the test wants it; a failure shows where it stood."""
         until = time.monotonic() + seconds
@@ -119,20 +136,85 @@ def test_a_number_takes_effect_when_its_field_is_left(session: Session):
     assert session.now.scenario.force.value == 12.5
 
 
-def test_a_slider_changes_the_running_response(session: Session):
-    slider = session.row("F_d [N]").locator(".mantine-Slider-root")
-    box = slider.bounding_box()
-    assert box is not None
-    y = box["y"] + box["height"] / 2
-    session.page.mouse.move(box["x"] + 0.33 * box["width"], y)
-    session.page.mouse.down()
-    session.page.mouse.move(box["x"] + 0.75 * box["width"], y, steps=10)
+def test_a_held_slider_previews_and_let_go_it_applies(session: Session):
+    before = session.now
+    session.page.locator(".mantine-Notification-root button").first.click()  # "software WebGL" hides what is under it
+    move, text = session.grip("F_d [N]")
+    move(0.75)
+    session.page.get_by_text("let go: apply").wait_for()
+    session.page.wait_for_function(
+        "Object.values(__viserTestpoints.uplots).some((p) => p.chart.data[0].at(-1) > 4.9)", timeout=60_000
+    )
+    asked = float(text.input_value())
+    assert 40.0 < asked < 50.0
+    assert session.now.scenario == before.scenario
+    assert session.now.revision == before.revision
+    forces = "Object.values(__viserTestpoints.uplots)[1].chart"
+    assert session.page.evaluate(f"{forces}.data[2].at(-1)") == pytest.approx(asked, abs=0.1)
+    assert session.page.evaluate(f"[{forces}.scales.x.min, {forces}.scales.x.max]") == [-8.0, 5.0]
     session.page.mouse.up()
+    session.wait(lambda now: now.scenario.force.value == asked)
+    assert session.now.revision == before.revision + 1
+    session.page.get_by_role("button", name="Revert").click()
+    session.wait(lambda now: now.scenario == before.scenario)
+    session.wait(lambda _: session.ahead() <= 0.0)
+    session.page.get_by_text("let go: apply").wait_for(state="hidden")
+
+
+def test_escape_takes_a_held_slider_back(session: Session):
+    before = session.now
+    move, text = session.grip("F_d [N]")
+    move(0.9)
+    session.wait(lambda _: session.ahead() > 0.0)
+    session.page.keyboard.press("Escape")
+    session.wait(lambda _: session.ahead() <= 0.0)
+    move(0.6)
+    session.page.mouse.up()
+    session.page.wait_for_timeout(500)
+    assert session.now.revision == before.revision
+    assert text.input_value() == "20"
+    thumb = session.row("F_d [N]").get_by_role("slider")
+    assert float(thumb.get_attribute("aria-valuenow") or "nan") == pytest.approx(20.0 / 60.0, abs=2e-3)
+
+
+def test_arrow_keys_move_a_slider_and_not_the_run(session: Session):
+    thumb = session.row("F_d [N]").get_by_role("slider")
+    thumb.focus()
+    thumb.press("ArrowRight")
+    session.wait(lambda now: 20.0 < now.scenario.force.value < 20.5)
+    thumb.press("End")
+    session.wait(lambda now: now.scenario.force.value == 60.0)
+    assert session.now.phase == "running"
+
+
+def test_a_preview_that_cannot_be_says_why_and_the_run_goes_on(session: Session):
+    before = session.now
+    session.tab("Model")
+    session.tab("K_m")
+    move, _ = session.grip("K_m ψ₁", at=0.7)
+    move(-0.1)
+    session.page.locator(".vs-held .vs-message", has_text="K_m2").wait_for()
+    assert session.ahead() <= 0.0
+    session.page.keyboard.press("Escape")
+    session.page.mouse.up()
+    session.wait(lambda now: now.t > before.t + 0.5)
+    assert (session.now.revision, session.now.refusal_number) == (before.revision, before.refusal_number)
+    assert session.now.phase == "running"
+
+
+def test_without_previews_a_slider_acts_at_once(session: Session):
+    session.page.get_by_text("What if", exact=True).first.click()
+    session.page.get_by_role("checkbox", name="Preview").click()
+    move, text = session.grip("F_d [N]")
+    move(0.75)
     session.wait(lambda now: 40.0 < now.scenario.force.value < 50.0)
+    assert session.ahead() <= 0.0
+    session.page.mouse.up()
     session.page.wait_for_timeout(1000)
     wanted = session.now.scenario.force.value
     session.wait(lambda now: abs(now.recording.signals(("F_c",))["F_c"][-1, 0] - wanted) < 0.1)
-    assert session.number("F_d [N]").input_value() == written(wanted)
+    assert text.input_value() == written(wanted)
+    session.page.get_by_role("checkbox", name="Preview").click()
 
 
 def test_an_invalid_gain_shows_its_reason_and_the_run_goes_on(session: Session):

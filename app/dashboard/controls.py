@@ -1,7 +1,8 @@
 """Controls: each shows one field of the running scenario and posts an Edit when the user changes it.
 
-No control holds state. What the user asked for stays on the screen only until the runner has answered; then the
-control shows the value of the snapshot again, which after a refusal is the one still running.
+No control holds state. A slider that is held only asks what would be; let go, it posts. What the user asked for stays
+on the screen only until the runner has answered; then the control shows the value of the snapshot again, which after a
+refusal is the one still running.
 """
 
 from __future__ import annotations
@@ -16,18 +17,21 @@ import numpy as np
 import viser
 from msgspec import Struct
 
-from app.dashboard.style import COMMIT
+from app.dashboard.style import COMMIT, ESCAPED, MARKS, RELEASED
+from app.dashboard.whatif import Held, WhatIf
 from app.runner import Command, Edit, Snapshot
 from app.scenario import field_info
 
 
 @dataclass(frozen=True)
 class Desk:
-    """What a panel works with: where widgets are made, where commands go, the newest snapshot, and complaints."""
+    """What a panel works with: where widgets are made, where commands go, the newest snapshot, what-if questions, and
+    complaints."""
 
     gui: viser.GuiApi
     post: Callable[[Command], None]
     snapshot: Callable[[], Snapshot]
+    whatif: WhatIf
     complain: Callable[[str], None]
 
 
@@ -170,11 +174,14 @@ class Number:
     async def _on_text(self, event: viser.GuiEvent) -> None:
         if event.client is None:
             return
+        if self._text.value.endswith((RELEASED, ESCAPED)):
+            self._let_go(apply=self._text.value.endswith(RELEASED))
+            return
         if not self._text.value.endswith(COMMIT):
             self._answer.expect(self._desk.snapshot(), seconds=60.0)
             return
         snapshot = self._desk.snapshot()
-        text = self._text.value.rstrip(COMMIT).strip()
+        text = self._text.value.rstrip("".join(MARKS)).strip()
         running = self._place.read(snapshot)
         try:
             value = read_back(text) if text else running
@@ -190,9 +197,27 @@ class Number:
     async def _on_slider(self, event: viser.GuiEvent) -> None:
         if event.client is None or self._slider is None or self._scale is None:
             return
-        value = self._scale.value(self._slider.value)
+        snapshot, value = self._desk.snapshot(), self._scale.value(self._slider.value)
         self._text.value = written(value)
-        self._ask(self._desk.snapshot(), value, seconds=0.5)
+        if self._desk.whatif.on:
+            edit = self._place.edit(snapshot, value)
+            self._desk.whatif.hold(Held(edit, self._label, written(value), self, event.client.client_id))
+        else:
+            self._ask(snapshot, value, seconds=0.5)
+
+    def _let_go(self, *, apply: bool) -> None:
+        snapshot = self._desk.snapshot()
+        running = self._place.read(snapshot)
+        value = running if self._slider is None or self._scale is None else self._scale.value(self._slider.value)
+        self._text.value = written(value)  # without the mark
+        changed = apply and written(value) != written(running)
+        if changed:  # before the slider counts as let go, since the page is drawn meanwhile
+            self._desk.whatif.remember(snapshot, self._place.edit(snapshot, value))
+            self._ask(snapshot, value, seconds=1.0)
+        self._desk.whatif.let_go(self)
+        if not changed:
+            self._answer.expect(snapshot, seconds=0.0)
+            self.show(snapshot)
 
     def _ask(self, snapshot: Snapshot, value: Any, seconds: float) -> None:
         self._answer.expect(snapshot, seconds)
@@ -202,7 +227,7 @@ class Number:
         value = self._place.read(snapshot)
         if self._form.visible != (value is not None):
             self._form.visible = value is not None
-        if value is None or self._answer.awaited(snapshot):
+        if value is None or self._answer.awaited(snapshot) or self._desk.whatif.holds(self):
             return
         self._text.value = written(value)
         if self._slider is not None and self._scale is not None and isinstance(value, float | int):

@@ -18,6 +18,9 @@ from app.dashboard.scene import SceneView
 from app.dashboard.status import splash_html, status_html
 from app.dashboard.style import injected_html
 from app.dashboard.theme import ACCENT
+from app.dashboard.whatif import WhatIf
+from app.dashboard.whatif_panel import WhatIfPanel
+from app.previewer import Previewer
 from app.runner import Runner, Snapshot
 
 log = logging.getLogger("vsmrc.dashboard")
@@ -85,6 +88,8 @@ class Dashboard:
     def close(self) -> None:
         """End `run_forever` and stop the server. The runner is the caller's."""
         self._closed.set()
+        if self._view is not None:
+            self._view.close()
         self._server.stop()
 
 
@@ -97,8 +102,11 @@ class _View:
         self._server, self._status, self._scene, self._runner = server, status, scene, runner
         self._complaint, self._complaint_until, self._complaint_revision = "", 0.0, -1
         self._refusals = runner.snapshot.refusal_number
-        desk = Desk(server.gui, runner.post, lambda: runner.snapshot, self.complain)
+        self._previewer = Previewer()
+        self._whatif = WhatIf(self._previewer)
+        desk = Desk(server.gui, runner.post, lambda: runner.snapshot, self._whatif, self.complain)
         self._playback = Playback(desk)
+        self._whatif_panel = WhatIfPanel(desk)
         self._plots = Plots(server.gui)
         tabs = server.gui.add_tab_group()
         self._panels: list[Panel] = []
@@ -120,13 +128,18 @@ class _View:
         for client in self._server.get_clients().values():
             client.add_notification("Refused", sentence, color="red", auto_close_seconds=6.0)
 
+    def close(self) -> None:
+        """End what was started for the page. The runner is the caller's."""
+        self._previewer.close()
+
     def draw(self, now: float) -> None:
         """One frame: the scene always, everything else less often."""
         snapshot = self._runner.snapshot
         if snapshot is not self._drawn:
             self._scene.show(snapshot)
-        if now - self._refreshed >= REFRESH:
-            self._refresh(snapshot, now, fresh=snapshot is not self._drawn)
+        foreseen = self._whatif.look(snapshot, self._server.get_clients())
+        if foreseen or now - self._refreshed >= REFRESH:
+            self._refresh(snapshot, now, fresh=foreseen or snapshot is not self._drawn)
             self._refreshed = now
         self._drawn = snapshot
 
@@ -139,12 +152,13 @@ class _View:
         self._status.content = status_html(snapshot, self._complaint)
         self._equation.content = equation_html(snapshot)
         self._playback.show(snapshot)
+        self._whatif_panel.show(snapshot)
         for panel in self._panels:
             panel.show(snapshot)
         self._fit()
         self._scene.draw_paths()
         if fresh:
-            self._plots.show(snapshot)
+            self._plots.show(snapshot, self._whatif.outlook, self._whatif.horizon)
 
     def _fit(self) -> None:
         heights = [client.camera.image_height for client in self._server.get_clients().values()]

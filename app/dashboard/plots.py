@@ -1,8 +1,12 @@
-"""The plots: each names the signals it needs and turns them into lines; one read of the recording feeds them all."""
+"""The plots: each names the signals it needs and turns them into lines; one read of the recording feeds them all.
+
+Ahead of now stands the preview, when there is one: the same lines from the preview's signals. The page's script makes
+lighter whatever lies right of zero.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,6 +15,7 @@ from viser import uplot
 
 from app.dashboard.equation import symbol
 from app.dashboard.theme import BOUND, DESIRED, MEASURED, SERIES, Rgb, css
+from app.preview import Outlook
 from app.runner import Snapshot
 
 WINDOW = 8.0  # s
@@ -123,6 +128,18 @@ TABS: dict[str, tuple[Plot, ...]] = {
 }
 
 
+_TIME = "s from now"
+_NOW = uplot.Axis(
+    scale="x",
+    side=0,
+    size=0,
+    splits=(0.0,),
+    values=("",),
+    ticks={"show": False},
+    grid={"show": True, "stroke": "rgba(255, 255, 255, 0.35)", "width": 1, "dash": (3.0, 3.0)},
+)
+
+
 class _Chart:
     """One plot on the page."""
 
@@ -131,10 +148,14 @@ class _Chart:
         self._lines: list[Line] = []
         self._handle = gui.add_uplot(
             (_EMPTY, np.full(2, _FLOOR)),
-            (uplot.Series(label="s ago"), uplot.Series(label="")),
+            (uplot.Series(label=_TIME), uplot.Series(label="")),
             title=plot.title,
-            scales={"x": uplot.Scale(time=False, range=(-WINDOW, 0.0)), "y": plot.y_scale()},
-            axes=(uplot.Axis(size=34, space=60), uplot.Axis(size=60, space=26, ticks={"show": not plot.logarithmic})),
+            scales=self._scales(0.0),
+            axes=(
+                uplot.Axis(size=34, space=60),
+                uplot.Axis(size=60, space=26, ticks={"show": not plot.logarithmic}),
+                _NOW,
+            ),
             cursor=uplot.Cursor(sync={"key": "vsmrc"}),
             height=150,
             padding=(10, 14, 0, 0),
@@ -144,17 +165,28 @@ class _Chart:
         """Take the lines that this run has."""
         self._lines = self.plot.lines(snapshot)
         self._handle.data = (_EMPTY, *(np.full(2, _FLOOR) for _ in self._lines))
-        self._handle.series = (uplot.Series(label="s ago"), *(line.series() for line in self._lines))
+        self._handle.series = (uplot.Series(label=_TIME), *(line.series() for line in self._lines))
 
     def set_height(self, pixels: int) -> None:
         self._handle.height = pixels
 
-    def draw(self, ago: np.ndarray, signals: Signals) -> None:
-        """ago: each row's time minus now, s."""
-        columns = [np.asarray(line.values(signals), dtype=float) for line in self._lines]
+    def reach(self, ahead: float) -> None:
+        """How far ahead of now the time axis goes, s. The page then builds the chart anew."""
+        self._handle.scales = self._scales(ahead)
+
+    def _scales(self, ahead: float) -> dict[str, uplot.Scale]:
+        # An axis that stands still: viser's client may lose a moving one while the window is still growing.
+        return {"x": uplot.Scale(time=False, range=(-WINDOW, ahead)), "y": self.plot.y_scale()}
+
+    def draw(self, time: np.ndarray, stretches: Sequence[Signals]) -> None:
+        """time (N,) s from now, of the rows of all stretches one behind the other."""
+        columns = [
+            np.concatenate([np.asarray(line.values(signals), dtype=float) for signals in stretches])
+            for line in self._lines
+        ]
         if self.plot.logarithmic:
             columns = [np.maximum(column, _FLOOR) for column in columns]
-        self._handle.data = (ago, *columns)
+        self._handle.data = (time, *columns)
 
 
 class Plots:
@@ -170,8 +202,10 @@ class Plots:
         panel.set_width(400)
         self._signals = tuple({"t", *(name for _, chart in self._charts for name in chart.plot.signals)})
         self._key: object = None
+        self._reach = 0.0
 
-    def show(self, snapshot: Snapshot) -> None:
+    def show(self, snapshot: Snapshot, outlook: Outlook | None, horizon: float) -> None:
+        """Draw the last `WINDOW` s, and the preview over the next `horizon` s if there is one."""
         key = (tuple(snapshot.coordinates), tuple(snapshot.robot.joint_names))
         if key != self._key:
             self._key = key
@@ -180,10 +214,16 @@ class Plots:
         signals = snapshot.recording.window(self._signals, snapshot.t - WINDOW, snapshot.t, POINTS)
         if len(signals["t"]) < 2:
             return
-        # An axis that stands still: viser's client may lose a moving one while the window is still growing.
-        ago = signals["t"] - signals["t"][-1]
+        reach = 0.0 if outlook is None else horizon
+        if reach != self._reach:
+            self._reach = reach
+            for _, chart in self._charts:
+                chart.reach(reach)
+        time, stretches = signals["t"] - signals["t"][-1], [signals]
+        if outlook is not None:
+            time, stretches = np.concatenate([time, outlook.ahead]), [signals, outlook.signals]
         for _, chart in self._charts:
-            chart.draw(ago, signals)
+            chart.draw(time, stretches)
 
     def fit(self, page_height: int) -> None:
         """Share the height of the page among the plots of a tab."""

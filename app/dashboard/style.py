@@ -1,18 +1,24 @@
 """The style sheet and the one script of the page, injected as HTML.
 
-uPlot now and then does not lay out the time axis of a chart that is made with its data; the script asks it again.
+uPlot now and then does not lay out the time axis of a chart that is made with its data; the script asks it again. It
+also draws previews lighter: viser passes no function to uPlot, and no gap in a line.
 
 viser's text field sends every keystroke and knows no "Enter or leaving the field". The script tells the two apart:
 it appends the character COMMIT to the text when the user is done, so a commit is an ordinary change of the value.
 (A submit of viser's form would not do: the client has one throttled message slot, and a submit within 50 ms of the
 last keystroke replaces that keystroke.)
+
+Nor does viser's slider know "let go". The script notes which row's slider is held, by mouse, finger or arrow key, and
+when it is let go appends RELEASED, or ESCAPED after the key, to the text of the same row: behind the slider's last
+position, for which it waits, and in the same slot.
 """
 
 from __future__ import annotations
 
 from app.dashboard.theme import ACCENT, BOUND, DESIRED, MEASURED, css
 
-COMMIT = "\u200b"  # zero width space: never typed, never seen
+# zero width: never typed, never seen
+COMMIT, RELEASED, ESCAPED = MARKS = "\u200b", "\u200c", "\u200d"
 
 _SCRIPT = """
 if (!window.vsmrcCommit) {
@@ -43,11 +49,71 @@ if (!window.vsmrcCommit) {
     commit(input, e.key === "Enter" ? input.value : "");
     if (e.key === "Enter") input.select();
   }, true);
+  // right of zero lies what has not happened: less of it
+  const dim = (plot) => {
+    const { left, top, width, height } = plot.bbox, from = Math.max(plot.valToPos(0, "x", true), left);
+    if (!(from < left + width - 1)) return;
+    plot.ctx.save();
+    plot.ctx.globalCompositeOperation = "destination-out";
+    plot.ctx.fillStyle = "rgba(0, 0, 0, 0.5)";
+    plot.ctx.fillRect(from + 1, top, left + width - from, height);
+    plot.ctx.restore();
+  };
+  const dimmed = new WeakSet();
+  const enlist = (entry) => {
+    if (!dimmed.has(entry.chart)) (entry.chart.hooks.draw ??= []).push(dim);
+    dimmed.add(entry.chart);
+    return entry;
+  };
+  let watched = null;
+  const watch = () => {
+    const points = (window.__viserTestpoints ??= {});
+    if (points.uplots && points.uplots === watched) return;
+    const known = points.uplots ?? {};
+    Object.values(known).forEach(enlist);
+    points.uplots = watched = new Proxy(known, { set: (all, id, entry) => { all[id] = enlist(entry); return true; } });
+  };
+  watch();
   setInterval(() => {
+    watch();
     for (const { chart } of Object.values(window.__viserTestpoints?.uplots ?? {}))
       if (!chart.axes[0]._splits) chart.setSize({ width: chart.width, height: chart.height });
   }, 400);
   document.addEventListener("focusout", (e) => { const i = field(e); if (i) commit(i, i.value); }, true);
+
+  let held = null, byKey = false;
+  const slider = (e) => e.target instanceof Element ? e.target.closest("form .mantine-Slider-root") : null;
+  const hold = (row, key) => { held = row; byKey = key; row.dataset.held = ""; row.vsmrcTurn = null; };
+  const letGo = (mark) => {
+    if (!held) return;
+    const row = held, turn = (row.vsmrcTurn = {});
+    held = null;
+    // a frame and more than the 50 ms of the slot, so that the last position has gone; unless held again meanwhile
+    requestAnimationFrame(() => setTimeout(() => {
+      const input = row.querySelector("input.mantine-TextInput-input");
+      if (row.vsmrcTurn !== turn || !input) return;
+      write(input, input.value + mark);
+      delete row.dataset.held;
+    }, 80));
+  };
+  const moves = (e) => /^(Arrow|Home|End|Page)/.test(e.key);
+  for (const kind of ["mousedown", "touchstart"])
+    document.addEventListener(kind, (e) => { const s = slider(e); if (s) hold(s.closest("form"), false); }, true);
+  for (const kind of ["mouseup", "touchend", "touchcancel"])
+    document.addEventListener(kind, () => letGo("\\u200c"), true);
+  document.addEventListener("keydown", (e) => {
+    const s = slider(e);
+    if (e.key === "Escape" && held) {
+      letGo("\\u200d");
+      document.dispatchEvent(new MouseEvent("mouseup", { bubbles: true }));
+      document.dispatchEvent(new Event("touchend", { bubbles: true }));
+    } else if (s && moves(e)) hold(s.closest("form"), true);
+  }, true);
+  document.addEventListener("keyup", (e) => { if (moves(e)) letGo("\\u200c"); }, true);
+  // the keyup goes elsewhere then; a mouse stays with the page that it was pressed on
+  window.addEventListener("blur", () => { if (byKey) letGo("\\u200c"); });
+  // an arrow that moves a slider is not the page's hotkey
+  document.body.addEventListener("keydown", (e) => { if (slider(e) && moves(e)) e.stopPropagation(); });
 }
 """
 
@@ -63,9 +129,10 @@ form > div:has(.mantine-TextInput-root) > div > div:last-child {{ order: 3; grid
 form:not(:has(.mantine-Slider-root)) > div > div > div:last-child {{ grid-column: 2 / 4 !important; }}
 form > div:has(.mantine-Slider-root) > div > div:first-child {{ display: none; }}
 form > div:has(.mantine-Slider-root) > div > div:last-child {{ order: 2; margin-top: -0.4em; }}
-form .mantine-NumberInput-root {{ display: none; }}
+form .mantine-NumberInput-root, form .mantine-Slider-label {{ display: none; }}
 form input {{ text-align: right !important; font-variant-numeric: tabular-nums; }}
 form input[data-pending] {{ border-color: {css(MEASURED)}; color: {css(MEASURED)}; }}
+body:has(.vs-held) form[data-held] input {{ border-color: {css(MEASURED)}; color: {css(MEASURED)}; }}
 form label {{ white-space: nowrap; }}
 /* the status line stays in sight while the tabs scroll: nothing between it and the scroll area may clip */
 div:has(> .vs-status) {{ position: sticky; top: 0; z-index: 5; background: var(--mantine-color-body); }}
@@ -85,6 +152,8 @@ div:has(> div > div > div > .vs-status) {{ overflow: visible !important; }}
 .vs-message {{ margin-top: 0.35em; padding: 0.2em 0.7em; border-left: 3px solid; border-radius: 0.2em;
   line-height: 1.35; overflow-wrap: anywhere; }}
 .vs-note {{ padding: 0.1em 0.8em 0.5em; font-size: 0.8em; line-height: 1.4; opacity: 0.75; }}
+.vs-held {{ padding: 0.2em 0.8em 0.4em 0.8em; font-size: 0.9em; }}
+.vs-held .vs-facts {{ width: 100%; margin: 0.3em 0 0.2em 0; font-size: 0.92em; }}
 .vs-facts {{ width: calc(100% - 1.7em); margin: 0.2em 1em 0.6em 0.7em; font-size: 0.84em; border-collapse: collapse;
   font-variant-numeric: tabular-nums; }}
 .vs-facts td {{ padding: 0.12em 0; border-bottom: 1px solid rgba(255, 255, 255, 0.07); }}

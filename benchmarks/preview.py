@@ -1,0 +1,111 @@
+"""What-if previews on this machine: redraws a second while a slider is dragged, and what that does to the running loop.
+
+No browser: the page's controls, its plots and its drawing rate are there, and nobody looks.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+import viser
+
+from app.dashboard.page import FRAME, REFRESH
+from app.dashboard.plots import Plots
+from app.dashboard.whatif import Held, WhatIf
+from app.previewer import Previewer
+from app.runner import Edit, Runner
+from app.scenario import load
+
+CLIENT = 1
+MOVEMENT = 0.05  # s between two movements of the slider: what the browser sends at most
+LOOK = 0.001  # s between two looks at how far the loop is
+
+
+class Pace(NamedTuple):
+    """How a running loop keeps up: simulated seconds per second, and lateness of its control periods in ms."""
+
+    rate: float
+    late_median: float
+    late_p99: float
+    late_worst: float
+
+
+class PreviewFigures(NamedTuple):
+    """first: s from the first movement to the first drawing, with the process warm; redraws per second while the
+    slider moves; reach: median s ahead that these drew; settled: s from the last movement to the whole horizon; pace
+    of the running loop before and during the drag."""
+
+    first: float
+    redraws: float
+    reach: float
+    settled: float
+    alone: Pace
+    dragging: Pace
+
+
+@dataclass
+class _Page:
+    """What the dashboard does for a page, frame by frame, while the loop runs on."""
+
+    runner: Runner
+    whatif: WhatIf
+    plots: Plots
+
+    def watch(self, seconds: float, *, drag: bool) -> tuple[Pace, list[tuple[float, float]]]:
+        """Draw for that long; returns the pace, and of every preview drawn the time (s) and how far it looks (s)."""
+        recording, period = self.runner.snapshot.recording, self.runner.snapshot.scenario.controller.period
+        began = time.perf_counter()
+        moved = framed = refreshed = -math.inf
+        ages, previews = [], []
+        while (now := time.perf_counter() - began) < seconds:
+            ages.append(now - len(recording) * period)
+            if drag and now - moved >= MOVEMENT:
+                moved = now
+                value = 30.0 + 10.0 * math.sin(2.0 * now)
+                self.whatif.hold(Held(Edit("force.value", value), "F_d", f"{value:.3g}", self, CLIENT))
+            if now - framed >= FRAME:
+                framed = now
+                snapshot = self.runner.snapshot
+                foreseen = self.whatif.look(snapshot, {CLIENT})
+                if foreseen or now - refreshed >= REFRESH:
+                    refreshed = now
+                    self.plots.show(snapshot, self.whatif.outlook, self.whatif.horizon)
+                if foreseen and self.whatif.outlook is not None:
+                    previews.append((now, self.whatif.outlook.figures.span))
+            time.sleep(LOOK)
+        late = 1e3 * (np.array(ages) - min(ages))
+        rate = 1.0 - (np.mean(ages[-20:]) - np.mean(ages[:20])) / seconds
+        return Pace(rate, float(np.median(late)), float(np.quantile(late, 0.99)), float(late.max())), previews
+
+
+def measure(scenario: str = "ur5-hybrid", seconds: float = 8.0, horizon: float = 5.0) -> PreviewFigures:
+    """Run the scenario, watch it alone, then drag the desired force; both for so many seconds."""
+    server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
+    runner, previewer = Runner(load(scenario)), Previewer()
+    page = _Page(runner, WhatIf(previewer), Plots(server.gui))
+    page.whatif.horizon = horizon
+    try:
+        runner.start()
+        page.watch(1.0, drag=False)
+        while not previewer.idle:
+            time.sleep(0.05)
+        alone, _ = page.watch(seconds, drag=False)
+        dragging, drawn = page.watch(seconds, drag=True)
+        _, still = page.watch(2.0, drag=False)
+        times = [t for t, _ in drawn]
+        return PreviewFigures(
+            first=times[0],
+            redraws=(len(times) - 1) / (times[-1] - times[0]),
+            reach=float(np.median([span for _, span in drawn])),
+            settled=next((t for t, span in still if span >= horizon - 1e-6), math.inf),
+            alone=alone,
+            dragging=dragging,
+        )
+    finally:
+        previewer.close()
+        runner.close()
+        server.stop()
