@@ -28,7 +28,7 @@ from typing import NamedTuple
 import tyro
 
 ROOT = Path(__file__).parents[1]
-PACKAGES = ("app", "controllers", "environments")
+PACKAGES = ("app", "controllers", "environments", "kernels")
 FOLDERS = (*PACKAGES, "static", "tests", "benchmarks")
 # the quick ones, sharpest first: a row costs as much as what comes before the first test that fails
 TESTS = (
@@ -37,7 +37,8 @@ TESTS = (
     "tests/test_mathematics.py",
     "tests/test_bounds.py",
     "tests/test_stiffness.py",
-    "tests/test_responses.py::test_every_friction_takes_energy_away",
+    "tests/test_kernels.py",
+    "tests/test_closed_forms.py::test_every_friction_takes_energy_away",
 )
 PATIENCE = 1200.0  # s for one row
 
