@@ -10,8 +10,8 @@ import pinocchio as pin
 import pytest
 
 from app.assembly import System
-from controllers.bounds import InertiaRange, Uncertainty
-from controllers.nominal_model import Estimate
+from controllers.bounds import Equivalent, InertiaRange, Uncertainty, required_gain
+from controllers.nominal_model import ON_LINE, Estimate
 from controllers.reference_estimates import Believed
 from controllers.switching import Switching
 from controllers.task_space import TaskSpace
@@ -211,3 +211,21 @@ def test_extremes_of_the_range_are_arms(robot: str) -> None:
     for alpha, H in ((0.75, allowed.H_low), (1.25, allowed.H_high)):
         model = Truth(np.full(system.robot.n, alpha), 0.0, np.zeros(3), 0.0, 0.0, 0.0, 0.0).model(system.robot)
         np.testing.assert_allclose(H, in_task_space(task, pin.crba(model, model.createData(), state.q)), rtol=1e-9)
+
+
+@pytest.mark.parametrize("robot", ROBOTS)
+def test_tight_bound_of_inertia_is_attained(robot: str) -> None:
+    """Every link at the edge of its scaling, q_eq_ddot where H_links is largest: nothing smaller would be a bound."""
+    system, rho = charted(robot, CHART), 0.25
+    state = draw_state(system, np.random.default_rng(6))
+    estimate, task = system.observe(*state)
+    H_links = task.J_q_inv.T @ estimate.M_links @ task.J_q_inv
+    q_eq_ddot = task.J_q_inv @ np.linalg.eigh(H_links)[1][:, -1]
+    model = Truth(np.full(system.robot.n, 1.0 + rho), 0.0, np.zeros(3), 0.0, 0.0, 0.0, 0.0).model(system.robot)
+    Delta_M = pin.crba(model, model.createData(), state.q) - estimate.M_hat
+    needed = np.linalg.norm(task.J_q_inv.T @ Delta_M @ q_eq_ddot)
+    u = Uncertainty(rho, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, k_C=0.0)
+    equivalent = Equivalent.zeros(system.robot.n)._replace(q_ddot=q_eq_ddot)
+    offered = required_gain("tight", u, ON_LINE, estimate, task, state.q_dot, equivalent).inertia
+    assert needed <= offered * (1.0 + 1e-9)
+    assert needed >= 0.97 * offered  # the spectral norm is taken from above

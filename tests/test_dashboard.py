@@ -15,6 +15,7 @@ from app.runner import Load, Play, Runner, SetSpeed, Snapshot
 from app.scenario import shipped
 
 VIEWPORT = {"width": 1280, "height": 720}
+PATIENCE = 90.0  # s: a busy machine may take long to start the process that previews
 
 
 @dataclass(frozen=True)
@@ -58,7 +59,7 @@ class Session:
         """How far right of now the first plot's lines reach, s."""
         return self.page.evaluate("Object.values(__viserTestpoints.uplots)[0].chart.data[0].at(-1)")
 
-    def wait(self, condition: Callable[[Snapshot], bool], seconds: float = 15.0) -> None:
+    def wait(self, condition: Callable[[Snapshot], bool], seconds: float = PATIENCE) -> None:
         """Until the loop is as the test wants it; a failure shows where it stood."""
         until = time.monotonic() + seconds
         while not condition(self.now):
@@ -88,6 +89,7 @@ def session(served: tuple[Dashboard, Runner], open_page: Callable[..., Page]) ->
     for command in (Load(shipped()["ur5-hybrid"]), SetSpeed(1.0), Play()):
         runner.post(command)
     page = open_page(dashboard.url, viewport=VIEWPORT)
+    page.set_default_timeout(PATIENCE * 1e3)
     page.get_by_text("real time").wait_for(timeout=60_000)
     opened = Session(page, runner)
     opened.wait(lambda now: now.scenario.name == "ur5-hybrid" and now.phase == "running")
