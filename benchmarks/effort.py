@@ -6,17 +6,18 @@ from typing import NamedTuple
 
 
 class Effort(NamedTuple):
-    """rounds of `steps` steps; seconds of the page's traffic and of pacing; slider messages; starts; simulated minutes
-    between two looks at the memory, of which there are six."""
+    """rounds of `steps` steps; seconds of the page's traffic, of pacing and of dragging; slider messages; starts;
+    simulated minutes between two looks at the memory, of which there are six."""
 
     rounds: int
     steps: int
     traffic: float
     pacing: float
+    drag: float
     messages: int
     starts: int
     minutes: float
 
 
-FULL = Effort(rounds=15, steps=1000, traffic=10.0, pacing=60.0, messages=400, starts=5, minutes=10.0)
-QUICK = Effort(rounds=3, steps=300, traffic=2.0, pacing=3.0, messages=30, starts=1, minutes=0.2)
+FULL = Effort(rounds=15, steps=1000, traffic=10.0, pacing=60.0, drag=10.0, messages=400, starts=5, minutes=10.0)
+QUICK = Effort(rounds=3, steps=300, traffic=2.0, pacing=3.0, drag=2.0, messages=30, starts=1, minutes=0.2)

@@ -23,12 +23,20 @@ from scipy.linalg.lapack import dgesv, dposv
 
 from app.assembly import System
 from benchmarks.rounds import Call
-from environments.trajectories import Circle
+from environments.trajectories import Circle, Path, path_at
 
 K_P, K_D = 400.0, 40.0  # 1/s^2, 1/s: critically damped
 K_I = 10.0  # 1/s
 SETTLING = 6000  # steps before the task is looked at
 NORMAL = 2  # the plane is horizontal
+
+
+@njit(error_model="numpy")
+def _wanted(course, t):
+    value, rate, acceleration = np.empty(3), np.empty(3), np.empty(3)
+    path_at(course, t, value, rate, acceleration)
+    return Path(value, rate, acceleration)
+
 
 Law = Callable[["Press"], Callable[[], np.ndarray]]
 
@@ -50,7 +58,7 @@ class Press:
         mujoco.mju_mat2Quat(self.attitude, self.data.site_xmat[self.site])
         x, y, _ = np.eye(3)
         path = scenario.motion
-        self.circle = Circle(x, y, path.radius, path.period, path.ramp)
+        self.course = Circle(x, y, path.radius, path.period, path.ramp).course
         self.force = scenario.force.value
         self.missing = 0.0  # N s, integral of the force error
 
@@ -102,7 +110,7 @@ def plain(press: Press) -> Callable[[], np.ndarray]:
         mujoco.mju_negQuat(conjugate, quat)
         mujoco.mju_mulQuat(away, press.attitude, conjugate)
         mujoco.mju_quat2Vel(turn, away, 1.0)
-        wanted = press.circle.evaluate(data.time)
+        wanted = _wanted(press.course, data.time)
         twist = jacobian @ data.qvel
         error = np.concatenate([press.start + wanted.value - data.site_xpos[press.site], turn])
         rate = np.concatenate([wanted.rate, np.zeros(3)]) - twist
@@ -136,7 +144,7 @@ def tuned(press: Press) -> Callable[[], np.ndarray]:
         mujoco.mju_negQuat(conjugate, quat)
         mujoco.mju_mulQuat(away, press.attitude, conjugate)
         mujoco.mju_quat2Vel(turn, away, 1.0)
-        wanted = press.circle.evaluate(data.time)
+        wanted = _wanted(press.course, data.time)
         twist = jacobian @ q_dot
         error[:3] = press.start + wanted.value - position
         rate[:3] = wanted.rate
@@ -164,7 +172,7 @@ def compiled(press: Press) -> Callable[[], np.ndarray]:
     def law() -> np.ndarray:
         mujoco.mj_jacSite(model, data, linear, angular, press.site)
         mujoco.mj_fullM(model, data, M)
-        wanted = press.circle.evaluate(data.time)
+        wanted = _wanted(press.course, data.time)
         press.missing += (press.force - reading[0]) * press.period
         push = press.force + K_I * press.missing
         return _torque(jacobian, M, q_dot, bias, position, rotation, press.start, R_d, wanted, push)
@@ -195,7 +203,7 @@ def _settled(name: str, system: System, law: Law) -> Call:
 
     for _ in range(SETTLING):
         step()
-    away = press.start + press.circle.evaluate(press.data.time).value - press.data.site_xpos[press.site]
+    away = press.start + _wanted(press.course, press.data.time).value - press.data.site_xpos[press.site]
     if np.abs(away[:NORMAL]).max() > 1e-3 or abs(press.reading() - press.force) > 1.0:
         raise RuntimeError(f"{name}: {away[:NORMAL]} m off the circle, {press.reading():.1f} N, not {press.force} N")
     return step

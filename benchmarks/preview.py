@@ -15,11 +15,14 @@ import viser
 
 from app.dashboard.page import FRAME, REFRESH
 from app.dashboard.plots import Plots
-from app.dashboard.whatif import Held, WhatIf
+from app.dashboard.whatif import HORIZON, Held, WhatIf
 from app.previewer import Previewer
 from app.runner import Edit, Runner
 from app.scenario import load
+from benchmarks.effort import Effort
+from benchmarks.report import Table
 
+SCENARIOS = ("ur5-hybrid", "panda-hybrid", "ur5-constrained")
 CLIENT = 1
 MOVEMENT = 0.05  # s between two movements of the slider: what the browser sends at most
 LOOK = 0.001  # s between two looks at how far the loop is
@@ -82,7 +85,23 @@ class _Page:
         return Pace(rate, float(np.median(late)), float(np.quantile(late, 0.99)), float(late.max())), previews
 
 
-def measure(scenario: str = "ur5-hybrid", seconds: float = 8.0, horizon: float = 5.0) -> PreviewFigures:
+def measure(effort: Effort) -> Table:
+    """The table of previews."""
+    figures = [dragged(scenario, effort.drag) for scenario in SCENARIOS]
+    rows = [
+        ("redraws per s while dragging", *(f"{f.redraws:.1f}" for f in figures)),
+        ("first drawing after the first movement, s", *(f"{f.first:.2f}" for f in figures)),
+        ("median reach of these drawings, s", *(f"{f.reach:.1f}" for f in figures)),
+        ("whole horizon after the last movement, s", *(f"{f.settled:.2f}" for f in figures)),
+        ("real-time factor, alone / dragging", *(f"{f.alone.rate:.3f} / {f.dragging.rate:.3f}" for f in figures)),
+    ]
+    for title, name in (("median", "late_median"), ("p99", "late_p99"), ("max", "late_worst")):
+        pairs = (f"{getattr(f.alone, name):.2f} / {getattr(f.dragging, name):.2f}" for f in figures)
+        rows.append((f"lateness {title}, alone / dragging, ms", *pairs))
+    return Table(("a slider is dragged", *SCENARIOS), rows)
+
+
+def dragged(scenario: str, seconds: float, horizon: float = HORIZON) -> PreviewFigures:
     """Run the scenario, watch it alone, then drag the desired force; both for so many seconds."""
     server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
     runner, previewer = Runner(load(scenario)), Previewer()
