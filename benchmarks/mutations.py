@@ -37,8 +37,8 @@ TESTS = (
     "tests/test_mathematics.py",
     "tests/test_bounds.py",
     "tests/test_stiffness.py",
-    "tests/test_responses.py::test_every_friction_takes_energy_away",
-    "tests/test_closed_forms.py::test_sampled_force_loop_diverges_where_its_factor_says",
+    "tests/test_closed_forms.py::test_every_friction_takes_energy_away",
+    "tests/test_responses.py::test_sampled_force_loop_diverges_where_its_factor_says",
 )
 PATIENCE = 1200.0  # s for one row
 
