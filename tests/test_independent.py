@@ -59,6 +59,24 @@ def test_each_term_at_random_states(twin: Twin) -> None:
         np.testing.assert_allclose(state.views.q_ddot, q_ddot, atol=1e-7 * np.abs(q_ddot).max())
 
 
+@pytest.mark.parametrize(
+    "twin", [t for t in TWINS.values() if t.ideal or not t.rigid], ids=lambda t: f"{t.robot} {t.mode}"
+)
+def test_recorded_residual_is_that_of_the_target_model(twin: Twin) -> None:
+    """M_m e_ddot + B_m e_dot + K_m e + K_f e_Fc (8), with q_ddot under the recorded torque by (2)."""
+    loop, paper, g = ClosedLoop(twin.scenario(0.001)), twin.paper(), twin.gains()
+    for _ in range(20):
+        loop.step()
+    seen = loop.recording.signals(("t", "q", "q_dot", "tau", "residual"))
+    for t, q, q_dot, tau, residual in list(zip(*seen.values(), strict=True))[3::8]:
+        m, (r_d, r_d_dot, r_d_ddot, f_nd) = paper.motion(q, q_dot, t), paper.reference(t)
+        lam, q_ddot = paper.contact(m, q, q_dot, lambda _, tau=tau: tau)
+        e_ddot = m.J_q @ q_ddot + m.J_q_dot @ q_dot + m.v_t_dot - r_d_ddot
+        e_F = np.eye(twin.n)[0] * (lam - f_nd)
+        expected = g.M_m @ e_ddot + g.B_m @ (m.r_dot - r_d_dot) + g.K_m @ (m.r - r_d) + g.K_f @ e_F
+        np.testing.assert_allclose(residual, expected, atol=1e-6 * np.abs(g.M_m @ e_ddot).max() + 1e-5)
+
+
 PERIODS = (0.002, 0.001, 0.0005)
 
 
