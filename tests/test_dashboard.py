@@ -1,5 +1,6 @@
 """The page in a real browser: a person's actions, and their effect in the running loop."""
 
+import re
 import socket
 import threading
 import time
@@ -234,6 +235,27 @@ def test_an_invalid_gain_shows_its_reason_and_the_run_goes_on(session: Session):
     assert session.now.t > before.t
 
 
+def test_a_surface_too_stiff_is_refused_with_its_remedy_which_helps(session: Session):
+    session.runner.post(Load(shipped()["planar3r-hybrid"]))
+    session.wait(lambda now: now.scenario.name == "planar3r-hybrid")
+    session.tab("World")
+
+    def enter(label: str, text: str) -> None:
+        field = session.number(label)
+        field.fill(text)
+        field.press("Enter")
+
+    enter("K_e [N/m]", "1e7")
+    message = session.page.locator(".vs-message", has_text="too stiff")
+    message.wait_for()
+    enough = re.search(r"simulation.substeps >= (\d+)", message.inner_text())
+    assert enough is not None
+    enter("substeps", enough[1])
+    session.wait(lambda now: now.scenario.simulation.substeps == int(enough[1]))
+    enter("K_e [N/m]", "1e7")
+    session.wait(lambda now: now.scenario.contact.K_e == 1e7)
+
+
 def test_text_that_is_no_number_is_refused_on_the_page(session: Session):
     before = session.now
     field = session.number("F_d [N]")
@@ -293,5 +315,6 @@ def test_slider_positions_and_values_are_inverse(scale: Scale):
 def test_numbers_are_written_and_read_back():
     assert read_back(written(0.01)) == 0.01
     assert read_back(written((0.1, 0.0, -2.5))) == [0.1, 0.0, -2.5]
+    assert isinstance(read_back(written(4)), int)
     with pytest.raises(ValueError, match="could not convert"):
         read_back("twenty")

@@ -151,9 +151,16 @@ def written(value: Any) -> str:
 
 
 def read_back(text: str) -> float | list[float]:
-    """The inverse of `written`. Raises ValueError."""
-    numbers = [float(part) for part in text.replace(";", ",").split(",")]
+    """The inverse of `written`; a whole number written without a point stays one. Raises ValueError."""
+    numbers = [_number(part) for part in text.replace(";", ",").split(",")]
     return numbers[0] if len(numbers) == 1 else numbers
+
+
+def _number(text: str) -> float:
+    try:
+        return int(text)
+    except ValueError:
+        return float(text)
 
 
 class Number:

@@ -1,4 +1,4 @@
-"""World: the surface, the contact and the force sensor."""
+"""World: the surface, the contact, the force sensor, and how finely the plant is integrated."""
 
 from __future__ import annotations
 
@@ -44,6 +44,16 @@ class WorldPanel:
                 Number(desk, Place("sensor.delay"), "delay [s]", decades(1e-3, 0.1, zero=True)),
                 Number(desk, Place("sensor.cutoff"), "low-pass [Hz]", decades(1, 1000, zero=True)),
                 Switch(desk, "sensor.ideal", "Ideal reading"),
+            ]
+        with gui.add_folder("Integration of the plant"):
+            self._controls += [
+                Choice(
+                    desk,
+                    "simulation.integrator",
+                    "Integrator",
+                    {"semi-implicit Euler": "semi-implicit-euler", "Runge-Kutta 4": "rk4"},
+                ),
+                Number(desk, Place("simulation.substeps"), "substeps"),
             ]
 
     def show(self, snapshot: Snapshot) -> None:
