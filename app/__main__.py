@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import signal
 import sys
 import threading
 import time
@@ -58,6 +59,7 @@ def serve(
     except KeyboardInterrupt:
         print("\nended")
     finally:
+        signal.signal(signal.SIGINT, signal.SIG_IGN)  # an impatient second Ctrl-C must not interrupt the ending
         dashboard.close()
         if warming is not None:
             warming.terminate()

@@ -23,7 +23,14 @@ def start() -> subprocess.Popen[bytes] | None:
     """Begin, unless it has been done before. The process ends with this one."""
     if _mark().exists():
         return None
-    return subprocess.Popen([sys.executable, "-m", "app.warm"], stdin=subprocess.PIPE)
+    # -P and the path: this very program, whatever lies in the user's folder; a session: Ctrl-C is the dashboard's
+    path = os.pathsep.join([str(Path(__file__).parents[1]), os.environ.get("PYTHONPATH", "")]).rstrip(os.pathsep)
+    return subprocess.Popen(
+        [sys.executable, "-P", "-m", "app.warm"],
+        stdin=subprocess.PIPE,
+        env=os.environ | {"PYTHONPATH": path},
+        start_new_session=True,
+    )
 
 
 def _mark() -> Path:
