@@ -93,7 +93,7 @@ class ClosedLoop:
     def state(self) -> LoopState:
         """To go on from later, elsewhere: see `resume`."""
         return LoopState(
-            self.system.scenario, self.t, self._t_0, self._steps, self._arm.data.copy(), self._period.data.copy(),
+            self.system.scenario, self.t, self._t_0, self._steps, self._arm.copy().data, self._period.copy().data,
             self._reader.memory(), self.certificate, self.s_since, self.reaching_time, self.stopped, self.warning,
         )  # fmt: skip
 

@@ -303,8 +303,7 @@ class Observer:
         seen = self._blank.copy()
         seen.data["q"], seen.data["q_dot"] = q, q_dot
         _observe_alone(self._record.data, *self._model.update(q, q_dot), t, seen.data)
-        observation = seen.read()
-        return observation.estimate, observation.task
+        return seen.part("estimate"), seen.part("task")
 
 
 class Planned:

@@ -34,6 +34,10 @@ class Record(Generic[T]):
         """The named tuple with the numbers of now; its arrays are this memory."""
         return _read(self.data, self._template)
 
+    def part(self, name: str) -> Any:
+        """The named tuple of this name, with the numbers of now; its arrays are this memory."""
+        return _read(self.data[name], getattr(self._template, name))
+
     def write(self, name: str, value: NamedTuple) -> None:
         """Give the named tuple of this name other values of the same shapes."""
         _write(self.data[name], value)
@@ -42,7 +46,7 @@ class Record(Generic[T]):
         """Another piece of memory with the same content."""
         twin = object.__new__(Record)
         twin._template = self._template
-        twin.data = self.data.copy()
+        twin.data = self.data.view(np.uint8).copy().view(self.data.dtype)  # as a whole, not field by field
         return twin
 
 

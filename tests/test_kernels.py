@@ -102,8 +102,9 @@ def test_record_is_one_memory_seen_by_name() -> None:
     now.inner.a[0] = 9.0
     assert record.views.inner.a.tolist() == [9.0, 7.0]
     assert twin.read().inner.a.tolist() == [1.0, 2.0]
+    assert twin.data.dtype is record.data.dtype
     record.write("inner", Inner(np.zeros(2), 4))
-    assert record.read().inner.count == 4
+    assert record.read().inner.count == record.part("inner").count == 4
     assert record.data.dtype is Record(Outer(Inner(np.zeros(2), 1), 0.0, False)).data.dtype
 
 
