@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from controllers.bounds import sum_of
 from controllers.nominal_model import ON_LINE, Estimate, LinkConstants, NominalModel, estimates
 from controllers.reaching import Promise, envelope, sampling_band
 from controllers.reference_estimates import Believed, believe
@@ -218,13 +219,11 @@ def _write_row(row, t, arm, period):
     i = _put(row, i, terms.linear)
     i = _put(row, i, terms.switching)
     i = _put(row, i, output.tau)
-    first = needed.inertia + needed.coriolis + needed.gravity
     causes = (needed.inertia, needed.coriolis, needed.gravity, needed.task_motion, needed.disturbance, needed.epsilon)
     for cause in causes:
         row[i] = cause
         i += 1
-    required = first + needed.task_motion + needed.disturbance + needed.epsilon
-    for value in (output.d, required, output.s_norm, period.bound, period.band, 1.0 / task.J_q_inv_norm):
+    for value in (output.d, sum_of(needed), output.s_norm, period.bound, period.band, 1.0 / task.J_q_inv_norm):
         row[i] = value
         i += 1
     i = _put(row, i, period.residual)

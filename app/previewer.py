@@ -4,15 +4,13 @@ from __future__ import annotations
 
 import contextlib
 import logging
-import os
 import subprocess
-import sys
 import threading
 from dataclasses import dataclass
 from multiprocessing import Pipe
 from multiprocessing.connection import Connection
-from pathlib import Path
 
+from app import child
 from app.closed_loop import LoopState
 from app.preview import Done, Hurry, Outlook, Question, Refusal
 from app.scenario import Scenario
@@ -99,15 +97,8 @@ class Previewer:
     def _started(self) -> _Worker:
         ours, theirs = Pipe()
         with theirs:
-            # -P and the path: this very program, whatever lies in the user's folder
-            root = os.pathsep.join([str(Path(__file__).parents[1]), os.environ.get("PYTHONPATH", "")])
-            process = subprocess.Popen(
-                [sys.executable, "-P", "-m", "app.preview_worker", str(theirs.fileno())],
-                pass_fds=(theirs.fileno(),),
-                stdin=subprocess.DEVNULL,
-                env=os.environ | {"PYTHONPATH": root.rstrip(os.pathsep)},
-                start_new_session=True,  # Ctrl-C is the dashboard's business, which then closes the connection
-            )
+            file = theirs.fileno()
+            process = child.start("app.preview_worker", str(file), stdin=subprocess.DEVNULL, pass_fds=(file,))
         worker = _Worker(process, ours)
         threading.Thread(target=self._listen, args=(worker,), name="previews", daemon=True).start()
         return worker

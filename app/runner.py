@@ -127,8 +127,9 @@ class Runner:
     """Owns the loop. `post` and `snapshot` may be used from any thread; nothing else touches the loop."""
 
     def __init__(self, scenario: Scenario) -> None:
-        ClosedLoop(scenario, history=1).step()  # compiles, where no cache has it yet, what must not delay the loop
         self._loop = ClosedLoop(scenario)
+        self._loop.step()  # compiles, where no cache has it yet, what must not delay the loop
+        self._loop.reset()
         self._commands: queue.SimpleQueue[Command] = queue.SimpleQueue()
         self._closing = threading.Event()
         self._thread = threading.Thread(target=self._run, name="closed-loop", daemon=True)
@@ -136,7 +137,6 @@ class Runner:
         self._speed = 1.0
         self._revision = self._runs = self._refusals = 0
         self._refusal: str | None = None
-        self._notice = ""
         self.meter = PaceMeter()
         self._pace_now: Pace | None = None
         self.snapshot = self._publish()

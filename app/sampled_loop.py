@@ -12,9 +12,9 @@ import numpy as np
 import pinocchio as pin
 
 from app.assembly import System
-from controllers.reference_estimates import Believed
+from controllers.bounds import Equivalent, required_gain
+from controllers.nominal_model import ON_LINE
 from controllers.switching import Switching
-from controllers.vsmrc import LawState, Reference
 from environments.stiffness import STEPS
 
 LONGEST_LINE = 100  # periods of delay, beyond which the matrix becomes too large to be judged in passing
@@ -37,8 +37,11 @@ def contact_loop_radius(system: System, q: np.ndarray, t: float) -> float:
     H_inv = np.linalg.inv(J_inv.T @ pin.crba(system.plant.model, system.plant.model.createData(), q) @ J_inv)
     across = J_inv.T @ (estimate.J_v.T @ system.surface.chart(estimate.p, t).G[0])  # F_r per unit of lambda
     contact, simulation, period = scenario.contact, scenario.simulation, scenario.controller.period
-    at_rest = Reference(task.r, still, still, still)
-    d = law.evaluate(LawState(still), at_rest, task, estimate, Believed.at(estimate), still, np.zeros(3)).d
+    q_eq_dot = -J_inv @ task.v_t  # (16) and (25) where all errors and all rates of the reference are zero
+    q_eq_ddot = -J_inv @ (task.J_q_dot @ q_eq_dot + task.v_t_dot)
+    at_rest = Equivalent(still, still, q_eq_dot, q_eq_ddot)
+    needed = required_gain(law.bounds, law.uncertainty, ON_LINE, estimate, task, still, at_rest)
+    d = sum(needed) + law.epsilon if law.d is None else law.d
     robust = law.K_s + d / law.phi * np.eye(n)
     passed = 1.0 if sensor.cutoff == 0.0 else 1.0 - np.exp(-2 * np.pi * sensor.cutoff * period)
 

@@ -12,6 +12,7 @@ import threading
 from collections.abc import Iterator
 from pathlib import Path
 
+from app import child
 from app.assembly import in_mode, on_robot
 from app.closed_loop import ClosedLoop
 from app.kernel_cache import cache_folder
@@ -23,14 +24,7 @@ def start() -> subprocess.Popen[bytes] | None:
     """Begin, unless it has been done before. The process ends with this one."""
     if _mark().exists():
         return None
-    # -P and the path: this very program, whatever lies in the user's folder; a session: Ctrl-C is the dashboard's
-    path = os.pathsep.join([str(Path(__file__).parents[1]), os.environ.get("PYTHONPATH", "")]).rstrip(os.pathsep)
-    return subprocess.Popen(
-        [sys.executable, "-P", "-m", "app.warm"],
-        stdin=subprocess.PIPE,
-        env=os.environ | {"PYTHONPATH": path},
-        start_new_session=True,
-    )
+    return child.start("app.warm", stdin=subprocess.PIPE)
 
 
 def _mark() -> Path:

@@ -58,6 +58,13 @@ class RequiredGain(NamedTuple):
         return cls(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
+@part
+def sum_of(needed):
+    """What d must be at least, (17)."""
+    known = needed.inertia + needed.coriolis + needed.gravity + needed.task_motion + needed.disturbance
+    return known + needed.epsilon
+
+
 class Equivalent(NamedTuple):
     """The motion that (25) prescribes, each (n,): r_eq_dot m/s and r_eq_ddot m/s^2 of (16), q_eq_dot rad/s, q_eq_ddot
     rad/s^2."""

@@ -8,7 +8,7 @@ from typing import ClassVar, Literal, NamedTuple
 
 import numpy as np
 
-from controllers.bounds import Equivalent, RequiredGain, Uncertainty, paper_bound, tight_bound
+from controllers.bounds import Equivalent, RequiredGain, Uncertainty, paper_bound, sum_of, tight_bound
 from controllers.compensator import Compensator
 from controllers.nominal_model import Estimate
 from controllers.reference_estimates import Believed
@@ -32,12 +32,6 @@ class Reference(NamedTuple):
     def zeros(cls, n: int) -> Reference:
         """Of n coordinates."""
         return cls(*4 * (np.zeros(n),))
-
-
-class LawState(NamedTuple):
-    """The memory of the law: the compensator's state z (n,)."""
-
-    z: np.ndarray
 
 
 class TorqueTerms(NamedTuple):
@@ -170,8 +164,7 @@ def gain(gains, deviation, task, estimate, q_dot, work, out):
     needed.epsilon = gains.epsilon
     out.d = gains.d
     if gains.by_theorem:
-        perturbation = needed.inertia + needed.coriolis + needed.gravity + needed.task_motion + needed.disturbance
-        out.d = perturbation + needed.epsilon  # (17)
+        out.d = sum_of(needed)  # (17)
 
 
 @part
@@ -307,13 +300,9 @@ class Vsmrc:
             uncertainty=self.uncertainty,
         )
 
-    def init(self, e_r: np.ndarray, e_r_dot: np.ndarray, *, remove_reaching: bool) -> LawState:
-        """z(0): Remark 2's, for which s(0) = 0, or zero, to watch s being reached."""
-        return LawState(self.compensator.without_reaching(e_r, e_r_dot) if remove_reaching else np.zeros(self.model.n))
-
     def evaluate(
         self,
-        state: LawState,
+        z: np.ndarray,
         reference: Reference,
         task: TaskSpace,
         estimate: Estimate,
@@ -321,16 +310,12 @@ class Vsmrc:
         q_dot: np.ndarray,
         F: np.ndarray,
     ) -> ControlOutput:
-        """(25) at one instant; q_dot (n,) rad/s, F (3,) N measured force of the tool on the environment.
+        """(25) at one instant; z (n,) m/s, q_dot (n,) rad/s, F (3,) N measured force of the tool on the environment.
 
         believed: `Believed.at(estimate)` when estimates are taken on-line, otherwise see Remark 3.
         """
         n = self.model.n
         work, answer = Work.zeros(n), Record(ControlOutput.zeros(n))
-        question = _Question(self.gains, state.z, reference, task, estimate, believed, q_dot, F, work)
+        question = _Question(self.gains, z, reference, task, estimate, believed, q_dot, F, work)
         _control_law_alone(Record(question).data, answer.data)
         return answer.read()
-
-    def next(self, state: LawState, output: ControlOutput, period: float) -> LawState:
-        """z one control period (s) later."""
-        return LawState(state.z + period * output.z_dot)

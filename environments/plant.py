@@ -206,6 +206,10 @@ def _penetration(around, J, rotation, translation, arm, t):
     arm[0].load.phi = around[0].touch.phi
 
 
+# what there is to find at a new state: nothing in free space, and on a rigid surface `_onto_surface` has been there
+FINDERS = {"elastic": _load, "mass-damper-spring": _penetration}
+
+
 @kernel
 def _force_of(around, J, rotation, translation, arm, multiplier, t, force):
     world, around = around[0].world, around[0]
@@ -276,11 +280,11 @@ class Plant:
         q = np.zeros(n)
         around, arm, tau, M = self._around, Record(Arm.zeros(n)).data, q, pin.crba(self.model, self.data, q)
         self._step_of_euler = resolved(_semi_implicit_euler, arm, q, 0.0)
+        if self.kind in FINDERS:
+            self._find = resolved(FINDERS[self.kind], around, *self._tool, arm, 0.0)
         if not self.heavy:
             self._drive = resolved(_drive, around, arm, tau, 0.0)
-            self._find = resolved(_load, around, *self._tool, arm, 0.0)
             return
-        self._find = resolved(_penetration, around, *self._tool, arm, 0.0)
         self._drive = resolved(_drive_heavy, around, *self._tool_moving, arm, tau, 0.0)
         self._answer = resolved(_answer, around, M, q, arm)
         self._onto_surface = resolved(_onto_surface, around, *self._tool, M, arm, 0.0)
@@ -292,7 +296,7 @@ class Plant:
         """
         state = Record(Arm.zeros(len(q))._replace(q=q, q_dot=q_dot))
         self._constrain(state, t)
-        if self.kind not in ("free", "rigid"):
+        if self.kind in FINDERS:
             pin.computeJointJacobians(self.model, self.data, state.views.q)
             _load(self._around, *self._tool, state.data, t)
         return state
@@ -324,7 +328,7 @@ class Plant:
 
     def _find_load(self, state: PlantState, t: float) -> None:
         """The contact's load at a state; a heavy contact keeps the one of the torque that led there, but for phi."""
-        if self.kind in ("free", "rigid"):
+        if self.kind not in FINDERS:
             return
         pin.computeJointJacobians(self.model, self.data, state.views.q)
         self._find(self._around, *self._tool, state.data, t)

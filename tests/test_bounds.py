@@ -15,7 +15,7 @@ from controllers.nominal_model import ON_LINE, Estimate
 from controllers.reference_estimates import Believed
 from controllers.switching import Switching
 from controllers.task_space import TaskSpace
-from controllers.vsmrc import LawState, Vsmrc
+from controllers.vsmrc import Vsmrc
 from environments.plant import Truth
 from tests.arms import CERTAIN, ROBOTS, State, charted, random_law, random_reference
 
@@ -85,7 +85,7 @@ def compare(
     reference = reference._replace(r_d_dot=10 ** random.uniform(-2.0, 0.3) * reference.r_d_dot)
     believed = Believed.at(estimate) if override is None else override
     z, F = random.uniform(0.0, 1.0) * random.standard_normal(n), random.standard_normal(3)
-    out = law.evaluate(LawState(z), reference, task, estimate, believed, q_dot, F)
+    out = law.evaluate(z, reference, task, estimate, believed, q_dot, F)
 
     q_eq_dot = task.J_q_inv @ (task.r_dot - out.s - task.v_t)
     q_eq_ddot = np.linalg.solve(believed.M_hat, out.terms.inertia)
@@ -158,7 +158,7 @@ def test_paper_bounds_are_those_of_7(robot: str) -> None:
     q, q_dot, t = draw_state(system, random)
     estimate, task = system.observe(q, q_dot, t)
     reference, z = random_reference(task.r, random), random.standard_normal(system.robot.n)
-    out = law.evaluate(LawState(z), reference, task, estimate, Believed.at(estimate), q_dot, np.zeros(3))
+    out = law.evaluate(z, reference, task, estimate, Believed.at(estimate), q_dot, np.zeros(3))
 
     r_eq_dot = task.r_dot - out.s
     r_eq_ddot = reference.r_d_ddot - law.compensator.F_1 @ out.e_r_dot - law.compensator.F_2 @ out.z_dot

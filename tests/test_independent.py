@@ -12,7 +12,6 @@ from app.assembly import assemble
 from app.closed_loop import ClosedLoop
 from app.scenario import Scenario, from_plain, shipped, to_plain
 from controllers.reference_estimates import Believed
-from controllers.vsmrc import LawState
 from environments.plant import Integrator
 from tests.independent import order
 from tests.twins import Twin, bands, loop_errors, plant_errors
@@ -45,9 +44,7 @@ def test_each_term_at_random_states(twin: Twin) -> None:
             np.testing.assert_allclose(getattr(task, name), getattr(m, name), atol=1e-7, err_msg=name)
 
         lam = random.uniform(0.0, 30.0)
-        out = system.law.evaluate(
-            LawState(z), system.reference(t), task, estimate, Believed.at(estimate), q_dot, lam * m.normal
-        )
+        out = system.law.evaluate(z, system.reference(t), task, estimate, Believed.at(estimate), q_dot, lam * m.normal)
         answer = paper.law(m, q, q_dot, z, lam, t)
         np.testing.assert_allclose(out.s, answer.s, atol=1e-9)
         np.testing.assert_allclose(out.z_dot, answer.z_dot, atol=1e-6)

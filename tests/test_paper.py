@@ -15,7 +15,7 @@ from controllers.nominal_model import Estimate
 from controllers.reference_estimates import Believed
 from controllers.switching import Switching, layer_width
 from controllers.target_model import InvalidGain, TargetModel
-from controllers.vsmrc import LawState, Reference
+from controllers.vsmrc import Reference
 from environments.robots import CATALOGUE
 from kernels.algebra import spectral_norm
 from tests.arms import unit_vector
@@ -131,7 +131,7 @@ def test_torque_25_is_force_15_in_task_space(robot: str, surface: str, bounds: s
         task.r + 0.01 * random.standard_normal(n), *(random.standard_normal(n) for _ in range(2)), np.zeros(n)
     )
     z, F = random.standard_normal(n), random.standard_normal(3)
-    out = system.law.evaluate(LawState(z), reference, task, e, Believed.at(e), q_dot, F)
+    out = system.law.evaluate(z, reference, task, e, Believed.at(e), q_dot, F)
     c, J_inv = system.law.compensator, task.J_q_inv
     e_r, e_r_dot = task.r - reference.r_d, task.r_dot - reference.r_d_dot
     F_r = J_inv.T @ e.J_v.T @ F

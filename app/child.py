@@ -1,0 +1,24 @@
+"""Processes beside this one, which run modules of this very program."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+
+def start(module: str, *arguments: str, stdin: int, pass_fds: tuple[int, ...] = ()) -> subprocess.Popen[bytes]:
+    """`python -m module arguments` in a session of its own: Ctrl-C is the dashboard's business. Raises OSError.
+
+    stdin: as `subprocess` has it; pass_fds: files that it inherits.
+    """
+    # -P and the path: this program, whatever lies in the user's folder
+    path = os.pathsep.join([str(Path(__file__).parents[1]), os.environ.get("PYTHONPATH", "")]).rstrip(os.pathsep)
+    return subprocess.Popen(
+        [sys.executable, "-P", "-m", module, *arguments],
+        stdin=stdin,
+        pass_fds=pass_fds,
+        env=os.environ | {"PYTHONPATH": path},
+        start_new_session=True,
+    )
