@@ -6,8 +6,9 @@ in `_in_plane` or `force_at`.
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
 
@@ -56,20 +57,6 @@ class ForceCourse(NamedTuple):
 
 POINT_TO_POINT, CIRCLE, LINE = 0, 1, 2
 STEP, SINUSOID = 0, 1
-
-
-class Trajectory(Protocol):
-    @property
-    def course(self) -> Course: ...
-
-    def evaluate(self, t: float) -> Path: ...
-
-
-class ForceProfile(Protocol):
-    @property
-    def course(self) -> ForceCourse: ...
-
-    def evaluate(self, t: float) -> Signal: ...
 
 
 @part
@@ -140,19 +127,40 @@ def _path_alone(course, t, path):
     path_at(course[0], t, path[0].value, path[0].rate, path[0].acceleration)
 
 
-def _evaluated(course: Course, t: float) -> Path:
-    path = Record(Path(*3 * (np.zeros(len(course.u)),)))
-    _path_alone(Record(course).data, t, path.data)
-    return path.read()
-
-
 @kernel
 def _force_alone(course, t):
     return force_at(course[0], t)
 
 
+class Trajectory(ABC):
+    """What all trajectories share: their course, evaluated outside the loop too."""
+
+    @property
+    @abstractmethod
+    def course(self) -> Course: ...
+
+    def evaluate(self, t: float) -> Path:
+        """At time t (s)."""
+        course = self.course
+        path = Record(Path(*3 * (np.zeros(len(course.u)),)))
+        _path_alone(Record(course).data, t, path.data)
+        return path.read()
+
+
+class ForceProfile(ABC):
+    """What all force profiles share."""
+
+    @property
+    @abstractmethod
+    def course(self) -> ForceCourse: ...
+
+    def evaluate(self, t: float) -> Signal:
+        """At time t (s)."""
+        return Signal(*_force_alone(Record(self.course).data, t))
+
+
 @dataclass(frozen=True)
-class PointToPoint:
+class PointToPoint(Trajectory):
     """A minimum-jerk move by `displacement` (n,) within `duration` s, then rest. Hold: no displacement."""
 
     displacement: np.ndarray
@@ -163,12 +171,9 @@ class PointToPoint:
         u = np.asarray(self.displacement, dtype=float)
         return Course(POINT_TO_POINT, u, np.zeros_like(u), float(self.duration), 0.0)
 
-    def evaluate(self, t: float) -> Path:
-        return _evaluated(self.course, t)
-
 
 @dataclass(frozen=True)
-class Circle:
+class Circle(Trajectory):
     """A circle of `radius` m through the start in the plane of the unit vectors u, v (n,); `ramp` s to full speed."""
 
     u: np.ndarray
@@ -181,12 +186,9 @@ class Circle:
     def course(self) -> Course:
         return Course(CIRCLE, self.radius * self.u, self.radius * self.v, float(self.ramp), 2 * np.pi / self.period)
 
-    def evaluate(self, t: float) -> Path:
-        return _evaluated(self.course, t)
-
 
 @dataclass(frozen=True)
-class Line:
+class Line(Trajectory):
     """Back and forth between the start and start + displacement (n,), a harmonic of `period` s."""
 
     displacement: np.ndarray
@@ -198,12 +200,9 @@ class Line:
         u = np.asarray(self.displacement, dtype=float)
         return Course(LINE, u, np.zeros_like(u), float(self.ramp), 2 * np.pi / self.period)
 
-    def evaluate(self, t: float) -> Path:
-        return _evaluated(self.course, t)
-
 
 @dataclass(frozen=True)
-class ForceStep:
+class ForceStep(ForceProfile):
     """From `start` to `value` N at time `time` s, minimum jerk within `rise` s. A constant force: start = value."""
 
     value: float
@@ -216,12 +215,9 @@ class ForceStep:
         start, value, time, rise = (float(x) for x in (self.start, self.value, self.time, self.rise))
         return ForceCourse(STEP, start, value - start, time, rise, 0.0)
 
-    def evaluate(self, t: float) -> Signal:
-        return Signal(*_force_alone(Record(self.course).data, t))
-
 
 @dataclass(frozen=True)
-class ForceSinusoid:
+class ForceSinusoid(ForceProfile):
     """value + amplitude * sin(2 pi frequency t), N."""
 
     value: float
@@ -231,6 +227,3 @@ class ForceSinusoid:
     @property
     def course(self) -> ForceCourse:
         return ForceCourse(SINUSOID, float(self.value), float(self.amplitude), 0.0, 0.0, 2 * np.pi * self.frequency)
-
-    def evaluate(self, t: float) -> Signal:
-        return Signal(*_force_alone(Record(self.course).data, t))
