@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-import pinocchio as pin
 
 from app.control_period import Observer, Planned, ReferencePlan
+from app.domain import Constants, centres, constants_over, mobility_over, posture_at
 from app.scenario import (
     Circle,
     ConstantForce,
@@ -31,11 +30,11 @@ from app.scenario import (
     to_plain,
 )
 from controllers import modes
-from controllers.bounds import InertiaRange, Uncertainty
+from controllers.bounds import Uncertainty
 from controllers.compensator import Compensator
 from controllers.computed_torque import ComputedTorque
 from controllers.modes import Mode
-from controllers.nominal_model import Estimate, Lipschitz, NominalModel, lipschitz_constants
+from controllers.nominal_model import Estimate, NominalModel
 from controllers.switching import Switching
 from controllers.target_model import InvalidGain
 from controllers.target_model import TargetModel as Model
@@ -48,30 +47,7 @@ from environments.robots import Robot, RobotError
 from environments.sensors import ForceSensor
 from environments.stiffness import Mobility, oscillators, resolved, substeps_needed
 
-SAMPLES = 240  # postures drawn from Omega for the constants over it
-CENTRES = 192  # postures along the reference, around which Omega lies
 NEAR = 0.03  # m
-MARGIN = 1.1  # on k_r_low and k_r_high, for what lies between the samples
-
-
-Observe = Callable[[np.ndarray, np.ndarray, float], tuple[Estimate, TaskSpace]]
-
-
-@dataclass(frozen=True)
-class Constants:
-    """What holds over Omega, the postures within `radius` (rad) of one that the reference passes through, `centres`
-    (N, n), as far as J_q is regular there: Property 1's k_r_low and k_r_high (kg) for every arm inside the declared
-    set, and the Lipschitz constants of the estimates."""
-
-    k_r_low: float
-    k_r_high: float
-    lipschitz: Lipschitz
-    centres: np.ndarray
-    radius: float
-
-    def holds_at(self, q: np.ndarray) -> bool:
-        """Whether q (n,) rad lies in Omega."""
-        return bool((np.square(self.centres - q).sum(axis=1) <= self.radius**2).any())
 
 
 @dataclass(frozen=True)
@@ -194,12 +170,12 @@ def _assemble(scenario: Scenario, previous: System | None) -> System:
     if previous is not None and all(getattr(previous.scenario, f) == getattr(scenario, f) for f in shaping):
         constants = previous.constants
     else:
-        along = _centres(observer.at, Planned(plan), q_0, scenario.simulation.duration)
-        constants = _constants(scenario, nominal, observer.at, along)
+        along = centres(observer.at, Planned(plan), q_0, scenario.simulation.duration)
+        constants = constants_over(along, scenario, _uncertainty(scenario, 0.0), nominal, observer.at)
     if previous is not None and previous.constants is constants and previous.scenario.truth == scenario.truth:
         mobility = previous.mobility
     else:
-        mobility = _mobility(plant, nominal, constants)
+        mobility = mobility_over(constants, plant, nominal)
     _require_resolved(scenario, plant, mobility)
     return System(
         scenario=scenario,
@@ -376,83 +352,6 @@ def _coordinates(layout: TaskLayout, mode: Mode, robot: Robot) -> tuple[Coordina
     angles = {0: [], 1: ["ℓ·θ"], 3: ["ℓ·α", "ℓ·β", "ℓ·γ"]}[layout.angles]
     extra = [f"ℓ·q{joint + 1}" for joint in robot.supplemental]
     return tuple(Coordinate(name, "m") for name in places[: layout.positions] + angles + extra)
-
-
-def posture_at(observe: Observe, q: np.ndarray, reference: Reference, t: float) -> tuple[np.ndarray, np.ndarray]:
-    """q_d, q_d_dot with r(q_d, t) = r_d and its rate, by Newton's method from q (n,) rad."""
-    _, task = observe(q, np.zeros_like(q), t)
-    for _ in range(8):
-        away = task.J_q_inv @ (reference.r_d - task.r)
-        if np.abs(away).max() < 1e-9:
-            break
-        q = q + away
-        _, task = observe(q, np.zeros_like(q), t)
-    return q, task.J_q_inv @ (reference.r_d_dot - task.v_t)
-
-
-def _centres(
-    observe: Observe,
-    planned: Planned,
-    q_0: np.ndarray,
-    duration: float,
-) -> np.ndarray:
-    """Postures (N, n) along the reference. Raises ScenarioError when the arm cannot follow it."""
-    centres = [q_0]
-    q = q_0
-    for t in np.linspace(0.0, duration, CENTRES):
-        try:
-            q, _ = posture_at(observe, q, planned.at(t), t)
-        except ValueError:  # J_q exactly singular
-            q = np.full_like(q, np.nan)
-        if not np.linalg.norm(q - centres[-1]) < 1.0:
-            raise ScenarioError(f"motion: the arm cannot follow the reference beyond t = {t:.3g} s")
-        centres.append(q)
-    return np.array(centres)
-
-
-def _postures(centres: np.ndarray, radius: float, random: np.random.Generator) -> np.ndarray:
-    """Samples of Omega, (N, n) rad: some of its centres and postures drawn around them."""
-    n = centres.shape[1]
-    directions = random.standard_normal((SAMPLES, n))
-    directions *= radius / np.linalg.norm(directions, axis=1, keepdims=True)
-    spread = np.linspace(0, len(centres) - 1, SAMPLES).astype(int)
-    around = centres[spread] + directions * random.uniform(size=(SAMPLES, 1)) ** (1 / n)
-    return np.vstack([centres[::8], around])
-
-
-def _constants(scenario: Scenario, nominal: NominalModel, observe: Observe, centres: np.ndarray) -> Constants:
-    random = np.random.default_rng(1)
-    n, radius = centres.shape[1], scenario.simulation.domain_radius
-    samples = _postures(centres, radius, random)
-    uncertainty = _uncertainty(scenario, 0.0)
-    period = 1.0 / max(scenario.surface.motion.frequency, 1e-3)
-    low, high = np.inf, 0.0
-    for q in samples:
-        try:
-            estimate, task = observe(q, np.zeros(n), period * random.uniform())
-        except ValueError:
-            continue  # J_q exactly singular: not in Omega
-        if np.linalg.norm(task.J_q_inv, 2) * scenario.simulation.sigma_min > 1.0:
-            continue
-        inertia = InertiaRange.at(uncertainty, estimate, task)
-        low = min(low, float(np.linalg.eigvalsh(inertia.H_low)[0]))
-        high = max(high, float(np.linalg.eigvalsh(inertia.H_high)[-1]))
-    if not low < np.inf:
-        raise ScenarioError("robot.posture: J_q is singular around it; allowed: a posture away from singularities")
-    lipschitz = lipschitz_constants(nominal.model, samples[:: len(samples) // 50])
-    return Constants(low / MARGIN, high * MARGIN, lipschitz, centres, radius)
-
-
-def _mobility(plant: Plant, nominal: NominalModel, constants: Constants) -> Mobility:
-    """How mobile the true arm is at most over Omega; the surface at rest."""
-    postures = _postures(constants.centres, constants.radius, np.random.default_rng(1))
-    data = plant.model.createData()
-    tools = [nominal.evaluate(q, np.zeros_like(q)) for q in postures]
-    return Mobility.largest(
-        np.array([pin.crba(plant.model, data, q).copy() for q in postures]),
-        np.array([tool.J_v for tool in tools]),
-        np.array([plant.surface.chart(tool.p, 0.0).G[0] for tool in tools]),
-    )
 
 
 def _require_resolved(scenario: Scenario, plant: Plant, mobility: Mobility) -> None:
