@@ -1,12 +1,17 @@
 """Fixtures that more than one test file needs."""
 
+import threading
 from collections.abc import Callable, Iterator
 
 import pytest
 from playwright.sync_api import Browser, Page, sync_playwright
 
 import app  # noqa: F401  # says where kernels are cached, which must come before numba
+from app.dashboard import Dashboard
+from app.runner import Load, Pause, Play, Runner, SetSpeed
+from app.scenario import shipped
 from tests.browser import LAUNCH_ARGS, find_or_install
+from tests.pages import PATIENCE, VIEWPORT, Session
 
 
 @pytest.fixture(scope="session")
@@ -39,3 +44,34 @@ def open_page(browser: Browser) -> Iterator[Callable[..., Page]]:
     for context in contexts:
         context.close()
     assert not errors, "the browser's console shows errors"
+
+
+@pytest.fixture(scope="session")
+def served() -> Iterator[tuple[Dashboard, Runner]]:
+    """A dashboard on a free port, with the loop that it shows."""
+    dashboard = Dashboard(port=0)
+    dashboard.show_progress("compiling the control law…")
+    runner = Runner(shipped()["ur5-hybrid"])
+    dashboard.attach(runner)
+    runner.start()
+    drawing = threading.Thread(target=dashboard.run_forever, daemon=True)
+    drawing.start()
+    yield dashboard, runner
+    dashboard.close()
+    runner.close()
+    drawing.join(timeout=5.0)
+
+
+@pytest.fixture
+def session(served: tuple[Dashboard, Runner], open_page: Callable[..., Page]) -> Iterator[Session]:
+    """A page of a loop that has just begun; it rests between such tests."""
+    dashboard, runner = served
+    for command in (Load(shipped()["ur5-hybrid"]), SetSpeed(1.0), Play()):
+        runner.post(command)
+    page = open_page(dashboard.url, viewport=VIEWPORT)
+    page.set_default_timeout(PATIENCE * 1e3)
+    page.get_by_text("real time").wait_for(timeout=60_000)
+    opened = Session(page, runner)
+    opened.wait(lambda now: now.scenario.name == "ur5-hybrid" and now.phase == "running")
+    yield opened
+    runner.post(Pause())

@@ -2,99 +2,14 @@
 
 import re
 import socket
-import threading
-import time
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 
 import pytest
-from playwright.sync_api import Locator, Page
 
 from app.dashboard import Dashboard, PortBusy
 from app.dashboard.controls import Scale, decades, read_back, written
-from app.runner import Load, Play, Runner, SetSpeed, Snapshot
+from app.runner import Load
 from app.scenario import shipped
-
-VIEWPORT = {"width": 1280, "height": 720}
-PATIENCE = 90.0  # s: a busy machine may take long to start the process that previews
-
-
-@dataclass(frozen=True)
-class Session:
-    """A page, and the runner behind it."""
-
-    page: Page
-    runner: Runner
-
-    @property
-    def now(self) -> Snapshot:
-        return self.runner.snapshot
-
-    def choose(self, label: str, option: str) -> None:
-        self.page.get_by_label(label, exact=True).click()
-        self.page.get_by_role("option", name=option, exact=True).click()
-
-    def tab(self, name: str) -> None:
-        self.page.get_by_role("tab", name=name, exact=True).click()
-
-    def row(self, label: str) -> Locator:
-        return self.page.locator("form", has=self.page.get_by_text(label, exact=True))
-
-    def number(self, label: str) -> Locator:
-        return self.row(label).locator(".mantine-TextInput-input")
-
-    def grip(self, label: str, at: float = 0.33) -> tuple[Callable[[float], None], Locator]:
-        """Press the mouse on a row's slider; returns how to move it (0 to 1), and the row's text field."""
-        box = self.row(label).locator(".mantine-Slider-root").bounding_box()
-        assert box is not None
-        y = box["y"] + box["height"] / 2
-
-        def move(share: float) -> None:
-            self.page.mouse.move(box["x"] + share * box["width"], y, steps=10)
-
-        self.page.mouse.move(box["x"] + at * box["width"], y)
-        self.page.mouse.down()
-        return move, self.number(label)
-
-    def ahead(self) -> float:
-        """How far right of now the first plot's lines reach, s."""
-        return self.page.evaluate("Object.values(__viserTestpoints.uplots)[0].chart.data[0].at(-1)")
-
-    def wait(self, condition: Callable[[Snapshot], bool], seconds: float = PATIENCE) -> None:
-        """Until the loop is as the test wants it; a failure shows where it stood."""
-        until = time.monotonic() + seconds
-        while not condition(self.now):
-            assert time.monotonic() < until, (self.now.phase, self.now.reason, self.now.refusal, self.now.live)
-            self.page.wait_for_timeout(50)
-
-
-@pytest.fixture(scope="module")
-def served() -> Iterator[tuple[Dashboard, Runner]]:
-    """A dashboard on a free port, with the loop that it shows."""
-    dashboard = Dashboard(port=0)
-    dashboard.show_progress("compiling the control law…")
-    runner = Runner(shipped()["ur5-hybrid"])
-    dashboard.attach(runner)
-    runner.start()
-    drawing = threading.Thread(target=dashboard.run_forever, daemon=True)
-    drawing.start()
-    yield dashboard, runner
-    dashboard.close()
-    runner.close()
-    drawing.join(timeout=5.0)
-
-
-@pytest.fixture
-def session(served: tuple[Dashboard, Runner], open_page: Callable[..., Page]) -> Session:
-    dashboard, runner = served
-    for command in (Load(shipped()["ur5-hybrid"]), SetSpeed(1.0), Play()):
-        runner.post(command)
-    page = open_page(dashboard.url, viewport=VIEWPORT)
-    page.set_default_timeout(PATIENCE * 1e3)
-    page.get_by_text("real time").wait_for(timeout=60_000)
-    opened = Session(page, runner)
-    opened.wait(lambda now: now.scenario.name == "ur5-hybrid" and now.phase == "running")
-    return opened
+from tests.pages import Session
 
 
 def test_the_page_comes_up_and_shows_the_running_loop(session: Session):
