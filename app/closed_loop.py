@@ -121,6 +121,11 @@ class ClosedLoop:
             self._reader = ForceReader(new.sensor, scenario.simulation.seed)
         self._take_up(new)
 
+    @property
+    def period(self) -> float:
+        """The control period, s."""
+        return self._h
+
     def reset(self) -> None:
         """Begin the same scenario anew."""
         self._begin(self.system)
@@ -144,6 +149,14 @@ class ClosedLoop:
         self.t = self._t_0 + self._steps * self._h
         if self._steps % DOMAIN_CHECK == 0 and not self.system.constants.holds_at(arm.views.q):
             self._left("flag", "q has left Ω, over which the constants of (19) were computed")
+
+    def advance(self) -> None:
+        """One control period, if the run has not stopped; arithmetic that fails stops it."""
+        if self.stopped is None:
+            try:
+                self.step()
+            except (ArithmeticError, ValueError) as error:
+                self.stopped = f"t = {self.t:.3f} s: {error}"
 
     def _control(self, F: np.ndarray, row: np.ndarray) -> None:
         """The law's answer to the present state and the measured force F (3,) N."""

@@ -21,10 +21,7 @@ def simulate(scenario: Scenario, *, show_progress: bool = False) -> tuple[Closed
     started = time.perf_counter()
     with tqdm(total=steps, unit=" steps", disable=not show_progress, desc=scenario.name) as bar:
         for step in range(1, steps + 1):
-            try:
-                loop.step()
-            except (ArithmeticError, ValueError) as error:
-                loop.stopped = f"t = {loop.t:.3f} s: {error}"
+            loop.advance()
             if step % batch == 0:
                 bar.update(batch)
             if loop.stopped:

@@ -10,8 +10,10 @@ from msgspec import Struct
 
 from app.assembly import System
 from app.closed_loop import ClosedLoop
+from app.recording import Recording
 
 TAIL = 0.2  # share of the run that "tail" figures look at
+PATH_POINTS = 300
 BAND = 0.02  # of the largest deviation, within which a signal counts as settled
 
 
@@ -110,3 +112,44 @@ def settling_time(t: np.ndarray, signal: np.ndarray, resolution: float) -> float
     if not len(outside):
         return 0.0
     return math.inf if tail[outside[-1]] else float(t[outside[-1] + 1] - t[0])
+
+
+class Account(Struct, frozen=True):
+    """Figures of a stretch of a run, by which runs are compared; None where a figure has no meaning in the mode."""
+
+    path_rms: float  # of the position error that a motion target governs, m
+    path_max: float  # m
+    force_rms: float | None  # of f_n - f_nd, N
+    force_max: float | None  # N
+    s_max: float  # of ||s||, m/s
+    residual_rms: float  # of the target model (8), N
+    effort: float  # RMS of ||tau||, N m
+    variation: float  # of the torques: sum of their |changes| per second, N m/s
+    gain_margin: float  # least d minus what (17) needs, N
+
+
+def account(system: System, recording: Recording, t_from: float, t_to: float) -> Account | None:
+    """Of the rows with t_from <= t <= t_to (s), None for less than two of them."""
+    record = recording.signals(tuple(recording.columns), t_from, t_to)
+    t = record["t"]
+    if len(t) < 2:
+        return None
+    # the path is smooth, and finding the normals of a curved surface takes its time
+    few = slice(None, None, max(1, len(t) // PATH_POINTS))
+    path = np.linalg.norm(motion_error(system, {name: values[few] for name, values in record.items()}), axis=1)
+    force = force_error(record) if system.m else None
+    return Account(
+        path_rms=_rms(path),
+        path_max=float(path.max()),
+        force_rms=None if force is None else _rms(force),
+        force_max=None if force is None else float(np.abs(force).max()),
+        s_max=float(record["s_norm"].max()),
+        residual_rms=_rms(np.linalg.norm(record["residual"], axis=1)),
+        effort=_rms(np.linalg.norm(record["tau"], axis=1)),
+        variation=float(np.abs(np.diff(record["tau"], axis=0)).sum() / (t[-1] - t[0])),
+        gain_margin=float((record["d"] - record["d_required"]).min()),
+    )
+
+
+def _rms(values: np.ndarray) -> float:
+    return float(np.sqrt(np.mean(values**2)))

@@ -100,12 +100,7 @@ class Foresight:
         """That many control periods on, or until the horizon."""
         loop = self._loop
         for _ in range(min(steps, self._rows - len(loop.recording))):
-            if loop.stopped:
-                return
-            try:
-                loop.step()
-            except (ArithmeticError, ValueError) as error:
-                loop.stopped = f"t = {loop.t:.3f} s: {error}"
+            loop.advance()
 
     def outlook(self) -> Outlook | Refusal:
         """What is computed by now."""

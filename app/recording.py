@@ -59,6 +59,11 @@ SIGNALS = (
 )
 
 
+def _between(rows: np.ndarray, t_from: float, t_to: float) -> np.ndarray:
+    first, last = np.searchsorted(rows[:, 0], t_from), np.searchsorted(rows[:, 0], t_to, side="right")
+    return rows[first:last]
+
+
 @dataclass
 class _Block:
     """A piece of the table; `filled` grows only after a row is complete, so that readers never see half of one."""
@@ -83,7 +88,7 @@ class Recording:
             self.columns[signal.name] = slice(start, start + width)
             start += width
         self.width = start
-        self._most = history // BLOCK + 2
+        self._history, self._most = history, history // BLOCK + 2
         self._blocks: deque[_Block] = deque()
         self._thinned: deque[np.ndarray] = deque(maxlen=self._most)
 
@@ -103,14 +108,36 @@ class Recording:
         """The new row is complete."""
         self._blocks[-1].filled += 1
 
+    @property
+    def first(self) -> float:
+        """The time of the oldest row that is known, s; 0 before there is one."""
+        oldest = next((piece for piece in self._pieces() if len(piece)), None)
+        return 0.0 if oldest is None else float(oldest[0, 0])
+
+    def stretch(self, t_from: float, t_to: float) -> Recording:
+        """What this recording holds from about t_from, a whole block more or less, up to t_to exactly, as one that can
+        go on differently. Blocks that are full are shared, since nobody writes to them any more; the last is copied.
+        """
+        twin = Recording(self.n, self._history)
+        twin._thinned.extend(_between(piece, t_from, t_to) for piece in tuple(self._thinned))
+        for block in tuple(self._blocks):
+            rows = block.rows[: block.filled]
+            filled = int(np.searchsorted(rows[:, 0], t_to, side="right"))
+            if filled and rows[filled - 1, 0] >= t_from:
+                twin._blocks.append(block if filled == BLOCK else _Block(block.rows.copy(), filled))
+            if filled < block.filled:
+                break
+        return twin
+
+    def _pieces(self) -> list[np.ndarray]:
+        return [*tuple(self._thinned), *(block.rows[: block.filled] for block in tuple(self._blocks))]
+
     def rows(self, t_from: float = -np.inf, t_to: float = np.inf) -> np.ndarray:
         """The rows with t_from <= t <= t_to, oldest first: (N, width), a copy."""
-        pieces = [*tuple(self._thinned), *(block.rows[: block.filled] for block in tuple(self._blocks))]
-        kept = [p for p in pieces if len(p) and p[-1, 0] >= t_from and p[0, 0] <= t_to]
+        kept = [p for p in self._pieces() if len(p) and p[-1, 0] >= t_from and p[0, 0] <= t_to]
         if not kept:
             return np.empty((0, self.width))
-        kept[0] = kept[0][np.searchsorted(kept[0][:, 0], t_from) :]
-        kept[-1] = kept[-1][: np.searchsorted(kept[-1][:, 0], t_to, side="right")]
+        kept[0], kept[-1] = _between(kept[0], t_from, np.inf), _between(kept[-1], t_from, t_to)
         return np.concatenate(kept)
 
     def signals(self, names: tuple[str, ...], t_from: float = -np.inf, t_to: float = np.inf) -> dict[str, np.ndarray]:

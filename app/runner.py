@@ -17,11 +17,12 @@ from typing import Literal
 import numpy as np
 
 from app import assembly
-from app.assembly import Coordinate
+from app.assembly import Coordinate, System
 from app.closed_loop import ClosedLoop, LoopState
 from app.pacing import Pace, PaceMeter, Schedule
 from app.recording import Recording
 from app.scenario import Scenario, ScenarioError, edited
+from app.timeline import Pinned, Timeline
 from environments.robots import Robot
 from environments.surfaces import Surface
 
@@ -58,6 +59,35 @@ class Reset:
 
 
 @dataclass(frozen=True)
+class Seek:
+    """Hold, and look at the run as it was at t (s)."""
+
+    t: float
+
+
+@dataclass(frozen=True)
+class ToEnd:
+    """Look at the run where it has come to."""
+
+
+@dataclass(frozen=True)
+class Fork:
+    """Go on from the instant looked at, not from the end."""
+
+
+@dataclass(frozen=True)
+class Pin:
+    """Keep this run for comparison."""
+
+
+@dataclass(frozen=True)
+class Unpin:
+    """Forget the pinned run of this number."""
+
+    number: int
+
+
+@dataclass(frozen=True)
 class SetSpeed:
     """Simulated seconds per second."""
 
@@ -79,14 +109,16 @@ class Edit:
     value: object
 
 
-Command = Play | Pause | StepOnce | Reset | SetSpeed | Load | Edit
+Command = Play | Pause | StepOnce | Reset | Seek | ToEnd | Fork | Pin | Unpin | SetSpeed | Load | Edit
 
 
 @dataclass(frozen=True)
 class Snapshot:
     """What the screen may know of the loop at one moment. Arrays are never changed afterwards.
 
-    revision counts accepted changes of the scenario, run counts beginnings at t = 0, refusal_number refused commands.
+    revision counts accepted changes of the scenario, run counts beginnings at t = 0 and forks, refusal_number refused
+    commands. t is the instant looked at, which can be `first` to `end`; recording: of the whole run, up to its end.
+    system: what the scenario stands for; only what is constant in it may be read outside of the loop's thread.
     live: numbers by name, SI units: s_norm, s_bound, s_band, d, d_required, gain_margin, sigma_min, V, residual,
     layer_loop_factor, force_loop_factor, reaching_time_bound, reaching_time.
     """
@@ -95,6 +127,8 @@ class Snapshot:
     revision: int
     run: int
     t: float
+    first: float
+    end: float
     phase: Literal["running", "paused", "stopped"]
     reason: str
     pace: Pace | None  # None unless it has been running for a moment
@@ -115,7 +149,14 @@ class Snapshot:
     surface_offset: np.ndarray
     live: dict[str, float]
     recording: Recording
+    pinned: tuple[Pinned, ...]
+    system: System
     state: LoopState
+
+    @property
+    def looking_back(self) -> bool:
+        """Whether t is before the run's end."""
+        return self.end - self.t > 0.5 * self.scenario.controller.period
 
     @property
     def realtime_factor(self) -> float:
@@ -127,9 +168,10 @@ class Runner:
     """Owns the loop. `post` and `snapshot` may be used from any thread; nothing else touches the loop."""
 
     def __init__(self, scenario: Scenario) -> None:
-        self._loop = ClosedLoop(scenario)
-        self._loop.step()  # compiles, where no cache has it yet, what must not delay the loop
-        self._loop.reset()
+        loop = ClosedLoop(scenario)
+        loop.step()  # compiles, where no cache has it yet, what must not delay the loop
+        loop.reset()
+        self._line = Timeline(loop)
         self._commands: queue.SimpleQueue[Command] = queue.SimpleQueue()
         self._closing = threading.Event()
         self._thread = threading.Thread(target=self._run, name="closed-loop", daemon=True)
@@ -193,12 +235,16 @@ class Runner:
             time.sleep(min(max(due - time.perf_counter(), LEAST_REST), REST))
 
     @property
+    def _loop(self) -> ClosedLoop:
+        return self._line.loop
+
+    @property
     def _going(self) -> bool:
         return self._playing and self._loop.stopped is None
 
     @property
     def _period(self) -> float:
-        return self._loop.system.scenario.controller.period
+        return self._loop.period
 
     def _schedule(self) -> Schedule:
         """From now on at the speed asked for."""
@@ -206,20 +252,14 @@ class Runner:
 
     def _advance(self, schedule: Schedule, began: float) -> None:
         """All steps that are due: every one of them, or later; a control step is never skipped."""
-        loop, period = self._loop, self._period
-        target, first, steps, ended = schedule.target(began) + 1e-12, loop.t + period, 0, began
-        while loop.t + period <= target and loop.stopped is None and ended - began < PUBLISH:
-            self._step()
+        line, period = self._line, self._period
+        target, first, steps, ended = schedule.target(began) + 1e-12, line.loop.t + period, 0, began
+        while line.loop.t + period <= target and line.loop.stopped is None and ended - began < PUBLISH:
+            line.step()
             steps += 1
             ended = time.perf_counter()
         if steps:
-            self.meter.note(schedule, began, ended, first, loop.t, steps)
-
-    def _step(self) -> None:
-        try:
-            self._loop.step()
-        except (ArithmeticError, ValueError) as error:
-            self._loop.stopped = f"t = {self._loop.t:.3f} s: {error}"
+            self.meter.note(schedule, began, ended, first, line.loop.t, steps)
 
     def _drain(self) -> bool:
         """Carry out what is queued; True when simulated time must be paced anew.
@@ -245,7 +285,7 @@ class Runner:
         return self._runs != runs or not all(isinstance(command, Edit) for command in queued)
 
     def _carry_out(self, command: Command) -> None:
-        loop = self._loop
+        line, scenario_now = self._line, self._loop.system.scenario
         match command:
             case Play():
                 self._playing = True
@@ -253,11 +293,22 @@ class Runner:
                 self._playing = False
             case StepOnce():
                 self._playing = False
-                if loop.stopped is None:
-                    self._step()
+                line.step()
             case Reset():
-                loop.reset()
+                line.reset()
                 self._runs += 1
+            case Seek(t):
+                line.seek(t)
+                self._playing = False
+            case ToEnd():
+                line.to_end()
+            case Fork():
+                line.fork()
+                self._runs += 1
+            case Pin():
+                line.pin()
+            case Unpin(number):
+                line.unpin(number)
             case SetSpeed(factor):
                 if not SLOWEST <= factor <= FASTEST:
                     raise ScenarioError(f"speed: {factor}; allowed: {SLOWEST} to {FASTEST}")
@@ -265,20 +316,18 @@ class Runner:
             case Load(scenario):
                 self._edit(scenario)
             case Edit("mode", value):
-                self._edit(assembly.in_mode(loop.system.scenario, str(value)))
+                self._edit(assembly.in_mode(scenario_now, str(value)))
             case Edit("robot.name", value):
-                self._edit(assembly.on_robot(loop.system.scenario, str(value)))
+                self._edit(assembly.on_robot(scenario_now, str(value)))
             case Edit(path, value):
-                self._edit(edited(loop.system.scenario, path, value))
+                self._edit(edited(scenario_now, path, value))
 
     def _edit(self, scenario: Scenario) -> None:
-        before = self._loop.recording
-        self._loop.edit(scenario)
+        self._runs += self._line.edit(scenario)
         self._revision += 1
-        self._runs += self._loop.recording is not before
 
     def _publish(self) -> Snapshot:
-        loop = self._loop
+        line, loop = self._line, self._loop
         system, scenario = loop.system, loop.system.scenario
         view = loop.view()
         phase = "stopped" if loop.stopped else "running" if self._playing else "paused"
@@ -287,6 +336,8 @@ class Runner:
             revision=self._revision,
             run=self._runs,
             t=loop.t,
+            first=line.first,
+            end=line.end,
             phase=phase,
             reason=loop.stopped or "",
             pace=self._pace_now if self._going else None,
@@ -306,6 +357,8 @@ class Runner:
             surface=None if scenario.contact.kind == "free" and not system.m else system.surface,
             surface_offset=system.surface.motion.offset(loop.t),
             live=view.live,
-            recording=loop.recording,
+            recording=line.recording,
+            pinned=line.pinned,
+            system=system,
             state=loop.state(),
         )

@@ -317,6 +317,21 @@ def edited(scenario: Scenario, path: str, value: object) -> Scenario:
     return from_plain(_without_none(data))
 
 
+def differences(scenario: Scenario, other: Scenario) -> dict[str, tuple[Any, Any]]:
+    """The fields, by dotted path, in which two scenarios differ, with both values as plain data; None for an absent
+    one. Name and title do not count."""
+    one, two = _fields(to_plain(scenario), ""), _fields(to_plain(other), "")
+    paths = [path for path in {**one, **two} if path not in ("name", "title")]
+    return {path: (one.get(path), two.get(path)) for path in paths if one.get(path) != two.get(path)}
+
+
+def _fields(table: dict[str, Any], prefix: str) -> dict[str, Any]:
+    flat: dict[str, Any] = {}
+    for name, value in table.items():
+        flat |= _fields(value, f"{prefix}{name}.") if isinstance(value, dict) else {f"{prefix}{name}": value}
+    return flat
+
+
 def shipped() -> dict[str, Scenario]:
     """The scenarios of `static/scenarios`, by name."""
     folder = resources.files("static").joinpath("scenarios")

@@ -71,6 +71,7 @@ def session(served: tuple[Dashboard, Runner], open_page: Callable[..., Page]) ->
     page = open_page(dashboard.url, viewport=VIEWPORT)
     page.set_default_timeout(PATIENCE * 1e3)
     page.get_by_text("real time").wait_for(timeout=60_000)
+    page.locator("#webgl-software-rendering button").click()  # viser's warning lies over the scene
     opened = Session(page, runner)
     opened.wait(lambda now: now.scenario.name == "ur5-hybrid" and now.phase == "running")
     yield opened

@@ -56,7 +56,6 @@ def test_a_number_takes_effect_when_its_field_is_left(session: Session):
 
 def test_a_held_slider_previews_and_let_go_it_applies(session: Session):
     before = session.now
-    session.page.locator(".mantine-Notification-root button").first.click()  # "software WebGL" hides what is under it
     move, text = session.grip("F_d [N]")
     move(0.75)
     session.page.get_by_text("let go: apply").wait_for()

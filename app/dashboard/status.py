@@ -51,6 +51,8 @@ def splash_html(text: str) -> str:
 
 
 def _phase(snapshot: Snapshot) -> str:
+    if snapshot.looking_back:
+        return _chip("shown again" if snapshot.phase == "running" else "looking back", "vs-warn")
     look = {"running": "vs-good", "paused": "vs-warn", "stopped": "vs-bad"}[snapshot.phase]
     return _chip(snapshot.phase, look)
 

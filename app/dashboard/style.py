@@ -112,6 +112,10 @@ if (!window.vsmrcCommit) {
   document.addEventListener("keyup", (e) => { if (moves(e)) letGo("\\u200c"); }, true);
   // the keyup goes elsewhere then; a mouse stays with the page that it was pressed on
   window.addEventListener("blur", () => { if (byKey) letGo("\\u200c"); });
+  // these step through the run: viser's camera, which listens at the document, would turn with them
+  document.documentElement.addEventListener("keydown", (e) => {
+    if (e.key === "ArrowLeft" || e.key === "ArrowRight") e.stopPropagation();
+  });
   // an arrow that moves a slider is not the page's hotkey
   document.body.addEventListener("keydown", (e) => { if (slider(e) && moves(e)) e.stopPropagation(); });
 }
@@ -158,6 +162,8 @@ div:has(> div > div > div > .vs-status) {{ overflow: visible !important; }}
   font-variant-numeric: tabular-nums; }}
 .vs-facts td {{ padding: 0.12em 0; border-bottom: 1px solid rgba(255, 255, 255, 0.07); }}
 .vs-facts td:last-child {{ text-align: right; }}
+.vs-runs th, .vs-runs td {{ text-align: right; padding-left: 0.5em !important; }}
+.vs-runs td:first-child {{ text-align: left; padding-left: 0 !important; }}
 .vs-equation {{ padding: 0.3em 0.9em 0.5em; overflow-x: auto; }}
 .vs-equation math {{ font-size: 1.02em; }}
 .vs-equation .fixed {{ opacity: 0.38; }}

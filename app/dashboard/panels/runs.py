@@ -1,0 +1,123 @@
+"""Runs: the running one beside those that are pinned, in figures."""
+
+from __future__ import annotations
+
+import math
+import time
+from html import escape
+from typing import Any
+
+import viser
+
+from app.dashboard.controls import Desk, written
+from app.dashboard.plots import WINDOW
+from app.metrics import Account, account
+from app.runner import Pin, Snapshot, Unpin
+from app.scenario import differences
+from app.timeline import PINS, Pinned
+
+_EVERY = 1.0  # s, between two looks at the figures
+_TOLD = 4  # differences of a pinned run that are told
+# what is shown: of which field, times what, in which unit
+_FIGURES = {
+    "path error, RMS": ("path_rms", 1e3, "mm"),
+    "path error, largest": ("path_max", 1e3, "mm"),
+    "force error, RMS": ("force_rms", 1.0, "N"),
+    "force error, largest": ("force_max", 1.0, "N"),
+    "‖s‖, largest": ("s_max", 1e3, "mm/s"),
+    "residual of (8), RMS": ("residual_rms", 1.0, "N"),
+    "torque ‖τ‖, RMS": ("effort", 1.0, "N·m"),
+    "its variation": ("variation", 1.0, "N·m/s"),
+    "least margin of (17)": ("gain_margin", 1.0, "N"),
+}
+
+
+class RunsPanel:
+    """Pin and forget; a table over the last seconds up to the instant looked at, the same instants of every run."""
+
+    def __init__(self, desk: Desk) -> None:
+        self._desk = desk
+        gui = desk.gui
+        self._note = gui.add_html("")
+        gui.add_button(
+            "Pin this run", hint="Keep it as it is now, to compare it with what you change. Key: P"
+        ).on_click(self._on_pin)
+        self._table = gui.add_html("")
+        self._forget = [gui.add_button("", visible=False, hint="Frees its place.") for _ in range(PINS)]
+        self._numbers: list[int | None] = [None] * PINS
+        for place, button in enumerate(self._forget):
+            button.on_click(self._forgetting(place))
+        self._due = -math.inf
+        self._key: object = None
+
+    async def _on_pin(self, _: viser.GuiEvent) -> None:
+        self._desk.post(Pin())
+
+    def _forgetting(self, place: int) -> Any:
+        async def on_click(_: viser.GuiEvent) -> None:
+            number = self._numbers[place]
+            if number is not None:
+                self._desk.post(Unpin(number))
+
+        return on_click
+
+    def show(self, snapshot: Snapshot) -> None:
+        key = (tuple(pinned.number for pinned in snapshot.pinned), snapshot.revision, snapshot.run)
+        if key == self._key and time.monotonic() < self._due:
+            return
+        self._key, self._due = key, time.monotonic() + _EVERY
+        self._numbers = [pinned.number for pinned in snapshot.pinned] + [None] * (PINS - len(snapshot.pinned))
+        for button, number in zip(self._forget, self._numbers, strict=True):
+            if number is not None:
+                button.label = f"Forget run {number}"
+            if button.visible != (number is not None):
+                button.visible = number is not None
+        self._note.content = f'<div class="vs-note">{_note(snapshot)}</div>'
+        self._table.content = _table(snapshot) if snapshot.pinned else ""
+
+
+def _note(snapshot: Snapshot) -> str:
+    if not snapshot.pinned:
+        return (
+            f"Pin up to {PINS} runs, change something, and see both: pinned runs are the grey lines in the plots, and "
+            "stand beside the running one in a table here. Fork pins what it leaves."
+        )
+    start = max(snapshot.t - WINDOW, 0.0)
+    return f"Every run from t = {start:.2f} to {snapshot.t:.2f} s, where it has come that far."
+
+
+def _table(snapshot: Snapshot) -> str:
+    start = snapshot.t - WINDOW
+    accounts = [account(snapshot.system, snapshot.recording, start, snapshot.t)]
+    accounts += [account(p.system, p.recording, start, snapshot.t) for p in snapshot.pinned]
+    heads = "".join(f"<th>{head}</th>" for head in ("now", *(str(p.number) for p in snapshot.pinned)))
+    rows = "".join(_row(title, *figure, accounts) for title, figure in _FIGURES.items())
+    told = "".join(_told(pinned, snapshot) for pinned in snapshot.pinned)
+    return f'<table class="vs-facts vs-runs"><tr><th></th>{heads}</tr>{rows}</table>{told}'
+
+
+def _row(title: str, field: str, factor: float, unit: str, accounts: list[Account | None]) -> str:
+    values = [None if a is None else getattr(a, field) for a in accounts]
+    if all(value is None for value in values):
+        return ""
+    cells = "".join(f"<td>{'—' if v is None else f'{v * factor + 0.0:.3g}'}</td>" for v in values)
+    return f'<tr><td>{title} <span class="vs-dim">{unit}</span></td>{cells}</tr>'
+
+
+def _told(pinned: Pinned, snapshot: Snapshot) -> str:
+    """How the pinned run's scenario differs from the running one."""
+    different = differences(snapshot.scenario, pinned.scenario)
+    parts = [f"{path} = {_short(theirs)}" for path, (_, theirs) in list(different.items())[:_TOLD]]
+    if len(different) > _TOLD:
+        parts.append(f"{len(different) - _TOLD} more")
+    what = ", ".join(parts) or "as now"
+    return f'<div class="vs-note"><b>{pinned.number}</b> up to {pinned.t:.2f} s: {escape(what)}</div>'
+
+
+def _short(value: object) -> str:
+    if value is None:
+        return "the mode's own"
+    if isinstance(value, bool | str):
+        return str(value)
+    text = written(value) if isinstance(value, float | int) else str(value)
+    return text if len(text) < 40 else f"{text[:37]}…"

@@ -1,0 +1,182 @@
+"""A run with its past: it can be looked at as it was at any instant, and go on from there another way.
+
+Nothing of the past is stored but a small state every so often and after every change; the rest is computed again, and
+comes out the same to the last bit.
+"""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from dataclasses import dataclass
+
+import numpy as np
+
+from app.assembly import System
+from app.closed_loop import ClosedLoop, LoopState
+from app.recording import Recording
+from app.scenario import Scenario, ScenarioError
+
+SPACING = 0.25  # s, between two states that are kept
+PINNED = 60.0  # s, of a run that a pin keeps
+PINS = 3
+
+
+@dataclass(frozen=True)
+class _Key:
+    """A state of the run. changed: somebody had acted on the loop just before."""
+
+    state: LoopState
+    system: System
+    changed: bool
+
+
+@dataclass(frozen=True)
+class Pinned:
+    """A run as it was when it was pinned: its last minute, up to t (s); number: what it is called."""
+
+    number: int
+    system: System
+    recording: Recording
+    t: float
+
+    @property
+    def scenario(self) -> Scenario:
+        return self.system.scenario
+
+
+class Timeline:
+    """One run: `loop` is where it is looked at, which is its end unless one looks back. One thread at a time."""
+
+    def __init__(self, loop: ClosedLoop) -> None:
+        self._end = loop
+        self._back: ClosedLoop | None = None
+        self.pinned: tuple[Pinned, ...] = ()
+        self._pins = 0
+        self._begin()
+
+    def _begin(self) -> None:
+        self._back = None
+        self._keys: list[_Key] = []
+        self._keep(changed=True)
+
+    @property
+    def loop(self) -> ClosedLoop:
+        """Where the run is looked at."""
+        return self._back or self._end
+
+    @property
+    def recording(self) -> Recording:
+        """Of the whole run, whatever is looked at."""
+        return self._end.recording
+
+    @property
+    def end(self) -> float:
+        """How far the run has come, s."""
+        return self._end.t
+
+    @property
+    def first(self) -> float:
+        """The earliest instant that can be gone back to, s."""
+        return self._keys[0].state.t
+
+    def step(self) -> None:
+        """One control period; while looking back the run is only shown again, until it has come to its end."""
+        if self._back is None:
+            self._end.advance()
+            if self._end.t - self._keys[-1].state.t >= SPACING:
+                self._keep(changed=False)
+            return
+        self._back.advance()
+        if self._same(self._back.t, self._end.t):
+            self._back = None
+        elif (key := self._key_at(self._back.t)).changed and self._same(key.state.t, self._back.t):
+            self._back = _resumed(key)
+
+    def seek(self, t: float) -> None:
+        """Look at the run as it was at t (s). Raises ScenarioError outside of what is known."""
+        half = 0.5 * self.loop.period
+        if not self.first - half <= t <= self.end + half:  # also when t is not a number
+            raise ScenarioError(
+                f"time: {t:g} s; allowed: {self.first:g} to {self.end:g} s, as far as this run is known"
+            )
+        if t > self.end - half:
+            self._back = None
+            return
+        self._back = _resumed(self._key_at(t + half))
+        while self._back.t < t - half:
+            self._back.advance()
+
+    def to_end(self) -> None:
+        """Look at the run where it has come to."""
+        self._back = None
+
+    def fork(self) -> None:
+        """Go on from the instant looked at; what followed is pinned. Raises ScenarioError at the run's end."""
+        if self._back is None:
+            raise ScenarioError("fork: the run stands at its end; allowed: while looking back")
+        self.pin()
+        self._go_on(self._back, self.recording.stretch(-np.inf, self._back.t - 0.5 * self._back.period))
+
+    def edit(self, scenario: Scenario) -> bool:
+        """Go on with a changed scenario, from the instant looked at; True when it begins anew or has forked.
+
+        Raises ScenarioError, and then nothing has changed.
+        """
+        loop, back = self.loop, self._back
+        before = loop.recording
+        loop.edit(scenario)
+        if loop.recording is not before:
+            if back is not None:
+                self.pin()
+            self._end = loop
+            self._begin()
+            return True
+        if back is None:
+            self._keep(changed=True)
+        else:
+            self.fork()
+        return back is not None
+
+    def reset(self) -> None:
+        """Begin the run's scenario anew."""
+        self._end.reset()
+        self._begin()
+
+    def pin(self) -> None:
+        """Keep the run as it is now, for comparison; the oldest of more than `PINS` goes."""
+        end = self._end
+        if not len(end.recording):
+            raise ScenarioError("pin: nothing is recorded yet; allowed: after the first control period")
+        self._pins += 1
+        pinned = Pinned(self._pins, end.system, end.recording.stretch(end.t - PINNED, np.inf), end.t)
+        self.pinned = (*self.pinned, pinned)[-PINS:]
+
+    def unpin(self, number: int) -> None:
+        """Forget that pinned run. Raises ScenarioError when there is none."""
+        if all(pinned.number != number for pinned in self.pinned):
+            known = ", ".join(str(pinned.number) for pinned in self.pinned) or "none is pinned"
+            raise ScenarioError(f"unpin: {number}; allowed: {known}")
+        self.pinned = tuple(pinned for pinned in self.pinned if pinned.number != number)
+
+    def _go_on(self, loop: ClosedLoop, recording: Recording) -> None:
+        loop.recording = recording
+        while self._keys[-1].state.t > loop.t - 0.5 * loop.period:
+            self._keys.pop()
+        self._end, self._back = loop, None
+        self._keep(changed=True)
+
+    def _keep(self, *, changed: bool) -> None:
+        self._keys.append(_Key(self._end.state(), self._end.system, changed))
+        while len(self._keys) > 1 and self._keys[1].state.t <= self.recording.first:
+            del self._keys[0]
+
+    def _key_at(self, t: float) -> _Key:
+        """The last one not after t; the first one if there is none."""
+        return self._keys[max(bisect_right(self._keys, t, key=lambda key: key.state.t) - 1, 0)]
+
+    def _same(self, t: float, other: float) -> bool:
+        return abs(t - other) < 0.5 * self.loop.period
+
+
+def _resumed(key: _Key) -> ClosedLoop:
+    return ClosedLoop.resume(key.state, history=1, previous=key.system)

@@ -1,0 +1,147 @@
+"""Looking back, forking and pinning: what is shown again is what has been, to the last bit."""
+
+import numpy as np
+import pytest
+
+from app.closed_loop import ClosedLoop
+from app.recording import BLOCK
+from app.scenario import Scenario, ScenarioError, edited, shipped
+from app.timeline import PINS, Timeline
+
+
+def line_of(scenario: Scenario) -> Timeline:
+    return Timeline(ClosedLoop(scenario))
+
+
+def run(line: Timeline, steps: int) -> Timeline:
+    for _ in range(steps):
+        line.step()
+    return line
+
+
+@pytest.fixture
+def noisy() -> Timeline:
+    """1.2 s with a noisy, late sensor; at 0.7 s the desired force changes."""
+    scenario = edited(edited(shipped()["ur5-hybrid"], "sensor.noise", 0.2), "sensor.delay", 0.004)
+    line = run(line_of(edited(scenario, "declared.force_error", 2.0)), 700)
+    line.edit(edited(line.loop.system.scenario, "force.value", 35.0))
+    return run(line, 500)
+
+
+def q_of(line: Timeline) -> np.ndarray:
+    return line.loop.view().q
+
+
+@pytest.mark.parametrize("t", [0.0, 0.001, 0.25, 0.333, 0.699, 0.7, 0.701, 1.1])
+def test_the_past_is_shown_as_it_was(noisy: Timeline, t: float) -> None:
+    line = noisy
+    line.seek(t)
+    assert line.loop.t == pytest.approx(t, abs=1e-9)
+    recorded = line.recording.at(t + 1e-6)
+    np.testing.assert_array_equal(q_of(line), recorded["q"])
+    assert line.loop.system.scenario.force.value == (35.0 if t >= 0.7 else 20.0)
+    assert line.end == pytest.approx(1.2)
+
+
+def test_what_is_shown_again_is_the_recording_and_then_the_run_goes_on(noisy: Timeline) -> None:
+    line, rows = noisy, noisy.recording.rows()
+    line.seek(0.5)
+    for k in range(500, 1200):
+        np.testing.assert_array_equal(q_of(line), rows[k, line.recording.columns["q"]])
+        line.step()
+    assert line.loop.t == line.end
+    run(line, 100)
+    assert line.end == pytest.approx(1.3)
+    np.testing.assert_array_equal(line.recording.rows()[:1200], rows)
+
+
+def test_a_fork_without_a_change_becomes_the_same_run_again() -> None:
+    line = run(line_of(shipped()["planar3r-hybrid"]), 1000)
+    rows = line.recording.rows()
+    line.seek(0.4)
+    line.fork()
+    assert line.end == pytest.approx(0.4)
+    assert len(line.recording) == 400
+    np.testing.assert_array_equal(run(line, 600).recording.rows(), rows)
+    np.testing.assert_array_equal(line.pinned[0].recording.rows(), rows)
+
+
+def test_an_edit_of_the_past_forks_and_pins_what_was(noisy: Timeline) -> None:
+    line, rows = noisy, noisy.recording.rows()
+    line.seek(0.3)
+    assert line.edit(edited(line.loop.system.scenario, "force.value", 10.0))
+    run(line, 300)
+    assert line.end == pytest.approx(0.6)
+    assert line.recording.at(0.59)["F_cd"][0] == 10.0
+    np.testing.assert_array_equal(line.recording.rows(t_to=0.2995), rows[:300])
+    np.testing.assert_array_equal(line.pinned[0].recording.rows(), rows)
+    assert line.pinned[0].scenario.force.value == 35.0
+    line.seek(0.1)
+    assert line.loop.system.scenario.force.value == 20.0
+
+
+def test_a_refused_edit_of_the_past_changes_nothing(noisy: Timeline) -> None:
+    line, rows = noisy, noisy.recording.rows()
+    line.seek(0.3)
+    with pytest.raises(ScenarioError, match="M_m"):
+        line.edit(edited(line.loop.system.scenario, "target_model.M_m", (0.0,) * 6))
+    assert line.loop.t == pytest.approx(0.3)
+    assert line.pinned == ()
+    np.testing.assert_array_equal(run(line, 1000).recording.rows()[:1200], rows)
+
+
+def test_an_edit_that_begins_anew_leaves_the_past(noisy: Timeline) -> None:
+    noisy.seek(0.3)
+    assert noisy.edit(shipped()["planar2r-semicircle"])
+    assert (noisy.first, noisy.end, len(noisy.pinned)) == (0.0, 0.0, 1)
+
+
+def test_the_end_is_returned_to(noisy: Timeline) -> None:
+    q = q_of(noisy)
+    noisy.seek(0.2)
+    noisy.to_end()
+    np.testing.assert_array_equal(q_of(noisy), q)
+    noisy.seek(noisy.end)
+    np.testing.assert_array_equal(q_of(noisy), q)
+
+
+@pytest.mark.parametrize("t", [-0.1, 1.3, float("nan"), float("inf")])
+def test_what_is_not_known_is_refused(noisy: Timeline, t: float) -> None:
+    with pytest.raises(ScenarioError, match=r"time: .* allowed: 0 to 1.2 s"):
+        noisy.seek(t)
+
+
+def test_the_way_to_a_stop_is_shown_again() -> None:
+    scenario = edited(shipped()["ur5-hybrid"], "truth.disturbance", 200.0)
+    line = run(line_of(edited(scenario, "simulation.bound_violation", "stop")), 3000)
+    reason = line.loop.stopped
+    assert reason is not None
+    assert "bound" in reason
+    line.seek(max(line.end - 0.05, 0.0))
+    assert line.loop.stopped is None
+    run(line, 200)
+    assert (line.loop.stopped, line.loop.t) == (reason, line.end)
+
+
+def test_pins_are_numbered_bounded_and_stay_as_they_were() -> None:
+    line = line_of(shipped()["planar2r-semicircle"])
+    with pytest.raises(ScenarioError, match="pin: nothing"):
+        line.pin()
+    for _ in range(PINS + 1):
+        run(line, 10).pin()
+    assert [pinned.number for pinned in line.pinned] == [2, 3, 4]
+    assert [len(pinned.recording) for pinned in line.pinned] == [20, 30, 40]
+    line.unpin(3)
+    with pytest.raises(ScenarioError, match="unpin: 3; allowed: 2, 4"):
+        line.unpin(3)
+
+
+def test_a_stretch_shares_full_blocks_and_goes_on_by_itself() -> None:
+    line = run(line_of(shipped()["planar2r-semicircle"]), BLOCK + 100)
+    whole = line.recording.rows()
+    twin = line.recording.stretch(0.0, whole[BLOCK + 49, 0])
+    np.testing.assert_array_equal(twin.rows(), whole[: BLOCK + 50])
+    twin.new_row()[:] = 7.0
+    twin.commit()
+    np.testing.assert_array_equal(line.recording.rows(), whole)
+    assert np.shares_memory(twin._blocks[0].rows, line.recording._blocks[0].rows)
