@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import math
 import signal
 import sys
 import threading
@@ -15,10 +16,14 @@ from typing import Annotated
 
 import msgspec
 import tyro
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
 from tqdm import tqdm
 
 from app import headless, warm
 from app.dashboard import Dashboard, PortBusy
+from app.metrics import FIGURES, account
 from app.runner import Runner
 from app.scenario import Scenario, ScenarioError, edited, load, shipped
 from environments.robots import CATALOGUE
@@ -106,10 +111,7 @@ def run(
         out: folder for the files
         duration: simulated time in s, instead of the scenario's
     """
-    chosen = _configured(scenario, settings)
-    if duration is not None:
-        chosen = edited(chosen, "simulation.duration", duration)
-    loop, metrics = headless.simulate(chosen, show_progress=True)
+    loop, metrics = headless.simulate(_configured(scenario, settings, duration), show_progress=True)
     try:
         headless.write(loop, metrics, out)
     except OSError as error:
@@ -120,6 +122,40 @@ def run(
         print(f"flagged: {loop.warning}")
     print(f"written to {out}")
     return STOPPED if loop.stopped else DONE
+
+
+def compare(
+    scenarios: Annotated[tuple[str, ...], tyro.conf.Positional],
+    /,
+    *,
+    last: float | None = None,
+    duration: float | None = None,
+    settings: Settings = (),
+) -> int:
+    """Simulate scenarios and put their figures side by side, as the tab Runs does with pinned runs.
+
+    Args:
+        scenarios: shipped scenarios or .toml files
+        last: how much of the end counts, in s, instead of the whole run
+        duration: simulated time in s, instead of the scenarios'
+    """
+    if last is not None and not last > 0:
+        raise ScenarioError(f"--last {last:g}: allowed: more than 0 s")
+    if not scenarios:
+        raise ScenarioError("compare: no scenario; allowed: one or more (see `vsmrc list`)")
+    accounts, stopped = [], False
+    for name, scenario in [(name, _configured(name, settings, duration)) for name in scenarios]:
+        loop, _ = headless.simulate(scenario, show_progress=True)
+        since = -math.inf if last is None else loop.t - last
+        accounts.append(account(loop.system, loop.recording, since, loop.t))
+        if loop.stopped:
+            stopped = True
+            print(f"{name} stopped: {loop.stopped}")
+    table = Table("", *(escape(name) for name in scenarios))
+    for figure in FIGURES:
+        table.add_row(escape(f"{figure.title} [{figure.unit}]"), *(_shown(figure.of(a)) for a in accounts))
+    Console().print(table)
+    return STOPPED if stopped else DONE
 
 
 def list_() -> int:
@@ -133,14 +169,14 @@ def list_() -> int:
     return DONE
 
 
-def _configured(name_or_file: str, settings: Settings) -> Scenario:
+def _configured(name_or_file: str, settings: Settings, duration: float | None = None) -> Scenario:
     scenario = load(name_or_file)
     for setting in (s for group in settings for s in group):
         path, equals, text = setting.partition("=")
         if not equals:
             raise ScenarioError(f"--set {setting}: no '='; allowed: KEY=VALUE")
         scenario = edited(scenario, path.strip(), _value(text.strip()))
-    return scenario
+    return scenario if duration is None else edited(scenario, "simulation.duration", duration)
 
 
 def _value(text: str) -> object:
@@ -160,7 +196,7 @@ def _shown(value: object) -> str:
 def main() -> None:
     """Entry point: exit status 0 done, 2 bad input, 3 the simulation stopped."""
     logging.basicConfig(level=logging.WARNING, format="%(levelname)s %(name)s: %(message)s")
-    commands = {"serve": serve, "run": run, "list": list_}
+    commands = {"serve": serve, "run": run, "compare": compare, "list": list_}
     arguments = sys.argv[1:]
     if not arguments or (arguments[0].startswith("-") and arguments[0] not in ("-h", "--help")):
         arguments = ["serve", *arguments]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import dataclass
 
 import numpy as np
 from msgspec import Struct
@@ -126,6 +127,34 @@ class Account(Struct, frozen=True):
     effort: float  # RMS of ||tau||, N m
     variation: float  # of the torques: sum of their |changes| per second, N m/s
     gain_margin: float  # least d minus what (17) needs, N
+
+
+@dataclass(frozen=True)
+class Figure:
+    """How a figure of an `Account` is shown: in units of which `factor` make one SI unit."""
+
+    title: str
+    field: str
+    factor: float
+    unit: str
+
+    def of(self, account: Account | None) -> float | None:
+        """In that unit."""
+        value = None if account is None else getattr(account, self.field)
+        return None if value is None else value * self.factor + 0.0  # no "-0"
+
+
+FIGURES = (
+    Figure("path error, RMS", "path_rms", 1e3, "mm"),
+    Figure("path error, largest", "path_max", 1e3, "mm"),
+    Figure("force error, RMS", "force_rms", 1.0, "N"),
+    Figure("force error, largest", "force_max", 1.0, "N"),
+    Figure("‖s‖, largest", "s_max", 1e3, "mm/s"),
+    Figure("residual of (8), RMS", "residual_rms", 1.0, "N"),
+    Figure("torque ‖τ‖, RMS", "effort", 1.0, "N·m"),
+    Figure("its variation", "variation", 1.0, "N·m/s"),
+    Figure("least margin of (17)", "gain_margin", 1.0, "N"),
+)
 
 
 def account(system: System, recording: Recording, t_from: float, t_to: float) -> Account | None:

@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from app.metrics import FIGURES
 from app.scenario import Scenario, ScenarioError, edited, from_toml, load, to_toml
 
 
@@ -45,6 +46,21 @@ def test_stopped_run_keeps_its_files_and_says_why(tmp_path: Path) -> None:
     assert done.returncode == 3
     assert "contact lost" in json.loads((tmp_path / "metrics.json").read_text())["stopped"]
     assert (tmp_path / "recording.npz").exists()
+
+
+def test_runs_are_compared_side_by_side() -> None:
+    done = vsmrc("compare", "planar3r-hybrid", "planar2r-semicircle", "--duration", "0.3", "--last", "0.1")
+    assert done.returncode == 0, done.stderr
+    figures = {line.split("│")[1].strip(): line.split("│")[2:4] for line in done.stdout.splitlines() if "│" in line}
+    assert len(figures) == len(FIGURES)
+    assert all(float(value) >= 0.0 for value in figures["‖s‖, largest [mm/s]"])
+
+
+def test_nothing_to_compare_is_said() -> None:
+    for arguments, said in (((), "compare: no scenario"), (("ur5-hybrid", "--last", "-1"), "allowed: more than 0 s")):
+        done = vsmrc("compare", *arguments)
+        assert done.returncode == 2
+        assert said in done.stderr
 
 
 def test_list_shows_robots_and_scenarios() -> None:

@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from app.closed_loop import ClosedLoop
+from app.metrics import account
 from app.recording import BLOCK
-from app.scenario import Scenario, ScenarioError, edited, shipped
+from app.scenario import Scenario, ScenarioError, differences, edited, shipped
 from app.timeline import PINS, Timeline
 
 
@@ -145,3 +146,33 @@ def test_a_stretch_shares_full_blocks_and_goes_on_by_itself() -> None:
     twin.commit()
     np.testing.assert_array_equal(line.recording.rows(), whole)
     assert np.shares_memory(twin._blocks[0].rows, line.recording._blocks[0].rows)
+
+
+def test_the_account_of_a_stretch_is_what_its_rows_say(noisy: Timeline) -> None:
+    figures = account(noisy.loop.system, noisy.recording, 0.3, 0.9)
+    assert figures is not None
+    record = noisy.recording.signals(tuple(noisy.recording.columns), 0.3, 0.9)
+    force = record["multiplier"] - record["F_cd"][:, 0]
+    assert figures.force_rms == pytest.approx(np.sqrt((force**2).mean()))
+    assert figures.force_max == pytest.approx(np.abs(force).max())
+    assert figures.effort == pytest.approx(np.sqrt((record["tau"] ** 2).sum(axis=1).mean()))
+    assert figures.variation == pytest.approx(np.abs(np.diff(record["tau"], axis=0)).sum() / 0.6, rel=2e-3)
+    assert figures.path_max == pytest.approx(np.linalg.norm(record["e_r"][:, 1:3], axis=1).max(), rel=0.05)
+    assert account(noisy.loop.system, noisy.recording, 5.0, 6.0) is None
+
+
+def test_the_account_of_a_motion_has_no_force() -> None:
+    line = run(line_of(shipped()["ur5-motion"]), 100)
+    figures = account(line.loop.system, line.recording, 0.0, 1.0)
+    assert figures is not None
+    assert figures.force_rms is None
+
+
+def test_differences_of_scenarios() -> None:
+    one = shipped()["ur5-hybrid"]
+    other = edited(edited(one, "controller.K_s", 30.0), "motion", {"kind": "hold"})
+    found = differences(one, other)
+    assert found["controller.K_s"] == (one.controller.K_s, 30.0)
+    assert found["motion.kind"] == ("circle", "hold")
+    assert found["motion.radius"][1] is None
+    assert differences(one, one) == {}

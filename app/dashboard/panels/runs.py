@@ -11,25 +11,13 @@ import viser
 
 from app.dashboard.controls import Desk, written
 from app.dashboard.plots import WINDOW
-from app.metrics import Account, account
+from app.metrics import FIGURES, Account, Figure, account
 from app.runner import Pin, Snapshot, Unpin
 from app.scenario import differences
 from app.timeline import PINS, Pinned
 
 _EVERY = 1.0  # s, between two looks at the figures
 _TOLD = 4  # differences of a pinned run that are told
-# what is shown: of which field, times what, in which unit
-_FIGURES = {
-    "path error, RMS": ("path_rms", 1e3, "mm"),
-    "path error, largest": ("path_max", 1e3, "mm"),
-    "force error, RMS": ("force_rms", 1.0, "N"),
-    "force error, largest": ("force_max", 1.0, "N"),
-    "‖s‖, largest": ("s_max", 1e3, "mm/s"),
-    "residual of (8), RMS": ("residual_rms", 1.0, "N"),
-    "torque ‖τ‖, RMS": ("effort", 1.0, "N·m"),
-    "its variation": ("variation", 1.0, "N·m/s"),
-    "least margin of (17)": ("gain_margin", 1.0, "N"),
-}
 
 
 class RunsPanel:
@@ -91,17 +79,17 @@ def _table(snapshot: Snapshot) -> str:
     accounts = [account(snapshot.system, snapshot.recording, start, snapshot.t)]
     accounts += [account(p.system, p.recording, start, snapshot.t) for p in snapshot.pinned]
     heads = "".join(f"<th>{head}</th>" for head in ("now", *(str(p.number) for p in snapshot.pinned)))
-    rows = "".join(_row(title, *figure, accounts) for title, figure in _FIGURES.items())
+    rows = "".join(_row(figure, accounts) for figure in FIGURES)
     told = "".join(_told(pinned, snapshot) for pinned in snapshot.pinned)
     return f'<table class="vs-facts vs-runs"><tr><th></th>{heads}</tr>{rows}</table>{told}'
 
 
-def _row(title: str, field: str, factor: float, unit: str, accounts: list[Account | None]) -> str:
-    values = [None if a is None else getattr(a, field) for a in accounts]
+def _row(figure: Figure, accounts: list[Account | None]) -> str:
+    values = [figure.of(account) for account in accounts]
     if all(value is None for value in values):
         return ""
-    cells = "".join(f"<td>{'—' if v is None else f'{v * factor + 0.0:.3g}'}</td>" for v in values)
-    return f'<tr><td>{title} <span class="vs-dim">{unit}</span></td>{cells}</tr>'
+    cells = "".join(f"<td>{'—' if value is None else f'{value:.3g}'}</td>" for value in values)
+    return f'<tr><td>{figure.title} <span class="vs-dim">{figure.unit}</span></td>{cells}</tr>'
 
 
 def _told(pinned: Pinned, snapshot: Snapshot) -> str:
