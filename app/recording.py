@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections import deque
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 
@@ -59,6 +58,17 @@ SIGNALS = (
 )
 
 
+def columns_of(n: int) -> dict[str, slice]:
+    """Where each signal stands in the rows of an arm with n joints."""
+    columns: dict[str, slice] = {}
+    start = 0
+    for signal in SIGNALS:
+        width = n if isinstance(signal.width, str) else signal.width
+        columns[signal.name] = slice(start, start + width)
+        start += width
+    return columns
+
+
 @dataclass
 class _Block:
     """A piece of the table; `filled` grows only after a row is complete, so that readers never see half of one."""
@@ -76,13 +86,8 @@ class Recording:
 
     def __init__(self, n: int, history: int = 600_000) -> None:
         self.n = n
-        self.columns: dict[str, slice] = {}
-        start = 0
-        for signal in SIGNALS:
-            width = n if isinstance(signal.width, str) else signal.width
-            self.columns[signal.name] = slice(start, start + width)
-            start += width
-        self.width = start
+        self.columns = columns_of(n)
+        self.width = max(where.stop for where in self.columns.values())
         self._most = history // BLOCK + 2
         self._blocks: deque[_Block] = deque()
         self._thinned: deque[np.ndarray] = deque(maxlen=self._most)
@@ -103,15 +108,19 @@ class Recording:
         """The new row is complete."""
         self._blocks[-1].filled += 1
 
-    def rows(self, t_from: float = -np.inf, t_to: float = np.inf) -> np.ndarray:
-        """The rows with t_from <= t <= t_to, oldest first: (N, width), a copy."""
+    def pieces(self, t_from: float = -np.inf, t_to: float = np.inf) -> list[np.ndarray]:
+        """The rows with t_from <= t <= t_to, oldest first, as they lie in memory, (N_i, width) each, not to be written."""
         pieces = [*tuple(self._thinned), *(block.rows[: block.filled] for block in tuple(self._blocks))]
         kept = [p for p in pieces if len(p) and p[-1, 0] >= t_from and p[0, 0] <= t_to]
-        if not kept:
-            return np.empty((0, self.width))
-        kept[0] = kept[0][np.searchsorted(kept[0][:, 0], t_from) :]
-        kept[-1] = kept[-1][: np.searchsorted(kept[-1][:, 0], t_to, side="right")]
-        return np.concatenate(kept)
+        if kept:
+            kept[0] = kept[0][np.searchsorted(kept[0][:, 0], t_from) :]
+            kept[-1] = kept[-1][: np.searchsorted(kept[-1][:, 0], t_to, side="right")]
+        return [p for p in kept if len(p)]
+
+    def rows(self, t_from: float = -np.inf, t_to: float = np.inf) -> np.ndarray:
+        """The same in one piece: (N, width), a copy."""
+        kept = self.pieces(t_from, t_to)
+        return np.concatenate(kept) if kept else np.empty((0, self.width))
 
     def signals(self, names: tuple[str, ...], t_from: float = -np.inf, t_to: float = np.inf) -> dict[str, np.ndarray]:
         """Named signals of a stretch of time: (N,) for single columns, (N, width) for the others."""
@@ -131,15 +140,6 @@ class Recording:
         if not len(rows):
             raise ValueError(f"nothing recorded at t = {t:g} s")
         return {name: rows[-1, where] for name, where in self.columns.items()}
-
-    def save(self, path: Path) -> None:
-        """All rows as an .npz of named signals, with `units` and `docs` beside them."""
-        signals = self._split(self.rows(), tuple(self.columns))
-        about = {
-            "units": np.array([f"{s.name}: {s.unit}" for s in SIGNALS]),
-            "docs": np.array([f"{s.name}: {s.doc}" for s in SIGNALS]),
-        }
-        np.savez_compressed(path, allow_pickle=False, **signals, **about)
 
     def _period(self, rows: np.ndarray) -> float:
         return max(float(rows[-1, 0] - rows[-2, 0]), 1e-9)

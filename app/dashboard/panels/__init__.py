@@ -6,6 +6,7 @@ from typing import Protocol
 
 from app.dashboard.controls import Desk
 from app.dashboard.panels.controller import ControllerPanel
+from app.dashboard.panels.export import ExportPanel
 from app.dashboard.panels.model import ModelPanel
 from app.dashboard.panels.robot import RobotPanel
 from app.dashboard.panels.task import TaskPanel
@@ -27,4 +28,5 @@ PANELS: dict[str, type[Panel]] = {
     "Controller": ControllerPanel,
     "World": WorldPanel,
     "Robot": RobotPanel,
+    "Export": ExportPanel,
 }
