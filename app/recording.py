@@ -109,7 +109,7 @@ class Recording:
         self._blocks[-1].filled += 1
 
     def pieces(self, t_from: float = -np.inf, t_to: float = np.inf) -> list[np.ndarray]:
-        """The rows with t_from <= t <= t_to, oldest first, as they lie in memory, (N_i, width) each, not to be written."""
+        """The rows with t_from <= t <= t_to, oldest first, as they lie in memory: (N_i, width), not to be written."""
         pieces = [*tuple(self._thinned), *(block.rows[: block.filled] for block in tuple(self._blocks))]
         kept = [p for p in pieces if len(p) and p[-1, 0] >= t_from and p[0, 0] <= t_to]
         if kept:

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import io
+import math
 import threading
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import viser
 from PIL import Image
@@ -35,21 +35,20 @@ SCENARIO_LIMIT = MEGABYTE
 RENDERING = 60.0  # s that a page may take for a picture: a hidden one never answers
 
 OnClick = Callable[[viser.GuiEvent[viser.GuiButtonGroupHandle]], None]
+Part = Callable[[Snapshot], tuple[float, float]]
 Make = Callable[[Snapshot, Tell], bytes]
 
 
-@dataclass(frozen=True)
-class _Stretch:
-    """What part of the recording a button takes."""
-
-    title: str
-    seconds: float
-
-    def start(self, snapshot: Snapshot) -> float:
-        return snapshot.t - self.seconds
+def _shown(snapshot: Snapshot) -> tuple[float, float]:
+    """The stretch of time that the plots show, s."""
+    return snapshot.t - WINDOW, snapshot.t
 
 
-_STRETCHES = (_Stretch("shown", WINDOW), _Stretch("whole run", float("inf")))
+def _whole(snapshot: Snapshot) -> tuple[float, float]:
+    return -math.inf, snapshot.t
+
+
+_PARTS: dict[str, Part] = {"as shown by the plots": _shown, "the whole run": _whole}
 
 
 class ExportPanel:
@@ -62,11 +61,9 @@ class ExportPanel:
         self._desk = desk
         self._busy = threading.Lock()
         gui = desk.gui
-        self._plots = gui.add_dropdown("Plots", (ALL_PLOTS, *TABS), hint="Which plots the figure shows.")
-        self._buttons("Figure", ("SVG", "PDF", "PNG"), self._on_figure, "The plots of the window that is shown.")
-        self._stretch = gui.add_dropdown(
-            "Data of", tuple(s.title for s in _STRETCHES), hint="For data and 3-D playback: the plots' window, or all."
-        )
+        self._plots = gui.add_dropdown("Figure of", (ALL_PLOTS, *TABS), hint="One tab of the plots, or all.")
+        self._buttons("Figure", ("SVG", "PDF", "PNG"), self._on_figure, "Plots and scenario on white, as shown now.")
+        self._part = gui.add_dropdown("Part of the run", tuple(_PARTS), hint="For the data and the 3-D playback.")
         self._buttons("Data", ("CSV", "NPZ"), self._on_data, "Every signal, every control period, in SI units.")
         self._buttons("3-D playback", ("HTML",), self._on_playback, "A page that plays without this program.")
         self._buttons("3-D picture", ("1×", "2×"), self._on_picture, "As you see it now, in once or twice its pixels.")
@@ -87,25 +84,25 @@ class ExportPanel:
         plots = plots_of(self._plots.value)
 
         def make(snapshot: Snapshot, tell: Tell) -> bytes:
-            return made(FigureJob(figure_of(plots, snapshot, snapshot.t - WINDOW, snapshot.t), form), tell)
+            return made(FigureJob(figure_of(plots, snapshot, *_shown(snapshot)), form), tell)
 
         self._give(event, "Figure", form, make)
 
     def _on_data(self, event: viser.GuiEvent) -> None:
         form: DataFormat = event.target.value.lower()
-        stretch = self._chosen_stretch()
+        part = _PARTS[self._part.value]
 
         def make(snapshot: Snapshot, tell: Tell) -> bytes:
-            rows = table(snapshot.scenario, snapshot.recording, stretch.start(snapshot), snapshot.t)
+            rows = table(snapshot.scenario, snapshot.recording, *part(snapshot))
             return made(DataJob(rows, form, DATA_LIMIT), tell)
 
         self._give(event, "Data", form, make)
 
     def _on_playback(self, event: viser.GuiEvent) -> None:
-        stretch = self._chosen_stretch()
+        part = _PARTS[self._part.value]
 
         def make(snapshot: Snapshot, tell: Tell) -> bytes:
-            frames = film(snapshot.scenario, snapshot.recording, stretch.start(snapshot), snapshot.t)
+            frames = film(snapshot.scenario, snapshot.recording, *part(snapshot))
             return made(PlaybackJob(frames, PLAYBACK_LIMIT), tell)
 
         self._give(event, "3-D playback", "html", make)
@@ -127,9 +124,6 @@ class ExportPanel:
 
     def _on_scenario(self, event: viser.GuiEvent) -> None:
         self._give(event, "Scenario", "toml", lambda snapshot, _: to_toml(snapshot.scenario).encode())
-
-    def _chosen_stretch(self) -> _Stretch:
-        return next(stretch for stretch in _STRETCHES if stretch.title == self._stretch.value)
 
     def _give(self, event: viser.GuiEvent, what: str, extension: str, make: Make) -> None:
         """Make a file and send it to the page that asked."""
@@ -158,10 +152,9 @@ class ExportPanel:
             client.send_file_download(name, content, save_immediately=True)
         except (TakeAwayError, OSError, RuntimeError, ValueError) as error:
             note.title, note.body, note.color = f"{what}: failed", str(error) or type(error).__name__, "red"
+            note.loading, note.with_close_button = False, True
         else:
-            note.body = f"{name}, {len(content) / MEGABYTE:.3g} MB"
-            note.auto_close_seconds = 4.0
-        note.loading, note.with_close_button = False, True
+            note.remove()  # the page says itself what it receives
 
     async def _on_upload(self, event: viser.GuiEvent) -> None:
         if event.client is None:
