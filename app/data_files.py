@@ -87,7 +87,8 @@ def write_npz(data: Table, file: BinaryIO, limit: float = math.inf, tell: Tell =
         "units": np.array([f"{s.name}: {s.unit}" for s in SIGNALS]),
         "docs": np.array([f"{s.name}: {s.doc}" for s in SIGNALS]),
     }
-    with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as archive:
+    # level 6 takes three times as long for 1 % less
+    with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive:
         for name, values in about.items():
             _add(archive, name, values)
         for name, where in columns.items():

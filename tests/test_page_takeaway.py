@@ -11,7 +11,7 @@ import pytest
 from playwright.sync_api import Page
 
 from app.scenario import edited, from_toml, shipped, to_toml
-from tests.pages import Session
+from tests.pages import VIEWPORT, Session
 
 
 def taken(session: Session, button: str, folder: Path) -> Path:
@@ -47,10 +47,16 @@ def test_picture_and_playback_show_the_scene(session: Session, tmp_path: Path, o
     canvas = session.page.locator("canvas[data-engine]").bounding_box()
     assert canvas is not None
     assert struct.unpack(">II", picture[16:24]) == (2 * round(canvas["width"]), 2 * round(canvas["height"]))
-    played = open_page(taken(session, "HTML", tmp_path).as_uri())
+    played = open_page(taken(session, "HTML", tmp_path).as_uri(), viewport=VIEWPORT)
     played.locator("canvas[data-engine]").wait_for()
-    played.wait_for_timeout(1500)
-    assert len(set(played.screenshot())) > 1
+    assert played.title() == session.now.scenario.title
+    arm = {"x": 400, "y": 100, "width": 500, "height": 400}
+    first = played.screenshot(clip=arm)
+    for _ in range(60):
+        played.wait_for_timeout(500)
+        if played.screenshot(clip=arm) != first:
+            return
+    pytest.fail("nothing moves in the playback")
 
 
 def test_a_scenario_is_loaded_and_a_wrong_one_refused(session: Session, tmp_path: Path):

@@ -52,6 +52,9 @@ def write(stretch: Stretch, kinds: Iterable[Kind], plots: str, out: Path) -> Ite
             _write(stretch, kind, plots, path)
         except TooLarge as error:
             raise ScenarioError(f"--to {kind}: {error}") from error
+        except OSError:
+            path.unlink(missing_ok=True)  # half a file is none
+            raise
         yield path
 
 

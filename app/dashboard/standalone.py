@@ -6,6 +6,7 @@ import contextlib
 import io
 from collections.abc import Iterator
 from dataclasses import replace
+from html import escape
 
 import numpy as np
 import viser
@@ -59,7 +60,8 @@ def _html(film: Film, count: int, tell: Tell) -> str:
             recorder.insert_sleep(float(pause))
             tell(0.9 * (number + 1) / count)
         assert recorder is not None
-        return recorder.as_html(dark_mode=True)
+        title = escape(film.scenario.title or film.scenario.name)
+        return recorder.as_html(dark_mode=True).replace("<title>Viser</title>", f"<title>{title}</title>")
 
 
 @contextlib.contextmanager
