@@ -23,6 +23,9 @@ from tqdm import tqdm
 
 from app import headless, warm
 from app.dashboard import Dashboard, PortBusy
+from app.dashboard.export import Kind, Stretch, write
+from app.dashboard.printed import ALL_PLOTS, plots_of
+from app.data_files import read_npz
 from app.metrics import FIGURES, account
 from app.runner import Runner
 from app.scenario import Scenario, ScenarioError, edited, load, shipped
@@ -158,6 +161,48 @@ def compare(
     return STOPPED if stopped else DONE
 
 
+def export(
+    run: tyro.conf.Positional[str],
+    /,
+    *,
+    out: Path,
+    to: tuple[Kind, ...] = ("pdf",),
+    plots: str = ALL_PLOTS,
+    start: float = 0.0,
+    end: float = math.inf,
+    settings: Settings = (),
+) -> int:
+    """Make what the page's Export tab makes, from a recording or a scenario, which is simulated first.
+
+    Args:
+        run: a recording.npz of `vsmrc run` or of the page, a shipped scenario or a .toml file
+        out: folder for the files
+        to: svg, pdf, png: figures; csv, npz: data; html: 3-D playback; toml: scenario
+        plots: the plots of a figure: a tab of the page by its title, or all of them
+        start: first instant, s
+        end: last instant, s
+    """
+    plots_of(plots)  # before the simulation, which would be in vain
+    status = DONE
+    if run.endswith(".npz"):
+        if settings:
+            raise ScenarioError("--set: a recording cannot be changed any more; allowed: with a scenario")
+        scenario, recording = read_npz(Path(run))
+    else:
+        scenario = _configured(run, settings)
+        loop, _ = headless.simulate(scenario, show_progress=True)
+        recording = loop.recording
+        if loop.stopped:
+            print(f"stopped: {loop.stopped}")
+            status = STOPPED
+    try:
+        for path in write(Stretch(scenario, recording, start, end), to, plots, out):
+            print(f"written: {path}")
+    except OSError as error:
+        raise ScenarioError(f"--out {out}: cannot be written: {error.strerror}") from error
+    return status
+
+
 def list_() -> int:
     """Show the robots and the scenarios."""
     print("robots")
@@ -196,7 +241,7 @@ def _shown(value: object) -> str:
 def main() -> None:
     """Entry point: exit status 0 done, 2 bad input, 3 the simulation stopped."""
     logging.basicConfig(level=logging.WARNING, format="%(levelname)s %(name)s: %(message)s")
-    commands = {"serve": serve, "run": run, "compare": compare, "list": list_}
+    commands = {"serve": serve, "run": run, "compare": compare, "export": export, "list": list_}
     arguments = sys.argv[1:]
     if not arguments or (arguments[0].startswith("-") and arguments[0] not in ("-h", "--help")):
         arguments = ["serve", *arguments]

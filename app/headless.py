@@ -9,6 +9,7 @@ import msgspec
 from tqdm import tqdm
 
 from app.closed_loop import ClosedLoop
+from app.data_files import table, write_npz
 from app.metrics import Metrics, measure
 from app.scenario import Scenario, to_toml
 
@@ -32,6 +33,7 @@ def simulate(scenario: Scenario, *, show_progress: bool = False) -> tuple[Closed
 def write(loop: ClosedLoop, metrics: Metrics, out: Path) -> None:
     """recording.npz, metrics.json and scenario.toml in the folder `out`, which is made. Raises OSError."""
     out.mkdir(parents=True, exist_ok=True)
-    loop.recording.save(out / "recording.npz")
+    with (out / "recording.npz").open("wb") as file:
+        write_npz(table(loop.system.scenario, loop.recording), file)
     (out / "metrics.json").write_bytes(msgspec.json.format(msgspec.json.encode(metrics)) + b"\n")
     (out / "scenario.toml").write_text(to_toml(loop.system.scenario), encoding="utf-8")

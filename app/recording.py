@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections import deque
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 
@@ -64,6 +63,17 @@ def _between(rows: np.ndarray, t_from: float, t_to: float) -> np.ndarray:
     return rows[first:last]
 
 
+def columns_of(n: int) -> dict[str, slice]:
+    """Where each signal stands in the rows of an arm with n joints."""
+    columns: dict[str, slice] = {}
+    start = 0
+    for signal in SIGNALS:
+        width = n if isinstance(signal.width, str) else signal.width
+        columns[signal.name] = slice(start, start + width)
+        start += width
+    return columns
+
+
 @dataclass
 class _Block:
     """A piece of the table; `filled` grows only after a row is complete, so that readers never see half of one."""
@@ -81,13 +91,8 @@ class Recording:
 
     def __init__(self, n: int, history: int = 600_000) -> None:
         self.n = n
-        self.columns: dict[str, slice] = {}
-        start = 0
-        for signal in SIGNALS:
-            width = n if isinstance(signal.width, str) else signal.width
-            self.columns[signal.name] = slice(start, start + width)
-            start += width
-        self.width = start
+        self.columns = columns_of(n)
+        self.width = max(where.stop for where in self.columns.values())
         self._history, self._most = history, history // BLOCK + 2
         self._blocks: deque[_Block] = deque()
         self._thinned: deque[np.ndarray] = deque(maxlen=self._most)
@@ -111,7 +116,7 @@ class Recording:
     @property
     def first(self) -> float:
         """The time of the oldest row that is known, s; 0 before there is one."""
-        oldest = next((piece for piece in self._pieces() if len(piece)), None)
+        oldest = next((piece for piece in self._every_piece() if len(piece)), None)
         return 0.0 if oldest is None else float(oldest[0, 0])
 
     def stretch(self, t_from: float, t_to: float) -> Recording:
@@ -129,16 +134,17 @@ class Recording:
                 break
         return twin
 
-    def _pieces(self) -> list[np.ndarray]:
+    def pieces(self, t_from: float = -np.inf, t_to: float = np.inf) -> list[np.ndarray]:
+        """The rows with t_from <= t <= t_to, oldest first, as they lie in memory: (N_i, width), not to be written."""
+        return [kept for piece in self._every_piece() if len(kept := _between(piece, t_from, t_to))]
+
+    def _every_piece(self) -> list[np.ndarray]:
         return [*tuple(self._thinned), *(block.rows[: block.filled] for block in tuple(self._blocks))]
 
     def rows(self, t_from: float = -np.inf, t_to: float = np.inf) -> np.ndarray:
-        """The rows with t_from <= t <= t_to, oldest first: (N, width), a copy."""
-        kept = [p for p in self._pieces() if len(p) and p[-1, 0] >= t_from and p[0, 0] <= t_to]
-        if not kept:
-            return np.empty((0, self.width))
-        kept[0], kept[-1] = _between(kept[0], t_from, np.inf), _between(kept[-1], t_from, t_to)
-        return np.concatenate(kept)
+        """The same in one piece: (N, width), a copy."""
+        kept = self.pieces(t_from, t_to)
+        return np.concatenate(kept) if kept else np.empty((0, self.width))
 
     def signals(self, names: tuple[str, ...], t_from: float = -np.inf, t_to: float = np.inf) -> dict[str, np.ndarray]:
         """Named signals of a stretch of time: (N,) for single columns, (N, width) for the others."""
@@ -158,15 +164,6 @@ class Recording:
         if not len(rows):
             raise ValueError(f"nothing recorded at t = {t:g} s")
         return {name: rows[-1, where] for name, where in self.columns.items()}
-
-    def save(self, path: Path) -> None:
-        """All rows as an .npz of named signals, with `units` and `docs` beside them."""
-        signals = self._split(self.rows(), tuple(self.columns))
-        about = {
-            "units": np.array([f"{s.name}: {s.unit}" for s in SIGNALS]),
-            "docs": np.array([f"{s.name}: {s.doc}" for s in SIGNALS]),
-        }
-        np.savez_compressed(path, allow_pickle=False, **signals, **about)
 
     def _period(self, rows: np.ndarray) -> float:
         return max(float(rows[-1, 0] - rows[-2, 0]), 1e-9)

@@ -328,37 +328,54 @@ class Runner:
 
     def _publish(self) -> Snapshot:
         line, loop = self._line, self._loop
-        system, scenario = loop.system, loop.system.scenario
-        view = loop.view()
-        phase = "stopped" if loop.stopped else "running" if self._playing else "paused"
-        return Snapshot(
-            scenario=scenario,
+        return replace(
+            snapshot_of(loop),
             revision=self._revision,
             run=self._runs,
-            t=loop.t,
             first=line.first,
             end=line.end,
-            phase=phase,
-            reason=loop.stopped or "",
+            phase="stopped" if loop.stopped else "running" if self._playing else "paused",
             pace=self._pace_now if self._going else None,
             speed=self._speed,
             refusal=self._refusal,
             refusal_number=self._refusals,
-            notice=loop.warning or "",
-            robot=system.robot,
-            coordinates=system.coordinates,
-            fixed=system.mode.fixed(system.layout.n),
-            matrices={name: getattr(system.law.model, name) for name in ("M_m", "B_m", "K_m", "K_f")},
-            q=view.q,
-            tool=view.tool,
-            tool_desired=view.tool_desired,
-            force=view.force,
-            force_desired=view.force_desired,
-            surface=None if scenario.contact.kind == "free" and not system.m else system.surface,
-            surface_offset=system.surface.motion.offset(loop.t),
-            live=view.live,
             recording=line.recording,
             pinned=line.pinned,
-            system=system,
-            state=loop.state(),
         )
+
+
+def snapshot_of(loop: ClosedLoop) -> Snapshot:
+    """A loop that nobody runs: it is paused, unless it has stopped."""
+    system, scenario = loop.system, loop.system.scenario
+    view = loop.view()
+    return Snapshot(
+        scenario=scenario,
+        revision=0,
+        run=0,
+        t=loop.t,
+        first=loop.t,
+        end=loop.t,
+        phase="stopped" if loop.stopped else "paused",
+        reason=loop.stopped or "",
+        pace=None,
+        speed=1.0,
+        refusal=None,
+        refusal_number=0,
+        notice=loop.warning or "",
+        robot=system.robot,
+        coordinates=system.coordinates,
+        fixed=system.mode.fixed(system.layout.n),
+        matrices={name: getattr(system.law.model, name) for name in ("M_m", "B_m", "K_m", "K_f")},
+        q=view.q,
+        tool=view.tool,
+        tool_desired=view.tool_desired,
+        force=view.force,
+        force_desired=view.force_desired,
+        surface=None if scenario.contact.kind == "free" and not system.m else system.surface,
+        surface_offset=system.surface.motion.offset(loop.t),
+        live=view.live,
+        recording=loop.recording,
+        pinned=(),
+        system=system,
+        state=loop.state(),
+    )

@@ -194,7 +194,7 @@ def test_pause_and_step(session: Session):
 
 def test_looking_at_every_tab_changes_nothing(session: Session):
     before = session.now
-    for name in ("Model", "Controller", "World", "Robot", "Torque", "Task"):
+    for name in ("Model", "Controller", "World", "Robot", "Export", "Torque", "Task"):
         session.tab(name)
         session.page.wait_for_timeout(300)
     assert session.now.revision == before.revision

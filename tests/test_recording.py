@@ -1,13 +1,12 @@
-"""The table of a run: bounded, readable while it grows, and saved with names and units."""
+"""The table of a run: bounded, readable while it grows, thinned where it is old."""
 
 from __future__ import annotations
 
 import threading
-from pathlib import Path
 
 import numpy as np
 
-from app.recording import BLOCK, SIGNALS, THINNING, Recording
+from app.recording import BLOCK, THINNING, Recording
 
 
 def filled(rows: int, history: int) -> Recording:
@@ -68,12 +67,3 @@ def test_reader_never_sees_an_incomplete_row() -> None:
         looks += 1
     writer.join()
     assert looks > 0
-
-
-def test_saved_file_names_every_signal_with_its_unit(tmp_path: Path) -> None:
-    filled(10, history=BLOCK).save(tmp_path / "recording.npz")
-    with np.load(tmp_path / "recording.npz") as saved:
-        assert {signal.name for signal in SIGNALS} < set(saved.files)
-        assert "tau: N·m" in saved["units"]
-        assert saved["q"].shape == (10, 2)
-        assert saved["t"].shape == (10,)

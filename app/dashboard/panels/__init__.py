@@ -6,6 +6,7 @@ from typing import Protocol
 
 from app.dashboard.controls import Desk
 from app.dashboard.panels.controller import ControllerPanel
+from app.dashboard.panels.export import ExportPanel
 from app.dashboard.panels.model import ModelPanel
 from app.dashboard.panels.robot import RobotPanel
 from app.dashboard.panels.runs import RunsPanel
@@ -29,4 +30,5 @@ PANELS: dict[str, type[Panel]] = {
     "World": WorldPanel,
     "Robot": RobotPanel,
     "Runs": RunsPanel,
+    "Export": ExportPanel,
 }

@@ -1,0 +1,80 @@
+"""What `vsmrc export` writes: the files of the page's Export tab, without a page."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Literal
+
+from tqdm import tqdm
+
+from app.closed_loop import ClosedLoop
+from app.dashboard.printed import figure_of, plots_of
+from app.dashboard.standalone import standalone_html
+from app.data_files import TooLarge, table, write_csv, write_npz
+from app.figures import Format, render
+from app.film import film
+from app.recording import Recording
+from app.runner import snapshot_of
+from app.scenario import Scenario, ScenarioError, to_toml
+from app.takeaway import PLAYBACK_LIMIT, DataFormat, file_name
+
+Kind = Format | DataFormat | Literal["html", "toml"]
+
+
+@dataclass(frozen=True)
+class Stretch:
+    """A run, and of it the rows with start <= t <= end (s)."""
+
+    scenario: Scenario
+    recording: Recording
+    start: float
+    end: float
+
+
+def write(stretch: Stretch, kinds: Iterable[Kind], plots: str, out: Path) -> Iterator[Path]:
+    """Make files of these kinds in the folder `out`, which is made; their paths, one after the other.
+
+    plots: the tab of the page whose plots a figure shows, or all. Raises ScenarioError, and OSError.
+    """
+    rows = stretch.recording.signals(("t",), stretch.start, stretch.end)["t"]
+    if len(rows) < 2:
+        t = stretch.recording.signals(("t",))["t"]
+        raise ScenarioError(
+            f"--start {stretch.start:g} --end {stretch.end:g}: nothing recorded there; "
+            f"allowed: within {t.min(initial=0.0):g} to {t.max(initial=0.0):g} s"
+        )
+    out.mkdir(parents=True, exist_ok=True)
+    for kind in kinds:
+        path = out / file_name(stretch.scenario.name, float(rows[-1]), kind)
+        try:
+            _write(stretch, kind, plots, path)
+        except TooLarge as error:
+            raise ScenarioError(f"--to {kind}: {error}") from error
+        except OSError:
+            path.unlink(missing_ok=True)  # half a file is none
+            raise
+        yield path
+
+
+def _write(stretch: Stretch, kind: Kind, plots: str, path: Path) -> None:
+    scenario, recording = stretch.scenario, stretch.recording
+    with tqdm(total=1.0, bar_format="{desc} {percentage:3.0f} %", desc=path.name, leave=False, disable=None) as bar:
+
+        def tell(share: float) -> None:
+            bar.update(share - bar.n)
+
+        match kind:
+            case "svg" | "pdf" | "png":
+                snapshot = replace(snapshot_of(ClosedLoop(scenario, history=1)), recording=recording)
+                path.write_bytes(render(figure_of(plots_of(plots), snapshot, stretch.start, stretch.end), kind))
+            case "csv" | "npz":
+                write_data = {"csv": write_csv, "npz": write_npz}[kind]
+                with path.open("wb") as file:
+                    write_data(table(scenario, recording, stretch.start, stretch.end), file, tell=tell)
+            case "html":
+                page = standalone_html(film(scenario, recording, stretch.start, stretch.end), PLAYBACK_LIMIT, tell)
+                path.write_text(page, encoding="utf-8")
+            case "toml":
+                path.write_text(to_toml(scenario), encoding="utf-8")

@@ -1,0 +1,176 @@
+"""Export: what can be taken away from a run, one button each, and a scenario brought back."""
+
+from __future__ import annotations
+
+import io
+import math
+import threading
+from collections.abc import Callable
+
+import viser
+from PIL import Image
+
+from app.dashboard.controls import Desk
+from app.dashboard.plots import TABS, WINDOW
+from app.dashboard.printed import ALL_PLOTS, figure_of, plots_of
+from app.data_files import Tell, table
+from app.figures import Format
+from app.film import film
+from app.runner import Load, Snapshot
+from app.scenario import Scenario, ScenarioError, from_toml, to_toml
+from app.takeaway import (
+    PLAYBACK_LIMIT,
+    DataFormat,
+    DataJob,
+    FigureJob,
+    PlaybackJob,
+    TakeAwayError,
+    file_name,
+    made,
+)
+
+MEGABYTE = 1e6
+DATA_LIMIT = 256 * MEGABYTE  # what a browser takes through a web socket without trouble
+SCENARIO_LIMIT = MEGABYTE
+RENDERING = 60.0  # s that a page may take for a picture: a hidden one never answers
+
+OnClick = Callable[[viser.GuiEvent[viser.GuiButtonGroupHandle]], None]
+Part = Callable[[Snapshot], tuple[float, float]]
+Make = Callable[[Snapshot, Tell], bytes]
+
+
+def _shown(snapshot: Snapshot) -> tuple[float, float]:
+    """The stretch of time that the plots show, s."""
+    return snapshot.t - WINDOW, snapshot.t
+
+
+def _whole(snapshot: Snapshot) -> tuple[float, float]:
+    return -math.inf, snapshot.t
+
+
+_PARTS: dict[str, Part] = {"as shown by the plots": _shown, "the whole run": _whole}
+
+
+class ExportPanel:
+    """Every file is made from the snapshot of the moment, elsewhere: the run goes on.
+
+    One at a time; a notification on the page that asked says how far it is, and why there is none.
+    """
+
+    def __init__(self, desk: Desk) -> None:
+        self._desk = desk
+        self._busy = threading.Lock()
+        gui = desk.gui
+        self._plots = gui.add_dropdown("Figure of", (ALL_PLOTS, *TABS), hint="One tab of the plots, or all.")
+        self._buttons("Figure", ("SVG", "PDF", "PNG"), self._on_figure, "Plots and scenario on white, as shown now.")
+        self._part = gui.add_dropdown("Part of the run", tuple(_PARTS), hint="For the data and the 3-D playback.")
+        self._buttons("Data", ("CSV", "NPZ"), self._on_data, "Every signal, every control period, in SI units.")
+        self._buttons("3-D playback", ("HTML",), self._on_playback, "A page that plays without this program.")
+        self._buttons("3-D picture", ("1×", "2×"), self._on_picture, "As you see it now, in once or twice its pixels.")
+        self._buttons("Scenario", ("TOML",), self._on_scenario, "To load here, to share, or for `vsmrc run`.")
+        self._upload = gui.add_upload_button("Load a scenario (TOML)", mime_type=".toml,application/toml")
+        self._upload.on_upload(self._on_upload)
+
+    def show(self, snapshot: Snapshot) -> None:
+        """There is nothing to set: no widget here shows the scenario."""
+
+    def _buttons(self, label: str, options: tuple[str, ...], on_click: OnClick, hint: str) -> None:
+        self._desk.gui.add_button_group(label, options, hint=hint).on_click(on_click)
+
+    # synchronous on purpose, unlike what posts commands: each waits for its file in a thread of viser's pool
+
+    def _on_figure(self, event: viser.GuiEvent) -> None:
+        form: Format = event.target.value.lower()
+        plots = plots_of(self._plots.value)
+
+        def make(snapshot: Snapshot, tell: Tell) -> bytes:
+            return made(FigureJob(figure_of(plots, snapshot, *_shown(snapshot)), form), tell)
+
+        self._give(event, "Figure", form, make)
+
+    def _on_data(self, event: viser.GuiEvent) -> None:
+        form: DataFormat = event.target.value.lower()
+        part = _PARTS[self._part.value]
+
+        def make(snapshot: Snapshot, tell: Tell) -> bytes:
+            rows = table(snapshot.scenario, snapshot.recording, *part(snapshot))
+            return made(DataJob(rows, form, DATA_LIMIT), tell)
+
+        self._give(event, "Data", form, make)
+
+    def _on_playback(self, event: viser.GuiEvent) -> None:
+        part = _PARTS[self._part.value]
+
+        def make(snapshot: Snapshot, tell: Tell) -> bytes:
+            frames = film(snapshot.scenario, snapshot.recording, *part(snapshot))
+            return made(PlaybackJob(frames, PLAYBACK_LIMIT), tell)
+
+        self._give(event, "3-D playback", "html", make)
+
+    def _on_picture(self, event: viser.GuiEvent) -> None:
+        client, scale = event.client, 2 if event.target.value == "2×" else 1
+        if client is None:
+            return
+
+        def make(_: Snapshot, tell: Tell) -> bytes:
+            tell(0.0)
+            height, width = scale * client.camera.image_height, scale * client.camera.image_width
+            picture = client.get_render(height, width, transport_format="png", timeout=RENDERING)
+            file = io.BytesIO()
+            Image.fromarray(picture).save(file, "png")
+            return file.getvalue()
+
+        self._give(event, "3-D picture", "png", make)
+
+    def _on_scenario(self, event: viser.GuiEvent) -> None:
+        self._give(event, "Scenario", "toml", lambda snapshot, _: to_toml(snapshot.scenario).encode())
+
+    def _give(self, event: viser.GuiEvent, what: str, extension: str, make: Make) -> None:
+        """Make a file and send it to the page that asked."""
+        client, snapshot = event.client, self._desk.snapshot()
+        if client is None:
+            return
+        if not self._busy.acquire(blocking=False):
+            client.add_notification(what, "Another file is being made: try again then.", auto_close_seconds=4.0)
+            return
+        try:
+            self._give_alone(client, snapshot, what, extension, make)
+        finally:
+            self._busy.release()
+
+    def _give_alone(
+        self, client: viser.ClientHandle, snapshot: Snapshot, what: str, extension: str, make: Make
+    ) -> None:
+        name = file_name(snapshot.scenario.name, snapshot.t, extension)
+        note = client.add_notification(what, f"{name} is being made …", loading=True, with_close_button=False)
+
+        def tell(share: float) -> None:
+            note.body = f"{name} is being made … {share:.0%}"
+
+        try:
+            content = make(snapshot, tell)
+            client.send_file_download(name, content, save_immediately=True)
+        except (TakeAwayError, OSError, RuntimeError, ValueError) as error:
+            note.title, note.body, note.color = f"{what}: failed", str(error) or type(error).__name__, "red"
+            note.loading, note.with_close_button = False, True
+        else:
+            note.remove()  # the page says itself what it receives
+
+    async def _on_upload(self, event: viser.GuiEvent) -> None:
+        if event.client is None:
+            return
+        name, content = self._upload.value.name, self._upload.value.content
+        try:
+            self._desk.post(Load(read_scenario(content)))
+        except ScenarioError as error:
+            self._desk.complain(f"{name}: {error}")
+
+
+def read_scenario(content: bytes) -> Scenario:
+    """A scenario from an uploaded file. Raises ScenarioError."""
+    if len(content) > SCENARIO_LIMIT:
+        raise ScenarioError(f"{len(content) / MEGABYTE:.3g} MB; allowed: {SCENARIO_LIMIT / MEGABYTE:g} MB")
+    try:
+        return from_toml(content.decode("utf-8"))
+    except UnicodeDecodeError as error:
+        raise ScenarioError("not a TOML file: it is no UTF-8 text") from error

@@ -1,0 +1,231 @@
+"""Charts on paper: white ground, type that is readable at a column's width, vectors and text kept as such.
+
+`Figure` says what to draw in numbers and words alone; nothing here knows the page. The same figure always makes the
+same bytes.
+"""
+
+from __future__ import annotations
+
+import io
+import textwrap
+from dataclasses import dataclass
+from itertools import zip_longest
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure as Canvas
+
+Rgb = tuple[int, int, int]
+Format = Literal["svg", "pdf", "png"]
+
+TIME = "t [s]"
+SINGLE, DOUBLE = 3.5, 7.16  # in, a journal's column and its page
+ONE_COLUMN = 4  # charts, more of which stand in two columns
+AXES_HEIGHT, LEFT, RIGHT, BELOW, GAP, MARGIN = 0.95, 0.52, 0.08, 0.2, 0.05, 0.06  # in
+X_LABEL = 0.16  # in
+ROW = 0.125  # in, of a title, of a row of the legend, of a line of the caption
+LETTERS = 20.0  # per inch in the smallest type, in words of a legend
+CAPTION_LETTERS = 20.5  # and in sentences
+HANDLE = 0.235  # in, of an entry of the legend beside its name
+BINS = 600  # of a curve, each with its smallest and its largest value
+CONTRAST = 3.0  # with white, at least: WCAG 2, for graphics
+PNG_DPI = 300
+
+_STYLE: dict[Any, Any] = {
+    "svg.fonttype": "none",  # text stays text
+    "svg.hashsalt": "vsmrc",
+    "pdf.fonttype": 42,
+    "font.family": "DejaVu Sans",
+    "font.size": 7.0,
+    "axes.linewidth": 0.5,
+    "axes.edgecolor": "0.35",
+    "axes.grid": True,
+    "grid.color": "0.88",
+    "grid.linewidth": 0.4,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "xtick.labelsize": 6.5,
+    "ytick.labelsize": 6.5,
+    "xtick.major.width": 0.5,
+    "ytick.major.width": 0.5,
+    "ytick.minor.width": 0.3,
+    "path.simplify": False,
+}
+
+
+@dataclass(frozen=True)
+class Curve:
+    """One line. color as on the dark page; x, y (N,) in the units of the chart's labels; width in points."""
+
+    name: str
+    color: Rgb
+    x: np.ndarray
+    y: np.ndarray
+    dashed: bool = False
+    width: float = 1.0
+
+
+@dataclass(frozen=True)
+class Chart:
+    """Axes with curves. at_least: this range of y is in view whatever the curves do."""
+
+    title: str
+    unit: str
+    curves: tuple[Curve, ...]
+    x_label: str = TIME
+    logarithmic: bool = False
+    at_least: tuple[float, float] | None = None
+
+
+@dataclass(frozen=True)
+class Figure:
+    """Charts one below the other, and what stands under them."""
+
+    charts: tuple[Chart, ...]
+    caption: str
+
+
+def render(figure: Figure, form: Format) -> bytes:
+    """The figure as a file of this form. Raises ValueError when it has no chart.
+
+    It takes a second, and matplotlib is not made for threads: call it in a process that has nothing else to do.
+    """
+    from matplotlib import rc_context  # here: it takes 0.3 s to import, which starting the dashboard need not wait for
+
+    if not figure.charts:
+        raise ValueError("figure: no chart to draw")
+    metadata = {"svg": {"Date": None, "Creator": "VSMRC Lab"}, "pdf": {"CreationDate": None}, "png": {}}
+    file = io.BytesIO()
+    with rc_context(_STYLE):
+        _drawn(figure).savefig(file, format=form, dpi=PNG_DPI, metadata=metadata[form])
+    return file.getvalue()
+
+
+def printed(color: Rgb) -> tuple[float, float, float]:
+    """A colour of the dark page, darkened until it has `CONTRAST` with white paper; each part within 0 to 1."""
+    parts = np.array(color) / 255
+    while 1.05 / (_luminance(parts) + 0.05) < CONTRAST:
+        parts = parts * 0.98
+    r, g, b = parts
+    return float(r), float(g), float(b)
+
+
+def thinned(x: np.ndarray, y: np.ndarray, bins: int) -> tuple[np.ndarray, np.ndarray]:
+    """At most 2 bins + 2 of the points (N,), in their order: the ends, and the extremes of each bin."""
+    if len(y) <= 2 * bins:
+        return x, y
+    size = -(-len(y) // bins)
+    padded = np.pad(y, (0, -len(y) % size), mode="edge").reshape(-1, size)
+    first = size * np.arange(len(padded))
+    extremes = np.concatenate([[0], first + padded.argmin(axis=1), first + padded.argmax(axis=1), [len(y) - 1]])
+    kept = np.unique(np.minimum(extremes, len(y) - 1))
+    return x[kept], y[kept]
+
+
+def _luminance(parts: np.ndarray) -> float:
+    """Relative luminance of sRGB, as WCAG 2 has it."""
+    linear = np.where(parts <= 0.04045, parts / 12.92, ((parts + 0.055) / 1.055) ** 2.4)
+    return float(linear @ (0.2126, 0.7152, 0.0722))
+
+
+def _drawn(figure: Figure) -> Canvas:
+    from matplotlib.figure import Figure as Canvas
+
+    count = len(figure.charts)
+    columns = 1 if count <= ONE_COLUMN else 2
+    width = (SINGLE, DOUBLE)[columns - 1]
+    rows = -(-count // columns)
+    stacks = [figure.charts[rows * c : rows * (c + 1)] for c in range(columns)]
+    column_width = width / columns
+    inside = column_width - LEFT - RIGHT
+    caption = textwrap.wrap(figure.caption, int((width - 2 * MARGIN) * CAPTION_LETTERS))
+    top = MARGIN + max(sum(_height(chart, following, inside) for chart, following in _pairs(s)) for s in stacks)
+    height = top + ROW * (len(caption) + 1) + MARGIN
+
+    canvas = Canvas(figsize=(width, height))
+    for column, stack in enumerate(stacks):
+        y = height - MARGIN
+        for chart, following in _pairs(stack):
+            y -= _header(chart, inside) + AXES_HEIGHT
+            place = ((column * column_width + LEFT) / width, y / height, inside / width, AXES_HEIGHT / height)
+            _draw(canvas.add_axes(place), chart, inside, labelled=_labelled(chart, following))
+            y -= _footer(chart, following)
+    start = height - top - 0.4 * ROW
+    for number, line in enumerate(caption):
+        canvas.text(MARGIN / width, (start - number * ROW) / height, line, va="top", fontsize=6.5, color="0.2")
+    return canvas
+
+
+def _pairs(stack: tuple[Chart, ...]) -> list[tuple[Chart, Chart | None]]:
+    """Each chart with the one below it."""
+    return list(zip_longest(stack, stack[1:]))
+
+
+def _labelled(chart: Chart, following: Chart | None) -> bool:
+    return following is None or following.x_label != chart.x_label
+
+
+def _height(chart: Chart, following: Chart | None, width: float) -> float:
+    return _header(chart, width) + AXES_HEIGHT + _footer(chart, following)
+
+
+def _header(chart: Chart, width: float) -> float:
+    """in, for the title and the legend."""
+    return ROW * (1 + _legend_rows(chart, width)) + 0.06
+
+
+def _footer(chart: Chart, following: Chart | None) -> float:
+    return BELOW + (X_LABEL if _labelled(chart, following) else 0.0) + GAP
+
+
+def _legend_rows(chart: Chart, width: float) -> int:
+    longest = max((len(curve.name) for curve in chart.curves), default=1)
+    beside = max(int(width / (longest / LETTERS + HANDLE)), 1)
+    return -(-len(chart.curves) // beside)
+
+
+def _draw(axes: Axes, chart: Chart, width: float, *, labelled: bool) -> None:
+    for curve in chart.curves:
+        x, y = thinned(np.asarray(curve.x, dtype=float), np.asarray(curve.y, dtype=float), BINS)
+        style = (0, (4.0, 2.0)) if curve.dashed else "-"
+        axes.plot(x, y, color=printed(curve.color), linewidth=curve.width, linestyle=style, label=curve.name)
+    ends = [end for curve in chart.curves if len(curve.x) for end in (curve.x[0], curve.x[-1])]
+    if ends and min(ends) < max(ends):
+        axes.set_xlim(min(ends), max(ends))
+    _scale(axes, chart)
+    axes.set_axisbelow(True)
+    axes.tick_params(pad=2, length=2)
+    axes.set_ylabel(chart.unit)
+    axes.yaxis.set_label_coords((0.15 - LEFT) / width, 0.5)
+    if labelled:
+        axes.set_xlabel(chart.x_label, labelpad=1)
+    rows = _legend_rows(chart, width)
+    axes.set_title(chart.title, loc="left", fontsize=7.5, fontweight="bold", pad=72 * ROW * rows + 1)
+    if chart.curves:
+        axes.legend(
+            loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=-(-len(chart.curves) // rows), frameon=False,
+            fontsize=6.5, borderpad=0.0, borderaxespad=0.1, handlelength=1.3, handletextpad=0.4, columnspacing=0.8,
+            labelspacing=0.15,
+        )  # fmt: skip
+
+
+def _scale(axes: Axes, chart: Chart) -> None:
+    """The vertical axis: its range, and few ticks with plain numbers."""
+    from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
+
+    if chart.logarithmic:
+        axes.set_yscale("log")
+    low, high = axes.get_ylim()
+    if chart.at_least is not None:
+        low, high = min(low, chart.at_least[0]), max(high, chart.at_least[1])
+        axes.set_ylim(low, high)
+    if not chart.logarithmic:
+        axes.yaxis.set_major_locator(MaxNLocator(4))
+    else:
+        within_decades = high > 30 * low
+        axes.yaxis.set_major_locator(LogLocator(subs=(1.0,) if within_decades else (1.0, 2.0, 5.0), numticks=6))
+        axes.yaxis.set_minor_formatter(NullFormatter())
+    axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:.6g}".replace("-", "−")))
