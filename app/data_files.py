@@ -51,7 +51,7 @@ def write_csv(data: Table, file: BinaryIO, limit: float = math.inf, tell: Tell =
 
     Numbers read back to the very same bits. Raises TooLarge when the file would have more than `limit` bytes.
     """
-    file.write("".join(f"# {line}\n" for line in to_toml(data.scenario).splitlines()).encode())
+    file.write("".join(f"# {line}\n" for line in to_toml(data.scenario).rstrip("\n").split("\n")).encode())
     file.write((",".join(csv_header(data.n)) + "\n").encode())
     begin, done = file.tell(), 0
     for piece in data.pieces:

@@ -22,7 +22,7 @@ from app.closed_loop import ClosedLoop
 from app.dashboard.panels.export import read_scenario
 from app.dashboard.plots import TABS
 from app.dashboard.printed import ALL_PLOTS, figure_of, plots_of, title_and_unit
-from app.dashboard.standalone import standalone_html
+from app.dashboard.standalone import snapshots, standalone_html
 from app.dashboard.theme import SERIES
 from app.data_files import TooLarge, read_npz, table, write_csv, write_npz
 from app.figures import BINS, CONTRAST, Chart, Curve, Figure, printed, render, thinned
@@ -200,6 +200,19 @@ def test_film_has_a_row_for_each_thirtieth_of_a_second(loop: ClosedLoop) -> None
     np.testing.assert_allclose(np.diff(shot.signals["t"]), 1 / FRAMES_PER_SECOND, atol=1.01e-3)
     last = loop.recording.at(float(shot.signals["t"][-1]))
     np.testing.assert_array_equal(shot.signals["q"][-1], last["q"])
+
+
+def test_film_shows_what_the_page_showed() -> None:
+    loop = ClosedLoop(load("ur5-hybrid-moving"))
+    for _ in range(700):
+        loop.step()
+    seen = snapshot_of(loop)
+    loop.step()
+    (frame,) = snapshots(film(loop.system.scenario, loop.recording, seen.t, seen.t))
+    assert frame.t == seen.t
+    assert np.linalg.norm(seen.force) > 1.0
+    for name in ("q", "tool", "tool_desired", "force", "force_desired", "surface_offset"):
+        np.testing.assert_allclose(getattr(frame, name), getattr(seen, name), rtol=1e-9, atol=1e-12, err_msg=name)
 
 
 def messages_in(html: str) -> dict:

@@ -51,7 +51,7 @@ def _html(film: Film, count: int, tell: Tell) -> str:
     with _server() as server:
         scene = SceneView(server)
         recorder: StateSerializer | None = None
-        for number, (snapshot, pause) in enumerate(zip(_snapshots(film), pauses, strict=False)):
+        for number, (snapshot, pause) in enumerate(zip(snapshots(film), pauses, strict=False)):
             scene.show(snapshot)
             if number % PATHS_EVERY == 0:
                 scene.draw_paths()
@@ -74,8 +74,8 @@ def _server() -> Iterator[viser.ViserServer]:
             server.stop()
 
 
-def _snapshots(film: Film) -> Iterator[Snapshot]:
-    """What the page showed at each frame."""
+def snapshots(film: Film) -> Iterator[Snapshot]:
+    """What the page showed at each frame, as far as the 3-D view shows it."""
     loop = ClosedLoop(film.scenario, history=1)
     system, start = loop.system, snapshot_of(loop)
     for number in range(len(film)):
