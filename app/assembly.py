@@ -237,6 +237,26 @@ def on_robot(scenario: Scenario, name: str) -> Scenario:
     return _adapted(from_plain(data))
 
 
+def on_surface(scenario: Scenario, kind: str) -> Scenario:
+    """The scenario with another kind of surface at its defaults, as far from the tool as the one before, but no farther
+    than `NEAR`, and moving as it did; as a formula a wave below the tool, in the world's coordinates.
+
+    Raises ScenarioError for an unknown kind.
+    """
+    changed = edited(scenario, "surface", {"kind": kind, "motion": to_plain(scenario)["surface"]["motion"]})
+    try:
+        robot = _robot(scenario)
+    except RobotError as error:
+        raise ScenarioError(str(error)) from error
+    p = _tool_at_start(robot, NominalModel(robot.model, robot.tool_joint, robot.tool_placement))
+    phi = float(np.clip(_surface(scenario, p).chart(p, 0.0).g[0], -NEAR, NEAR))
+    if kind == "formula":
+        height = p[2] + phi - 0.015 * np.sin(15 * p[0])
+        return edited(changed, "surface.text", f"z {-height:+.4f} - 0.015*sin(15*x - 2*t)")
+    at_origin = _surface(changed, np.zeros(3)).point(np.array([phi, 0.0, 0.0]), 0.0)
+    return edited(changed, "surface.origin", (p - at_origin).round(4).tolist())
+
+
 def _adapted(scenario: Scenario) -> Scenario:
     """In a mode on a surface: the surface brought to the tool when it is farther away than `NEAR`, and a circle
     flattened to a line where an arm has only one direction along the surface."""
@@ -247,10 +267,11 @@ def _adapted(scenario: Scenario) -> Scenario:
     except RobotError as error:
         raise ScenarioError(str(error)) from error
     p = _tool_at_start(robot, NominalModel(robot.model, robot.tool_joint, robot.tool_placement))
-    chart = _surface(scenario, p).chart(p, 0.0)
-    if abs(chart.g[0]) > NEAR:
-        origin = np.array(scenario.surface.origin) + chart.G[0] * chart.g[0]
-        scenario = edited(scenario, "surface.origin", origin.tolist())
+    for _ in range(3):  # far from a typed surface the distance is known only roughly
+        chart = _surface(scenario, p).chart(p, 0.0)
+        if abs(chart.g[0]) > NEAR:
+            origin = np.array(scenario.surface.origin) + chart.G[0] * chart.g[0]
+            scenario = edited(scenario, "surface.origin", origin.tolist())
     path = scenario.motion
     if robot.geometry == "planar" and isinstance(path, Circle):
         line = {"kind": "line", "displacement": [2 * path.radius], "period": path.period, "ramp": path.ramp}

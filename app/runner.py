@@ -73,7 +73,8 @@ class Load:
 
 @dataclass(frozen=True)
 class Edit:
-    """One field of the scenario by its dotted path, with plain data. Mode and robot bring their own defaults."""
+    """One field of the scenario by its dotted path, with plain data. Mode, robot and kind of surface bring their own
+    defaults."""
 
     path: str
     value: object
@@ -268,6 +269,8 @@ class Runner:
                 self._edit(assembly.in_mode(loop.system.scenario, str(value)))
             case Edit("robot.name", value):
                 self._edit(assembly.on_robot(loop.system.scenario, str(value)))
+            case Edit("surface", str() as kind):
+                self._edit(assembly.on_surface(loop.system.scenario, kind))
             case Edit(path, value):
                 self._edit(edited(loop.system.scenario, path, value))
 

@@ -23,6 +23,7 @@ from kernels.records import Record
 REACH = 0.4  # m along the normal, within which the surface is looked for
 HALF = 0.25  # m, of the part that is drawn
 NEAR, DEEP = 0.05, 0.005  # m along and across the surface: where it must be regular
+DEEPEST = 0.05  # m inside the solid, where the tool may begin
 INSTANTS = 9  # of a run, at which that is looked at
 FLATTEST = 0.1  # cosine of the angle between the surface's own normal and the given direction
 STEP, AGREEMENT = 1e-5, 1e-3  # m and s, of differences; how well derivatives must agree with them, relatively
@@ -64,7 +65,7 @@ class TypedSurface(Surface):
             near=np.asarray(near, dtype=float),
         )
 
-    @cached_property
+    @property
     def changing(self) -> bool:
         graph = self.formula.graph
         return graph.derivative(self.formula.root, T) != graph.zero
@@ -110,8 +111,14 @@ class TypedSurface(Surface):
         return vertices, faces[there[faces].all(axis=1)]
 
     def require_regular(self, until: float) -> None:
-        """Whether the chart is good for a run of `until` s around `near`: there is a surface, across the normal, smooth,
-        and every derivative is what differences say. Raises FormulaError."""
+        """Whether the chart is good for a run of `until` s that begins at `near`: there is a surface, across the
+        normal, smooth, its derivatives what differences say, `near` not deep in the solid. Raises FormulaError."""
+        depth = self.chart(self.near, 0.0).g[0]
+        if depth > DEEPEST:
+            raise FormulaError(
+                f"the tool at {_written(self.near)} would begin {depth:.3g} m inside the solid; allowed: "
+                f"{DEEPEST:g} m, or the other side as surface.solid"
+            )
         random = np.random.default_rng(0)
         u, v = (np.append(0.0, w) for w in grid(5, (-NEAR, NEAR), (-NEAR, NEAR)))
         starts = self.near - self.origin + np.outer(u, self.frame[1]) + np.outer(v, self.frame[2])
