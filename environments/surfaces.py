@@ -212,7 +212,7 @@ class Surface:
     side: float = 1.0
     tape: Tape = BLANK
     kind: ClassVar[int]
-    resolution: ClassVar[int] = 40
+    resolution: ClassVar[int] = 41
 
     @property
     def changing(self) -> bool:

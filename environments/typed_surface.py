@@ -37,7 +37,7 @@ class TypedSurface(Surface):
     formula: Formula
     near: np.ndarray
     kind = FORMULA
-    resolution = 33
+    resolution = 29
 
     @classmethod
     def create(
