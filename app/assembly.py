@@ -15,6 +15,7 @@ from app.scenario import (
     Cylinder,
     ForceSinusoid,
     ForceStep,
+    Formula,
     Hold,
     Line,
     Matrix,
@@ -42,10 +43,12 @@ from controllers.task_space import TaskLayout, TaskSpace
 from controllers.vsmrc import Reference, Vsmrc
 from environments import robots, surfaces, trajectories
 from environments.contact import Contact
+from environments.formula import FormulaError
 from environments.plant import Plant, Truth
 from environments.robots import Robot, RobotError
 from environments.sensors import ForceSensor
 from environments.stiffness import Mobility, oscillators, resolved, substeps_needed
+from environments.typed_surface import TypedSurface
 
 NEAR = 0.03  # m
 
@@ -143,7 +146,7 @@ def _assemble(scenario: Scenario, previous: System | None) -> System:
         if previous is not None and same_robot
         else NominalModel(robot.model, robot.tool_joint, robot.tool_placement)
     )
-    surface = _surface(scenario)
+    surface = _surface_in_use(scenario, robot, nominal, previous)
     plant = Plant(
         robot,
         _truth(scenario, robot.n),
@@ -234,6 +237,26 @@ def on_robot(scenario: Scenario, name: str) -> Scenario:
     return _adapted(from_plain(data))
 
 
+def on_surface(scenario: Scenario, kind: str) -> Scenario:
+    """The scenario with another kind of surface at its defaults, as far from the tool as the one before, but no farther
+    than `NEAR`, and moving as it did; as a formula a wave below the tool, in the world's coordinates.
+
+    Raises ScenarioError for an unknown kind.
+    """
+    changed = edited(scenario, "surface", {"kind": kind, "motion": to_plain(scenario)["surface"]["motion"]})
+    try:
+        robot = _robot(scenario)
+    except RobotError as error:
+        raise ScenarioError(str(error)) from error
+    p = _tool_at_start(robot, NominalModel(robot.model, robot.tool_joint, robot.tool_placement))
+    phi = float(np.clip(_surface(scenario, p).chart(p, 0.0).g[0], -NEAR, NEAR))
+    if kind == "formula":
+        height = p[2] + phi - 0.015 * np.sin(15 * p[0])
+        return edited(changed, "surface.text", f"z {-height:+.4f} - 0.015*sin(15*x - 2*t)")
+    at_origin = _surface(changed, np.zeros(3)).point(np.array([phi, 0.0, 0.0]), 0.0)
+    return edited(changed, "surface.origin", (p - at_origin).round(4).tolist())
+
+
 def _adapted(scenario: Scenario) -> Scenario:
     """In a mode on a surface: the surface brought to the tool when it is farther away than `NEAR`, and a circle
     flattened to a line where an arm has only one direction along the surface."""
@@ -243,11 +266,12 @@ def _adapted(scenario: Scenario) -> Scenario:
         robot = _robot(scenario)
     except RobotError as error:
         raise ScenarioError(str(error)) from error
-    p = NominalModel(robot.model, robot.tool_joint, robot.tool_placement).evaluate(robot.posture, np.zeros(robot.n)).p
-    chart = _surface(scenario).chart(p, 0.0)
-    if abs(chart.g[0]) > NEAR:
-        origin = np.array(scenario.surface.origin) + chart.G[0] * chart.g[0]
-        scenario = edited(scenario, "surface.origin", origin.tolist())
+    p = _tool_at_start(robot, NominalModel(robot.model, robot.tool_joint, robot.tool_placement))
+    for _ in range(3):  # far from a typed surface the distance is known only roughly
+        chart = _surface(scenario, p).chart(p, 0.0)
+        if abs(chart.g[0]) > NEAR:
+            origin = np.array(scenario.surface.origin) + chart.G[0] * chart.g[0]
+            scenario = edited(scenario, "surface.origin", origin.tolist())
     path = scenario.motion
     if robot.geometry == "planar" and isinstance(path, Circle):
         line = {"kind": "line", "displacement": [2 * path.radius], "period": path.period, "ramp": path.ramp}
@@ -289,7 +313,32 @@ def _truth(scenario: Scenario, n: int) -> Truth:
     )
 
 
-def _surface(scenario: Scenario) -> surfaces.Surface:
+def _tool_at_start(robot: Robot, nominal: NominalModel) -> np.ndarray:
+    return nominal.evaluate(robot.posture, np.zeros(robot.n)).p
+
+
+def _surface_in_use(
+    scenario: Scenario, robot: Robot, nominal: NominalModel, previous: System | None
+) -> surfaces.Surface:
+    """The scenario's surface; one typed as a formula has been looked at where the tool will meet it."""
+    if previous is not None and _judged_by(previous.scenario) == _judged_by(scenario):
+        return previous.surface
+    surface = _surface(scenario, _tool_at_start(robot, nominal))
+    met = modes.MODES[scenario.mode].on_surface or scenario.contact.kind != "free"
+    if isinstance(surface, TypedSurface) and met:
+        try:
+            surface.require_regular(scenario.simulation.duration)
+        except FormulaError as error:
+            raise ScenarioError(f"surface.text: {error}") from error
+    return surface
+
+
+def _judged_by(scenario: Scenario) -> tuple[object, ...]:
+    return scenario.surface, scenario.robot, scenario.mode, scenario.contact.kind, scenario.simulation
+
+
+def _surface(scenario: Scenario, near: np.ndarray) -> surfaces.Surface:
+    """near (3,) m: where the tool is, which says what part of a typed surface is meant."""
     s = scenario.surface
     m = s.motion
     motion = surfaces.Motion(_direction("surface.motion.direction", m.direction), m.amplitude, m.frequency)
@@ -307,6 +356,12 @@ def _surface(scenario: Scenario) -> surfaces.Surface:
             side = 1.0 if s.side == "outside" else -1.0
             reference = _direction("surface.reference", s.reference)
             return surfaces.Sphere.create(np.array(s.origin), reference, s.radius, side, motion)
+        case Formula():
+            normal = _direction("surface.normal", s.normal)
+            try:
+                return TypedSurface.create(s.text, np.array(s.origin), normal, s.solid, motion, near)
+            except FormulaError as error:
+                raise ScenarioError(f"surface.text: {error}") from error
 
 
 def _direction(path: str, vector: tuple[float, float, float]) -> np.ndarray:

@@ -9,7 +9,7 @@ import numpy as np
 import pinocchio as pin
 
 from app.control_period import Planned
-from app.scenario import Scenario, ScenarioError
+from app.scenario import Formula, Scenario, ScenarioError
 from controllers.bounds import InertiaRange, Uncertainty
 from controllers.nominal_model import Estimate, Lipschitz, NominalModel, lipschitz_constants
 from controllers.task_space import TaskSpace
@@ -90,7 +90,8 @@ def constants_over(
     random = np.random.default_rng(1)
     n, radius = along.shape[1], scenario.simulation.domain_radius
     samples = _postures(along, radius, random)
-    period = 1.0 / max(scenario.surface.motion.frequency, 1e-3)
+    typed = isinstance(scenario.surface, Formula)  # it may change all the time, not only with its motion's period
+    period = scenario.simulation.duration if typed else 1.0 / max(scenario.surface.motion.frequency, 1e-3)
     low, high = np.inf, 0.0
     for q in samples:
         try:

@@ -103,7 +103,8 @@ class Load:
 
 @dataclass(frozen=True)
 class Edit:
-    """One field of the scenario by its dotted path, with plain data. Mode and robot bring their own defaults."""
+    """One field of the scenario by its dotted path, with plain data. Mode, robot and kind of surface bring their own
+    defaults."""
 
     path: str
     value: object
@@ -319,6 +320,8 @@ class Runner:
                 self._edit(assembly.in_mode(scenario_now, str(value)))
             case Edit("robot.name", value):
                 self._edit(assembly.on_robot(scenario_now, str(value)))
+            case Edit("surface", str() as kind):
+                self._edit(assembly.on_surface(scenario_now, kind))
             case Edit(path, value):
                 self._edit(edited(scenario_now, path, value))
 

@@ -156,6 +156,22 @@ class Sphere(_Section, frozen=True, forbid_unknown_fields=True, tag_field="kind"
     motion: SurfaceMotion = field(default_factory=SurfaceMotion)
 
 
+class Formula(_Section, frozen=True, forbid_unknown_fields=True, tag_field="kind", tag="formula"):
+    """A surface typed as a formula that is 0 on it."""
+
+    text: Annotated[str, _number("of x, y, z (m from the origin) and t (s): 0 on the surface", "")] = (
+        "z - 0.02*sin(8*x - 2*t)"
+    )
+    solid: Annotated[
+        Literal["below", "above"], _number("solid where the formula is below 0, or where it is above", "")
+    ] = "below"
+    origin: Annotated[Vector3, _number("where x, y, z are 0", "m")] = (0.0, 0.0, 0.0)
+    normal: Annotated[Vector3, _number("direction across the surface; psi_1, psi_2 run across it", "1")] = (
+        0.0, 0.0, -1.0,
+    )  # fmt: skip
+    motion: SurfaceMotion = field(default_factory=SurfaceMotion)
+
+
 class Contact(_Section, frozen=True, forbid_unknown_fields=True):
     """What the tool meets at the surface."""
 
@@ -263,7 +279,7 @@ class Scenario(Struct, frozen=True, forbid_unknown_fields=True):
     task_space: TaskSpace = field(default_factory=TaskSpace)
     target_model: TargetModel = field(default_factory=TargetModel)
     controller: Controller = field(default_factory=Controller)
-    surface: Plane | Cylinder | Sphere = field(default_factory=Plane)
+    surface: Plane | Cylinder | Sphere | Formula = field(default_factory=Plane)
     contact: Contact = field(default_factory=Contact)
     sensor: Sensor = field(default_factory=Sensor)
     motion: Hold | PointToPoint | Circle | Line = field(default_factory=Hold)

@@ -2,7 +2,8 @@
 
 phi is penetration: positive inside the environment, so its gradient points into it. Each surface is a frozen class
 with the coordinates in its own frame, their exact first and second derivatives, and the inverse; it moves as one
-body by a `Motion`, and `Surface.chart` adds what the movement does to every derivative.
+body by a `Motion`, and `Surface.chart` adds what the movement does to every derivative. A surface typed as a formula
+(`environments.typed_surface`) may also change its form in time.
 """
 
 from __future__ import annotations
@@ -13,6 +14,8 @@ from typing import ClassVar, NamedTuple
 
 import numpy as np
 
+from environments.level_set import distance
+from environments.tape import BLANK, Tape
 from kernels import kernel, part
 from kernels.algebra import dot
 from kernels.records import Record
@@ -52,8 +55,8 @@ class Motion:
 
 
 class Shape(NamedTuple):
-    """A surface in the kernels' form: which one, origin (3,) m, frame (3, 3) of unit rows, radius m, side +-1, and
-    its `Motion`."""
+    """A surface in the kernels' form: which one, origin (3,) m, frame (3, 3) of unit rows, radius m, side +-1, its
+    `Motion`, and the tape of its formula."""
 
     kind: int
     origin: np.ndarray
@@ -63,9 +66,10 @@ class Shape(NamedTuple):
     direction: np.ndarray
     amplitude: float
     frequency: float
+    tape: Tape
 
 
-PLANE, CYLINDER, SPHERE = 0, 1, 2
+PLANE, CYLINDER, SPHERE, FORMULA = 0, 1, 2, 3
 
 
 @part
@@ -135,6 +139,7 @@ def surface_chart(shape, p, t, chart):
     omega = 2 * np.pi * shape.frequency
     moved, speed = shape.amplitude * np.sin(omega * t), shape.amplitude * omega * np.cos(omega * t)
     u = shape.direction
+    form = (0.0, 0.0, 0.0, 0.0, 0.0)
     zeta = (
         p[0] - shape.origin[0] - moved * u[0],
         p[1] - shape.origin[1] - moved * u[1],
@@ -144,8 +149,11 @@ def surface_chart(shape, p, t, chart):
         _plane(zeta, shape, chart)
     elif shape.kind == CYLINDER:
         _cylinder(zeta, shape, chart)
-    else:
+    elif shape.kind == SPHERE:
         _sphere(zeta, shape, chart)
+    else:
+        _plane(zeta, shape, chart)
+        form = distance(shape.tape, shape.side, zeta, t, chart)
     for i in range(3):  # derivatives in time of g(p - a(t)): the chain rule, exact
         chart.g_t[i], chart.g_tt[i] = 0.0, 0.0
         for k in range(3):
@@ -154,6 +162,12 @@ def surface_chart(shape, p, t, chart):
                 chart.G_t[i, k] -= chart.G_p[i, k, a] * speed * u[a]
             chart.g_t[i] -= chart.G[i, k] * speed * u[k]
             chart.g_tt[i] += -chart.G_t[i, k] * speed * u[k] + chart.G[i, k] * omega**2 * moved * u[k]
+    if shape.kind == FORMULA:  # and those of its form
+        chart.g_t[0] += form[0]
+        chart.g_tt[0] += form[1]
+        for k in range(3):
+            chart.G_t[0, k] += form[2 + k]
+            chart.g_tt[0] -= 2.0 * form[2 + k] * speed * u[k]
 
 
 @kernel
@@ -173,6 +187,19 @@ def tangent_frame(normal: np.ndarray) -> np.ndarray:
     return np.ascontiguousarray(np.stack([n, t_1, np.cross(n, t_1)]))
 
 
+def grid(resolution: int, first: tuple[float, float], second: tuple[float, float]) -> tuple[np.ndarray, np.ndarray]:
+    """Two coordinates over their ranges, each (resolution^2,)."""
+    u, v = np.meshgrid(np.linspace(*first, resolution), np.linspace(*second, resolution), indexing="ij")
+    return u.ravel(), v.ravel()
+
+
+def triangles(resolution: int) -> np.ndarray:
+    """The triangles (M, 3) between the points of a `grid`."""
+    cell = np.arange(resolution * resolution).reshape(resolution, resolution)
+    a, b, c, d = cell[:-1, :-1].ravel(), cell[1:, :-1].ravel(), cell[1:, 1:].ravel(), cell[:-1, 1:].ravel()
+    return np.concatenate([np.stack([a, b, c], 1), np.stack([a, c, d], 1)])
+
+
 @dataclass(frozen=True)
 class Surface:
     """What every surface shares: origin (3,) m, its frame (3, 3) of unit rows, its motion; a round one has a radius
@@ -183,14 +210,21 @@ class Surface:
     motion: Motion
     radius: float = 0.0
     side: float = 1.0
+    tape: Tape = BLANK
     kind: ClassVar[int]
+    resolution: ClassVar[int] = 41
+
+    @property
+    def changing(self) -> bool:
+        """Whether its form changes in time, not only its place."""
+        return False
 
     @cached_property
     def shape(self) -> Shape:
         """The surface in the kernels' form."""
         m = self.motion
         radius, side, amplitude, frequency = (float(x) for x in (self.radius, self.side, m.amplitude, m.frequency))
-        return Shape(self.kind, self.origin, self.frame, radius, side, m.direction, amplitude, frequency)
+        return Shape(self.kind, self.origin, self.frame, radius, side, m.direction, amplitude, frequency, self.tape)
 
     @cached_property
     def _packed(self) -> np.ndarray:
@@ -213,21 +247,21 @@ class Surface:
         """Ranges of psi_1 and psi_2 that are worth drawing, m."""
         raise NotImplementedError
 
-    def mesh(self, resolution: int = 40) -> tuple[np.ndarray, np.ndarray]:
-        """Vertices (N, 3) of phi = 0 at rest, in the world frame, and triangles (M, 3)."""
+    def mesh(self, around: np.ndarray, t: float) -> tuple[np.ndarray, np.ndarray]:
+        """Vertices (N, 3) m of phi = 0 at time t (s), less the motion's offset then, and triangles (M, 3). What has no
+        middle of its own is drawn around the point `around` (3,) m."""
+        del around, t
         (a_1, b_1), (a_2, b_2) = self._extent()
-        psi_1, psi_2 = np.meshgrid(np.linspace(a_1, b_1, resolution), np.linspace(a_2, b_2, resolution), indexing="ij")
-        points = [self._local_point(np.array([0.0, u, v])) for u, v in zip(psi_1.flat, psi_2.flat, strict=True)]
-        cell = np.arange(resolution * resolution).reshape(resolution, resolution)
-        a, b, c, d = cell[:-1, :-1].ravel(), cell[1:, :-1].ravel(), cell[1:, 1:].ravel(), cell[:-1, 1:].ravel()
-        faces = np.concatenate([np.stack([a, b, c], 1), np.stack([a, c, d], 1)])
-        return self.origin + np.array(points), faces
+        psi_1, psi_2 = grid(self.resolution, (a_1, b_1), (a_2, b_2))
+        points = [self._local_point(np.array([0.0, u, v])) for u, v in zip(psi_1, psi_2, strict=True)]
+        return self.origin + np.array(points), triangles(self.resolution)
 
 
 class Plane(Surface):
     """phi = normal . (p - origin): the normal points into the environment; psi along the two tangents."""
 
     kind = PLANE
+    resolution = 2
 
     @classmethod
     def create(cls, origin: np.ndarray, normal: np.ndarray, motion: Motion) -> Plane:
@@ -239,8 +273,10 @@ class Plane(Surface):
     def _extent(self) -> tuple[tuple[float, float], tuple[float, float]]:
         return (-0.25, 0.25), (-0.25, 0.25)
 
-    def mesh(self, resolution: int = 2) -> tuple[np.ndarray, np.ndarray]:
-        return super().mesh(min(resolution, 2))
+    def mesh(self, around: np.ndarray, t: float) -> tuple[np.ndarray, np.ndarray]:
+        vertices, faces = super().mesh(around, t)
+        away = self.frame[1:] @ (around - self.origin)
+        return vertices + self.frame[1:].T @ away, faces
 
 
 class Cylinder(Surface):

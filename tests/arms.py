@@ -17,9 +17,10 @@ from controllers.target_model import TargetModel
 from controllers.vsmrc import Reference, Vsmrc
 from environments.robots import CATALOGUE
 from environments.surfaces import Cylinder, Motion, Plane, Sphere
+from environments.typed_surface import TypedSurface
 
 ROBOTS = tuple(CATALOGUE)
-CHARTS = ("joint", "cartesian", "plane", "cylinder inside", "sphere outside")  # the surfaces move
+CHARTS = ("joint", "cartesian", "plane", "cylinder inside", "sphere outside", "typed wave")  # the surfaces move
 CERTAIN = Uncertainty(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 MOTION = Motion(np.array([0.6, 0.0, 0.8]), 0.03, 1.7)
 
@@ -52,6 +53,9 @@ def charted(robot: str, chart: str) -> System:
         return replace(system, charted=Plane.create(middle, towards, MOTION))
     if chart == "cylinder inside":
         return replace(system, charted=Cylinder.create(middle - radius * towards, axis, towards, radius, -1.0, MOTION))
+    if chart == "typed wave":
+        wave = "0.96*z - 0.28*x - 0.02*sin(7*(x + z) - 2*t) + 0.3*x^2"
+        return replace(system, charted=TypedSurface.create(wave, middle, towards, "below", MOTION, middle))
     return replace(system, charted=Sphere.create(middle + radius * towards, -towards, radius, 1.0, MOTION))
 
 

@@ -8,7 +8,7 @@ from app.assembly import in_mode, on_robot
 from app.closed_loop import ClosedLoop
 from app.scenario import Scenario, from_plain, to_plain
 
-SURFACES = ("plane", "moving plane", "cylinder", "inside of a cylinder", "moving sphere")
+SURFACES = ("plane", "moving plane", "cylinder", "inside of a cylinder", "moving sphere", "typed wave")
 
 
 def tool_height(robot: str) -> np.ndarray:
@@ -27,6 +27,7 @@ def surfaces(robot: str) -> dict[str, dict[str, object]]:
         "inside of a cylinder": {
             "kind": "cylinder", "origin": [x, y, z + 0.3], "radius": 0.3, "side": "inside", "reference": [0, 0, -1.0],
         },
+        "typed wave": {"kind": "formula", "text": "z - 0.01*sin(9*x)*cos(2*t) - 0.1*x*y", "origin": [x, y, z]},
         "moving sphere": {"kind": "sphere", **below, "motion": motion},
     }  # fmt: skip
 

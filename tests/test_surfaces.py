@@ -78,7 +78,7 @@ def test_phi_is_positive_inside_the_environment(kind: str) -> None:
 
 
 def test_mesh_lies_on_the_surface(body: Surface) -> None:
-    vertices, faces = body.mesh()
+    vertices, faces = body.mesh(TOOL, 0.3)
     phi = [body.chart(v + body.motion.offset(0.3), 0.3).g[0] for v in vertices]
     np.testing.assert_allclose(phi, 0.0, atol=1e-12)
     assert set(faces.ravel()) == set(range(len(vertices)))

@@ -88,6 +88,16 @@ class Place:
 
 
 @dataclass(frozen=True)
+class PlaceWhere(Place):
+    """A field that has a meaning only at some times; at others its control is hidden."""
+
+    meant: Callable[[Snapshot], bool]
+
+    def read(self, snapshot: Snapshot) -> Any:
+        return super().read(snapshot) if self.meant(snapshot) else None
+
+
+@dataclass(frozen=True)
 class DiagonalPlace(Place):
     """Entry `index` on the diagonal of a matrix of the target model, as it is in force."""
 
@@ -278,8 +288,8 @@ class Choice:
 class Switch:
     """Yes or no."""
 
-    def __init__(self, desk: Desk, path: str, label: str) -> None:
-        self._desk, self._place = desk, Place(path)
+    def __init__(self, desk: Desk, place: Place | str, label: str) -> None:
+        self._desk, self._place = desk, Place(place) if isinstance(place, str) else place
         self._answer = Answer()
         self._checkbox = desk.gui.add_checkbox(label, False, hint=self._place.hint)
         self._checkbox.on_update(self._on_update)

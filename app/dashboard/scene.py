@@ -8,9 +8,9 @@ import numpy as np
 import viser
 
 from app.dashboard.robot_view import RobotView
-from app.dashboard.theme import DESIRED, GRID, GRID_SECTION, MEASURED, SURFACE, TOOL_PATH, Rgb
+from app.dashboard.surface_view import SurfaceView
+from app.dashboard.theme import DESIRED, GRID, GRID_SECTION, MEASURED, TOOL_PATH, Rgb
 from app.runner import Snapshot
-from environments.surfaces import Plane
 
 _METRES_PER_NEWTON = 0.007
 _LEAST_FORCE = 0.2  # N: below this no arrow
@@ -92,8 +92,7 @@ class SceneView:
         self._robot_view: RobotView | None = None
         self._robot_key: object = None
         self._robots = 0
-        self._surface_key: object = None
-        self._surface: viser.MeshHandle | None = None
+        self._surface = SurfaceView(scene)
         self._run = -1
 
     def show(self, snapshot: Snapshot) -> None:
@@ -101,8 +100,7 @@ class SceneView:
         with self._server.atomic():
             if self._robot_view is not None:
                 self._robot_view.show(snapshot.q)
-            if self._surface is not None:
-                self._surface.position = snapshot.surface_offset
+            self._surface.place(snapshot)
             self._measured.show(snapshot.tool, snapshot.force)
             self._desired.show(snapshot.tool + _ASIDE, snapshot.force_desired)
         self._tool_path.extend(snapshot.tool)
@@ -119,6 +117,7 @@ class SceneView:
             self._run = snapshot.run
             self._tool_path.clear()
             self._desired_path.clear()
+        self._surface.form(snapshot)
         robot_key = (snapshot.robot.urdf, tuple(snapshot.robot.joint_names))
         if robot_key != self._robot_key:
             self._robot_key = robot_key
@@ -128,31 +127,6 @@ class SceneView:
             self._robot_view = RobotView(self._server.scene, snapshot.robot, f"/robot_{self._robots}")
             self._robot_view.show(snapshot.q)
             self._look_at(snapshot.tool, max(float(np.linalg.norm(snapshot.tool)), self._robot_view.extent))
-        surface_key = (snapshot.scenario.surface, snapshot.surface is None)
-        if surface_key != self._surface_key:
-            self._surface_key = surface_key
-            self._draw_surface(snapshot)
-
-    def _draw_surface(self, snapshot: Snapshot) -> None:
-        if self._surface is not None:
-            self._surface.remove()
-            self._surface = None
-        if snapshot.surface is None:
-            return
-        vertices, faces = snapshot.surface.mesh()
-        if isinstance(snapshot.surface, Plane):  # it has no middle of its own: show the part where the tool is
-            normal, along = snapshot.surface.frame[0], snapshot.tool - snapshot.surface.origin
-            vertices = vertices + along - normal * (normal @ along)
-        self._surface = self._server.scene.add_mesh_simple(
-            "/surface",
-            np.asarray(vertices, dtype=np.float32),
-            np.asarray(faces, dtype=np.uint32),
-            color=SURFACE,
-            opacity=0.38,
-            side="double",
-            cast_shadow=False,
-            receive_shadow=False,
-        )
 
     def _look_at(self, tool: np.ndarray, reach: float) -> None:
         """A view from the side on which the tool works, with the whole arm in it."""

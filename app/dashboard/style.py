@@ -134,7 +134,10 @@ form:not(:has(.mantine-Slider-root)) > div > div > div:last-child {{ grid-column
 form > div:has(.mantine-Slider-root) > div > div:first-child {{ display: none; }}
 form > div:has(.mantine-Slider-root) > div > div:last-child {{ order: 2; margin-top: -0.4em; }}
 form .mantine-NumberInput-root, form .mantine-Slider-label {{ display: none; }}
+/* the row after a note of this class: a text as wide as the panel allows */
+div:has(> .vs-wide) + form {{ grid-template-columns: auto 1fr 0 !important; }}
 form input {{ text-align: right !important; font-variant-numeric: tabular-nums; }}
+div:has(> .vs-wide) + form input {{ text-align: left !important; font-family: monospace; }}
 form input[data-pending] {{ border-color: {css(MEASURED)}; color: {css(MEASURED)}; }}
 body:has(.vs-held) form[data-held] input {{ border-color: {css(MEASURED)}; color: {css(MEASURED)}; }}
 form label {{ white-space: nowrap; }}
