@@ -22,6 +22,8 @@ from app.closed_loop import ClosedLoop, LoopState
 from app.pacing import Pace, PaceMeter, Schedule
 from app.recording import Recording
 from app.scenario import Scenario, ScenarioError, edited
+from controllers.task_space import TaskLayout
+from environments.push import Grip
 from environments.robots import Robot
 from environments.surfaces import Surface
 
@@ -79,7 +81,14 @@ class Edit:
     value: object
 
 
-Command = Play | Pause | StepOnce | Reset | SetSpeed | Load | Edit
+@dataclass(frozen=True)
+class Push:
+    """A hand takes hold of the tool, or moves on, or lets go (None). Pause, and whatever begins a run, let go, too."""
+
+    grip: Grip | None
+
+
+Command = Play | Pause | StepOnce | Reset | SetSpeed | Load | Edit | Push
 
 
 @dataclass(frozen=True)
@@ -87,6 +96,7 @@ class Snapshot:
     """What the screen may know of the loop at one moment. Arrays are never changed afterwards.
 
     revision counts accepted changes of the scenario, run counts beginnings at t = 0, refusal_number refused commands.
+    push (3,) N: of a hand, or of truth.push, on the tool. charted, layout: the coordinates, see `assembly.System`.
     live: numbers by name, SI units: s_norm, s_bound, s_band, d, d_required, gain_margin, sigma_min, V, residual,
     layer_loop_factor, force_loop_factor, reaching_time_bound, reaching_time.
     """
@@ -111,8 +121,11 @@ class Snapshot:
     tool_desired: np.ndarray | None
     force: np.ndarray
     force_desired: np.ndarray
+    push: np.ndarray
     surface: Surface | None
     surface_offset: np.ndarray
+    charted: Surface
+    layout: TaskLayout
     live: dict[str, float]
     recording: Recording
     state: LoopState
@@ -224,7 +237,7 @@ class Runner:
     def _drain(self) -> bool:
         """Carry out what is queued; True when simulated time must be paced anew.
 
-        Not so after an edit within a run: the loop makes up for the time that it took.
+        Not so after a push, nor after an edit within a run: the loop makes up for the time that it took.
         """
         queued: list[Command] = []
         runs = self._runs
@@ -232,8 +245,8 @@ class Runner:
             while True:
                 queued.append(self._commands.get_nowait())
         for command, following in itertools.zip_longest(queued, queued[1:]):
-            if isinstance(command, Edit) and isinstance(following, Edit) and command.path == following.path:
-                continue  # a slider has moved on: only where it is now matters
+            if _overtaken(command, following):
+                continue
             if isinstance(command, Load) or (isinstance(command, Edit) and command.path in ("mode", "robot.name")):
                 self.snapshot = replace(self.snapshot, notice=PREPARING)
             try:
@@ -242,7 +255,7 @@ class Runner:
                 self._refusal = str(error)
                 self._refusals += 1
                 log.info("refused %s: %s", command, error)
-        return self._runs != runs or not all(isinstance(command, Edit) for command in queued)
+        return self._runs != runs or not all(isinstance(command, Edit | Push) for command in queued)
 
     def _carry_out(self, command: Command) -> None:
         loop = self._loop
@@ -251,6 +264,7 @@ class Runner:
                 self._playing = True
             case Pause():
                 self._playing = False
+                loop.grip = None
             case StepOnce():
                 self._playing = False
                 if loop.stopped is None:
@@ -262,6 +276,8 @@ class Runner:
                 if not SLOWEST <= factor <= FASTEST:
                     raise ScenarioError(f"speed: {factor}; allowed: {SLOWEST} to {FASTEST}")
                 self._speed = float(factor)
+            case Push(grip):
+                loop.grip = grip
             case Load(scenario):
                 self._edit(scenario)
             case Edit("mode", value):
@@ -303,9 +319,19 @@ class Runner:
             tool_desired=view.tool_desired,
             force=view.force,
             force_desired=view.force_desired,
+            push=view.push,
             surface=None if scenario.contact.kind == "free" and not system.m else system.surface,
             surface_offset=system.surface.motion.offset(loop.t),
+            charted=system.charted,
+            layout=system.layout,
             live=view.live,
             recording=loop.recording,
             state=loop.state(),
         )
+
+
+def _overtaken(command: Command, following: Command | None) -> bool:
+    """Whether a slider or a hand has moved on: only where it is now matters."""
+    if isinstance(command, Edit) and isinstance(following, Edit):
+        return command.path == following.path
+    return isinstance(command, Push) and isinstance(following, Push)
