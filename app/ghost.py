@@ -90,7 +90,7 @@ class Ghost:
         """Where the ghost is at the last recorded instant of a snapshot; None before there is one, and where its arm
         cannot be as (8) wants it."""
         run, period = self._run, snapshot.scenario.controller.period
-        if run is None or run.key != self._key(snapshot) or snapshot.t < run.t:
+        if run is None or run.key != self._key(snapshot) or not run.t <= snapshot.t <= run.t + REACH_BACK:
             run = self._run = self._begun(snapshot)
         if run is None:
             return None

@@ -9,6 +9,7 @@ from app.dashboard.panels.controller import ControllerPanel
 from app.dashboard.panels.model import ModelPanel
 from app.dashboard.panels.robot import RobotPanel
 from app.dashboard.panels.task import TaskPanel
+from app.dashboard.panels.view import ViewPanel
 from app.dashboard.panels.world import WorldPanel
 from app.runner import Snapshot
 
@@ -27,4 +28,5 @@ PANELS: dict[str, type[Panel]] = {
     "Controller": ControllerPanel,
     "World": WorldPanel,
     "Robot": RobotPanel,
+    "View": ViewPanel,
 }
