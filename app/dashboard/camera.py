@@ -43,7 +43,8 @@ def viewpoint(view: str, snapshot: Snapshot) -> Viewpoint:
                 normal = snapshot.surface.chart(tool, snapshot.t).G[0]
                 free = -normal / np.linalg.norm(normal)
             away = 0.55 * out + 0.7 * aside + 0.45 * free + 0.15 * up
-            return Viewpoint(tool + CLOSE * away / np.linalg.norm(away), tool)
+            target = tool - 0.06 * up  # where the forces are drawn
+            return Viewpoint(target + CLOSE * away / np.linalg.norm(away), target)
         case _:
             return Viewpoint(target + reach * np.array([0.85, -1.45, 0.8]), target)
 

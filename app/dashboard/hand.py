@@ -14,7 +14,7 @@ from app.runner import Edit, Push, Snapshot
 from controllers.modes import MODES
 from environments.push import Grip
 
-RADIUS = 0.032  # m
+RADIUS = 0.045  # m
 RESOLUTION = 4  # decimals of the shift, m
 
 
@@ -51,7 +51,7 @@ class Hand:
         self._held: _Held | None = None
         # not hidden when idle: it is what there is to take hold of
         self._handle = scene.add_icosphere(
-            "/hand/handle", RADIUS, ACCENT, subdivisions=2, opacity=0.28, cast_shadow=False, receive_shadow=False
+            "/hand/handle", RADIUS, ACCENT, subdivisions=2, opacity=0.4, cast_shadow=False, receive_shadow=False
         )
         self._target = scene.add_icosphere(
             "/hand/target",

@@ -66,6 +66,11 @@ class Dashboard:
     def url(self) -> str:
         return f"http://{self.host}:{self.port}"
 
+    @property
+    def clients(self) -> dict[int, viser.ClientHandle]:
+        """Who looks at the page, by number, in the order in which they came."""
+        return self._server.get_clients()
+
     def show_progress(self, text: str) -> None:
         """What is being prepared, while there is no runner yet."""
         self._status.content = splash_html(text)

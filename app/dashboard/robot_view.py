@@ -83,10 +83,12 @@ def _lightened(meshes: list[trimesh.Trimesh], cell: float) -> tuple[np.ndarray, 
 
 @dataclass(frozen=True)
 class Paint:
-    """One colour for a whole arm, and how opaque it is, 0 to 1."""
+    """One colour for a whole arm, how opaque it is, 0 to 1, and how much thicker than the arm, m: two arms in one place
+    would flicker."""
 
     color: Rgb
     opacity: float
+    coat: float
 
 
 class RobotView:
@@ -103,7 +105,7 @@ class RobotView:
         for number, part in enumerate(parts(robot, cell)):
             scene.add_mesh_simple(
                 f"{paths[part.joint]}/mesh_{number}",
-                part.vertices,
+                part.vertices if paint is None else _coated(part, paint.coat),
                 part.faces,
                 color=part.color if paint is None else paint.color,
                 opacity=None if paint is None else paint.opacity,
@@ -125,6 +127,12 @@ class RobotView:
 
     def remove(self) -> None:
         self._root.remove()
+
+
+def _coated(part: Part, coat: float) -> np.ndarray:
+    """The vertices of a part that is `coat` m thicker on every side."""
+    mesh = trimesh.Trimesh(part.vertices, part.faces, process=False)
+    return (part.vertices + coat * mesh.vertex_normals).astype(np.float32)
 
 
 def _paths(model: pin.Model, root: str) -> Iterator[str]:

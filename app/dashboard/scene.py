@@ -22,7 +22,7 @@ log = logging.getLogger("vsmrc.dashboard")
 
 _ASIDE = np.array([0.0, 0.03, 0.0])  # m: keeps the desired force apart from the measured one
 _GHOST_CELL = 0.01  # m: the translucent arm needs no more detail
-_GHOST_PAINT = Paint(GHOST, 0.42)
+_GHOST_PAINT = Paint(GHOST, opacity=0.3, coat=0.003)
 
 
 class SceneView:

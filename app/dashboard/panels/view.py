@@ -23,7 +23,10 @@ SWITCHES = {
     ),
     "desired_path": ("Desired path", "Where the tool should have been."),
     "tool_path": ("Tool path", "Where it was."),
-    "error_colors": ("… coloured by error", "Distance from the desired point; on a surface, the part along it."),
+    "error_colors": (
+        "Error colours",
+        "The tool's path by its distance from the desired point; on a surface, the part along it.",
+    ),
     "forces": ("Forces", "On the surface, and as desired; to scale."),
     "frame": (
         "Task frame",
@@ -77,18 +80,8 @@ class ViewPanel:
         self._camera = gui.add_button_group("Camera", VIEWS, hint="Turn and zoom with the mouse; these bring you back.")
         self._camera.on_click(self._on_camera)
         self._legend = gui.add_html("")
-        with gui.add_folder("Mouse on the tool"):
-            gui.add_html(
-                '<div class="vs-note">Drag the ball at the tool: a spring pulls the arm after the pointer. With Shift, '
-                "or as chosen here, the drag moves the desired path instead, when you let go.</div>"
-            )
-            self._fields = [
-                _Field(viewing, "drag", gui.add_dropdown("Dragging", tuple(DRAGS)), DRAGS),
-                _Field(viewing, "stiffness", gui.add_slider("spring [N/m]", 50.0, MOST_STIFF, 50.0, 500.0, marks=())),
-                _Field(viewing, "limit", gui.add_slider("at most [N]", 5.0, MOST_FORCE, 5.0, 60.0, marks=())),
-            ]
         with gui.add_folder("Drawn"):
-            self._fields += [
+            self._fields = [
                 _Field(viewing, name, gui.add_checkbox(title, getattr(viewing.look, name), hint=hint))
                 for name, (title, hint) in SWITCHES.items()
             ]
@@ -97,6 +90,16 @@ class ViewPanel:
                 _Field(
                     viewing, "cell", gui.add_dropdown("Meshes", tuple(MESHES), hint="Light: for slow graphics."), MESHES
                 ),
+            ]
+        with gui.add_folder("Mouse on the tool"):
+            gui.add_html(
+                '<div class="vs-note">Drag the ball at the tool: a spring pulls the arm after the pointer. With Shift, '
+                "or as chosen here, the drag moves the desired path instead, when you let go.</div>"
+            )
+            self._fields += [
+                _Field(viewing, "drag", gui.add_dropdown("Dragging", tuple(DRAGS)), DRAGS),
+                _Field(viewing, "stiffness", gui.add_slider("spring [N/m]", 50.0, MOST_STIFF, 50.0, 500.0, marks=())),
+                _Field(viewing, "limit", gui.add_slider("at most [N]", 5.0, MOST_FORCE, 5.0, 60.0, marks=())),
             ]
 
     async def _on_camera(self, event: viser.GuiEvent) -> None:
@@ -130,7 +133,7 @@ def legend_html(look: Look, legend: Legend, snapshot: Snapshot) -> str:
         names = [coordinate.name for coordinate in snapshot.coordinates[:3]]
         keys += [_key(SERIES[i], name) for i, name in enumerate(names) if snapshot.tool_desired is not None]
     if look.ghost:
-        away = "nowhere near" if legend.ghost is None else f"{1e3 * legend.ghost:.3f} mm away"
+        away = "out of reach" if legend.ghost is None else f"{1e3 * legend.ghost:.3f} mm away"
         keys.append(_key(GHOST, f"ghost, {away}"))
     lines.append(f"<div class='vs-row'>{' '.join(keys)}</div>")
     return f'<div class="vs-note">{"".join(lines)}</div>'
