@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -45,6 +45,7 @@ from environments import robots, surfaces, trajectories
 from environments.contact import Contact
 from environments.formula import FormulaError
 from environments.plant import Plant, Truth
+from environments.push import TimedPush
 from environments.robots import Robot, RobotError
 from environments.sensors import ForceSensor
 from environments.stiffness import Mobility, oscillators, resolved, substeps_needed
@@ -81,6 +82,7 @@ class System:
     motion: trajectories.Trajectory
     force: trajectories.ForceProfile
     sensor: ForceSensor
+    push: TimedPush
     plan: ReferencePlan
     q_0: np.ndarray
 
@@ -110,6 +112,17 @@ class System:
     def posture_at(self, q: np.ndarray, t: float) -> tuple[np.ndarray, np.ndarray]:
         """q_d, q_d_dot with r(q_d, t) = r_d(t) and its rate, by Newton's method from q (n,) rad."""
         return posture_at(self.observe, q, self.reference(t), t)
+
+    def after(self, previous: System, t: float) -> System:
+        """With a shift that goes on from where the one of `previous` is at time t (s)."""
+        old, new = previous.plan.shift, self.plan.shift
+        if (old.end != new.end).any() or old.duration != new.duration:
+            old = old.turned(t, new.end, new.duration)
+        return self.with_shift(old)
+
+    def with_shift(self, shift: trajectories.Shift) -> System:
+        """With this shift in place of the scenario's, which begins at t = 0."""
+        return replace(self, plan=self.plan._replace(shift=shift))
 
     def tool_at(self, reference: Reference, t: float) -> np.ndarray:
         """The tool point (3,) m at which r_d wants it; a planar arm stays in its plane."""
@@ -160,6 +173,7 @@ def _assemble(scenario: Scenario, previous: System | None) -> System:
     layout = _layout(scenario, robot, nominal, q_0)
     charted = surface if mode.on_surface else surfaces.Cartesian.along(_axes(robot))
     motion, force = _motion(scenario, mode, layout), _force(scenario)
+    shift = _spread("shift.by", scenario.shift.by, mode, layout)
 
     observer = Observer(nominal, charted.shape, layout)
     plan = ReferencePlan(
@@ -167,13 +181,15 @@ def _assemble(scenario: Scenario, previous: System | None) -> System:
         compliance=0.0 if mode.name == "constrained" else 1.0 / scenario.controller.K_e_hat,
         m=mode.m(),
         motion=motion.course,
+        shift=trajectories.Shift.fresh(shift, scenario.shift.duration),
         force=force.course,
     )
-    shaping = ("robot", "task_space", "declared", "surface", "mode", "motion", "simulation")
+    shaping = ("robot", "task_space", "declared", "surface", "mode", "motion", "shift", "simulation")
     if previous is not None and all(getattr(previous.scenario, f) == getattr(scenario, f) for f in shaping):
         constants = previous.constants
     else:
-        along = centres(observer.at, Planned(plan), q_0, scenario.simulation.duration)
+        unshifted = Planned(plan._replace(shift=trajectories.Shift.fresh(0.0 * shift, 1.0)))
+        along = centres(observer.at, unshifted, shift, q_0, scenario.simulation.duration)
         constants = constants_over(along, scenario, _uncertainty(scenario, 0.0), nominal, observer.at)
     if previous is not None and previous.constants is constants and previous.scenario.truth == scenario.truth:
         mobility = previous.mobility
@@ -202,6 +218,7 @@ def _assemble(scenario: Scenario, previous: System | None) -> System:
             scenario.sensor.cutoff,
             scenario.controller.period,
         ),
+        push=TimedPush(scenario.truth.push, scenario.truth.push_start, scenario.truth.push_duration),
         plan=plan,
         q_0=q_0,
     )
@@ -215,7 +232,7 @@ def in_mode(scenario: Scenario, mode_name: str) -> Scenario:
     changed = edited(scenario, "mode", mode_name)
     mode = modes.MODES[mode_name]
     data = to_plain(changed)
-    data["target_model"] = {}
+    data["target_model"] = data["shift"] = {}
     if scenario.contact.kind not in mode.contacts:
         data["contact"]["kind"] = mode.contacts[0]
     if mode_name != "motion":
@@ -230,7 +247,7 @@ def on_robot(scenario: Scenario, name: str) -> Scenario:
     """
     data = to_plain(scenario)
     data["robot"] = {"name": name}
-    data["target_model"] = {}
+    data["target_model"] = data["shift"] = {}
     for gain in ("A", "F_1", "F_2", "K_s"):
         value = data["controller"][gain]
         data["controller"][gain] = value[0] if isinstance(value, list) and not isinstance(value[0], list) else value
@@ -485,18 +502,26 @@ def _law(scenario: Scenario, mode: Mode, layout: TaskLayout, constants: Constant
     )
 
 
+def _free(mode: Mode, layout: TaskLayout) -> int:
+    """How many coordinates a trajectory may move."""
+    return layout.n if layout.joint else layout.positions - mode.m()
+
+
+def _spread(path: str, displacement: tuple[float, ...], mode: Mode, layout: TaskLayout) -> np.ndarray:
+    """A displacement of the free coordinates as one of all n."""
+    m, free = mode.m(), _free(mode, layout)
+    if len(displacement) > free:
+        raise ScenarioError(f"{path}: {len(displacement)} values; allowed: at most {free} in this mode with this arm")
+    vector = np.zeros(layout.n)
+    vector[m : m + len(displacement)] = displacement
+    return vector
+
+
 def _motion(scenario: Scenario, mode: Mode, layout: TaskLayout) -> trajectories.Trajectory:
-    m, n = mode.m(), layout.n
-    free = n if layout.joint else layout.positions - m  # coordinates that a trajectory may move
+    m, n, free = mode.m(), layout.n, _free(mode, layout)
 
     def spread(displacement: tuple[float, ...]) -> np.ndarray:
-        if len(displacement) > free:
-            raise ScenarioError(
-                f"motion.displacement: {len(displacement)} values; allowed: at most {free} in this mode with this arm"
-            )
-        vector = np.zeros(n)
-        vector[m : m + len(displacement)] = displacement
-        return vector
+        return _spread("motion.displacement", displacement, mode, layout)
 
     match scenario.motion:
         case Hold():

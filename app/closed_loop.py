@@ -19,8 +19,10 @@ from controllers.reaching import ReachingCertificate
 from controllers.reference_estimates import ReferenceEstimates
 from controllers.switching import Switching
 from controllers.task_space import TaskSpace
+from environments.push import Grip
 from environments.sensors import ForceReader, ReaderMemory
 from environments.stiffness import ROUNDING
+from environments.trajectories import Shift
 from kernels import resolved
 from kernels.records import Record
 
@@ -34,13 +36,15 @@ RESTARTING = ("mode", "robot", "task_space", "surface", "simulation")
 @dataclass(frozen=True)
 class View:
     """What there is to draw and read now. q (n,) rad; tool, tool_desired (3,) m, the latter None in joint space;
-    force, force_desired (3,) N; live numbers as `app.runner.Snapshot` lists them."""
+    force, force_desired, push (3,) N: on the surface, and a hand's on the tool; live numbers as
+    `app.runner.Snapshot` lists them."""
 
     q: np.ndarray
     tool: np.ndarray
     tool_desired: np.ndarray | None
     force: np.ndarray
     force_desired: np.ndarray
+    push: np.ndarray
     live: dict[str, float]
 
 
@@ -48,7 +52,7 @@ class View:
 class LoopState:
     """Where a run stands between two control periods: all that the next ones depend on, nothing that they change, and
     small, so that it can be kept or sent to another process. t, t_0, s_since s; steps counted from t_0; arm, period:
-    the memory of the records of these names."""
+    the memory of the records of these names. A fork without the hand: `replace(state, grip=None)`."""
 
     scenario: Scenario
     t: float
@@ -57,6 +61,8 @@ class LoopState:
     arm: np.ndarray
     period: np.ndarray
     reader: ReaderMemory
+    shift: Shift
+    grip: Grip | None
     certificate: ReachingCertificate
     s_since: float
     reaching_time: float | None
@@ -68,7 +74,8 @@ class ClosedLoop:
     """One run of a scenario: no thread, no screen, no file.
 
     `stopped` says why the run has ended, None while it goes; `warning` what was only flagged. `reaching_time` (s) is
-    None until s is reached. Raises ScenarioError when the scenario cannot be built.
+    None until s is reached. `grip`: the hand that holds the tool, None for none; an input, to be set between steps.
+    Raises ScenarioError when the scenario cannot be built.
     """
 
     def __init__(self, scenario: Scenario, history: int = 600_000, previous: System | None = None) -> None:
@@ -85,6 +92,8 @@ class ClosedLoop:
         loop.t, loop._t_0, loop._steps = state.t, state.t_0, state.steps
         loop._arm.data[:], loop._period.data[:] = state.arm, state.period
         loop._reader.recall(state.reader)
+        loop.system, loop.grip = loop.system.with_shift(state.shift), state.grip
+        loop._along = loop._reference_estimates()
         loop.certificate, loop.s_since, loop.reaching_time = state.certificate, state.s_since, state.reaching_time
         loop.stopped, loop.warning = state.stopped, state.warning
         loop._setting = Record(loop._setting_of(loop.system)).data
@@ -94,12 +103,14 @@ class ClosedLoop:
         """To go on from later, elsewhere: see `resume`."""
         return LoopState(
             self.system.scenario, self.t, self._t_0, self._steps, self._arm.copy().data, self._period.copy().data,
-            self._reader.memory(), self.certificate, self.s_since, self.reaching_time, self.stopped, self.warning,
+            self._reader.memory(), self.system.plan.shift, self.grip, self.certificate, self.s_since,
+            self.reaching_time, self.stopped, self.warning,
         )  # fmt: skip
 
     def _begin(self, system: System) -> None:
         self.t = 0.0
         self.stopped: str | None = None
+        self.grip: Grip | None = None
         self.recording = Recording(system.layout.n, self._history)
         self._reader = ForceReader(system.sensor, system.scenario.simulation.seed)
         self._arm = system.plant.start(system.robot.posture, np.zeros(system.robot.n), 0.0)
@@ -119,7 +130,7 @@ class ClosedLoop:
             return
         if old.sensor != scenario.sensor:
             self._reader = ForceReader(new.sensor, scenario.simulation.seed)
-        self._take_up(new)
+        self._take_up(new.after(self.system, self.t))
 
     @property
     def period(self) -> float:
@@ -135,11 +146,12 @@ class ClosedLoop:
         plant, arm, t = self.system.plant, self._arm, self.t
         row = self.recording.new_row()
 
-        F = self._reader.read(arm.views.load.force)
+        pushed = self._push_tool()
+        F = self._reader.read(arm.views.load.force - self._push if pushed else arm.views.load.force)
         self._control(F, row)
         if self._ideal:
             self._solve_for_force(row)
-        plant.advance(arm, self._tau, t, self._h)
+        plant.advance(arm, self._tau + self._push_torque if pushed else self._tau, t, self._h)
 
         alarms = self._complete_row(self._setting, self._period.data, arm.data, row)
         self.recording.commit()
@@ -158,6 +170,21 @@ class ClosedLoop:
             except (ArithmeticError, ValueError) as error:
                 self.stopped = f"t = {self.t:.3f} s: {error}"
 
+    def _push_tool(self) -> bool:
+        """Find what hand and script do to the tool over this period; False, as fast as can be, when they do nothing."""
+        timed = self._timed is not None and self._timed.acts(self.t)
+        pushed = timed or self.grip is not None
+        if pushed:
+            tool = self.system.plant.tool(self._arm)
+            self._push[:] = self.system.push.force if timed else 0.0
+            if self.grip is not None:
+                self._push += self.grip.force(tool.p)
+            self._push_torque = tool.J_v.T @ self._push
+        elif self._pushed:
+            self._push[:] = self._push_torque[:] = 0.0
+        self._pushed = pushed
+        return pushed
+
     def _control(self, F: np.ndarray, row: np.ndarray) -> None:
         """The law's answer to the present state and the measured force F (3,) N."""
         arm, t = self._arm, self.t
@@ -169,18 +196,18 @@ class ClosedLoop:
 
     def _solve_for_force(self, row: np.ndarray) -> None:
         """The law fed with the force that its own torque causes: secant iteration on the multiplier (DESIGN 4.6)."""
-        plant, arm, t, tau = self.system.plant, self._arm, self.t, self._tau
+        plant, arm, t = self.system.plant, self._arm, self.t
         guess = arm.read().load.multiplier
-        self._control(plant.force_of(arm, guess, t), row)
-        error = plant.respond(arm, tau, t).multiplier - guess
+        self._control(plant.force_of(arm, guess, t) - self._push, row)
+        error = plant.respond(arm, self._tau + self._push_torque, t).multiplier - guess
         slope = -1.0
         for _ in range(FORCE_ITERATIONS):
             if abs(error) <= 1e-10 * (1.0 + abs(guess)):
                 return
             change = -error / slope if slope != 0.0 else error
             guess += change
-            self._control(plant.force_of(arm, guess, t), row)
-            before, error = error, plant.respond(arm, tau, t).multiplier - guess
+            self._control(plant.force_of(arm, guess, t) - self._push, row)
+            before, error = error, plant.respond(arm, self._tau + self._push_torque, t).multiplier - guess
             slope = (error - before) / change
         self._left("stop", f"the loop through the multiplier has no solution near {guess:.4g} N")
 
@@ -191,7 +218,9 @@ class ClosedLoop:
         self._t_0, self._steps = self.t, 0
         self._ideal = system.scenario.sensor.ideal and system.plant.heavy
         self._along = self._reference_estimates()
-        self._tau = self._period.views.output.tau
+        self._tau, self._push = self._period.views.output.tau, self._period.views.push
+        self._push_torque, self._pushed = np.zeros(system.robot.n), True
+        self._timed = system.push if any(system.push.force) else None
         arm, z, law = self._arm.views, self._period.views.z, system.law
         estimate, task = system.observe(arm.q, arm.q_dot, self.t)
         reference = system.reference(self.t)
@@ -304,7 +333,7 @@ class ClosedLoop:
         system, arm, law, t = self.system, self._arm.views, self.system.law, self.t
         twin, row = self._period.copy(), np.empty(self.recording.width)
         terms = system.nominal.update(arm.q, arm.q_dot)
-        self._control_period(self._setting, twin.data, *terms, self._arm.data, arm.load.force, t, row)
+        self._control_period(self._setting, twin.data, *terms, self._arm.data, arm.load.force - self._push, t, row)
         period = twin.read()
         estimate, task, reference, output = period.seen.estimate, period.seen.task, period.reference, period.output
         required = float(sum(output.needed))
@@ -332,5 +361,6 @@ class ClosedLoop:
             None if system.layout.joint else system.tool_at(reference, t),
             arm.load.force.copy(),
             task.normal * reference.F_cd[0] if system.m else np.zeros(3),
+            self._push.copy(),
             live,
         )

@@ -14,20 +14,21 @@ from controllers.reference_estimates import Believed, believe
 from controllers.task_space import TaskLayout, TaskSpace, Work, task_space
 from controllers.vsmrc import ControlOutput, Gains, Reference, control_law
 from environments.surfaces import Chart, Shape, surface_chart
-from environments.trajectories import Course, ForceCourse, force_at, path_at
+from environments.trajectories import Course, ForceCourse, Shift, add_shift, force_at, path_at
 from kernels import kernel, part
 from kernels.algebra import copy, norm, row_times
 from kernels.records import Record
 
 
 class ReferencePlan(NamedTuple):
-    """start (n,): r at t = 0, to which the motion adds; compliance m/N: r_fd per f_nd, 1/K_e_hat in (33), 0 on a
+    """start (n,): r at t = 0, to which motion and shift add; compliance m/N: r_fd per f_nd, 1/K_e_hat in (33), 0 on a
     rigid surface (41); m: number of force-controlled directions."""
 
     start: np.ndarray
     compliance: float
     m: int
     motion: Course
+    shift: Shift
     force: ForceCourse
 
 
@@ -97,10 +98,12 @@ class Setting(NamedTuple):
 
 class Period(NamedTuple):
     """What one control period works with and leaves: z (n,) m/s is that of its beginning; F (3,) N as measured;
-    residual (n,) N once q_ddot is known; bound, band: what ||s|| is allowed, m/s; reached: whether s ever was."""
+    push (3,) N of a hand on the tool; residual (n,) N once q_ddot is known; bound, band: what ||s|| is allowed, m/s;
+    reached: whether s ever was."""
 
     z: np.ndarray
     F: np.ndarray
+    push: np.ndarray
     seen: Observation
     reference: Reference
     believed: Believed
@@ -115,13 +118,14 @@ class Period(NamedTuple):
         """Of n coordinates."""
         v, seen, reference = np.zeros(n), Observation.zeros(n), Reference.zeros(n)
         believed = Believed(np.zeros((n, n)), np.zeros((n, n)), v, ON_LINE)
-        return cls(v, np.zeros(3), seen, reference, believed, ControlOutput.zeros(n), v, 0.0, 0.0, False)
+        return cls(v, np.zeros(3), np.zeros(3), seen, reference, believed, ControlOutput.zeros(n), v, 0.0, 0.0, False)
 
 
 @part
 def reference_at(plan, t, reference):
-    """r_d(t) = start + motion, but r_fd = f_nd / K_e_hat (33) in the first m coordinates; F_cd = f_nd there."""
+    """r_d(t) = start + motion + shift, but r_fd = f_nd / K_e_hat (33) in the first m coordinates; F_cd = f_nd there."""
     path_at(plan.motion, t, reference.r_d, reference.r_d_dot, reference.r_d_ddot)
+    add_shift(plan.shift, t, reference.r_d, reference.r_d_dot, reference.r_d_ddot)
     f, f_dot, f_ddot = force_at(plan.force, t)
     for i in range(reference.r_d.shape[0]):
         reference.r_d[i] += plan.start[i]
@@ -208,6 +212,7 @@ def _write_row(row, t, arm, period):
     i = _put(row, i, output.e_r_dot)
     i = _put(row, i, period.seen.estimate.p)
     i = _put(row, i, period.F)
+    i = _put(row, i, period.push)
     i = _put(row, i, output.F_c)
     i = _put(row, i, period.reference.F_cd)
     i = _put(row, i, period.z)

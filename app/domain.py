@@ -19,6 +19,7 @@ from environments.stiffness import Mobility
 
 SAMPLES = 240  # postures drawn from Omega for the constants over it
 CENTRES = 192  # postures along the reference, around which Omega lies
+SWEEPS = 4  # how often they go over from the reference to the shifted one and back
 MARGIN = 1.1  # on k_r_low and k_r_high, for what lies between the samples
 
 Observe = Callable[[np.ndarray, np.ndarray, float], tuple[Estimate, TaskSpace]]
@@ -55,16 +56,23 @@ def posture_at(observe: Observe, q: np.ndarray, reference: Reference, t: float) 
 
 def centres(
     observe: Observe,
-    planned: Planned,
+    unshifted: Planned,
+    shift: np.ndarray,
     q_0: np.ndarray,
     duration: float,
 ) -> np.ndarray:
-    """Postures (N, n) along the reference. Raises ScenarioError when the arm cannot follow it."""
+    """Postures (N, n) along the reference, and between it and its shift by (n,) m.
+
+    Raises ScenarioError when the arm cannot follow it.
+    """
     found = [q_0]
     q = q_0
-    for t in np.linspace(0.0, duration, CENTRES):
+    for share in np.linspace(0.0, 1.0, CENTRES):
+        t = share * duration
+        reference = unshifted.at(t)
+        reference.r_d[:] += 0.5 * (1.0 - np.cos(2 * np.pi * SWEEPS * share)) * shift
         try:
-            q, _ = posture_at(observe, q, planned.at(t), t)
+            q, _ = posture_at(observe, q, reference, t)
         except ValueError:  # J_q exactly singular
             q = np.full_like(q, np.nan)
         if not np.linalg.norm(q - found[-1]) < 1.0:

@@ -32,7 +32,8 @@ SIGNALS = (
     Signal("e_r", "n", "m", "r - r_d"),
     Signal("e_r_dot", "n", "m/s", "its rate"),
     Signal("tool", 3, "m", "tool point in the world"),
-    Signal("F", 3, "N", "measured force of the tool on the environment, world axes"),
+    Signal("F", 3, "N", "measured force of the tool on what touches it, surface and hand, world axes"),
+    Signal("F_push", 3, "N", "force of a hand, or of truth.push, on the tool"),
     Signal("F_c", "n", "N", "controlled force, from the measured one"),
     Signal("F_cd", "n", "N", "desired controlled force"),
     Signal("z", "n", "m/s", "state of the compensator, (9)"),
@@ -52,7 +53,7 @@ SIGNALS = (
     Signal("s_band", 1, "m/s", "what sampling and the boundary layer add to it"),
     Signal("sigma_min", 1, "m", "smallest singular value of J_q, at most 3 % too small"),
     Signal("residual", "n", "N", "left side of (8) minus its right side"),
-    Signal("F_true", 3, "N", "the force itself, of which F is the reading"),
+    Signal("F_true", 3, "N", "the force on the surface itself; F is the reading of F_true - F_push"),
     Signal("multiplier", 1, "N", "true normal force per gradient of phi, (32) or (39)"),
     Signal("phi", 1, "m", "penetration of the tool into the surface"),
 )

@@ -23,6 +23,7 @@ from app.pacing import Pace, PaceMeter, Schedule
 from app.recording import Recording
 from app.scenario import Scenario, ScenarioError, edited
 from app.timeline import Pinned, Timeline
+from environments.push import Grip
 from environments.robots import Robot
 from environments.surfaces import Surface
 
@@ -110,7 +111,14 @@ class Edit:
     value: object
 
 
-Command = Play | Pause | StepOnce | Reset | Seek | ToEnd | Fork | Pin | Unpin | SetSpeed | Load | Edit
+@dataclass(frozen=True)
+class Push:
+    """A hand takes hold of the tool, or moves on, or lets go (None). Pause, and whatever begins a run, let go, too."""
+
+    grip: Grip | None
+
+
+Command = Play | Pause | StepOnce | Reset | Seek | ToEnd | Fork | Pin | Unpin | SetSpeed | Load | Edit | Push
 
 
 @dataclass(frozen=True)
@@ -120,6 +128,7 @@ class Snapshot:
     revision counts accepted changes of the scenario, run counts beginnings at t = 0 and forks, refusal_number refused
     commands. t is the instant looked at, which can be `first` to `end`; recording: of the whole run, up to its end.
     system: what the scenario stands for; only what is constant in it may be read outside of the loop's thread.
+    push (3,) N: of a hand, or of truth.push, on the tool.
     live: numbers by name, SI units: s_norm, s_bound, s_band, d, d_required, gain_margin, sigma_min, V, residual,
     layer_loop_factor, force_loop_factor, reaching_time_bound, reaching_time.
     """
@@ -146,6 +155,7 @@ class Snapshot:
     tool_desired: np.ndarray | None
     force: np.ndarray
     force_desired: np.ndarray
+    push: np.ndarray
     surface: Surface | None
     surface_offset: np.ndarray
     live: dict[str, float]
@@ -265,7 +275,7 @@ class Runner:
     def _drain(self) -> bool:
         """Carry out what is queued; True when simulated time must be paced anew.
 
-        Not so after an edit within a run: the loop makes up for the time that it took.
+        Not so after a push, nor after an edit within a run: the loop makes up for the time that it took.
         """
         queued: list[Command] = []
         runs = self._runs
@@ -273,8 +283,8 @@ class Runner:
             while True:
                 queued.append(self._commands.get_nowait())
         for command, following in itertools.zip_longest(queued, queued[1:]):
-            if isinstance(command, Edit) and isinstance(following, Edit) and command.path == following.path:
-                continue  # a slider has moved on: only where it is now matters
+            if _overtaken(command, following):
+                continue
             if isinstance(command, Load) or (isinstance(command, Edit) and command.path in ("mode", "robot.name")):
                 self.snapshot = replace(self.snapshot, notice=PREPARING)
             try:
@@ -283,7 +293,7 @@ class Runner:
                 self._refusal = str(error)
                 self._refusals += 1
                 log.info("refused %s: %s", command, error)
-        return self._runs != runs or not all(isinstance(command, Edit) for command in queued)
+        return self._runs != runs or not all(isinstance(command, Edit | Push) for command in queued)
 
     def _carry_out(self, command: Command) -> None:
         line, scenario_now = self._line, self._loop.system.scenario
@@ -292,6 +302,7 @@ class Runner:
                 self._playing = True
             case Pause():
                 self._playing = False
+                line.hold(None)
             case StepOnce():
                 self._playing = False
                 line.step()
@@ -314,6 +325,8 @@ class Runner:
                 if not SLOWEST <= factor <= FASTEST:
                     raise ScenarioError(f"speed: {factor}; allowed: {SLOWEST} to {FASTEST}")
                 self._speed = float(factor)
+            case Push(grip):
+                line.hold(grip)
             case Load(scenario):
                 self._edit(scenario)
             case Edit("mode", value):
@@ -374,6 +387,7 @@ def snapshot_of(loop: ClosedLoop) -> Snapshot:
         tool_desired=view.tool_desired,
         force=view.force,
         force_desired=view.force_desired,
+        push=view.push,
         surface=None if scenario.contact.kind == "free" and not system.m else system.surface,
         surface_offset=system.surface.motion.offset(loop.t),
         live=view.live,
@@ -382,3 +396,10 @@ def snapshot_of(loop: ClosedLoop) -> Snapshot:
         system=system,
         state=loop.state(),
     )
+
+
+def _overtaken(command: Command, following: Command | None) -> bool:
+    """Whether a slider or a hand has moved on: only where it is now matters."""
+    if isinstance(command, Edit) and isinstance(following, Edit):
+        return command.path == following.path
+    return isinstance(command, Push) and isinstance(following, Push)

@@ -58,6 +58,9 @@ class Truth(_Section, frozen=True, forbid_unknown_fields=True):
     viscous: Annotated[float, _number("viscous friction per joint", "N·m·s/rad", ge=0, le=100)] = 0.0
     disturbance: Annotated[float, _number("norm of a disturbance torque", "N·m", ge=0, le=200)] = 0.0
     disturbance_frequency: Annotated[float, _number("its frequency", "Hz", ge=0, le=100)] = 0.5
+    push: Annotated[Vector3, _number("a force on the tool, world axes", "N")] = (0.0, 0.0, 0.0)
+    push_start: Annotated[float, _number("when it begins", "s", ge=0, le=36000)] = 1.0
+    push_duration: Annotated[float, _number("how long it acts", "s", ge=0, le=36000)] = 1.0
 
 
 class Declared(_Section, frozen=True, forbid_unknown_fields=True):
@@ -226,6 +229,15 @@ class Line(_Section, frozen=True, forbid_unknown_fields=True, tag_field="kind", 
     ramp: Annotated[float, _number("time to full speed", "s", ge=0, le=3600)] = 1.0
 
 
+class Shift(_Section, frozen=True, forbid_unknown_fields=True):
+    """The desired motion moved as a whole; a change is made smoothly, so that r_d keeps two derivatives."""
+
+    by: Annotated[Vector, _number("by how much, along x, y, z or the tangents", "m")] = (0.0,)
+    duration: Annotated[
+        float, _number("time that the move takes, from the start or the change on", "s", gt=0, le=60)
+    ] = 1.0
+
+
 class ConstantForce(_Section, frozen=True, forbid_unknown_fields=True, tag_field="kind", tag="constant"):
     """A constant desired normal force."""
 
@@ -283,6 +295,7 @@ class Scenario(Struct, frozen=True, forbid_unknown_fields=True):
     contact: Contact = field(default_factory=Contact)
     sensor: Sensor = field(default_factory=Sensor)
     motion: Hold | PointToPoint | Circle | Line = field(default_factory=Hold)
+    shift: Shift = field(default_factory=Shift)
     force: ConstantForce | ForceStep | ForceSinusoid = field(default_factory=ConstantForce)
     simulation: Simulation = field(default_factory=Simulation)
 

@@ -15,6 +15,7 @@ from app.assembly import System
 from app.closed_loop import ClosedLoop, LoopState
 from app.recording import Recording
 from app.scenario import Scenario, ScenarioError
+from environments.push import Grip
 
 SPACING = 0.25  # s, between two states that are kept
 PINNED = 60.0  # s, of a run that a pin keeps
@@ -137,6 +138,12 @@ class Timeline:
             self.fork()
         return back is not None
 
+    def hold(self, grip: Grip | None) -> None:
+        """A hand takes hold of the tool, or lets go (None). What has been cannot be pushed: there it does nothing."""
+        if self._back is None and self._end.grip != grip:
+            self._end.grip = grip
+            self._keep(changed=True)
+
     def reset(self) -> None:
         """Begin the run's scenario anew."""
         self._end.reset()
@@ -159,7 +166,7 @@ class Timeline:
         self.pinned = tuple(pinned for pinned in self.pinned if pinned.number != number)
 
     def _go_on(self, loop: ClosedLoop, recording: Recording) -> None:
-        loop.recording = recording
+        loop.recording, loop.grip = recording, None
         while self._keys[-1].state.t > loop.t - 0.5 * loop.period:
             self._keys.pop()
         self._end, self._back = loop, None

@@ -29,7 +29,7 @@ MODES = {
     "planar2r": "planar2r-semicircle",
     "planar3r": "planar3r-hybrid",
 }
-TABS = ("Task", "Model", "Controller", "World", "Robot", "Export", "Torque")
+TABS = ("Task", "Model", "Controller", "World", "Robot", "View", "Runs", "Export", "Torque")
 SIZES = ((1280, 720), (1920, 1080))
 SETTLED = 6.0  # s of simulated time
 

@@ -99,6 +99,13 @@ class Arm(NamedTuple):
 PlantState = Record[Arm]
 
 
+class Tool(NamedTuple):
+    """Where the tool point is, p (3,) m, and its Jacobian J_v (3, n) in world axes."""
+
+    p: np.ndarray
+    J_v: np.ndarray
+
+
 @part
 def _resistance(resistance, q_dot, t, torque):
     n = q_dot.shape[0]
@@ -265,8 +272,8 @@ class Plant:
         self.substeps = substeps
         self.model = truth.model(robot)
         self.data = self.model.createData()
-        lever = np.array(robot.tool_placement.translation)
-        world = World(lever, surface.shape, contact, kind == "rigid")
+        self._lever = np.array(robot.tool_placement.translation)
+        world = World(self._lever, surface.shape, contact, kind == "rigid")
         around = Record(Surroundings.of(world, truth.resistance, robot.n))
         self._around, self._torque = around.data, around.views.torque
         # live views: Pinocchio fills them at every call
@@ -325,6 +332,13 @@ class Plant:
         pin.computeJointJacobians(self.model, self.data, state.views.q)
         _force_of(self._around, *self._tool, state.data, multiplier, t, force)
         return force
+
+    def tool(self, state: PlantState) -> Tool:
+        """The tool point at a state."""
+        J, rotation, translation = self._tool
+        pin.computeJointJacobians(self.model, self.data, state.views.q)
+        p = translation + rotation @ self._lever
+        return Tool(p, J[:3] - pin.skew(p) @ J[3:])
 
     def _find_load(self, state: PlantState, t: float) -> None:
         """The contact's load at a state; a heavy contact keeps the one of the torque that led there, but for phi."""

@@ -17,6 +17,7 @@ import numpy as np
 import viser
 from msgspec import Struct
 
+from app.dashboard.look import Viewing
 from app.dashboard.style import COMMIT, ESCAPED, MARKS, RELEASED
 from app.dashboard.whatif import Held, WhatIf
 from app.runner import Command, Edit, Snapshot
@@ -25,13 +26,14 @@ from app.scenario import field_info
 
 @dataclass(frozen=True)
 class Desk:
-    """What a panel works with: where widgets are made, where commands go, the newest snapshot, what-if questions, and
-    complaints."""
+    """What a panel works with: where widgets are made, where commands go, the newest snapshot, what-if questions, how
+    the scene is drawn, and complaints."""
 
     gui: viser.GuiApi
     post: Callable[[Command], None]
     snapshot: Callable[[], Snapshot]
     whatif: WhatIf
+    viewing: Viewing
     complain: Callable[[str], None]
 
 

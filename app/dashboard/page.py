@@ -11,6 +11,8 @@ import viser
 
 from app.dashboard.controls import Desk
 from app.dashboard.equation import equation_html
+from app.dashboard.hand import Hand
+from app.dashboard.look import Viewing
 from app.dashboard.panels import PANELS, Panel
 from app.dashboard.playback import Playback
 from app.dashboard.plots import Plots
@@ -64,6 +66,11 @@ class Dashboard:
     def url(self) -> str:
         return f"http://{self.host}:{self.port}"
 
+    @property
+    def clients(self) -> dict[int, viser.ClientHandle]:
+        """Who looks at the page, by number, in the order in which they came."""
+        return self._server.get_clients()
+
     def show_progress(self, text: str) -> None:
         """What is being prepared, while there is no runner yet."""
         self._status.content = splash_html(text)
@@ -104,7 +111,9 @@ class _View:
         self._refusals = runner.snapshot.refusal_number
         self._previewer = Previewer()
         self._whatif = WhatIf(self._previewer)
-        desk = Desk(server.gui, runner.post, lambda: runner.snapshot, self._whatif, self.complain)
+        self._viewing = Viewing()
+        desk = Desk(server.gui, runner.post, lambda: runner.snapshot, self._whatif, self._viewing, self.complain)
+        self._hand = Hand(server.scene, desk)
         self._playback = Playback(desk)
         self._whatif_panel = WhatIfPanel(desk)
         self._plots = Plots(server.gui)
@@ -135,8 +144,10 @@ class _View:
     def draw(self, now: float) -> None:
         """One frame: the scene always, everything else less often."""
         snapshot = self._runner.snapshot
+        look = self._viewing.look
         if snapshot is not self._drawn:
-            self._scene.show(snapshot)
+            self._viewing.legend = self._scene.show(snapshot, look)
+            self._hand.show(snapshot, self._viewing.legend.newtons)
         foreseen = self._whatif.look(snapshot, self._server.get_clients())
         if foreseen or now - self._refreshed >= REFRESH:
             self._refresh(snapshot, now, fresh=foreseen or snapshot is not self._drawn)
@@ -156,7 +167,7 @@ class _View:
         for panel in self._panels:
             panel.show(snapshot)
         self._fit()
-        self._scene.draw_paths()
+        self._scene.draw_paths(self._viewing.look)
         if fresh:
             self._plots.show(snapshot, self._whatif.outlook, self._whatif.horizon)
 

@@ -14,7 +14,7 @@ import viser
 from viser import uplot
 
 from app.dashboard.equation import symbol
-from app.dashboard.theme import BOUND, DESIRED, MEASURED, SERIES, Rgb, css
+from app.dashboard.theme import BOUND, DESIRED, MEASURED, PUSH, SERIES, Rgb, css
 from app.preview import Outlook
 from app.runner import Snapshot
 
@@ -85,11 +85,13 @@ def _per_coordinate(signal: str, factor: float = 1.0) -> Callable[[Snapshot], li
 
 
 def _forces(snapshot: Snapshot) -> list[Line]:
+    pushed = Line("push", PUSH, lambda signals: np.linalg.norm(signals["F_push"], axis=1))
     if snapshot.coordinates[0].name != "φ":  # no normal direction in this task space
-        return [Line(f"F {axis}", SERIES[i], _column("F", i)) for i, axis in enumerate("xyz")]
+        return [*(Line(f"F {axis}", SERIES[i], _column("F", i)) for i, axis in enumerate("xyz")), pushed]
     return [
         Line("desired normal", DESIRED, _column("F_cd", 0), dashed=True, width=2.0),
         Line("measured normal", MEASURED, _column("F_c", 0)),
+        pushed,
     ]
 
 
@@ -117,7 +119,7 @@ def _torques(snapshot: Snapshot) -> list[Line]:
 TABS: dict[str, tuple[Plot, ...]] = {
     "Live": (
         Plot("tracking error  e_r  [mm]", ("e_r",), _per_coordinate("e_r", 1000.0), at_least=(-0.01, 0.01)),
-        Plot("force on the environment  [N]", ("F", "F_c", "F_cd"), _forces, at_least=(0.0, 1.0)),
+        Plot("force on the environment  [N]", ("F", "F_c", "F_cd", "F_push"), _forces, at_least=(0.0, 1.0)),
         Plot("sliding variable  ‖s‖  [mm/s]", ("s_norm", "s_bound", "s_band"), _sliding, logarithmic=True),
         Plot("gain  d  against what (17) needs  [N]", ("d", "d_required"), _guarantee, at_least=(0.0, 1.0)),
     ),

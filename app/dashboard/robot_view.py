@@ -13,10 +13,10 @@ import trimesh
 import viser
 import yourdfpy
 
+from app.dashboard.look import FINE
 from app.dashboard.theme import Rgb
 from environments.robots import Robot
 
-_CELL = 0.0035  # m: detail finer than this is not drawn
 _BRIGHTEN = 0.55
 _PLAIN: Rgb = (196, 200, 206)
 
@@ -31,8 +31,9 @@ class Part:
     faces: np.ndarray
 
 
-def parts(robot: Robot) -> list[Part]:
-    """Every visual mesh of the URDF, grouped; links without a frame in the reduced model are left out."""
+def parts(robot: Robot, cell: float) -> list[Part]:
+    """Every visual mesh of the URDF, grouped, without detail finer than `cell` m; links without a frame in the reduced
+    model are left out."""
     urdf = yourdfpy.URDF.load(str(robot.urdf), filename_handler=lambda fname: _file(robot, fname))
     groups: defaultdict[tuple[int, Rgb], list[trimesh.Trimesh]] = defaultdict(list)
     if urdf.scene is None:
@@ -46,7 +47,7 @@ def parts(robot: Robot) -> list[Part]:
         frame = robot.model.frames[frame_id]
         T_joint_mesh = frame.placement.homogeneous @ graph.get(name, link)[0]
         groups[frame.parentJoint, _color(mesh)].append(mesh.copy().apply_transform(T_joint_mesh))
-    return [Part(joint, color, *_lightened(meshes)) for (joint, color), meshes in groups.items()]
+    return [Part(joint, color, *_lightened(meshes, cell)) for (joint, color), meshes in groups.items()]
 
 
 def _file(robot: Robot, fname: str) -> str:
@@ -67,10 +68,11 @@ def _color(mesh: trimesh.Trimesh) -> Rgb:
     return int(r), int(g), int(b)
 
 
-def _lightened(meshes: list[trimesh.Trimesh]) -> tuple[np.ndarray, np.ndarray]:
-    """One mesh whose vertices are merged within a cell: about a third of the triangles, hardly a visible difference."""
+def _lightened(meshes: list[trimesh.Trimesh], cell: float) -> tuple[np.ndarray, np.ndarray]:
+    """One mesh whose vertices are merged within a cell: at `look.FINE` about a third of the triangles, hardly a visible
+    difference."""
     merged = cast(trimesh.Trimesh, trimesh.util.concatenate(meshes))
-    cells = np.round(merged.vertices / _CELL).astype(np.int64)
+    cells = np.round(merged.vertices / cell).astype(np.int64)
     # Sharp edges stay sharp: only vertices that look the same way are merged.
     sides = np.round(merged.vertex_normals).astype(np.int64)
     _, first, index = np.unique(np.hstack([cells, sides]), axis=0, return_index=True, return_inverse=True)
@@ -79,21 +81,34 @@ def _lightened(meshes: list[trimesh.Trimesh]) -> tuple[np.ndarray, np.ndarray]:
     return merged.vertices[first].astype(np.float32), faces[whole].astype(np.uint32)
 
 
-class RobotView:
-    """Draws one arm below the scene node `root`."""
+@dataclass(frozen=True)
+class Paint:
+    """One colour for a whole arm, how opaque it is, 0 to 1, and how much thicker than the arm, m: two arms in one place
+    would flicker."""
 
-    def __init__(self, scene: viser.SceneApi, robot: Robot, root: str) -> None:
+    color: Rgb
+    opacity: float
+    coat: float
+
+
+class RobotView:
+    """Draws one arm below the scene node `root`, without detail finer than `cell` m; painted, or in its own colours."""
+
+    def __init__(
+        self, scene: viser.SceneApi, robot: Robot, root: str, cell: float = FINE, paint: Paint | None = None
+    ) -> None:
         self._model = robot.model
         self._data = robot.model.createData()
         self._root = scene.add_frame(root, show_axes=False)
         paths = list(_paths(robot.model, root))
         self._frames = [scene.add_frame(path, show_axes=False) for path in paths[1:]]
-        for number, part in enumerate(parts(robot)):
+        for number, part in enumerate(parts(robot, cell)):
             scene.add_mesh_simple(
                 f"{paths[part.joint]}/mesh_{number}",
-                part.vertices,
+                part.vertices if paint is None else _coated(part, paint.coat),
                 part.faces,
-                color=part.color,
+                color=part.color if paint is None else paint.color,
+                opacity=None if paint is None else paint.opacity,
                 side="double",
                 cast_shadow=False,
                 receive_shadow=False,
@@ -107,13 +122,17 @@ class RobotView:
             frame.wxyz = _wxyz(T_parent_joint.rotation)
             frame.position = T_parent_joint.translation
 
-    @property
-    def extent(self) -> float:
-        """How far the farthest joint is from the base, m."""
-        return max(float(np.linalg.norm(T.translation)) for T in self._data.oMi)
+    def set_visible(self, visible: bool) -> None:
+        self._root.visible = visible
 
     def remove(self) -> None:
         self._root.remove()
+
+
+def _coated(part: Part, coat: float) -> np.ndarray:
+    """The vertices of a part that is `coat` m thicker on every side."""
+    mesh = trimesh.Trimesh(part.vertices, part.faces, process=False)
+    return (part.vertices + coat * mesh.vertex_normals).astype(np.float32)
 
 
 def _paths(model: pin.Model, root: str) -> Iterator[str]:

@@ -1,72 +1,32 @@
-"""The 3-D scene: arm, surface, paths and forces of the newest snapshot."""
+"""The 3-D scene: arm, ghost, surface, paths and forces of the newest snapshot."""
 
 from __future__ import annotations
 
-from collections import deque
+import logging
 
 import numpy as np
 import viser
 
-from app.dashboard.robot_view import RobotView
+from app.dashboard.arrows import ForceArrow, ForceScale, TaskFrame
+from app.dashboard.camera import look as look_from
+from app.dashboard.camera import viewpoint
+from app.dashboard.look import Legend, Look
+from app.dashboard.robot_view import Paint, RobotView
 from app.dashboard.surface_view import SurfaceView
-from app.dashboard.theme import DESIRED, GRID, GRID_SECTION, MEASURED, TOOL_PATH, Rgb
+from app.dashboard.theme import DESIRED, GHOST, GRID, GRID_SECTION, MEASURED, TOOL_PATH
+from app.dashboard.trails import Trail
+from app.ghost import Ghost, Shade
 from app.runner import Snapshot
 
-_METRES_PER_NEWTON = 0.007
-_LEAST_FORCE = 0.2  # N: below this no arrow
+log = logging.getLogger("vsmrc.dashboard")
+
 _ASIDE = np.array([0.0, 0.03, 0.0])  # m: keeps the desired force apart from the measured one
-
-
-class Trail:
-    """The last points of a moving point, as a line."""
-
-    def __init__(self, scene: viser.SceneApi, name: str, color: Rgb, thickness: float) -> None:
-        self._points: deque[np.ndarray] = deque(maxlen=500)
-        self._line = scene.add_line_segments(
-            name, np.zeros((1, 2, 3)), color, thickness=thickness, thickness_units="screen", visible=False
-        )
-        self._changed = False
-
-    def extend(self, point: np.ndarray, spacing: float = 0.001) -> None:
-        if not self._points or np.linalg.norm(point - self._points[-1]) > spacing:
-            self._points.append(np.array(point))
-            self._changed = True
-
-    def clear(self) -> None:
-        self._points.clear()
-        self._line.visible = False
-
-    def draw(self) -> None:
-        if self._changed and len(self._points) > 1:
-            points = np.array(self._points)
-            self._line.points = np.stack([points[:-1], points[1:]], axis=1)
-            self._line.visible = True
-        self._changed = False
-
-
-class ForceArrow:
-    """An arrow from a point along a force, to scale; none for a force near zero."""
-
-    def __init__(self, scene: viser.SceneApi, name: str, color: Rgb) -> None:
-        self._arrow = scene.add_arrows(
-            name,
-            np.array([[[0.0, 0.0, 0.0], [0.0, 0.0, 0.1]]]),
-            color,
-            shaft_radius=0.008,
-            head_radius=0.02,
-            head_length=0.04,
-            visible=False,
-        )
-
-    def show(self, start: np.ndarray, force: np.ndarray) -> None:
-        visible = bool(np.linalg.norm(force) > _LEAST_FORCE)
-        if visible:
-            self._arrow.points = np.stack([start, start + _METRES_PER_NEWTON * force])[None].astype(np.float32)
-        self._arrow.visible = visible
+_GHOST_CELL = 0.01  # m: the translucent arm needs no more detail
+_GHOST_PAINT = Paint(GHOST, opacity=0.3, coat=0.003)
 
 
 class SceneView:
-    """Everything in the 3-D view; `show` moves it, and rebuilds only what another scenario changes."""
+    """Everything in the 3-D view; `show` moves it, and rebuilds only what another scenario or look changes."""
 
     def __init__(self, server: viser.ViserServer) -> None:
         self._server = server
@@ -75,7 +35,7 @@ class SceneView:
         scene.configure_environment_map(None)
         scene.world_axes.visible = False
         scene.add_light_hemisphere("/light", sky_color=(255, 255, 255), ground_color=(150, 150, 160), intensity=1.2)
-        scene.add_grid(
+        self._grid = scene.add_grid(
             "/grid",
             width=4.0,
             height=4.0,
@@ -86,53 +46,93 @@ class SceneView:
             shadow_opacity=0.0,
         )
         self._desired_path = Trail(scene, "/path/desired", DESIRED, thickness=5.0)
-        self._tool_path = Trail(scene, "/path/tool", TOOL_PATH, thickness=2.0)
+        self._tool_path = Trail(scene, "/path/tool", TOOL_PATH, thickness=2.5)
         self._measured = ForceArrow(scene, "/force/measured", MEASURED)
         self._desired = ForceArrow(scene, "/force/desired", DESIRED)
+        self._scale = ForceScale()
+        self._frame = TaskFrame(scene, "/frame")
+        self._ghost = Ghost()
+        self._arms = 0
         self._robot_view: RobotView | None = None
         self._robot_key: object = None
-        self._robots = 0
+        self._ghost_view: RobotView | None = None
+        self._ghost_key: object = None
+        self._seen_robot: object = None
         self._surface = SurfaceView(scene)
         self._run = -1
 
-    def show(self, snapshot: Snapshot) -> None:
-        self._rebuild(snapshot)
+    def show(self, snapshot: Snapshot, look: Look) -> Legend:
+        """Draw it; returns what lengths and colours mean now."""
+        shade = self._ghost.follow(snapshot) if look.ghost else None
+        self._rebuild(snapshot, look, shade)
+        newtons = self._scale.fit((snapshot.force, snapshot.force_desired, snapshot.push), look.newtons)
         with self._server.atomic():
             if self._robot_view is not None:
                 self._robot_view.show(snapshot.q)
-            self._surface.place(snapshot)
-            self._measured.show(snapshot.tool, snapshot.force)
-            self._desired.show(snapshot.tool + _ASIDE, snapshot.force_desired)
-        self._tool_path.extend(snapshot.tool)
+            if self._ghost_view is not None:
+                self._ghost_view.set_visible(shade is not None)
+                if shade is not None:
+                    self._ghost_view.show(shade.q)
+            self._surface.place(snapshot, visible=look.surface)
+            for arrow, start, force in (
+                (self._measured, snapshot.tool, snapshot.force),
+                (self._desired, snapshot.tool + _ASIDE, snapshot.force_desired),
+            ):
+                arrow.show(start, force if look.forces else np.zeros(3), newtons)
+            if look.frame:
+                self._frame.show(snapshot.system.charted, snapshot.tool, snapshot.t)
+            else:
+                self._frame.hide()
+            self._grid.visible = look.grid
+        self._tool_path.extend(snapshot.tool, _path_error(snapshot))
         if snapshot.tool_desired is not None:
             self._desired_path.extend(snapshot.tool_desired)
+        return Legend(self._tool_path.scale, newtons, None if shade is None else shade.distance)
 
-    def draw_paths(self) -> None:
+    def draw_paths(self, look: Look) -> None:
         """Send the paths; they are long, so this happens less often than `show`."""
-        self._tool_path.draw()
-        self._desired_path.draw()
+        self._tool_path.draw(look.tool_path, self._tool_path.scale if look.error_colors else None)
+        self._desired_path.draw(look.desired_path, None)
 
-    def _rebuild(self, snapshot: Snapshot) -> None:
+    def _rebuild(self, snapshot: Snapshot, look: Look, shade: Shade | None) -> None:
         if snapshot.run != self._run:
             self._run = snapshot.run
             self._tool_path.clear()
             self._desired_path.clear()
         self._surface.form(snapshot)
-        robot_key = (snapshot.robot.urdf, tuple(snapshot.robot.joint_names))
-        if robot_key != self._robot_key:
-            self._robot_key = robot_key
-            if self._robot_view is not None:
-                self._robot_view.remove()
-            self._robots += 1  # a name of its own: messages about the removed one may still be under way
-            self._robot_view = RobotView(self._server.scene, snapshot.robot, f"/robot_{self._robots}")
+        robot = (snapshot.robot.urdf, tuple(snapshot.robot.joint_names))
+        if (robot, look.cell) != self._robot_key:
+            self._robot_key = robot, look.cell
+            self._robot_view = self._arm(snapshot, self._robot_view, look.cell, None)
             self._robot_view.show(snapshot.q)
-            self._look_at(snapshot.tool, max(float(np.linalg.norm(snapshot.tool)), self._robot_view.extent))
+        if shade is not None and robot != self._ghost_key:
+            self._ghost_key = robot
+            self._ghost_view = self._arm(snapshot, self._ghost_view, _GHOST_CELL, _GHOST_PAINT)
+        if robot != self._seen_robot:
+            self._seen_robot = robot
+            self._look_at(snapshot)
 
-    def _look_at(self, tool: np.ndarray, reach: float) -> None:
-        """A view from the side on which the tool works, with the whole arm in it."""
-        target = 0.55 * tool + np.array([0.0, 0.0, 0.05 * reach])
-        position = target + reach * np.array([0.85, -1.45, 0.8])
-        camera = self._server.initial_camera
-        camera.position, camera.look_at = position, target
+    def _arm(self, snapshot: Snapshot, old: RobotView | None, cell: float, paint: Paint | None) -> RobotView:
+        if old is not None:
+            old.remove()
+        self._arms += 1  # a name of its own: messages about the removed one may still be under way
+        return RobotView(self._server.scene, snapshot.robot, f"/robot_{self._arms}", cell, paint)
+
+    def _look_at(self, snapshot: Snapshot) -> None:
+        """Another arm is seen whole, by everybody."""
+        view = viewpoint("whole arm", snapshot)
+        initial = self._server.initial_camera
+        initial.position, initial.look_at = view.position, view.look_at
         for client in self._server.get_clients().values():
-            client.camera.position, client.camera.look_at = position, target
+            look_from(client.camera, view)
+
+
+def _path_error(snapshot: Snapshot) -> float:
+    """How far the tool is from where it should be, m; along a surface only, since how deep is the force's business."""
+    if snapshot.tool_desired is None:
+        return 0.0
+    error = snapshot.tool - snapshot.tool_desired
+    if snapshot.surface is not None:
+        normal = snapshot.surface.chart(snapshot.tool, snapshot.t).G[0]
+        error = error - normal * (normal @ error) / (normal @ normal)
+    return float(np.linalg.norm(error))

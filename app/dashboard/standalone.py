@@ -14,6 +14,7 @@ from viser.infra import StateSerializer
 
 from app.assembly import System
 from app.closed_loop import ClosedLoop
+from app.dashboard.look import Look
 from app.dashboard.scene import SceneView
 from app.data_files import Tell, TooLarge
 from app.film import FRAMES_PER_SECOND, Film
@@ -49,12 +50,12 @@ def _html(film: Film, count: int, tell: Tell) -> str:
     times = film.signals["t"][:count]
     pauses = [*np.diff(times), 1.0 / FRAMES_PER_SECOND]
     with _server() as server:
-        scene = SceneView(server)
+        scene, look = SceneView(server), Look()
         recorder: StateSerializer | None = None
         for number, (snapshot, pause) in enumerate(zip(snapshots(film), pauses, strict=False)):
-            scene.show(snapshot)
+            scene.show(snapshot, look)
             if number % PATHS_EVERY == 0:
-                scene.draw_paths()
+                scene.draw_paths(look)
             if recorder is None:  # begins with the scene of the first frame
                 recorder = server.get_scene_serializer()
             recorder.insert_sleep(float(pause))

@@ -170,6 +170,8 @@ div:has(> div > div > div > .vs-status) {{ overflow: visible !important; }}
 .vs-equation {{ padding: 0.3em 0.9em 0.5em; overflow-x: auto; }}
 .vs-equation math {{ font-size: 1.02em; }}
 .vs-equation .fixed {{ opacity: 0.38; }}
+.vs-bar {{ flex: 1; height: 0.7em; border-radius: 0.35em; }}
+.vs-dot {{ display: inline-block; width: 0.7em; height: 0.7em; border-radius: 50%; }}
 .vs-splash {{ padding: 1.2em 0.9em; font-size: 1.05em; }}
 .vs-spinner {{ display: inline-block; width: 0.9em; height: 0.9em; margin-right: 0.6em; border-radius: 50%;
   border: 2px solid {css(ACCENT)}; border-top-color: transparent; animation: vs-turn 0.9s linear infinite; }}

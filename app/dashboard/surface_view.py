@@ -37,10 +37,11 @@ class SurfaceView:
         elif self._mesh is not None and snapshot.surface is not None and snapshot.surface.changing:
             self._reform(snapshot.surface, snapshot.t)
 
-    def place(self, snapshot: Snapshot) -> None:
+    def place(self, snapshot: Snapshot, *, visible: bool) -> None:
         """Move it as one body."""
         if self._mesh is not None:
             self._mesh.position = snapshot.surface_offset
+            self._mesh.visible = visible
 
     def _draw(self, surface: Surface | None, t: float) -> None:
         if self._mesh is not None:

@@ -11,6 +11,7 @@ from app.dashboard.panels.model import ModelPanel
 from app.dashboard.panels.robot import RobotPanel
 from app.dashboard.panels.runs import RunsPanel
 from app.dashboard.panels.task import TaskPanel
+from app.dashboard.panels.view import ViewPanel
 from app.dashboard.panels.world import WorldPanel
 from app.runner import Snapshot
 
@@ -29,6 +30,7 @@ PANELS: dict[str, type[Panel]] = {
     "Controller": ControllerPanel,
     "World": WorldPanel,
     "Robot": RobotPanel,
+    "View": ViewPanel,
     "Runs": RunsPanel,
     "Export": ExportPanel,
 }

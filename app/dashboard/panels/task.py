@@ -44,6 +44,8 @@ class TaskPanel:
                 Number(desk, Place("motion.period"), "period [s]", decades(1, 30)),
                 Number(desk, Place("motion.duration"), "duration [s]", decades(0.2, 20)),
                 Number(desk, Place("motion.ramp"), "ramp [s]", Scale(0, 5)),
+                Number(desk, Place("shift.by"), "shifted by [m]"),
+                Number(desk, Place("shift.duration"), "within [s]", decades(0.1, 10)),
             ]
 
     async def _load(self, event: viser.GuiEvent) -> None:

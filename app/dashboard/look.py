@@ -1,0 +1,60 @@
+"""How the scene is drawn: state of the page, the same for all who look at it, and never part of a run."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+FINE, LIGHT = 0.0035, 0.015  # m: a mesh shows no detail finer than this; for a UR5 34,000 and 8,000 triangles
+
+Drag = Literal["push", "target"]
+
+
+@dataclass(frozen=True)
+class Look:
+    """What is drawn and how. newtons: force that an arrow of 100 mm stands for, None for one that suits the forces;
+    cell m: see `FINE`; drag: what the mouse does on the tool, with Shift held the other; stiffness N/m and limit N of
+    the spring by which it pushes."""
+
+    ghost: bool = False
+    desired_path: bool = True
+    tool_path: bool = True
+    error_colors: bool = True
+    forces: bool = True
+    frame: bool = True
+    surface: bool = True
+    grid: bool = True
+    newtons: float | None = None
+    cell: float = FINE
+    drag: Drag = "push"
+    stiffness: float = 500.0
+    limit: float = 60.0
+
+
+@dataclass(frozen=True)
+class Legend:
+    """What colours and lengths in the scene mean now. error m: that of the last colour; newtons: force per 100 mm of
+    arrow; ghost: distance of arm and ghost, m, None where none is drawn."""
+
+    error: float
+    newtons: float
+    ghost: float | None
+
+
+class Viewing:
+    """The look that is chosen, and the legend of what was drawn last."""
+
+    def __init__(self) -> None:
+        self.look = Look()
+        self.legend = Legend(1e-4, 10.0, None)
+
+
+def rounded_up(value: float, least: float) -> float:
+    """The smallest of 1, 2, 5, 10, 20 ... times `least` that is not below the value."""
+    step = least
+    while step < value * (1.0 - 1e-9):
+        mantissa = round(step / least)
+        while mantissa % 10 == 0:
+            mantissa //= 10
+        step *= 2.5 if mantissa == 2 else 2.0
+    return step

@@ -1,0 +1,144 @@
+"""View: what the scene shows, from where, and what the mouse does in it. State of the page; the run never sees it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any, Protocol
+
+import viser
+
+from app.dashboard.camera import VIEWS, fly, viewpoint
+from app.dashboard.controls import Desk
+from app.dashboard.look import FINE, LIGHT, Legend, Look, Viewing
+from app.dashboard.theme import DESIRED, ERROR_COLORS, GHOST, MEASURED, PUSH, SERIES, TOOL_PATH, Rgb, css
+from app.runner import Snapshot
+from environments.push import MOST_FORCE, MOST_STIFF
+
+SWITCHES = {
+    "ghost": (
+        "Ghost",
+        "A second arm that follows the target model (8) exactly, driven by the force that the arm felt, from the last "
+        "change on: what parts the two is the residual of (8).",
+    ),
+    "desired_path": ("Desired path", "Where the tool should have been."),
+    "tool_path": ("Tool path", "Where it was."),
+    "error_colors": (
+        "Error colours",
+        "The tool's path by its distance from the desired point; on a surface, the part along it.",
+    ),
+    "forces": ("Forces", "On the surface, and as desired; to scale."),
+    "frame": (
+        "Task frame",
+        "Normal and tangents at the tool, in the colours that their coordinates have in the plots.",
+    ),
+    "surface": ("Surface", "What the tool works on."),
+    "grid": ("Grid", "The floor, squares of 0.1 m."),
+}
+SCALES: dict[str, float | None] = {"automatic": None} | {
+    f"100 mm = {n:g} N": n for n in (1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0)
+}
+MESHES = {"fine": FINE, "light": LIGHT}
+DRAGS = {"pushes it (Shift: moves the target)": "push", "moves the target (Shift: pushes)": "target"}
+
+
+class _Widget(Protocol):
+    value: Any
+
+    def on_update(self, func: Any) -> Any: ...
+
+
+class _Field:
+    """A widget for one field of the look; `options` maps what is shown to what the look holds."""
+
+    def __init__(
+        self, viewing: Viewing, name: str, widget: _Widget, options: Mapping[str, object] | None = None
+    ) -> None:
+        self._viewing, self._name, self._widget, self._options = viewing, name, widget, options
+        widget.on_update(self._on_update)
+
+    async def _on_update(self, event: viser.GuiEvent) -> None:
+        if event.client is None:
+            return
+        shown = self._widget.value
+        value = shown if self._options is None else self._options[shown]
+        self._viewing.look = replace(self._viewing.look, **{self._name: value})
+
+    def show(self, look: Look) -> None:
+        value = getattr(look, self._name)
+        if self._options is not None:
+            value = next(title for title, held in self._options.items() if held == value)
+        self._widget.value = value
+
+
+class ViewPanel:
+    """Camera, legend, switches for everything drawn, and the mouse."""
+
+    def __init__(self, desk: Desk) -> None:
+        self._desk = desk
+        gui, viewing = desk.gui, desk.viewing
+        self._camera = gui.add_button_group("Camera", VIEWS, hint="Turn and zoom with the mouse; these bring you back.")
+        self._camera.on_click(self._on_camera)
+        self._legend = gui.add_html("")
+        with gui.add_folder("Drawn"):
+            self._fields = [
+                _Field(viewing, name, gui.add_checkbox(title, getattr(viewing.look, name), hint=hint))
+                for name, (title, hint) in SWITCHES.items()
+            ]
+            self._fields += [
+                _Field(viewing, "newtons", gui.add_dropdown("Force arrows", tuple(SCALES)), SCALES),
+                _Field(
+                    viewing, "cell", gui.add_dropdown("Meshes", tuple(MESHES), hint="Light: for slow graphics."), MESHES
+                ),
+            ]
+        with gui.add_folder("Mouse on the tool"):
+            gui.add_html(
+                '<div class="vs-note">Drag the ball at the tool: a spring pulls the arm after the pointer. With Shift, '
+                "or as chosen here, the drag moves the desired path instead, when you let go.</div>"
+            )
+            self._fields += [
+                _Field(viewing, "drag", gui.add_dropdown("Dragging", tuple(DRAGS)), DRAGS),
+                _Field(viewing, "stiffness", gui.add_slider("spring [N/m]", 50.0, MOST_STIFF, 50.0, 500.0, marks=())),
+                _Field(viewing, "limit", gui.add_slider("at most [N]", 5.0, MOST_FORCE, 5.0, 60.0, marks=())),
+            ]
+
+    async def _on_camera(self, event: viser.GuiEvent) -> None:
+        if event.client is not None:
+            await fly(event.client.camera, viewpoint(event.target.value, self._desk.snapshot()))
+
+    def show(self, snapshot: Snapshot) -> None:
+        viewing = self._desk.viewing
+        self._legend.content = legend_html(viewing.look, viewing.legend, snapshot)
+        for field in self._fields:
+            field.show(viewing.look)
+
+
+def legend_html(look: Look, legend: Legend, snapshot: Snapshot) -> str:
+    """What the colours and lengths in the scene mean, as far as they are drawn."""
+    lines = []
+    if look.tool_path and look.error_colors and snapshot.tool_desired is not None:
+        colors = ", ".join(css(color) for color in ERROR_COLORS)
+        bar = f'<span class="vs-bar" style="background: linear-gradient(90deg, {colors})">'
+        lines.append(f"<div class='vs-row'>path error&ensp;0 {bar}</span> {1e3 * legend.error:g} mm</div>")
+    keys = []
+    if look.desired_path:
+        keys.append(_key(DESIRED, "desired"))
+    if look.tool_path and not look.error_colors:
+        keys.append(_key(TOOL_PATH, "tool"))
+    if look.forces:
+        keys += [_key(MEASURED, "force"), _key(DESIRED, "desired force")]
+    if look.forces or snapshot.push.any():
+        keys += [_key(PUSH, "push"), f"100 mm = {legend.newtons:g} N"]
+    if look.frame:
+        names = [coordinate.name for coordinate in snapshot.coordinates[:3]]
+        keys += [_key(SERIES[i], name) for i, name in enumerate(names) if snapshot.tool_desired is not None]
+    if look.ghost:
+        away = "out of reach" if legend.ghost is None else f"{1e3 * legend.ghost:.3f} mm away"
+        keys.append(_key(GHOST, f"ghost, {away}"))
+    lines.append(f"<div class='vs-row'>{' '.join(keys)}</div>")
+    return f'<div class="vs-note">{"".join(lines)}</div>'
+
+
+def _key(color: Rgb, name: str) -> str:
+    dot = f'<span class="vs-dot" style="background: {css(color)}"></span>'
+    return f"<span>{dot} {name}</span>"

@@ -1,0 +1,48 @@
+"""What pushes the tool besides the surface: a hand that holds it by a spring, and a push by the clock."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+MOST_STIFF, MOST_FORCE = 5000.0, 500.0  # N/m, N: what a hand may ask for
+
+
+@dataclass(frozen=True)
+class Grip:
+    """A spring from the tool point to the `anchor` (3,) m that a hand holds: stiffness N/m, but at most `limit` N.
+
+    Raises ValueError for a place that is not finite, and for a stiffness or limit that no hand has.
+    """
+
+    anchor: tuple[float, float, float]
+    stiffness: float = 500.0
+    limit: float = 60.0
+
+    def __post_init__(self) -> None:
+        if len(self.anchor) != 3 or not np.isfinite(self.anchor).all():
+            raise ValueError(f"push.anchor: {self.anchor}; allowed: three finite numbers")
+        for name, most in (("stiffness", MOST_STIFF), ("limit", MOST_FORCE)):
+            value = getattr(self, name)
+            if not 0.0 < value <= most:
+                raise ValueError(f"push.{name}: {value:g}; allowed: above 0, up to {most:g}")
+
+    def force(self, p: np.ndarray) -> np.ndarray:
+        """On the tool (3,) N, when it is at p (3,) m."""
+        pull = self.stiffness * (np.asarray(self.anchor) - p)
+        size = float(np.linalg.norm(pull))
+        return pull if size <= self.limit else pull * (self.limit / size)
+
+
+@dataclass(frozen=True)
+class TimedPush:
+    """A constant force (3,) N on the tool from `start` s on, for `duration` s."""
+
+    force: tuple[float, float, float]
+    start: float
+    duration: float
+
+    def acts(self, t: float) -> bool:
+        """Whether it does at time t (s)."""
+        return self.start <= t < self.start + self.duration
