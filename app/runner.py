@@ -17,7 +17,7 @@ from typing import Literal
 import numpy as np
 
 from app import assembly
-from app.assembly import Coordinate
+from app.assembly import Coordinate, System
 from app.closed_loop import ClosedLoop, LoopState
 from app.pacing import Pace, PaceMeter, Schedule
 from app.recording import Recording
@@ -87,6 +87,7 @@ class Snapshot:
     """What the screen may know of the loop at one moment. Arrays are never changed afterwards.
 
     revision counts accepted changes of the scenario, run counts beginnings at t = 0, refusal_number refused commands.
+    system: its plant, law and nominal model belong to the loop's thread; the screen reads only what never changes.
     live: numbers by name, SI units: s_norm, s_bound, s_band, d, d_required, gain_margin, sigma_min, V, residual,
     layer_loop_factor, force_loop_factor, reaching_time_bound, reaching_time.
     """
@@ -102,6 +103,7 @@ class Snapshot:
     refusal: str | None
     refusal_number: int
     notice: str
+    system: System
     robot: Robot
     coordinates: tuple[Coordinate, ...]
     fixed: dict[str, np.ndarray]
@@ -294,6 +296,7 @@ class Runner:
             refusal=self._refusal,
             refusal_number=self._refusals,
             notice=loop.warning or "",
+            system=system,
             robot=system.robot,
             coordinates=system.coordinates,
             fixed=system.mode.fixed(system.layout.n),

@@ -54,7 +54,7 @@ def main(folder: Path) -> None:
         runner.post(Edit("target_model.M_m", [0.0] * 6))
         shoot(page, folder / "refused.png")
         page.get_by_role("tab", name="Task", exact=True).click()
-        page.get_by_role("tab", name="Live", exact=True).click()
+        page.get_by_role("tab", name="Overview", exact=True).click()
         hold(page, "F_d [N]", 0.33, 0.75)
         page.screenshot(path=folder / "what-if.png")
         page.keyboard.press("Escape")

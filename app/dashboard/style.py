@@ -1,7 +1,11 @@
 """The style sheet and the one script of the page, injected as HTML.
 
 uPlot now and then does not lay out the time axis of a chart that is made with its data; the script asks it again. It
-also draws previews lighter: viser passes no function to uPlot, and no gap in a line.
+also draws previews lighter: viser passes no function to uPlot, and no gap in a line. And when the first or last instant
+of a chart's data moves, since another window is chosen or a preview begins, its axis follows, unless the user has
+zoomed in: new scales from the server would build the chart anew.
+
+It tells the server which tabs of plots are on the screen (`looking.py`).
 
 viser's text field sends every keystroke and knows no "Enter or leaving the field". The script tells the two apart:
 it appends the character COMMIT to the text when the user is done, so a commit is an ordinary change of the value.
@@ -51,6 +55,7 @@ if (!window.vsmrcCommit) {
   }, true);
   // right of zero lies what has not happened: less of it
   const dim = (plot) => {
+    if (plot.scales.x.distr !== 1) return;
     const { left, top, width, height } = plot.bbox, from = Math.max(plot.valToPos(0, "x", true), left);
     if (!(from < left + width - 1)) return;
     plot.ctx.save();
@@ -59,12 +64,38 @@ if (!window.vsmrcCommit) {
     plot.ctx.fillRect(from + 1, top, left + width - from, height);
     plot.ctx.restore();
   };
-  const dimmed = new WeakSet();
+  const homes = new WeakMap();
+  const follow = (plot) => {
+    const instants = plot.data[0], home = [instants[0], instants[instants.length - 1]], last = homes.get(plot);
+    if (!(home[0] < home[1])) return;
+    homes.set(plot, home);
+    const { min, max } = plot.scales.x, near = (a, b) => Math.abs(a - b) < 1e-6 * (1 + Math.abs(b));
+    const moved = !last || !near(last[0], home[0]) || !near(last[1], home[1]);
+    const zoomed = last && !(near(min, last[0]) && near(max, last[1]));
+    if (moved && !zoomed) setTimeout(() => plot.setScale("x", { min: home[0], max: home[1] }));
+  };
+  const enlisted = new WeakSet();
   const enlist = (entry) => {
-    if (!dimmed.has(entry.chart)) (entry.chart.hooks.draw ??= []).push(dim);
-    dimmed.add(entry.chart);
+    if (!enlisted.has(entry.chart)) (entry.chart.hooks.draw ??= []).push(dim, follow);
+    enlisted.add(entry.chart);
     return entry;
   };
+  let told = null;
+  const report = () => {
+    const input = document.querySelector("div:has(> .vs-looking) + div input");
+    if (!input) return;
+    const seen = document.hidden ? [] : [...document.querySelectorAll(".vs-plots")].filter(onScreen);
+    const tabs = seen.map((mark) => mark.dataset.plots).join(",");
+    if (told && told.input === input && told.tabs === tabs) return;
+    told = { input, tabs };
+    write(input, tabs + "#" + Math.random());
+  };
+  const onScreen = (mark) => {
+    const { width, height } = mark.closest("[data-dock-group]")?.getBoundingClientRect() ?? { width: 99, height: 99 };
+    return mark.checkVisibility() && width > 40 && height > 40;
+  };
+  document.addEventListener("visibilitychange", report);
+  for (const kind of ["pointerup", "keyup"]) document.addEventListener(kind, () => setTimeout(report, 50), true);
   let watched = null;
   const watch = () => {
     const points = (window.__viserTestpoints ??= {});
@@ -76,6 +107,7 @@ if (!window.vsmrcCommit) {
   watch();
   setInterval(() => {
     watch();
+    report();
     for (const { chart } of Object.values(window.__viserTestpoints?.uplots ?? {}))
       if (!chart.axes[0]._splits) chart.setSize({ width: chart.width, height: chart.height });
   }, 400);
@@ -165,6 +197,14 @@ div:has(> div > div > div > .vs-status) {{ overflow: visible !important; }}
 .vs-spinner {{ display: inline-block; width: 0.9em; height: 0.9em; margin-right: 0.6em; border-radius: 50%;
   border: 2px solid {css(ACCENT)}; border-top-color: transparent; animation: vs-turn 0.9s linear infinite; }}
 @keyframes vs-turn {{ to {{ transform: rotate(360deg); }} }}
+/* the field in which the script reports what is looked at */
+div:has(> .vs-looking), div:has(> .vs-looking) + div {{ display: none; }}
+.vs-plots {{ padding: 0 0.9em; font-size: 0.8em; }}
+.vs-plots:not(:empty) {{ padding-bottom: 0.5em; }}
+/* what is chosen above plots, side by side */
+form:has(.mantine-Select-root) > div > div {{ display: flex; }}
+form:has(.mantine-Select-root) > div > div > div {{ flex: 1 1 0; }}
+.vs-unlisted {{ display: none !important; }}
 .u-title {{ font-size: 0.85em !important; font-weight: 600; }}
 .u-legend {{ font-size: 0.72em !important; }}
 .u-legend .u-value, .u-legend th::after {{ display: none !important; }}

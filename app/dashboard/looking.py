@@ -1,0 +1,34 @@
+"""Who looks at which tabs of plots: viser's client does not tell, so the page's script reports it."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from html import escape
+
+import viser
+
+
+def marker_html(tab: str, text: str = "") -> str:
+    """What the script looks for: a tab counts as looked at while this is on the screen. text: HTML to show there."""
+    return f'<div class="vs-plots" data-plots="{escape(tab)}">{text}</div>'
+
+
+class Lookers:
+    """A text field that nobody sees, in which every page's script writes the tabs that are on its screen."""
+
+    def __init__(self, gui: viser.GuiApi) -> None:
+        gui.add_html('<i class="vs-looking"></i>')
+        self._field = gui.add_text("", "")
+        self._field.on_update(self._on_report)
+        self._tabs: dict[int, frozenset[str]] = {}
+
+    async def _on_report(self, event: viser.GuiEvent) -> None:
+        if event.client is not None:
+            names, _, _ = self._field.value.partition("#")  # behind it something that makes every report a new value
+            self._tabs[event.client.client_id] = frozenset(filter(None, names.split(",")))
+
+    def tabs(self, clients: Collection[int]) -> frozenset[str]:
+        """What anyone of those who are connected looks at."""
+        for gone in set(self._tabs) - set(clients):
+            self._tabs.pop(gone, None)
+        return frozenset().union(*self._tabs.values())
