@@ -28,18 +28,16 @@ class Spectrum:
         return Spectrum(self.frequency[begin], peaks)
 
 
-def amplitude_spectrum(t: np.ndarray, values: np.ndarray) -> Spectrum | None:
+def amplitude_spectrum(t: np.ndarray, values: np.ndarray) -> Spectrum:
     """Of values (N, n) at t (N,) s without their mean, with a flat-top window: right in amplitude at every frequency,
-    wide by some 4 / (t[-1] - t[0]) Hz. Only the last rows that are equally far apart count; None for less than 16.
+    wide by some 4 / (t[-1] - t[0]) Hz. Only the last rows that are equally far apart count; empty for fewer than 16.
     """
     steps = np.diff(t)
-    if len(steps) == 0:
-        return None
-    uneven = np.flatnonzero(np.abs(steps - steps[-1]) > STEADINESS * steps[-1])
+    uneven = np.flatnonzero(np.abs(steps - steps[-1:]) > STEADINESS * steps[-1:])
     values = values[uneven[-1] + 1 :] if len(uneven) else values
     count = len(values)
     if count < 16:
-        return None
+        return Spectrum(np.empty(0), np.empty((0, values.shape[1])))
     phase = 2 * np.pi * np.arange(count) / count
     window = np.cos(np.outer(phase, np.arange(len(_FLAT_TOP)))) @ np.array(_FLAT_TOP)
     weighted = window[:, None] * (values - values.mean(axis=0))

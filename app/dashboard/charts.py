@@ -1,8 +1,8 @@
 """A chart of the page: what it draws for a run, and the widget that draws it.
 
-Time runs to the right and ends at now; ahead of it stands the preview, which the page's script makes lighter. Window
-and horizon are in the data, whose first and last instants they are: the script moves the axis along, so that no chart
-is built anew and no zoom is lost.
+Time runs to the right and ends at now; ahead of it stands the preview, which the page's script makes lighter. The
+script also gives the axis its ends, which stand in the tab's marker (`looking.py`): new scales would build the chart
+anew and lose the user's zoom. uPlot takes no gaps from viser: what has no values must not be in the data.
 """
 
 from __future__ import annotations
@@ -26,7 +26,8 @@ Signals = Mapping[str, np.ndarray]
 BUCKETS = 170  # two points each: about what a plot has pixels for
 GREY: Rgb = (140, 140, 140)
 UNLISTED = "vs-unlisted"  # class of what the legend leaves out
-_NOTHING = np.full(2, np.nan)
+_NOTHING = np.array([0.01, 0.02])  # on a logarithmic axis, too
+_DOCK, _ENTRY, _LETTER = 366, 20, 6  # px: the width for a legend, and what its entries take
 _RULE = "rgba(128, 128, 128, 0.7)"  # seen on dark and on light
 
 
@@ -111,6 +112,12 @@ class Drawing:
     floor: float | None = None
     at_least: tuple[float, float] | None = None
 
+    def legend_rows(self, pinned: Sequence[str]) -> int:
+        """How many its entries take on the dock, about."""
+        compared = any(line.compared for line in self.lines)
+        names = ["s", *(line.name for line in self.lines if line.listed), *(pinned if compared else ())]
+        return -(-sum(_ENTRY + _LETTER * len(name) for name in names) // _DOCK)
+
     def y_scale(self) -> uplot.Scale:
         if self.floor is not None:
             return uplot.Scale(distr=3)
@@ -142,7 +149,7 @@ class Pinned:
 class Frame:
     """What all charts of one refresh draw from. now s: the instant that is zero on the axis; rows: signals up to now;
     pinned: signals of each pinned run, None for one of other coordinates, its times those of the shown run; ahead (N,)
-    s after now and foreseen: the preview, as far as `horizon` (s; 0 without one)."""
+    s after now and foreseen: the preview."""
 
     now: float
     window: float
@@ -151,50 +158,62 @@ class Frame:
     pinned: Sequence[Signals | None] = ()
     ahead: np.ndarray = field(default_factory=lambda: np.empty(0))
     foreseen: Signals | None = None
-    horizon: float = 0.0
 
-    @property
-    def x(self) -> np.ndarray:
-        """(N,) s from now: begin of the window, buckets, now, and the preview with its horizon."""
-        past = [[-self.window], np.clip(self.grid.times - self.now, -self.window, 0.0), [0.0]]
-        future = [self.ahead, [self.horizon]] if self.foreseen is not None else []
-        return np.concatenate(past + future)
+    def courses(self, lines: Sequence[Line]) -> tuple[np.ndarray, ...]:
+        """x (N,) s from now, then (N,) of each compared line of each pinned run, then of each line; no gaps in them.
 
-    def columns(self, lines: Sequence[Line]) -> np.ndarray:
-        """(len(lines), len(x)), nan where there is nothing."""
-        parts = [_past(self.grid, self.rows["t"], self.rows, lines)]
-        if self.foreseen is not None:
-            parts += [_values(self.foreseen, lines, ahead=True), _blank(lines)]
-        return np.concatenate(parts).T
+        The preview is there if every line knows what lies ahead. Where a pinned run is not, its line hides behind the
+        shown run's.
+        """
+        begins, past = _past(self.grid, self.rows, lines)
+        x = [np.clip(self.grid.times[begins:] - self.now, -self.window, 0.0), [0.0]]
+        columns = [past]
+        if self.foreseen is not None and all(line.foreseen for line in lines):
+            future = _values(self.foreseen, lines)
+            if np.isfinite(future).any(axis=0).all():
+                x.append(self.ahead)
+                columns.append(_bridged(future))
+        shown = np.concatenate(columns)
+        compared = [i for i, line in enumerate(lines) if line.compared]
+        grey = [
+            self._behind(pinned, [lines[i] for i in compared], shown[:, compared], begins) for pinned in self.pinned
+        ]
+        return np.concatenate(x), *(column for block in (*grey, shown) for column in block.T)
 
-    def compared(self, lines: Sequence[Line]) -> list[np.ndarray]:
-        """The same of every pinned run, for the lines that are compared."""
-        after = np.full((len(self.ahead) + 1, len(lines)), np.nan)[: None if self.foreseen is not None else 0]
-        found = []
-        for rows in self.pinned:
-            past = (
-                np.tile(_blank(lines), (2 * self.grid.count + 2, 1))
-                if rows is None
-                else _past(self.grid, rows["t"], rows, lines)
-            )
-            found.append(np.concatenate([past, after]).T)
-        return found
-
-
-def _past(grid: Grid, t: np.ndarray, rows: Signals, lines: Sequence[Line]) -> np.ndarray:
-    values = _values(rows, lines, ahead=False)
-    newest = values[-1:] if len(values) else _blank(lines)
-    return np.concatenate([_blank(lines), grid.thin(t, values), newest])
-
-
-def _values(rows: Signals, lines: Sequence[Line], *, ahead: bool) -> np.ndarray:
-    count = len(rows["t"])
-    columns = [line.values(rows) if line.foreseen or not ahead else np.full(count, np.nan) for line in lines]
-    return np.stack(columns, axis=1) if columns else np.empty((count, 0))
+    def _behind(self, rows: Signals | None, lines: Sequence[Line], shown: np.ndarray, begins: int) -> np.ndarray:
+        behind = np.full_like(shown, np.nan)
+        if rows is not None and len(rows["t"]):
+            own_begin, past = _past(self.grid, rows, lines)
+            first = max(own_begin, begins)
+            behind[first - begins : first - begins + len(past[first - own_begin :])] = past[first - own_begin :]
+            ends = self.grid.starts(rows["t"])
+            filled = int(np.flatnonzero(ends[:-1] < ends[1:])[-1]) if (ends[:-1] < ends[1:]).any() else -1
+            if filled < self.grid.count - 1:
+                behind[max(2 * (filled + 1) - begins, 0) :] = np.nan
+        return np.where(np.isnan(behind), shown, behind)
 
 
-def _blank(lines: Sequence[Line]) -> np.ndarray:
-    return np.full((1, len(lines)), np.nan)
+def _past(grid: Grid, rows: Signals, lines: Sequence[Line]) -> tuple[int, np.ndarray]:
+    """Which of the grid's points is the first with rows, and (points, lines) from there on, the newest row at last."""
+    values = _values(rows, lines)
+    starts = grid.starts(rows["t"])
+    filled = np.flatnonzero(starts[:-1] < starts[1:])
+    begins = 2 * int(filled[0]) if len(filled) else 2 * grid.count
+    return begins, _bridged(np.concatenate([grid.thin(rows["t"], values)[begins:], values[-1:]]))
+
+
+def _values(rows: Signals, lines: Sequence[Line]) -> np.ndarray:
+    return np.stack([line.values(rows) for line in lines], axis=1) if lines else np.empty((len(rows["t"]), 0))
+
+
+def _bridged(columns: np.ndarray) -> np.ndarray:
+    """(N, k) with a straight line over what is not known, as a chart would draw it; its ends go on level."""
+    points = np.arange(len(columns))
+    for column in columns.T:
+        known = np.isfinite(column)
+        if known.any() and not known.all():
+            column[~known] = np.interp(points[~known], points[known], column[known])
+    return columns
 
 
 class Chart:
@@ -204,6 +223,7 @@ class Chart:
         self._plot = plot
         self._adapted: object = None
         self._drawing: Drawing | None = None
+        self._legend_rows = 1
         self._handle = gui.add_uplot(
             (_NOTHING, _NOTHING),
             (uplot.Series(label=""), uplot.Series(label="")),
@@ -212,7 +232,13 @@ class Chart:
             padding=(10, 14, 0, 0),
         )
 
+    @property
+    def legend_rows(self) -> int:
+        """0 for a chart that is not there."""
+        return self._legend_rows
+
     def set_height(self, pixels: int) -> None:
+        """Without title and legend."""
         self._handle.height = pixels
 
     def draw(self, setup: Setup, pinned: Sequence[str], frame: Frame) -> None:
@@ -222,12 +248,14 @@ class Chart:
         drawing = self._drawing
         if drawing is None:
             return
-        data = _spectra(drawing, frame) if self._plot.spectral else _courses(drawing, frame)
-        if data is not None:
-            self._handle.data = data
+        x, *lines = _spectra(drawing, frame) if self._plot.spectral else frame.courses(drawing.lines)
+        if len(x) > 1:
+            floor = -np.inf if drawing.floor is None else drawing.floor
+            self._handle.data = (x, *(np.maximum(line, floor) for line in lines))
 
     def _adapt(self, drawing: Drawing | None, pinned: Sequence[str]) -> None:
         self._drawing = drawing
+        self._legend_rows = 0 if drawing is None else drawing.legend_rows(pinned)
         if self._handle.visible != (drawing is not None):
             self._handle.visible = drawing is not None
         if drawing is None:
@@ -257,11 +285,12 @@ class Chart:
 
     @property
     def _axis(self) -> str:
-        return "Hz" if self._plot.spectral else "s from now"
+        return "Hz" if self._plot.spectral else "s"
 
 
 def _axes(drawing: Drawing, *, spectral: bool) -> tuple[uplot.Axis, ...]:
-    x, y = uplot.Axis(size=34, space=60), uplot.Axis(size=60, space=26, ticks={"show": drawing.floor is None})
+    x = uplot.Axis(size=29, gap=3, space=60, ticks={"size": 5})
+    y = uplot.Axis(size=52, space=26, ticks={"show": drawing.floor is None, "size": 5}, gap=3)
     if spectral:
         return x, y
     grid: uplot.Axis_Grid = {"show": True, "stroke": _RULE, "width": 1, "dash": (3.0, 3.0)}
@@ -269,22 +298,7 @@ def _axes(drawing: Drawing, *, spectral: bool) -> tuple[uplot.Axis, ...]:
     return x, y, now
 
 
-def _courses(drawing: Drawing, frame: Frame) -> tuple[np.ndarray, ...]:
-    """Over time: x, the pinned runs' lines, the lines."""
-    compared = [line for line in drawing.lines if line.compared]
-    grey = [column for columns in frame.compared(compared) for column in columns]
-    rows = [*grey, *frame.columns(drawing.lines)]
-    return frame.x, *(_on_axis(drawing, row) for row in rows)
-
-
-def _spectra(drawing: Drawing, frame: Frame) -> tuple[np.ndarray, ...] | None:
-    """Over frequency, of the whole window; None while there is too little."""
-    spectrum = amplitude_spectrum(frame.rows["t"], _values(frame.rows, drawing.lines, ahead=False))
-    if spectrum is None:
-        return None
-    spectrum = spectrum.thinned(2 * BUCKETS)
-    return spectrum.frequency, *(_on_axis(drawing, row) for row in spectrum.amplitude.T)
-
-
-def _on_axis(drawing: Drawing, row: np.ndarray) -> np.ndarray:
-    return row if drawing.floor is None else np.maximum(row, drawing.floor)
+def _spectra(drawing: Drawing, frame: Frame) -> tuple[np.ndarray, ...]:
+    """Frequencies, Hz, then the amplitudes of each line over the whole window."""
+    spectrum = amplitude_spectrum(frame.rows["t"], _values(frame.rows, drawing.lines)).thinned(2 * BUCKETS)
+    return spectrum.frequency, *spectrum.amplitude.T

@@ -8,9 +8,11 @@ from html import escape
 import viser
 
 
-def marker_html(tab: str, text: str = "") -> str:
-    """What the script looks for: a tab counts as looked at while this is on the screen. text: HTML to show there."""
-    return f'<div class="vs-plots" data-plots="{escape(tab)}">{text}</div>'
+def marker_html(tab: str, window: float = 0.0, ahead: float = 0.0, text: str = "") -> str:
+    """What the script looks for: a tab counts as looked at while this is on the screen. window, ahead: the time axes go
+    from so many s before now to so many after it. text: HTML to show there."""
+    ends = f'data-from="{-window:g}" data-to="{ahead:g}"'
+    return f'<div class="vs-plots" data-plots="{escape(tab)}" {ends}>{text}</div>'
 
 
 class Lookers:

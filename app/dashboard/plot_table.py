@@ -27,7 +27,7 @@ class Tab:
 
     plots: tuple[Plot, ...]
     choosers: tuple[Chooser, ...] = ()
-    note: Callable[[Snapshot], str] = lambda _: ""
+    note: Callable[[Snapshot], str] | None = None
 
 
 def column(signal: str, index: int = 0, factor: float = 1.0) -> Values:
@@ -191,7 +191,7 @@ def _reaching(_: Setup) -> Drawing:
         Line("(20) + sampling", BOUND, total(bound, band), dashed=True, width=1.4),
         Line("‖s‖", color(0), column("s_norm", 0, 1e3), compared=True),
     ]
-    return Drawing("sliding variable  ‖s‖  [mm/s]", lines, floor=1e-2)
+    return Drawing("sliding variable  ‖s‖  [mm/s]", lines, floor=0.1)
 
 
 def _lyapunov(_: Setup) -> Drawing:
@@ -200,7 +200,7 @@ def _lyapunov(_: Setup) -> Drawing:
         Line("(24) + sampling", BOUND, column("V_band", 0, 1e3), dashed=True, width=1.4),
         Line("V", color(0), column("V", 0, 1e3)),
     ]
-    return Drawing("Lyapunov function  V = ½ sᵀH s  [mJ]", lines, floor=1e-7)
+    return Drawing("Lyapunov function  V = ½ sᵀH s  [mJ]", lines, floor=1e-3)
 
 
 def _components(setup: Setup) -> Drawing:
@@ -234,7 +234,7 @@ def _guarantee(_: Setup) -> Drawing:
     lines, areas = needed_stack()
     lines += [
         Line("d", DESIRED, column("d"), width=2.4),
-        Line("real perturbation", MEASURED, column("perturbation"), width=2.0),
+        Line("real perturbation", ACCENT, column("perturbation"), width=2.0),
     ]
     return Drawing("d  over what (17) needs for each cause  [N]", lines, areas, at_least=(0.0, 1.0))
 
@@ -242,7 +242,7 @@ def _guarantee(_: Setup) -> Drawing:
 def _perturbation(_: Setup) -> Drawing:
     parts = (("inertia", 0), ("coriolis", 1), ("gravity", 2), ("disturbance", 4))
     lines = [Line(CAUSES[i], color(i), column(name)) for name, i in parts]
-    lines.append(Line("all together", MEASURED, column("perturbation"), width=2.0))
+    lines.append(Line("together", ACCENT, column("perturbation"), width=2.0))
     return Drawing("real perturbation, cause by cause  [N]", lines, at_least=(0.0, 1.0))
 
 
@@ -268,7 +268,7 @@ def torque_stack(joint: int) -> tuple[list[Line], list[Area]]:
 
 def _terms(setup: Setup) -> Drawing:
     lines, areas = torque_stack(setup.joint)
-    lines.append(Line("τ", MEASURED, column("tau", setup.joint), width=2.0))
+    lines.append(Line("τ", ACCENT, column("tau", setup.joint), width=2.0))
     return Drawing(f"terms of  τ{symbol(f'_{setup.joint + 1}')}  (25)  [N·m]", lines, areas)
 
 
@@ -281,7 +281,7 @@ def _robust_terms(setup: Setup) -> Drawing:
 
 
 def _spectrum(setup: Setup) -> Drawing:
-    return Drawing("amplitude spectrum of  τ  [N·m]", _torques(setup).lines, floor=1e-6)
+    return Drawing("amplitude spectrum of  τ  [N·m]", _torques(setup).lines, floor=1e-3)
 
 
 def _variation(setup: Setup) -> Drawing:
@@ -305,7 +305,7 @@ def _residuals(setup: Setup) -> Drawing:
 
 def _residual(_: Setup) -> Drawing:
     lines = [*_phases()[:2], Line("‖left − right side of (8)‖", color(0), norm("residual"))]
-    return Drawing("its norm  [N]", lines, floor=1e-4)
+    return Drawing("norm of the residual  [N]", lines, floor=1e-3)
 
 
 def _reaching_note(snapshot: Snapshot) -> str:

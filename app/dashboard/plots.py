@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,6 +19,7 @@ from app.thinning import Grid
 
 WINDOWS = {"2 s": 2.0, "4 s": 4.0, "8 s": 8.0, "20 s": 20.0, "60 s": 60.0}
 WINDOW = "8 s"
+ABOVE, NOTE, AROUND, LEGEND, LEAST, MOST = 124, 20, 36, 18, 90, 400  # px
 _NONE: str = "–"
 FORESEEN_EVERY = 4  # of a preview's instants, one in so many is examined in hindsight
 
@@ -67,7 +68,7 @@ class Plots:
         if len(frame.rows["t"]) < 2:
             return
         for title in stale:
-            self._tabs[title].show(snapshot, setup, [p.name for p in shown.pinned], frame, shown.window)
+            self._tabs[title].show(snapshot, setup, shown, frame)
             self._drawn[title] = drawn
 
     def _frame(self, snapshot: Snapshot, shown: Shown) -> Frame:
@@ -84,7 +85,7 @@ class Plots:
         # a run that begins anew is another one: the arm of this one tells nothing of it
         openings = np.arange(0, 0 if outlook.restarts else len(outlook.ahead), FORESEEN_EVERY)
         foreseen = self._hindsight.foreseen(outlook.signals, outlook.epochs, openings)
-        return Frame(shown.now, shown.window, grid, known, pinned, outlook.ahead, foreseen, shown.horizon)
+        return Frame(shown.now, shown.window, grid, known, pinned, outlook.ahead, foreseen)
 
     def fit(self, page_height: int) -> None:
         """Share the height of the page among the plots of a tab."""
@@ -117,6 +118,7 @@ class _TabView:
             chooser.on_update(self._on_choice)
         self._note = gui.add_html(marker_html(title))
         self._charts = [Chart(gui, plot) for plot in tab.plots]
+        self._page_height = 0
 
     async def _on_window(self, event: viser.GuiEvent) -> None:
         if event.client is not None:
@@ -127,21 +129,30 @@ class _TabView:
             for chooser, widget in self._choosers.items():
                 self._chosen[chooser] = widget.options.index(widget.value)
 
-    def show(self, snapshot: Snapshot, setup: Setup, pinned: Sequence[str], frame: Frame, window: float) -> None:
-        self._window.value = next(name for name, seconds in WINDOWS.items() if seconds == window)
+    def show(self, snapshot: Snapshot, setup: Setup, shown: Shown, frame: Frame) -> None:
+        self._window.value = next(name for name, seconds in WINDOWS.items() if seconds == shown.window)
         for chooser, widget in self._choosers.items():
             names, number = _choices(chooser, setup)
             if widget.options != names:
                 widget.options = names
             widget.value = names[number]
-        self._note.content = marker_html(self._title, self._tab.note(snapshot))
+        ahead = 0.0 if shown.outlook is None else shown.horizon
+        self._note.content = marker_html(
+            self._title, shown.window, ahead, self._tab.note(snapshot) if self._tab.note else ""
+        )
         for chart in self._charts:
-            chart.draw(setup, pinned, frame)
+            chart.draw(setup, [p.name for p in shown.pinned], frame)
+        self._share()
 
     def fit(self, page_height: int) -> None:
-        count = len(self._charts)
+        self._page_height = page_height
+        self._share()
+
+    def _share(self) -> None:
+        rows = [chart.legend_rows for chart in self._charts if chart.legend_rows]
+        rest = self._page_height - ABOVE - (NOTE if self._tab.note else 0) - LEGEND * sum(rows) - AROUND * len(rows)
         for chart in self._charts:
-            chart.set_height(int(min(max((page_height - 150) / count - 66, 96), 320)))
+            chart.set_height(min(max(rest // max(len(rows), 1), LEAST), MOST))
 
 
 def _choices(chooser: Chooser, setup: Setup) -> tuple[tuple[str, ...], int]:

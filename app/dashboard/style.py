@@ -1,9 +1,8 @@
 """The style sheet and the one script of the page, injected as HTML.
 
 uPlot now and then does not lay out the time axis of a chart that is made with its data; the script asks it again. It
-also draws previews lighter: viser passes no function to uPlot, and no gap in a line. And when the first or last instant
-of a chart's data moves, since another window is chosen or a preview begins, its axis follows, unless the user has
-zoomed in: new scales from the server would build the chart anew.
+also draws previews lighter: viser passes no function to uPlot, and no gap in a line. And it gives time axes the ends
+that stand in their tab's marker, unless the user has zoomed in: new scales from the server would build a chart anew.
 
 It tells the server which tabs of plots are on the screen (`looking.py`).
 
@@ -64,15 +63,19 @@ if (!window.vsmrcCommit) {
     plot.ctx.fillRect(from + 1, top, left + width - from, height);
     plot.ctx.restore();
   };
-  const homes = new WeakMap();
+  const homes = new WeakMap(), near = (a, b) => Math.abs(a - b) < 1e-6 * (1 + Math.abs(b));
+  const markOf = (node) => node && (node.querySelector(".vs-plots") ?? markOf(node.parentElement));
+  const ends = (plot) => {
+    const x = plot.data[0], mark = plot.scales.x.distr === 1 ? markOf(plot.root) : null;
+    return mark ? [Number(mark.dataset.from), Number(mark.dataset.to)] : [x[0], x[x.length - 1]];
+  };
   const follow = (plot) => {
-    const instants = plot.data[0], home = [instants[0], instants[instants.length - 1]], last = homes.get(plot);
+    const home = ends(plot), at = [plot.scales.x.min, plot.scales.x.max], x = plot.data[0];
+    const is = (span) => !span || (near(at[0], span[0]) && near(at[1], span[1]));
+    const free = is(homes.get(plot)) || is([x[0], x[x.length - 1]]);
     if (!(home[0] < home[1])) return;
     homes.set(plot, home);
-    const { min, max } = plot.scales.x, near = (a, b) => Math.abs(a - b) < 1e-6 * (1 + Math.abs(b));
-    const moved = !last || !near(last[0], home[0]) || !near(last[1], home[1]);
-    const zoomed = last && !(near(min, last[0]) && near(max, last[1]));
-    if (moved && !zoomed) setTimeout(() => plot.setScale("x", { min: home[0], max: home[1] }));
+    if (free && !is(home)) setTimeout(() => plot.setScale("x", { min: home[0], max: home[1] }));
   };
   const enlisted = new WeakSet();
   const enlist = (entry) => {
@@ -108,8 +111,10 @@ if (!window.vsmrcCommit) {
   setInterval(() => {
     watch();
     report();
-    for (const { chart } of Object.values(window.__viserTestpoints?.uplots ?? {}))
+    for (const { chart } of Object.values(window.__viserTestpoints?.uplots ?? {})) {
       if (!chart.axes[0]._splits) chart.setSize({ width: chart.width, height: chart.height });
+      follow(chart);
+    }
   }, 400);
   document.addEventListener("focusout", (e) => { const i = field(e); if (i) commit(i, i.value); }, true);
 
@@ -200,10 +205,14 @@ div:has(> div > div > div > .vs-status) {{ overflow: visible !important; }}
 /* the field in which the script reports what is looked at */
 div:has(> .vs-looking), div:has(> .vs-looking) + div {{ display: none; }}
 .vs-plots {{ padding: 0 0.9em; font-size: 0.8em; }}
-.vs-plots:not(:empty) {{ padding-bottom: 0.5em; }}
-/* what is chosen above plots, side by side */
-form:has(.mantine-Select-root) > div > div {{ display: flex; }}
-form:has(.mantine-Select-root) > div > div > div {{ flex: 1 1 0; }}
+.vs-plots:not(:empty) {{ padding: 0.1em 0.9em 0; }}
+/* two even rows of tabs, and what is chosen above plots side by side */
+[data-dock-group]:has(.vs-plots) [data-dock-tab] {{ flex: 1 0 24%; padding: 0 !important; justify-content: center; }}
+form:has(+ div > .vs-plots) {{ display: flex; gap: 0.4em; margin: -0.2em 0 -0.5em 0; }}
+form:has(+ div > .vs-plots) > div {{ flex: 1 1 auto; padding-inline: 0.7em !important; }}
+form:has(+ div > .vs-plots) > div:first-of-type:not(:last-of-type) {{ flex: 0 0 9.5em; }}
+form:has(+ div > .vs-plots) .mantine-Flex-root > div:first-child {{ width: auto !important; }}
+form:has(+ div > .vs-plots) input {{ text-align: left !important; }}
 .vs-unlisted {{ display: none !important; }}
 .u-title {{ font-size: 0.85em !important; font-weight: 600; }}
 .u-legend {{ font-size: 0.72em !important; }}
