@@ -42,6 +42,7 @@ def amplitude_spectrum(t: np.ndarray, values: np.ndarray) -> Spectrum:
     window = np.cos(np.outer(phase, np.arange(len(_FLAT_TOP)))) @ np.array(_FLAT_TOP)
     weighted = window[:, None] * (values - values.mean(axis=0))
     amplitude = 2.0 * np.abs(np.fft.rfft(weighted, axis=0)) / window.sum()
+    amplitude[-3:] /= 2.0  # what alternates from sample to sample is its own mirror image, not one of two
     return Spectrum(np.fft.rfftfreq(count, steps[-1])[1:], amplitude[1:])
 
 

@@ -28,6 +28,7 @@ GREY: Rgb = (140, 140, 140)
 UNLISTED = "vs-unlisted"  # class of what the legend leaves out
 _NOTHING = np.array([0.01, 0.02])  # on a logarithmic axis, too
 _DOCK, _ENTRY, _LETTER = 366, 20, 6  # px: the width for a legend, and what its entries take
+_FOOT, _HEAD = ({"pad": 0.0, "hard": end, "soft": end, "mode": 1} for end in (0.0, 1.0))
 _RULE = "rgba(128, 128, 128, 0.7)"  # seen on dark and on light
 
 
@@ -115,7 +116,7 @@ class Drawing:
     def legend_rows(self, pinned: Sequence[str]) -> int:
         """How many its entries take on the dock, about."""
         compared = any(line.compared for line in self.lines)
-        names = ["s", *(line.name for line in self.lines if line.listed), *(pinned if compared else ())]
+        names = ["t [s]", *(line.name for line in self.lines if line.listed), *(pinned if compared else ())]
         return -(-sum(_ENTRY + _LETTER * len(name) for name in names) // _DOCK)
 
     def y_scale(self) -> uplot.Scale:
@@ -224,6 +225,7 @@ class Chart:
         self._adapted: object = None
         self._drawing: Drawing | None = None
         self._legend_rows = 1
+        self._lowest: list[float] = []
         self._handle = gui.add_uplot(
             (_NOTHING, _NOTHING),
             (uplot.Series(label=""), uplot.Series(label="")),
@@ -250,8 +252,7 @@ class Chart:
             return
         x, *lines = _spectra(drawing, frame) if self._plot.spectral else frame.courses(drawing.lines)
         if len(x) > 1:
-            floor = -np.inf if drawing.floor is None else drawing.floor
-            self._handle.data = (x, *(np.maximum(line, floor) for line in lines))
+            self._handle.data = (x, *(np.maximum(line, low) for line, low in zip(lines, self._lowest, strict=True)))
 
     def _adapt(self, drawing: Drawing | None, pinned: Sequence[str]) -> None:
         self._drawing = drawing
@@ -267,6 +268,8 @@ class Chart:
             for line in compared
         ]
         first = 1 + len(grey)
+        floor = -np.inf if drawing.floor is None else drawing.floor
+        self._lowest = [floor] * len(grey) + [-np.inf if line.backdrop else floor for line in drawing.lines]
         series = (uplot.Series(label=self._axis), *grey, *(line.series() for line in drawing.lines))
         handle = self._handle
         handle.data = tuple(_NOTHING for _ in series)
@@ -279,13 +282,13 @@ class Chart:
         handle.scales = {
             "x": uplot.Scale(time=False, range=(None, None), distr=3 if self._plot.spectral else 1),
             "y": drawing.y_scale(),
-            "backdrop": uplot.Scale(range=(0.0, 1.0)),
+            "backdrop": uplot.Scale(range={"min": _FOOT, "max": _HEAD}),
         }
         handle.axes = _axes(drawing, spectral=self._plot.spectral)
 
     @property
     def _axis(self) -> str:
-        return "Hz" if self._plot.spectral else "s"
+        return "Hz" if self._plot.spectral else "t [s]"
 
 
 def _axes(drawing: Drawing, *, spectral: bool) -> tuple[uplot.Axis, ...]:

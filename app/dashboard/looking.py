@@ -16,18 +16,23 @@ def marker_html(tab: str, window: float = 0.0, ahead: float = 0.0, text: str = "
 
 
 class Lookers:
-    """A text field that nobody sees, in which every page's script writes the tabs that are on its screen."""
+    """Text fields that nobody sees, in one of which every page's script writes the tabs that are on its screen. There
+    are several since a collapsed panel takes its own away."""
 
-    def __init__(self, gui: viser.GuiApi) -> None:
-        gui.add_html('<i class="vs-looking"></i>')
-        self._field = gui.add_text("", "")
-        self._field.on_update(self._on_report)
+    def __init__(self) -> None:
         self._tabs: dict[int, frozenset[str]] = {}
 
-    async def _on_report(self, event: viser.GuiEvent) -> None:
-        if event.client is not None:
-            names, _, _ = self._field.value.partition("#")  # behind it something that makes every report a new value
-            self._tabs[event.client.client_id] = frozenset(filter(None, names.split(",")))
+    def add_field(self, gui: viser.GuiApi) -> None:
+        """One more, in the current container."""
+        gui.add_html('<i class="vs-looking"></i>')
+        field = gui.add_text("", "")
+
+        async def on_report(event: viser.GuiEvent) -> None:
+            if event.client is not None:
+                names, _, _ = field.value.partition("#")  # behind it something that makes every report a new value
+                self._tabs[event.client.client_id] = frozenset(filter(None, names.split(",")))
+
+        field.on_update(on_report)
 
     def tabs(self, clients: Collection[int]) -> frozenset[str]:
         """What anyone of those who are connected looks at."""

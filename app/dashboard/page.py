@@ -109,7 +109,9 @@ class _View:
         desk = Desk(server.gui, runner.post, lambda: runner.snapshot, self._whatif, self.complain)
         self._playback = Playback(desk)
         self._whatif_panel = WhatIfPanel(desk)
-        self._plots, self._lookers = Plots(server.gui), Lookers(server.gui)
+        self._lookers = Lookers()
+        self._lookers.add_field(server.gui)
+        self._plots = Plots(server.gui, self._lookers)
         self._plots_due = 0.0
         tabs = server.gui.add_tab_group()
         self._panels: list[Panel] = []
@@ -166,9 +168,9 @@ class _View:
     def _plot(self, snapshot: Snapshot, now: float) -> None:
         whatif, looked_at = self._whatif, self._lookers.tabs(self._server.get_clients())
         shown = Shown(snapshot.t, self._plots.window, outlook=whatif.outlook, horizon=whatif.horizon)
-        began = time.monotonic()
+        began = time.thread_time()
         self._plots.show(snapshot, shown, looked_at)
-        self._plots_due = now + (time.monotonic() - began) / PLOTTING
+        self._plots_due = now + (time.thread_time() - began) / PLOTTING
 
     def _fit(self) -> None:
         heights = [client.camera.image_height for client in self._server.get_clients().values()]

@@ -116,7 +116,7 @@ def _followed(setup: Setup) -> Drawing:
         Line("desired", DESIRED, column("r_d", i, factor), dashed=True, width=2.0),
         Line("actual", MEASURED, column("r", i, factor), compared=True),
     ]
-    return Drawing(f"{name}  against what is desired  [{unit}]", lines, at_least=(-0.01, 0.01))
+    return Drawing(f"{name}  against what is desired  [{unit}]", lines)
 
 
 def _force(setup: Setup) -> Drawing:

@@ -10,7 +10,7 @@ import viser
 
 from app.dashboard.charts import BUCKETS, Chart, Frame, Pinned, Setup, Signals
 from app.dashboard.equation import symbol
-from app.dashboard.looking import marker_html
+from app.dashboard.looking import Lookers, marker_html
 from app.dashboard.plot_table import LEAD, TABS, Chooser, Tab
 from app.hindsight import Hindsight
 from app.preview import Outlook
@@ -19,7 +19,7 @@ from app.thinning import Grid
 
 WINDOWS = {"2 s": 2.0, "4 s": 4.0, "8 s": 8.0, "20 s": 20.0, "60 s": 60.0}
 WINDOW = "8 s"
-ABOVE, NOTE, AROUND, LEGEND, LEAST, MOST = 124, 20, 36, 18, 90, 400  # px
+ABOVE, NOTE, AROUND, LEGEND, LEAST, MOST = 134, 20, 36, 18, 90, 400  # px
 _NONE: str = "–"
 FORESEEN_EVERY = 4  # of a preview's instants, one in so many is examined in hindsight
 
@@ -39,7 +39,7 @@ class Shown:
 class Plots:
     """window, and the coordinate and joint that are chosen, belong to the page."""
 
-    def __init__(self, gui: viser.GuiApi) -> None:
+    def __init__(self, gui: viser.GuiApi, lookers: Lookers) -> None:
         self.window = WINDOWS[WINDOW]
         self._chosen: dict[Chooser, int] = {"coordinate": 0, "joint": 0}
         panel = gui.add_panel()
@@ -47,6 +47,7 @@ class Plots:
         for title, tab in TABS.items():
             with panel.add_tab(title):
                 self._tabs[title] = _TabView(gui, title, tab, self._choose_window, self._chosen)
+                lookers.add_field(gui)
         panel.dock_left()
         panel.set_width(400)
         self._hindsight: Hindsight | None = None

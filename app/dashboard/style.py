@@ -67,7 +67,8 @@ if (!window.vsmrcCommit) {
   const markOf = (node) => node && (node.querySelector(".vs-plots") ?? markOf(node.parentElement));
   const ends = (plot) => {
     const x = plot.data[0], mark = plot.scales.x.distr === 1 ? markOf(plot.root) : null;
-    return mark ? [Number(mark.dataset.from), Number(mark.dataset.to)] : [x[0], x[x.length - 1]];
+    // over frequency with room beside the last one, at which chattering is
+    return mark ? [Number(mark.dataset.from), Number(mark.dataset.to)] : [x[0], 1.2 * x[x.length - 1]];
   };
   const follow = (plot) => {
     const home = ends(plot), at = [plot.scales.x.min, plot.scales.x.max], x = plot.data[0];
@@ -79,8 +80,11 @@ if (!window.vsmrcCommit) {
   };
   const enlisted = new WeakSet();
   const enlist = (entry) => {
-    if (!enlisted.has(entry.chart)) (entry.chart.hooks.draw ??= []).push(dim, follow);
-    enlisted.add(entry.chart);
+    const { chart } = entry;
+    if (!enlisted.has(chart)) (chart.hooks.draw ??= []).push(dim, follow);
+    // uPlot writes 0 for what is below 0.001
+    if (chart.scales.y?.distr === 3) chart.axes[1].values = (_, at) => at.map((v) => (v === null ? "" : `${v}`));
+    enlisted.add(chart);
     return entry;
   };
   let told = null;
@@ -214,6 +218,9 @@ form:has(+ div > .vs-plots) > div:first-of-type:not(:last-of-type) {{ flex: 0 0 
 form:has(+ div > .vs-plots) .mantine-Flex-root > div:first-child {{ width: auto !important; }}
 form:has(+ div > .vs-plots) input {{ text-align: left !important; }}
 .vs-unlisted {{ display: none !important; }}
+/* an enlarged plot is made with its data and out of the script's reach: another width has uPlot lay out its axes */
+.mantine-Modal-body .uplot-container {{ animation: vs-settle 0.4s; }}
+@keyframes vs-settle {{ from {{ width: 97%; }} }}
 .u-title {{ font-size: 0.85em !important; font-weight: 600; }}
 .u-legend {{ font-size: 0.72em !important; }}
 .u-legend .u-value, .u-legend th::after {{ display: none !important; }}
