@@ -40,7 +40,7 @@ def test_thinning_keeps_a_spike_of_one_sample_and_the_direction_of_a_ramp():
     t = np.arange(8000) * 1e-3
     spike = np.where(t == t[4711], 1.0, 0.0)
     thinned = Grid.over(0.0, 8.0, BUCKETS).thin(t, np.stack([spike, t, -t], axis=1))
-    assert thinned[:, 0].max() == 1.0
+    assert np.nanmax(thinned[:, 0]) == 1.0
     assert len(thinned) <= 2 * BUCKETS + 2
     inside = np.isfinite(thinned[:, 1])
     assert np.all(np.diff(thinned[inside, 1]) > 0)
@@ -115,7 +115,7 @@ def test_stacks_add_up_to_what_they_are_of(hybrid: ClosedLoop):
     assert areas[-1].upper == len(lines) - 1
 
 
-@pytest.mark.parametrize("name", ["ur5-hybrid", "ur5-constrained", "planar3r-hybrid"])
+@pytest.mark.parametrize("name", ["ur5-hybrid", "ur5-constrained"])
 def test_the_perturbation_is_what_moves_s_besides_the_law(name: str):
     """(22) in joint space, by the acceleration that the true arm had: an independent way to the same vector."""
     loop = ran(edited(edited(shipped()[name], "truth.viscous", 0.4), "truth.payload_mass", 0.3), 0.4)
@@ -180,7 +180,7 @@ def test_predicted_steady_force_is_where_the_force_settles():
 
 
 def test_reaching_and_sliding_phases_and_their_marks():
-    watching = edited(shipped()["ur5-hybrid"], "controller.on_change", "watch")
+    watching = edited(edited(shipped()["ur5-hybrid"], "controller.on_change", "watch"), "controller.F_1", 60.0)
     loop = ran(watching, 0.5)
     loop.edit(edited(watching, "force.value", 60.0))
     began = loop.t
@@ -244,12 +244,12 @@ def test_rotations_are_shown_as_angles(hybrid: ClosedLoop):
 
 def test_a_pinned_run_is_laid_on_the_shown_ones_time_and_hides_where_it_has_no_values(hybrid: ClosedLoop):
     rows = hybrid.recording.stretch()
-    late = {name: values[:400] + (0.3 if name == "t" else 0.0) for name, values in rows.items()}
-    line = Line("t", (0, 0, 0), column("t"), compared=True)
+    late = {"t": rows["t"][:400] + 0.3, "sigma_min": 7.0 + rows["t"][:400]}
+    line = Line("", (0, 0, 0), column("sigma_min"), compared=True)
     frame = Frame(1.0, 1.0, Grid.over(0.0, 1.0, 100), rows, (late,))
     x, pinned, shown = frame.courses([line])
     inside = (x > -0.69) & (x < -0.31)
-    np.testing.assert_allclose(pinned[inside] - shown[inside], 0.3, atol=1e-9)
+    np.testing.assert_allclose(pinned[inside], 7.0 + 0.7 + x[inside], atol=0.01)
     outside = (x < -0.71) | (x > -0.29)
     np.testing.assert_array_equal(pinned[outside], shown[outside])
 
