@@ -29,7 +29,8 @@ MODES = {
     "planar2r": "planar2r-semicircle",
     "planar3r": "planar3r-hybrid",
 }
-TABS = ("Task", "Model", "Controller", "World", "Robot", "Torque")
+PLOTS = ("Tracking", "Force", "Sliding", "Guarantee", "Torque", "Chattering", "Residual")
+TABS = ("Task", "Model", "Controller", "World", "Robot", *PLOTS)
 SIZES = ((1280, 720), (1920, 1080))
 SETTLED = 6.0  # s of simulated time
 

@@ -71,6 +71,4 @@ def test_nothing_is_drawn_for_a_page_that_nobody_sees(session: Session):
     page.wait_for_timeout(1500)
     assert page.evaluate(DRAWN, 1500) == [0, 0]
     page.evaluate("delete document.hidden; document.dispatchEvent(new Event('visibilitychange'))")
-    page.wait_for_function(
-        f"() => {{ const old = (window.vsOld ??= {SHOWN}[0].data); return {SHOWN}[0].data !== old; }}"
-    )
+    page.wait_for_function(f"(window.vsOld ??= {SHOWN}[0].data) !== {SHOWN}[0].data")
