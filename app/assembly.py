@@ -162,7 +162,7 @@ def _assemble(scenario: Scenario, previous: System | None) -> System:
     surface = _surface_in_use(scenario, robot, nominal, previous)
     plant = Plant(
         robot,
-        _truth(scenario, robot.n),
+        truth_of(scenario, robot.n),
         surface,
         scenario.contact.kind,
         Contact(*(getattr(scenario.contact, f) for f in Contact._fields)),
@@ -308,7 +308,8 @@ def _robot(scenario: Scenario) -> Robot:
     )
 
 
-def _truth(scenario: Scenario, n: int) -> Truth:
+def truth_of(scenario: Scenario, n: int) -> Truth:
+    """How the true arm of n joints differs from the nominal one. Raises ScenarioError."""
     t = scenario.truth
     scaling = (
         np.broadcast_to(np.array(t.link_scaling, dtype=float), (n,))

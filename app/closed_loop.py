@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from app.assembly import System, assemble
 from app.control_period import Alarm, Limits, Period, Setting, complete_row, control_period
-from app.recording import Recording
+from app.recording import Epoch, Recording
 from app.sampled_loop import contact_loop_radius
 from app.scenario import Scenario
 from controllers.bounds import InertiaRange
@@ -97,6 +97,9 @@ class ClosedLoop:
         loop.certificate, loop.s_since, loop.reaching_time = state.certificate, state.s_since, state.reaching_time
         loop.stopped, loop.warning = state.stopped, state.warning
         loop._setting = Record(loop._setting_of(loop.system)).data
+        reached = None if state.reaching_time is None else state.s_since + state.reaching_time
+        model = loop.system.law.model
+        loop.recording.epochs[-1] = Epoch(state.s_since, state.scenario, model, state.certificate, reached)
         return loop
 
     def state(self) -> LoopState:
@@ -236,6 +239,7 @@ class ClosedLoop:
             law.epsilon * law.switching.kept,
             V_0=float(0.5 * s @ H_high @ s),
         )
+        self.recording.epochs.append(Epoch(self.t, system.scenario, law.model, self.certificate))
         self.warning = self._force_loop_warning(estimate, task) or self._contact_loop_warning()
         self.s_since = self.t
         self._period.data["reached"] = False
@@ -306,6 +310,8 @@ class ClosedLoop:
         period, rules, arm = self._period.read(), self.system.scenario.simulation, self._arm.read()
         if Alarm.REACHED in alarms:
             self.reaching_time = self.t - self.s_since
+            epochs = self.recording.epochs
+            epochs[-1] = replace(epochs[-1], reached=self.t)
         if Alarm.NOT_FINITE in alarms:
             self._left("stop", "the state is no longer finite: the loop diverged")
         elif Alarm.PULLING in alarms and self.t > 0.0:

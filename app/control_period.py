@@ -224,6 +224,7 @@ def _write_row(row, t, arm, period):
     i = _put(row, i, terms.linear)
     i = _put(row, i, terms.switching)
     i = _put(row, i, output.tau)
+    i = _put(row, i, output.equivalent.q_ddot)
     causes = (needed.inertia, needed.coriolis, needed.gravity, needed.task_motion, needed.disturbance, needed.epsilon)
     for cause in causes:
         row[i] = cause

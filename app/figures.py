@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 Rgb = tuple[int, int, int]
 Format = Literal["svg", "pdf", "png"]
 
-TIME = "t [s]"
+TIME, FREQUENCY = "t [s]", "frequency [Hz]"
 SINGLE, DOUBLE = 3.5, 7.16  # in, a journal's column and its page
 ONE_COLUMN = 4  # charts, more of which stand in two columns
 AXES_HEIGHT, LEFT, RIGHT, BELOW, GAP, MARGIN = 0.95, 0.52, 0.08, 0.2, 0.05, 0.06  # in
@@ -58,7 +58,8 @@ _STYLE: dict[Any, Any] = {
 
 @dataclass(frozen=True)
 class Curve:
-    """One line. color as on the dark page; x, y (N,) in the units of the chart's labels; width in points."""
+    """One line. color as on the dark page; x, y (N,) in the units of the chart's labels; width in points; listed:
+    in the legend."""
 
     name: str
     color: Rgb
@@ -66,15 +67,27 @@ class Curve:
     y: np.ndarray
     dashed: bool = False
     width: float = 1.0
+    listed: bool = True
+
+
+@dataclass(frozen=True)
+class Area:
+    """Filled between two of a chart's curves, counted from 0, which have the same x."""
+
+    upper: int
+    lower: int
+    color: Rgb
 
 
 @dataclass(frozen=True)
 class Chart:
-    """Axes with curves. at_least: this range of y is in view whatever the curves do."""
+    """Axes with curves, the legend naming those that are listed. at_least: this range of y is in view whatever the
+    curves do. Over `FREQUENCY` the horizontal axis is logarithmic."""
 
     title: str
     unit: str
     curves: tuple[Curve, ...]
+    areas: tuple[Area, ...] = ()
     x_label: str = TIME
     logarithmic: bool = False
     at_least: tuple[float, float] | None = None
@@ -182,16 +195,29 @@ def _footer(chart: Chart, following: Chart | None) -> float:
 
 
 def _legend_rows(chart: Chart, width: float) -> int:
-    longest = max((len(curve.name) for curve in chart.curves), default=1)
-    beside = max(int(width / (longest / LETTERS + HANDLE)), 1)
-    return -(-len(chart.curves) // beside)
+    names = [curve.name for curve in chart.curves if curve.listed]
+    beside = max(int(width / (max(map(len, names), default=1) / LETTERS + HANDLE)), 1)
+    return -(-len(names) // beside)
 
 
 def _draw(axes: Axes, chart: Chart, width: float, *, labelled: bool) -> None:
+    for area in chart.areas:
+        upper, lower = chart.curves[area.upper], chart.curves[area.lower]
+        few = slice(None, None, max(len(upper.x) // BINS, 1))
+        axes.fill_between(
+            upper.x[few], lower.y[few], upper.y[few], color=printed(area.color), alpha=0.35, linewidth=0.0
+        )
     for curve in chart.curves:
         x, y = thinned(np.asarray(curve.x, dtype=float), np.asarray(curve.y, dtype=float), BINS)
         style = (0, (4.0, 2.0)) if curve.dashed else "-"
-        axes.plot(x, y, color=printed(curve.color), linewidth=curve.width, linestyle=style, label=curve.name)
+        axes.plot(
+            x,
+            y,
+            color=printed(curve.color),
+            linewidth=curve.width,
+            linestyle=style,
+            label=curve.name if curve.listed else "_",
+        )
     ends = [end for curve in chart.curves if len(curve.x) for end in (curve.x[0], curve.x[-1])]
     if ends and min(ends) < max(ends):
         axes.set_xlim(min(ends), max(ends))
@@ -204,9 +230,10 @@ def _draw(axes: Axes, chart: Chart, width: float, *, labelled: bool) -> None:
         axes.set_xlabel(chart.x_label, labelpad=1)
     rows = _legend_rows(chart, width)
     axes.set_title(chart.title, loc="left", fontsize=7.5, fontweight="bold", pad=72 * ROW * rows + 1)
-    if chart.curves:
+    if rows:
+        listed = sum(curve.listed for curve in chart.curves)
         axes.legend(
-            loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=-(-len(chart.curves) // rows), frameon=False,
+            loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=-(-listed // rows), frameon=False,
             fontsize=6.5, borderpad=0.0, borderaxespad=0.1, handlelength=1.3, handletextpad=0.4, columnspacing=0.8,
             labelspacing=0.15,
         )  # fmt: skip
@@ -216,6 +243,8 @@ def _scale(axes: Axes, chart: Chart) -> None:
     """The vertical axis: its range, and few ticks with plain numbers."""
     from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
 
+    if chart.x_label == FREQUENCY:
+        axes.set_xscale("log")
     if chart.logarithmic:
         axes.set_yscale("log")
     low, high = axes.get_ylim()

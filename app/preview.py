@@ -10,6 +10,7 @@ from msgspec import Struct
 from app.assembly import System
 from app.closed_loop import ClosedLoop, LoopState
 from app.metrics import force_error, motion_error, settling_time, steady_force_error, tail_of
+from app.recording import Epoch
 from app.scenario import Scenario
 
 POINTS = 200  # about what a plot has pixels for ahead of now
@@ -47,12 +48,13 @@ class Figures(Struct, frozen=True):
 @dataclass(frozen=True)
 class Outlook:
     """An answer, or the beginning of one unless `whole`. ahead (N,) s after now; signals: those of a recording, at
-    these instants; restarts: the edit begins the scenario anew."""
+    these instants; epochs: what they were computed under; restarts: the edit begins the scenario anew."""
 
     number: int
     scenario: Scenario
     ahead: np.ndarray
     signals: dict[str, np.ndarray]
+    epochs: tuple[Epoch, ...]
     figures: Figures
     whole: bool
     restarts: bool
@@ -115,6 +117,7 @@ class Foresight:
             self.question.scenario,
             signals["t"] - self._start,
             signals,
+            tuple(recording.epochs),
             self._figures(record, signals),
             whole=self.share >= 1.0,
             restarts=self._start != self.question.state.t,

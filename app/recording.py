@@ -3,12 +3,18 @@
 from __future__ import annotations
 
 from collections import deque
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from app.scenario import Scenario
+from controllers.reaching import ReachingCertificate
+from controllers.target_model import TargetModel
+
 BLOCK = 4096  # rows
 THINNING = 20  # of rows older than the full-rate history, one in this many is kept
+EPOCHS = 2000
 
 
 @dataclass(frozen=True)
@@ -45,6 +51,7 @@ SIGNALS = (
     Signal("tau_linear", "n", "N·m", "-J_q^T K_s s, (25)"),
     Signal("tau_switching", "n", "N·m", "-J_q^T d sigma(s), (25)"),
     Signal("tau", "n", "N·m", "their sum"),
+    Signal("q_eq_ddot", "n", "rad/s^2", "joint acceleration that the law prescribes, (25)"),
     Signal("needed", 6, "N", "terms of (17): inertia, Coriolis, gravity, moving task, disturbance, epsilon"),
     Signal("d", 1, "N", "gain of the switching term"),
     Signal("d_required", 1, "N", "what (17) needs: the sum of `needed`"),
@@ -75,6 +82,46 @@ def columns_of(n: int) -> dict[str, slice]:
     return columns
 
 
+@dataclass(frozen=True)
+class Epoch:
+    """What the rows from t (s) on were computed under, until the next epoch begins. reached: when s was first within
+    its sampling band (s), None while it was not."""
+
+    t: float
+    scenario: Scenario
+    model: TargetModel
+    certificate: ReachingCertificate
+    reached: float | None = None
+
+    def until(self, t: float) -> Epoch:
+        """As it was known at t (s)."""
+        return self if self.reached is None or self.reached <= t else replace(self, reached=None)
+
+
+class Stretch(Mapping[str, np.ndarray]):
+    """The signals of a stretch of time: (N,) for single columns, (N, width) for the others. Each is copied out of the
+    table when it is first asked for."""
+
+    def __init__(self, pieces: list[np.ndarray], columns: Mapping[str, slice]) -> None:
+        self._pieces, self._columns = pieces, columns
+        self._copied: dict[str, np.ndarray] = {}
+
+    def __getitem__(self, name: str) -> np.ndarray:
+        if name not in self._copied:
+            where = self._columns[name]
+            width = where.stop - where.start
+            parts = [piece[:, where] for piece in self._pieces]
+            columns = np.concatenate(parts) if parts else np.empty((0, width))
+            self._copied[name] = columns[:, 0] if width == 1 else columns
+        return self._copied[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._columns)
+
+    def __len__(self) -> int:
+        return len(self._columns)
+
+
 @dataclass
 class _Block:
     """A piece of the table; `filled` grows only after a row is complete, so that readers never see half of one."""
@@ -88,6 +135,7 @@ class Recording:
 
     history (rows): kept at full rate; older rows are thinned to one in `THINNING`, as long a time again at most, and
     what is older still is forgotten. So memory grows up to this bound and no further: with six joints 0.7 GB.
+    epochs: the last ones, oldest first; readers take a copy.
     """
 
     def __init__(self, n: int, history: int = 600_000) -> None:
@@ -97,6 +145,7 @@ class Recording:
         self._history, self._most = history, history // BLOCK + 2
         self._blocks: deque[_Block] = deque()
         self._thinned: deque[np.ndarray] = deque(maxlen=self._most)
+        self.epochs: deque[Epoch] = deque(maxlen=EPOCHS)
 
     def __len__(self) -> int:
         return sum(block.filled for block in tuple(self._blocks))
@@ -120,7 +169,7 @@ class Recording:
         oldest = next((piece for piece in self._every_piece() if len(piece)), None)
         return 0.0 if oldest is None else float(oldest[0, 0])
 
-    def stretch(self, t_from: float, t_to: float) -> Recording:
+    def branch(self, t_from: float, t_to: float) -> Recording:
         """What this recording holds from about t_from, a whole block more or less, up to t_to exactly, as one that can
         go on differently. Blocks that are full are shared, since nobody writes to them any more; the last is copied.
         """
@@ -133,6 +182,7 @@ class Recording:
                 twin._blocks.append(block if filled == BLOCK else _Block(block.rows.copy(), filled))
             if filled < block.filled:
                 break
+        twin.epochs.extend(epoch.until(t_to) for epoch in tuple(self.epochs) if epoch.t <= t_to)
         return twin
 
     def pieces(self, t_from: float = -np.inf, t_to: float = np.inf) -> list[np.ndarray]:
@@ -147,17 +197,23 @@ class Recording:
         kept = self.pieces(t_from, t_to)
         return np.concatenate(kept) if kept else np.empty((0, self.width))
 
+    def stretch(self, t_from: float = -np.inf, t_to: float = np.inf) -> Stretch:
+        """Those rows' signals, each copied only when it is asked for."""
+        return Stretch(self.pieces(t_from, t_to), self.columns)
+
     def signals(self, names: tuple[str, ...], t_from: float = -np.inf, t_to: float = np.inf) -> dict[str, np.ndarray]:
         """Named signals of a stretch of time: (N,) for single columns, (N, width) for the others."""
-        return self._split(self.rows(t_from, t_to), names)
+        stretch = self.stretch(t_from, t_to)
+        return {name: stretch[name] for name in names}
 
-    def window(self, names: tuple[str, ...], t_from: float, t_to: float, max_points: int) -> dict[str, np.ndarray]:
-        """The same, thinned to about `max_points` rows; a row keeps its exact values."""
-        rows = self.rows(t_from, t_to)
-        stride = max(1, -(-len(rows) // max_points))
-        # rows are taken at multiples of the stride counted from the run's start, so that points stand still
-        first = (-round(rows[0, 0] / self._period(rows))) % stride if len(rows) > 1 else 0
-        return self._split(rows[first::stride], names)
+    def _pieces(self, t_from: float, t_to: float) -> list[np.ndarray]:
+        """Those rows as views of the table, oldest first; rows are never changed once they are there."""
+        pieces = [*tuple(self._thinned), *(block.rows[: block.filled] for block in tuple(self._blocks))]
+        kept = [p for p in pieces if len(p) and p[-1, 0] >= t_from and p[0, 0] <= t_to]
+        if kept:
+            kept[0] = kept[0][np.searchsorted(kept[0][:, 0], t_from) :]
+            kept[-1] = kept[-1][: np.searchsorted(kept[-1][:, 0], t_to, side="right")]
+        return kept
 
     def at(self, t: float) -> dict[str, np.ndarray]:
         """Every signal of the last row not after t. Raises ValueError when nothing is recorded there."""
@@ -165,13 +221,3 @@ class Recording:
         if not len(rows):
             raise ValueError(f"nothing recorded at t = {t:g} s")
         return {name: rows[-1, where] for name, where in self.columns.items()}
-
-    def _period(self, rows: np.ndarray) -> float:
-        return max(float(rows[-1, 0] - rows[-2, 0]), 1e-9)
-
-    def _split(self, rows: np.ndarray, names: tuple[str, ...]) -> dict[str, np.ndarray]:
-        out = {}
-        for name in names:
-            columns = rows[:, self.columns[name]]
-            out[name] = columns[:, 0] if columns.shape[1] == 1 else columns
-        return out

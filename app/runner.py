@@ -127,7 +127,7 @@ class Snapshot:
 
     revision counts accepted changes of the scenario, run counts beginnings at t = 0 and forks, refusal_number refused
     commands. t is the instant looked at, which can be `first` to `end`; recording: of the whole run, up to its end.
-    system: what the scenario stands for; only what is constant in it may be read outside of the loop's thread.
+    system: its plant, law and nominal model belong to the loop's thread; the screen reads only what never changes.
     push (3,) N: of a hand, or of truth.push, on the tool.
     live: numbers by name, SI units: s_norm, s_bound, s_band, d, d_required, gain_margin, sigma_min, V, residual,
     layer_loop_factor, force_loop_factor, reaching_time_bound, reaching_time.
@@ -146,6 +146,7 @@ class Snapshot:
     refusal: str | None
     refusal_number: int
     notice: str
+    system: System
     robot: Robot
     coordinates: tuple[Coordinate, ...]
     fixed: dict[str, np.ndarray]

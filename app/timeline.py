@@ -115,8 +115,8 @@ class Timeline:
         """Go on from the instant looked at; what followed is pinned. Raises ScenarioError at the run's end."""
         if self._back is None:
             raise ScenarioError("fork: the run stands at its end; allowed: while looking back")
-        self.pin()
-        self._go_on(self._back, self.recording.stretch(-np.inf, self._back.t - 0.5 * self._back.period))
+        self._back.recording = self._so_far(self._back)
+        self._go_on(self._back)
 
     def edit(self, scenario: Scenario) -> bool:
         """Go on with a changed scenario, from the instant looked at; True when it begins anew or has forked.
@@ -124,6 +124,8 @@ class Timeline:
         Raises ScenarioError, and then nothing has changed.
         """
         loop, back = self.loop, self._back
+        if back is not None:
+            back.recording = self._so_far(back)
         before = loop.recording
         loop.edit(scenario)
         if loop.recording is not before:
@@ -135,7 +137,7 @@ class Timeline:
         if back is None:
             self._keep(changed=True)
         else:
-            self.fork()
+            self._go_on(back)
         return back is not None
 
     def hold(self, grip: Grip | None) -> None:
@@ -155,7 +157,7 @@ class Timeline:
         if not len(end.recording):
             raise ScenarioError("pin: nothing is recorded yet; allowed: after the first control period")
         self._pins += 1
-        pinned = Pinned(self._pins, end.system, end.recording.stretch(end.t - PINNED, np.inf), end.t)
+        pinned = Pinned(self._pins, end.system, end.recording.branch(end.t - PINNED, np.inf), end.t)
         self.pinned = (*self.pinned, pinned)[-PINS:]
 
     def unpin(self, number: int) -> None:
@@ -165,8 +167,14 @@ class Timeline:
             raise ScenarioError(f"unpin: {number}; allowed: {known}")
         self.pinned = tuple(pinned for pinned in self.pinned if pinned.number != number)
 
-    def _go_on(self, loop: ClosedLoop, recording: Recording) -> None:
-        loop.recording, loop.grip = recording, None
+    def _so_far(self, loop: ClosedLoop) -> Recording:
+        """The run's recording up to where that loop stands."""
+        return self.recording.branch(-np.inf, loop.t - 0.5 * loop.period)
+
+    def _go_on(self, loop: ClosedLoop) -> None:
+        """Make this loop, which looks back, the end; no hand holds its tool."""
+        self.pin()
+        loop.grip = None
         while self._keys[-1].state.t > loop.t - 0.5 * loop.period:
             self._keys.pop()
         self._end, self._back = loop, None

@@ -29,7 +29,8 @@ MODES = {
     "planar2r": "planar2r-semicircle",
     "planar3r": "planar3r-hybrid",
 }
-TABS = ("Task", "Model", "Controller", "World", "Robot", "View", "Runs", "Export", "Torque")
+PLOTS = ("Tracking", "Force", "Sliding", "Guarantee", "Torque", "Chattering", "Residual")
+TABS = ("Task", "Model", "Controller", "World", "Robot", "View", "Runs", "Export", *PLOTS)
 SIZES = ((1280, 720), (1920, 1080))
 SETTLED = 6.0  # s of simulated time
 
@@ -54,7 +55,7 @@ def main(folder: Path) -> None:
         runner.post(Edit("target_model.M_m", [0.0] * 6))
         shoot(page, folder / "refused.png")
         page.get_by_role("tab", name="Task", exact=True).click()
-        page.get_by_role("tab", name="Live", exact=True).click()
+        page.get_by_role("tab", name="Overview", exact=True).click()
         hold(page, "F_d [N]", 0.33, 0.75)
         page.screenshot(path=folder / "what-if.png")
         page.keyboard.press("Escape")

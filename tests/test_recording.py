@@ -35,14 +35,13 @@ def test_a_long_run_keeps_no_more_than_its_bound() -> None:
     assert len(filled(3 * blocks * BLOCK, history)) >= history
 
 
-def test_window_is_thinned_and_its_points_stand_still() -> None:
-    recording = filled(3000, history=10 * BLOCK)
-    first = recording.window(("t", "tau"), 0.5, 2.5, max_points=100)
-    later = recording.window(("t",), 0.7, 2.7, max_points=100)
-    assert 80 <= len(first["t"]) <= 101
-    assert first["tau"].shape == (len(first["t"]), 2)
-    shared = later["t"][later["t"] <= first["t"][-1]]
-    assert np.isin(shared, first["t"]).all()
+def test_a_stretch_has_its_rows_and_copies_a_signal_when_it_is_asked_for() -> None:
+    recording = filled(2 * BLOCK, history=10 * BLOCK)
+    stretch = recording.stretch(4.0, 4.2)
+    assert (stretch["t"][0], stretch["t"][-1], len(stretch["t"])) == (4.0, 4.2, 201)  # across two blocks
+    assert stretch["tau"].shape == (201, 2)
+    assert stretch["tau"] is stretch["tau"]
+    assert len(recording.stretch(9e9)["e_r"]) == 0
 
 
 def test_reader_never_sees_an_incomplete_row() -> None:

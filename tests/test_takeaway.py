@@ -19,8 +19,9 @@ import zstandard
 from app import headless
 from app.caption import caption
 from app.closed_loop import ClosedLoop
+from app.dashboard.charts import Setup
 from app.dashboard.panels.export import read_scenario
-from app.dashboard.plots import TABS
+from app.dashboard.plot_table import TABS
 from app.dashboard.printed import ALL_PLOTS, figure_of, plots_of, title_and_unit
 from app.dashboard.standalone import snapshots, standalone_html
 from app.dashboard.theme import SERIES
@@ -118,21 +119,23 @@ def test_data_come_from_the_other_process_as_from_this_one() -> None:
 
 
 def test_svg_is_the_same_again_and_its_words_are_text(snapshot: Snapshot) -> None:
-    figure = figure_of(plots_of(ALL_PLOTS), snapshot, 0.2, 0.9)
+    setup = Setup.of(snapshot, 0, 0)
+    figure = figure_of(plots_of(ALL_PLOTS), snapshot, setup, 0.2, 0.9)
     svg = render(figure, "svg")
     assert made(FigureJob(figure, "svg"), lambda _: None) == svg
     words = " ".join(re.findall(r"<text[^>]*>([^<]*)</text>", svg.decode()))
-    for plot in (plot for plots in TABS.values() for plot in plots):
-        title, unit = title_and_unit(plot.title)
+    for drawing in (plot.draw(setup) for tab in TABS.values() for plot in tab.plots):
+        title, unit = title_and_unit(drawing.title if drawing else "")
         assert title in words
         assert unit in words
+    assert "frequency [Hz]" in words
     assert figure.caption in words
     assert "t [s]" in words
     assert "dc:date" not in svg.decode()
 
 
 def test_pdf_and_png_are_what_they_say(snapshot: Snapshot) -> None:
-    figure = figure_of(plots_of("Live"), snapshot, 0.0, 1.0)
+    figure = figure_of(plots_of("Overview"), snapshot, Setup.of(snapshot, 0, 0), 0.0, 1.0)
     pdf = render(figure, "pdf")
     assert pdf.startswith(b"%PDF-")
     assert b"CreationDate" not in pdf
@@ -142,13 +145,24 @@ def test_pdf_and_png_are_what_they_say(snapshot: Snapshot) -> None:
 
 
 def test_figure_draws_what_was_recorded(snapshot: Snapshot) -> None:
-    figure = figure_of(TABS["Live"], snapshot, 0.25, 0.75)
+    setup = Setup.of(snapshot, 0, 0)
+    figure = figure_of(plots_of("Overview"), snapshot, setup, 0.25, 0.75)
     rows = snapshot.recording.signals(("t", "e_r"), 0.25, 0.75)
     for i, curve in enumerate(figure.charts[0].curves):
         np.testing.assert_array_equal(curve.x, rows["t"])
         np.testing.assert_allclose(curve.y, 1e3 * rows["e_r"][:, i])
     with pytest.raises(ValueError, match="nothing recorded there"):
-        figure_of(TABS["Live"], snapshot, 5.0, 6.0)
+        figure_of(plots_of("Overview"), snapshot, setup, 5.0, 6.0)
+
+
+def test_a_figure_stacks_terms_over_one_another(snapshot: Snapshot) -> None:
+    setup = Setup.of(snapshot, 0, 2)
+    chart = figure_of(plots_of("Torque"), snapshot, setup, 0.2, 0.9).charts[1]
+    assert len(chart.areas) == 12
+    top, bottom, total = chart.curves[6].y, chart.curves[12].y, chart.curves[-1].y
+    np.testing.assert_allclose(top + bottom, total, atol=1e-9)
+    listed = [curve.name for curve in chart.curves if curve.listed]
+    assert listed == ["inertia", "Coriolis", "gravity", "Jᵀ F", "K_s s", "switching", "τ"]
 
 
 def test_a_hostile_name_stays_text() -> None:

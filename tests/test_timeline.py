@@ -77,6 +77,7 @@ def test_an_edit_of_the_past_forks_and_pins_what_was(noisy: Timeline) -> None:
     np.testing.assert_array_equal(line.recording.rows(t_to=0.2995), rows[:300])
     np.testing.assert_array_equal(line.pinned[0].recording.rows(), rows)
     assert line.pinned[0].scenario.force.value == 35.0
+    assert [(epoch.t, epoch.scenario.force.value) for epoch in line.recording.epochs] == [(0.0, 20.0), (0.3, 10.0)]
     line.seek(0.1)
     assert line.loop.system.scenario.force.value == 20.0
 
@@ -137,10 +138,10 @@ def test_pins_are_numbered_bounded_and_stay_as_they_were() -> None:
         line.unpin(3)
 
 
-def test_a_stretch_shares_full_blocks_and_goes_on_by_itself() -> None:
+def test_a_branch_shares_full_blocks_and_goes_on_by_itself() -> None:
     line = run(line_of(shipped()["planar2r-semicircle"]), BLOCK + 100)
     whole = line.recording.rows()
-    twin = line.recording.stretch(0.0, whole[BLOCK + 49, 0])
+    twin = line.recording.branch(0.0, whole[BLOCK + 49, 0])
     np.testing.assert_array_equal(twin.rows(), whole[: BLOCK + 50])
     twin.new_row()[:] = 7.0
     twin.commit()

@@ -10,6 +10,7 @@ from typing import Literal
 from tqdm import tqdm
 
 from app.closed_loop import ClosedLoop
+from app.dashboard.charts import Setup
 from app.dashboard.printed import figure_of, plots_of
 from app.dashboard.standalone import standalone_html
 from app.data_files import TooLarge, table, write_csv, write_npz
@@ -67,8 +68,12 @@ def _write(stretch: Stretch, kind: Kind, plots: str, path: Path) -> None:
 
         match kind:
             case "svg" | "pdf" | "png":
-                snapshot = replace(snapshot_of(ClosedLoop(scenario, history=1)), recording=recording)
-                path.write_bytes(render(figure_of(plots_of(plots), snapshot, stretch.start, stretch.end), kind))
+                snapshot = snapshot_of(ClosedLoop(scenario, history=1))
+                if not recording.epochs:  # a file does not tell what was changed during the run
+                    recording.epochs.extend(snapshot.recording.epochs)
+                snapshot, setup = replace(snapshot, recording=recording), Setup.of(snapshot, 0, 0)
+                figure = figure_of(plots_of(plots), snapshot, setup, stretch.start, stretch.end)
+                path.write_bytes(render(figure, kind))
             case "csv" | "npz":
                 write_data = {"csv": write_csv, "npz": write_npz}[kind]
                 with path.open("wb") as file:

@@ -42,10 +42,13 @@ class Legend:
 
 
 class Viewing:
-    """The look that is chosen, and the legend of what was drawn last."""
+    """The look that is chosen, and the legend of what was drawn last; of the plots, how far back they go (s), and which
+    coordinate and which joint they show, counted from 0."""
 
     def __init__(self) -> None:
         self.look = Look()
+        self.window = 8.0
+        self.coordinate = self.joint = 0
         self.legend = Legend(1e-4, 10.0, None)
 
 

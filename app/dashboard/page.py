@@ -9,13 +9,15 @@ import time
 
 import viser
 
+from app.dashboard.charts import Pinned
 from app.dashboard.controls import Desk
 from app.dashboard.equation import equation_html
 from app.dashboard.hand import Hand
 from app.dashboard.look import Viewing
+from app.dashboard.looking import Lookers
 from app.dashboard.panels import PANELS, Panel
 from app.dashboard.playback import Playback
-from app.dashboard.plots import Plots
+from app.dashboard.plots import Plots, Shown
 from app.dashboard.scene import SceneView
 from app.dashboard.status import splash_html, status_html
 from app.dashboard.style import injected_html
@@ -29,6 +31,7 @@ log = logging.getLogger("vsmrc.dashboard")
 
 FRAME = 1 / 30  # s, scene
 REFRESH = 1 / 10  # s, plots, numbers and controls
+PLOTTING = 0.1  # of the time may go into plots: long windows are drawn less often
 COMPLAINT_SHOWN = 12.0  # s
 
 
@@ -116,7 +119,10 @@ class _View:
         self._hand = Hand(server.scene, desk)
         self._playback = Playback(desk)
         self._whatif_panel = WhatIfPanel(desk)
-        self._plots = Plots(server.gui)
+        self._lookers = Lookers()
+        self._lookers.add_field(server.gui)
+        self._plots = Plots(server.gui, self._lookers, self._viewing)
+        self._plots_due = 0.0
         tabs = server.gui.add_tab_group()
         self._panels: list[Panel] = []
         for title, panel in PANELS.items():
@@ -150,11 +156,11 @@ class _View:
             self._hand.show(snapshot, self._viewing.legend.newtons)
         foreseen = self._whatif.look(snapshot, self._server.get_clients())
         if foreseen or now - self._refreshed >= REFRESH:
-            self._refresh(snapshot, now, fresh=foreseen or snapshot is not self._drawn)
+            self._refresh(snapshot, now)
             self._refreshed = now
         self._drawn = snapshot
 
-    def _refresh(self, snapshot: Snapshot, now: float, *, fresh: bool) -> None:
+    def _refresh(self, snapshot: Snapshot, now: float) -> None:
         if snapshot.refusal_number != self._refusals:
             self._refusals = snapshot.refusal_number
             self.complain(snapshot.refusal or "")
@@ -168,8 +174,16 @@ class _View:
             panel.show(snapshot)
         self._fit()
         self._scene.draw_paths(self._viewing.look)
-        if fresh:
-            self._plots.show(snapshot, self._whatif.outlook, self._whatif.horizon)
+        if now >= self._plots_due:
+            self._plot(snapshot, now)
+
+    def _plot(self, snapshot: Snapshot, now: float) -> None:
+        whatif, looked_at = self._whatif, self._lookers.tabs(self._server.get_clients())
+        pinned = tuple(Pinned(f"run {p.number}", p.recording) for p in snapshot.pinned)
+        shown = Shown(snapshot.t, self._viewing.window, pinned, whatif.outlook, whatif.horizon)
+        began = time.thread_time()
+        self._plots.show(snapshot, shown, looked_at)
+        self._plots_due = now + (time.thread_time() - began) / PLOTTING
 
     def _fit(self) -> None:
         heights = [client.camera.image_height for client in self._server.get_clients().values()]

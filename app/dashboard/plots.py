@@ -1,233 +1,182 @@
-"""The plots: each names the signals it needs and turns them into lines; one read of the recording feeds them all.
-
-Ahead of now stands the preview, when there is one: the same lines from the preview's signals. The page's script makes
-lighter whatever lies right of zero.
-"""
+"""The left dock: tabs of plots over a chosen window of time. A tab that nobody looks at costs nothing."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 import viser
-from viser import uplot
 
+from app.dashboard.charts import BUCKETS, Chart, Frame, Pinned, Setup, Signals
 from app.dashboard.equation import symbol
-from app.dashboard.theme import BOUND, DESIRED, MEASURED, PUSH, SERIES, Rgb, css
+from app.dashboard.look import Viewing
+from app.dashboard.looking import Lookers, marker_html
+from app.dashboard.plot_table import LEAD, TABS, Chooser, Tab
+from app.hindsight import Hindsight
 from app.preview import Outlook
 from app.runner import Snapshot
+from app.thinning import Grid
 
-WINDOW = 8.0  # s
-POINTS = 320  # about what a plot has pixels for
-_FLOOR = 1e-2  # mm/s: what a logarithmic axis shows of an exact zero
-_EMPTY = np.array([-WINDOW, 0.0])
-
-Signals = Mapping[str, np.ndarray]
-
-
-@dataclass(frozen=True)
-class Line:
-    """One line: its name, its look, and its values from the recording's signals."""
-
-    name: str
-    color: Rgb
-    values: Callable[[Signals], np.ndarray]
-    dashed: bool = False
-    width: float = 1.6
-
-    def series(self) -> uplot.Series:
-        look = uplot.Series(label=self.name, stroke=css(self.color), width=self.width, points={"show": False})
-        if self.dashed:
-            look["dash"] = (6.0, 4.0)
-        return look
+WINDOWS = {"2 s": 2.0, "4 s": 4.0, "8 s": 8.0, "20 s": 20.0, "60 s": 60.0}
+WINDOW = "8 s"
+ABOVE, NOTE, AROUND, LEGEND, LEAST, MOST = 134, 20, 36, 18, 90, 400  # px
+_NONE: str = "–"
+FORESEEN_EVERY = 4  # of a preview's instants, one in so many is examined in hindsight
 
 
 @dataclass(frozen=True)
-class Plot:
-    """A chart: title with unit, the signals it reads, its lines for the coordinates of a run."""
+class Shown:
+    """Which stretch of a run is drawn: the window (s) up to the instant `now` (s), with pinned runs behind; outlook:
+    the preview ahead of it over `horizon` s, if there is one."""
 
-    title: str
-    signals: tuple[str, ...]
-    lines: Callable[[Snapshot], list[Line]]
-    logarithmic: bool = False
-    at_least: tuple[float, float] | None = None  # this range is always in view, so that noise does not fill the plot
-
-    def y_scale(self) -> uplot.Scale:
-        if self.logarithmic:
-            return uplot.Scale(distr=3)
-        if self.at_least is None:
-            return uplot.Scale()
-        low, high = ({"pad": 0.1, "soft": soft, "mode": 1} for soft in self.at_least)
-        return uplot.Scale(range={"min": low, "max": high})
-
-
-def _column(signal: str, index: int, factor: float = 1.0) -> Callable[[Signals], np.ndarray]:
-    return lambda signals: factor * signals[signal].reshape(len(signals["t"]), -1)[:, index]
-
-
-def _total(*names: str, factor: float = 1.0) -> Callable[[Signals], np.ndarray]:
-    def total(signals: Signals) -> np.ndarray:
-        columns = [signals[name].reshape(len(signals["t"]), -1).sum(axis=1) for name in names]
-        return factor * np.sum(columns, axis=0)
-
-    return total
-
-
-def _per_coordinate(signal: str, factor: float = 1.0) -> Callable[[Snapshot], list[Line]]:
-    def lines(snapshot: Snapshot) -> list[Line]:
-        return [
-            Line(symbol(coordinate.name), SERIES[i % len(SERIES)], _column(signal, i, factor))
-            for i, coordinate in enumerate(snapshot.coordinates)
-        ]
-
-    return lines
-
-
-def _forces(snapshot: Snapshot) -> list[Line]:
-    pushed = Line("push", PUSH, lambda signals: np.linalg.norm(signals["F_push"], axis=1))
-    if snapshot.coordinates[0].name != "φ":  # no normal direction in this task space
-        return [*(Line(f"F {axis}", SERIES[i], _column("F", i)) for i, axis in enumerate("xyz")), pushed]
-    return [
-        Line("desired normal", DESIRED, _column("F_cd", 0), dashed=True, width=2.0),
-        Line("measured normal", MEASURED, _column("F_c", 0)),
-        pushed,
-    ]
-
-
-def _sliding(_: Snapshot) -> list[Line]:
-    return [
-        Line("bound (20) + sampling", BOUND, _total("s_bound", "s_band", factor=1e3), dashed=True, width=2.0),
-        Line("‖s‖", SERIES[0], _total("s_norm", factor=1e3)),
-    ]
-
-
-def _guarantee(_: Snapshot) -> list[Line]:
-    return [
-        Line("needed (17)", BOUND, _total("d_required"), dashed=True, width=2.0),
-        Line("d", DESIRED, _total("d")),
-    ]
-
-
-def _torques(snapshot: Snapshot) -> list[Line]:
-    return [
-        Line(f"τ{symbol(f'_{i + 1}')}", SERIES[i % len(SERIES)], _column("tau", i))
-        for i in range(len(snapshot.robot.joint_names))
-    ]
-
-
-TABS: dict[str, tuple[Plot, ...]] = {
-    "Live": (
-        Plot("tracking error  e_r  [mm]", ("e_r",), _per_coordinate("e_r", 1000.0), at_least=(-0.01, 0.01)),
-        Plot("force on the environment  [N]", ("F", "F_c", "F_cd", "F_push"), _forces, at_least=(0.0, 1.0)),
-        Plot("sliding variable  ‖s‖  [mm/s]", ("s_norm", "s_bound", "s_band"), _sliding, logarithmic=True),
-        Plot("gain  d  against what (17) needs  [N]", ("d", "d_required"), _guarantee, at_least=(0.0, 1.0)),
-    ),
-    "Torque": (
-        Plot("joint torque  τ  [N·m]", ("tau",), _torques),
-        Plot("residual of the model (8)  [N]", ("residual",), _per_coordinate("residual"), at_least=(-0.01, 0.01)),
-    ),
-}
-
-
-_TIME = "s from now"
-_NOW = uplot.Axis(
-    scale="x",
-    side=0,
-    size=0,
-    splits=(0.0,),
-    values=("",),
-    ticks={"show": False},
-    grid={"show": True, "stroke": "rgba(255, 255, 255, 0.35)", "width": 1, "dash": (3.0, 3.0)},
-)
-
-
-class _Chart:
-    """One plot on the page."""
-
-    def __init__(self, gui: viser.GuiApi, plot: Plot) -> None:
-        self.plot = plot
-        self._lines: list[Line] = []
-        self._handle = gui.add_uplot(
-            (_EMPTY, np.full(2, _FLOOR)),
-            (uplot.Series(label=_TIME), uplot.Series(label="")),
-            title=plot.title,
-            scales=self._scales(0.0),
-            axes=(
-                uplot.Axis(size=34, space=60),
-                uplot.Axis(size=60, space=26, ticks={"show": not plot.logarithmic}),
-                _NOW,
-            ),
-            cursor=uplot.Cursor(sync={"key": "vsmrc"}),
-            height=150,
-            padding=(10, 14, 0, 0),
-        )
-
-    def adapt(self, snapshot: Snapshot) -> None:
-        """Take the lines that this run has."""
-        self._lines = self.plot.lines(snapshot)
-        self._handle.data = (_EMPTY, *(np.full(2, _FLOOR) for _ in self._lines))
-        self._handle.series = (uplot.Series(label=_TIME), *(line.series() for line in self._lines))
-
-    def set_height(self, pixels: int) -> None:
-        self._handle.height = pixels
-
-    def reach(self, ahead: float) -> None:
-        """How far ahead of now the time axis goes, s. The page then builds the chart anew."""
-        self._handle.scales = self._scales(ahead)
-
-    def _scales(self, ahead: float) -> dict[str, uplot.Scale]:
-        # An axis that stands still: viser's client may lose a moving one while the window is still growing.
-        return {"x": uplot.Scale(time=False, range=(-WINDOW, ahead)), "y": self.plot.y_scale()}
-
-    def draw(self, time: np.ndarray, stretches: Sequence[Signals]) -> None:
-        """time (N,) s from now, of the rows of all stretches one behind the other."""
-        columns = [
-            np.concatenate([np.asarray(line.values(signals), dtype=float) for signals in stretches])
-            for line in self._lines
-        ]
-        if self.plot.logarithmic:
-            columns = [np.maximum(column, _FLOOR) for column in columns]
-        self._handle.data = (time, *columns)
+    now: float
+    window: float
+    pinned: tuple[Pinned, ...] = ()
+    outlook: Outlook | None = None
+    horizon: float = 0.0
 
 
 class Plots:
-    """The left dock."""
+    """What is chosen above the plots goes into `viewing`."""
 
-    def __init__(self, gui: viser.GuiApi) -> None:
+    def __init__(self, gui: viser.GuiApi, lookers: Lookers, viewing: Viewing) -> None:
+        self._viewing = viewing
         panel = gui.add_panel()
-        self._charts: list[tuple[int, _Chart]] = []
-        for title, plots in TABS.items():
+        self._tabs: dict[str, _TabView] = {}
+        for title, tab in TABS.items():
             with panel.add_tab(title):
-                self._charts += [(len(plots), _Chart(gui, plot)) for plot in plots]
+                self._tabs[title] = _TabView(gui, title, tab, viewing)
+                lookers.add_field(gui)
         panel.dock_left()
         panel.set_width(400)
-        self._signals = tuple({"t", *(name for _, chart in self._charts for name in chart.plot.signals)})
-        self._key: object = None
-        self._reach = 0.0
+        self._hindsight: Hindsight | None = None
+        self._recording: object = None
+        self._drawn: dict[str, object] = {}
 
-    def show(self, snapshot: Snapshot, outlook: Outlook | None, horizon: float) -> None:
-        """Draw the last `WINDOW` s, and the preview over the next `horizon` s if there is one."""
-        key = (tuple(snapshot.coordinates), tuple(snapshot.robot.joint_names))
-        if key != self._key:
-            self._key = key
-            for _, chart in self._charts:
-                chart.adapt(snapshot)
-        signals = snapshot.recording.window(self._signals, snapshot.t - WINDOW, snapshot.t, POINTS)
-        if len(signals["t"]) < 2:
+    def show(self, snapshot: Snapshot, shown: Shown, looked_at: Collection[str]) -> None:
+        """Draw the tabs that are looked at, unless they stand there already."""
+        setup = Setup.of(snapshot, self._viewing.coordinate, self._viewing.joint)
+        pinned = tuple((p.name, id(p.recording), p.start) for p in shown.pinned)
+        drawn = (snapshot.run, snapshot.revision, shown.now, shown.window, setup, pinned, id(shown.outlook))
+        stale = [title for title in self._tabs if title in looked_at and self._drawn.get(title) != drawn]
+        if not stale:
             return
-        reach = 0.0 if outlook is None else horizon
-        if reach != self._reach:
-            self._reach = reach
-            for _, chart in self._charts:
-                chart.reach(reach)
-        time, stretches = signals["t"] - signals["t"][-1], [signals]
-        if outlook is not None:
-            time, stretches = np.concatenate([time, outlook.ahead]), [signals, outlook.signals]
-        for _, chart in self._charts:
-            chart.draw(time, stretches)
+        frame = self._frame(snapshot, shown)
+        if len(frame.rows["t"]) < 2:
+            return
+        for title in stale:
+            self._tabs[title].show(snapshot, setup, shown, frame)
+            self._drawn[title] = drawn
+
+    def _frame(self, snapshot: Snapshot, shown: Shown) -> Frame:
+        recording, outlook = snapshot.recording, shown.outlook
+        if self._hindsight is None or self._recording is not recording:
+            self._hindsight, self._recording = Hindsight(snapshot.system), recording
+        begin = shown.now - shown.window
+        grid = Grid.over(begin, shown.now, BUCKETS)
+        rows = recording.stretch(begin - LEAD, shown.now)
+        known = self._hindsight.recorded(rows, tuple(recording.epochs), grid.openings(rows["t"]))
+        pinned = [_laid(p, begin - LEAD, shown.now, recording.n) for p in shown.pinned]
+        if outlook is None:
+            return Frame(shown.now, shown.window, grid, known, pinned)
+        # a run that begins anew is another one: the arm of this one tells nothing of it
+        openings = np.arange(0, 0 if outlook.restarts else len(outlook.ahead), FORESEEN_EVERY)
+        foreseen = self._hindsight.foreseen(outlook.signals, outlook.epochs, openings)
+        return Frame(shown.now, shown.window, grid, known, pinned, outlook.ahead, foreseen)
 
     def fit(self, page_height: int) -> None:
         """Share the height of the page among the plots of a tab."""
-        for count, chart in self._charts:
-            chart.set_height(int(min(max((page_height - 90) / count - 66, 96), 320)))
+        for tab in self._tabs.values():
+            tab.fit(page_height)
+
+
+class _TabView:
+    """One tab: a row of choices, then its plots."""
+
+    def __init__(
+        self,
+        gui: viser.GuiApi,
+        title: str,
+        tab: Tab,
+        viewing: Viewing,
+    ) -> None:
+        self._title, self._tab, self._viewing = title, tab, viewing
+        with gui.add_form(None):
+            self._window = gui.add_dropdown(
+                "window", tuple(WINDOWS), initial_value=WINDOW, hint="How far back to look."
+            )
+            self._choosers: dict[Chooser, viser.GuiDropdownHandle[str]] = {
+                chooser: gui.add_dropdown(chooser, (_NONE,), hint=f"Which {chooser} the plots below show.")
+                for chooser in tab.choosers
+            }
+        self._window.on_update(self._on_window)
+        for chooser in self._choosers.values():
+            chooser.on_update(self._on_choice)
+        self._note = gui.add_html(marker_html(title))
+        self._charts = [Chart(gui, plot) for plot in tab.plots]
+        self._page_height = 0
+
+    async def _on_window(self, event: viser.GuiEvent) -> None:
+        if event.client is not None:
+            self._viewing.window = WINDOWS[self._window.value]
+
+    async def _on_choice(self, event: viser.GuiEvent) -> None:
+        if event.client is not None:
+            for chooser, widget in self._choosers.items():
+                setattr(self._viewing, chooser, widget.options.index(widget.value))
+
+    def show(self, snapshot: Snapshot, setup: Setup, shown: Shown, frame: Frame) -> None:
+        self._window.value = next(name for name, seconds in WINDOWS.items() if seconds == shown.window)
+        for chooser, widget in self._choosers.items():
+            names, number = _choices(chooser, setup)
+            if widget.options != names:
+                widget.options = names
+            widget.value = names[number]
+        ahead = 0.0 if shown.outlook is None else shown.horizon
+        self._note.content = marker_html(
+            self._title, shown.window, ahead, self._tab.note(snapshot) if self._tab.note else ""
+        )
+        for chart in self._charts:
+            chart.draw(setup, [p.name for p in shown.pinned], frame)
+        self._share()
+
+    def fit(self, page_height: int) -> None:
+        self._page_height = page_height
+        self._share()
+
+    def _share(self) -> None:
+        rows = [chart.legend_rows for chart in self._charts if chart.legend_rows]
+        rest = self._page_height - ABOVE - (NOTE if self._tab.note else 0) - LEGEND * sum(rows) - AROUND * len(rows)
+        for chart in self._charts:
+            chart.set_height(min(max(rest // max(len(rows), 1), LEAST), MOST))
+
+
+def _choices(chooser: Chooser, setup: Setup) -> tuple[tuple[str, ...], int]:
+    """What there is to choose from, and the number of what is chosen."""
+    if chooser == "coordinate":
+        return tuple(symbol(coordinate.name) for coordinate in setup.coordinates), setup.coordinate
+    return tuple(f"{i + 1}  {name}" for i, name in enumerate(setup.joints)), setup.joint
+
+
+class _Laid(Mapping[str, np.ndarray]):
+    """A pinned run's signals, its times those of the shown run."""
+
+    def __init__(self, signals: Signals, start: float) -> None:
+        self._signals, self._start = signals, start
+
+    def __getitem__(self, name: str) -> np.ndarray:
+        return self._signals[name] + self._start if name == "t" else self._signals[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._signals)
+
+    def __len__(self) -> int:
+        return len(self._signals)
+
+
+def _laid(pinned: Pinned, t_from: float, t_to: float, n: int) -> Signals | None:
+    """What a pinned run shows in a stretch of the shown one; None for an arm with another number of joints."""
+    if pinned.recording.n != n:
+        return None
+    return _Laid(pinned.recording.stretch(t_from - pinned.start, t_to - pinned.start), pinned.start)

@@ -8,12 +8,17 @@ from collections.abc import Iterable
 import numpy as np
 
 from app.caption import caption
-from app.dashboard.plots import TABS, Plot
-from app.figures import Chart, Curve, Figure
+from app.chattering import amplitude_spectrum
+from app.dashboard.charts import Drawing, Plot, Setup, Signals
+from app.dashboard.plot_table import TABS
+from app.figures import FREQUENCY, TIME, Area, Chart, Curve, Figure
+from app.hindsight import Hindsight
 from app.runner import Snapshot
 from app.scenario import ScenarioError
+from app.thinning import Grid
 
 ALL_PLOTS = "all plots"
+EXAMINED = 300  # instants at which the true arm is looked at
 WIDTH = 0.6  # points of a line on paper for each of its pixels on the page
 
 
@@ -21,28 +26,46 @@ def plots_of(tab: str) -> list[Plot]:
     """The plots of a tab of the page, or `ALL_PLOTS`. Raises ScenarioError."""
     if tab not in (ALL_PLOTS, *TABS):
         raise ScenarioError(f"plots: {tab!r}; allowed: {', '.join((ALL_PLOTS, *TABS))}")
-    return [plot for title, plots in TABS.items() if tab in (ALL_PLOTS, title) for plot in plots]
+    return [plot for title, row in TABS.items() if tab in (ALL_PLOTS, title) for plot in row.plots]
 
 
-def figure_of(plots: Iterable[Plot], snapshot: Snapshot, t_from: float, t_to: float) -> Figure:
+def figure_of(plots: Iterable[Plot], snapshot: Snapshot, setup: Setup, t_from: float, t_to: float) -> Figure:
     """These plots over t_from <= t <= t_to (s) with the scenario under them. Raises ValueError when that is empty."""
-    plots = tuple(plots)
-    names = tuple({"t", *(name for plot in plots for name in plot.signals)})
-    signals = snapshot.recording.signals(names, t_from, t_to)
-    t = signals["t"]
+    recording = snapshot.recording
+    rows = recording.stretch(t_from, t_to)
+    t = rows["t"]
     if len(t) < 2:
         raise ValueError("figure: nothing recorded there yet")
-    charts = tuple(_chart(plot, snapshot, signals) for plot in plots)
-    return Figure(charts, caption(snapshot.scenario, snapshot.matrices, float(t[0]), float(t[-1])))
+    openings = Grid.over(float(t[0]), float(t[-1]), EXAMINED).openings(t)
+    known = Hindsight(snapshot.system).recorded(rows, tuple(recording.epochs), openings)
+    charts = (_chart(plot, drawing, known) for plot in plots if (drawing := plot.draw(setup)) is not None)
+    return Figure(tuple(charts), caption(snapshot.scenario, snapshot.matrices, float(t[0]), float(t[-1])))
 
 
-def _chart(plot: Plot, snapshot: Snapshot, signals: dict[str, np.ndarray]) -> Chart:
-    title, unit = title_and_unit(plot.title)
+def _chart(plot: Plot, drawing: Drawing, signals: Signals) -> Chart:
+    title, unit = title_and_unit(drawing.title)
+    # shades and marks of the page are its background; what fills the room below a line has no width
+    lines = [line for line in drawing.lines if not line.backdrop]
+    floor = -np.inf if drawing.floor is None else drawing.floor
+    courses = [_course(line.values(signals), signals["t"], spectral=plot.spectral) for line in lines]
     curves = tuple(
-        Curve(line.name, line.color, signals["t"], line.values(signals), line.dashed, WIDTH * line.width)
-        for line in plot.lines(snapshot)
+        Curve(line.name, line.color, x, np.maximum(y, floor), line.dashed, WIDTH * line.width, line.listed)
+        for line, (x, y) in zip(lines, courses, strict=True)
     )
-    return Chart(title, unit, curves, logarithmic=plot.logarithmic, at_least=plot.at_least)
+    shift = len(drawing.lines) - len(lines)  # backdrops come first
+    areas = tuple(Area(area.upper - shift, area.lower - shift, area.color) for area in drawing.areas)
+    logarithmic = drawing.floor is not None
+    return Chart(title, unit, curves, areas, FREQUENCY if plot.spectral else TIME, logarithmic, drawing.at_least)
+
+
+def _course(values: np.ndarray, t: np.ndarray, *, spectral: bool) -> tuple[np.ndarray, np.ndarray]:
+    """x and y of what is known of a line."""
+    values = np.asarray(values, dtype=float)
+    if spectral:
+        spectrum = amplitude_spectrum(t, values[:, None])
+        return spectrum.frequency, spectrum.amplitude[:, 0]
+    known = np.isfinite(values)
+    return t[known], values[known]
 
 
 def title_and_unit(text: str) -> tuple[str, str]:

@@ -59,7 +59,7 @@ def _phase(snapshot: Snapshot) -> str:
 
 def _bound(snapshot: Snapshot) -> str:
     names = ("s_norm", "s_bound", "s_band")
-    rows = snapshot.recording.window(names, snapshot.t - _LATELY, snapshot.t, max_points=1000)
+    rows = snapshot.recording.signals(names, snapshot.t - _LATELY, snapshot.t)
     if not len(rows["s_norm"]):
         return _chip("‖s‖ ≤ bound: —", "vs-dim")
     holds = bool(np.all(rows["s_norm"] <= rows["s_bound"] + rows["s_band"]))

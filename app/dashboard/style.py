@@ -1,7 +1,10 @@
 """The style sheet and the one script of the page, injected as HTML.
 
 uPlot now and then does not lay out the time axis of a chart that is made with its data; the script asks it again. It
-also draws previews lighter: viser passes no function to uPlot, and no gap in a line.
+also draws previews lighter: viser passes no function to uPlot, and no gap in a line. And it gives time axes the ends
+that stand in their tab's marker, unless the user has zoomed in: new scales from the server would build a chart anew.
+
+It tells the server which tabs of plots are on the screen (`looking.py`).
 
 viser's text field sends every keystroke and knows no "Enter or leaving the field". The script tells the two apart:
 it appends the character COMMIT to the text when the user is done, so a commit is an ordinary change of the value.
@@ -51,6 +54,7 @@ if (!window.vsmrcCommit) {
   }, true);
   // right of zero lies what has not happened: less of it
   const dim = (plot) => {
+    if (plot.scales.x.distr !== 1) return;
     const { left, top, width, height } = plot.bbox, from = Math.max(plot.valToPos(0, "x", true), left);
     if (!(from < left + width - 1)) return;
     plot.ctx.save();
@@ -59,12 +63,46 @@ if (!window.vsmrcCommit) {
     plot.ctx.fillRect(from + 1, top, left + width - from, height);
     plot.ctx.restore();
   };
-  const dimmed = new WeakSet();
+  const homes = new WeakMap(), near = (a, b) => Math.abs(a - b) < 1e-6 * (1 + Math.abs(b));
+  const markOf = (node) => node && (node.querySelector(".vs-plots") ?? markOf(node.parentElement));
+  const ends = (plot) => {
+    const x = plot.data[0], mark = plot.scales.x.distr === 1 ? markOf(plot.root) : null;
+    // over frequency with room beside the last one, at which chattering is
+    return mark ? [Number(mark.dataset.from), Number(mark.dataset.to)] : [x[0], 1.2 * x[x.length - 1]];
+  };
+  const follow = (plot) => {
+    const home = ends(plot), at = [plot.scales.x.min, plot.scales.x.max], x = plot.data[0];
+    const is = (span) => !span || (near(at[0], span[0]) && near(at[1], span[1]));
+    const free = is(homes.get(plot)) || is([x[0], x[x.length - 1]]);
+    if (!(home[0] < home[1])) return;
+    homes.set(plot, home);
+    if (free && !is(home)) setTimeout(() => plot.setScale("x", { min: home[0], max: home[1] }));
+  };
+  const enlisted = new WeakSet();
   const enlist = (entry) => {
-    if (!dimmed.has(entry.chart)) (entry.chart.hooks.draw ??= []).push(dim);
-    dimmed.add(entry.chart);
+    const { chart } = entry;
+    if (!enlisted.has(chart)) (chart.hooks.draw ??= []).push(dim, follow);
+    // uPlot writes 0 for what is below 0.001
+    if (chart.scales.y?.distr === 3) chart.axes[1].values = (_, at) => at.map((v) => (v === null ? "" : `${v}`));
+    enlisted.add(chart);
     return entry;
   };
+  let told = null;
+  const report = () => {
+    const input = document.querySelector("div:has(> .vs-looking) + div input");
+    if (!input) return;
+    const seen = document.hidden ? [] : [...document.querySelectorAll(".vs-plots")].filter(onScreen);
+    const tabs = seen.map((mark) => mark.dataset.plots).join(",");
+    if (told && told.input === input && told.tabs === tabs) return;
+    told = { input, tabs };
+    write(input, tabs + "#" + Math.random());
+  };
+  const onScreen = (mark) => {
+    const { width, height } = mark.closest("[data-dock-group]")?.getBoundingClientRect() ?? { width: 99, height: 99 };
+    return mark.checkVisibility() && width > 40 && height > 40;
+  };
+  document.addEventListener("visibilitychange", report);
+  for (const kind of ["pointerup", "keyup"]) document.addEventListener(kind, () => setTimeout(report, 50), true);
   let watched = null;
   const watch = () => {
     const points = (window.__viserTestpoints ??= {});
@@ -76,8 +114,11 @@ if (!window.vsmrcCommit) {
   watch();
   setInterval(() => {
     watch();
-    for (const { chart } of Object.values(window.__viserTestpoints?.uplots ?? {}))
+    report();
+    for (const { chart } of Object.values(window.__viserTestpoints?.uplots ?? {})) {
       if (!chart.axes[0]._splits) chart.setSize({ width: chart.width, height: chart.height });
+      follow(chart);
+    }
   }, 400);
   document.addEventListener("focusout", (e) => { const i = field(e); if (i) commit(i, i.value); }, true);
 
@@ -176,6 +217,21 @@ div:has(> div > div > div > .vs-status) {{ overflow: visible !important; }}
 .vs-spinner {{ display: inline-block; width: 0.9em; height: 0.9em; margin-right: 0.6em; border-radius: 50%;
   border: 2px solid {css(ACCENT)}; border-top-color: transparent; animation: vs-turn 0.9s linear infinite; }}
 @keyframes vs-turn {{ to {{ transform: rotate(360deg); }} }}
+/* the field in which the script reports what is looked at */
+div:has(> .vs-looking), div:has(> .vs-looking) + div {{ display: none; }}
+.vs-plots {{ padding: 0 0.9em; font-size: 0.8em; }}
+.vs-plots:not(:empty) {{ padding: 0.1em 0.9em 0; }}
+/* two even rows of tabs, and what is chosen above plots side by side */
+[data-dock-group]:has(.vs-plots) [data-dock-tab] {{ flex: 1 0 24%; padding: 0 !important; justify-content: center; }}
+form:has(+ div > .vs-plots) {{ display: flex; gap: 0.4em; margin: -0.2em 0 -0.5em 0; }}
+form:has(+ div > .vs-plots) > div {{ flex: 1 1 auto; padding-inline: 0.7em !important; }}
+form:has(+ div > .vs-plots) > div:first-of-type:not(:last-of-type) {{ flex: 0 0 9.5em; }}
+form:has(+ div > .vs-plots) .mantine-Flex-root > div:first-child {{ width: auto !important; }}
+form:has(+ div > .vs-plots) input {{ text-align: left !important; }}
+.vs-unlisted {{ display: none !important; }}
+/* an enlarged plot is made with its data and out of the script's reach: another width has uPlot lay out its axes */
+.mantine-Modal-body .uplot-container {{ animation: vs-settle 0.4s; }}
+@keyframes vs-settle {{ from {{ width: 97%; }} }}
 .u-title {{ font-size: 0.85em !important; font-weight: 600; }}
 .u-legend {{ font-size: 0.72em !important; }}
 .u-legend .u-value, .u-legend th::after {{ display: none !important; }}

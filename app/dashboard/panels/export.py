@@ -10,8 +10,9 @@ from collections.abc import Callable
 import viser
 from PIL import Image
 
+from app.dashboard.charts import Setup
 from app.dashboard.controls import Desk
-from app.dashboard.plots import TABS, WINDOW
+from app.dashboard.plot_table import TABS
 from app.dashboard.printed import ALL_PLOTS, figure_of, plots_of
 from app.data_files import Tell, table
 from app.figures import Format
@@ -35,20 +36,10 @@ SCENARIO_LIMIT = MEGABYTE
 RENDERING = 60.0  # s that a page may take for a picture: a hidden one never answers
 
 OnClick = Callable[[viser.GuiEvent[viser.GuiButtonGroupHandle]], None]
-Part = Callable[[Snapshot], tuple[float, float]]
 Make = Callable[[Snapshot, Tell], bytes]
 
 
-def _shown(snapshot: Snapshot) -> tuple[float, float]:
-    """The stretch of time that the plots show, s."""
-    return snapshot.t - WINDOW, snapshot.t
-
-
-def _whole(snapshot: Snapshot) -> tuple[float, float]:
-    return -math.inf, snapshot.t
-
-
-_PARTS: dict[str, Part] = {"as shown by the plots": _shown, "the whole run": _whole}
+SHOWN, WHOLE = "as shown by the plots", "the whole run"
 
 
 class ExportPanel:
@@ -63,7 +54,7 @@ class ExportPanel:
         gui = desk.gui
         self._plots = gui.add_dropdown("Figure of", (ALL_PLOTS, *TABS), hint="One tab of the plots, or all.")
         self._buttons("Figure", ("SVG", "PDF", "PNG"), self._on_figure, "Plots and scenario on white, as shown now.")
-        self._part = gui.add_dropdown("Part of the run", tuple(_PARTS), hint="For the data and the 3-D playback.")
+        self._part = gui.add_dropdown("Part of the run", (SHOWN, WHOLE), hint="For the data and the 3-D playback.")
         self._buttons("Data", ("CSV", "NPZ"), self._on_data, "Every signal, every control period, in SI units.")
         self._buttons("3-D playback", ("HTML",), self._on_playback, "A page that plays without this program.")
         self._buttons("3-D picture", ("1×", "2×"), self._on_picture, "As you see it now, in once or twice its pixels.")
@@ -74,6 +65,10 @@ class ExportPanel:
     def show(self, snapshot: Snapshot) -> None:
         """There is nothing to set: no widget here shows the scenario."""
 
+    def _back(self, part: str) -> float:
+        """How far a part of the run goes back, s."""
+        return self._desk.viewing.window if part == SHOWN else math.inf
+
     def _buttons(self, label: str, options: tuple[str, ...], on_click: OnClick, hint: str) -> None:
         self._desk.gui.add_button_group(label, options, hint=hint).on_click(on_click)
 
@@ -81,28 +76,30 @@ class ExportPanel:
 
     def _on_figure(self, event: viser.GuiEvent) -> None:
         form: Format = event.target.value.lower()
-        plots = plots_of(self._plots.value)
+        plots, viewing = plots_of(self._plots.value), self._desk.viewing
 
         def make(snapshot: Snapshot, tell: Tell) -> bytes:
-            return made(FigureJob(figure_of(plots, snapshot, *_shown(snapshot)), form), tell)
+            setup = Setup.of(snapshot, viewing.coordinate, viewing.joint)
+            figure = figure_of(plots, snapshot, setup, snapshot.t - viewing.window, snapshot.t)
+            return made(FigureJob(figure, form), tell)
 
         self._give(event, "Figure", form, make)
 
     def _on_data(self, event: viser.GuiEvent) -> None:
         form: DataFormat = event.target.value.lower()
-        part = _PARTS[self._part.value]
+        back = self._back(self._part.value)
 
         def make(snapshot: Snapshot, tell: Tell) -> bytes:
-            rows = table(snapshot.scenario, snapshot.recording, *part(snapshot))
+            rows = table(snapshot.scenario, snapshot.recording, snapshot.t - back, snapshot.t)
             return made(DataJob(rows, form, DATA_LIMIT), tell)
 
         self._give(event, "Data", form, make)
 
     def _on_playback(self, event: viser.GuiEvent) -> None:
-        part = _PARTS[self._part.value]
+        back = self._back(self._part.value)
 
         def make(snapshot: Snapshot, tell: Tell) -> bytes:
-            frames = film(snapshot.scenario, snapshot.recording, *part(snapshot))
+            frames = film(snapshot.scenario, snapshot.recording, snapshot.t - back, snapshot.t)
             return made(PlaybackJob(frames, PLAYBACK_LIMIT), tell)
 
         self._give(event, "3-D playback", "html", make)

@@ -10,7 +10,6 @@ from typing import Any
 import viser
 
 from app.dashboard.controls import Desk, written
-from app.dashboard.plots import WINDOW
 from app.metrics import FIGURES, Account, Figure, account
 from app.runner import Pin, Snapshot, Unpin
 from app.scenario import differences
@@ -50,7 +49,8 @@ class RunsPanel:
         return on_click
 
     def show(self, snapshot: Snapshot) -> None:
-        key = (tuple(pinned.number for pinned in snapshot.pinned), snapshot.revision, snapshot.run)
+        window = self._desk.viewing.window
+        key = (window, tuple(pinned.number for pinned in snapshot.pinned), snapshot.revision, snapshot.run)
         if key == self._key and time.monotonic() < self._due:
             return
         self._key, self._due = key, time.monotonic() + _EVERY
@@ -60,22 +60,22 @@ class RunsPanel:
                 button.label = f"Forget run {number}"
             if button.visible != (number is not None):
                 button.visible = number is not None
-        self._note.content = f'<div class="vs-note">{_note(snapshot)}</div>'
-        self._table.content = _table(snapshot) if snapshot.pinned else ""
+        self._note.content = f'<div class="vs-note">{_note(snapshot, window)}</div>'
+        self._table.content = _table(snapshot, window) if snapshot.pinned else ""
 
 
-def _note(snapshot: Snapshot) -> str:
+def _note(snapshot: Snapshot, window: float) -> str:
     if not snapshot.pinned:
         return (
             f"Pin up to {PINS} runs, change something, and see both: pinned runs are the grey lines in the plots, and "
             "stand beside the running one in a table here. Fork pins what it leaves."
         )
-    start = max(snapshot.t - WINDOW, 0.0)
+    start = max(snapshot.t - window, 0.0)
     return f"Every run from t = {start:.2f} to {snapshot.t:.2f} s, where it has come that far."
 
 
-def _table(snapshot: Snapshot) -> str:
-    start = snapshot.t - WINDOW
+def _table(snapshot: Snapshot, window: float) -> str:
+    start = snapshot.t - window
     accounts = [account(snapshot.system, snapshot.recording, start, snapshot.t)]
     accounts += [account(p.system, p.recording, start, snapshot.t) for p in snapshot.pinned]
     heads = "".join(f"<th>{head}</th>" for head in ("now", *(str(p.number) for p in snapshot.pinned)))

@@ -1,0 +1,54 @@
+"""What a plot has pixels for: the smallest and the largest value of each bucket of time, so that no spike is lost."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class Grid:
+    """Buckets [k width, (k + 1) width), k = first ... first + count - 1, in s. Their edges are multiples of the width,
+    so that what is drawn stands still while time goes on."""
+
+    first: int
+    count: int
+    width: float
+
+    @classmethod
+    def over(cls, t_from: float, t_to: float, buckets: int) -> Grid:
+        """About so many buckets; none begins before t_from, the last holds t_to."""
+        width = (t_to - t_from) / buckets
+        first = math.ceil(t_from / width - 1e-9)
+        return cls(first, max(math.floor(t_to / width + 1e-9) - first + 1, 1), width)
+
+    @property
+    def times(self) -> np.ndarray:
+        """(2 count,) s: at a quarter and at three quarters of each bucket."""
+        return (self.first + 0.25 + 0.5 * np.arange(2 * self.count)) * self.width
+
+    def starts(self, t: np.ndarray) -> np.ndarray:
+        """Where in t (N,), which grows, each bucket begins, and where the last one ends: (count + 1,)."""
+        return np.searchsorted(t, (self.first + np.arange(self.count + 1)) * self.width)
+
+    def openings(self, t: np.ndarray) -> np.ndarray:
+        """The first row of each bucket that has one."""
+        starts = self.starts(t)
+        return starts[:-1][starts[:-1] < starts[1:]]
+
+    def thin(self, t: np.ndarray, values: np.ndarray) -> np.ndarray:
+        """values (N, k) at t (N,), which grows: (2 count, k), of each bucket the two extremes, in the order in which
+        the values go through them; nan where there are none."""
+        starts = self.starts(t)
+        filled = starts[:-1] < starts[1:]
+        thinned = np.full((self.count, 2, values.shape[1]), np.nan)
+        if filled.any():
+            begin, end = starts[:-1][filled], starts[1:][filled]
+            low = np.fmin.reduceat(values[: end[-1]], begin, axis=0)
+            high = np.fmax.reduceat(values[: end[-1]], begin, axis=0)
+            falls = values[end - 1] < values[begin]
+            thinned[filled, 0] = np.where(falls, high, low)
+            thinned[filled, 1] = np.where(falls, low, high)
+        return thinned.reshape(2 * self.count, -1)
