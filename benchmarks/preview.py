@@ -13,8 +13,9 @@ from typing import NamedTuple
 import numpy as np
 import viser
 
+from app.dashboard.looking import Lookers
 from app.dashboard.page import FRAME, REFRESH
-from app.dashboard.plots import Plots
+from app.dashboard.plots import Plots, Shown
 from app.dashboard.whatif import HORIZON, Held, WhatIf
 from app.previewer import Previewer
 from app.runner import Edit, Runner
@@ -76,7 +77,9 @@ class _Page:
                 foreseen = self.whatif.look(snapshot, {CLIENT})
                 if foreseen or now - refreshed >= REFRESH:
                     refreshed = now
-                    self.plots.show(snapshot, self.whatif.outlook, self.whatif.horizon)
+                    outlook, horizon = self.whatif.outlook, self.whatif.horizon
+                    shown = Shown(snapshot.t, self.plots.window, outlook=outlook, horizon=horizon)
+                    self.plots.show(snapshot, shown, ("Overview",))
                 if foreseen and self.whatif.outlook is not None:
                     previews.append((now, self.whatif.outlook.figures.span))
             time.sleep(LOOK)
@@ -105,7 +108,7 @@ def dragged(scenario: str, seconds: float, horizon: float = HORIZON) -> PreviewF
     """Run the scenario, watch it alone, then drag the desired force; both for so many seconds."""
     server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
     runner, previewer = Runner(load(scenario)), Previewer()
-    page = _Page(runner, WhatIf(previewer), Plots(server.gui))
+    page = _Page(runner, WhatIf(previewer), Plots(server.gui, Lookers()))
     page.whatif.horizon = horizon
     try:
         runner.start()

@@ -15,6 +15,7 @@ from app.dashboard.plot_table import TABS, column, needed_stack, torque_stack
 from app.hindsight import Hindsight, Known
 from app.scenario import Scenario, edited, shipped
 from app.thinning import Grid
+from controllers.reaching import lyapunov_bound
 
 
 def ran(scenario: Scenario, seconds: float) -> ClosedLoop:
@@ -196,6 +197,9 @@ def test_reaching_and_sliding_phases_and_their_marks():
     promised = t[(seen["promised"] == 1.0) & (t > began)]
     if began + loop.certificate.t_r < loop.t:
         assert promised == pytest.approx([began + loop.certificate.t_r], abs=1.1e-3)
+    late = t >= began - 1e-9
+    promise = [lyapunov_bound(loop.certificate.promise, instant - began) for instant in t[late]]
+    np.testing.assert_allclose(seen["V_bound"][late], promise, atol=1e-12)
     grid = Grid.over(0.0, loop.t, BUCKETS)
     assert np.nanmax(grid.thin(t, seen["measured"][:, None])) == 1.0
 
