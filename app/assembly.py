@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -20,6 +21,7 @@ from app.scenario import (
     Matrix,
     Plane,
     PointToPoint,
+    Robot,
     Scenario,
     ScenarioError,
     Sphere,
@@ -43,9 +45,9 @@ from controllers.vsmrc import Reference, Vsmrc
 from environments import robots, surfaces, trajectories
 from environments.contact import Contact
 from environments.plant import Plant, Truth
-from environments.robots import Robot, RobotError
 from environments.sensors import ForceSensor
 from environments.stiffness import Mobility, oscillators, resolved, substeps_needed
+from environments.urdf import RobotError
 
 NEAR = 0.03  # m
 
@@ -64,7 +66,7 @@ class System:
     true arm's largest over Omega; q_0 (n,) rad."""
 
     scenario: Scenario
-    robot: Robot
+    robot: robots.Robot
     mode: Mode
     layout: TaskLayout
     coordinates: tuple[Coordinate, ...]
@@ -221,17 +223,34 @@ def in_mode(scenario: Scenario, mode_name: str) -> Scenario:
 
 
 def on_robot(scenario: Scenario, name: str) -> Scenario:
-    """The scenario with another arm of the catalogue, and what depends on the number of joints at its defaults.
+    """The scenario with another arm of the catalogue: see `with_robot`. Raises ScenarioError for an unknown robot."""
+    return with_robot(scenario, {"name": name})
 
-    Raises ScenarioError for an unknown robot.
+
+def with_robot(scenario: Scenario, changes: Mapping[str, object]) -> Scenario:
+    """The scenario with other fields of `robot`, by name, None for a default.
+
+    Another arm keeps nothing of the old one's fields, another tool frame only the arm; what depends on the number of
+    joints is at its defaults then. In a mode on a surface the surface is brought to where the tool is now. Raises
+    ScenarioError for a field that there is not, and for an arm that cannot be had.
     """
+    fields = Robot.__struct_fields__
+    if unknown := [name for name in changes if name not in fields]:
+        raise ScenarioError(f"robot.{unknown[0]}: no such field; allowed: {', '.join(fields)}")
     data = to_plain(scenario)
-    data["robot"] = {"name": name}
-    data["target_model"] = {}
-    for gain in ("A", "F_1", "F_2", "K_s"):
-        value = data["controller"][gain]
-        data["controller"][gain] = value[0] if isinstance(value, list) and not isinstance(value[0], list) else value
-    return _adapted(from_plain(data))
+    another = changes.keys() & {"name", "urdf", "tool_frame"}
+    if another:
+        arm = ("name", "urdf") if another == {"tool_frame"} else ()
+        data["robot"] = {name: value for name, value in data["robot"].items() if name in arm}
+        data["target_model"] = {}
+        for gain in ("A", "F_1", "F_2", "K_s"):
+            value = data["controller"][gain]
+            data["controller"][gain] = value[0] if isinstance(value, list) and not isinstance(value[0], list) else value
+        if isinstance(data["truth"]["link_scaling"], list):
+            del data["truth"]["link_scaling"]
+    data["robot"] = {name: value for name, value in {**data["robot"], **changes}.items() if value is not None}
+    changed = from_plain(data)
+    return _adapted(changed) if changes.keys() - {"rotor_inertia"} else changed
 
 
 def _adapted(scenario: Scenario) -> Scenario:
@@ -255,7 +274,7 @@ def _adapted(scenario: Scenario) -> Scenario:
     return scenario
 
 
-def _robot(scenario: Scenario) -> Robot:
+def _robot(scenario: Scenario) -> robots.Robot:
     r = scenario.robot
     return robots.load(
         r.name,
@@ -316,19 +335,19 @@ def _direction(path: str, vector: tuple[float, float, float]) -> np.ndarray:
     return np.array(vector) / length
 
 
-def _start(plant: Plant, robot: Robot) -> np.ndarray:
+def _start(plant: Plant, robot: robots.Robot) -> np.ndarray:
     try:
         return plant.start(robot.posture, np.zeros(robot.n), 0.0).views.q
     except ValueError as error:
         raise ScenarioError(str(error)) from error
 
 
-def _axes(robot: Robot) -> np.ndarray:
+def _axes(robot: robots.Robot) -> np.ndarray:
     """Rows: the Cartesian coordinates in their order; a planar arm uses the first two, x and z."""
     return np.eye(3)[[0, 2, 1]] if robot.geometry == "planar" else np.eye(3)
 
 
-def _layout(scenario: Scenario, robot: Robot, nominal: NominalModel, q_0: np.ndarray) -> TaskLayout:
+def _layout(scenario: Scenario, robot: robots.Robot, nominal: NominalModel, q_0: np.ndarray) -> TaskLayout:
     positions = 2 if robot.geometry == "planar" else 3
     angles = {"planar": min(robot.n - 2, 1), "pose": 3, "position": 0}[robot.geometry]
     estimate = nominal.evaluate(q_0, np.zeros(robot.n))
@@ -345,7 +364,7 @@ def _layout(scenario: Scenario, robot: Robot, nominal: NominalModel, q_0: np.nda
     )
 
 
-def _coordinates(layout: TaskLayout, mode: Mode, robot: Robot) -> tuple[Coordinate, ...]:
+def _coordinates(layout: TaskLayout, mode: Mode, robot: robots.Robot) -> tuple[Coordinate, ...]:
     if layout.joint:
         return tuple(Coordinate(name, "rad") for name in robot.joint_names)
     places = ["φ", "ψ₁", "ψ₂"] if mode.on_surface else (["x", "z"] if layout.positions == 2 else ["x", "y", "z"])

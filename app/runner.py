@@ -73,7 +73,8 @@ class Load:
 
 @dataclass(frozen=True)
 class Edit:
-    """One field of the scenario by its dotted path, with plain data. Mode and robot bring their own defaults."""
+    """One field of the scenario by its dotted path, with plain data. Mode and fields of `robot` bring along what
+    depends on them: see `assembly.in_mode`, `assembly.with_robot`."""
 
     path: str
     value: object
@@ -234,7 +235,7 @@ class Runner:
         for command, following in itertools.zip_longest(queued, queued[1:]):
             if isinstance(command, Edit) and isinstance(following, Edit) and command.path == following.path:
                 continue  # a slider has moved on: only where it is now matters
-            if isinstance(command, Load) or (isinstance(command, Edit) and command.path in ("mode", "robot.name")):
+            if isinstance(command, Load) or (isinstance(command, Edit) and command.path.startswith(("mode", "robot."))):
                 self.snapshot = replace(self.snapshot, notice=PREPARING)
             try:
                 self._carry_out(command)
@@ -266,8 +267,8 @@ class Runner:
                 self._edit(scenario)
             case Edit("mode", value):
                 self._edit(assembly.in_mode(loop.system.scenario, str(value)))
-            case Edit("robot.name", value):
-                self._edit(assembly.on_robot(loop.system.scenario, str(value)))
+            case Edit(path, value) if path.startswith("robot."):
+                self._edit(assembly.with_robot(loop.system.scenario, {path.removeprefix("robot."): value}))
             case Edit(path, value):
                 self._edit(edited(loop.system.scenario, path, value))
 

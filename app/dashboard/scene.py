@@ -119,7 +119,8 @@ class SceneView:
             self._run = snapshot.run
             self._tool_path.clear()
             self._desired_path.clear()
-        robot_key = (snapshot.robot.urdf, tuple(snapshot.robot.joint_names))
+        robot = snapshot.robot
+        robot_key = (robot.urdf, robot.joint_names, robot.tool_frame, robot.tool_offset.tolist())
         if robot_key != self._robot_key:
             self._robot_key = robot_key
             if self._robot_view is not None:
