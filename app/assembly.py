@@ -5,7 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from pathlib import Path
 
+import msgspec
 import numpy as np
 
 from app.control_period import Observer, Planned, ReferencePlan
@@ -230,9 +232,9 @@ def on_robot(scenario: Scenario, name: str) -> Scenario:
 def with_robot(scenario: Scenario, changes: Mapping[str, object]) -> Scenario:
     """The scenario with other fields of `robot`, by name, None for a default.
 
-    Another arm keeps nothing of the old one's fields, another tool frame only the arm; what depends on the number of
-    joints is at its defaults then. In a mode on a surface the surface is brought to where the tool is now. Raises
-    ScenarioError for a field that there is not, and for an arm that cannot be had.
+    Another arm keeps nothing of the old one's fields nor the scenario's name, another tool frame only the arm; what
+    depends on the number of joints is at its defaults then. In a mode on a surface the surface is brought to where the
+    tool is now. Raises ScenarioError for a field that there is not, and for an arm that cannot be had.
     """
     fields = Robot.__struct_fields__
     if unknown := [name for name in changes if name not in fields]:
@@ -240,8 +242,8 @@ def with_robot(scenario: Scenario, changes: Mapping[str, object]) -> Scenario:
     data = to_plain(scenario)
     another = changes.keys() & {"name", "urdf", "tool_frame"}
     if another:
-        arm = ("name", "urdf") if another == {"tool_frame"} else ()
-        data["robot"] = {name: value for name, value in data["robot"].items() if name in arm}
+        kept = ("name", "urdf") if another == {"tool_frame"} else ()
+        data["robot"] = {name: value for name, value in data["robot"].items() if name in kept}
         data["target_model"] = {}
         for gain in ("A", "F_1", "F_2", "K_s"):
             value = data["controller"][gain]
@@ -250,7 +252,14 @@ def with_robot(scenario: Scenario, changes: Mapping[str, object]) -> Scenario:
             del data["truth"]["link_scaling"]
     data["robot"] = {name: value for name, value in {**data["robot"], **changes}.items() if value is not None}
     changed = from_plain(data)
+    if another - {"tool_frame"}:
+        changed = msgspec.structs.replace(changed, name=Scenario().name, title=_title(changed.robot))
     return _adapted(changed) if changes.keys() - {"rotor_inertia"} else changed
+
+
+def _title(robot: Robot) -> str:
+    entry = robots.CATALOGUE.get(robot.name)
+    return Path(robot.urdf).stem if robot.urdf else entry.title if entry else robot.name
 
 
 def _adapted(scenario: Scenario) -> Scenario:

@@ -34,12 +34,12 @@ def _inequalities(scenario: Scenario) -> Iterator[tuple[str, float, float, str]]
     yield "payload", true.payload_mass, declared.payload_mass, " kg"
     if true.payload_mass > 0.0:
         distance = float(np.linalg.norm(true.payload_offset))
-        yield "payload's distance from the tool point", distance, declared.payload_offset, " m"
+        yield "payload offset", distance, declared.payload_offset, " m"
     yield "Coulomb friction", true.coulomb, declared.coulomb, " N·m"
     yield "viscous friction", true.viscous, declared.viscous, " N·m·s/rad"
     yield "disturbance", true.disturbance, declared.disturbance, " N·m"
     error = float(np.linalg.norm(sensor.bias)) + SPREAD * _noise(scenario)
-    yield f"force error: sensor's bias + {SPREAD:g}σ of its noise", error, declared.force_error, " N"
+    yield f"force error (bias + {SPREAD:g}σ of noise)", error, declared.force_error, " N"
 
 
 def _noise(scenario: Scenario) -> float:

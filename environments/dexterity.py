@@ -81,7 +81,7 @@ class Tool:
                 f"robot.urdf: {file_name}: in no posture can its joints move the tool in all directions of a square "
                 "task space; allowed: an arm that can, another robot.tool_frame"
             )
-        return best.round(3)
+        return best.round(2)
 
     def _upright(self) -> bool:
         placements = self._data.oMi.tolist()

@@ -54,9 +54,14 @@ def parts(robot: Robot) -> list[Part]:
 
 
 def _visuals(robot: Robot) -> dict[tuple[int, Rgb], list[trimesh.Trimesh]]:
-    checked = BytesIO(ElementTree.tostring(urdf.read(robot.urdf)))
+    root = urdf.read(robot.urdf)
+    for link in root.findall("link"):
+        for visual in link.findall("visual"):
+            mesh = visual.find("geometry/mesh")
+            if mesh is not None and urdf.mesh_file(robot.urdf, mesh.get("filename", "")) is None:
+                link.remove(visual)
     drawn = yourdfpy.URDF.load(
-        checked, filename_handler=lambda fname: str(urdf.mesh_file(robot.urdf, fname) or ""), mesh_dir=""
+        BytesIO(ElementTree.tostring(root)), filename_handler=lambda fname: str(urdf.mesh_file(robot.urdf, fname) or "")
     )
     groups: defaultdict[tuple[int, Rgb], list[trimesh.Trimesh]] = defaultdict(list)
     if drawn.scene is None:

@@ -17,16 +17,6 @@ class RobotPanel:
     def __init__(self, desk: Desk) -> None:
         gui = desk.gui
         self._controls: list[Control] = [ArmChoice(desk), Verdict(desk)]
-        with gui.add_folder("Own URDF"):
-            self._controls += [Upload(desk), UrdfPath(desk)]
-        with gui.add_folder("Tool and posture"):
-            self._controls += [
-                ToolFrame(desk),
-                Number(desk, InForce("robot.tool_offset", _tool_offset), "tool at [m]"),
-                Number(desk, InForce("robot.posture", _posture), "posture"),
-                Number(desk, InForce("robot.rotor_inertia", _rotors), "rotors [kg·m²]"),
-                Number(desk, Place("task_space.characteristic_length"), "length l [m]", decades(0.02, 1)),
-            ]
         with gui.add_folder("The true arm"):
             self._controls += [
                 Number(desk, InForce("truth.link_scaling", _common_scaling), "links ×", Scale(0.5, 1.5)),
@@ -48,6 +38,16 @@ class RobotPanel:
                 Number(desk, Place("declared.disturbance"), "push [N·m]", Scale(0, 20)),
                 Number(desk, Place("declared.force_error"), "force error [N]", Scale(0, 5)),
             ]
+        with gui.add_folder("Tool and posture"):
+            self._controls += [
+                ToolFrame(desk),
+                Number(desk, InForce("robot.tool_offset", _tool_offset), "tool at [m]"),
+                Number(desk, InForce("robot.posture", _posture), "posture"),
+                Number(desk, InForce("robot.rotor_inertia", _rotors), "rotors [kg·m²]"),
+                Number(desk, Place("task_space.characteristic_length"), "length l [m]", decades(0.02, 1)),
+            ]
+        with gui.add_folder("Own URDF"):
+            self._controls += [Upload(desk), UrdfPath(desk)]
 
     def show(self, snapshot: Snapshot) -> None:
         for control in self._controls:
