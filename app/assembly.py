@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -240,6 +241,8 @@ def with_robot(scenario: Scenario, changes: Mapping[str, object]) -> Scenario:
     if unknown := [name for name in changes if name not in fields]:
         raise ScenarioError(f"robot.{unknown[0]}: no such field; allowed: {', '.join(fields)}")
     data = to_plain(scenario)
+    if isinstance(urdf := changes.get("urdf"), str):  # a scenario may be saved in another folder
+        changes = {**changes, "urdf": os.path.abspath(os.path.expanduser(urdf))}
     another = changes.keys() & {"name", "urdf", "tool_frame"}
     if another:
         kept = ("name", "urdf") if another == {"tool_frame"} else ()

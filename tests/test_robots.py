@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import xml.etree.ElementTree as ElementTree
 from io import BytesIO
 from pathlib import Path
@@ -101,7 +102,8 @@ def test_another_arm_brings_what_depends_on_it_and_can_be_saved() -> None:
     scenario = with_robot(
         edited(scenario, "target_model.M_m", [10.0] * 6), {"posture": [0.1, -1.2, 1.8, -2.2, -1.6, 0.0]}
     )
-    own = with_robot(scenario, {"urdf": str(BENT)})
+    own = with_robot(scenario, {"urdf": os.path.relpath(BENT)})
+    assert own.robot.urdf == str(BENT)
     assert (own.title, own.controller.K_s, own.truth.link_scaling, own.robot.posture) == ("bent3r", 50.0, 1.0, None)
     assert from_toml(to_toml(own)) == own
     loop = ClosedLoop(own)
