@@ -22,6 +22,7 @@ from rich.table import Table
 from tqdm import tqdm
 
 from app import headless, warm
+from app.assembly import with_robot
 from app.dashboard import Dashboard, PortBusy
 from app.dashboard.export import Kind, Stretch, write
 from app.dashboard.printed import ALL_PLOTS, plots_of
@@ -29,6 +30,7 @@ from app.data_files import read_npz
 from app.metrics import FIGURES, account
 from app.runner import Runner
 from app.scenario import Scenario, ScenarioError, edited, load, shipped
+from app.truth import outside
 from environments.robots import CATALOGUE
 
 DONE, BAD_INPUT, STOPPED = 0, 2, 3
@@ -121,6 +123,8 @@ def run(
         raise ScenarioError(f"--out {out}: cannot be written: {error.strerror}") from error
     for name, value in msgspec.to_builtins(metrics).items():
         print(f"{name:28s} {_shown(value)}")
+    for violation in outside(loop.system.scenario):
+        print(f"the truth is outside what was declared: {violation}")
     if loop.warning:
         print(f"flagged: {loop.warning}")
     print(f"written to {out}")
@@ -216,12 +220,21 @@ def list_() -> int:
 
 def _configured(name_or_file: str, settings: Settings, duration: float | None = None) -> Scenario:
     scenario = load(name_or_file)
-    for setting in (s for group in settings for s in group):
-        path, equals, text = setting.partition("=")
-        if not equals:
-            raise ScenarioError(f"--set {setting}: no '='; allowed: KEY=VALUE")
-        scenario = edited(scenario, path.strip(), _value(text.strip()))
+    changes = [_setting(setting) for group in settings for setting in group]
+    # the arm as a whole, and first: everything else may depend on it
+    if robot := {path.removeprefix("robot."): value for path, value in changes if path.startswith("robot.")}:
+        scenario = with_robot(scenario, robot)
+    for path, value in changes:
+        if not path.startswith("robot."):
+            scenario = edited(scenario, path, value)
     return scenario if duration is None else edited(scenario, "simulation.duration", duration)
+
+
+def _setting(text: str) -> tuple[str, object]:
+    path, equals, value = text.partition("=")
+    if not equals:
+        raise ScenarioError(f"--set {text}: no '='; allowed: KEY=VALUE")
+    return path.strip(), _value(value.strip())
 
 
 def _value(text: str) -> object:

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import os
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
+from pathlib import Path
 
+import msgspec
 import numpy as np
 
 from app.control_period import Observer, Planned, ReferencePlan
@@ -21,6 +25,7 @@ from app.scenario import (
     Matrix,
     Plane,
     PointToPoint,
+    Robot,
     Scenario,
     ScenarioError,
     Sphere,
@@ -46,10 +51,10 @@ from environments.contact import Contact
 from environments.formula import FormulaError
 from environments.plant import Plant, Truth
 from environments.push import TimedPush
-from environments.robots import Robot, RobotError
 from environments.sensors import ForceSensor
 from environments.stiffness import Mobility, oscillators, resolved, substeps_needed
 from environments.typed_surface import TypedSurface
+from environments.urdf import RobotError
 
 NEAR = 0.03  # m
 
@@ -68,7 +73,7 @@ class System:
     true arm's largest over Omega; q_0 (n,) rad."""
 
     scenario: Scenario
-    robot: Robot
+    robot: robots.Robot
     mode: Mode
     layout: TaskLayout
     coordinates: tuple[Coordinate, ...]
@@ -241,17 +246,43 @@ def in_mode(scenario: Scenario, mode_name: str) -> Scenario:
 
 
 def on_robot(scenario: Scenario, name: str) -> Scenario:
-    """The scenario with another arm of the catalogue, and what depends on the number of joints at its defaults.
+    """The scenario with another arm of the catalogue: see `with_robot`. Raises ScenarioError for an unknown robot."""
+    return with_robot(scenario, {"name": name})
 
-    Raises ScenarioError for an unknown robot.
+
+def with_robot(scenario: Scenario, changes: Mapping[str, object]) -> Scenario:
+    """The scenario with other fields of `robot`, by name, None for a default.
+
+    Another arm keeps nothing of the old one's fields nor the scenario's name, another tool frame only the arm; what
+    depends on the number of joints is at its defaults then. In a mode on a surface the surface is brought to where the
+    tool is now. Raises ScenarioError for a field that there is not, and for an arm that cannot be had.
     """
+    fields = Robot.__struct_fields__
+    if unknown := [name for name in changes if name not in fields]:
+        raise ScenarioError(f"robot.{unknown[0]}: no such field; allowed: {', '.join(fields)}")
     data = to_plain(scenario)
-    data["robot"] = {"name": name}
-    data["target_model"] = data["shift"] = {}
-    for gain in ("A", "F_1", "F_2", "K_s"):
-        value = data["controller"][gain]
-        data["controller"][gain] = value[0] if isinstance(value, list) and not isinstance(value[0], list) else value
-    return _adapted(from_plain(data))
+    if isinstance(urdf := changes.get("urdf"), str):  # a scenario may be saved in another folder
+        changes = {**changes, "urdf": os.path.abspath(os.path.expanduser(urdf))}
+    another = changes.keys() & {"name", "urdf", "tool_frame"}
+    if another:
+        kept = ("name", "urdf") if another == {"tool_frame"} else ()
+        data["robot"] = {name: value for name, value in data["robot"].items() if name in kept}
+        data["target_model"] = data["shift"] = {}
+        for gain in ("A", "F_1", "F_2", "K_s"):
+            value = data["controller"][gain]
+            data["controller"][gain] = value[0] if isinstance(value, list) and not isinstance(value[0], list) else value
+        if isinstance(data["truth"]["link_scaling"], list):
+            del data["truth"]["link_scaling"]
+    data["robot"] = {name: value for name, value in {**data["robot"], **changes}.items() if value is not None}
+    changed = from_plain(data)
+    if another - {"tool_frame"}:
+        changed = msgspec.structs.replace(changed, name=Scenario().name, title=_title(changed.robot))
+    return _adapted(changed) if changes.keys() - {"rotor_inertia"} else changed
+
+
+def _title(robot: Robot) -> str:
+    entry = robots.CATALOGUE.get(robot.name)
+    return Path(robot.urdf).stem if robot.urdf else entry.title if entry else robot.name
 
 
 def on_surface(scenario: Scenario, kind: str) -> Scenario:
@@ -296,7 +327,7 @@ def _adapted(scenario: Scenario) -> Scenario:
     return scenario
 
 
-def _robot(scenario: Scenario) -> Robot:
+def _robot(scenario: Scenario) -> robots.Robot:
     r = scenario.robot
     return robots.load(
         r.name,
@@ -331,12 +362,12 @@ def truth_of(scenario: Scenario, n: int) -> Truth:
     )
 
 
-def _tool_at_start(robot: Robot, nominal: NominalModel) -> np.ndarray:
+def _tool_at_start(robot: robots.Robot, nominal: NominalModel) -> np.ndarray:
     return nominal.evaluate(robot.posture, np.zeros(robot.n)).p
 
 
 def _surface_in_use(
-    scenario: Scenario, robot: Robot, nominal: NominalModel, previous: System | None
+    scenario: Scenario, robot: robots.Robot, nominal: NominalModel, previous: System | None
 ) -> surfaces.Surface:
     """The scenario's surface; one typed as a formula has been looked at where the tool will meet it."""
     if previous is not None and _judged_by(previous.scenario) == _judged_by(scenario):
@@ -389,19 +420,19 @@ def _direction(path: str, vector: tuple[float, float, float]) -> np.ndarray:
     return np.array(vector) / length
 
 
-def _start(plant: Plant, robot: Robot) -> np.ndarray:
+def _start(plant: Plant, robot: robots.Robot) -> np.ndarray:
     try:
         return plant.start(robot.posture, np.zeros(robot.n), 0.0).views.q
     except ValueError as error:
         raise ScenarioError(str(error)) from error
 
 
-def _axes(robot: Robot) -> np.ndarray:
+def _axes(robot: robots.Robot) -> np.ndarray:
     """Rows: the Cartesian coordinates in their order; a planar arm uses the first two, x and z."""
     return np.eye(3)[[0, 2, 1]] if robot.geometry == "planar" else np.eye(3)
 
 
-def _layout(scenario: Scenario, robot: Robot, nominal: NominalModel, q_0: np.ndarray) -> TaskLayout:
+def _layout(scenario: Scenario, robot: robots.Robot, nominal: NominalModel, q_0: np.ndarray) -> TaskLayout:
     positions = 2 if robot.geometry == "planar" else 3
     angles = {"planar": min(robot.n - 2, 1), "pose": 3, "position": 0}[robot.geometry]
     estimate = nominal.evaluate(q_0, np.zeros(robot.n))
@@ -418,7 +449,7 @@ def _layout(scenario: Scenario, robot: Robot, nominal: NominalModel, q_0: np.nda
     )
 
 
-def _coordinates(layout: TaskLayout, mode: Mode, robot: Robot) -> tuple[Coordinate, ...]:
+def _coordinates(layout: TaskLayout, mode: Mode, robot: robots.Robot) -> tuple[Coordinate, ...]:
     if layout.joint:
         return tuple(Coordinate(name, "rad") for name in robot.joint_names)
     places = ["φ", "ψ₁", "ψ₂"] if mode.on_surface else (["x", "z"] if layout.positions == 2 else ["x", "y", "z"])

@@ -104,8 +104,8 @@ class Load:
 
 @dataclass(frozen=True)
 class Edit:
-    """One field of the scenario by its dotted path, with plain data. Mode, robot and kind of surface bring their own
-    defaults."""
+    """One field of the scenario by its dotted path, with plain data. Mode, fields of `robot` and kind of surface bring
+    along what depends on them: see `assembly.in_mode`, `with_robot`, `on_surface`."""
 
     path: str
     value: object
@@ -286,7 +286,7 @@ class Runner:
         for command, following in itertools.zip_longest(queued, queued[1:]):
             if _overtaken(command, following):
                 continue
-            if isinstance(command, Load) or (isinstance(command, Edit) and command.path in ("mode", "robot.name")):
+            if isinstance(command, Load) or (isinstance(command, Edit) and command.path.startswith(("mode", "robot."))):
                 self.snapshot = replace(self.snapshot, notice=PREPARING)
             try:
                 self._carry_out(command)
@@ -332,8 +332,8 @@ class Runner:
                 self._edit(scenario)
             case Edit("mode", value):
                 self._edit(assembly.in_mode(scenario_now, str(value)))
-            case Edit("robot.name", value):
-                self._edit(assembly.on_robot(scenario_now, str(value)))
+            case Edit(path, value) if path.startswith("robot."):
+                self._edit(assembly.with_robot(scenario_now, {path.removeprefix("robot."): value}))
             case Edit("surface", str() as kind):
                 self._edit(assembly.on_surface(scenario_now, kind))
             case Edit(path, value):

@@ -38,11 +38,13 @@ class Robot(_Section, frozen=True, forbid_unknown_fields=True):
 
     name: Annotated[str, _number("row of the catalogue", "")] = "ur5"
     urdf: Annotated[str | None, _number("any URDF instead, by path", "")] = None
-    tool_frame: Annotated[str | None, _number("frame of the tool; default: the catalogue's, or the last one", "")] = (
-        None
-    )
+    tool_frame: Annotated[
+        str | None, _number("frame of the tool; default: the catalogue's, or the last one of the arm", "")
+    ] = None
     tool_offset: Annotated[Vector3 | None, _number("tool point in the tool frame", "m")] = None
-    posture: Annotated[Vector | None, _number("joint angles at the start; default: the working posture", "rad")] = None
+    posture: Annotated[
+        Vector | None, _number("joint angles at the start; default: the catalogue's, or one far from singular", "rad")
+    ] = None
     rotor_inertia: Annotated[Vector | None, _number("reflected rotor inertia per joint", "kg·m²")] = None
 
 

@@ -1,7 +1,8 @@
 """The catalogue of arms, and any URDF by path.
 
 A `Robot` is a serial chain: every joint that does not move the tool is locked, continuous joints are given
-limits, so that q lies in R^n. A new robot is one row of `CATALOGUE`.
+limits, so that q lies in R^n. A new robot is one row of `CATALOGUE`; of any other URDF the tool frame, the working
+posture and the supplemental joints are found where they are not given.
 """
 
 from __future__ import annotations
@@ -10,16 +11,18 @@ import xml.etree.ElementTree as ElementTree
 from dataclasses import dataclass, field
 from importlib import metadata, resources
 from pathlib import Path
-from typing import Literal
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
 
-Geometry = Literal["pose", "position", "planar"]
+from environments import urdf as description
+from environments.dexterity import Geometry, Tool, geometry_of
+from environments.urdf import RobotError
 
-
-class RobotError(ValueError):
-    """A robot description that cannot be used; the message names the robot, what is wrong and what is allowed."""
+FEWEST_JOINTS, MOST_JOINTS = 2, 8  # between base and tool
+USUAL_JOINTS = 7  # what lies beyond is probably a gripper
+ROTOR_INERTIA = 0.1  # kg m^2, assumed where nothing is said
 
 
 @dataclass(frozen=True)
@@ -52,6 +55,23 @@ _PANDA_POSTURE = {
     "panda_joint5": 0.0,
     "panda_joint6": 1.8,
     "panda_joint7": 0.7854,
+}
+_XARM7_POSTURE = {
+    "joint1": 0.0,
+    "joint2": -0.3,
+    "joint3": 0.0,
+    "joint4": 1.0,
+    "joint5": 0.0,
+    "joint6": 1.3,
+    "joint7": 0.0,
+}
+_Z1_POSTURE = {
+    "joint1": 0.0,
+    "joint2": 1.8,
+    "joint3": -1.3,
+    "joint4": 1.0708,
+    "joint5": 0.0,
+    "joint6": 0.0,
 }
 
 CATALOGUE: dict[str, RobotEntry] = {
@@ -88,6 +108,24 @@ CATALOGUE: dict[str, RobotEntry] = {
         rotor_source="assumed",
         supplemental=("panda_joint3",),
     ),
+    "xarm7": RobotEntry(
+        title="UFACTORY xArm7",
+        urdf="xarm_description/urdf/xarm7.urdf",
+        tool_frame="link_eef",
+        posture=_XARM7_POSTURE,
+        rotor_inertia=(0.1,) * 7,
+        rotor_source="MuJoCo Menagerie, ufactory_xarm7/xarm7.xml",
+        supplemental=("joint3",),
+    ),
+    "z1": RobotEntry(
+        title="Unitree Z1 with gripper",
+        urdf="z1_description/urdf/z1.urdf",
+        tool_frame="gripperStator",
+        posture=_Z1_POSTURE,
+        rotor_inertia=(0.2, 0.2, 0.2, 0.05, 0.05, 0.05),
+        rotor_source="assumed",
+        tool_offset=(0.149, 0.0, 0.0),  # between the jaws' tips
+    ),
     "planar2r": RobotEntry(
         title="Planar 2R (vertical plane)",
         urdf="static:planar2r.urdf",
@@ -116,7 +154,8 @@ class Robot:
     posture: (n,) rad (m for prismatic joints), the working posture.
     geometry: which square task space fits: "planar" (two positions, then an angle), "pose" (three positions, three
         angles), "position" (three positions); joints in `supplemental` complete it (Remark 5).
-    urdf, package_root: for the meshes; joint_names tells which of the URDF's joints move.
+    tool_frame, tool_offset: the URDF's link and the tool point (3,) m in it; frames: the links that it may be.
+    urdf: for the meshes; joint_names tells which of its joints move, locked where the others are kept.
     """
 
     name: str
@@ -128,8 +167,10 @@ class Robot:
     geometry: Geometry
     supplemental: tuple[int, ...]
     rotor_source: str
+    tool_frame: str
+    tool_offset: np.ndarray
+    frames: tuple[str, ...]
     urdf: Path
-    package_root: Path
     locked: dict[str, float] = field(default_factory=dict)
 
     @property
@@ -163,128 +204,142 @@ def load(
     Raises RobotError for an unknown name, a file that is missing or no URDF, an unknown frame, a wrong number of
     joint values, and an arm for which no square task space exists.
     """
-    entry = CATALOGUE.get(name)
-    if urdf is not None:
-        path = Path(urdf).expanduser()
-        entry, root = None, path.parent
-    elif entry is None:
-        raise RobotError(f"robot.name: unknown robot {name!r}; allowed: {', '.join(CATALOGUE)} (or give robot.urdf)")
-    elif entry.urdf.startswith("static:"):
-        path = Path(str(resources.files("static").joinpath("robots", entry.urdf.removeprefix("static:"))))
-        root = path.parent
-    else:
-        root = robot_data_root()
-        path = root / entry.urdf
-    full = _parse(path)
-    frame_name = tool_frame or (entry.tool_frame if entry else str(full.frames[full.nframes - 1].name))
-    if not full.existFrame(frame_name):
-        names = ", ".join(str(f.name) for f in full.frames if f.type == pin.FrameType.BODY)
-        raise RobotError(f"robot.tool_frame: no frame {frame_name!r} in {path.name}; allowed: {names}")
-    model, locked = _chain(full, frame_name)
-    n = model.nv
-    if n == 0:
-        raise RobotError(f"robot.tool_frame: {frame_name!r} is not moved by any joint of {path.name}")
+    entry = None if urdf is not None else _entry(name)
+    path = _file(entry) if entry is not None else _given(str(urdf))
+    root = description.read(path)
+    full = _model(root, path)
+    frames = _tool_frames(full)
+    frame_name = tool_frame or (entry.tool_frame if entry else _farthest(frames, path))
+    if not full.existFrame(frame_name, pin.BODY):
+        raise RobotError(f"robot.tool_frame: no frame {frame_name!r:.60} in {path.name}; {_allowed(frames)}")
+    model, locked = _chain(full, frame_name, path)
+    _require_moving_bodies(model, root, path)
+    frame = model.frames[model.getFrameId(frame_name, pin.BODY)]
+    # what the catalogue says of a tool holds for its own tool only
+    own = entry if entry is not None and frame_name == entry.tool_frame else None
+    offset = np.array(tool_offset or (own.tool_offset if own else (0.0, 0.0, 0.0)))
+    placement = frame.placement * pin.SE3(np.eye(3), offset)
+    geometry = geometry_of(model, path.name)
+    tool = Tool(model, frame.parentJoint, placement, geometry)
     names = [str(joint) for joint in list(model.names)[1:]]
-    home = np.array([entry.posture.get(joint, 0.0) if entry else 0.0 for joint in names])
-    home = _vector("robot.posture", posture, home)
-    rotor = np.array(entry.rotor_inertia if entry else [0.1] * n)
-    model.armature = _vector("robot.rotor_inertia", rotor_inertia, rotor)
+    if posture is not None:
+        home = _posture(posture, model, names)
+    elif own is not None:
+        home = np.array([own.posture[joint] for joint in names])
+    else:
+        home = tool.working_posture(path.name)
+    rotor = own.rotor_inertia if own else (ROTOR_INERTIA,) * model.nv
+    model.armature = _vector("robot.rotor_inertia", rotor_inertia or rotor, model.nv)
     if (model.armature < 0).any():
         raise RobotError(f"robot.rotor_inertia: {model.armature.tolist()} has a negative entry; allowed: >= 0 kg m^2")
-    frame = model.frames[model.getFrameId(frame_name)]
-    offset = np.array(tool_offset or (entry.tool_offset if entry else (0.0, 0.0, 0.0)))
-    geometry, free = _geometry(model, home, path.name)
-    supplemental = (
-        tuple(names.index(joint) for joint in entry.supplemental)
-        if entry
-        else _supplemental(model, frame.parentJoint, frame.placement, home, geometry, free)
-    )
     return Robot(
         name=name,
         title=entry.title if entry else path.stem,
         model=model,
         tool_joint=frame.parentJoint,
-        tool_placement=frame.placement * pin.SE3(np.eye(3), offset),
+        tool_placement=placement,
         posture=home,
         geometry=geometry,
-        supplemental=supplemental,
-        rotor_source=entry.rotor_source if entry and rotor_inertia is None else "given by the user",
+        supplemental=tuple(names.index(j) for j in own.supplemental) if own else tool.supplemental(home),
+        rotor_source="given by the user" if rotor_inertia is not None else own.rotor_source if own else "assumed",
+        tool_frame=frame_name,
+        tool_offset=offset,
+        frames=tuple(frames),
         urdf=path,
-        package_root=root,
         locked=locked,
     )
 
 
-def _vector(field_path: str, given: tuple[float, ...] | None, default: np.ndarray) -> np.ndarray:
-    if given is None:
-        return default
-    if len(given) != len(default):
-        raise RobotError(f"{field_path}: {len(given)} values given; this arm has {len(default)} joints")
+def _entry(name: str) -> RobotEntry:
+    if name not in CATALOGUE:
+        raise RobotError(f"robot.name: unknown robot {name!r}; allowed: {', '.join(CATALOGUE)} (or give robot.urdf)")
+    return CATALOGUE[name]
+
+
+def _file(entry: RobotEntry) -> Path:
+    if entry.urdf.startswith("static:"):
+        return Path(str(resources.files("static").joinpath("robots", entry.urdf.removeprefix("static:"))))
+    return robot_data_root() / entry.urdf
+
+
+def _given(urdf: str) -> Path:
+    try:
+        return Path(urdf).expanduser()
+    except RuntimeError as error:
+        raise RobotError(f"robot.urdf: cannot read {urdf}: {error}") from error
+
+
+def _vector(field_path: str, given: tuple[float, ...], n: int) -> np.ndarray:
+    if len(given) != n:
+        raise RobotError(f"{field_path}: {len(given)} values given; this arm has {n} joints")
     return np.array(given, dtype=float)
 
 
-def _parse(path: Path) -> pin.Model:
-    """Pinocchio's model of a URDF; continuous joints become revolute ones, so that each has one coordinate."""
+def _posture(given: tuple[float, ...], model: pin.Model, names: list[str]) -> np.ndarray:
+    q = _vector("robot.posture", given, model.nv)
+    low, high = model.lowerPositionLimit, model.upperPositionLimit
+    for joint, name in enumerate(names):
+        if not low[joint] <= q[joint] <= high[joint]:
+            raise RobotError(
+                f"robot.posture: {q[joint]:g} for joint {name!r:.60}; allowed: {low[joint]:.4g} to {high[joint]:.4g}"
+            )
+    return q
+
+
+def _model(root: ElementTree.Element, path: Path) -> pin.Model:
     try:
-        tree = ElementTree.parse(path)
-    except OSError as error:
-        raise RobotError(f"robot.urdf: cannot read {path}: {error.strerror}") from error
-    except ElementTree.ParseError as error:
-        raise RobotError(f"robot.urdf: {path} is not XML: {error}") from error
-    for joint in tree.getroot().iter("joint"):
-        if joint.get("type") == "continuous":
-            joint.set("type", "revolute")
-            limit = joint.find("limit")
-            limit = ElementTree.SubElement(joint, "limit", effort="1000", velocity="10") if limit is None else limit
-            limit.set("lower", str(-2 * np.pi))
-            limit.set("upper", str(2 * np.pi))
-    try:
-        return pin.buildModelFromXML(ElementTree.tostring(tree.getroot(), encoding="unicode"))
+        return pin.buildModelFromXML(ElementTree.tostring(root, encoding="unicode"))
     except (RuntimeError, ValueError) as error:
         raise RobotError(f"robot.urdf: {path} is no usable URDF: {str(error).splitlines()[0]}") from error
 
 
-def _chain(full: pin.Model, frame_name: str) -> tuple[pin.Model, dict[str, float]]:
+def _tool_frames(full: pin.Model) -> dict[str, int]:
+    """The links that enough joints move, and not too many, with the number of those joints."""
+    moved = {str(f.name): len(full.supports[f.parentJoint]) - 1 for f in full.frames if f.type == pin.BODY}
+    return {name: joints for name, joints in moved.items() if FEWEST_JOINTS <= joints <= MOST_JOINTS}
+
+
+def _farthest(frames: dict[str, int], path: Path) -> str:
+    """The last of the links that most joints move, but for grippers."""
+    if not frames:
+        raise RobotError(
+            f"robot.urdf: {path.name} has no link that {FEWEST_JOINTS} to {MOST_JOINTS} joints move; "
+            "allowed: an arm that has one"
+        )
+    most = max(frames.values(), key=lambda joints: (joints <= USUAL_JOINTS, joints))
+    return next(name for name in reversed(frames) if frames[name] == most)
+
+
+def _allowed(frames: dict[str, int]) -> str:
+    shown = list(frames)[-20:]
+    return f"allowed: {', '.join(f'{name:.60}' for name in shown)}"
+
+
+def _chain(full: pin.Model, frame_name: str, path: Path) -> tuple[pin.Model, dict[str, float]]:
     """Lock at zero (or the nearest limit) every joint that does not move the tool."""
-    moving = set(full.supports[full.frames[full.getFrameId(frame_name)].parentJoint])
+    moving = set(full.supports[full.frames[full.getFrameId(frame_name, pin.BODY)].parentJoint])
+    n = len(moving - {0})
+    if not 1 <= n <= MOST_JOINTS:
+        raise RobotError(
+            f"robot.tool_frame: {frame_name!r:.60} is moved by {n} joints of {path.name}; allowed: "
+            f"{FEWEST_JOINTS} to {MOST_JOINTS} joints"
+        )
     locked_ids = [j for j in range(1, full.njoints) if j not in moving]
     q = np.clip(pin.neutral(full), full.lowerPositionLimit, full.upperPositionLimit)
     locked = {str(full.names[j]): float(q[full.joints[j].idx_q]) for j in locked_ids}
     return pin.buildReducedModel(full, locked_ids, q), locked
 
 
-def _geometry(model: pin.Model, posture: np.ndarray, file_name: str) -> tuple[Geometry, int]:
-    """The richest square task space, and how many joints it leaves free: decided by the directions of the axes."""
-    data = model.createData()
-    pin.computeJointJacobians(model, data, posture)
-    axes = data.J[3:].T
-    n = model.nv
-    planar = np.allclose(axes[:, [0, 2]], 0.0, atol=1e-9) and bool(np.allclose(np.abs(axes[:, 1]), 1.0))
-    if planar and n >= 2:
-        return "planar", max(n - 3, 0)
-    if n >= 6:
-        return "pose", n - 6
-    if n >= 3 and not planar:
-        return "position", n - 3
-    raise RobotError(
-        f"robot.urdf: {file_name} has {n} joint(s) to its tool; no square task space exists "
-        "(allowed: planar about the y axis with 2 or more, otherwise 3 or more joints)"
-    )
-
-
-def _supplemental(
-    model: pin.Model, tool_joint: int, placement: pin.SE3, posture: np.ndarray, geometry: Geometry, free: int
-) -> tuple[int, ...]:
-    """The joints that self-motion moves most: they complete the Jacobian best."""
-    if free == 0:
-        return ()
-    data = model.createData()
-    pin.computeJointJacobians(model, data, posture)
-    pin.forwardKinematics(model, data, posture)
-    J = pin.getJointJacobian(model, data, tool_joint, pin.LOCAL_WORLD_ALIGNED)
-    arm = data.oMi[tool_joint].rotation @ placement.translation
-    J[:3] -= pin.skew(arm) @ J[3:]
-    rows = {"planar": [0, 2, 4], "pose": [0, 1, 2, 3, 4, 5], "position": [0, 1, 2]}[geometry]
-    _, _, Vt = np.linalg.svd(J[rows])
-    weight = np.linalg.norm(Vt[-free:], axis=0)
-    return tuple(sorted(int(j) for j in np.argsort(weight)[-free:]))
+def _require_moving_bodies(model: pin.Model, root: ElementTree.Element, path: Path) -> None:
+    """Each joint on the way to the tool moves a mass of its own, by itself."""
+    mimics = {joint.get("name") for joint in root.findall("joint") if joint.find("mimic") is not None}
+    inertias: list[Any] = model.inertias.tolist()
+    for joint, inertia in zip(list(model.names)[1:], inertias[1:], strict=True):
+        what = f"robot.urdf: {path.name}: joint {str(joint)!r:.60}"
+        if str(joint) in mimics:
+            raise RobotError(f"{what} mimics another one; allowed: a robot.tool_frame that it does not move")
+        if inertia.mass <= 0.0 or np.linalg.eigvalsh(inertia.inertia)[0] <= 0.0:
+            raise RobotError(
+                f"{what} moves a body of mass {inertia.mass:.3g} kg whose inertia has the eigenvalue "
+                f"{np.linalg.eigvalsh(inertia.inertia)[0]:.3g} kg m^2; allowed: both > 0"
+            )

@@ -144,3 +144,13 @@ def test_serve_says_its_address_and_a_busy_port_and_ends_on_ctrl_c() -> None:
     finally:
         server.kill()
         server.wait()
+
+
+def test_any_urdf_runs_and_a_truth_outside_its_declaration_is_said(tmp_path: Path) -> None:
+    done = vsmrc(
+        "run", "ur5-hybrid", "--duration", "0.1", "--out", str(tmp_path),
+        "--set", "truth.payload_mass=2", "robot.tool_frame=flange", "robot.urdf=tests/robots/bent3r.urdf",
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    assert "outside what was declared: payload 2 kg > declared 0 kg" in done.stdout
+    assert load(str(tmp_path / "scenario.toml")).robot.tool_frame == "flange"

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import logging
+import xml.etree.ElementTree as ElementTree
 from collections import defaultdict
 from collections.abc import Iterator
 from dataclasses import dataclass
+from io import BytesIO
 from typing import cast
 
 import numpy as np
@@ -15,10 +18,15 @@ import yourdfpy
 
 from app.dashboard.look import FINE
 from app.dashboard.theme import Rgb
+from environments import urdf
 from environments.robots import Robot
+
+log = logging.getLogger("vsmrc.dashboard")
 
 _BRIGHTEN = 0.55
 _PLAIN: Rgb = (196, 200, 206)
+_JOINT: Rgb = (86, 120, 170)
+_BONE = 0.03  # radius over the arm's length
 
 
 @dataclass(frozen=True)
@@ -32,14 +40,35 @@ class Part:
 
 
 def parts(robot: Robot, cell: float) -> list[Part]:
-    """Every visual mesh of the URDF, grouped, without detail finer than `cell` m; links without a frame in the reduced
-    model are left out."""
-    urdf = yourdfpy.URDF.load(str(robot.urdf), filename_handler=lambda fname: _file(robot, fname))
+    """Every visual of the URDF, grouped, without detail finer than `cell` m; links without a frame in the reduced model
+    are left out. What moves with a joint and has no visual that can be loaded is drawn as a bone from this joint to the
+    next."""
+    try:
+        groups = _visuals(robot)
+    except Exception as error:  # whatever readers of meshes raise: the arm can be shown without them
+        log.warning("%s: its visuals cannot be shown: %s", robot.urdf, error)
+        groups = {}
+    bare = set(range(robot.model.njoints)) - {joint for joint, _ in groups}
+    return [Part(joint, color, *_lightened(meshes, cell)) for (joint, color), meshes in groups.items()] + [
+        part for joint in sorted(bare) for part in _bone(robot, joint)
+    ]
+
+
+def _visuals(robot: Robot) -> dict[tuple[int, Rgb], list[trimesh.Trimesh]]:
+    root = urdf.read(robot.urdf)
+    for link in root.findall("link"):
+        for visual in link.findall("visual"):
+            mesh = visual.find("geometry/mesh")
+            if mesh is not None and urdf.mesh_file(robot.urdf, mesh.get("filename", "")) is None:
+                link.remove(visual)
+    drawn = yourdfpy.URDF.load(
+        BytesIO(ElementTree.tostring(root)), filename_handler=lambda fname: str(urdf.mesh_file(robot.urdf, fname) or "")
+    )
     groups: defaultdict[tuple[int, Rgb], list[trimesh.Trimesh]] = defaultdict(list)
-    if urdf.scene is None:
-        return []
-    graph = urdf.scene.graph
-    for name, mesh in urdf.scene.geometry.items():
+    if drawn.scene is None:
+        return groups
+    graph = drawn.scene.graph
+    for name, mesh in drawn.scene.geometry.items():
         link = graph.transforms.parents[name]
         frame_id = robot.model.getFrameId(link, pin.FrameType.BODY)
         if frame_id >= robot.model.nframes or not isinstance(mesh, trimesh.Trimesh):
@@ -47,15 +76,20 @@ def parts(robot: Robot, cell: float) -> list[Part]:
         frame = robot.model.frames[frame_id]
         T_joint_mesh = frame.placement.homogeneous @ graph.get(name, link)[0]
         groups[frame.parentJoint, _color(mesh)].append(mesh.copy().apply_transform(T_joint_mesh))
-    return [Part(joint, color, *_lightened(meshes, cell)) for (joint, color), meshes in groups.items()]
+    return groups
 
 
-def _file(robot: Robot, fname: str) -> str:
-    if not fname.startswith("package://"):
-        return fname if fname.startswith("/") else str(robot.urdf.parent / fname)
-    package_path = fname.removeprefix("package://")
-    candidates = [base / package_path for base in (robot.package_root, *robot.package_root.parents)]
-    return str(next((path for path in candidates if path.is_file()), candidates[0]))
+def _bone(robot: Robot, joint: int) -> Iterator[Part]:
+    """From a joint to the next one, or to the tool point."""
+    reach = sum(float(np.linalg.norm(T.translation)) for T in robot.model.jointPlacements)
+    radius = float(np.clip(_BONE * reach, 0.005, 0.06))
+    last = joint + 1 == robot.model.njoints
+    end = (robot.tool_placement if last else robot.model.jointPlacements[joint + 1]).translation
+    if np.linalg.norm(end) > 2 * radius:
+        shaft = trimesh.creation.cylinder(radius, segment=np.array([np.zeros(3), end]))
+        yield Part(joint, _PLAIN, shaft.vertices.astype(np.float32), shaft.faces.astype(np.uint32))
+    ball = trimesh.creation.icosphere(2, 1.4 * radius)
+    yield Part(joint, _JOINT, ball.vertices.astype(np.float32), ball.faces.astype(np.uint32))
 
 
 def _color(mesh: trimesh.Trimesh) -> Rgb:

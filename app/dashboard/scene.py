@@ -100,7 +100,8 @@ class SceneView:
             self._tool_path.clear()
             self._desired_path.clear()
         self._surface.form(snapshot)
-        robot = (snapshot.robot.urdf, tuple(snapshot.robot.joint_names))
+        arm = snapshot.robot
+        robot = (arm.urdf, arm.joint_names, arm.tool_frame, arm.tool_offset.tolist())
         if (robot, look.cell) != self._robot_key:
             self._robot_key = robot, look.cell
             self._robot_view = self._arm(snapshot, self._robot_view, look.cell, None)

@@ -8,6 +8,7 @@ import numpy as np
 
 from app.pacing import Pace
 from app.runner import Snapshot
+from app.truth import outside
 
 _LATELY = 0.2  # s, what the badge looks back
 
@@ -34,6 +35,11 @@ def status_html(snapshot: Snapshot, complaint: str) -> str:
         f'{_bound(snapshot)}<span class="vs-right" title="{_kept(pace)}"><span class="vs-dim">real time</span> '
         f'<b class="vs-number">{f"{snapshot.realtime_factor:.2f}×" if pace else "—"}</b></span></div>',
     ]
+    if violated := outside(scenario):
+        lines.append(
+            f'<div class="vs-row" title="{escape("; ".join(violated))}">'
+            f"{_chip('truth outside the declared bounds', 'vs-bad')}</div>"
+        )
     if snapshot.phase == "stopped":
         lines.append(_message("vs-bad", f"Stopped: {snapshot.reason}"))
     if pace and pace.slowed:

@@ -199,6 +199,7 @@ div:has(> div > div > div > .vs-status) {{ overflow: visible !important; }}
 .vs-bad {{ background: {css(BOUND, 0.25)}; color: #ff8f8f; }}
 .vs-message {{ margin-top: 0.35em; padding: 0.2em 0.7em; border-left: 3px solid; border-radius: 0.2em;
   line-height: 1.35; overflow-wrap: anywhere; }}
+.vs-verdict {{ padding: 0.3em 0.9em 0.4em; font-size: 0.88em; line-height: 1.5; }}
 .vs-note {{ padding: 0.1em 0.8em 0.5em; font-size: 0.8em; line-height: 1.4; opacity: 0.75; }}
 .vs-held {{ padding: 0.2em 0.8em 0.4em 0.8em; font-size: 0.9em; }}
 .vs-held .vs-facts {{ width: 100%; margin: 0.3em 0 0.2em 0; font-size: 0.92em; }}

@@ -2,25 +2,27 @@
 
 from __future__ import annotations
 
-from app.dashboard.controls import Choice, Control, Desk, Number, Place, Scale, decades
+from typing import Any
+
+import numpy as np
+
+from app.dashboard.arm import ArmChoice, InForce, ToolFrame, Upload, UrdfPath, Verdict
+from app.dashboard.controls import Control, Desk, Number, Place, Scale, decades
 from app.runner import Snapshot
-from environments.robots import CATALOGUE
 
 
 class RobotPanel:
-    """The arm; truth and declaration side by side."""
+    """The arm; truth and declaration one after the other, with the verdict above them."""
 
     def __init__(self, desk: Desk) -> None:
         gui = desk.gui
-        arms = {entry.title: name for name, entry in CATALOGUE.items()}
-        self._controls: list[Control] = [
-            Choice(desk, "robot.name", "Arm", arms),
-            Number(desk, Place("task_space.characteristic_length"), "length l [m]", decades(0.02, 1)),
-        ]
+        self._controls: list[Control] = [ArmChoice(desk), Verdict(desk)]
         with gui.add_folder("The true arm"):
             self._controls += [
-                Number(desk, Place("truth.link_scaling"), "links ×", Scale(0.5, 1.5)),
+                Number(desk, InForce("truth.link_scaling", _common_scaling), "links ×", Scale(0.5, 1.5)),
+                Number(desk, InForce("truth.link_scaling", _scalings), "link by link ×"),
                 Number(desk, Place("truth.payload_mass"), "payload [kg]", Scale(0, 5)),
+                Number(desk, Place("truth.payload_offset"), "payload at [m]"),
                 Number(desk, Place("truth.coulomb"), "Coulomb [N·m]", Scale(0, 10)),
                 Number(desk, Place("truth.viscous"), "viscous [N·m·s]", Scale(0, 10)),
                 Number(desk, Place("truth.disturbance"), "push [N·m]", Scale(0, 20)),
@@ -30,12 +32,45 @@ class RobotPanel:
             self._controls += [
                 Number(desk, Place("declared.link_scaling"), "links 1 ±", Scale(0, 0.5)),
                 Number(desk, Place("declared.payload_mass"), "payload [kg]", Scale(0, 5)),
+                Number(desk, Place("declared.payload_offset"), "payload off [m]", Scale(0, 0.3)),
                 Number(desk, Place("declared.coulomb"), "Coulomb [N·m]", Scale(0, 10)),
                 Number(desk, Place("declared.viscous"), "viscous [N·m·s]", Scale(0, 10)),
                 Number(desk, Place("declared.disturbance"), "push [N·m]", Scale(0, 20)),
                 Number(desk, Place("declared.force_error"), "force error [N]", Scale(0, 5)),
             ]
+        with gui.add_folder("Tool and posture"):
+            self._controls += [
+                ToolFrame(desk),
+                Number(desk, InForce("robot.tool_offset", _tool_offset), "tool at [m]"),
+                Number(desk, InForce("robot.posture", _posture), "posture"),
+                Number(desk, InForce("robot.rotor_inertia", _rotors), "rotors [kg·m²]"),
+                Number(desk, Place("task_space.characteristic_length"), "length l [m]", decades(0.02, 1)),
+            ]
+        with gui.add_folder("Own URDF"):
+            self._controls += [Upload(desk), UrdfPath(desk)]
 
     def show(self, snapshot: Snapshot) -> None:
         for control in self._controls:
             control.show(snapshot)
+
+
+def _tool_offset(snapshot: Snapshot) -> tuple[float, ...]:
+    return tuple(snapshot.robot.tool_offset.tolist())
+
+
+def _posture(snapshot: Snapshot) -> tuple[float, ...]:
+    return tuple(snapshot.robot.posture.tolist())
+
+
+def _rotors(snapshot: Snapshot) -> tuple[float, ...]:
+    return tuple(snapshot.robot.model.armature.tolist())
+
+
+def _common_scaling(snapshot: Snapshot) -> Any:
+    """None, which hides the row, where links have factors of their own."""
+    scaling = snapshot.scenario.truth.link_scaling
+    return scaling if np.ndim(scaling) == 0 else None
+
+
+def _scalings(snapshot: Snapshot) -> tuple[float, ...]:
+    return tuple(np.broadcast_to(snapshot.scenario.truth.link_scaling, snapshot.robot.n).tolist())

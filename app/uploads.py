@@ -1,0 +1,45 @@
+"""Where uploaded URDFs are kept: below the user's data folder, each in a folder named after its contents.
+
+A scenario names such a file by its path, so it can be saved, loaded and run headless; nothing here is ever deleted.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import re
+from pathlib import Path
+
+from app.scenario import ScenarioError
+from environments import urdf
+
+
+def folder() -> Path:
+    """`$XDG_DATA_HOME/vsmrc-lab/urdf`, by default below ~/.local/share."""
+    return Path(os.environ.get("XDG_DATA_HOME") or Path.home() / ".local" / "share") / "vsmrc-lab" / "urdf"
+
+
+def keep(name: str, content: bytes) -> Path:
+    """The file that holds this URDF from now on; the same one for the same name and contents.
+
+    Raises ScenarioError for what is no usable URDF, which is not kept, and for a disk that takes none.
+    """
+    try:
+        urdf.parse(content, name)
+    except urdf.RobotError as error:
+        raise ScenarioError(str(error)) from error
+    path = folder() / hashlib.sha256(content).hexdigest()[:16] / _plain(name)
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        being_written = path.with_name(f".{path.name}.{os.getpid()}")
+        being_written.write_bytes(content)
+        being_written.replace(path)
+    except OSError as error:
+        raise ScenarioError(f"robot.urdf: {name:.60} cannot be kept in {path.parent}: {error.strerror}") from error
+    return path
+
+
+def _plain(name: str) -> str:
+    """A file name of letters, digits, '-' and '_' only, whatever the browser called it."""
+    stem = re.sub(r"[^A-Za-z0-9_-]+", "_", re.sub(r"\.\w*$", "", name)).strip("_")
+    return f"{stem[:60] or 'robot'}.urdf"

@@ -1,0 +1,97 @@
+"""Which square task space fits an arm, and a posture in which it is far from singular."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import numpy as np
+import pinocchio as pin
+
+from environments.urdf import RobotError
+
+Geometry = Literal["pose", "position", "planar"]
+
+LENGTH = 0.15  # m: weighs turning against moving
+TRIES = 400
+INSIDE = 0.8  # share of each joint's range that is searched
+SINGULAR = 1e-3  # m
+_ROWS = {"planar": [0, 2, 4], "pose": [0, 1, 2, 3, 4, 5], "position": [0, 1, 2]}
+
+
+def geometry_of(model: pin.Model, file_name: str) -> Geometry:
+    """The richest square task space, by the number of joints and the directions of their axes. Raises RobotError."""
+    data = model.createData()
+    pin.computeJointJacobians(model, data, np.zeros(model.nv))
+    axes = data.J[3:].T
+    n = model.nv
+    planar = np.allclose(axes[:, [0, 2]], 0.0, atol=1e-9) and bool(np.allclose(np.abs(axes[:, 1]), 1.0))
+    if planar and n >= 2:
+        return "planar"
+    if n >= 6:
+        return "pose"
+    if n >= 3 and not planar:
+        return "position"
+    raise RobotError(
+        f"robot.urdf: {file_name} has {n} joint(s) to its tool; no square task space exists "
+        "(allowed: planar about the y axis with 2 or more, otherwise 3 or more joints)"
+    )
+
+
+class Tool:
+    """The tool of an arm, with what of its motion the task space takes: rows of the Jacobian.
+
+    joint, placement: the joint that carries it and its frame there.
+    """
+
+    def __init__(self, model: pin.Model, joint: int, placement: pin.SE3, geometry: Geometry) -> None:
+        self._model, self._data = model, model.createData()
+        self._joint, self._placement = joint, placement
+        self._rows = _ROWS[geometry][: model.nv]
+
+    @property
+    def free(self) -> int:
+        """How many joints the task leaves free, to be taken by supplemental coordinates (Remark 5)."""
+        return self._model.nv - len(self._rows)
+
+    def jacobian(self, q: np.ndarray) -> np.ndarray:
+        """(rows, n) m/rad at q (n,): the tool point's velocity and `LENGTH` times its turning."""
+        J = pin.computeJointJacobians(self._model, self._data, q)
+        J = pin.getJointJacobian(self._model, self._data, self._joint, pin.LOCAL_WORLD_ALIGNED).copy()
+        arm = self._data.oMi[self._joint].rotation @ self._placement.translation
+        J[:3] -= pin.skew(arm) @ J[3:]
+        J[3:] *= LENGTH
+        return J[self._rows]
+
+    def working_posture(self, file_name: str) -> np.ndarray:
+        """The one of `TRIES` seeded postures within the limits in which the Jacobian's smallest singular value is
+        largest; one with the whole arm above its base's level where there is such. Raises RobotError."""
+        model = self._model
+        middle, half = (
+            (model.upperPositionLimit + model.lowerPositionLimit) / 2,
+            (model.upperPositionLimit - model.lowerPositionLimit) / 2 * INSIDE,
+        )
+        half = np.minimum(half, np.pi)
+        best, best_score = middle, (False, 0.0)
+        for q in middle + half * np.random.default_rng(0).uniform(-1.0, 1.0, (TRIES, model.nv)):
+            regular = float(np.linalg.svd(self.jacobian(q), compute_uv=False)[-1])
+            if (score := (self._upright() and regular > SINGULAR, regular)) > best_score:
+                best, best_score = q, score
+        if best_score[1] < SINGULAR:
+            raise RobotError(
+                f"robot.urdf: {file_name}: in no posture can its joints move the tool in all directions of a square "
+                "task space; allowed: an arm that can, another robot.tool_frame"
+            )
+        return best.round(2)
+
+    def _upright(self) -> bool:
+        placements = self._data.oMi.tolist()
+        tool = placements[self._joint] * self._placement
+        return min(T.translation[2] for T in [*placements, tool]) >= -1e-6
+
+    def supplemental(self, q: np.ndarray) -> tuple[int, ...]:
+        """The joints, counted from 0, that self-motion at q (n,) moves most: they complete the Jacobian best."""
+        if self.free == 0:
+            return ()
+        _, _, Vt = np.linalg.svd(self.jacobian(q))
+        weight = np.linalg.norm(Vt[-self.free :], axis=0)
+        return tuple(sorted(int(j) for j in np.argsort(weight)[-self.free :]))

@@ -1,0 +1,240 @@
+"""What a URDF must be before anything builds an arm from it: small, plain XML, a tree of joints, physically possible.
+
+Everything that reads a URDF gets the tree that `parse` returns, never the file: no DOCTYPE, no entity, nothing that
+points elsewhere is left in it.
+"""
+
+from __future__ import annotations
+
+import re
+import xml.etree.ElementTree as ElementTree
+from collections import Counter
+from pathlib import Path
+from xml.etree.ElementTree import Element
+
+import numpy as np
+
+LARGEST = 5_000_000  # bytes
+MOST_ELEMENTS = 50_000
+DEEPEST = 32
+MOST_LINKS = 300
+MOST_VISUALS = 500
+JOINT_TYPES = ("revolute", "continuous", "prismatic", "fixed")
+FULL_TURN = 2 * np.pi  # rad, either way: what a continuous joint is given
+MESHES = (".stl", ".dae", ".obj")
+LARGEST_MESH = 60_000_000  # bytes
+ROUNDED = 1e-6  # kg m^2: what the digits of a file may make of an eigenvalue that is zero
+FARTHEST = 1e6  # no number in SI units that describes an arm is larger
+
+
+class RobotError(ValueError):
+    """A robot description that cannot be used; the message names the robot, what is wrong and what is allowed."""
+
+
+def read(path: Path) -> Element:
+    """The root of a URDF file. Raises RobotError for what cannot be read and for what `parse` refuses."""
+    if not path.is_file():  # neither a folder nor a pipe that would never end
+        raise RobotError(f"robot.urdf: cannot read {path}: no such file")
+    try:
+        with path.open("rb") as file:
+            content = file.read(LARGEST + 1)
+    except OSError as error:
+        raise RobotError(f"robot.urdf: cannot read {path}: {error.strerror}") from error
+    return parse(content, path.name)
+
+
+def parse(content: bytes, name: str) -> Element:
+    """The root of a URDF's XML. Continuous joints have become revolute ones, so that each has one coordinate; joints
+    with the name of a link have another one, since Pinocchio knows both by one table of names.
+
+    Raises RobotError, with `name` in it, for what is no URDF, too large, not self-contained, no tree, or no body.
+    """
+
+    def refuse(what: str) -> RobotError:
+        return RobotError(f"robot.urdf: {name}: {what}")
+
+    if len(content) > LARGEST:
+        raise refuse(f"larger than {LARGEST / 1e6:g} MB")
+    try:
+        text = content.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise refuse("not XML in UTF-8") from error
+    if re.search(r"<!\s*(DOCTYPE|ENTITY)", text, re.IGNORECASE):
+        raise refuse("has a DOCTYPE or an entity; allowed: plain XML without either")
+    try:
+        root = ElementTree.fromstring(text, ElementTree.XMLParser(target=_Limited()))
+        _require_urdf(root)
+        _require_tree(root)
+        _require_possible(root)
+    except ElementTree.ParseError as error:
+        raise refuse(f"not XML: {error}") from error
+    except _Refusal as error:
+        raise refuse(str(error)) from error
+    links = {_name(link) for link in root.findall("link")}
+    for joint in root.findall("joint"):
+        while _name(joint) in links:
+            joint.set("name", f"{_name(joint)}_joint")
+        if joint.get("type") == "continuous":
+            joint.set("type", "revolute")
+            limit = joint.find("limit")
+            limit = ElementTree.SubElement(joint, "limit", effort="1000", velocity="10") if limit is None else limit
+            limit.attrib |= {"lower": str(-FULL_TURN), "upper": str(FULL_TURN)}
+    return root
+
+
+def mesh_file(urdf: Path, filename: str) -> Path | None:
+    """The mesh that a URDF names: below the URDF's own folder or, after "package://", that of the package around it.
+
+    None for a place elsewhere, another kind of file, and what is not there.
+    """
+    parents = urdf.resolve().parents
+    if filename.startswith("package://"):
+        package, _, inside = filename.removeprefix("package://").partition("/")
+        home = next((folder for folder in parents if folder.name == package), None)
+    else:
+        home, inside = parents[0], filename.removeprefix("file://")
+    if home is None or "\0" in inside:
+        return None
+    path = (home / inside).resolve()
+    wanted = path.is_relative_to(home) and path.suffix.lower() in MESHES and path.is_file()
+    return path if wanted and path.stat().st_size <= LARGEST_MESH else None
+
+
+class _Refusal(ValueError):
+    """What is wrong, without the file's name."""
+
+
+class _Limited(ElementTree.TreeBuilder):
+    """Refuses while it reads: what is nested too deep is a danger to everything recursive that comes later."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._depth = self._count = 0
+
+    def start(self, tag: str, attrs: dict[str, str]) -> Element:
+        self._depth += 1
+        self._count += 1
+        if self._depth > DEEPEST or self._count > MOST_ELEMENTS:
+            raise _Refusal(f"allowed: at most {MOST_ELEMENTS} XML elements, nested at most {DEEPEST} deep")
+        return super().start(tag, attrs)
+
+    def end(self, tag: str) -> Element:
+        self._depth -= 1
+        return super().end(tag)
+
+
+def _require_urdf(root: Element) -> None:
+    if root.tag != "robot":
+        raise _Refusal(f"no URDF: its root is <{root.tag:.40}>; allowed: <robot>")
+    if any("xacro" in element.tag for element in root.iter()):
+        raise _Refusal("a xacro file; allowed: the URDF that `xacro` makes of it")
+    links, visuals = root.findall("link"), root.findall("link/visual")
+    if not 1 <= len(links) <= MOST_LINKS:
+        raise _Refusal(f"{len(links)} links; allowed: 1 to {MOST_LINKS}")
+    if len(visuals) > MOST_VISUALS:
+        raise _Refusal(f"{len(visuals)} visuals; allowed: at most {MOST_VISUALS}")
+    for mesh in root.iter("mesh"):
+        if re.match(r"(?!package:|file:)\w+://", filename := mesh.get("filename", "")):
+            raise _Refusal(f"mesh {filename!r:.80} is elsewhere on the network; allowed: package:// or a relative path")
+
+
+def _require_tree(root: Element) -> None:
+    links = [_name(link) for link in root.findall("link")]
+    joints = root.findall("joint")
+    for kind, names in (("links", links), ("joints", [_name(joint) for joint in joints])):
+        name, times = Counter(names).most_common(1)[0] if names else ("", 0)
+        if times > 1:
+            raise _Refusal(f"two {kind} are called {name!r:.60}")
+    children: dict[str, list[str]] = {link: [] for link in links}
+    has_parent: set[str] = set()
+    for joint in joints:
+        parent, child = (_end(joint, end, children) for end in ("parent", "child"))
+        if child in has_parent:
+            raise _Refusal(f"link {child!r:.60} has two parents; allowed: a tree")
+        has_parent.add(child)
+        children[parent].append(child)
+    roots = [link for link in links if link not in has_parent]
+    reached, waiting = 0, roots[:1]
+    while waiting:
+        reached += 1
+        waiting += children[waiting.pop()]
+    if len(roots) > 1:
+        raise _Refusal(f"links {roots[0]!r:.60} and {roots[1]!r:.60} both have no parent; allowed: one tree")
+    if reached < len(links):
+        raise _Refusal("its joints close a loop; allowed: a tree")
+
+
+def _end(joint: Element, end: str, links: dict[str, list[str]]) -> str:
+    element = joint.find(end)
+    name = "" if element is None else element.get("link", "")
+    if name not in links:
+        raise _Refusal(f"joint {_name(joint)!r:.60} has no such {end} link: {name!r:.60}")
+    return name
+
+
+def _require_possible(root: Element) -> None:
+    for joint in root.findall("joint"):
+        what = f"joint {_name(joint)!r:.60}"
+        kind = joint.get("type")
+        if kind not in JOINT_TYPES:
+            raise _Refusal(f"{what} is of type {kind!r:.40}; allowed: {', '.join(JOINT_TYPES)}")
+        _placement(joint, what)
+        if kind == "fixed":
+            continue
+        axis = _numbers(joint.find("axis"), "xyz", what, default="1 0 0", count=3)
+        if np.linalg.norm(axis) < 1e-6:
+            raise _Refusal(f"{what} has the axis 0 0 0; allowed: a direction")
+        if kind == "continuous":
+            continue
+        limit = joint.find("limit")
+        if limit is None:
+            raise _Refusal(f"{what} has no limit; allowed: lower, upper, effort and velocity (or type continuous)")
+        for attribute in ("effort", "velocity"):
+            _numbers(limit, attribute, what)
+        low, high = (_numbers(limit, attribute, what, default="0")[0] for attribute in ("lower", "upper"))
+        if not low < high:
+            raise _Refusal(f"{what} has the limits {low:g} to {high:g}; allowed: lower < upper")
+    for link in root.findall("link"):
+        for inertial in link.findall("inertial"):
+            _require_body(inertial, f"link {_name(link)!r:.60}")
+
+
+def _require_body(inertial: Element, what: str) -> None:
+    _placement(inertial, what)
+    mass = _numbers(inertial.find("mass"), "value", what)[0]
+    if mass < 0.0:
+        raise _Refusal(f"{what} has the mass {mass:g} kg; allowed: > 0")
+    tensor = inertial.find("inertia")
+    xx, yy, zz, xy, xz, yz = (
+        _numbers(tensor, f"i{ab}", what, default="0")[0] for ab in ("xx", "yy", "zz", "xy", "xz", "yz")
+    )
+    least = np.linalg.eigvalsh(np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]))[0]
+    if least < -ROUNDED:
+        raise _Refusal(f"{what}: its inertia has the eigenvalue {least:.3g} kg m^2; allowed: positive definite")
+
+
+def _placement(element: Element, what: str) -> None:
+    for attribute in ("xyz", "rpy"):
+        _numbers(element.find("origin"), attribute, what, default="0 0 0", count=3)
+
+
+def _numbers(
+    element: Element | None, attribute: str, what: str, default: str | None = None, count: int = 1
+) -> np.ndarray:
+    text = default if element is None else element.get(attribute, default)
+    if text is None:
+        raise _Refusal(f"{what} lacks {attribute!r}")
+    try:
+        numbers = np.array([float(part) for part in text.split()])
+    except ValueError:
+        numbers = np.array([])
+    if len(numbers) != count or not (np.abs(numbers) <= FARTHEST).all():
+        raise _Refusal(f"{what}: {attribute} = {text!r:.60}; allowed: {count} finite number(s)")
+    return numbers
+
+
+def _name(element: Element) -> str:
+    name = element.get("name", "")
+    if not name:
+        raise _Refusal(f"a {element.tag} without a name")
+    return name
