@@ -35,9 +35,11 @@ def lines(snapshot: Snapshot) -> list[Line]:
     matrices = [snapshot.matrices[name] for name in _NAMES]
     links = sum((matrix != 0.0).astype(int) for matrix in matrices)
     _, labels = connected_components(links, directed=False)
-    parts = sorted((tuple(np.flatnonzero(labels == label).tolist()) for label in set(labels)), key=min)
+    parts: dict[int, list[int]] = {}
+    for i, label in enumerate(labels):
+        parts.setdefault(label, []).append(i)
     found: list[Line] = []
-    for part in parts:
+    for part in map(tuple, parts.values()):
         alike = next((k for k, line in enumerate(found) if _same(line, part, snapshot)), None)
         if alike is None:
             found.append(Line(part, coupled=len(part) > 1))
@@ -68,7 +70,7 @@ def equation_html(snapshot: Snapshot) -> str:
         f'<span>{escape(mode.title)} <span class="vs-dim">{escape(mode.equation)}</span></span>'
         f'<span class="vs-help vs-right">?</span><span class="vs-tip">{escape(about)}</span></div>'
         '<math display="block"><mtable columnalign="left right right right left" '
-        f'columnspacing="0.4em" rowspacing="0.35em">{"".join(rows)}</mtable></math></div>'
+        f'columnspacing="0.3em" rowspacing="0.35em">{"".join(rows)}</mtable></math></div>'
     )
 
 
@@ -95,7 +97,7 @@ def _row(line: Line, snapshot: Snapshot) -> str:
         look = ' class="fixed"' if grey else ""
         value = number(snapshot.matrices[name], line.indices, snapshot.fixed[name])
         terms.append(f'<mrow{look}>{value}<mspace width="0.15em"/>{factor}</mrow>')
-    names = ", ".join(symbol(snapshot.coordinates[i].name) for i in line.indices)
+    names = " ".join(symbol(snapshot.coordinates[i].name) for i in line.indices)
     return _cells(
         [
             f'<mtext class="vs-where">{escape(names)}</mtext>',

@@ -77,9 +77,9 @@ def checks_html(snapshot: Snapshot, edit: Edit | None) -> str:
 
 
 def _verdict(judgement: Judgement, prefix: str) -> str:
-    slowest = judgement.slowest
-    word, look = ("stable", "vs-good") if slowest < 0.0 else ("unstable", "vs-bad")
-    return f'<span class="vs-chip {look}">{prefix}{word}, rightmost pole at {f"{slowest:.3g}".replace("-", "−")} 1/s</span>'
+    word, look = ("stable", "vs-good") if judgement.slowest < 0.0 else ("not stable", "vs-bad")
+    rightmost = f"{judgement.slowest:.3g}".replace("-", "−")
+    return f'<span class="vs-chip {look}">{prefix}{word}, rightmost pole at {rightmost} 1/s</span>'
 
 
 def _table(now: Judgement, asked: Judgement | None) -> str:

@@ -35,10 +35,6 @@ class Pole:
         """Damping ratio, 1; nan in the origin."""
         return -self.value.real / self.omega if self.omega else math.nan
 
-    @property
-    def stable(self) -> bool:
-        return self.value.real < 0.0
-
 
 def grouped(poles: np.ndarray) -> list[Pole]:
     """Poles (k,) 1/s of a real matrix by size, repeated and conjugate ones together."""
@@ -76,7 +72,7 @@ def pole_map_html(now: list[Pole], asked: list[Pole]) -> str:
 def _decades(poles: list[Pole]) -> tuple[int, int]:
     sizes = [pole.omega for pole in poles if pole.omega > 1e-9] or [1.0, 10.0]
     low = math.floor(math.log10(min(sizes)) - 0.1)
-    return low, max(math.ceil(math.log10(max(sizes)) + 0.02), low + 2)
+    return low, max(math.ceil(math.log10(max(sizes)) + 0.02), low + 1)
 
 
 def _radius(omega: float, low: int, high: int) -> float:

@@ -163,7 +163,7 @@ div:has(> div > div > div > .vs-status) {{ overflow: visible !important; }}
 .vs-equation math {{ font-size: 1.02em; overflow: auto; max-height: 45vh; max-width: 100%; }}
 .vs-equation .fixed {{ opacity: 0.38; }}
 .vs-equation .vs-block {{ font-size: 0.8em; }}
-mtext.vs-where {{ white-space: nowrap; font-size: 0.85em; opacity: 0.75; padding-right: 0.6em; }}
+mtext.vs-where {{ white-space: nowrap; font-size: 0.8em; opacity: 0.75; padding-right: 0.4em; }}
 .vs-about {{ position: relative; font-size: 0.85em; padding-bottom: 0.35em; outline: none; cursor: help; }}
 .vs-help {{ border: 1px solid currentColor; border-radius: 50%; width: 1.35em; line-height: 1.25em; text-align: center;
   opacity: 0.7; }}
