@@ -39,7 +39,8 @@ def lines(snapshot: Snapshot) -> list[Line]:
     for i, label in enumerate(labels):
         parts.setdefault(label, []).append(i)
     found: list[Line] = []
-    for part in map(tuple, parts.values()):
+    for indices in parts.values():
+        part = tuple(indices)
         alike = next((k for k, line in enumerate(found) if _same(line, part, snapshot)), None)
         if alike is None:
             found.append(Line(part, coupled=len(part) > 1))
@@ -97,10 +98,9 @@ def _row(line: Line, snapshot: Snapshot) -> str:
         look = ' class="fixed"' if grey else ""
         value = number(snapshot.matrices[name], line.indices, snapshot.fixed[name])
         terms.append(f'<mrow{look}>{value}<mspace width="0.15em"/>{factor}</mrow>')
-    names = " ".join(symbol(snapshot.coordinates[i].name) for i in line.indices)
     return _cells(
         [
-            f'<mtext class="vs-where">{escape(names)}</mtext>',
+            _names(line, snapshot),
             terms[0],
             f"<mo>+</mo>{terms[1]}",
             f"<mo>+</mo>{terms[2]}",
@@ -109,8 +109,17 @@ def _row(line: Line, snapshot: Snapshot) -> str:
     )
 
 
+def _names(line: Line, snapshot: Snapshot) -> str:
+    """Side by side, but below one another where they stand beside the rows of a matrix."""
+    names = [escape(symbol(snapshot.coordinates[i].name)) for i in line.indices]
+    if not line.coupled:
+        return f'<mtext class="vs-where">{" ".join(names)}</mtext>'
+    rows = "".join(f'<mtr><mtd><mtext class="vs-where">{name}</mtext></mtd></mtr>' for name in names)
+    return f'<mtable rowspacing="0.1em">{rows}</mtable>'
+
+
 def _number(matrix: np.ndarray, indices: tuple[int, ...], _: np.ndarray) -> str:
-    return f"<mn>{matrix[indices[0], indices[0]]:.4g}</mn>"
+    return f"<mn>{_told(matrix[indices[0], indices[0]])}</mn>"
 
 
 def _block(matrix: np.ndarray, indices: tuple[int, ...], fixed: np.ndarray) -> str:
@@ -122,12 +131,17 @@ def _block(matrix: np.ndarray, indices: tuple[int, ...], fixed: np.ndarray) -> s
         "<mtr>" + "".join(_entry(value, grey) for value, grey in zip(*row, strict=True)) + "</mtr>"
         for row in zip(matrix, fixed, strict=True)
     )
-    return f'<mo>[</mo><mtable class="vs-block" columnspacing="0.4em" rowspacing="0.1em">{rows}</mtable><mo>]</mo>'
+    # its brackets are the table's borders: not every machine has a font whose brackets grow
+    return f'<mtable class="vs-block" columnspacing="0.35em" rowspacing="0.1em">{rows}</mtable>'
 
 
 def _entry(value: float, grey: bool) -> str:
     look = ' class="fixed"' if grey else ""
-    return f"<mtd{look}><mn>{f'{value:.4g}' if value else '·'}</mn></mtd>"
+    return f"<mtd{look}><mn>{_told(value) if value else '·'}</mn></mtd>"
+
+
+def _told(value: float) -> str:
+    return f"{value:.4g}".replace("-", "−")
 
 
 def is_fixed(snapshot: Snapshot, name: str, i: int) -> bool:

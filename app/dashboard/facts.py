@@ -82,11 +82,10 @@ def _facts(snapshot: Snapshot) -> list[tuple[str, str, str, str]]:
                 "what one sample makes of an error in the force that is fed back",
             )
         )
-    rows += [
-        ("residual of (8)", f"{number('residual')} N", "", "left side minus right side of the target model"),
-        ("V = ½ sᵀHs", f"{number('V')} J", "", "the Lyapunov function of the proof"),
-        ("σ_min(J_q)", f"{number('sigma_min')} m", "", "smallest singular value; Ω ends where it vanishes"),
-    ]
+    rows.append(("residual of (8)", f"{number('residual')} N", "", "left side minus right side of the target model"))
+    if robust:
+        rows.append(("V = ½ sᵀHs", f"{number('V')} J", "", "the Lyapunov function of the proof"))
+    rows.append(("σ_min(J_q)", f"{number('sigma_min')} m", "", "smallest singular value; Ω ends where it vanishes"))
     return rows
 
 

@@ -138,11 +138,13 @@ class MatrixEditor:
         self._note.content = self._pending()
 
     def _pending(self) -> str:
+        if not self._draft.texts:
+            return ""
         try:
-            names = ", ".join(self._draft.matrices())
+            told = f"{', '.join(self._draft.matrices())}: not applied yet."
         except ValueError as error:
-            return f'<div class="vs-message vs-warn">{escape(str(error))}</div>'
-        return f'<div class="vs-message vs-warn">{names}: not applied yet.</div>' if names else ""
+            told = str(error)
+        return f'<div class="vs-checks"><div class="vs-message vs-warn">{escape(told)}</div></div>'
 
     def _accepted(self, snapshot: Snapshot) -> bool:
         """Whether the draft has been sent and taken; a refused one stays, to be corrected."""

@@ -162,7 +162,7 @@ div:has(> div > div > div > .vs-status) {{ overflow: visible !important; }}
 .vs-equation {{ padding: 0.2em 0.9em 0.6em; }}
 .vs-equation math {{ font-size: 1.02em; overflow: auto; max-height: 45vh; max-width: 100%; }}
 .vs-equation .fixed {{ opacity: 0.38; }}
-.vs-equation .vs-block {{ font-size: 0.8em; }}
+.vs-equation .vs-block {{ font-size: 0.74em; border: solid; border-width: 0 1.5px; border-radius: 0.5em; }}
 mtext.vs-where {{ white-space: nowrap; font-size: 0.8em; opacity: 0.75; padding-right: 0.4em; }}
 .vs-about {{ position: relative; font-size: 0.85em; padding-bottom: 0.35em; outline: none; cursor: help; }}
 .vs-help {{ border: 1px solid currentColor; border-radius: 50%; width: 1.35em; line-height: 1.25em; text-align: center;

@@ -9,8 +9,8 @@ from app.dashboard.facts import Facts
 from app.runner import Snapshot
 
 _BASELINE = (
-    '<div class="vs-message vs-warn">Computed torque, the baseline: the same target model without z, s and the robust '
-    "term. Residual and errors show what robustness buys.</div>"
+    '<div class="vs-checks"><div class="vs-message vs-warn">Computed torque, the baseline: the same target model '
+    "without z, s and the robust term. Residual and errors show what robustness buys.</div></div>"
 )
 
 
