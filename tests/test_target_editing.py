@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
@@ -45,10 +45,9 @@ def applied(snapshot: Snapshot, edit: Edit) -> Snapshot:
     return replace(snapshot, scenario=edited(snapshot.scenario, edit.path, edit.value), matrices=matrices)
 
 
-@given(positive, positive, positive, st.floats(0.0, 1e4), st.floats(0.0, 1e5))
-def test_shaped_entries_have_the_omega_and_zeta_asked_for(
-    M_m: float, omega: float, zeta: float, K_m: float, K_e: float
-):
+@settings(deadline=None)
+@given(positive, positive, positive, st.floats(0.0, 1.0), st.just(0.0) | st.floats(1.0, 1e5))
+def test_shaped_entries_give_what_was_asked_for(M_m: float, omega: float, zeta: float, K_m: float, K_e: float):
     entries = shaped(M_m, K_m, 1.0, K_e, omega, zeta)
     if K_e:
         assert entries.K_m == K_m
@@ -90,10 +89,12 @@ def test_editing_an_axis_keeps_coupling(hybrid: Snapshot):
     coupled = hybrid.matrices["K_m"].copy()
     coupled[1, 2] = coupled[2, 1] = 500.0
     after = applied(hybrid, model_edit(hybrid, {"K_m": coupled}))
-    for place in (OscillatorPlace("target_model", "omega", 1), DiagonalPlace("target_model.K_m", 1)):
-        assert applied(after, place.edit(after, 30.0 if place.path == "target_model" else 9000.0)).matrices["K_m"][
-            1, 2
-        ] == pytest.approx(500.0)
+    for place, value in (
+        (OscillatorPlace("target_model", "omega", 1), 30.0),
+        (DiagonalPlace("target_model.K_m", 1), 9000.0),
+    ):
+        edited_once = applied(after, place.edit(after, value)).matrices["K_m"]
+        assert (edited_once[1, 1], edited_once[1, 2]) == (9000.0, 500.0)
 
 
 @pytest.mark.parametrize("value", [0.0, -3, [1, 2]])
@@ -112,6 +113,7 @@ def test_a_coordinate_held_by_a_rigid_surface_has_neither():
     assert "sampled" in facts_html(snapshot)
 
 
+@settings(deadline=None)
 @given(arrays(float, (3, 3), elements=st.floats(-1e12, 1e12)), st.sampled_from([" ", ", ", "\t", " ,"]),
        st.sampled_from(["\n", ";", " ;\r\n", "\n\n"]))  # fmt: skip
 def test_a_matrix_is_read_as_it_is_pasted(matrix: np.ndarray, between: str, end: str):
@@ -141,6 +143,7 @@ def test_text_that_is_no_matrix_is_refused_with_the_reason(text: str, reason: st
         read_matrix(text, 3)
 
 
+@settings(deadline=None)
 @given(st.text(alphabet="0123456789+-.eE,;[]() \n\tnaif_x", max_size=60), st.integers(1, 4))
 def test_any_text_gives_a_matrix_or_a_sentence(text: str, n: int):
     try:
