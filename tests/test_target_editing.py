@@ -245,6 +245,11 @@ def test_equal_coordinates_share_a_line_and_coupled_ones_a_block(hybrid: Snapsho
     assert "ψ₁ ℓ·β" in shown
     assert "(34)" in shown
     assert "The normal force follows" in shown
+    full = np.diag([0.0, 4e4, 4e4, 4e4, 4e4, 4e4])
+    full[1:, 1:] += 7.0
+    below = equation_html(applied(hybrid, model_edit(hybrid, {"K_m": full})))
+    assert below.count("<math") == 2
+    assert below.count("<mn>40007</mn>") == 5
 
 
 def test_angles_are_told_per_radian(hybrid: Snapshot):

@@ -9,10 +9,12 @@ from html import escape
 import numpy as np
 from scipy.sparse.csgraph import connected_components
 
+from app.dashboard.matrix_text import short
 from app.runner import Snapshot
 from controllers.modes import MODES
 
 _NAMES = ("M_m", "B_m", "K_m", "K_f")
+_INLINE = 3  # rows of a matrix that finds room within the equation; a larger one stands below it
 _GREEK = {"phi": "φ", "psi": "ψ", "lambda": "λ", "alpha": "α", "beta": "β", "gamma": "γ", "theta": "θ"}
 
 
@@ -51,7 +53,7 @@ def lines(snapshot: Snapshot) -> list[Line]:
 
 def _same(line: Line, part: tuple[int, ...], snapshot: Snapshot) -> bool:
     """Whether a single coordinate has the numbers, fixed or free, of a line of single ones."""
-    if line.coupled or len(part) > 1:
+    if line.coupled or len(part) != 1:
         return False
     i, j = line.indices[0], part[0]
     return all(
@@ -71,7 +73,7 @@ def equation_html(snapshot: Snapshot) -> str:
         f'<span>{escape(mode.title)} <span class="vs-dim">{escape(mode.equation)}</span></span>'
         f'<span class="vs-help vs-right">?</span><span class="vs-tip">{escape(about)}</span></div>'
         '<math display="block"><mtable columnalign="left right right right left" '
-        f'columnspacing="0.3em" rowspacing="0.35em">{"".join(rows)}</mtable></math></div>'
+        f'columnspacing="0.3em" rowspacing="0.35em">{"".join(rows)}</mtable></math>{_below(snapshot)}</div>'
     )
 
 
@@ -96,7 +98,10 @@ def _row(line: Line, snapshot: Snapshot) -> str:
     for name, factor in zip(_NAMES, factors, strict=True):
         grey = not line.coupled and is_fixed(snapshot, name, line.indices[0])
         look = ' class="fixed"' if grey else ""
-        value = number(snapshot.matrices[name], line.indices, snapshot.fixed[name])
+        if _large(line, snapshot.matrices[name]):
+            value = _sub(*name.split("_"))
+        else:
+            value = number(snapshot.matrices[name], line.indices, snapshot.fixed[name])
         terms.append(f'<mrow{look}>{value}<mspace width="0.15em"/>{factor}</mrow>')
     return _cells(
         [
@@ -109,10 +114,32 @@ def _row(line: Line, snapshot: Snapshot) -> str:
     )
 
 
+def _below(snapshot: Snapshot) -> str:
+    """The matrices for which the equation has no room."""
+    shown = [
+        f"<mrow>{_sub(*name.split('_'))}<mo>=</mo>{_block(snapshot.matrices[name], line.indices, snapshot.fixed[name])}"
+        "</mrow>"
+        for line in lines(snapshot)
+        for name in _NAMES
+        if _large(line, snapshot.matrices[name])
+    ]
+    return "".join(f'<math display="block">{matrix}</math>' for matrix in shown)
+
+
+def _large(line: Line, matrix: np.ndarray) -> bool:
+    return line.coupled and len(line.indices) > _INLINE and not _scalar(matrix[np.ix_(line.indices, line.indices)])
+
+
+def _scalar(matrix: np.ndarray) -> bool:
+    """Whether it is one number times the identity."""
+    return bool((matrix == matrix[0, 0] * np.eye(len(matrix))).all())
+
+
 def _names(line: Line, snapshot: Snapshot) -> str:
     """Side by side, but below one another where they stand beside the rows of a matrix."""
     names = [escape(symbol(snapshot.coordinates[i].name)) for i in line.indices]
-    if not line.coupled:
+    below = any(_large(line, matrix) for matrix in snapshot.matrices.values())
+    if not line.coupled or below:
         return f'<mtext class="vs-where">{" ".join(names)}</mtext>'
     rows = "".join(f'<mtr><mtd><mtext class="vs-where">{name}</mtext></mtd></mtr>' for name in names)
     return f'<mtable rowspacing="0.1em">{rows}</mtable>'
@@ -125,7 +152,7 @@ def _number(matrix: np.ndarray, indices: tuple[int, ...], _: np.ndarray) -> str:
 def _block(matrix: np.ndarray, indices: tuple[int, ...], fixed: np.ndarray) -> str:
     """The matrix of coupled coordinates, fixed entries grey; a number where it is one times the identity."""
     matrix, fixed = matrix[np.ix_(indices, indices)], fixed[np.ix_(indices, indices)]
-    if (matrix == matrix[0, 0] * np.eye(len(matrix))).all():
+    if _scalar(matrix):
         return _number(matrix, (0,), fixed)
     rows = "".join(
         "<mtr>" + "".join(_entry(value, grey) for value, grey in zip(*row, strict=True)) + "</mtr>"
@@ -141,7 +168,7 @@ def _entry(value: float, grey: bool) -> str:
 
 
 def _told(value: float) -> str:
-    return f"{value:.4g}".replace("-", "−")
+    return short(value).replace("-", "−")
 
 
 def is_fixed(snapshot: Snapshot, name: str, i: int) -> bool:

@@ -19,6 +19,11 @@ def written(value: Any) -> str:
     return f"{value:.6g}"
 
 
+def short(value: float) -> str:
+    """Four digits, without an exponent up to a million."""
+    return f"{value:.0f}" if 1e4 <= abs(value) < 1e6 else f"{value:.4g}"
+
+
 def read_back(text: str) -> int | float | list[Any]:
     """The inverse of `written`; a whole number written without a point stays one. Raises ValueError."""
     rows = [[number(part.strip()) for part in row.split(",")] for row in text.split(";")]

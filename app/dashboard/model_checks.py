@@ -10,6 +10,7 @@ import numpy as np
 
 from app.assembly import target_model
 from app.dashboard.facts import judged
+from app.dashboard.matrix_text import short
 from app.dashboard.pole_map import grouped, pole_map_html
 from app.runner import Edit, Snapshot
 from app.scenario import ScenarioError, edited
@@ -97,7 +98,7 @@ def _spread(matrix: np.ndarray) -> str:
     if np.abs(values.imag).max() > 1e-9 * max(np.abs(values).max(), 1e-300):
         return '<span class="vs-chip vs-bad">not symmetric</span>'
     low, high = float(values.real.min()), float(values.real.max())
-    text = f"{low:.4g}" if math.isclose(low, high, rel_tol=1e-6) else f"{low:.4g} … {high:.4g}"
+    text = short(low) if math.isclose(low, high, rel_tol=1e-6) else f"{short(low)} … {short(high)}"
     return f'<span class="vs-chip vs-bad">{text}</span>' if low < -1e-12 else text
 
 

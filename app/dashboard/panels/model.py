@@ -132,7 +132,7 @@ def matrix_note(snapshot: Snapshot, name: str, meaning: str, metric: str, angula
 
 def oscillator_note(snapshot: Snapshot, unit: str) -> str:
     """How omega and zeta are set, and which coordinates are special."""
-    told = [f"{unit}, of each axis alone; M_m is kept: K_m = M_m ω², B_m = 2 ζ ω M_m."]
+    told = [f"{unit}, each axis alone. M_m is kept: K_m = M_m ω², B_m = 2ζω M_m."]
     for coordinate, K_e in zip(snapshot.coordinates, pressed_on(snapshot), strict=True):
         name = symbol(coordinate.name)
         if np.isinf(K_e):
