@@ -68,17 +68,18 @@ def test_whole_matrices_are_pasted_judged_and_applied(session: Session):
 def test_the_controller_as_far_as_it_has_a_meaning(session: Session):
     session.tab("Controller")
     page = session.page
-    enter(session, "K_s [N·s/m]", "100, 100, 100, 50, 50, 50")
-    session.wait(lambda now: now.scenario.controller.K_s == (100.0, 100.0, 100.0, 50.0, 50.0, 50.0))
-    session.row("K_s [N·s/m]").locator(".mantine-Slider-root").wait_for(state="detached")
-    enter(session, "K_s [N·s/m]", "100, 50")
-    page.locator(".vs-status", has_text="controller.K_s: 2 entries; allowed: 6 diagonal entries").wait_for()
     session.choose("Switching", "s / ‖s‖ (discontinuous)")
+    session.wait(lambda now: now.scenario.controller.switching == "discontinuous")
     session.row("layer φ [m/s]").wait_for(state="detached")
     assert session.row("constant d [N]").count() == 0
     session.choose("Gain d", "constant")
     enter(session, "constant d [N]", "40")
     session.wait(lambda now: (now.scenario.controller.d, now.live["d"]) == (40.0, 40.0))
+    enter(session, "K_s [N·s/m]", "100, 100, 100, 50, 50, 50")
+    session.wait(lambda now: now.scenario.controller.K_s == (100.0, 100.0, 100.0, 50.0, 50.0, 50.0))
+    session.row("K_s [N·s/m]").locator(".mantine-Slider-root").wait_for(state="detached")
+    enter(session, "K_s [N·s/m]", "100, 50")
+    page.locator(".vs-status", has_text="controller.K_s: 2 entries; allowed: 6 diagonal entries").wait_for()
     page.get_by_role("checkbox", name="Robust law (25)").click()
     session.wait(lambda now: now.scenario.controller.law == "computed-torque")
     page.get_by_text("Computed torque, the baseline").wait_for()

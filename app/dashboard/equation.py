@@ -96,7 +96,7 @@ def _row(line: Line, snapshot: Snapshot) -> str:
     number = _block if line.coupled else _number
     terms = []
     for name, factor in zip(_NAMES, factors, strict=True):
-        grey = not line.coupled and is_fixed(snapshot, name, line.indices[0])
+        grey = all(is_fixed(snapshot, name, i) for i in line.indices)
         look = ' class="fixed"' if grey else ""
         if _large(line, snapshot.matrices[name]):
             value = _sub(*name.split("_"))
