@@ -61,10 +61,12 @@ NEAR = 0.03  # m
 
 @dataclass(frozen=True)
 class Coordinate:
-    """One task coordinate: its name and the unit that the screen shows."""
+    """One task coordinate: its name and the unit that the screen shows; metres_per_radian is the characteristic
+    length where it is an angle times that, otherwise None."""
 
     name: str
     unit: str
+    metres_per_radian: float | None = None
 
 
 @dataclass(frozen=True)
@@ -455,7 +457,8 @@ def _coordinates(layout: TaskLayout, mode: Mode, robot: robots.Robot) -> tuple[C
     places = ["φ", "ψ₁", "ψ₂"] if mode.on_surface else (["x", "z"] if layout.positions == 2 else ["x", "y", "z"])
     angles = {0: [], 1: ["ℓ·θ"], 3: ["ℓ·α", "ℓ·β", "ℓ·γ"]}[layout.angles]
     extra = [f"ℓ·q{joint + 1}" for joint in robot.supplemental]
-    return tuple(Coordinate(name, "m") for name in places[: layout.positions] + angles + extra)
+    lengths = [Coordinate(name, "m") for name in places[: layout.positions]]
+    return (*lengths, *(Coordinate(name, "m", layout.l) for name in angles + extra))
 
 
 def _require_resolved(scenario: Scenario, plant: Plant, mobility: Mobility) -> None:
@@ -507,15 +510,23 @@ def _square(path: str, value: Matrix | float, n: int) -> np.ndarray:
     raise ScenarioError(f"{path}: {shape}; allowed: {n} diagonal entries or a {n} x {n} matrix")
 
 
-def _law(scenario: Scenario, mode: Mode, layout: TaskLayout, constants: Constants) -> Vsmrc:
-    n, c = layout.n, scenario.controller
-    default = default_target_model(mode, n, c.K_e_hat)
+def target_model(scenario: Scenario, n: int) -> Model:
+    """The scenario's (8) for n coordinates, missing matrices at the mode's defaults; not yet judged by the mode.
+
+    Raises ScenarioError and InvalidGain.
+    """
+    default = default_target_model(modes.MODES[scenario.mode], n, scenario.controller.K_e_hat)
     given = {f: getattr(scenario.target_model, f) for f in TargetModel.__struct_fields__}
     matrices = {
         f: np.diag(default[f]) if value is None else _square(f"target_model.{f}", value, n)
         for f, value in given.items()
     }
-    model = Model(**matrices)
+    return Model(**matrices)
+
+
+def _law(scenario: Scenario, mode: Mode, layout: TaskLayout, constants: Constants) -> Vsmrc:
+    n, c = layout.n, scenario.controller
+    model = target_model(scenario, n)
     mode.check(model, c.K_e_hat)
     gains = {f: _square(f"controller.{f}", getattr(c, f), n) for f in ("A", "F_1", "F_2", "K_s")}
     kind = Vsmrc if c.law == "vsmrc" else ComputedTorque

@@ -52,6 +52,20 @@ class Mode:
             force[:, m:] = True
         return {"M_m": coupling, "B_m": coupling.copy(), "K_m": stiffness, "K_f": force}
 
+    def environment(self, n: int, K_e_hat: float) -> np.ndarray:
+        """Stiffness (n,) N/m that the model meets along each coordinate: K_e_hat (33) or a rigid surface (41) along
+        the controlled normal, 0 elsewhere."""
+        stiffness = np.zeros(n)
+        stiffness[: self.m()] = np.inf if self.name == "constrained" else K_e_hat
+        return stiffness
+
+    def poles(self, model: TargetModel, K_e_hat: float) -> np.ndarray:
+        """Poles (1/s) of (8) in contact, two for each coordinate that can move: on a rigid surface r_f = 0 (42)."""
+        stiffness = self.environment(model.n, K_e_hat)
+        free = np.isfinite(stiffness)
+        moving = TargetModel(*(X[np.ix_(free, free)] for X in (model.M_m, model.B_m, model.K_m, model.K_f)))
+        return moving.poles(np.diag(stiffness[free]))
+
     def check(self, model: TargetModel, K_e_hat: float) -> None:
         """Raises InvalidGain, naming matrix and reason, unless the model is one that the mode admits.
 
@@ -59,9 +73,13 @@ class Mode:
         """
         m, n = self.m(), model.n
         for name, entries in self.fixed(n).items():
-            if np.count_nonzero(getattr(model, name)[entries]):
+            matrix = getattr(model, name)
+            wrong = np.argwhere(entries & (matrix != 0.0))
+            if len(wrong):
+                i, j = wrong[0]
                 raise InvalidGain(
-                    f"target_model.{name}: an entry that {self.name} mode fixes at 0 {self.equation} is not 0"
+                    f"target_model.{name}: an entry that {self.name} mode fixes at 0 {self.equation} is "
+                    f"{matrix[i, j]:.4g}, in row {i + 1}, column {j + 1}"
                 )
         for part, rows in (("1", slice(0, m)), ("2", slice(m, n))) if m else (("", slice(0, n)),):
             require_spd(f"target_model.M_m{part}", model.M_m[rows, rows])
@@ -72,12 +90,7 @@ class Mode:
                 require_spd(f"target_model.K_m{part}", model.K_m[rows, rows])
             if self.controlled(n)[rows].all():
                 require_spd(f"target_model.K_f{part}", model.K_f[rows, rows])
-        environment = np.zeros((n, n))
-        environment[:m, :m] = K_e_hat
-        poles = model.poles(environment)
-        unstable = float(np.real(poles).max())
-        if self.name == "constrained":
-            return  # r_f = 0 on the surface: M_m1, B_m1 do not move, and the rest is s.p.d. (42)
+        unstable = float(np.real(self.poles(model, K_e_hat)).max())
         if unstable >= -1e-9:
             raise InvalidGain(
                 f"target_model: unstable in contact, a pole at {unstable:.4g} 1/s; allowed: all poles left of 0, (8)"

@@ -13,15 +13,15 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, Protocol
 
-import numpy as np
 import viser
 from msgspec import Struct
 
 from app.dashboard.look import Viewing
+from app.dashboard.matrix_text import read_back, written
 from app.dashboard.style import COMMIT, ESCAPED, MARKS, RELEASED
 from app.dashboard.whatif import Held, WhatIf
 from app.runner import Command, Edit, Snapshot
-from app.scenario import field_info
+from app.scenario import Scenario, field_info
 
 
 @dataclass(frozen=True)
@@ -72,7 +72,10 @@ class Place:
         return value
 
     def edit(self, snapshot: Snapshot, value: Any) -> Edit:
-        """The command that sets this field; the snapshot is for places that are part of a field."""
+        """The command that sets this field; the snapshot is for places that are part of a field.
+
+        Raises ValueError with a sentence where the value cannot even be asked for.
+        """
         del snapshot
         return Edit(self.path, value)
 
@@ -91,32 +94,12 @@ class Place:
 
 @dataclass(frozen=True)
 class PlaceWhere(Place):
-    """A field that has a meaning only at some times; at others its control is hidden."""
+    """A field that has a meaning only in some scenarios; in others its control is hidden."""
 
-    meant: Callable[[Snapshot], bool]
-
-    def read(self, snapshot: Snapshot) -> Any:
-        return super().read(snapshot) if self.meant(snapshot) else None
-
-
-@dataclass(frozen=True)
-class DiagonalPlace(Place):
-    """Entry `index` on the diagonal of a matrix of the target model, as it is in force."""
-
-    index: int
+    applies: Callable[[Scenario], bool]
 
     def read(self, snapshot: Snapshot) -> Any:
-        matrix = self._matrix(snapshot)
-        return float(matrix[self.index, self.index]) if self.index < len(matrix) else None
-
-    def edit(self, snapshot: Snapshot, value: Any) -> Edit:
-        matrix = self._matrix(snapshot).copy()
-        matrix[self.index, self.index] = value
-        diagonal = np.count_nonzero(matrix - np.diag(np.diag(matrix))) == 0
-        return Edit(self.path, (np.diag(matrix) if diagonal else matrix).tolist())
-
-    def _matrix(self, snapshot: Snapshot) -> np.ndarray:
-        return snapshot.matrices[self.path.rpartition(".")[2]]
+        return super().read(snapshot) if self.applies(snapshot.scenario) else None
 
 
 @dataclass(frozen=True)
@@ -153,28 +136,6 @@ def _rounded(value: float) -> float:
     return float(f"{value:.3g}")
 
 
-def written(value: Any) -> str:
-    """A number, or several separated by commas, as the text field shows it."""
-    if value is None:
-        return ""
-    if isinstance(value, tuple | list):
-        return ", ".join(written(v) for v in value)
-    return f"{value:.6g}"
-
-
-def read_back(text: str) -> float | list[float]:
-    """The inverse of `written`; a whole number written without a point stays one. Raises ValueError."""
-    numbers = [_number(part) for part in text.replace(";", ",").split(",")]
-    return numbers[0] if len(numbers) == 1 else numbers
-
-
-def _number(text: str) -> float:
-    try:
-        return int(text)
-    except ValueError:
-        return float(text)
-
-
 class Number:
     """A number as a text field, which takes effect on Enter or when it is left, and a slider."""
 
@@ -204,25 +165,26 @@ class Number:
         running = self._place.read(snapshot)
         try:
             value = read_back(text) if text else running
-        except ValueError:
-            self._desk.complain(f"{self._label}: {text!r} is not a number")
-            value = running
+            edit = self._place.edit(snapshot, value)
+        except ValueError as error:
+            self._desk.complain(f"{self._label}: {error}")
+            self._show_again(snapshot)
+            return
         if value == running or written(value) == written(running):
-            self._answer.expect(snapshot, seconds=0.0)
-            self.show(snapshot)
+            self._show_again(snapshot)
         else:
-            self._ask(snapshot, value, seconds=1.0)
+            self._ask(snapshot, edit, seconds=1.0)
 
     async def _on_slider(self, event: viser.GuiEvent) -> None:
         if event.client is None or self._slider is None or self._scale is None:
             return
         snapshot, value = self._desk.snapshot(), self._scale.value(self._slider.value)
         self._text.value = written(value)
+        edit = self._place.edit(snapshot, value)
         if self._desk.whatif.on:
-            edit = self._place.edit(snapshot, value)
             self._desk.whatif.hold(Held(edit, self._label, written(value), self, event.client.client_id))
         else:
-            self._ask(snapshot, value, seconds=0.5)
+            self._ask(snapshot, edit, seconds=0.5)
 
     def _let_go(self, *, apply: bool) -> None:
         snapshot = self._desk.snapshot()
@@ -231,16 +193,21 @@ class Number:
         self._text.value = written(value)  # without the mark
         changed = apply and written(value) != written(running)
         if changed:  # before the slider counts as let go, since the page is drawn meanwhile
-            self._desk.whatif.remember(snapshot, self._place.edit(snapshot, value))
-            self._ask(snapshot, value, seconds=1.0)
+            edit = self._place.edit(snapshot, value)
+            self._desk.whatif.remember(snapshot, edit)
+            self._ask(snapshot, edit, seconds=1.0)
         self._desk.whatif.let_go(self)
         if not changed:
-            self._answer.expect(snapshot, seconds=0.0)
-            self.show(snapshot)
+            self._show_again(snapshot)
 
-    def _ask(self, snapshot: Snapshot, value: Any, seconds: float) -> None:
+    def _show_again(self, snapshot: Snapshot) -> None:
+        """The running value, without waiting for an answer."""
+        self._answer.expect(snapshot, seconds=0.0)
+        self.show(snapshot)
+
+    def _ask(self, snapshot: Snapshot, edit: Edit, seconds: float) -> None:
         self._answer.expect(snapshot, seconds)
-        self._desk.post(self._place.edit(snapshot, value))
+        self._desk.post(edit)
 
     def show(self, snapshot: Snapshot) -> None:
         value = self._place.read(snapshot)
@@ -249,8 +216,12 @@ class Number:
         if value is None or self._answer.awaited(snapshot) or self._desk.whatif.holds(self):
             return
         self._text.value = written(value)
-        if self._slider is not None and self._scale is not None and isinstance(value, float | int):
-            self._slider.value = self._scale.position(value)
+        if self._slider is not None and self._scale is not None:
+            slides = isinstance(value, float | int)  # several numbers have no place on one slider
+            if self._slider.visible != slides:
+                self._slider.visible = slides
+            if slides:
+                self._slider.value = self._scale.position(value)
 
     def set_label(self, label: str) -> None:
         self._label = self._text.label = label
@@ -288,10 +259,11 @@ class Choice:
 
 
 class Switch:
-    """Yes or no."""
+    """One of two values of a field, by default false and true."""
 
-    def __init__(self, desk: Desk, place: Place | str, label: str) -> None:
+    def __init__(self, desk: Desk, place: Place | str, label: str, off: object = False, on: object = True) -> None:
         self._desk, self._place = desk, Place(place) if isinstance(place, str) else place
+        self._off, self._on = off, on
         self._answer = Answer()
         self._checkbox = desk.gui.add_checkbox(label, False, hint=self._place.hint)
         self._checkbox.on_update(self._on_update)
@@ -300,11 +272,11 @@ class Switch:
         if event.client is None:
             return
         self._answer.expect(self._desk.snapshot(), seconds=1.0)
-        self._desk.post(Edit(self._place.path, self._checkbox.value))
+        self._desk.post(Edit(self._place.path, self._on if self._checkbox.value else self._off))
 
     def show(self, snapshot: Snapshot) -> None:
         value = self._place.read(snapshot)
         if self._checkbox.visible != (value is not None):
             self._checkbox.visible = value is not None
         if value is not None and not self._answer.awaited(snapshot):
-            self._checkbox.value = bool(value)
+            self._checkbox.value = value == self._on

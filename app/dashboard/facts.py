@@ -10,39 +10,98 @@ from app.runner import Snapshot
 
 
 class Facts:
-    """Gain condition, reaching time and the factors of the sampled loops, each with its limit."""
+    """Gain condition, reaching time, sliding variable and the factors of the sampled loops, each with its limit."""
 
     def __init__(self, gui: viser.GuiApi) -> None:
         self._html = gui.add_html("")
 
     def show(self, snapshot: Snapshot) -> None:
-        rows = "".join(f"<tr><td>{what}</td><td>{value}</td></tr>" for what, value in _facts(snapshot))
-        self._html.content = f'<table class="vs-facts">{rows}</table>'
+        self._html.content = facts_html(snapshot)
 
 
-def _facts(snapshot: Snapshot) -> list[tuple[str, str]]:
+def facts_html(snapshot: Snapshot) -> str:
+    """What is, against what the theorem asks or promises, and whether that holds now."""
+    rows = _facts(snapshot)
+    body = "".join(
+        f'<tr title="{title}"><td>{what}</td><td>{value}</td><td>{verdict}</td></tr>'
+        for what, value, verdict, title in rows
+    )
+    return f'<table class="vs-facts vs-verdicts">{body}</table>'
+
+
+def _facts(snapshot: Snapshot) -> list[tuple[str, str, str, str]]:
+    """Name, value against limit, verdict, and the line that explains them."""
     live = snapshot.live
 
-    def number(name: str, unit: str = "") -> str:
-        value = live.get(name, math.nan)
-        return f"<b>{value:.3g}</b>{unit}" if math.isfinite(value) else "—"
+    def number(name: str, factor: float = 1.0) -> str:
+        value = live.get(name, math.nan) * factor
+        return f"<b>{0.0 if abs(value) < 1e-9 else value:.3g}</b>" if math.isfinite(value) else "—"
 
-    rows = [
-        ("gain d, needed by (17)", f"{number('d')}, {number('d_required')} N"),
-        ("margin of the gain condition", _judged(live.get("gain_margin", math.nan), " N", low=-1e-9)),
-        ("reaching time, promised by (18)", f"{number('reaching_time')}, ≤ {number('reaching_time_bound')} s"),
-        ("Lyapunov function V", number("V", " J")),
-        ("residual of the target model", number("residual", " N")),
-        ("loop factor in the layer (&lt; 2)", _judged(live.get("layer_loop_factor", math.nan), "", high=2.0)),
-        ("smallest singular value of J_q", number("sigma_min", " m")),
-    ]
-    if math.isfinite(live.get("force_loop_factor", math.nan)):
-        rows.append(("force loop factor (&lt; 1)", _judged(abs(live["force_loop_factor"]), "", high=1.0)))
+    def against(name: str, sign: str, limit: str, unit: str, factor: float = 1.0) -> str:
+        return f"{number(name, factor)} {sign} {number(limit, factor)} {unit}"
+
+    robust = snapshot.scenario.controller.law == "vsmrc"
+    rows = []
+    if robust:
+        sliding = live["s_bound"] + live["s_band"] - live["s_norm"]
+        rows += [
+            (
+                "gain d (17)",
+                against("d", "≥", "d_required", "N"),
+                judged(live["gain_margin"], " N", low=-1e-9),
+                "d, what (17) needs with its margin ε, and what is left; by the theorem d is exactly what is needed",
+            ),
+            (
+                "‖s‖ (20)",
+                f"{number('s_norm', 1e3)} ≤ {(live['s_bound'] + live['s_band']) * 1e3:.3g} mm/s",
+                verdict(sliding >= 0.0),
+                "the sliding variable and its bound, with the band that sampling leaves",
+            ),
+            (
+                "reached (18)",
+                against("reaching_time", "≤", "reaching_time_bound", "s"),
+                _reached(live["reaching_time"], live["reaching_time_bound"]),
+                "the measured reaching time and the promised one, since the last change",
+            ),
+        ]
+        if math.isfinite(live["layer_loop_factor"]):
+            rows.append(
+                (
+                    "layer, sampled",
+                    f"{number('layer_loop_factor')} &lt; 2",
+                    verdict(live["layer_loop_factor"] < 2.0),
+                    "(λ_max(K_s) + d/φ) T / λ_min(H): the boundary layer stops the chattering only below 2",
+                )
+            )
+    if math.isfinite(live["force_loop_factor"]):
+        rows.append(
+            (
+                "force loop, sampled",
+                f"|{number('force_loop_factor')}| &lt; 1",
+                verdict(abs(live["force_loop_factor"]) < 1.0),
+                "what one sample makes of an error in the force that is fed back",
+            )
+        )
+    rows.append(("residual of (8)", f"{number('residual')} N", "", "left side minus right side of the target model"))
+    if robust:
+        rows.append(("V = ½ sᵀHs", f"{number('V')} J", "", "the Lyapunov function of the proof"))
+    rows.append(("σ_min(J_q)", f"{number('sigma_min')} m", "", "smallest singular value; Ω ends where it vanishes"))
     return rows
 
 
-def _judged(value: float, unit: str, low: float = -math.inf, high: float = math.inf) -> str:
+def _reached(measured: float, promised: float) -> str:
+    return verdict(measured <= promised + 1e-9) if math.isfinite(measured) else ""
+
+
+def verdict(holds: bool) -> str:
+    """A chip that says whether a condition holds."""
+    return '<span class="vs-chip vs-good">holds</span>' if holds else '<span class="vs-chip vs-bad">violated</span>'
+
+
+def judged(value: float, unit: str = "", low: float = -math.inf, high: float = math.inf) -> str:
+    """A number as a chip, green within its limits and red outside; "—" where there is none."""
     if not math.isfinite(value):
         return "—"
     look = "vs-good" if low <= value <= high else "vs-bad"
-    return f'<span class="vs-chip {look}">{value if abs(value) > 1e-9 else 0.0:.3g}{unit}</span>'
+    shown = 0.0 if abs(value) <= 1e-9 else value
+    return f'<span class="vs-chip {look}">{shown:.3g}{unit}</span>'

@@ -131,7 +131,7 @@ class _View:
         equation = server.gui.add_panel()
         with equation.add_tab("Target model"):
             self._equation = server.gui.add_html("")
-        equation.float(x=12, y=-12, width=400)
+        equation.float(x=12, y=-12, width=440)
         self._refreshed = 0.0
         self._drawn: Snapshot | None = None
         self._page_height = 0

@@ -64,6 +64,8 @@ def _phase(snapshot: Snapshot) -> str:
 
 
 def _bound(snapshot: Snapshot) -> str:
+    if snapshot.scenario.controller.law == "computed-torque":
+        return _chip("no bound on ‖s‖", "vs-dim")
     names = ("s_norm", "s_bound", "s_band")
     rows = snapshot.recording.signals(names, snapshot.t - _LATELY, snapshot.t)
     if not len(rows["s_norm"]):

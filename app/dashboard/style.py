@@ -209,11 +209,31 @@ div:has(> div > div > div > .vs-status) {{ overflow: visible !important; }}
 .vs-facts td:last-child {{ text-align: right; }}
 .vs-runs th, .vs-runs td {{ text-align: right; padding-left: 0.5em !important; }}
 .vs-runs td:first-child {{ text-align: left; padding-left: 0 !important; }}
-.vs-equation {{ padding: 0.3em 0.9em 0.5em; overflow-x: auto; }}
-.vs-equation math {{ font-size: 1.02em; }}
-.vs-equation .fixed {{ opacity: 0.38; }}
 .vs-bar {{ flex: 1; height: 0.7em; border-radius: 0.35em; }}
 .vs-dot {{ display: inline-block; width: 0.7em; height: 0.7em; border-radius: 50%; }}
+.vs-facts.vs-verdicts td:nth-child(2) {{ text-align: right; padding-right: 0.7em; }}
+.vs-equation {{ padding: 0.2em 0.9em 0.6em; }}
+.vs-equation math {{ font-size: 1.02em; overflow: auto; max-height: 45vh; max-width: 100%; }}
+.vs-equation .fixed {{ opacity: 0.38; }}
+.vs-equation .vs-block {{ font-size: 0.74em; border: solid; border-width: 0 1.5px; border-radius: 0.5em; }}
+mtext.vs-where {{ white-space: nowrap; font-size: 0.8em; opacity: 0.75; padding-right: 0.4em; }}
+.vs-about {{ position: relative; font-size: 0.85em; padding-bottom: 0.35em; outline: none; cursor: help; }}
+.vs-help {{ border: 1px solid currentColor; border-radius: 50%; width: 1.35em; line-height: 1.25em; text-align: center;
+  opacity: 0.7; }}
+.vs-tip {{ display: none; flex-basis: 100%; line-height: 1.4; opacity: 0.85; }}
+.vs-about:hover .vs-tip, .vs-about:focus .vs-tip {{ display: block; }}
+.vs-checks {{ padding: 0.4em 0.8em 0 0.8em; font-size: 0.9em; }}
+.vs-checks .vs-facts {{ width: 100%; margin: 0.2em 0; font-size: 0.92em; }}
+.vs-checks .vs-facts td:not(:first-child) {{ text-align: right; }}
+.vs-checks .vs-facts tr:first-child {{ opacity: 0.65; }}
+.vs-poles {{ width: 100%; display: block; margin-top: 0.4em; }}
+.vs-poles text {{ font-size: 10.5px; fill: currentColor; opacity: 0.7; stroke: none; }}
+.vs-poles .left {{ fill: {css(DESIRED, 0.09)}; }}
+.vs-poles .right {{ fill: {css(BOUND, 0.13)}; }}
+.vs-poles .grid {{ stroke: currentColor; opacity: 0.22; fill: none; }}
+.vs-poles .axis {{ stroke: currentColor; opacity: 0.5; }}
+.vs-poles .now path {{ stroke: {css(ACCENT)}; stroke-width: 2.2; fill: none; }}
+.vs-poles .asked circle {{ stroke: {css(MEASURED)}; stroke-width: 2; fill: none; }}
 .vs-splash {{ padding: 1.2em 0.9em; font-size: 1.05em; }}
 .vs-spinner {{ display: inline-block; width: 0.9em; height: 0.9em; margin-right: 0.6em; border-radius: 50%;
   border: 2px solid {css(ACCENT)}; border-top-color: transparent; animation: vs-turn 0.9s linear infinite; }}

@@ -2,36 +2,48 @@
 
 from __future__ import annotations
 
-from app.dashboard.controls import Choice, Control, Desk, Number, Place, decades
+import viser
+
+from app.dashboard.controls import Choice, Control, Desk, Number, Place, PlaceWhere, Switch, decades
 from app.dashboard.facts import Facts
 from app.runner import Snapshot
 
+_BASELINE = (
+    '<div class="vs-checks"><div class="vs-message vs-warn">Computed torque, the baseline: the same target model '
+    "without z, s and the robust term. Residual and errors show what robustness buys.</div></div>"
+)
+
 
 class ControllerPanel:
-    """The law, its gains, and the live numbers of the guarantee."""
+    """The law, its gains, and the live numbers of the guarantee. What has no meaning for the law at hand is hidden."""
 
     def __init__(self, desk: Desk) -> None:
         gui = desk.gui
-        self._facts = Facts(gui)
-        laws = {"VSMRC (25)": "vsmrc", "computed torque": "computed-torque"}
         switching = {
             "s / ‖s‖ (discontinuous)": "discontinuous",
             "saturation": "saturation",
             "s / (‖s‖ + φ)": "rational",
             "tanh": "tanh",
         }
-        self._controls: list[Control] = [Choice(desk, "controller.law", "Law", laws)]
-        with gui.add_folder("Robust term"):
+        robust = Switch(desk, "controller.law", "Robust law (25)", off="computed-torque", on="vsmrc")
+        self._baseline = gui.add_html("")
+        self._facts = Facts(gui)
+        self._controls: list[Control] = [robust]
+        term, surface = gui.add_folder("Robust term"), gui.add_folder("Sliding surface")
+        self._robust_only: list[viser.GuiFolderHandle] = [term, surface]
+        with term:
+            d = PlaceWhere("controller.d", lambda scenario: scenario.controller.gain == "constant")
+            layer = PlaceWhere("controller.layer", lambda scenario: scenario.controller.switching != "discontinuous")
             self._controls += [
                 Choice(desk, "controller.gain", "Gain d", {"by the theorem (17)": "theorem", "constant": "constant"}),
-                Number(desk, Place("controller.d"), "constant d [N]", decades(1, 1000)),
+                Number(desk, d, "constant d [N]", decades(1, 1000)),
                 Number(desk, Place("controller.epsilon"), "margin ε [N]", decades(0.1, 100)),
                 Choice(desk, "controller.bounds", "Bounds", {"in task space (tight)": "tight", "as in (7)": "paper"}),
                 Choice(desk, "controller.switching", "Switching", switching),
-                Number(desk, Place("controller.layer"), "layer φ [m/s]", decades(1e-4, 0.1)),
+                Number(desk, layer, "layer φ [m/s]", decades(1e-4, 0.1)),
                 Number(desk, Place("controller.K_s"), "K_s [N·s/m]", decades(1, 2000)),
             ]
-        with gui.add_folder("Sliding surface"):
+        with surface:
             self._controls += [
                 Number(desk, Place("controller.F_1"), "F_1 [1/s]", decades(0.5, 200)),
                 Number(desk, Place("controller.F_2"), "F_2", decades(0.05, 20)),
@@ -43,6 +55,10 @@ class ControllerPanel:
                     {"z anew: no reaching": "remove", "z kept: watch it reach": "watch"},
                 ),
             ]
+            gui.add_html(
+                '<div class="vs-note">K_s, F_1, F_2, A: one number for all axes, or one per axis, separated by '
+                "commas.</div>"
+            )
         with gui.add_folder("Computation"):
             estimates = {"M, C, G on-line": "online", "along r_d (Remark 3)": "along-reference"}
             self._controls += [
@@ -52,5 +68,10 @@ class ControllerPanel:
 
     def show(self, snapshot: Snapshot) -> None:
         self._facts.show(snapshot)
+        robust = snapshot.scenario.controller.law == "vsmrc"
+        self._baseline.content = "" if robust else _BASELINE
+        for folder in self._robust_only:
+            if folder.visible != robust:
+                folder.visible = robust
         for control in self._controls:
             control.show(snapshot)

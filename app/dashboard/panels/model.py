@@ -1,60 +1,173 @@
-"""Model: the target model (8) by the diagonals of its matrices."""
+"""Model: the target model (8) by its diagonals, by omega and zeta, or by whole matrices; and its checks."""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import Protocol
 
+import numpy as np
 import viser
 
-from app.dashboard.controls import Desk, DiagonalPlace, Number, Scale, decades
+from app.dashboard.controls import Desk, Number, Place, Scale, decades
 from app.dashboard.equation import is_fixed, symbol
-from app.runner import Snapshot
-
-_MATRICES = {
-    "M_m": ("inertia, kg", decades(0.1, 100)),
-    "B_m": ("damping, N·s/m", decades(1, 10_000)),
-    "K_m": ("stiffness, N/m", decades(1, 100_000, zero=True)),
-    "K_f": ("weight of the force error", decades(0.01, 100, zero=True)),
-}
+from app.dashboard.matrix_editor import MatrixEditor
+from app.dashboard.matrix_text import written
+from app.dashboard.model_checks import checks_html, loops_html
+from app.dashboard.model_places import DiagonalPlace, OscillatorPlace, pressed_on
+from app.runner import Edit, Snapshot
 
 
 @dataclass(frozen=True)
-class _Matrix:
-    """The tab of one matrix, and its rows so far."""
+class _Quantity:
+    """One number per task coordinate: where it is, its slider, and what is to be said of it."""
 
-    name: str
+    place: Callable[[int], Place]
     scale: Scale
-    tab: viser.GuiTabHandle
-    rows: list[Number]
+    note: Callable[[Snapshot], str]
+
+
+class _View(Protocol):
+    def show(self, snapshot: Snapshot) -> None: ...
 
 
 class ModelPanel:
-    """One tab per matrix, one row per task coordinate; rows that the mode fixes are disabled.
+    """Three views of the same model, one of them shown, which is state of the page; below them pole map and checks."""
+
+    def __init__(self, desk: Desk) -> None:
+        self._desk, gui = desk, desk.gui
+        views: dict[str, Callable[[], _View]] = {
+            "diagonals": lambda: _PerCoordinate(desk, _DIAGONALS),
+            "ω and ζ per axis": lambda: _PerCoordinate(desk, _OSCILLATORS),
+            "full matrices": lambda: MatrixEditor(desk),
+        }
+        self._chosen = next(iter(views))
+        hint = "How the model is written here; the choice changes nothing in it."
+        self._choice = gui.add_dropdown("Edit by", tuple(views), initial_value=self._chosen, hint=hint)
+        self._choice.on_update(self._on_choice)
+        self._folders: dict[str, viser.GuiFolderHandle] = {}
+        self._views: dict[str, _View] = {}
+        for title, view in views.items():
+            self._folders[title] = gui.add_folder(None, visible=title == self._chosen)
+            with self._folders[title]:
+                self._views[title] = view()
+        self._checks, self._loops = gui.add_html(""), gui.add_html("")
+        self._checked: tuple[int, Edit | None] | None = None
+
+    async def _on_choice(self, event: viser.GuiEvent) -> None:
+        if event.client is not None:
+            self._chosen = self._choice.value
+
+    def show(self, snapshot: Snapshot) -> None:
+        self._choice.value = self._chosen
+        for title, folder in self._folders.items():
+            if folder.visible != (title == self._chosen):
+                folder.visible = title == self._chosen
+        self._views[self._chosen].show(snapshot)
+        edit = self._asked(snapshot)
+        if self._checked != (snapshot.revision, edit):  # poles are not found anew for every frame
+            self._checked = (snapshot.revision, edit)
+            self._checks.content = checks_html(snapshot, edit)
+        self._loops.content = loops_html(snapshot)
+
+    def _asked(self, snapshot: Snapshot) -> Edit | None:
+        """What a held slider or a draft would make of the model."""
+        held, view = self._desk.whatif.held, self._views[self._chosen]
+        if held is not None and held.edit.path.startswith("target_model"):
+            return held.edit
+        try:
+            return view.edit(snapshot) if isinstance(view, MatrixEditor) else None
+        except ValueError:  # the editor says it
+            return None
+
+
+class _PerCoordinate:
+    """One tab per quantity, one row per task coordinate; rows that the mode fixes are disabled.
 
     Rows are added and hidden, never removed: viser's client complains when a widget goes while it is being drawn.
     """
 
-    def __init__(self, desk: Desk) -> None:
-        self._desk = desk
+    def __init__(self, desk: Desk, quantities: Mapping[str, _Quantity]) -> None:
+        self._desk, self._quantities = desk, quantities
         tabs = desk.gui.add_tab_group()
-        self._matrices: list[_Matrix] = []
-        for name, (meaning, scale) in _MATRICES.items():
-            tab = tabs.add_tab(name)
+        self._tabs = {name: tabs.add_tab(name) for name in quantities}
+        self._rows: dict[str, list[Number]] = {name: [] for name in quantities}
+        self._notes: dict[str, viser.GuiHtmlHandle] = {}
+        for name, tab in self._tabs.items():
             with tab:
-                desk.gui.add_html(f'<div class="vs-note">{meaning}</div>')
-            self._matrices.append(_Matrix(name, scale, tab, []))
+                self._notes[name] = desk.gui.add_html("")
 
     def show(self, snapshot: Snapshot) -> None:
-        for matrix in self._matrices:
-            self._add_missing(matrix, len(snapshot.coordinates))
-            for i, row in enumerate(matrix.rows):
+        for name, quantity in self._quantities.items():
+            rows = self._rows[name]
+            for i in range(len(rows), len(snapshot.coordinates)):
+                with self._tabs[name]:
+                    rows.append(Number(self._desk, quantity.place(i), f"{name} {i + 1}", quantity.scale))
+            for i, row in enumerate(rows):
                 row.show(snapshot)
                 if i < len(snapshot.coordinates):
-                    row.set_label(f"{matrix.name} {symbol(snapshot.coordinates[i].name)}")
-                    row.enable(not is_fixed(snapshot, matrix.name, i))
+                    row.set_label(f"{name} {symbol(snapshot.coordinates[i].name)}")
+                    row.enable(not is_fixed(snapshot, name, i))
+            self._notes[name].content = f'<div class="vs-note">{quantity.note(snapshot)}</div>'
 
-    def _add_missing(self, matrix: _Matrix, count: int) -> None:
-        for i in range(len(matrix.rows), count):
-            with matrix.tab:
-                place = DiagonalPlace(f"target_model.{matrix.name}", i)
-                matrix.rows.append(Number(self._desk, place, f"{matrix.name} {i + 1}", matrix.scale))
+
+def matrix_note(snapshot: Snapshot, name: str, meaning: str, metric: str, angular: str) -> str:
+    """What a matrix is, with its unit; the values of angles per radian, since r holds them times a length."""
+    if all(coordinate.unit == "rad" for coordinate in snapshot.coordinates):
+        metric = angular
+    told = [f"{meaning}, {metric}" if metric else meaning]
+    matrix = snapshot.matrices[name]
+    if np.count_nonzero(matrix - np.diag(np.diag(matrix))):
+        told.append("not diagonal: here is its diagonal, coupling is kept")
+    turning: dict[str, list[str]] = {}
+    for coordinate, value in zip(snapshot.coordinates, np.diag(matrix), strict=True):
+        if coordinate.metres_per_radian is not None and angular:
+            turned = f"{value * coordinate.metres_per_radian**2:.4g}"
+            turning.setdefault(turned, []).append(symbol(coordinate.name).removeprefix("ℓ·"))
+    if turning:
+        values = "; ".join(f"{', '.join(names)}: {value}" for value, names in turning.items())
+        told.append(f"times ℓ², {values} {angular}")
+    return "<br>".join(told)
+
+
+def oscillator_note(snapshot: Snapshot, unit: str) -> str:
+    """How omega and zeta are set, and which coordinates are special."""
+    told = [f"{unit}, each axis alone. M_m is kept: K_m = M_m ω², B_m = 2ζω M_m."]
+    for coordinate, K_e in zip(snapshot.coordinates, pressed_on(snapshot), strict=True):
+        name = symbol(coordinate.name)
+        if np.isinf(K_e):
+            told.append(f"{name} is held by the rigid surface (42) and does not swing: no ω, no ζ.")
+        elif K_e > 0.0:
+            told.append(
+                f"{name} presses on K̂_e = {written(K_e)} N/m: ω² = (K_m + K_f K̂_e) / M_m is set by K_f; "
+                "K_m stays, so that at 0 the force error vanishes (37)."
+            )
+    return "<br>".join(told)
+
+
+def _diagonal(name: str, meaning: str, metric: str, angular: str, scale: Scale) -> _Quantity:
+    return _Quantity(
+        lambda i: DiagonalPlace(f"target_model.{name}", i),
+        scale,
+        lambda snapshot: matrix_note(snapshot, name, meaning, metric, angular),
+    )
+
+
+_DIAGONALS = {
+    "M_m": _diagonal("M_m", "inertia", "kg", "kg·m²", decades(0.1, 100)),
+    "B_m": _diagonal("B_m", "damping", "N·s/m", "N·m·s/rad", decades(1, 10_000)),
+    "K_m": _diagonal("K_m", "stiffness", "N/m", "N·m/rad", decades(1, 100_000, zero=True)),
+    "K_f": _diagonal("K_f", "weight of the force error", "", "", decades(0.01, 100, zero=True)),
+}
+_OSCILLATORS = {
+    "ω": _Quantity(
+        lambda i: OscillatorPlace("target_model", "omega", i),
+        decades(1, 200),
+        lambda snapshot: oscillator_note(snapshot, "rad/s"),
+    ),
+    "ζ": _Quantity(
+        lambda i: OscillatorPlace("target_model", "zeta", i),
+        decades(0.05, 5),
+        lambda snapshot: oscillator_note(snapshot, "damping ratio"),
+    ),
+}

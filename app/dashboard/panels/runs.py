@@ -9,7 +9,8 @@ from typing import Any
 
 import viser
 
-from app.dashboard.controls import Desk, written
+from app.dashboard.controls import Desk
+from app.dashboard.matrix_text import written
 from app.metrics import FIGURES, Account, Figure, account
 from app.runner import Pin, Snapshot, Unpin
 from app.scenario import differences

@@ -5,7 +5,7 @@ from __future__ import annotations
 from app.dashboard.controls import Choice, Control, Desk, Number, Place, PlaceWhere, Scale, Switch, decades
 from app.dashboard.text_field import TextField
 from app.runner import Snapshot
-from app.scenario import Formula
+from app.scenario import Formula, Scenario
 from controllers.modes import MODES
 
 _SHAPES = {"plane": "plane", "cylinder": "cylinder", "sphere": "sphere", "formula": "formula"}
@@ -18,25 +18,25 @@ _SYNTAX = (
 )
 
 
-def _touching(snapshot: Snapshot) -> bool:
-    return snapshot.scenario.contact.kind != "free"
+def _touching(scenario: Scenario) -> bool:
+    return scenario.contact.kind != "free"
 
 
-def _springy(snapshot: Snapshot) -> bool:
-    return snapshot.scenario.contact.kind in ("elastic", "mass-damper-spring")
+def _springy(scenario: Scenario) -> bool:
+    return scenario.contact.kind in ("elastic", "mass-damper-spring")
 
 
-def _massive(snapshot: Snapshot) -> bool:
-    return snapshot.scenario.contact.kind == "mass-damper-spring"
+def _massive(scenario: Scenario) -> bool:
+    return scenario.contact.kind == "mass-damper-spring"
 
 
-def _heavy(snapshot: Snapshot) -> bool:
-    return snapshot.scenario.contact.kind in ("mass-damper-spring", "rigid")
+def _heavy(scenario: Scenario) -> bool:
+    return scenario.contact.kind in ("mass-damper-spring", "rigid")
 
 
-def _foreseen(snapshot: Snapshot) -> bool:
+def _foreseen(scenario: Scenario) -> bool:
     """Whether the law's reference needs a stiffness (33)."""
-    return MODES[snapshot.scenario.mode].on_surface and snapshot.scenario.contact.kind != "rigid"
+    return MODES[scenario.mode].on_surface and scenario.contact.kind != "rigid"
 
 
 class WorldPanel:

@@ -1,0 +1,77 @@
+"""Numbers, lists and matrices as text that people type and paste."""
+
+from __future__ import annotations
+
+import math
+import re
+from typing import Any
+
+import numpy as np
+
+
+def written(value: Any) -> str:
+    """A number, several separated by commas, or the rows of a matrix separated by semicolons; None is nothing."""
+    if value is None:
+        return ""
+    if isinstance(value, tuple | list):
+        rows = any(isinstance(v, tuple | list) for v in value)
+        return ("; " if rows else ", ").join(written(v) for v in value)
+    return f"{value:.6g}"
+
+
+def short(value: float) -> str:
+    """Four digits, without an exponent up to a million."""
+    return f"{value:.0f}" if 1e4 <= abs(value) < 1e6 else f"{value:.4g}"
+
+
+def read_back(text: str) -> int | float | list[Any]:
+    """The inverse of `written`; a whole number written without a point stays one. Raises ValueError."""
+    rows = [[number(part.strip()) for part in row.split(",")] for row in text.split(";")]
+    if all(len(row) == 1 for row in rows):
+        rows = [[row[0] for row in rows]]
+    if len(rows) > 1:
+        return rows
+    return rows[0] if len(rows[0]) > 1 else rows[0][0]
+
+
+def number(text: str) -> int | float:
+    """Raises ValueError."""
+    try:
+        value = float(text)
+    except ValueError:
+        raise ValueError(f"{text!r} is not a number") from None
+    return int(value) if re.fullmatch(r"[+-]?\d{1,15}", text) else value
+
+
+def written_rows(matrix: np.ndarray) -> str:
+    """A matrix as lines of numbers, exactly: `read_matrix` gives the same one."""
+    return "\n".join(" ".join(_exact(float(entry)) for entry in row) for row in matrix)
+
+
+def _exact(entry: float) -> str:
+    return repr(int(entry)) if entry.is_integer() and abs(entry) < 1e15 else repr(entry)
+
+
+def read_matrix(text: str, n: int) -> np.ndarray:
+    """An (n, n) matrix from pasted text: rows by newline, semicolon or bracket, numbers by blanks or commas; n numbers
+    in one row or one column are a diagonal. Raises ValueError with a sentence."""
+    lines = [line for line in re.split(r"[\n;\]\)]+", re.sub(r"[\[\(]", " ", text)) if line.strip(" \t\r,")]
+    rows = [[_finite(part) for part in re.split(r"[\s,]+", line.strip(" \t\r,"))] for line in lines]
+    widths = [len(row) for row in rows]
+    if widths in ([n], [1] * n):
+        return np.diag(np.concatenate(rows).astype(float))
+    if widths == [n] * n:
+        return np.array(rows, dtype=float)
+    found = "nothing" if not rows else f"{len(rows)} row(s) of {_several(widths)} number(s)"
+    raise ValueError(f"{found}; allowed: {n} numbers for a diagonal, or {n} rows of {n} numbers")
+
+
+def _several(widths: list[int]) -> str:
+    return " or ".join(str(width) for width in sorted(set(widths)))
+
+
+def _finite(text: str) -> float:
+    value = float(number(text))
+    if not math.isfinite(value):
+        raise ValueError(f"{text!r} is not a finite number")
+    return value

@@ -1,0 +1,52 @@
+"""Each coordinate of the target model (8) as the second-order system that it is alone: omega and zeta."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class Oscillators:
+    """omega (n,) rad/s and zeta (n,) 1 of each coordinate with the others held; nan where it does not swing."""
+
+    omega: np.ndarray
+    zeta: np.ndarray
+
+
+@dataclass(frozen=True)
+class Shaped:
+    """Diagonal entries that give a coordinate its omega and zeta: B_m N s/m, K_m N/m, K_f 1. M_m is kept."""
+
+    B_m: float
+    K_m: float
+    K_f: float
+
+
+def oscillators(M_m: np.ndarray, B_m: np.ndarray, K_m: np.ndarray, K_f: np.ndarray, K_e: np.ndarray) -> Oscillators:
+    """omega^2 = (K_m + K_f K_e) / M_m and 2 zeta omega = B_m / M_m on the diagonals of (8), matrices (n, n).
+
+    K_e (n,) N/m is the environment's stiffness along each coordinate: 0 in free motion, as in (35) on an elastic
+    surface, infinite on a rigid one, which admits no motion (42).
+    """
+    M, B = np.diag(M_m), np.diag(B_m)
+    swings = np.isfinite(K_e)
+    K = np.diag(K_m) + np.diag(K_f) * np.where(swings, K_e, 0.0)
+    swings = swings & (K > 0.0) & (M > 0.0)
+    ratio = np.divide(K, M, out=np.full(len(M), np.nan), where=swings)
+    omega = np.sqrt(ratio)
+    return Oscillators(omega, B / (2.0 * M * omega))
+
+
+def shaped(M_m: float, K_m: float, K_f: float, K_e: float, omega: float, zeta: float) -> Shaped:
+    """The entries of one coordinate with this omega (rad/s) and zeta, K_e (N/m) being what it presses on.
+
+    Free: K_m = M_m omega^2. On an elastic surface K_m is kept too, since K_m1 = 0 is what makes the force error
+    vanish (37), and K_f = (M_m omega^2 - K_m) / K_e; (8) divided by it is (34) with M_m1 / K_f, B_m1 / K_f.
+    """
+    stiffness = M_m * omega**2
+    B_m = 2.0 * zeta * omega * M_m
+    if K_e > 0.0:
+        return Shaped(B_m, K_m, (stiffness - K_m) / K_e)
+    return Shaped(B_m, stiffness, K_f)
