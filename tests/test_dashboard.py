@@ -29,7 +29,7 @@ def test_another_scenario_and_mode(session: Session):
     session.choose("Mode", "Impedance")
     session.wait(lambda now: now.scenario.mode == "impedance" and now.t > 0.3)
     assert session.now.phase == "running", session.now.reason
-    session.page.get_by_text("The tool yields to forces").wait_for()
+    session.page.locator(".vs-note", has_text="The tool yields to forces").wait_for()
 
 
 def test_a_number_takes_effect_on_enter_not_digit_by_digit(session: Session):
