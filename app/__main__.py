@@ -19,6 +19,7 @@ from tqdm import tqdm
 
 from app import headless, warm
 from app.dashboard import Dashboard, PortBusy
+from app.dashboard.theme import Theme
 from app.runner import Runner
 from app.scenario import Scenario, ScenarioError, edited, load, shipped
 from environments.robots import CATALOGUE
@@ -36,6 +37,7 @@ def serve(
     *,
     host: str = "127.0.0.1",
     port: int = 8080,
+    theme: Theme = "dark",
     settings: Settings = (),
 ) -> int:
     """Open the dashboard.
@@ -44,9 +46,10 @@ def serve(
         scenario: a shipped scenario or a .toml file to begin with
         host: address to listen at; only this machine can reach 127.0.0.1
         port: port to listen at
+        theme: how the page looks at first; T changes it there
     """
     chosen = _configured(scenario, settings)
-    dashboard = Dashboard(host=host, port=port)
+    dashboard = Dashboard(host=host, port=port, theme=theme)
     print(f"VSMRC Lab: {dashboard.url}  (Ctrl-C ends it)", flush=True)
     runner: Runner | None = None
     warming: Popen[bytes] | None = None

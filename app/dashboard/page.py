@@ -9,15 +9,18 @@ import time
 
 import viser
 
+from app.dashboard.appearance import Appearance
 from app.dashboard.controls import Desk
 from app.dashboard.equation import equation_html
+from app.dashboard.help import Help, tools_html
 from app.dashboard.panels import PANELS, Panel
 from app.dashboard.playback import Playback
 from app.dashboard.plots import Plots
 from app.dashboard.scene import SceneView
+from app.dashboard.shortcuts import Shortcuts
 from app.dashboard.status import splash_html, status_html
 from app.dashboard.style import injected_html
-from app.dashboard.theme import ACCENT
+from app.dashboard.theme import Theme
 from app.dashboard.whatif import WhatIf
 from app.dashboard.whatif_panel import WhatIfPanel
 from app.previewer import Previewer
@@ -40,7 +43,9 @@ class Dashboard:
     port 0 takes any free port. Raises PortBusy.
     """
 
-    def __init__(self, runner: Runner | None = None, host: str = "127.0.0.1", port: int = 8080) -> None:
+    def __init__(
+        self, runner: Runner | None = None, host: str = "127.0.0.1", port: int = 8080, theme: Theme = "dark"
+    ) -> None:
         if port and _taken(host, port):
             raise PortBusy(f"port {port} of {host} is in use; choose another one with --port")
         self._server = viser.ViserServer(host=host, port=port, label="VSMRC Lab", verbose=False)
@@ -49,12 +54,13 @@ class Dashboard:
             self._server.stop()
             raise PortBusy(f"port {port} of {host} is in use; choose another one with --port")
         gui = self._server.gui
-        gui.configure_theme(dark_mode=True, show_logo=False, show_share_button=False, brand_color=ACCENT)
         gui.main_panel.dock_right()
         gui.main_panel.set_width(380)
-        gui.add_html(injected_html())
+        gui.add_html(tools_html() + injected_html())
         self._status = gui.add_html(splash_html("starting…"))
         self._scene = SceneView(self._server)
+        self._appearance = Appearance(gui, self._scene, theme)
+        self._help = Help(self._server)
         self._closed = threading.Event()
         self._view: _View | None = None
         if runner is not None:
@@ -106,6 +112,7 @@ class _View:
         self._whatif = WhatIf(self._previewer)
         desk = Desk(server.gui, runner.post, lambda: runner.snapshot, self._whatif, self.complain)
         self._playback = Playback(desk)
+        self._shortcuts = Shortcuts(desk)
         self._whatif_panel = WhatIfPanel(desk)
         self._plots = Plots(server.gui)
         tabs = server.gui.add_tab_group()

@@ -136,7 +136,7 @@ _NOW = uplot.Axis(
     splits=(0.0,),
     values=("",),
     ticks={"show": False},
-    grid={"show": True, "stroke": "rgba(255, 255, 255, 0.35)", "width": 1, "dash": (3.0, 3.0)},
+    grid={"show": True, "stroke": "rgba(140, 140, 140, 0.7)", "width": 1, "dash": (3.0, 3.0)},
 )
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import viser
 
 from app.dashboard.robot_view import RobotView
-from app.dashboard.theme import DESIRED, GRID, GRID_SECTION, MEASURED, SURFACE, TOOL_PATH, Rgb
+from app.dashboard.theme import DESIRED, GRID, GRID_SECTION, MEASURED, SURFACE, TOOL_PATH, Rgb, Theme
 from app.runner import Snapshot
 from environments.surfaces import Plane
 
@@ -75,14 +75,14 @@ class SceneView:
         scene.configure_environment_map(None)
         scene.world_axes.visible = False
         scene.add_light_hemisphere("/light", sky_color=(255, 255, 255), ground_color=(150, 150, 160), intensity=1.2)
-        scene.add_grid(
+        self._grid = scene.add_grid(
             "/grid",
             width=4.0,
             height=4.0,
             cell_size=0.1,
             section_size=0.5,
-            cell_color=GRID,
-            section_color=GRID_SECTION,
+            cell_color=GRID["dark"],
+            section_color=GRID_SECTION["dark"],
             shadow_opacity=0.0,
         )
         self._desired_path = Trail(scene, "/path/desired", DESIRED, thickness=5.0)
@@ -95,6 +95,10 @@ class SceneView:
         self._surface_key: object = None
         self._surface: viser.MeshHandle | None = None
         self._run = -1
+
+    def set_theme(self, theme: Theme) -> None:
+        """The grid's colours; what lies behind it is the page's."""
+        self._grid.cell_color, self._grid.section_color = GRID[theme], GRID_SECTION[theme]
 
     def show(self, snapshot: Snapshot) -> None:
         self._rebuild(snapshot)
