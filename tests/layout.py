@@ -5,6 +5,8 @@
 
 from playwright.sync_api import Page
 
+from tests.pages import each_tab
+
 _SCRIPT = """
 () => {
   const faults = new Set();
@@ -44,14 +46,16 @@ _SCRIPT = """
     if (getComputedStyle(element).textOverflow === "ellipsis" && element.scrollWidth > element.clientWidth + 1)
       say("cut", element, text);
   }
-  for (const input of document.querySelectorAll("input:not([type=checkbox]), .mantine-Slider-root, button, .uplot-container canvas")) {
+  const controls = "input:not([type=checkbox]), .mantine-Slider-root, button, .uplot-container canvas";
+  for (const input of document.querySelectorAll(controls)) {
     const box = input.getBoundingClientRect();
     if (!shown(input) || box.width < 2 || share(box, clips(input), "top", "bottom") < 0.6) continue;
     if (input.matches("input[type=text], input:not([type])") && input.scrollWidth > input.clientWidth + 1)
       say("cut", input, input.value);
     things.push([input, box, input.value || input.ariaLabel || input.textContent || input.className]);
   }
-  const floats = (e) => e.closest("[data-floating-window], .vs-hints, .mantine-Modal-content, .mantine-Popover-dropdown");
+  const floating = "[data-floating-window], .vs-hints, .mantine-Modal-content, .mantine-Popover-dropdown";
+  const floats = (e) => e.closest(floating);
   things.forEach(([one, a, text], i) => things.slice(i + 1).forEach(([other, b, otherText]) => {
     if (one.contains(other) || other.contains(one) || floats(one) !== floats(other)) return;
     if (one.closest("math, .uplot") && one.closest("math, .uplot") === other.closest("math, .uplot")) return;
@@ -65,7 +69,8 @@ _SCRIPT = """
     const a = one.getBoundingClientRect(), b = other.getBoundingClientRect();
     const wide = Math.min(a.right, b.right) - Math.max(a.left, b.left);
     const high = Math.min(a.bottom, b.bottom) - Math.max(a.top, b.top);
-    if (wide > 2 && high > 2) say("panels overlap", one, `${one.innerText.slice(0, 25)} | ${other.innerText.slice(0, 25)}`);
+    const titles = [one, other].map((panel) => panel.innerText.slice(0, 25)).join(" | ");
+    if (wide > 2 && high > 2) say("panels overlap", one, titles);
   }));
 
   // WCAG AA: 4.5, or 3 for large letters; disabled controls are exempt
@@ -85,9 +90,9 @@ _SCRIPT = """
       opacity *= Number(style.opacity);
     }
     const own = rgba(chain.at(-1).color), ink = over([own[0], own[1], own[2], (own[3] ?? 1) * opacity], ground);
-    const [low, high] = [luminance(ink), luminance(ground)].sort((a, b) => a - b), size = parseFloat(chain.at(-1).fontSize);
-    const ratio = (high + 0.05) / (low + 0.05);
-    if (ratio < (size >= 24 ? 3 : 4.5)) say(`faint (${ratio.toFixed(2)})`, element, element.value || element.innerText);
+    const [low, high] = [luminance(ink), luminance(ground)].sort((a, b) => a - b);
+    const ratio = (high + 0.05) / (low + 0.05), least = parseFloat(chain.at(-1).fontSize) >= 24 ? 3 : 4.5;
+    if (ratio < least) say(`faint (${ratio.toFixed(2)})`, element, element.value || element.innerText);
   }
   return [...faults];
 }
@@ -101,11 +106,5 @@ def faults(page: Page) -> list[str]:
 
 def walk(page: Page) -> dict[str, list[str]]:
     """The faults under each tab of the page, by its title; tabs without faults are left out."""
-    found: dict[str, list[str]] = {}
-    # the last first: tabs within the tab that was just opened come behind the others
-    while unseen := [tab for tab in page.locator("[role=tab]:visible").all() if tab.inner_text() not in found]:
-        title = unseen[-1].inner_text()
-        unseen[-1].click()
-        page.wait_for_timeout(400)
-        found[title] = faults(page)
+    found = {title: faults(page) for title in each_tab(page)}
     return {title: lines for title, lines in found.items() if lines}

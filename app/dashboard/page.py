@@ -31,6 +31,7 @@ log = logging.getLogger("vsmrc.dashboard")
 FRAME = 1 / 30  # s, scene
 REFRESH = 1 / 10  # s, plots, numbers and controls
 COMPLAINT_SHOWN = 12.0  # s
+_PHONE = 576  # px: pages up to this wide show one plot at a time, and do not shrink those of the others
 
 
 class PortBusy(OSError):
@@ -168,8 +169,8 @@ class _View:
             self._plots.show(snapshot, self._whatif.outlook, self._whatif.horizon)
 
     def _fit(self) -> None:
-        heights = [client.camera.image_height for client in self._server.get_clients().values()]
-        height = min((h for h in heights if h > 0), default=0)
+        cameras = [client.camera for client in self._server.get_clients().values()]
+        height = min((c.image_height for c in cameras if c.image_width > _PHONE), default=0)
         if height and height != self._page_height:
             self._page_height = height
             self._plots.fit(height)

@@ -199,6 +199,7 @@ class Plots:
             with panel.add_tab(title):
                 self._charts += [(len(plots), _Chart(gui, plot)) for plot in plots]
         panel.dock_left()
+        panel.expand()  # on a phone too
         panel.set_width(400)
         self._signals = tuple({"t", *(name for _, chart in self._charts for name in chart.plot.signals)})
         self._key: object = None

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Awaitable, Callable
+from collections.abc import Callable, Coroutine
 from typing import Literal, get_args
 
 from app.dashboard.controls import Desk
@@ -23,14 +23,14 @@ class Shortcuts:
         for name, scenario in shipped().items():
             desk.gui.add_command(f"Scenario: {scenario.title or name}").on_trigger(self._load(scenario))
 
-    def _change(self, mode: str) -> Callable[[object], Awaitable[None]]:
+    def _change(self, mode: str) -> Callable[[object], Coroutine[None, None, None]]:
         async def change(_: object) -> None:
             if self._desk.snapshot().scenario.mode != mode:
                 self._desk.post(Edit("mode", mode))
 
         return change
 
-    def _load(self, scenario: Scenario) -> Callable[[object], Awaitable[None]]:
+    def _load(self, scenario: Scenario) -> Callable[[object], Coroutine[None, None, None]]:
         async def load(_: object) -> None:
             self._desk.post(Load(scenario))
 
