@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import viser
 
 from app.dashboard.theme import BOUND, DESIRED, MEASURED, SURFACE, Rgb, css
@@ -52,17 +54,16 @@ class Help:
     """The command that opens the help for whoever asked, or closes it."""
 
     def __init__(self, server: viser.ViserServer) -> None:
-        self._open: dict[int, viser.GuiModalHandle] = {}
+        self._open: dict[int, Callable[[], None]] = {}  # how to close it, by client
         server.gui.add_command("Help: keys, colours, where to start", hotkey="H").on_trigger(self._toggle)
         server.on_client_disconnect(self._forget)
 
     async def _toggle(self, event: viser.CommandEvent) -> None:
         client = event.client
-        if client is None:
+        if client is None or self._close(client.client_id):
             return
-        if self._close(client.client_id):
-            return
-        modal = self._open[client.client_id] = client.gui.add_modal("VSMRC Lab")
+        modal = client.gui.add_modal("VSMRC Lab")
+        self._open[client.client_id] = modal.close
         with modal:
             client.gui.add_html(help_html())
             close = client.gui.add_button("Close", hint="Esc")
@@ -73,10 +74,10 @@ class Help:
             self._close(event.client.client_id)
 
     def _close(self, client_id: int) -> bool:
-        modal = self._open.pop(client_id, None)
-        if modal is not None:
-            modal.close()
-        return modal is not None
+        close = self._open.pop(client_id, None)
+        if close is not None:
+            close()
+        return close is not None
 
     async def _forget(self, client: viser.ClientHandle) -> None:
         self._open.pop(client.client_id, None)
