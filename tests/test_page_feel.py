@@ -4,6 +4,7 @@ import re
 
 from app.dashboard.help import KEYS
 from app.runner import Play
+from app.scenario import shipped
 from tests.layout import faults, walk
 from tests.pages import Session
 
@@ -65,9 +66,9 @@ def test_keys_act_in_the_loop_but_not_while_typing(session: Session):
     palette.first.wait_for()
     shown = [re.search(r"\n\s*(\S+)$", entry.strip()) for entry in palette.all_inner_texts()]
     assert {match[1] for match in shown if match} == set(KEYS)
-    page.get_by_placeholder("Search commands").fill("planar 2R semicircle")
-    palette.filter(has_text="Planar 2R").first.click()
-    session.wait(lambda now: now.scenario.name.startswith("planar2r"))
+    page.get_by_placeholder("Search commands").fill("scenario impedance")
+    palette.filter(has_text=shipped()["ur5-impedance"].title).click()
+    session.wait(lambda now: now.scenario.name == "ur5-impedance")
 
 
 def test_nothing_is_cut_covered_or_faint_on_any_tab_in_either_theme(session: Session):

@@ -107,7 +107,7 @@ def tools_html() -> str:
         '<div class="vs-tools">'
         '<button data-key="t" title="dark or light (T)" aria-label="dark or light">◐</button>'
         '<button data-key="h" title="help (?)" aria-label="help">?</button></div>'
-        '<template class="vs-hints"><aside class="vs-hints" role="note" aria-label="first steps">'
+        '<template id="vs-hints"><aside class="vs-hints" role="note" aria-label="first steps">'
         f"{hints}<button>Got it</button></aside></template>"
     )
 

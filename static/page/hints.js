@@ -1,7 +1,7 @@
 // The first steps, once per browser; without storage (a private window) once per page.
 const shown = "vsmrc.hints";
 const recall = () => { try { return localStorage.getItem(shown); } catch { return null; } };
-const hints = recall() === null && document.querySelector("template.vs-hints")?.content.firstElementChild.cloneNode(true);
+const hints = recall() === null && document.querySelector("template#vs-hints")?.content.firstElementChild.cloneNode(true);
 if (hints) {
   const dismiss = () => {
     hints.remove();
