@@ -61,7 +61,8 @@ class _Gui:
 
     commands: dict[str, Any] = field(default_factory=dict)
 
-    def add_command(self, label: str, hotkey: str | None = None) -> Any:
+    def add_command(self, label: str, description: str = "", hotkey: str | None = None) -> Any:
+        del description
         return SimpleNamespace(on_trigger=lambda f: self.commands.update({hotkey or label: f}))
 
     def trigger(self, name: str) -> None:

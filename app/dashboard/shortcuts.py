@@ -14,14 +14,15 @@ _Digit = Literal["1", "2", "3", "4", "5"]
 
 
 class Shortcuts:
-    """Modes by their place in MODE_TITLES, scenarios by their titles; the mode that runs is not begun anew."""
+    """Modes by their place in MODE_TITLES, scenarios by title or name; the mode that runs is not begun anew."""
 
     def __init__(self, desk: Desk) -> None:
         self._desk = desk
         for digit, (mode, title) in zip(get_args(_Digit), MODE_TITLES.items(), strict=True):
             desk.gui.add_command(f"Mode: {title}", hotkey=digit).on_trigger(self._change(mode))
         for name, scenario in shipped().items():
-            desk.gui.add_command(f"Scenario: {scenario.title or name}").on_trigger(self._load(scenario))
+            label = f"Scenario: {scenario.title or name}"
+            desk.gui.add_command(label, description=name).on_trigger(self._load(scenario))
 
     def _change(self, mode: str) -> Callable[[object], Coroutine[None, None, None]]:
         async def change(_: object) -> None:
