@@ -36,7 +36,7 @@ MODES = {
 SIZES = ((1280, 720), (1920, 1080))
 PHONE = {"viewport": {"width": 390, "height": 844}, "is_mobile": True, "has_touch": True, "device_scale_factor": 2}
 SETTLED = 6.0  # s of simulated time
-COLORS = 256  # of a picture: a quarter of the size
+FREQUENT, RARE = 150, 100  # colours of a picture, together at most 256: a third of its size
 
 
 @dataclass(frozen=True)
@@ -50,9 +50,7 @@ class Album:
         path = self.folder / f"{name}.png"
         page.screenshot(path=path)
         with Image.open(path) as picture:
-            # by coverage: the thin lines of the plots keep their colours
-            method, dither = Image.Quantize.MAXCOVERAGE, Image.Dither.NONE
-            picture.convert("RGB").quantize(COLORS, method, dither=dither).save(path, optimize=True)
+            fewer_colors(picture.convert("RGB")).save(path, optimize=True)
         self.captions[path.name] = caption
         print(path)
 
@@ -118,7 +116,7 @@ def opened(browser: Browser, url: str, *, first_visit: bool = False, **options) 
 def load(runner: Runner, name: str, page: Page) -> None:
     """Load a scenario and let it settle; a run that stops is shown as it stopped."""
     runner.post(Load(shipped()[name]))
-    until = time.monotonic() + 30.0
+    until = time.monotonic() + 240.0  # its kernels may have to be compiled
     while time.monotonic() < until:
         snapshot = runner.snapshot
         if snapshot.scenario.name == name and (snapshot.t >= SETTLED or snapshot.phase == "stopped"):
@@ -156,6 +154,17 @@ def shoot(page: Page, album: Album, name: str, caption: str) -> None:
     page.mouse.move(5, 5)  # no tooltip in the picture
     page.wait_for_timeout(1500)
     album.add(page, name, caption)
+
+
+def fewer_colors(picture: Image.Image) -> Image.Image:
+    """With a palette: the most frequent colours as they are, which are those of flat areas, and for the rest a choice
+    that covers all of them, so that thin lines keep theirs."""
+    counted = sorted(picture.getcolors(picture.width * picture.height) or (), key=lambda entry: entry[0], reverse=True)
+    frequent = [channel for _, color in counted[:FREQUENT] for channel in color]
+    rare = picture.quantize(RARE, Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE).getpalette() or []
+    palette = Image.new("P", (1, 1))
+    palette.putpalette(frequent + rare[: 3 * RARE])
+    return picture.quantize(palette=palette, dither=Image.Dither.NONE)
 
 
 def slug(title: str) -> str:
