@@ -17,13 +17,12 @@ def each_tab(page: Page) -> Iterator[str]:
     """Open every tab of every panel, those within another tab too, and give its title; at the end the first ones are
     open again."""
     tabs = page.locator("[role=tab]:visible")
-    first = [tab.inner_text() for tab in tabs.all() if tab.get_attribute("aria-selected") == "true"]
+    first = page.locator("[role=tab][aria-selected=true]:visible").all_inner_texts()
     seen: set[str] = set()
     # the last first: tabs within the tab that was just opened come behind the others
-    while unseen := [tab for tab in tabs.all() if tab.inner_text() not in seen]:
-        title = unseen[-1].inner_text()
-        seen.add(title)
-        unseen[-1].click()
+    while unseen := [title for title in tabs.all_inner_texts() if title not in seen]:
+        seen.add(title := unseen[-1])
+        page.get_by_role("tab", name=title, exact=True).click()
         page.wait_for_timeout(400)
         yield title
     for title in first:

@@ -3,7 +3,7 @@
 import re
 
 from app.dashboard.help import KEYS
-from app.runner import Play
+from app.runner import Pause, Play
 from app.scenario import shipped
 from tests.layout import faults, walk
 from tests.pages import Session
@@ -74,6 +74,7 @@ def test_keys_act_in_the_loop_but_not_while_typing(session: Session):
 def test_nothing_is_cut_covered_or_faint_on_any_tab_in_either_theme(session: Session):
     page = session.page
     page.locator(".mantine-Notification-root button").first.click()
+    session.runner.post(Pause())  # what moves makes a walk slow
     page.locator('[data-key="t"]').click()
     page.wait_for_function(f"{_THEME} === 'light'")
     try:
