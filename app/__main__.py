@@ -26,6 +26,7 @@ from app.assembly import with_robot
 from app.dashboard import Dashboard, PortBusy
 from app.dashboard.export import Kind, Stretch, write
 from app.dashboard.printed import ALL_PLOTS, plots_of
+from app.dashboard.theme import Theme
 from app.data_files import read_npz
 from app.metrics import FIGURES, account
 from app.runner import Runner
@@ -46,6 +47,7 @@ def serve(
     *,
     host: str = "127.0.0.1",
     port: int = 8080,
+    theme: Theme = "dark",
     settings: Settings = (),
 ) -> int:
     """Open the dashboard.
@@ -54,9 +56,10 @@ def serve(
         scenario: a shipped scenario or a .toml file to begin with
         host: address to listen at; only this machine can reach 127.0.0.1
         port: port to listen at
+        theme: how the page looks at first; T changes it there
     """
     chosen = _configured(scenario, settings)
-    dashboard = Dashboard(host=host, port=port)
+    dashboard = Dashboard(host=host, port=port, theme=theme)
     print(f"VSMRC Lab: {dashboard.url}  (Ctrl-C ends it)", flush=True)
     runner: Runner | None = None
     warming: Popen[bytes] | None = None

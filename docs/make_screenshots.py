@@ -1,21 +1,25 @@
-"""Every mode and every tab as a picture: `python docs/make_screenshots.py [FOLDER]`, by default docs/screenshots.
+"""Every mode, tab and theme as a picture: `python -m docs.make_screenshots [FOLDER]`, by default docs/screenshots.
 
-The modes are at 1600 x 900, the first also at 1280 x 720 and 1920 x 1080. Look at every one of them.
+The titles of the tabs are read from the page. An index, README.md, is written beside the pictures; look at every one.
 """
 
 from __future__ import annotations
 
+import re
 import sys
 import threading
 import time
+from dataclasses import dataclass, field
 from pathlib import Path
 
-from playwright.sync_api import Page, sync_playwright
+from PIL import Image
+from playwright.sync_api import Browser, Page, sync_playwright
 
 from app.dashboard import Dashboard
 from app.runner import Edit, Load, Runner
 from app.scenario import shipped
 from tests.browser import LAUNCH_ARGS, find_or_install
+from tests.pages import NO_HINTS, each_tab
 
 MODES = {
     "motion": "ur5-motion",
@@ -29,10 +33,31 @@ MODES = {
     "planar2r": "planar2r-semicircle",
     "planar3r": "planar3r-hybrid",
 }
-PLOTS = ("Tracking", "Force", "Sliding", "Guarantee", "Torque", "Chattering", "Residual")
-TABS = ("Task", "Model", "Controller", "World", "Robot", "View", "Runs", "Export", *PLOTS)
 SIZES = ((1280, 720), (1920, 1080))
+PHONE = {"viewport": {"width": 390, "height": 844}, "is_mobile": True, "has_touch": True, "device_scale_factor": 2}
 SETTLED = 6.0  # s of simulated time
+FREQUENT, RARE = 150, 100  # colours of a picture, together at most 256: a third of its size
+
+
+@dataclass(frozen=True)
+class Album:
+    """A folder of pictures, and what is said of each."""
+
+    folder: Path
+    captions: dict[str, str] = field(default_factory=dict)
+
+    def add(self, page: Page, name: str, caption: str) -> None:
+        path = self.folder / f"{name}.png"
+        page.screenshot(path=path)
+        with Image.open(path) as picture:
+            fewer_colors(picture.convert("RGB")).save(path, optimize=True)
+        self.captions[path.name] = caption
+        print(path)
+
+    def write_index(self) -> None:
+        parts = ["# Screenshots\n\nMade by `make screenshots`.\n"]
+        parts += [f"## {caption}\n\n![{caption}]({name})\n" for name, caption in self.captions.items()]
+        (self.folder / "README.md").write_text("\n".join(parts), encoding="utf-8")
 
 
 def main(folder: Path) -> None:
@@ -42,35 +67,43 @@ def main(folder: Path) -> None:
     dashboard.attach(runner)
     runner.start()
     threading.Thread(target=dashboard.run_forever, daemon=True).start()
+    album = Album(folder)
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=find_or_install(), args=LAUNCH_ARGS)
-        page = opened(browser.new_page(viewport={"width": 1600, "height": 900}), dashboard.url)
+        page = opened(browser, dashboard.url, viewport={"width": 1600, "height": 900})
         for name, scenario in MODES.items():
             load(runner, scenario, page)
-            shoot(page, folder / f"{name}.png")
+            shoot(page, album, name, shipped()[scenario].title)
         load(runner, "ur5-hybrid", page)
-        for tab in TABS:
-            page.get_by_role("tab", name=tab, exact=True).click()
-            shoot(page, folder / f"tab-{tab.lower()}.png")
-        runner.post(Edit("target_model.M_m", [0.0] * 6))
-        shoot(page, folder / "refused.png")
-        page.get_by_role("tab", name="Task", exact=True).click()
-        page.get_by_role("tab", name="Overview", exact=True).click()
-        hold(page, "F_d [N]", 0.33, 0.75)
-        page.screenshot(path=folder / "what-if.png")
-        page.keyboard.press("Escape")
-        page.mouse.up()
+        for title in each_tab(page):
+            shoot(page, album, f"tab-{slug(title)}", f"Tab {title}")
+        refuse_and_hold(page, runner, album)
+        show_help(page, album)
+        page.keyboard.press("t")
+        shoot(page, album, "light", "Light")
+        for title in each_tab(page):
+            shoot(page, album, f"light-{slug(title)}", f"Tab {title}, light")
+        page.keyboard.press("t")
         page.close()
         for width, height in SIZES:
-            page = opened(browser.new_page(viewport={"width": width, "height": height}), dashboard.url)
-            shoot(page, folder / f"hybrid-{width}x{height}.png")
+            page = opened(browser, dashboard.url, viewport={"width": width, "height": height})
+            shoot(page, album, f"hybrid-{width}x{height}", f"{width} x {height}")
             page.close()
+        page = opened(browser, dashboard.url, **PHONE)
+        shoot(page, album, "phone", "A phone")
+        page.close()
+        page = opened(browser, dashboard.url, first_visit=True, viewport={"width": 1280, "height": 720})
+        shoot(page, album, "first-steps", "The first visit")
         browser.close()
+    album.write_index()
     dashboard.close()
     runner.close()
 
 
-def opened(page: Page, url: str) -> Page:
+def opened(browser: Browser, url: str, *, first_visit: bool = False, **options) -> Page:
+    page = browser.new_page(**options)
+    if not first_visit:
+        page.add_init_script(NO_HINTS)
     page.goto(url)
     page.get_by_text("real time").wait_for(timeout=60_000)
     page.wait_for_timeout(4000)
@@ -83,7 +116,7 @@ def opened(page: Page, url: str) -> Page:
 def load(runner: Runner, name: str, page: Page) -> None:
     """Load a scenario and let it settle; a run that stops is shown as it stopped."""
     runner.post(Load(shipped()[name]))
-    until = time.monotonic() + 30.0
+    until = time.monotonic() + 240.0  # its kernels may have to be compiled
     while time.monotonic() < until:
         snapshot = runner.snapshot
         if snapshot.scenario.name == name and (snapshot.t >= SETTLED or snapshot.phase == "stopped"):
@@ -91,24 +124,51 @@ def load(runner: Runner, name: str, page: Page) -> None:
         page.wait_for_timeout(100)
 
 
-def hold(page: Page, label: str, at: float, to: float) -> None:
-    """Drag a row's slider from one share of its length to another and hold it until its preview is whole."""
-    row = page.locator("form", has=page.get_by_text(label, exact=True))
+def refuse_and_hold(page: Page, runner: Runner, album: Album) -> None:
+    """A value that is refused, and a slider that is held until its preview is whole."""
+    runner.post(Edit("target_model.M_m", [0.0] * 6))
+    shoot(page, album, "refused", "Refused, with the reason")
+    row = page.locator("form", has=page.get_by_text("F_d [N]", exact=True))
     box = row.locator(".mantine-Slider-root").bounding_box()
     assert box is not None
     y = box["y"] + box["height"] / 2
-    page.mouse.move(box["x"] + at * box["width"], y)
+    page.mouse.move(box["x"] + 0.33 * box["width"], y)
     page.mouse.down()
-    page.mouse.move(box["x"] + to * box["width"], y, steps=20)
+    page.mouse.move(box["x"] + 0.75 * box["width"], y, steps=20)
     page.get_by_text("within the next 5.0 s").wait_for()
     page.wait_for_timeout(1500)
+    album.add(page, "what-if", "A slider held: what would come")
+    page.keyboard.press("Escape")
+    page.mouse.up()
 
 
-def shoot(page: Page, path: Path) -> None:
+def show_help(page: Page, album: Album) -> None:
+    page.keyboard.press("?")
+    page.locator(".vs-help").wait_for()
+    shoot(page, album, "help", "Help")
+    page.keyboard.press("Escape")
+    page.locator(".vs-help").wait_for(state="detached")
+
+
+def shoot(page: Page, album: Album, name: str, caption: str) -> None:
     page.mouse.move(5, 5)  # no tooltip in the picture
     page.wait_for_timeout(1500)
-    page.screenshot(path=path)
-    print(path)
+    album.add(page, name, caption)
+
+
+def fewer_colors(picture: Image.Image) -> Image.Image:
+    """With a palette: the most frequent colours as they are, which are those of flat areas, and for the rest a choice
+    that covers all of them, so that thin lines keep theirs."""
+    counted = sorted(picture.getcolors(picture.width * picture.height) or (), key=lambda entry: entry[0], reverse=True)
+    frequent = [channel for _, color in counted[:FREQUENT] for channel in color]
+    rare = picture.quantize(RARE, Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE).getpalette() or []
+    palette = Image.new("P", (1, 1))
+    palette.putpalette(frequent + rare[: 3 * RARE])
+    return picture.quantize(palette=palette, dither=Image.Dither.NONE)
+
+
+def slug(title: str) -> str:
+    return re.sub(r"[^a-z0-9]+", "-", title.lower()).strip("-")
 
 
 if __name__ == "__main__":

@@ -11,7 +11,7 @@ from app.dashboard import Dashboard
 from app.runner import Load, Pause, Play, Runner, SetSpeed
 from app.scenario import shipped
 from tests.browser import LAUNCH_ARGS, find_or_install
-from tests.pages import PATIENCE, VIEWPORT, Session
+from tests.pages import NO_HINTS, PATIENCE, VIEWPORT, Session
 
 # viser's own client says so at every drag in the scene (SceneTree.tsx); it does no harm
 VISERS_OWN = "Unable to preventDefault inside passive event listener"
@@ -30,7 +30,8 @@ def browser() -> Iterator[Browser]:
 def open_page(browser: Browser) -> Iterator[Callable[..., Page]]:
     """`open_page(url, **context_options)`: each page in a context of its own, its console free of errors.
 
-    A test that expects errors there says so with `console_errors_allowed=True`.
+    A test that expects errors there says so with `console_errors_allowed=True`, and one that wants the first steps,
+    which lie over the scene, with `first_visit=True`.
     """
     contexts, errors = [], []
 
@@ -38,8 +39,12 @@ def open_page(browser: Browser) -> Iterator[Callable[..., Page]]:
         if message.type == "error" and VISERS_OWN not in message.text:
             errors.append(message.text)
 
-    def open_page(url: str, *, console_errors_allowed: bool = False, **context_options) -> Page:
+    def open_page(
+        url: str, *, console_errors_allowed: bool = False, first_visit: bool = False, **context_options
+    ) -> Page:
         contexts.append(context := browser.new_context(**context_options))
+        if not first_visit:
+            context.add_init_script(NO_HINTS)
         page = context.new_page()
         if not console_errors_allowed:
             page.on("pageerror", lambda error: errors.append(str(error)))

@@ -1,7 +1,7 @@
 """A page in a real browser and the loop behind it, for the tests that act as a person would."""
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 from playwright.sync_api import Locator, Page
@@ -9,7 +9,24 @@ from playwright.sync_api import Locator, Page
 from app.runner import Runner, Snapshot
 
 VIEWPORT = {"width": 1280, "height": 720}
+NO_HINTS = "localStorage.setItem('vsmrc.hints', 'dismissed')"  # as a browser that has been here before
 PATIENCE = 90.0  # s: a busy machine may take long to start the process that previews
+
+
+def each_tab(page: Page) -> Iterator[str]:
+    """Open every tab of every panel, those within another tab too, and give its title; at the end the first ones are
+    open again."""
+    tabs = page.locator("[role=tab]:visible")
+    first = page.locator("[role=tab][aria-selected=true]:visible").all_inner_texts()
+    seen: set[str] = set()
+    # the last first: tabs within the tab that was just opened come behind the others
+    while unseen := [title for title in tabs.all_inner_texts() if title not in seen]:
+        seen.add(title := unseen[-1])
+        page.get_by_role("tab", name=title, exact=True).click()
+        page.wait_for_timeout(400)
+        yield title
+    for title in first:
+        page.get_by_role("tab", name=title, exact=True).click()
 
 
 @dataclass(frozen=True)

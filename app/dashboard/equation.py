@@ -71,7 +71,7 @@ def equation_html(snapshot: Snapshot) -> str:
     return (
         '<div class="vs-equation"><div class="vs-row vs-about" tabindex="0">'
         f'<span>{escape(mode.title)} <span class="vs-dim">{escape(mode.equation)}</span></span>'
-        f'<span class="vs-help vs-right">?</span><span class="vs-tip">{escape(about)}</span></div>'
+        f'<span class="vs-ask vs-right">?</span><span class="vs-tip">{escape(about)}</span></div>'
         '<math display="block"><mtable columnalign="left right right right left" '
         f'columnspacing="0.3em" rowspacing="0.35em">{"".join(rows)}</mtable></math>{_below(snapshot)}</div>'
     )

@@ -9,19 +9,22 @@ import time
 
 import viser
 
+from app.dashboard.appearance import Appearance
 from app.dashboard.charts import Pinned
 from app.dashboard.controls import Desk
 from app.dashboard.equation import equation_html
 from app.dashboard.hand import Hand
+from app.dashboard.help import Help, tools_html
 from app.dashboard.look import Viewing
 from app.dashboard.looking import Lookers
 from app.dashboard.panels import PANELS, Panel
 from app.dashboard.playback import Playback
 from app.dashboard.plots import Plots, Shown
 from app.dashboard.scene import SceneView
+from app.dashboard.shortcuts import Shortcuts
 from app.dashboard.status import splash_html, status_html
 from app.dashboard.style import injected_html
-from app.dashboard.theme import ACCENT
+from app.dashboard.theme import Theme
 from app.dashboard.whatif import WhatIf
 from app.dashboard.whatif_panel import WhatIfPanel
 from app.previewer import Previewer
@@ -33,6 +36,7 @@ FRAME = 1 / 30  # s, scene
 REFRESH = 1 / 10  # s, plots, numbers and controls
 PLOTTING = 0.1  # of the time may go into plots: long windows are drawn less often
 COMPLAINT_SHOWN = 12.0  # s
+_PHONE = 576  # px: pages up to this wide show one plot at a time, and do not shrink those of the others
 
 
 class PortBusy(OSError):
@@ -45,7 +49,9 @@ class Dashboard:
     port 0 takes any free port. Raises PortBusy.
     """
 
-    def __init__(self, runner: Runner | None = None, host: str = "127.0.0.1", port: int = 8080) -> None:
+    def __init__(
+        self, runner: Runner | None = None, host: str = "127.0.0.1", port: int = 8080, theme: Theme = "dark"
+    ) -> None:
         if port and _taken(host, port):
             raise PortBusy(f"port {port} of {host} is in use; choose another one with --port")
         self._server = viser.ViserServer(host=host, port=port, label="VSMRC Lab", verbose=False)
@@ -54,12 +60,13 @@ class Dashboard:
             self._server.stop()
             raise PortBusy(f"port {port} of {host} is in use; choose another one with --port")
         gui = self._server.gui
-        gui.configure_theme(dark_mode=True, show_logo=False, show_share_button=False, brand_color=ACCENT)
         gui.main_panel.dock_right()
         gui.main_panel.set_width(380)
-        gui.add_html(injected_html())
+        gui.add_html(tools_html() + injected_html())
         self._status = gui.add_html(splash_html("starting…"))
         self._scene = SceneView(self._server)
+        self._appearance = Appearance(gui, self._scene, theme)
+        self._help = Help(self._server)
         self._closed = threading.Event()
         self._view: _View | None = None
         if runner is not None:
@@ -118,6 +125,7 @@ class _View:
         desk = Desk(server.gui, runner.post, lambda: runner.snapshot, self._whatif, self._viewing, self.complain)
         self._hand = Hand(server.scene, desk)
         self._playback = Playback(desk)
+        self._shortcuts = Shortcuts(desk)
         self._whatif_panel = WhatIfPanel(desk)
         self._lookers = Lookers()
         self._lookers.add_field(server.gui)
@@ -186,8 +194,8 @@ class _View:
         self._plots_due = now + (time.thread_time() - began) / PLOTTING
 
     def _fit(self) -> None:
-        heights = [client.camera.image_height for client in self._server.get_clients().values()]
-        height = min((h for h in heights if h > 0), default=0)
+        cameras = [client.camera for client in self._server.get_clients().values()]
+        height = min((c.image_height for c in cameras if c.image_width > _PHONE), default=0)
         if height and height != self._page_height:
             self._page_height = height
             self._plots.fit(height)

@@ -49,6 +49,7 @@ class Plots:
                 self._tabs[title] = _TabView(gui, title, tab, viewing)
                 lookers.add_field(gui)
         panel.dock_left()
+        panel.expand()  # on a phone too
         panel.set_width(400)
         self._hindsight: Hindsight | None = None
         self._recording: object = None

@@ -13,7 +13,7 @@ from app.dashboard.camera import viewpoint
 from app.dashboard.look import Legend, Look
 from app.dashboard.robot_view import Paint, RobotView
 from app.dashboard.surface_view import SurfaceView
-from app.dashboard.theme import DESIRED, GHOST, GRID, GRID_SECTION, MEASURED, TOOL_PATH
+from app.dashboard.theme import DESIRED, GHOST, GRID, GRID_SECTION, MEASURED, TOOL_PATH, Theme
 from app.dashboard.trails import Trail
 from app.ghost import Ghost, Shade
 from app.runner import Snapshot
@@ -41,8 +41,8 @@ class SceneView:
             height=4.0,
             cell_size=0.1,
             section_size=0.5,
-            cell_color=GRID,
-            section_color=GRID_SECTION,
+            cell_color=GRID["dark"],
+            section_color=GRID_SECTION["dark"],
             shadow_opacity=0.0,
         )
         self._desired_path = Trail(scene, "/path/desired", DESIRED, thickness=5.0)
@@ -60,6 +60,10 @@ class SceneView:
         self._seen_robot: object = None
         self._surface = SurfaceView(scene)
         self._run = -1
+
+    def set_theme(self, theme: Theme) -> None:
+        """The grid's colours; what lies behind it is the page's."""
+        self._grid.cell_color, self._grid.section_color = GRID[theme], GRID_SECTION[theme]
 
     def show(self, snapshot: Snapshot, look: Look) -> Legend:
         """Draw it; returns what lengths and colours mean now."""

@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from typing import Literal
+
 Rgb = tuple[int, int, int]
+Theme = Literal["dark", "light"]
 
 ACCENT: Rgb = (66, 135, 245)
 MEASURED: Rgb = (255, 153, 51)
@@ -13,13 +17,16 @@ TOOL_PATH: Rgb = (255, 205, 90)
 PUSH: Rgb = (204, 90, 190)
 GHOST: Rgb = (120, 165, 240)
 BOUND: Rgb = (235, 80, 80)
-GRID: Rgb = (70, 74, 80)
-GRID_SECTION: Rgb = (105, 110, 118)
+# viser shades this one; on a light page its links and buttons then have two shades more light than this
+BRAND: dict[Theme, Rgb] = {"dark": ACCENT, "light": (14, 66, 160)}
+GRID: dict[Theme, Rgb] = {"dark": (70, 74, 80), "light": (205, 210, 217)}
+GRID_SECTION: dict[Theme, Rgb] = {"dark": (105, 110, 118), "light": (160, 167, 176)}
 
 # From no error to the largest: of middling lightness, seen on dark and on light, by the colour-blind too.
 ERROR_COLORS: tuple[Rgb, ...] = ((60, 140, 235), (235, 165, 45), (215, 45, 75))
 
-# One per task coordinate or joint, told apart by people with the common colour deficiencies too (Okabe and Ito).
+# One per task coordinate or joint, told apart by people with the common colour deficiencies too (Okabe and Ito). On a
+# light page the script darkens them.
 SERIES: tuple[Rgb, ...] = (
     (86, 180, 233),
     (230, 159, 0),
@@ -31,6 +38,70 @@ SERIES: tuple[Rgb, ...] = (
 )
 
 
+@dataclass(frozen=True)
+class Ink:
+    """A colour of text in a theme, and what tints the ground below it, with its share."""
+
+    text: Rgb
+    tint: Rgb
+    share: float
+
+    def ground(self, page: Rgb) -> Rgb:
+        """What the tinted page looks like."""
+        r, g, b = (
+            round(self.share * tint + (1 - self.share) * plain) for tint, plain in zip(self.tint, page, strict=True)
+        )
+        return r, g, b
+
+
+PAGE: dict[Theme, Rgb] = {"dark": (36, 36, 36), "light": (255, 255, 255)}  # as viser has it
+SKY: dict[Theme, Rgb] = {"dark": (20, 20, 20), "light": (240, 243, 247)}
+LINE: dict[Theme, Rgb] = {"dark": (52, 52, 52), "light": (228, 230, 233)}
+EDGE: dict[Theme, Rgb] = {"dark": (120, 120, 120), "light": (130, 134, 140)}
+INKS: dict[Theme, dict[str, Ink]] = {
+    "dark": {
+        "mode": Ink((156, 195, 255), ACCENT, 0.25),
+        "good": Ink((75, 210, 120), DESIRED, 0.2),
+        "warn": Ink((255, 160, 65), MEASURED, 0.2),
+        "bad": Ink((255, 143, 143), BOUND, 0.25),
+        "dim": Ink((165, 165, 165), PAGE["dark"], 0.0),
+    },
+    "light": {
+        "mode": Ink((18, 72, 160), ACCENT, 0.16),
+        "good": Ink((10, 92, 45), DESIRED, 0.2),
+        "warn": Ink((132, 66, 0), MEASURED, 0.2),
+        "bad": Ink((160, 24, 24), BOUND, 0.16),
+        "dim": Ink((92, 95, 100), PAGE["light"], 0.0),
+    },
+}
+
+
 def css(color: Rgb, alpha: float = 1.0) -> str:
     """The colour as CSS writes it."""
     return f"rgba({color[0]}, {color[1]}, {color[2]}, {alpha:g})"
+
+
+def css_variables() -> str:
+    """The page's colours in both themes, as the variables --vs-… that the style sheet uses."""
+    return "".join(f'[data-mantine-color-scheme="{theme}"] {{ {_variables(theme)} }}\n' for theme in ("dark", "light"))
+
+
+def _variables(theme: Theme) -> str:
+    plain = {"accent": ACCENT, "sky": SKY[theme], "line": LINE[theme], "edge": EDGE[theme]}
+    colors = {name: css(color) for name, color in plain.items()}
+    for name, ink in INKS[theme].items():
+        colors[name] = css(ink.text)
+        colors[f"{name}-ground"] = css(ink.tint, ink.share)
+    return " ".join(f"--vs-{name}: {color};" for name, color in colors.items())
+
+
+def contrast(one: Rgb, other: Rgb) -> float:
+    """Contrast of two colours, 1 to 21, as WCAG 2.1 defines it; text needs 4.5, lines 3."""
+    low, high = sorted((_luminance(one), _luminance(other)))
+    return (high + 0.05) / (low + 0.05)
+
+
+def _luminance(color: Rgb) -> float:
+    shares = [c / 255 for c in color]
+    r, g, b = (c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in shares)
+    return 0.2126 * r + 0.7152 * g + 0.0722 * b

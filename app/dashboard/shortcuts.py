@@ -1,0 +1,38 @@
+"""Keys 1 to 5 and the command palette: every mode and every shipped scenario."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Coroutine
+from typing import Literal, get_args
+
+from app.dashboard.controls import Desk
+from app.dashboard.status import MODE_TITLES
+from app.runner import Edit, Load
+from app.scenario import Scenario, shipped
+
+_Digit = Literal["1", "2", "3", "4", "5"]
+
+
+class Shortcuts:
+    """Modes by their place in MODE_TITLES, scenarios by title or name; the mode that runs is not begun anew."""
+
+    def __init__(self, desk: Desk) -> None:
+        self._desk = desk
+        for digit, (mode, title) in zip(get_args(_Digit), MODE_TITLES.items(), strict=True):
+            desk.gui.add_command(f"Mode: {title}", hotkey=digit).on_trigger(self._change(mode))
+        for name, scenario in shipped().items():
+            label = f"Scenario: {scenario.title or name}"
+            desk.gui.add_command(label, description=name).on_trigger(self._load(scenario))
+
+    def _change(self, mode: str) -> Callable[[object], Coroutine[None, None, None]]:
+        async def change(_: object) -> None:
+            if self._desk.snapshot().scenario.mode != mode:
+                self._desk.post(Edit("mode", mode))
+
+        return change
+
+    def _load(self, scenario: Scenario) -> Callable[[object], Coroutine[None, None, None]]:
+        async def load(_: object) -> None:
+            self._desk.post(Load(scenario))
+
+        return load

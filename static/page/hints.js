@@ -1,0 +1,15 @@
+// The first steps, once per browser; without storage (a private window) once per page.
+const shown = "vsmrc.hints";
+const recall = () => { try { return localStorage.getItem(shown); } catch { return null; } };
+const hints = recall() === null && document.querySelector("template#vs-hints")?.content.firstElementChild.cloneNode(true);
+if (hints) {
+  const dismiss = () => {
+    hints.remove();
+    document.removeEventListener("keydown", onKey, true);
+    try { localStorage.setItem(shown, "dismissed"); } catch { /* then once per page */ }
+  };
+  const onKey = (e) => { if (e.key === "Escape") dismiss(); };
+  hints.querySelector("button").addEventListener("click", dismiss);
+  document.addEventListener("keydown", onKey, true);
+  document.body.append(hints);
+}

@@ -1,0 +1,28 @@
+// viser's hotkeys listen at the document's element and spare text fields only. Here, one step before, stand the other
+// rules: a key belongs to the control that uses it, a held key acts once, and under the help none acts.
+const typing = (e) => e.target instanceof HTMLElement && /^(INPUT|TEXTAREA|SELECT)$/.test(e.target.tagName);
+const near = (e, selector) => e.target instanceof Element && e.target.closest(selector);
+const press = (key) => document.documentElement.dispatchEvent(
+  new KeyboardEvent("keydown", { key, code: `Key${key.toUpperCase()}`, bubbles: true }));
+const taken = (e) =>
+  /^(Arrow|Home|End|Page)/.test(e.key) ? near(e, ".mantine-Slider-root, [role=tab]")
+    : e.repeat || (/^( |Enter)$/.test(e.key) && near(e, "button, a, summary, [role=button], [role=tab]"));
+document.body.addEventListener("keydown", (e) => {
+  const help = document.querySelector(".vs-help");
+  if (typing(e) || e.ctrlKey || e.metaKey || e.altKey) return;
+  if (e.key === "?" || (help && e.key === "Escape")) press("h");
+  else if (taken(e) || (help && !/^h$/i.test(e.key))) e.stopPropagation();
+});
+document.addEventListener("click", (e) => {
+  const tool = near(e, "[data-key]");
+  if (tool) press(tool.dataset.key);
+  else if (document.querySelector(".vs-help") && near(e, ".mantine-Modal-inner") && !near(e, ".mantine-Modal-content"))
+    press("h");
+  // what was pressed with a pointer does not keep the space key for itself
+  if (e.detail > 0 && near(e, "button, [role=tab], [role=option], [role=checkbox], input[type=checkbox]"))
+    requestAnimationFrame(() => document.activeElement?.blur());
+}, true);
+// these step through the run: viser's camera, which listens at the document, would turn with them
+document.documentElement.addEventListener("keydown", (e) => {
+  if (e.key === "ArrowLeft" || e.key === "ArrowRight") e.stopPropagation();
+});

@@ -1,0 +1,22 @@
+// What viser does not tell the server: which tabs of plots are on the screen (app/dashboard/looking.py).
+const type = (input, text) => {
+  Object.getOwnPropertyDescriptor(HTMLInputElement.prototype, "value").set.call(input, text);
+  input.dispatchEvent(new Event("input", { bubbles: true }));
+};
+const onScreen = (mark) => {
+  const { width, height } = mark.closest("[data-dock-group]")?.getBoundingClientRect() ?? { width: 99, height: 99 };
+  return mark.checkVisibility() && width > 40 && height > 40;
+};
+let told = null;
+const report = () => {
+  const input = document.querySelector("div:has(> .vs-looking) + div input");
+  if (!input) return;
+  const seen = document.hidden ? [] : [...document.querySelectorAll(".vs-plots")].filter(onScreen);
+  const tabs = seen.map((mark) => mark.dataset.plots).join(",");
+  if (told && told.input === input && told.tabs === tabs) return;
+  told = { input, tabs };
+  type(input, tabs + "#" + Math.random());
+};
+document.addEventListener("visibilitychange", report);
+for (const kind of ["pointerup", "keyup"]) document.addEventListener(kind, () => setTimeout(report, 50), true);
+setInterval(report, 400);

@@ -1,0 +1,78 @@
+// What viser hands no option for: the preview is drawn lighter, time axes have the ends that stand in their tab's marker
+// unless the user has zoomed in, and every line is dark enough for a light page.
+// right of zero lies what has not happened: less of it
+const dim = (plot) => {
+  if (plot.scales.x.distr !== 1) return;
+  const { left, top, width, height } = plot.bbox, from = Math.max(plot.valToPos(0, "x", true), left);
+  if (!(from < left + width - 1)) return;
+  plot.ctx.save();
+  plot.ctx.globalCompositeOperation = "destination-out";
+  plot.ctx.fillStyle = "rgba(0, 0, 0, 0.5)";
+  plot.ctx.fillRect(from + 1, top, left + width - from, height);
+  plot.ctx.restore();
+};
+// new scales from the server would build a chart anew
+const homes = new WeakMap(), near = (a, b) => Math.abs(a - b) < 1e-6 * (1 + Math.abs(b));
+const markOf = (node) => node && (node.querySelector(".vs-plots") ?? markOf(node.parentElement));
+const ends = (plot) => {
+  const x = plot.data[0], mark = plot.scales.x.distr === 1 ? markOf(plot.root) : null;
+  // over frequency with room beside the last one, at which chattering is
+  return mark ? [Number(mark.dataset.from), Number(mark.dataset.to)] : [x[0], 1.2 * x[x.length - 1]];
+};
+const follow = (plot) => {
+  const home = ends(plot), at = [plot.scales.x.min, plot.scales.x.max], x = plot.data[0];
+  const is = (span) => !span || (near(at[0], span[0]) && near(at[1], span[1]));
+  const free = is(homes.get(plot)) || is([x[0], x[x.length - 1]]);
+  if (!(home[0] < home[1])) return;
+  homes.set(plot, home);
+  if (free && !is(home)) setTimeout(() => plot.setScale("x", { min: home[0], max: home[1] }));
+};
+// 3:1 on white is a relative luminance of 0.3 at most. The lightest colours become the darkest, so that yellow and
+// orange stay apart. viser makes every chart anew when the theme changes.
+const pen = document.createElement("canvas").getContext("2d");
+const onWhite = (color) => {
+  if (typeof color !== "string") return color;
+  pen.fillStyle = color; // "#rrggbb" or "rgba(r, g, b, a)" is what it reads back
+  const hex = /^#(..)(..)(..)$/.exec(pen.fillStyle), found = hex ?? /(\d+), (\d+), (\d+), ([\d.]+)/.exec(pen.fillStyle);
+  const light = found.slice(1, 4).map((c) => Math.pow((hex ? parseInt(c, 16) : +c) / 255, 2.2));
+  const luminance = 0.2126 * light[0] + 0.7152 * light[1] + 0.0722 * light[2];
+  const share = luminance <= 0.28 ? 1 : (0.28 - 0.35 * (luminance - 0.28)) / luminance;
+  const [r, g, b] = light.map((c) => Math.round(255 * Math.pow(share * c, 1 / 2.2)));
+  return `rgba(${r}, ${g}, ${b}, ${hex ? 1 : found[4]})`;
+};
+const relight = (chart) => {
+  for (const series of chart.series) {
+    const own = series.stroke;
+    if (typeof own === "function") series.stroke = (...asked) => onWhite(own(...asked));
+  }
+  for (const marker of chart.root.querySelectorAll(".u-legend .u-marker"))
+    marker.style.borderColor = onWhite(marker.style.borderColor);
+};
+const listed = new WeakSet();
+const enlist = (entry) => {
+  const { chart } = entry;
+  if (listed.has(chart)) return entry;
+  listed.add(chart);
+  (chart.hooks.draw ??= []).push(dim, follow);
+  // uPlot writes 0 for what is below 0.001
+  if (chart.scales.y?.distr === 3) chart.axes[1].values = (_, at) => at.map((v) => (v === null ? "" : `${v}`));
+  if (document.documentElement.dataset.mantineColorScheme === "light") relight(chart);
+  return entry;
+};
+let watched = null;
+const watch = () => {
+  const points = (window.__viserTestpoints ??= {});
+  if (points.uplots && points.uplots === watched) return;
+  const known = points.uplots ?? {};
+  Object.values(known).forEach(enlist);
+  points.uplots = watched = new Proxy(known, { set: (all, id, entry) => { all[id] = enlist(entry); return true; } });
+};
+watch();
+setInterval(() => {
+  watch();
+  for (const { chart } of Object.values(window.__viserTestpoints?.uplots ?? {})) {
+    // now and then uPlot does not lay out the time axis of a chart that is made with its data
+    if (!chart.axes[0]._splits) chart.setSize({ width: chart.width, height: chart.height });
+    follow(chart);
+  }
+}, 400);

@@ -1,0 +1,61 @@
+// Numbers: a text field that says when the user is done with it, and a slider that says when it is let go.
+// The marks are those of app/dashboard/style.py.
+const mark = "\u200b";
+const field = (e) => e.target instanceof HTMLInputElement && e.target.type === "text" && e.target.closest("form")
+  ? e.target : null;
+let writing = false;
+const write = (input, text) => {
+  writing = true;
+  Object.getOwnPropertyDescriptor(HTMLInputElement.prototype, "value").set.call(input, text);
+  input.dispatchEvent(new Event("input", { bubbles: true }));
+  writing = false;
+};
+const commit = (input, text) => {
+  if (input.dataset.pending === undefined) return;
+  write(input, text + mark);
+  delete input.dataset.pending;
+};
+document.addEventListener("input", (e) => {
+  const input = field(e);
+  if (input && !writing) input.dataset.pending = "";
+}, true);
+document.addEventListener("keydown", (e) => {
+  const input = field(e);
+  if (!input || (e.key !== "Enter" && e.key !== "Escape")) return;
+  e.preventDefault();
+  commit(input, e.key === "Enter" ? input.value : "");
+  if (e.key === "Enter") input.select();
+}, true);
+document.addEventListener("focusout", (e) => { const i = field(e); if (i) commit(i, i.value); }, true);
+
+let held = null, byKey = false;
+const slider = (e) => e.target instanceof Element ? e.target.closest("form .mantine-Slider-root") : null;
+const hold = (row, key) => { held = row; byKey = key; row.dataset.held = ""; row.vsmrcTurn = null; };
+const letGo = (mark) => {
+  if (!held) return;
+  const row = held, turn = (row.vsmrcTurn = {});
+  held = null;
+  // a frame and more than the 50 ms of the slot, so that the last position has gone; unless held again meanwhile
+  requestAnimationFrame(() => setTimeout(() => {
+    const input = row.querySelector("input.mantine-TextInput-input");
+    if (row.vsmrcTurn !== turn || !input) return;
+    write(input, input.value + mark);
+    delete row.dataset.held;
+  }, 80));
+};
+const moves = (e) => /^(Arrow|Home|End|Page)/.test(e.key);
+for (const kind of ["mousedown", "touchstart"])
+  document.addEventListener(kind, (e) => { const s = slider(e); if (s) hold(s.closest("form"), false); }, true);
+for (const kind of ["mouseup", "touchend", "touchcancel"])
+  document.addEventListener(kind, () => letGo("\u200c"), true);
+document.addEventListener("keydown", (e) => {
+  const s = slider(e);
+  if (e.key === "Escape" && held) {
+    letGo("\u200d");
+    document.dispatchEvent(new MouseEvent("mouseup", { bubbles: true }));
+    document.dispatchEvent(new Event("touchend", { bubbles: true }));
+  } else if (s && moves(e)) hold(s.closest("form"), true);
+}, true);
+document.addEventListener("keyup", (e) => { if (moves(e)) letGo("\u200c"); }, true);
+// the keyup goes elsewhere then; a mouse stays with the page that it was pressed on
+window.addEventListener("blur", () => { if (byKey) letGo("\u200c"); });

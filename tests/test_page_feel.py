@@ -1,0 +1,132 @@
+"""The page as a whole in a real browser: keys, themes, a phone, first steps, and nothing cut or covered."""
+
+import re
+
+from app.dashboard.help import KEYS
+from app.runner import Pause, Play
+from app.scenario import shipped
+from tests.layout import faults, walk
+from tests.pages import Session
+
+_THEME = "document.documentElement.dataset.mantineColorScheme"
+_FAINT_LINES = """
+() => {
+  const channel = (c) => (c <= 0.04045 ? c / 12.92 : ((c + 0.055) / 1.055) ** 2.4);
+  const light = (rgb) => rgb.reduce((sum, c, i) => sum + [0.2126, 0.7152, 0.0722][i] * channel(c / 255), 0);
+  return Object.values(__viserTestpoints.uplots).flatMap(({ chart }) => chart.series.slice(1)
+    .map((s, i) => s.stroke(chart, i + 1).match(/[0-9.]+/g).map(Number).slice(0, 3))
+    .filter((rgb) => 1.05 / (light(rgb) + 0.05) < 3).map(String));
+}
+"""
+
+
+def test_keys_act_in_the_loop_but_not_while_typing(session: Session):
+    page = session.page
+    page.keyboard.press("2")
+    session.wait(lambda now: now.scenario.mode == "impedance")
+    page.keyboard.press("3")
+    session.wait(lambda now: now.scenario.mode == "hybrid")
+
+    before = session.now
+    text = session.number("radius [m]")
+    text.fill("")
+    text.press_sequentially("1 R t h ?", delay=30)
+    text.press("Escape")
+    page.wait_for_timeout(500)
+    assert session.now.scenario.mode == "hybrid"
+    assert (session.now.run, session.now.phase, session.now.revision) == (before.run, "running", before.revision)
+    assert page.evaluate(_THEME) == "dark"
+    assert not page.locator(".vs-help").count()
+    text.blur()
+
+    # a button that was clicked does not keep the space key, and one that is reached by Tab has it alone
+    button = page.get_by_role("button", name="play / pause")
+    button.click()
+    session.wait(lambda now: now.phase == "paused")
+    page.keyboard.press("Space")
+    session.wait(lambda now: now.phase == "running")
+    button.focus()
+    page.keyboard.press("Space")
+    session.wait(lambda now: now.phase == "paused")
+    page.wait_for_timeout(500)
+    assert session.now.phase == "paused"
+    button.blur()
+
+    page.keyboard.press("?")
+    page.locator(".vs-help").wait_for()
+    run = session.now.run
+    page.keyboard.press("r")
+    page.wait_for_timeout(300)
+    assert session.now.run == run
+    page.keyboard.press("Escape")
+    page.locator(".vs-help").wait_for(state="detached")
+
+    page.keyboard.press("Control+k")
+    palette = page.locator(".mantine-Spotlight-action")
+    palette.first.wait_for()
+    shown = [re.search(r"\n\s*(\S+)$", entry.strip()) for entry in palette.all_inner_texts()]
+    assert {match[1] for match in shown if match} == set(KEYS) | set(shipped())
+    page.get_by_placeholder("Search commands").fill("ur5-impedance")
+    palette.filter(has_text=shipped()["ur5-impedance"].title).click()
+    session.wait(lambda now: now.scenario.name == "ur5-impedance")
+
+
+def test_nothing_is_cut_covered_or_faint_on_any_tab_in_either_theme(session: Session):
+    page = session.page
+    page.locator(".mantine-Notification-root button").first.click()
+    session.runner.post(Pause())  # what moves makes a walk slow
+    page.locator('[data-key="t"]').click()
+    page.wait_for_function(f"{_THEME} === 'light'")
+    try:
+        session.wait(lambda _: not page.evaluate(_FAINT_LINES))
+        assert walk(page) == {}
+        page.set_viewport_size({"width": 1920, "height": 1080})
+    finally:
+        page.keyboard.press("t")
+        page.wait_for_function(f"{_THEME} === 'dark'")
+    page.wait_for_timeout(1500)
+    assert walk(page) == {}
+    # the check itself sees a title that is too long
+    page.evaluate("document.querySelector('[role=tab][title=Controller] span').style.maxWidth = '2em'")
+    assert any("Controller" in line for line in faults(page))
+
+
+def test_a_phone_shows_status_buttons_and_a_plot(served, open_page):
+    dashboard, runner = served
+    runner.post(Play())
+    page = open_page(
+        dashboard.url, viewport={"width": 390, "height": 844}, is_mobile=True, has_touch=True, device_scale_factor=2
+    )
+    page.get_by_text("real time").wait_for(timeout=60_000)
+    page.locator(".uplot-container canvas").first.wait_for()
+    page.wait_for_timeout(1500)
+    assert page.evaluate("document.documentElement.scrollWidth") == 390
+    for part in (".vs-status", ".uplot-container >> nth=0", "canvas[data-engine]"):
+        box = page.locator(part).bounding_box()
+        assert box is not None
+        assert box["x"] >= 0, part
+        assert box["x"] + box["width"] <= 390, part
+        assert box["y"] + box["height"] <= 844, part
+    page.get_by_role("button", name="play / pause").tap()
+    page.locator(".vs-chip", has_text="paused").wait_for()
+
+
+def test_first_steps_come_once_and_a_reload_in_the_middle_of_a_run_is_harmless(served, open_page):
+    dashboard, runner = served
+    runner.post(Play())
+    page = open_page(dashboard.url, first_visit=True, viewport={"width": 1280, "height": 720})
+    page.get_by_text("real time").wait_for(timeout=60_000)
+    page.locator(".vs-hints").wait_for()
+    page.get_by_text("Software WebGL").wait_for()
+    page.locator(".mantine-Notification-root button").first.click()
+    assert faults(page) == []
+    page.locator(".vs-hints button").click()
+    assert not page.locator(".vs-hints").count()
+
+    t = runner.snapshot.t
+    page.reload()
+    page.get_by_text("real time").wait_for(timeout=60_000)
+    page.wait_for_function("Object.values(__viserTestpoints.uplots).some((p) => p.chart.data[0].length > 100)")
+    assert not page.locator(".vs-hints").count()
+    assert runner.snapshot.phase == "running"
+    assert runner.snapshot.t > t
