@@ -28,6 +28,7 @@ MODES = {
     "hybrid-impedance": "ur5-hybrid-impedance",
     "constrained": "ur5-constrained",
     "hybrid-moving": "ur5-hybrid-moving",
+    "wave": "ur5-wave",
     "chattering": "ur5-motion-discontinuous",
     "panda": "panda-hybrid",
     "planar2r": "planar2r-semicircle",

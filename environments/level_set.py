@@ -1,4 +1,4 @@
-"""The surface Phi(x, y, z, t) = 0 of a typed formula: distance from it with all derivatives, and points of it.
+"""The surface Phi(x, y, z, t) = 0 of a typed formula (30): distance from it with all derivatives, and points of it.
 
 phi is the distance, not Phi: however a surface is written, phi is metres of penetration, its gradient a unit vector,
 and the multiplier along it the normal force, in N. With p* the point of the surface nearest to p,

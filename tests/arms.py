@@ -15,14 +15,18 @@ from controllers.compensator import Compensator
 from controllers.switching import Switching, unit_factor
 from controllers.target_model import TargetModel
 from controllers.vsmrc import Reference, Vsmrc
+from environments.formula import parse
 from environments.robots import CATALOGUE
-from environments.surfaces import Cylinder, Motion, Plane, Sphere
+from environments.surfaces import Cylinder, Motion, Plane, Sphere, Surface
+from environments.tape import tape_of
 from environments.typed_surface import TypedSurface
 
 ROBOTS = tuple(CATALOGUE)
 CHARTS = ("joint", "cartesian", "plane", "cylinder inside", "sphere outside", "typed wave")  # the surfaces move
 CERTAIN = Uncertainty(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 MOTION = Motion(np.array([0.6, 0.0, 0.8]), 0.03, 1.7)
+
+WAVE = "0.96*z - 0.28*x - 0.02*sin(7*(x + z) - 2*t) + 0.3*x^2"
 
 
 class State(NamedTuple):
@@ -54,9 +58,16 @@ def charted(robot: str, chart: str) -> System:
     if chart == "cylinder inside":
         return replace(system, charted=Cylinder.create(middle - radius * towards, axis, towards, radius, -1.0, MOTION))
     if chart == "typed wave":
-        wave = "0.96*z - 0.28*x - 0.02*sin(7*(x + z) - 2*t) + 0.3*x^2"
-        return replace(system, charted=TypedSurface.create(wave, middle, towards, "below", MOTION, middle))
+        return replace(system, charted=TypedSurface.create(WAVE, middle, towards, "below", MOTION, middle))
     return replace(system, charted=Sphere.create(middle + radius * towards, -towards, radius, 1.0, MOTION))
+
+
+def at_rest(surface: Surface) -> Surface:
+    """The surface without its motion, a wave as it is at an instant."""
+    if isinstance(surface, TypedSurface):
+        frozen = tape_of(parse(WAVE.replace("2*t", "0.6")))
+        return replace(surface, motion=Motion(), tape=frozen)
+    return replace(surface, motion=Motion())
 
 
 def random_state(system: System, random: np.random.Generator) -> State:

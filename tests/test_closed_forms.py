@@ -22,8 +22,7 @@ from controllers.force_loop import force_loop_factor
 from environments.contact import Contact
 from environments.plant import ContactKind, Plant, Truth
 from environments.sensors import ForceReader, ForceSensor
-from environments.surfaces import Motion
-from tests.arms import CHARTS, arm, charted, random_spd
+from tests.arms import CHARTS, arm, at_rest, charted, random_spd
 from tests.cases import scenario_of
 
 PERIODS = (0.001, 0.0005)
@@ -290,7 +289,7 @@ def energies(
 ) -> np.ndarray:
     """Energy (J) of an arm that falls freely onto a surface at rest, of its mass and spring too, every 0.5 ms."""
     system, (kind, law) = charted(robot, chart), CONTACTS[contact]
-    surface, n, period = replace(system.charted, motion=Motion()), system.robot.n, 0.0005
+    surface, n, period = at_rest(system.charted), system.robot.n, 0.0005
     truth = replace(truth, link_scaling=np.linspace(0.8, 1.2, n))
     plant = Plant(system.robot, truth, surface, kind, law._replace(**(change or {})), "rk4", substeps=2)
     state = plant.start(system.robot.posture, np.random.default_rng(3).uniform(-1.0, 1.0, n), 0.0)

@@ -6,7 +6,7 @@ from app.runner import Load
 from app.scenario import shipped
 from tests.pages import Session
 
-RUNNING = "z - 0.165 - 0.012*sin(20*x - 2*t)"
+RUNNING = "z - 0.165 - 0.01*sin(20*x - 2*t)"
 
 
 def test_a_formula_is_typed_refused_mended_and_pressed_upon(session: Session):
