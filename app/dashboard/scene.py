@@ -45,8 +45,8 @@ class SceneView:
             section_color=GRID_SECTION,
             shadow_opacity=0.0,
         )
-        self._desired_path = Trail(scene, "/path/desired", DESIRED, thickness=5.0)
-        self._tool_path = Trail(scene, "/path/tool", TOOL_PATH, thickness=2.5)
+        self._desired_path = Trail(scene, "/path/desired", DESIRED, thickness=2.0)
+        self._tool_path = Trail(scene, "/path/tool", TOOL_PATH, thickness=5.0)
         self._measured = ForceArrow(scene, "/force/measured", MEASURED)
         self._desired = ForceArrow(scene, "/force/desired", DESIRED)
         self._scale = ForceScale()
@@ -83,7 +83,7 @@ class SceneView:
             ):
                 arrow.show(start, force if look.forces else np.zeros(3), newtons)
             if look.frame:
-                self._frame.show(snapshot.charted, snapshot.tool, snapshot.t)
+                self._frame.show(snapshot.charted, snapshot.layout.positions, snapshot.tool, snapshot.t)
             else:
                 self._frame.hide()
             self._grid.visible = look.grid
