@@ -67,15 +67,15 @@ def test_dragging_the_tool_pushes_it_and_letting_go_ends_that(scene: Scene):
     scene.view("side")
     home = session.now.tool.copy()
     scene.drag_tool(0, -60)
-    session.wait(lambda now: np.linalg.norm(now.push) > 5.0)
-    session.wait(lambda now: now.tool[2] - home[2] > 2e-3)
+    session.wait(lambda now: bool(np.linalg.norm(now.push) > 5.0))
+    session.wait(lambda now: bool(now.tool[2] - home[2] > 2e-3))
     assert scene.pushed()[2] > 0.0  # upwards on the page is upwards in the world
     assert np.linalg.norm(scene.pushed()) <= 60.0 + 1e-6
     scene.page.mouse.up()
     session.wait(lambda now: now.state.grip is None and not now.push.any())
     assert not scene.pushed().any()
     assert session.now.scenario.shift.by == (0.0,)
-    session.wait(lambda now: np.linalg.norm(now.tool - home) < 5e-4)
+    session.wait(lambda now: bool(np.linalg.norm(now.tool - home) < 5e-4))
 
 
 def test_a_page_that_closes_while_it_pushes_lets_go(scene: Scene):
@@ -101,7 +101,7 @@ def test_with_shift_the_drag_moves_the_target(scene: Scene):
     scene.page.keyboard.up("Shift")
     session.wait(lambda now: now.scenario.shift.by[-1] > 0.01)
     by = np.array(session.now.scenario.shift.by)
-    session.wait(lambda now: np.linalg.norm(now.tool - home - by) < 1e-3)
+    session.wait(lambda now: bool(np.linalg.norm(now.tool - home - by) < 1e-3))
     assert session.now.run == run
 
 

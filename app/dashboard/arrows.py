@@ -84,10 +84,15 @@ class TaskFrame:
             head_length=0.018,
             visible=False,
         )
+        self._positions = 3
 
-    def show(self, charted: Surface, p: np.ndarray, t: float) -> None:
-        """At the point p (3,) m."""
-        directions = task_directions(charted, p, t)
+    def show(self, charted: Surface, positions: int, p: np.ndarray, t: float) -> None:
+        """At the point p (3,) m; only the first directions, as many as there are positions among the coordinates."""
+        drawn = np.minimum(np.arange(3), positions - 1)  # the last one again: their number on the page stays the same
+        if positions != self._positions:
+            self._positions = positions
+            self._arrows.colors = np.array(SERIES, dtype=np.uint8)[drawn]
+        directions = task_directions(charted, p, t)[drawn]
         visible = bool(np.isfinite(directions).all())
         if visible:
             self._arrows.points = np.stack([np.tile(p, (3, 1)), p + FRAME * directions], axis=1).astype(np.float32)

@@ -45,8 +45,8 @@ class SceneView:
             section_color=GRID_SECTION["dark"],
             shadow_opacity=0.0,
         )
-        self._desired_path = Trail(scene, "/path/desired", DESIRED, thickness=5.0)
-        self._tool_path = Trail(scene, "/path/tool", TOOL_PATH, thickness=2.5)
+        self._desired_path = Trail(scene, "/path/desired", DESIRED, thickness=2.0)
+        self._tool_path = Trail(scene, "/path/tool", TOOL_PATH, thickness=5.0)
         self._measured = ForceArrow(scene, "/force/measured", MEASURED)
         self._desired = ForceArrow(scene, "/force/desired", DESIRED)
         self._scale = ForceScale()
@@ -84,13 +84,15 @@ class SceneView:
             ):
                 arrow.show(start, force if look.forces else np.zeros(3), newtons)
             if look.frame:
-                self._frame.show(snapshot.system.charted, snapshot.tool, snapshot.t)
+                system = snapshot.system
+                self._frame.show(system.charted, system.layout.positions, snapshot.tool, snapshot.t)
             else:
                 self._frame.hide()
             self._grid.visible = look.grid
-        self._tool_path.extend(snapshot.tool, _path_error(snapshot))
-        if snapshot.tool_desired is not None:
-            self._desired_path.extend(snapshot.tool_desired)
+        if not snapshot.looking_back:  # the paths are there already
+            self._tool_path.extend(snapshot.tool, _path_error(snapshot))
+            if snapshot.tool_desired is not None:
+                self._desired_path.extend(snapshot.tool_desired)
         return Legend(self._tool_path.scale, newtons, None if shade is None else shade.distance)
 
     def draw_paths(self, look: Look) -> None:

@@ -130,8 +130,8 @@ def legend_html(look: Look, legend: Legend, snapshot: Snapshot) -> str:
     if look.forces or snapshot.push.any():
         keys += [_key(PUSH, "push"), f"100 mm = {legend.newtons:g} N"]
     if look.frame:
-        names = [coordinate.name for coordinate in snapshot.coordinates[:3]]
-        keys += [_key(SERIES[i], name) for i, name in enumerate(names) if snapshot.tool_desired is not None]
+        names = [] if snapshot.layout.joint else snapshot.coordinates[: snapshot.layout.positions]
+        keys += [_key(SERIES[i], coordinate.name) for i, coordinate in enumerate(names)]
     if look.ghost:
         away = "out of reach" if legend.ghost is None else f"{1e3 * legend.ghost:.3f} mm away"
         keys.append(_key(GHOST, f"ghost, {away}"))
