@@ -19,7 +19,7 @@ from app.dashboard import Dashboard
 from app.runner import Edit, Load, Runner
 from app.scenario import shipped
 from tests.browser import LAUNCH_ARGS, find_or_install
-from tests.pages import NO_HINTS, each_tab
+from tests.pages import NO_HINTS, PATIENCE, each_tab
 
 MODES = {
     "motion": "ur5-motion",
@@ -105,6 +105,7 @@ def opened(browser: Browser, url: str, *, first_visit: bool = False, **options) 
     page = browser.new_page(**options)
     if not first_visit:
         page.add_init_script(NO_HINTS)
+    page.set_default_timeout(PATIENCE * 1e3)
     page.goto(url)
     page.get_by_text("real time").wait_for(timeout=60_000)
     page.wait_for_timeout(4000)
