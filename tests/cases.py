@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 
 from app.assembly import in_mode, on_robot
 from app.closed_loop import ClosedLoop
 from app.scenario import Scenario, from_plain, to_plain
 
-SURFACES = ("plane", "moving plane", "cylinder", "inside of a cylinder", "moving sphere", "typed wave")
+SURFACES = ("plane", "moving plane", "cylinder", "inside of a cylinder", "typed wave", "moving sphere")
 
 
+@cache
 def tool_height(robot: str) -> np.ndarray:
     return ClosedLoop(from_plain({"robot": {"name": robot}})).view().tool
 

@@ -9,7 +9,8 @@ from playwright.sync_api import Locator, Page
 from app.runner import Runner, Snapshot
 
 VIEWPORT = {"width": 1280, "height": 720}
-NO_HINTS = "localStorage.setItem('vsmrc.hints', 'dismissed')"  # as a browser that has been here before
+# as a browser that has been here before; a page without an address has no storage
+NO_HINTS = "try { localStorage.setItem('vsmrc.hints', 'dismissed'); } catch { }"
 PATIENCE = 90.0  # s: a busy machine may take long to start the process that previews
 
 

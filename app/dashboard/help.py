@@ -11,8 +11,10 @@ from app.dashboard.theme import BOUND, DESIRED, MEASURED, SURFACE, Rgb, css
 # What viser shows of each key in its palette, except for "?" and Esc, which the page's script adds.
 KEYS: dict[str, str] = {
     "space": "play or pause",
-    "arrowright": "one control period on; with Shift 0.1 s",
+    "arrowright": "one control period on",
     "arrowleft": "one back: look at what has been",
+    "Shift+arrowright": "0.1 s on",
+    "Shift+arrowleft": "0.1 s back",
     "end": "to the end of the run",
     "F": "fork: go on from the instant looked at",
     "P": "pin this run, to compare it with others",
@@ -89,7 +91,7 @@ class Help:
 
 def help_html() -> str:
     """The text of the help."""
-    keys = "".join(f"<tr><td>{_key(_WRITTEN.get(key, key))}</td><td>{does}</td></tr>" for key, does in KEYS.items())
+    keys = "".join(f"<tr><td>{_keys(key)}</td><td>{does}</td></tr>" for key, does in KEYS.items())
     keys += f"<tr><td>{_key('Ctrl')} {_key('K')}</td><td>search all commands</td></tr>"
     colors = "".join(
         f'<tr><td><span class="vs-swatch" style="background: {css(color)}"></span></td><td>{meaning}</td></tr>'
@@ -118,6 +120,10 @@ def tools_html() -> str:
 
 def _items(texts: tuple[str, ...]) -> str:
     return "".join(f"<li>{text}</li>" for text in texts)
+
+
+def _keys(together: str) -> str:
+    return " ".join(_key(_WRITTEN.get(key, key)) for key in together.split("+"))
 
 
 def _key(name: str) -> str:

@@ -130,7 +130,7 @@ def legend_html(look: Look, legend: Legend, snapshot: Snapshot) -> str:
     if look.forces or snapshot.push.any():
         keys += [_key(PUSH, "push"), f"100 mm = {legend.newtons:g} N"]
     if look.frame:
-        names = [] if snapshot.layout.joint else snapshot.coordinates[: snapshot.layout.positions]
+        names = [] if snapshot.system.layout.joint else snapshot.coordinates[: snapshot.system.layout.positions]
         keys += [_key(SERIES[i], coordinate.name) for i, coordinate in enumerate(names)]
     if look.ghost:
         away = "out of reach" if legend.ghost is None else f"{1e3 * legend.ghost:.3f} mm away"
