@@ -48,6 +48,7 @@ def serve(
     host: str = "127.0.0.1",
     port: int = 8080,
     theme: Theme = "dark",
+    fps: float = 30.0,
     settings: Settings = (),
 ) -> int:
     """Open the dashboard.
@@ -57,9 +58,13 @@ def serve(
         host: address to listen at; only this machine can reach 127.0.0.1
         port: port to listen at
         theme: how the page looks at first; T changes it there
+        fps: pictures of the scene per second; without a graphics card, few leave more to the loop
     """
     chosen = _configured(scenario, settings)
-    dashboard = Dashboard(host=host, port=port, theme=theme)
+    try:
+        dashboard = Dashboard(host=host, port=port, theme=theme, fps=fps)
+    except ValueError as error:
+        raise ScenarioError(f"--{error}") from error
     print(f"VSMRC Lab: {dashboard.url}  (Ctrl-C ends it)", flush=True)
     runner: Runner | None = None
     warming: Popen[bytes] | None = None

@@ -14,7 +14,7 @@ import numpy as np
 import viser
 
 from app.dashboard.looking import Lookers
-from app.dashboard.page import FRAME, REFRESH
+from app.dashboard.page import FPS, REFRESH
 from app.dashboard.plots import Plots, Shown
 from app.dashboard.whatif import HORIZON, Held, WhatIf
 from app.previewer import Previewer
@@ -71,7 +71,7 @@ class _Page:
                 moved = now
                 value = 30.0 + 10.0 * math.sin(2.0 * now)
                 self.whatif.hold(Held(Edit("force.value", value), "F_d", f"{value:.3g}", self, CLIENT))
-            if now - framed >= FRAME:
+            if now - framed >= 1.0 / FPS:
                 framed = now
                 snapshot = self.runner.snapshot
                 foreseen = self.whatif.look(snapshot, {CLIENT})

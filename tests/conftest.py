@@ -61,7 +61,7 @@ def open_page(browser: Browser) -> Iterator[Callable[..., Page]]:
 @pytest.fixture(scope="session")
 def served() -> Iterator[tuple[Dashboard, Runner]]:
     """A dashboard on a free port, with the loop that it shows."""
-    dashboard = Dashboard(port=0)
+    dashboard = Dashboard(port=0, fps=8.0)  # software draws these pages, on the cores that the tests need
     dashboard.show_progress("compiling the control law…")
     runner = Runner(shipped()["ur5-hybrid"])
     dashboard.attach(runner)

@@ -56,6 +56,12 @@ def test_runs_are_compared_side_by_side() -> None:
     assert all(float(value) >= 0.0 for value in figures["‖s‖, largest [mm/s]"])
 
 
+def test_a_frame_rate_that_makes_no_sense_is_refused() -> None:
+    done = vsmrc("serve", "--port", "0", "--fps", "0")
+    assert done.returncode == 2
+    assert "--fps: 0; allowed: 1 to 60" in done.stderr
+
+
 def test_nothing_to_compare_is_said() -> None:
     for arguments, said in (((), "compare: no scenario"), (("ur5-hybrid", "--last", "-1"), "allowed: more than 0 s")):
         done = vsmrc("compare", *arguments)

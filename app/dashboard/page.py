@@ -32,7 +32,8 @@ from app.runner import Runner, Snapshot
 
 log = logging.getLogger("vsmrc.dashboard")
 
-FRAME = 1 / 30  # s, scene
+FPS = 30.0  # scene
+SLOWEST_FPS, FASTEST_FPS = 1.0, 60.0
 REFRESH = 1 / 10  # s, plots, numbers and controls
 PLOTTING = 0.1  # of the time may go into plots: long windows are drawn less often
 COMPLAINT_SHOWN = 12.0  # s
@@ -46,12 +47,21 @@ class PortBusy(OSError):
 class Dashboard:
     """The page is up as soon as this is made; it shows a run once `attach` has given it a runner.
 
-    port 0 takes any free port. Raises PortBusy.
+    port 0 takes any free port; fps: pictures of the scene per second, of which a machine without a graphics card is
+    better off with few. Raises PortBusy, and ValueError for fps beyond what makes sense.
     """
 
     def __init__(
-        self, runner: Runner | None = None, host: str = "127.0.0.1", port: int = 8080, theme: Theme = "dark"
+        self,
+        runner: Runner | None = None,
+        host: str = "127.0.0.1",
+        port: int = 8080,
+        theme: Theme = "dark",
+        fps: float = FPS,
     ) -> None:
+        if not SLOWEST_FPS <= fps <= FASTEST_FPS:
+            raise ValueError(f"fps: {fps:g}; allowed: {SLOWEST_FPS:g} to {FASTEST_FPS:g}")
+        self._frame = 1.0 / fps
         if port and _taken(host, port):
             raise PortBusy(f"port {port} of {host} is in use; choose another one with --port")
         self._server = viser.ViserServer(host=host, port=port, label="VSMRC Lab", verbose=False)
@@ -90,7 +100,7 @@ class Dashboard:
         self._view = _View(self._server, self._status, self._scene, runner)
 
     def run_forever(self) -> None:
-        """Draw until `close`, about 30 times a second; nothing while nobody looks."""
+        """Draw until `close`; nothing while nobody looks."""
         while not self._closed.is_set():
             started = time.monotonic()
             if self._view is not None and self._server.get_clients():
@@ -100,7 +110,7 @@ class Dashboard:
                     log.exception("drawing failed")
                     self._view.complain(f"drawing failed: {error}")
                     self._closed.wait(1.0)
-            self._closed.wait(max(FRAME - (time.monotonic() - started), 0.002))
+            self._closed.wait(max(self._frame - (time.monotonic() - started), 0.002))
 
     def close(self) -> None:
         """End `run_forever` and stop the server. The runner is the caller's."""
