@@ -17,12 +17,10 @@ from tests.pages import NO_HINTS, PATIENCE, VIEWPORT, Session
 VISERS_OWN = "Unable to preventDefault inside passive event listener"
 
 
-@pytest.hookimpl(tryfirst=True)
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+def pytest_itemcollected(item: pytest.Item) -> None:
     """Browser tests share one worker: two browsers that draw in software would take each other's time."""
-    for item in items:
-        if "open_page" in getattr(item, "fixturenames", ()):
-            item.add_marker(pytest.mark.xdist_group("browser"))
+    if "open_page" in getattr(item, "fixturenames", ()):
+        item.add_marker(pytest.mark.xdist_group("browser"))
 
 
 @pytest.fixture(scope="session")
