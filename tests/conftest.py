@@ -18,9 +18,9 @@ VISERS_OWN = "Unable to preventDefault inside passive event listener"
 
 
 def pytest_itemcollected(item: pytest.Item) -> None:
-    """Browser tests share one worker: two browsers that draw in software would take each other's time."""
-    if "open_page" in getattr(item, "fixturenames", ()):
-        item.add_marker(pytest.mark.xdist_group("browser"))
+    """Browser tests run one by one: two browsers that draw in software would take each other's time."""
+    if "browser" in getattr(item, "fixturenames", ()):
+        item.add_marker(pytest.mark.browser)
 
 
 @pytest.fixture(scope="session")

@@ -20,6 +20,7 @@ const ends = (plot) => {
   return mark ? [Number(mark.dataset.from), Number(mark.dataset.to)] : [x[0], 1.2 * x[x.length - 1]];
 };
 const follow = (plot) => {
+  if (!plot.data?.[0]?.length) return; // it is being built or taken down
   const home = ends(plot), at = [plot.scales.x.min, plot.scales.x.max], x = plot.data[0];
   const is = (span) => !span || (near(at[0], span[0]) && near(at[1], span[1]));
   const free = is(homes.get(plot)) || is([x[0], x[x.length - 1]]);
