@@ -11,7 +11,7 @@ from app.dashboard import Dashboard
 from app.runner import Load, Pause, Play, Runner, SetSpeed
 from app.scenario import shipped
 from tests.browser import LAUNCH_ARGS, find_or_install
-from tests.pages import NO_HINTS, PATIENCE, VIEWPORT, Session
+from tests.pages import NO_HINTS, PATIENCE, UNDRAWN, VIEWPORT, Session
 
 # viser's own client says so at every drag in the scene (SceneTree.tsx); it does no harm
 VISERS_OWN = "Unable to preventDefault inside passive event listener"
@@ -49,6 +49,7 @@ def open_page(browser: Browser) -> Iterator[Callable[..., Page]]:
         url: str, *, console_errors_allowed: bool = False, first_visit: bool = False, **context_options
     ) -> Page:
         contexts.append(context := browser.new_context(**context_options))
+        context.add_init_script(UNDRAWN)
         if not first_visit:
             context.add_init_script(NO_HINTS)
         page = context.new_page()
@@ -89,7 +90,9 @@ def session(served: tuple[Dashboard, Runner], open_page: Callable[..., Page]) ->
     page = open_page(dashboard.url, viewport=VIEWPORT)
     page.set_default_timeout(PATIENCE * 1e3)
     page.get_by_text("real time").wait_for(timeout=60_000)
-    page.locator("#webgl-software-rendering button").click()  # viser's warning lies over the scene
+    warning = page.locator("#webgl-software-rendering")  # viser's own, and it lies over the scene
+    warning.locator("button").click()
+    warning.wait_for(state="detached")
     opened = Session(page, runner)
     opened.wait(lambda now: now.scenario.name == "ur5-hybrid" and now.phase == "running")
     yield opened

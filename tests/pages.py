@@ -11,6 +11,14 @@ from app.runner import Runner, Snapshot
 VIEWPORT = {"width": 1280, "height": 720}
 # as a browser that has been here before; a page without an address has no storage
 NO_HINTS = "try { localStorage.setItem('vsmrc.hints', 'dismissed'); } catch { }"
+# Drawing in software takes a whole core, and few tests look at the picture; those set `undrawn` to false.
+UNDRAWN = """
+  window.undrawn = true;
+  for (const name of ["drawElements", "drawArrays", "drawElementsInstanced", "drawArraysInstanced"]) {
+    const draw = WebGL2RenderingContext.prototype[name];
+    WebGL2RenderingContext.prototype[name] = function (...what) { if (!window.undrawn) draw.apply(this, what); };
+  }
+"""
 PATIENCE = 90.0  # s: a busy machine may take long to start the process that previews
 
 

@@ -116,8 +116,9 @@ def test_first_steps_come_once_and_a_reload_in_the_middle_of_a_run_is_harmless(s
     page = open_page(dashboard.url, first_visit=True, viewport={"width": 1280, "height": 720})
     page.get_by_text("real time").wait_for(timeout=60_000)
     page.locator(".vs-hints").wait_for()
-    page.get_by_text("Software WebGL").wait_for()
-    page.locator(".mantine-Notification-root button").first.click()
+    warning = page.locator("#webgl-software-rendering")
+    warning.locator("button").click()
+    warning.wait_for(state="detached")
     assert faults(page) == []
     page.locator(".vs-hints button").click()
     assert not page.locator(".vs-hints").count()

@@ -21,9 +21,6 @@ def scene(session: Session, served: tuple[Dashboard, Runner]) -> Iterator[Scene]
     """A page whose arm yields to a push, looked at from the side."""
     session.runner.post(Load(edited(edited(shipped()["ur5-impedance"], "contact.kind", "free"), "motion", "hold")))
     session.wait(lambda now: now.scenario.mode == "impedance" and now.t > 0.1)
-    toast = session.page.locator(".mantine-Notification-root button")
-    if toast.count():
-        toast.first.click()
     session.tab("View")
     yield Scene(session, list(served[0].clients.values())[-1])
     session.runner.post(Reset())

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import struct
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
+from PIL import Image
 from playwright.sync_api import Page
 
 from app.scenario import edited, from_toml, shipped, to_toml
@@ -43,10 +43,14 @@ def test_figures_data_and_scenario_are_handed_over_and_the_run_goes_on(session: 
 
 def test_picture_and_playback_show_the_scene(session: Session, tmp_path: Path, open_page: Callable[..., Page]):
     session.wait(lambda now: now.t > 1.0)
-    picture = taken(session, "2×", tmp_path).read_bytes()
+    session.page.evaluate("window.undrawn = false")
+    picture = Image.open(taken(session, "2×", tmp_path))
     canvas = session.page.locator("canvas[data-engine]").bounding_box()
     assert canvas is not None
-    assert struct.unpack(">II", picture[16:24]) == (2 * round(canvas["width"]), 2 * round(canvas["height"]))
+    assert picture.size == (2 * round(canvas["width"]), 2 * round(canvas["height"]))
+    colours = picture.convert("RGB").getcolors(maxcolors=2**24)
+    assert colours is not None
+    assert len(colours) > 1000, "an arm and a surface in their light"
     file, title = taken(session, "HTML", tmp_path), session.now.scenario.title
     session.page.close()  # drawing two scenes in software is slow
     played = open_page(file.as_uri(), viewport=VIEWPORT)

@@ -15,18 +15,25 @@ const commit = (input, text) => {
   write(input, text + mark);
   delete input.dataset.pending;
 };
+// What is typed counts, also where a value that the server had sent before it knew comes in between.
+document.addEventListener("beforeinput", (e) => {
+  const input = field(e);
+  if (input && input.dataset.pending !== undefined && input.value !== input.vsmrcDraft) write(input, input.vsmrcDraft);
+}, true);
 document.addEventListener("input", (e) => {
   const input = field(e);
-  if (input && !writing) input.dataset.pending = "";
+  if (!input || writing) return;
+  input.dataset.pending = "";
+  input.vsmrcDraft = input.value;
 }, true);
 document.addEventListener("keydown", (e) => {
   const input = field(e);
   if (!input || (e.key !== "Enter" && e.key !== "Escape")) return;
   e.preventDefault();
-  commit(input, e.key === "Enter" ? input.value : "");
+  commit(input, e.key === "Enter" ? input.vsmrcDraft : "");
   if (e.key === "Enter") input.select();
 }, true);
-document.addEventListener("focusout", (e) => { const i = field(e); if (i) commit(i, i.value); }, true);
+document.addEventListener("focusout", (e) => { const i = field(e); if (i) commit(i, i.vsmrcDraft); }, true);
 
 let held = null, byKey = false;
 const slider = (e) => e.target instanceof Element ? e.target.closest("form .mantine-Slider-root") : null;
