@@ -215,6 +215,30 @@ def export(
     return status
 
 
+def figures(*, out: Path, only: tuple[str, ...] = (), thin: int = 1) -> int:
+    """Compute the evidence anew: evidence.md with every figure and number of docs/evidence.md, on all cores.
+
+    Args:
+        out: folder for the files
+        only: sections, by name, instead of all
+        thin: one in so many of the cases, to look quickly
+    """
+    from app.evidence.make import make  # here: `vsmrc serve` need not wait for it
+    from app.evidence.sections import SECTIONS
+
+    names = [section.name for section in SECTIONS]
+    if unknown := [name for name in only if name not in names]:
+        raise ScenarioError(f"--only {unknown[0]}: allowed: {', '.join(names)}")
+    if thin < 1:
+        raise ScenarioError(f"--thin {thin}: allowed: 1 or more")
+    try:
+        page = make([section for section in SECTIONS if not only or section.name in only], thin, out)
+    except OSError as error:
+        raise ScenarioError(f"--out {out}: cannot be written: {error.strerror}") from error
+    print(f"written: {page}")
+    return DONE
+
+
 def list_() -> int:
     """Show the robots and the scenarios."""
     print("robots")
@@ -262,7 +286,7 @@ def _shown(value: object) -> str:
 def main() -> None:
     """Entry point: exit status 0 done, 2 bad input, 3 the simulation stopped."""
     logging.basicConfig(level=logging.WARNING, format="%(levelname)s %(name)s: %(message)s")
-    commands = {"serve": serve, "run": run, "compare": compare, "export": export, "list": list_}
+    commands = {"serve": serve, "run": run, "compare": compare, "export": export, "figures": figures, "list": list_}
     arguments = sys.argv[1:]
     if not arguments or (arguments[0].startswith("-") and arguments[0] not in ("-h", "--help")):
         arguments = ["serve", *arguments]

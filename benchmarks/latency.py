@@ -19,9 +19,9 @@ from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import ClientConnection, connect
 from websockets.typing import Subprotocol
 
+from app.markdown import Table
 from benchmarks.browser import chromium, messages, opened
 from benchmarks.effort import Effort
-from benchmarks.report import Table
 from benchmarks.served import Served, served
 
 SCENARIO, LABEL, SCALE = "ur5-hybrid", "F_d [N]", 60.0  # the slider's right end, N

@@ -6,9 +6,9 @@ import time
 
 from tqdm import tqdm
 
+from app.markdown import Table
 from app.runner import FASTEST
 from benchmarks.effort import Effort
-from benchmarks.report import Table
 from benchmarks.served import Served, State, served
 
 SCENARIO = "ur5-hybrid"

@@ -9,9 +9,9 @@ import time
 
 import numpy as np
 
+from app.markdown import Table
 from benchmarks.browser import chromium, opened
 from benchmarks.effort import Effort
-from benchmarks.report import Table
 from benchmarks.served import Served, served
 
 SCENARIO = "ur5-hybrid"

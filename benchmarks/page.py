@@ -5,9 +5,9 @@ from __future__ import annotations
 import time
 from collections import Counter
 
+from app.markdown import Table
 from benchmarks.browser import VIEWPORT, chromium, messages, opened
 from benchmarks.effort import Effort
-from benchmarks.report import Table
 from benchmarks.served import served
 
 SCENARIO = "ur5-hybrid"

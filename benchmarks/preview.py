@@ -17,11 +17,11 @@ from app.dashboard.looking import Lookers
 from app.dashboard.page import FPS, REFRESH
 from app.dashboard.plots import Plots, Shown
 from app.dashboard.whatif import HORIZON, Held, WhatIf
+from app.markdown import Table
 from app.previewer import Previewer
 from app.runner import Edit, Runner
 from app.scenario import load
 from benchmarks.effort import Effort
-from benchmarks.report import Table
 
 SCENARIOS = ("ur5-hybrid", "panda-hybrid", "ur5-constrained")
 CLIENT = 1

@@ -11,9 +11,9 @@ from statistics import median
 from playwright.sync_api import Browser
 from tqdm import tqdm
 
+from app.markdown import Table
 from benchmarks.browser import chromium, opened
 from benchmarks.effort import Effort
-from benchmarks.report import Table
 
 COMMAND = (sys.executable, "-m", "app", "serve", "ur5-hybrid", "--port", "0")
 

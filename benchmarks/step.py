@@ -9,10 +9,10 @@ import pinocchio as pin
 from tqdm import tqdm
 
 from app.closed_loop import ClosedLoop
+from app.markdown import Table
 from app.scenario import load
 from benchmarks import mujoco_osc
 from benchmarks.effort import Effort
-from benchmarks.report import Table
 from benchmarks.rounds import Call, interleaved, ratio
 
 SCENARIOS = ("ur5-hybrid", "ur5-motion", "ur5-constrained", "panda-hybrid", "planar2r-semicircle", "planar3r-hybrid")

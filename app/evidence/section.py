@@ -1,0 +1,65 @@
+"""What a section of the evidence is: independent jobs, and what their results say."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from importlib.util import find_spec
+from pathlib import Path
+from string import Template
+from typing import Any, NamedTuple
+
+from app.markdown import Table
+
+
+class Job(NamedTuple):
+    """A function of a module and its arguments: it runs in another process, so both can be pickled.
+
+    The same job always has the same result: what is random in it comes from a seed among its arguments.
+    """
+
+    function: Callable[..., Any]
+    arguments: tuple[Any, ...] = ()
+
+
+@dataclass(frozen=True)
+class Findings:
+    """What the jobs of a section showed: numbers and tables by their name in the section's text, figures (SVG) by the
+    end of their file's name."""
+
+    numbers: Mapping[str, str] = field(default_factory=dict)
+    tables: Mapping[str, Table] = field(default_factory=dict)
+    figures: Mapping[str, bytes] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Section:
+    """One claim, or a family of them. Its prose stands beside its module, in `<name>.md`.
+
+    jobs(thin): one in so many of the cases, 1 for all. conclude: from their results, in the same order. needs: modules
+    without which it cannot run, and how to get them.
+    """
+
+    name: str
+    jobs: Callable[[int], Sequence[Job]]
+    conclude: Callable[[Sequence[Any]], Findings]
+    needs: Mapping[str, str] = field(default_factory=dict)
+
+    def missing(self) -> tuple[str, ...]:
+        """What would have to be got before it can run."""
+        return tuple(remedy for module, remedy in self.needs.items() if find_spec(module) is None)
+
+    def text(self, findings: Findings, pictures: str) -> str:
+        """In Markdown, with the figures at `pictures`. Raises KeyError when the prose names what was not found."""
+        tables = {name: table.markdown() for name, table in findings.tables.items()}
+        figures = {f"{name}_figure": f"{pictures}/{self.name}-{name}.svg" for name in findings.figures}
+        return Template(self._prose).substitute(findings.numbers, **tables, **figures)
+
+    @property
+    def heading(self) -> str:
+        """The first line of its prose."""
+        return self._prose.splitlines()[0]
+
+    @property
+    def _prose(self) -> str:
+        return Path(__file__).with_name(f"{self.name}.md").read_text(encoding="utf-8")
