@@ -36,7 +36,9 @@ class Run:
 
 def run(scenario: str, law: str, duration: float | None) -> Run:
     """Simulate one case. Raises RuntimeError when it leaves the theorem's domain."""
-    case = edited(edited(shipped()[scenario], "controller.switching", law), "contact.unilateral", False)
+    case = edited(shipped()[scenario], "controller.switching", law)
+    if case.contact.kind == "rigid":
+        case = edited(case, "contact.unilateral", False)
     if duration is not None:
         case = edited(case, "simulation.duration", duration)
     loop, _ = simulate(case)
@@ -72,7 +74,7 @@ def conclude(results: Sequence[Run]) -> Findings:
     for case, (title, scenario) in CASES.items():
         of_law = {law: next(runs) for law in LAWS}
         rows += [(f"{title}, {law}", *_figures(found)) for law, found in of_law.items()]
-        figures[case] = render(Figure(_charts(of_law), f"{title.capitalize()}: scenario {scenario}."), "svg")
+        figures[case] = render(Figure(_charts(of_law), f"{title[0].upper()}{title[1:]}: scenario {scenario}."), "svg")
     header = (
         f"from t = {SETTLED:g} s on",
         "path error, largest [mm]",
@@ -114,9 +116,9 @@ def _charts(of_law: dict[str, Run]) -> tuple[Chart, ...]:
 
 
 def _positive(xy: tuple[np.ndarray, np.ndarray], *, logarithmic: bool) -> tuple[np.ndarray, np.ndarray]:
-    """Zero has no place on a logarithmic axis, and rounding errors make it endless."""
+    """Zero has no place on a logarithmic axis."""
     x, y = xy
-    return (x, np.maximum(y, 1e-9 * float(y.max()))) if logarithmic else (x, y)
+    return (x, np.maximum(y, 1e-5 * float(y.max()))) if logarithmic else (x, y)
 
 
 SECTION = Section("paper_cases", jobs, conclude)
