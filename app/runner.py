@@ -330,6 +330,8 @@ class Runner:
                 line.hold(grip)
             case Load(scenario):
                 self._edit(scenario)
+            case Edit("mode", value) if value == scenario_now.mode:
+                pass  # the mode that runs is not begun anew
             case Edit("mode", value):
                 self._edit(assembly.in_mode(scenario_now, str(value)))
             case Edit(path, value) if path.startswith("robot."):

@@ -92,5 +92,11 @@ class Session:
         """Until the loop is as the test wants it; a failure shows where it stood."""
         until = time.monotonic() + seconds
         while not condition(self.now):
-            assert time.monotonic() < until, (self.now.phase, self.now.reason, self.now.refusal, self.now.live)
+            assert time.monotonic() < until, (
+                self.now.phase,
+                self.now.reason,
+                self.now.refusal,
+                self.now.revision,
+                self.now.scenario,
+            )
             self.page.wait_for_timeout(50)

@@ -101,7 +101,7 @@ class UrdfPath:
         if not self._text.value.endswith(COMMIT):
             self._answer.expect(snapshot, seconds=60.0)
             return
-        text = self._text.value.rstrip("".join(MARKS)).strip()
+        self._text.value = text = self._text.value.rstrip("".join(MARKS)).strip()
         changed = bool(text) and text != self._place.read(snapshot)
         self._answer.expect(snapshot, seconds=1.0 if changed else 0.0)
         if changed:

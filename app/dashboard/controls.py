@@ -161,7 +161,7 @@ class Number:
             self._answer.expect(self._desk.snapshot(), seconds=60.0)
             return
         snapshot = self._desk.snapshot()
-        text = self._text.value.rstrip("".join(MARKS)).strip()
+        self._text.value = text = self._text.value.rstrip("".join(MARKS)).strip()
         running = self._place.read(snapshot)
         try:
             value = read_back(text) if text else running

@@ -14,7 +14,7 @@ _Digit = Literal["1", "2", "3", "4", "5"]
 
 
 class Shortcuts:
-    """Modes by their place in MODE_TITLES, scenarios by title or name; the mode that runs is not begun anew."""
+    """Modes by their place in MODE_TITLES, scenarios by title or name."""
 
     def __init__(self, desk: Desk) -> None:
         self._desk = desk
@@ -26,8 +26,7 @@ class Shortcuts:
 
     def _change(self, mode: str) -> Callable[[object], Coroutine[None, None, None]]:
         async def change(_: object) -> None:
-            if self._desk.snapshot().scenario.mode != mode:
-                self._desk.post(Edit("mode", mode))
+            self._desk.post(Edit("mode", mode))
 
         return change
 

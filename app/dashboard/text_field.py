@@ -34,10 +34,11 @@ class TextField:
         if event.client is None:
             return
         snapshot = self._desk.snapshot()
-        text = self._text.value.rstrip("".join(MARKS))
+        text, done = self._text.value.rstrip("".join(MARKS)), self._text.value.endswith(COMMIT)
         self._draft = _Draft(text, snapshot.run)
-        if not self._text.value.endswith(COMMIT):
+        if not done:
             return
+        self._text.value = text
         if not text.strip():  # Esc, or nothing to read
             self._draft = None
             self.show(snapshot)

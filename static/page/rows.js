@@ -10,9 +10,17 @@ const write = (input, text) => {
   input.dispatchEvent(new Event("input", { bubbles: true }));
   writing = false;
 };
+// viser sends no more than a message in 50 ms and drops those in between, so a mark may get lost. The server takes it off.
+const tell = (input, text, mark, again = 3) => {
+  const turn = (input.vsmrcTold = {});
+  write(input, text + mark);
+  setTimeout(() => {
+    if (again && input.vsmrcTold === turn && input.value === text + mark) tell(input, text + mark, mark, again - 1);
+  }, 700);
+};
 const commit = (input, text) => {
   if (input.dataset.pending === undefined) return;
-  write(input, text + mark);
+  tell(input, text, mark);
   delete input.dataset.pending;
 };
 // What is typed counts, also where a value that the server had sent before it knew comes in between.
@@ -46,7 +54,7 @@ const letGo = (mark) => {
   requestAnimationFrame(() => setTimeout(() => {
     const input = row.querySelector("input.mantine-TextInput-input");
     if (row.vsmrcTurn !== turn || !input) return;
-    write(input, input.value + mark);
+    tell(input, input.value, mark);
     delete row.dataset.held;
   }, 80));
 };
