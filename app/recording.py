@@ -206,18 +206,9 @@ class Recording:
         stretch = self.stretch(t_from, t_to)
         return {name: stretch[name] for name in names}
 
-    def _pieces(self, t_from: float, t_to: float) -> list[np.ndarray]:
-        """Those rows as views of the table, oldest first; rows are never changed once they are there."""
-        pieces = [*tuple(self._thinned), *(block.rows[: block.filled] for block in tuple(self._blocks))]
-        kept = [p for p in pieces if len(p) and p[-1, 0] >= t_from and p[0, 0] <= t_to]
-        if kept:
-            kept[0] = kept[0][np.searchsorted(kept[0][:, 0], t_from) :]
-            kept[-1] = kept[-1][: np.searchsorted(kept[-1][:, 0], t_to, side="right")]
-        return kept
-
     def at(self, t: float) -> dict[str, np.ndarray]:
         """Every signal of the last row not after t. Raises ValueError when nothing is recorded there."""
-        rows = self.rows(t_to=t)
-        if not len(rows):
+        pieces = self.pieces(t_to=t)
+        if not pieces:
             raise ValueError(f"nothing recorded at t = {t:g} s")
-        return {name: rows[-1, where] for name, where in self.columns.items()}
+        return {name: pieces[-1][-1, where] for name, where in self.columns.items()}

@@ -59,6 +59,9 @@ def test_runs_are_pinned_compared_and_forgotten(session: Session):
     press(session, "Pin this run")
     session.wait(lambda now: len(now.pinned) == 1)
     number = session.now.pinned[0].number
+    session.tab("View")
+    session.page.locator(".vs-note", has_text=f"run {number}").wait_for()
+    session.tab("Runs")
     session.runner.post(Edit("controller.K_s", 33.0))
     table = session.page.locator("table.vs-runs")
     table.get_by_role("columnheader", name=str(number), exact=True).wait_for()

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from app.closed_loop import ClosedLoop
+from app.dashboard.pinned_arms import posture
 from app.metrics import account
 from app.recording import BLOCK
 from app.scenario import Scenario, ScenarioError, differences, edited, shipped
@@ -177,3 +178,14 @@ def test_differences_of_scenarios() -> None:
     assert found["motion.kind"] == ("circle", "hold")
     assert found["motion.radius"][1] is None
     assert differences(one, one) == {}
+
+
+def test_the_arm_of_a_pinned_run_stands_where_it_stood(noisy: Timeline) -> None:
+    noisy.pin()
+    pinned, rows = noisy.pinned[-1], noisy.recording
+    for t in (0.0, 0.4, 1.199):
+        shown = posture(pinned, t)
+        assert shown is not None
+        np.testing.assert_array_equal(shown, rows.at(t + 1e-6)["q"])
+    assert posture(pinned, 1.3) is None
+    assert posture(pinned, -0.1) is None

@@ -17,6 +17,7 @@ class Look:
     the spring by which it pushes."""
 
     ghost: bool = False
+    pinned_arms: bool = True
     desired_path: bool = True
     tool_path: bool = True
     error_colors: bool = True

@@ -11,6 +11,7 @@ from app.dashboard.arrows import ForceArrow, ForceScale, TaskFrame
 from app.dashboard.camera import look as look_from
 from app.dashboard.camera import viewpoint
 from app.dashboard.look import Legend, Look
+from app.dashboard.pinned_arms import PinnedArms
 from app.dashboard.robot_view import Paint, RobotView
 from app.dashboard.surface_view import SurfaceView
 from app.dashboard.theme import DESIRED, GHOST, GRID, GRID_SECTION, MEASURED, TOOL_PATH, Theme
@@ -58,6 +59,7 @@ class SceneView:
         self._ghost_view: RobotView | None = None
         self._ghost_key: object = None
         self._seen_robot: object = None
+        self._pinned = PinnedArms(scene, self._new_root)
         self._surface = SurfaceView(scene)
         self._run = -1
 
@@ -77,6 +79,7 @@ class SceneView:
                 self._ghost_view.set_visible(shade is not None)
                 if shade is not None:
                     self._ghost_view.show(shade.q)
+            self._pinned.show(snapshot, wanted=look.pinned_arms)
             self._surface.place(snapshot, visible=look.surface)
             for arrow, start, force in (
                 (self._measured, snapshot.tool, snapshot.force),
@@ -122,8 +125,12 @@ class SceneView:
     def _arm(self, snapshot: Snapshot, old: RobotView | None, cell: float, paint: Paint | None) -> RobotView:
         if old is not None:
             old.remove()
-        self._arms += 1  # a name of its own: messages about the removed one may still be under way
-        return RobotView(self._server.scene, snapshot.robot, f"/robot_{self._arms}", cell, paint)
+        return RobotView(self._server.scene, snapshot.robot, self._new_root(), cell, paint)
+
+    def _new_root(self) -> str:
+        """A name of its own for every arm: messages about a removed one may still be under way."""
+        self._arms += 1
+        return f"/robot_{self._arms}"
 
     def _look_at(self, snapshot: Snapshot) -> None:
         """Another arm is seen whole, by everybody."""

@@ -16,6 +16,7 @@ SURFACE_LINES: Rgb = (110, 165, 225)
 TOOL_PATH: Rgb = (255, 205, 90)
 PUSH: Rgb = (204, 90, 190)
 GHOST: Rgb = (120, 165, 240)
+PINNED_ARMS: tuple[Rgb, ...] = ((150, 150, 150), (185, 175, 150), (150, 175, 185))
 BOUND: Rgb = (235, 80, 80)
 # viser shades this one; on a light page its links and buttons then have two shades more light than this
 BRAND: dict[Theme, Rgb] = {"dark": ACCENT, "light": (14, 66, 160)}

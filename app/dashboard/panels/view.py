@@ -11,7 +11,7 @@ import viser
 from app.dashboard.camera import VIEWS, fly, viewpoint
 from app.dashboard.controls import Desk
 from app.dashboard.look import FINE, LIGHT, Legend, Look, Viewing
-from app.dashboard.theme import DESIRED, ERROR_COLORS, GHOST, MEASURED, PUSH, SERIES, TOOL_PATH, Rgb, css
+from app.dashboard.theme import DESIRED, ERROR_COLORS, GHOST, MEASURED, PINNED_ARMS, PUSH, SERIES, TOOL_PATH, Rgb, css
 from app.runner import Snapshot
 from environments.push import MOST_FORCE, MOST_STIFF
 
@@ -21,6 +21,7 @@ SWITCHES = {
         "A second arm that follows the target model (8) exactly, driven by the force that the arm felt, from the last "
         "change on: what parts the two is the residual of (8).",
     ),
+    "pinned_arms": ("Pinned runs", "The arms of pinned runs (tab Runs), grey, where they stood at this instant."),
     "desired_path": ("Desired path", "Where the tool should have been."),
     "tool_path": ("Tool path", "Where it was."),
     "error_colors": (
@@ -132,6 +133,10 @@ def legend_html(look: Look, legend: Legend, snapshot: Snapshot) -> str:
     if look.frame:
         names = [] if snapshot.system.layout.joint else snapshot.coordinates[: snapshot.system.layout.positions]
         keys += [_key(SERIES[i], coordinate.name) for i, coordinate in enumerate(names)]
+    if look.pinned_arms and snapshot.pinned:
+        keys += [
+            _key(color, f"run {pinned.number}") for color, pinned in zip(PINNED_ARMS, snapshot.pinned, strict=False)
+        ]
     if look.ghost:
         away = "out of reach" if legend.ghost is None else f"{1e3 * legend.ghost:.3f} mm away"
         keys.append(_key(GHOST, f"ghost, {away}"))

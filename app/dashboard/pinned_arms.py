@@ -1,0 +1,46 @@
+"""The arms of pinned runs, as they stood at the instant that is looked at."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import viser
+
+from app.dashboard.robot_view import Paint, RobotView
+from app.dashboard.theme import PINNED_ARMS
+from app.runner import Snapshot
+from app.timeline import Pinned
+
+_CELL = 0.015  # m: three more arms need no more detail
+_COAT = 0.0045  # m, beyond that of the ghost
+
+
+class PinnedArms:
+    """One translucent arm for each pinned run that was recorded at that instant, later pins lighter."""
+
+    def __init__(self, scene: viser.SceneApi, new_root: Callable[[], str]) -> None:
+        self._scene, self._new_root = scene, new_root
+        self._arms: dict[int, RobotView] = {}
+
+    def show(self, snapshot: Snapshot, *, wanted: bool) -> None:
+        """Move them to their postures at snapshot.t; none where none is wanted."""
+        for number in self._arms.keys() - {pinned.number for pinned in snapshot.pinned}:
+            self._arms.pop(number).remove()
+        for place, pinned in enumerate(snapshot.pinned):
+            q = posture(pinned, snapshot.t) if wanted else None
+            if q is not None and pinned.number not in self._arms:
+                paint = Paint(PINNED_ARMS[place % len(PINNED_ARMS)], opacity=0.3, coat=_COAT)
+                self._arms[pinned.number] = RobotView(self._scene, pinned.system.robot, self._new_root(), _CELL, paint)
+            if arm := self._arms.get(pinned.number):
+                arm.set_visible(q is not None)
+                if q is not None:
+                    arm.show(q)
+
+
+def posture(pinned: Pinned, t: float) -> np.ndarray | None:
+    """q (n,) of the pinned run at t (s), None where that run is not known."""
+    half = 0.5 * pinned.system.scenario.controller.period
+    if not pinned.recording.first - half <= t <= pinned.t + half:
+        return None
+    return pinned.recording.at(t + half)["q"]
