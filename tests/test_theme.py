@@ -77,11 +77,11 @@ def desk() -> tuple[_Gui, list[Any]]:
     return gui, posted
 
 
-def test_digits_choose_the_modes_in_their_order_and_the_running_one_is_left_alone(desk):
+def test_digits_choose_the_modes_in_their_order(desk):
     gui, posted = desk
     for digit in "12345":
         gui.trigger(digit)
-    assert posted == [Edit("mode", mode) for mode in MODE_TITLES if mode != "hybrid"]
+    assert posted == [Edit("mode", mode) for mode in MODE_TITLES]
 
 
 def test_every_shipped_scenario_is_a_command(desk):
