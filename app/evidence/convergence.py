@@ -46,7 +46,7 @@ SUBJECTS: Mapping[Subject, str] = {
     "band": "sliding band: largest ‖s‖ [m/s]",
 }
 CAPTION = (
-    "Dots: measured; of the same colour the upper ones are semi-implicit Euler's, the lower ones RK4's. Dashed: the slope "
+    "Dots: measured; of one colour the upper ones are semi-implicit Euler's, the lower ones RK4's. Dashed: the slope "
     "that theory gives, 4 for the plant under RK4 and 1 everywhere else, through the shortest step."
 )
 
