@@ -2,7 +2,7 @@
 # make test         install, find a browser, run the tests;   ARGS="-k hybrid"
 # make check        lint, format, types, import rules
 # make bench        measure speed, pacing and memory, write docs/performance.md; ARGS="--quick", ARGS="--only step"
-# make convergence  errors and their order against the paper's differential equation
+# make convergence  errors and their order against the paper's differential equation, in build/convergence
 # make mutations    planted mistakes, and which of them the tests see; ARGS="--only task_space"
 # make screenshots  docs/screenshots/ anew
 # make constraints  constraints.txt anew, every package at its newest version
@@ -37,7 +37,7 @@ bench: .venv/dev.stamp
 	@$(BIN)/python -m benchmarks $(ARGS)
 
 convergence: .venv/dev.stamp
-	@$(BIN)/python -m benchmarks.convergence
+	$(BIN)/python -m app figures --only convergence --out build/convergence
 
 mutations: .venv/dev.stamp
 	@$(BIN)/python -m benchmarks.mutations $(ARGS)

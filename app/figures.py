@@ -16,6 +16,7 @@ import numpy as np
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.axis import Axis
     from matplotlib.figure import Figure as Canvas
 
 Rgb = tuple[int, int, int]
@@ -33,6 +34,7 @@ HANDLE = 0.235  # in, of an entry of the legend beside its name
 BINS = 600  # of a curve, each with its smallest and its largest value
 CONTRAST = 3.0  # with white, at least: WCAG 2, for graphics
 PNG_DPI = 300
+RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 _STYLE: dict[Any, Any] = {
     "svg.fonttype": "none",  # text stays text
@@ -58,8 +60,8 @@ _STYLE: dict[Any, Any] = {
 
 @dataclass(frozen=True)
 class Curve:
-    """One line. color as on the dark page; x, y (N,) in the units of the chart's labels; width in points; listed:
-    in the legend."""
+    """One line. color as on the dark page; x, y (N,) in the units of the chart's labels; width in points, 0 for dots
+    alone; dotted: a dot at each point; listed: in the legend."""
 
     name: str
     color: Rgb
@@ -68,6 +70,7 @@ class Curve:
     dashed: bool = False
     width: float = 1.0
     listed: bool = True
+    dotted: bool = False
 
 
 @dataclass(frozen=True)
@@ -81,8 +84,8 @@ class Area:
 
 @dataclass(frozen=True)
 class Chart:
-    """Axes with curves, the legend naming those that are listed. at_least: this range of y is in view whatever the
-    curves do. Over `FREQUENCY` the horizontal axis is logarithmic."""
+    """Axes with curves, the legend naming those that are listed. logarithmic: the vertical axis, logarithmic_x: the
+    horizontal one; at_least: this range of y is in view whatever the curves do."""
 
     title: str
     unit: str
@@ -91,6 +94,7 @@ class Chart:
     x_label: str = TIME
     logarithmic: bool = False
     at_least: tuple[float, float] | None = None
+    logarithmic_x: bool = False
 
 
 @dataclass(frozen=True)
@@ -216,9 +220,14 @@ def _draw(axes: Axes, chart: Chart, width: float, *, labelled: bool) -> None:
             color=printed(curve.color),
             linewidth=curve.width,
             linestyle=style,
+            marker="o" if curve.dotted else "",
+            markersize=2.4,
+            markeredgewidth=0.0,
+            clip_on=not curve.dotted,
+            zorder=3 if curve.dotted else 2,
             label=curve.name if curve.listed else "_",
         )
-    ends = [end for curve in chart.curves if len(curve.x) for end in (curve.x[0], curve.x[-1])]
+    ends = [end for curve in chart.curves if len(curve.x) for end in (np.min(curve.x), np.max(curve.x))]
     if ends and min(ends) < max(ends):
         axes.set_xlim(min(ends), max(ends))
     _scale(axes, chart)
@@ -240,21 +249,36 @@ def _draw(axes: Axes, chart: Chart, width: float, *, labelled: bool) -> None:
 
 
 def _scale(axes: Axes, chart: Chart) -> None:
-    """The vertical axis: its range, and few ticks with plain numbers."""
-    from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
-
-    if chart.x_label == FREQUENCY:
+    """The axes' ranges, and few ticks with plain numbers."""
+    if chart.logarithmic_x:
         axes.set_xscale("log")
+        _plain_decades(axes.xaxis)
     if chart.logarithmic:
         axes.set_yscale("log")
     low, high = axes.get_ylim()
     if chart.at_least is not None:
-        low, high = min(low, chart.at_least[0]), max(high, chart.at_least[1])
-        axes.set_ylim(low, high)
-    if not chart.logarithmic:
-        axes.yaxis.set_major_locator(MaxNLocator(4))
+        axes.set_ylim(min(low, chart.at_least[0]), max(high, chart.at_least[1]))
+    if chart.logarithmic:
+        _plain_decades(axes.yaxis)
     else:
-        within_decades = high > 30 * low
-        axes.yaxis.set_major_locator(LogLocator(subs=(1.0,) if within_decades else (1.0, 2.0, 5.0), numticks=6))
-        axes.yaxis.set_minor_formatter(NullFormatter())
-    axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:.6g}".replace("-", "−")))
+        from matplotlib.ticker import MaxNLocator
+
+        axes.yaxis.set_major_locator(MaxNLocator(4))
+        axes.yaxis.set_major_formatter(_plain)
+
+
+def _plain_decades(axis: Axis) -> None:
+    """Ticks of a logarithmic axis."""
+    from matplotlib.ticker import LogLocator, NullFormatter
+
+    low, high = axis.get_view_interval()
+    within_decades = high > 30 * low
+    axis.set_major_locator(LogLocator(subs=(1.0,) if within_decades else (1.0, 2.0, 5.0), numticks=6))
+    axis.set_minor_formatter(NullFormatter())
+    axis.set_major_formatter(_plain)
+
+
+def _plain(value: float, _: object) -> str:
+    mantissa, _, exponent = f"{value:.6g}".partition("e")
+    power = "10" + str(int(exponent)).translate(RAISED) if exponent else ""
+    return "·".join(part for part in (mantissa, power) if part and (part, bool(power)) != ("1", True)).replace("-", "−")

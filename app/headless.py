@@ -8,15 +8,22 @@ from pathlib import Path
 import msgspec
 from tqdm import tqdm
 
+from app.assembly import System
 from app.closed_loop import ClosedLoop
 from app.data_files import table, write_npz
 from app.metrics import Metrics, measure
 from app.scenario import Scenario, to_toml
 
 
-def simulate(scenario: Scenario, *, show_progress: bool = False) -> tuple[ClosedLoop, Metrics]:
-    """The whole duration of a scenario, or until it stops. Raises ScenarioError."""
-    loop = ClosedLoop(scenario, history=round(scenario.simulation.duration / scenario.controller.period) + 1)
+def simulate(
+    scenario: Scenario, *, show_progress: bool = False, previous: System | None = None
+) -> tuple[ClosedLoop, Metrics]:
+    """The whole duration of a scenario, or until it stops; parts of `previous` that are the same are used again.
+
+    Raises ScenarioError.
+    """
+    history = round(scenario.simulation.duration / scenario.controller.period) + 1
+    loop = ClosedLoop(scenario, history, previous)
     steps = round(scenario.simulation.duration / scenario.controller.period)
     batch = max(1, steps // 200)
     started = time.perf_counter()

@@ -1,14 +1,13 @@
 """Runs against the differential equation that they stand for, to the order of the control period; energy of the plant.
 
 Here the controller knows the arm, s = 0 throughout, and what is left is the error of sampling: it halves with the
-period. `test_responses` has the steady values and the runs with unknown arms.
+period. `test_responses` and `test_evidence_theorem` have the steady values and the runs with unknown arms.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -17,6 +16,7 @@ from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
 from app.closed_loop import ClosedLoop
+from app.evidence.closed_forms import changed
 from app.scenario import Scenario, from_plain, to_plain
 from controllers.force_loop import force_loop_factor
 from environments.contact import Contact
@@ -32,14 +32,6 @@ EXACT = {
     "declared": {"link_scaling": 0.0, "viscous": 0.0},
     "sensor": {"noise": 0.0},
 }
-
-
-def changed(scenario: Scenario, **sections: dict[str, Any]) -> Scenario:
-    """Fields replaced, and whole trajectories."""
-    data = to_plain(scenario)
-    for name, fields in sections.items():
-        data[name] = fields if name in ("motion", "force", "surface") else data[name] | fields
-    return from_plain(data)
 
 
 def steps(loop: ClosedLoop, duration: float) -> ClosedLoop:

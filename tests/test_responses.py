@@ -1,4 +1,4 @@
-"""Runs held to closed forms: (29), (35)-(37), (42), the wall's steady force, and where the sampled loops break."""
+"""Runs held to closed forms: (29), (42), the wall's steady force, and where the sampled loops break."""
 
 from __future__ import annotations
 
@@ -10,48 +10,11 @@ from scipy.linalg import expm
 
 from app.assembly import assemble
 from app.closed_loop import ClosedLoop
+from app.evidence.closed_forms import certain, changed, pressed
 from app.headless import simulate
 from app.scenario import Scenario, ScenarioError, edited, from_plain, shipped, to_plain
 from controllers.force_loop import force_loop_factor
 from tests.cases import scenario_of
-
-
-def changed(scenario: Scenario, **sections: dict[str, object]) -> Scenario:
-    data = to_plain(scenario)
-    for name, fields in sections.items():
-        data[name] = fields if "kind" in fields and name in ("motion", "force", "surface") else data[name] | fields
-    return from_plain(data)
-
-
-def certain(scenario: Scenario) -> Scenario:
-    """The controller knows the arm exactly."""
-    return changed(scenario, truth={"link_scaling": 1.0}, declared={"link_scaling": 0.0})
-
-
-@pytest.mark.parametrize("robot", ["planar3r", "ur5"])
-@pytest.mark.parametrize("ratio", [0.5, 1.0, 2.0])
-@pytest.mark.parametrize("K_m1", [0.0, 3000.0])
-@pytest.mark.parametrize("f_nd", [8.0, 25.0])
-def test_steady_force_with_unknown_stiffness(robot: str, ratio: float, K_m1: float, f_nd: float) -> None:
-    """(36), (37): exact for every estimate of the stiffness, and no error at all with K_m1 = 0."""
-    base = shipped()[f"{robot}-hybrid"]
-    K_e, n = 10_000.0, 3 if robot == "planar3r" else 6
-    model = {"K_m": [K_m1] + [4000.0] * (n - 1), "B_m": [700.0] + [400.0] * (n - 1)}
-    loop, _ = simulate(
-        changed(
-            base,
-            motion={"kind": "hold"},
-            force={"kind": "constant", "value": f_nd},
-            target_model=model,
-            controller={"K_e_hat": ratio * K_e},
-            simulation={"duration": 2.5},
-        )
-    )
-    last = loop.recording.at(loop.t)
-    e_rf = -(K_e - ratio * K_e) / (K_m1 + K_e) * f_nd / (ratio * K_e)
-    e_fn = (1 - K_e / (K_m1 + K_e)) * (K_e - ratio * K_e) / (ratio * K_e) * f_nd
-    assert last["multiplier"][0] - f_nd == pytest.approx(e_fn, abs=2e-3)
-    assert last["e_r"][0] == pytest.approx(e_rf, abs=2e-7)
 
 
 @pytest.mark.parametrize(("K_m", "K_f"), [(2000.0, 1.0), (500.0, 1.0), (2000.0, 0.4)])
@@ -69,47 +32,14 @@ def test_steady_force_of_a_wall_under_impedance(K_m: float, K_f: float) -> None:
     assert last["multiplier"][0] == pytest.approx(expected, rel=1e-4)
 
 
-def pressed(M_e: float, period: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """A tool on a bilateral mass-damper-spring, away from its equilibrium: t, penetration, and (29)'s own."""
-    base = certain(shipped()["ur5-impedance"])
-    M_m, B_m, K_m, B_e, K_e = 10.0, 60.0, 800.0, 30.0, 3000.0
-    start = ClosedLoop(base).view().tool[2].item()
-    height = start + 0.004
-    scenario = changed(
-        base,
-        target_model={"M_m": [M_m] * 6, "B_m": [B_m] * 6, "K_m": [K_m] * 6},
-        surface={"kind": "plane", "origin": [0.0, 0.0, height]},
-        contact={
-            "kind": "mass-damper-spring" if M_e else "elastic",
-            "M_e": M_e,
-            "B_e": B_e,
-            "K_e": K_e,
-            "unilateral": False,
-        },
-        sensor={"ideal": True},
-        controller={"period": period, "epsilon": 1.0, "layer": 0.02},
-        motion={"kind": "hold"},
-        simulation={"duration": 0.6},
-    )
-    loop, metrics = simulate(scenario)
-    assert metrics.stopped is None
-    record = loop.recording.signals(("t", "phi"))
-    # with y = phi: (M_m + M_e) y'' + (B_m + B_e) y' + (K_m + K_e) y = K_m y_d, the tool at rest at y_d to begin with
-    M, B, K, y_d = M_m + M_e, B_m + B_e, K_m + K_e, 0.004
-    A = np.array([[0.0, 1.0], [-K / M, -B / M]])
-    rest = np.array([K_m * y_d / K, 0.0])
-    exact = np.array([(expm(A * t) @ (np.array([y_d, 0.0]) - rest) + rest)[0] for t in record["t"]])
-    return record["t"], record["phi"], exact
-
-
 @pytest.mark.parametrize("M_e", [0.0, 3.0])
 def test_impedance_response_is_that_of_the_matrix_exponential(M_e: float) -> None:
     """(29): the error is of first order in the control period, and small."""
     errors = []
     for period in (0.002, 0.001, 0.0005):
-        _, phi, exact = pressed(M_e, period)
-        errors.append(np.abs(phi - exact).max())
-        assert np.ptp(exact) > 0.003
+        response = pressed(M_e, period)
+        errors.append(response.error)
+        assert np.ptp(response.exact) > 0.003
     assert errors[-1] < 5e-5
     assert 1.6 < errors[0] / errors[1] < 2.4
     assert 1.6 < errors[1] / errors[2] < 2.4

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import msgspec
 import numpy as np
 import pinocchio as pin
 import pytest
 from scipy.integrate import solve_ivp
 
-from app.assembly import System, assemble
+from app.assembly import System, assemble, truth_of
+from app.evidence.plants import Departure
 from app.headless import simulate
 from app.scenario import Scenario, edited, from_plain, shipped, to_plain
 from controllers.bounds import Equivalent, InertiaRange, required_gain
@@ -29,13 +31,10 @@ def declared_system(robot: str) -> System:
     return assemble(from_plain(data))
 
 
-def random_truth(random: np.random.Generator, n: int) -> Truth:
+def random_truth(system: System, random: np.random.Generator) -> Truth:
     """An arm inside the declared set, at its edge as often as within."""
-    scaling = 1.0 + RHO * np.clip(random.uniform(-1.5, 1.5, n), -1, 1)
-    offset = random.standard_normal(3)
-    offset *= OFFSET * random.uniform() / np.linalg.norm(offset)
-    share = random.uniform(size=4)
-    return Truth(scaling, PAYLOAD * share[0], offset, COULOMB * share[1], VISCOUS * share[2], PUSH * share[3], 1.0)
+    truth = Departure.inside(random, system.robot.n).truth(system.scenario.declared)
+    return truth_of(msgspec.structs.replace(system.scenario, truth=truth), system.robot.n)
 
 
 def perturbation(
@@ -79,7 +78,7 @@ def test_no_arm_inside_the_declared_set_exceeds_the_bounds(robot: str) -> None:
     system, random = declared_system(robot), np.random.default_rng(0)
     tightness = []
     for _ in range(PLANTS):
-        truth = random_truth(random, system.robot.n)
+        truth = random_truth(system, random)
         case = random_case(system, random)
         actual, parts = perturbation(system, truth, *case)
         tight, paper = bounds_at(system, *case)
@@ -99,7 +98,7 @@ def test_inertia_stays_in_its_range(robot: str) -> None:
         away = random.standard_normal(system.robot.n)
         q = centre + constants.radius * random.uniform() * away / np.linalg.norm(away)
         assert constants.holds_at(q)
-        model = random_truth(random, system.robot.n).model(system.robot)
+        model = random_truth(system, random).model(system.robot)
         e, task = system.observe(q, np.zeros_like(q), random.uniform(0, 2))
         H = task.J_q_inv.T @ pin.crba(model, model.createData(), q) @ task.J_q_inv
         eigenvalues = np.linalg.eigvalsh(H)

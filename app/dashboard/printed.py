@@ -55,7 +55,8 @@ def _chart(plot: Plot, drawing: Drawing, signals: Signals) -> Chart:
     shift = len(drawing.lines) - len(lines)  # backdrops come first
     areas = tuple(Area(area.upper - shift, area.lower - shift, area.color) for area in drawing.areas)
     logarithmic = drawing.floor is not None
-    return Chart(title, unit, curves, areas, FREQUENCY if plot.spectral else TIME, logarithmic, drawing.at_least)
+    x_label = FREQUENCY if plot.spectral else TIME
+    return Chart(title, unit, curves, areas, x_label, logarithmic, drawing.at_least, logarithmic_x=plot.spectral)
 
 
 def _course(values: np.ndarray, t: np.ndarray, *, spectral: bool) -> tuple[np.ndarray, np.ndarray]:

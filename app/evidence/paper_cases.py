@@ -110,8 +110,9 @@ def _charts(of_law: dict[str, Run]) -> tuple[Chart, ...]:
             Curve(law, color, *_positive(of_law[law].curves[name], logarithmic=logarithmic))
             for law, color in LAWS.items()
         )
-        x_label = FREQUENCY if name == "spectrum" else TIME
-        charts.append(Chart(title, unit, curves, x_label=x_label, logarithmic=logarithmic))
+        spectral = name == "spectrum"
+        x_label = FREQUENCY if spectral else TIME
+        charts.append(Chart(title, unit, curves, x_label=x_label, logarithmic=logarithmic, logarithmic_x=spectral))
     return tuple(charts)
 
 

@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
-from app.evidence import paper_cases
+from app.evidence import closed_forms, convergence, paper_cases, theorem
 from app.evidence.section import Section
 
-SECTIONS: tuple[Section, ...] = (paper_cases.SECTION,)
+SECTIONS: tuple[Section, ...] = (
+    paper_cases.SECTION,
+    theorem.SECTION,
+    closed_forms.SECTION,
+    convergence.SECTION,
+)

@@ -1,0 +1,450 @@
+"""Runs held to what the paper solves in closed form: (29), (35)-(37), Remark 2, (26), (42)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import product
+from typing import Any, Literal
+
+import numpy as np
+from scipy.linalg import expm
+from scipy.optimize import curve_fit
+
+from app.assembly import System, assemble
+from app.closed_loop import ClosedLoop
+from app.evidence.section import Findings, Job, Section
+from app.figures import Chart, Curve, Figure, render
+from app.headless import simulate
+from app.markdown import Table
+from app.scenario import Controller, Scenario, edited, from_plain, shipped, to_plain
+
+K_E = 10_000.0  # N/m, of the surface in (35)-(37)
+STEADY_ROBOTS = ("ur5", "planar3r")
+STIFFNESSES = (0.0, 1000.0, 3000.0, 10_000.0)  # K_m1, N/m
+RATIOS = (0.25, 0.5, 1.0, 2.0, 4.0)  # K_e_hat / K_e
+FORCES = (8.0, 25.0)  # f_nd, N
+
+PERIODS = (0.002, 0.001, 0.0005)  # s
+MASSES = (0.0, 3.0)  # M_e, kg
+DEPTH = 0.004  # m, of the tool to begin with
+
+INERTIA = 10.0  # kg, M_m
+FREE = tuple(product((5.0, 10.0, 20.0), (0.1, 0.3, 0.7)))  # omega rad/s, zeta
+PRESSING = tuple(product((1000.0, 4000.0, 10_000.0), (0.1, 0.3, 0.7)))  # K_e N/m, zeta
+SHARES = (1.0, 0.125)  # of the usual control period and boundary layer
+FACTORS = (0.9, 0.5, -0.5, -0.9)  # of the sampled loop through the multiplier
+
+Reading = Literal["solved", "one period late"]  # of the multiplier
+READINGS: tuple[Reading, ...] = ("solved", "one period late")
+CHOICES = ("remove", "watch")  # `controller.on_change`: Remark 2, or z(0) = 0
+STEADY_CAPTION = "Lines: (37). Dots: where a UR5 and a planar 3R, both 15 % heavier than believed, come to rest."
+CAPTION = "Colour: simulated. Black and dashed: the closed form."
+
+BLUE, ORANGE, GREEN, PINK, BLACK = (66, 135, 245), (230, 159, 0), (0, 158, 115), (204, 121, 167), (0, 0, 0)
+
+
+def changed(scenario: Scenario, **sections: Mapping[str, Any]) -> Scenario:
+    """With fields of some sections replaced; trajectories and surfaces as wholes. Raises ScenarioError."""
+    data = to_plain(scenario)
+    for name, fields in sections.items():
+        data[name] = fields if name in ("motion", "force", "surface") else data[name] | fields
+    return from_plain(data)
+
+
+def certain(scenario: Scenario) -> Scenario:
+    """The controller knows the arm exactly."""
+    return changed(scenario, truth={"link_scaling": 1.0}, declared={"link_scaling": 0.0})
+
+
+@dataclass(frozen=True)
+class Steady:
+    """Where a run ends, and where (37) says: normal errors e_rf m and e_fn N, with f_nd N."""
+
+    robot: str
+    K_m1: float
+    ratio: float
+    f_nd: float
+    e_rf: float
+    e_fn: float
+    e_rf_expected: float
+    e_fn_expected: float
+
+
+@dataclass(frozen=True)
+class Response:
+    """Penetration phi (N,) m over t (N,) s of a tool on a mass M_e (kg), damper and spring, and by (29)."""
+
+    M_e: float
+    period: float
+    t: np.ndarray
+    phi: np.ndarray
+    exact: np.ndarray
+
+    @property
+    def error(self) -> float:
+        """Largest, m."""
+        return float(np.abs(self.phi - self.exact).max())
+
+
+@dataclass(frozen=True)
+class Start:
+    """A shipped scenario from z(0) of Remark 2, or from z(0) = 0: ||s(0)|| (m/s), largest ||s|| over the sampling band,
+    and when the band was reached (s, nan for never)."""
+
+    name: str
+    choice: str
+    s_0: float
+    largest: float
+    reached: float
+
+
+@dataclass(frozen=True)
+class Oscillation:
+    """omega (rad/s) and zeta as they were prescribed, and the error (N,) m over t (N,) s that shows them; share: of the
+    usual control period and boundary layer."""
+
+    kind: str
+    share: float
+    omega: float
+    zeta: float
+    t: np.ndarray
+    error: np.ndarray
+
+    @property
+    def found(self) -> tuple[float, float]:
+        """omega (rad/s) and zeta."""
+        return recovered(self.t, self.error)
+
+
+@dataclass(frozen=True)
+class ForceLoop:
+    """lambda - lambda_d (N,) N in successive control periods on a rigid surface, whose sampled loop has a factor."""
+
+    M_m1: float
+    factor: float
+    error: np.ndarray
+
+    @property
+    def found(self) -> float:
+        """The factor from one period to the next, by least squares."""
+        return float(self.error[1:] @ self.error[:-1] / (self.error[:-1] @ self.error[:-1]))
+
+
+@dataclass(frozen=True)
+class Multiplier:
+    """Largest |lambda - lambda_d| (N) and |phi| (m) after the start, under a sinusoid."""
+
+    reading: Reading
+    period: float
+    error: float
+    phi: float
+
+
+def steady(robot: str, K_m1: float, cases: Sequence[tuple[float, float]]) -> list[Steady]:
+    """An arm that is 15 % heavier than believed presses with f_nd, for each (K_e_hat / K_e, f_nd), until it rests."""
+    found: list[Steady] = []
+    previous: System | None = None
+    n = 3 if robot == "planar3r" else 6
+    for ratio, f_nd in cases:
+        K_e_hat = ratio * K_E
+        scenario = changed(
+            shipped()[f"{robot}-hybrid"],
+            motion={"kind": "hold"},
+            force={"kind": "constant", "value": f_nd},
+            contact={"K_e": K_E},
+            target_model={"K_m": [K_m1] + [4000.0] * (n - 1), "B_m": [700.0] + [400.0] * (n - 1)},
+            controller={"K_e_hat": K_e_hat},
+            simulation={"duration": 2.5},
+        )
+        loop, _ = simulate(scenario, previous=previous)
+        previous, last = loop.system, loop.recording.at(loop.t)
+        e_rf = -(K_E - K_e_hat) / (K_m1 + K_E) / K_e_hat * f_nd
+        e_fn = (1.0 - K_E / (K_m1 + K_E)) * (K_E - K_e_hat) / K_e_hat * f_nd
+        measured = float(last["e_r"][0]), float(last["multiplier"][0] - f_nd)
+        found.append(Steady(robot, K_m1, ratio, f_nd, *measured, e_rf, e_fn))
+    return found
+
+
+def pressed(M_e: float, period: float) -> Response:
+    """A tool on a bilateral mass-damper-spring, away from its equilibrium, by an arm that is known."""
+    base = certain(shipped()["ur5-impedance"])
+    M_m, B_m, K_m, B_e, K_e = INERTIA, 60.0, 800.0, 30.0, 3000.0
+    height = ClosedLoop(base).view().tool[2].item() + DEPTH
+    scenario = changed(
+        base,
+        target_model={"M_m": [M_m] * 6, "B_m": [B_m] * 6, "K_m": [K_m] * 6},
+        surface={"kind": "plane", "origin": [0.0, 0.0, height]},
+        contact={
+            "kind": "mass-damper-spring" if M_e else "elastic", "M_e": M_e, "B_e": B_e, "K_e": K_e, "unilateral": False,
+        },
+        sensor={"ideal": True},
+        controller={"period": period, "epsilon": 1.0, "layer": 0.02},
+        motion={"kind": "hold"},
+        simulation={"duration": 0.6},
+    )  # fmt: skip
+    loop, _ = simulate(scenario)
+    record = loop.recording.signals(("t", "phi"))
+    # with y = phi: (M_m + M_e) y'' + (B_m + B_e) y' + (K_m + K_e) y = K_m y_d, the tool at rest at y_d to begin with
+    M, B, K = M_m + M_e, B_m + B_e, K_m + K_e
+    A = np.array([[0.0, 1.0], [-K / M, -B / M]])
+    rest = np.array([K_m * DEPTH / K, 0.0])
+    exact = np.array([(expm(A * t) @ (np.array([DEPTH, 0.0]) - rest) + rest)[0] for t in record["t"]])
+    return Response(M_e, period, record["t"], record["phi"], exact)
+
+
+def start(name: str, choice: str) -> Start:
+    """The first second of a shipped scenario. choice: `controller.on_change`."""
+    scenario = edited(edited(shipped()[name], "controller.on_change", choice), "simulation.duration", 1.0)
+    loop, metrics = simulate(scenario)
+    record = loop.recording.signals(("s_norm", "s_band"))
+    reached = np.nan if metrics.reaching_time is None else metrics.reaching_time
+    largest = float((record["s_norm"] / record["s_band"]).max())
+    return Start(name, choice, float(record["s_norm"][0]), largest, reached)
+
+
+def free(omega: float, zeta: float, share: float) -> Oscillation:
+    """The reference of a UR5 sets off at full speed; its error is the free response of (26), of links 15 % heavier than
+    believed."""
+    scenario = changed(
+        shipped()["ur5-motion"],
+        target_model=_oscillator(omega, zeta),
+        controller=_fine(share),
+        motion={"kind": "circle", "radius": 0.05, "period": 4.0, "ramp": 0.0, "axes": [0, 1]},
+        simulation={"duration": _span(omega, zeta)},
+    )
+    record = simulate(scenario)[0].recording.signals(("t", "e_r", "e_r_dot"))
+    along = int(np.argmax(np.abs(record["e_r_dot"][0])))
+    return Oscillation("free, (26)", share, omega, zeta, record["t"], record["e_r"][:, along])
+
+
+def pressing(K_e: float, zeta: float, share: float) -> Oscillation:
+    """A tool of the same arm that begins too deep in an elastic surface, (35) with K_m1 = 0 and K_e known."""
+    base = shipped()["ur5-hybrid"]
+    height = ClosedLoop(base).view().tool[2].item() + 2.0 * DEPTH
+    omega = float(np.sqrt(K_e / INERTIA))
+    model = _oscillator(omega, zeta)
+    scenario = changed(
+        base,
+        target_model={"M_m": model["M_m"], "B_m": [model["B_m"][0]] + [400.0] * 5, "K_m": [0.0] + [4000.0] * 5},
+        surface={"kind": "plane", "origin": [0.0, 0.0, height]},
+        contact={"K_e": K_e, "unilateral": False},
+        controller=_fine(share) | {"K_e_hat": K_e},
+        motion={"kind": "hold"},
+        simulation={"duration": _span(omega, zeta)},
+    )
+    record = simulate(scenario)[0].recording.signals(("t", "e_r"))
+    return Oscillation("pressing, (35)", share, omega, zeta, record["t"], record["e_r"][:, 0])
+
+
+def _fine(share: float) -> dict[str, float]:
+    return {"period": share * Controller().period, "layer": share * Controller().layer}
+
+
+def _oscillator(omega: float, zeta: float) -> dict[str, list[float]]:
+    return {
+        "M_m": [INERTIA] * 6,
+        "B_m": [2.0 * zeta * omega * INERTIA] * 6,
+        "K_m": [omega**2 * INERTIA] * 6,
+    }
+
+
+def _span(omega: float, zeta: float) -> float:
+    """Of a response until little is left of it, s."""
+    return min(5.0 / (zeta * omega), 4.0)
+
+
+def recovered(t: np.ndarray, error: np.ndarray) -> tuple[float, float]:
+    """omega (rad/s) and zeta < 1 of a free oscillation (N,) over t (N,) s, at equal steps.
+
+    Prony's method on the whole response begins, x_(k+2) = a x_(k+1) + b x_k, and a fit to it by least squares ends.
+    """
+    few = max(len(t) // 60, 1)
+    x, step = error[::few], float(t[few] - t[0])
+    a, b = np.linalg.lstsq(np.stack([x[1:-1], x[:-2]], axis=1), x[2:], rcond=None)[0]
+    pole = complex(np.log(np.roots([1.0, -a, -b]).astype(complex)[0]) / step)
+
+    def response(t: np.ndarray, sigma: float, omega_d: float, c: float, s: float) -> np.ndarray:
+        return np.exp(-sigma * t) * (c * np.cos(omega_d * t) + s * np.sin(omega_d * t))
+
+    size = float(np.abs(error).max())
+    guess = (-pole.real, abs(pole.imag), error[0] / size, 0.5)
+    (sigma, omega_d, *_), _ = curve_fit(response, t, error / size, guess)
+    omega = float(np.hypot(sigma, omega_d))
+    return omega, float(sigma / omega)
+
+
+def force_loop(factor: float) -> ForceLoop:
+    """A UR5 that is known holds still on a rigid surface; M_m1 gives the loop through the multiplier this factor."""
+    base = certain(shipped()["ur5-constrained"])
+    system = assemble(base)
+    estimate, task = system.observe(system.q_0, np.zeros(6), 0.0)
+    H_inv = np.linalg.inv(task.J_q_inv.T @ estimate.M_hat @ task.J_q_inv)
+    M_m1 = float(1.0 / H_inv[0, 0] / (1.0 - factor))  # factor = 1 - h / M_m1 with the effective mass h, DESIGN 4.6
+    scenario = changed(
+        base,
+        motion={"kind": "hold"},
+        contact={"unilateral": False},
+        target_model={"M_m": [M_m1] + [10.0] * 5, "B_m": [100.0] + [400.0] * 5},
+        controller={"K_s": 1.0, "epsilon": 0.01, "layer": 1.0},  # the robust term has nothing to do where s = 0
+        simulation={"duration": 0.02},
+    )
+    record = simulate(scenario)[0].recording.signals(("multiplier", "F_cd"))
+    return ForceLoop(M_m1, factor, (record["multiplier"] - record["F_cd"][:, 0])[1:])
+
+
+def multiplier(period: float, reading: Reading) -> Multiplier:
+    """A UR5 whose links are 15 % heavier than believed slides on a rigid surface; lambda_d varies."""
+    scenario = changed(
+        shipped()["ur5-constrained"],
+        force={"kind": "sinusoid", "value": 20.0, "amplitude": 5.0, "frequency": 1.0},
+        sensor={"ideal": reading == "solved"},
+        controller={"period": period},
+        simulation={"duration": 1.0},
+    )
+    record = simulate(scenario)[0].recording.signals(("multiplier", "F_cd", "phi"), t_from=0.5)
+    error = np.abs(record["multiplier"] - record["F_cd"][:, 0]).max()
+    return Multiplier(reading, period, float(error), float(np.abs(record["phi"]).max()))
+
+
+def jobs(thin: int) -> list[Job]:
+    presses = list(product(RATIOS, FORCES))[::thin]
+    shown = [name for name, scenario in shipped().items() if scenario.controller.on_change == "remove"]
+    return [
+        *(Job(steady, (robot, K_m1, presses)) for robot in STEADY_ROBOTS for K_m1 in STIFFNESSES),
+        *(Job(pressed, arguments) for arguments in product(MASSES, PERIODS)),
+        *(Job(start, arguments) for arguments in list(product(shown, CHOICES))[: max(2, 2 * len(shown) // thin)]),
+        *(Job(free, (*case, share)) for case in FREE[::thin] for share in SHARES),
+        *(Job(pressing, (*case, share)) for case in PRESSING[::thin] for share in SHARES),
+        *(Job(force_loop, (factor,)) for factor in FACTORS),
+        *(Job(multiplier, arguments) for arguments in product(PERIODS, READINGS)),
+    ]
+
+
+def conclude(results: Sequence[Any]) -> Findings:
+    rests = [one for batch in results if isinstance(batch, list) for one in batch]
+    responses, starts, oscillations, loops, multipliers = (
+        [one for one in results if isinstance(one, kind)]
+        for kind in (Response, Start, Oscillation, ForceLoop, Multiplier)
+    )
+    numbers = {
+        "rests": f"{len(rests)}",
+        "e_rf": f"{max(abs(one.e_rf - one.e_rf_expected) for one in rests):.1g}",
+        "e_fn": f"{max(abs(one.e_fn - one.e_fn_expected) for one in rests):.1g}",
+        "e_fn_zero": f"{max((abs(one.e_fn) for one in rests if one.K_m1 == 0.0), default=np.nan):.1g}",
+        "e_fn_largest": f"{max(abs(one.e_fn) for one in rests):.3g}",
+        "phi": f"{max(one.phi for one in multipliers):.1g}",
+        "never_reaching": f"{max(one.largest for one in starts if one.choice == 'remove'):.2f}",
+        "factor_error": f"{max(abs(one.found - one.factor) for one in loops):.1g}",
+    }
+    for share, name in zip(SHARES, ("usual", "fine"), strict=True):
+        found = [(one, *one.found) for one in oscillations if one.share == share]
+        numbers[f"omega_{name}"] = f"{100 * max(abs(omega / one.omega - 1.0) for one, omega, _ in found):.2g}"
+        numbers[f"zeta_{name}"] = f"{max(abs(zeta - one.zeta) for one, _, zeta in found):.1g}"
+    return Findings(
+        numbers=numbers,
+        tables={
+            "responses": _responses(responses),
+            "starts": _starts(starts),
+            "oscillations": _oscillations(oscillations),
+            "loops": Table(
+                ("M_m1 [kg]", "factor prescribed", "factor found"),
+                [(f"{one.M_m1:.3g}", f"{one.factor:g}", f"{one.found:.4f}") for one in loops],
+            ),
+            "multipliers": Table(
+                ("multiplier", "T [ms]", "\\|λ − λ_d\\|, largest [N]"),
+                [(one.reading, f"{1e3 * one.period:g}", f"{one.error:.2g}") for one in multipliers],
+            ),
+        },
+        figures={
+            "steady": render(Figure((_steady_chart(rests),), STEADY_CAPTION), "svg"),
+            "responses": render(
+                Figure((_response_chart(responses), _oscillation_chart(oscillations), _loop_chart(loops)), CAPTION),
+                "svg",
+            ),
+        },
+    )
+
+
+def _responses(found: Sequence[Response]) -> Table:
+    rows = []
+    for M_e in MASSES:
+        errors = [one.error for period in PERIODS for one in found if (one.M_e, one.period) == (M_e, period)]
+        slope = np.polyfit(np.log(PERIODS), np.log(errors), 1)[0]
+        rows.append((f"{M_e:g}", *(f"{1e6 * error:.3g}" for error in errors), f"{slope:.2f}"))
+    return Table(("M_e [kg]", *(f"error at T = {1e3 * T:g} ms [µm]" for T in PERIODS), "slope"), rows)
+
+
+def _starts(found: Sequence[Start]) -> Table:
+    rows = []
+    for name in dict.fromkeys(one.name for one in found):
+        removed, watched = (next(one for one in found if (one.name, one.choice) == (name, c)) for c in CHOICES)
+        rows.append(
+            (name, f"{1e3 * removed.s_0:.1g}", f"{removed.largest:.2f}", f"{1e3 * watched.s_0:.3g}",
+             f"{1e3 * watched.reached:.3g}")
+        )  # fmt: skip
+    return Table(
+        ("", "‖s(0)‖ [mm/s]", "largest ‖s‖ / band", "‖s(0)‖ with z(0) = 0 [mm/s]", "band then reached after [ms]"), rows
+    )
+
+
+def _oscillations(found: Sequence[Oscillation]) -> Table:
+    rows = []
+    for one in (one for one in found if one.share == SHARES[0]):
+        fine = next(
+            o for o in found if (o.kind, o.omega, o.zeta, o.share) == (one.kind, one.omega, one.zeta, SHARES[1])
+        )
+        pairs = (f"{number:.3f}" for way in (one, fine) for number in way.found)
+        rows.append((one.kind, f"{one.omega:.2f}", f"{one.zeta:g}", *pairs))
+    return Table(("response", "ω [rad/s]", "ζ", "ω at 1 ms", "ζ at 1 ms", "ω, an eighth", "ζ, an eighth"), rows)
+
+
+def _steady_chart(found: Sequence[Steady]) -> Chart:
+    ratios = np.geomspace(min(RATIOS), max(RATIOS), 60)
+    curves = []
+    for K_m1, color in zip(STIFFNESSES, (BLUE, ORANGE, GREEN, PINK), strict=True):
+        expected = K_m1 / (K_m1 + K_E) * (1.0 - ratios) / ratios
+        of = [one for one in found if one.K_m1 == K_m1]
+        x, y = (np.array([getter(one) for one in of]) for getter in (lambda o: o.ratio, lambda o: o.e_fn / o.f_nd))
+        curves.append(Curve(f"K_m1 = {K_m1:g} N/m", color, ratios, expected))
+        curves.append(Curve("", color, x, y, width=0.0, listed=False, dotted=True))
+    title = "steady force error over f_nd"
+    return Chart(
+        title, "ratio", tuple(curves), x_label="believed over true stiffness of the surface", logarithmic_x=True
+    )
+
+
+def _response_chart(found: Sequence[Response]) -> Chart:
+    curves = []
+    for M_e, color in zip(MASSES, (BLUE, ORANGE), strict=True):
+        one = next(one for one in found if (one.M_e, one.period) == (M_e, PERIODS[-1]))
+        curves.append(Curve(f"M_e = {M_e:g} kg", color, one.t, 1e3 * one.phi))
+        curves.append(Curve("", BLACK, one.t, 1e3 * one.exact, dashed=True, width=0.7, listed=False))
+    return Chart("penetration of an impedance, (29)", "mm", tuple(curves))
+
+
+def _oscillation_chart(found: Sequence[Oscillation]) -> Chart:
+    curves = []
+    of = [
+        one for one in found if one.kind.startswith("free") and one.share == SHARES[0] and one.omega == found[0].omega
+    ]
+    for one, color in zip(of, (BLUE, ORANGE, GREEN), strict=False):
+        sigma, omega_d = one.zeta * one.omega, one.omega * np.sqrt(1.0 - one.zeta**2)
+        rate = (one.error[1] - one.error[0]) / (one.t[1] - one.t[0])
+        exact = rate / omega_d * np.exp(-sigma * one.t) * np.sin(omega_d * one.t)
+        curves.append(Curve(f"ω = {one.omega:g} rad/s, ζ = {one.zeta:g}", color, one.t, 1e3 * one.error))
+        curves.append(Curve("", BLACK, one.t, 1e3 * exact, dashed=True, width=0.7, listed=False))
+    return Chart("free error of an arm 15 % too heavy, (26)", "mm", tuple(curves))
+
+
+def _loop_chart(found: Sequence[ForceLoop]) -> Chart:
+    curves = []
+    for one, color in zip(found, (BLUE, ORANGE, GREEN, PINK), strict=True):
+        k = np.arange(len(one.error))
+        curves.append(Curve("", BLACK, k, one.factor**k, width=0.5, dashed=True, listed=False))
+        curves.append(Curve(f"factor {one.factor:g}", color, k, one.error / one.error[0], width=0.0, dotted=True))
+    title = "rigid surface: λ − λ_d over its first value"
+    return Chart(title, "ratio", tuple(curves), x_label="control period")
+
+
+SECTION = Section("closed_forms", jobs, conclude)

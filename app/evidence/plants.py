@@ -1,0 +1,135 @@
+"""Random arms in and around what the controller is told, and random situations to put them into."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+from zlib import crc32
+
+import msgspec
+import numpy as np
+
+from app.scenario import Declared, Scenario, Truth, from_plain
+from controllers.nominal_model import NominalModel
+from environments import robots
+
+Random = np.random.Generator
+
+KILOGRAM_ARMS = ("planar2r", "planar3r")  # textbook arms of about 1 kg a link
+HEAVY_LOAD = Declared(0.15, 1.0, 0.05, 0.5, 0.3, 2.0)
+LIGHT_LOAD = Declared(0.15, 0.2, 0.02, 0.1, 0.05, 0.3)
+PERIOD, PERIODS = 0.0002, {"panda": 0.0001, "planar3r": 0.0001}  # s, short where a light wrist makes the band wide
+LAYER = 0.004  # m/s
+DURATION, BRIEF = 0.4, 0.12  # s; where the loop through the multiplier is solved, each period takes long to compute
+
+
+class Departure(NamedTuple):
+    """How a true arm differs from what is believed, as shares of what is declared: links (n,) within [-1, 1], the
+    others within [0, 1]; towards (3,): unit vector to the payload; frequency: of the disturbance, Hz."""
+
+    links: np.ndarray
+    payload: float
+    offset: float
+    towards: np.ndarray
+    coulomb: float
+    viscous: float
+    disturbance: float
+    frequency: float
+
+    @classmethod
+    def inside(cls, random: Random, n: int) -> Departure:
+        """Anywhere in the declared set, in half the draws of each quantity at its edge."""
+        links = np.clip(random.uniform(-2.0, 2.0, n), -1.0, 1.0)
+        shares = np.minimum(random.uniform(0.0, 2.0, 5), 1.0)
+        return cls(links, shares[0], shares[1], _unit(random), *shares[2:], random.uniform(0.2, 5.0))
+
+    @classmethod
+    def edge(cls, random: Random, n: int) -> Departure:
+        """A corner of the declared set."""
+        return cls(random.choice([-1.0, 1.0], n), 1.0, 1.0, _unit(random), 1.0, 1.0, 1.0, random.uniform(0.2, 5.0))
+
+    def truth(self, declared: Declared, scale: float = 1.0) -> Truth:
+        """The arm of this departure, or one `scale` times as far away."""
+        d = declared
+        return Truth(
+            link_scaling=tuple((1.0 + scale * d.link_scaling * self.links).tolist()),
+            payload_mass=float(scale * d.payload_mass * self.payload),
+            payload_offset=tuple((scale * d.payload_offset * self.offset * self.towards).tolist()),
+            coulomb=float(scale * d.coulomb * self.coulomb),
+            viscous=float(scale * d.viscous * self.viscous),
+            disturbance=float(scale * d.disturbance * self.disturbance),
+            disturbance_frequency=self.frequency,
+        )
+
+
+def _unit(random: Random) -> np.ndarray:
+    v = random.standard_normal(3)
+    return v / np.linalg.norm(v)
+
+
+def random_of(robot: str, mode: str, *numbers: int) -> Random:
+    """A stream of its own for each robot, mode and numbers."""
+    return np.random.default_rng([crc32(f"{robot} {mode}".encode()), *numbers])
+
+
+def situation(robot: str, mode: str, seed: int) -> Scenario:
+    """A posture, a path, a surface and a force, such that s starts away from zero and is to be reached.
+
+    The path begins at full speed (or the surface does, where an arm has a single direction along it), and the surface
+    to be pressed is not where r_fd would have it.
+    """
+    random = random_of(robot, mode, seed)
+    entry = robots.load(robot)
+    posture = entry.posture + random.uniform(-0.1, 0.1, entry.n)
+    nominal = NominalModel(entry.model, entry.tool_joint, entry.tool_placement)
+    x, y, z = nominal.evaluate(posture, np.zeros(entry.n)).p.tolist()
+    rigid, pressed = mode == "constrained", mode in ("hybrid", "hybrid-impedance")
+    speed, period, frequency = random.uniform(0.2, 0.4), random.uniform(0.8, 2.0), random.uniform(0.5, 2.0)
+    radius = speed * period / (2 * np.pi)
+    motion: dict[str, Any] = {"kind": "circle", "radius": radius, "axes": random.permutation(2).tolist()}
+    if entry.geometry == "planar" and (pressed or rigid):
+        motion = {"kind": "line", "displacement": [2 * radius]}
+    return from_plain({
+        "mode": mode,
+        "robot": {"name": robot, "posture": posture.tolist()},
+        "declared": msgspec.to_builtins(LIGHT_LOAD if robot in KILOGRAM_ARMS else HEAVY_LOAD),
+        "controller": {"on_change": "watch", "period": PERIODS.get(robot, PERIOD), "layer": LAYER},
+        "contact": {
+            "kind": {"motion": "free", "constrained": "rigid"}.get(mode, "elastic"),
+            "K_e": float(10 ** random.uniform(3.0, 4.0)),
+            "unilateral": not rigid,
+            "friction_coulomb": 0.0 if rigid else random.uniform(0.0, 0.2),
+            "friction_viscous": random.uniform(0.0, 30.0),
+        },
+        "sensor": {"ideal": rigid},  # the theorem knows F; a multiplier read one period late is another matter
+        "surface": {
+            "kind": "plane",
+            "origin": [x, y, z - (random.uniform(-0.002, 0.015) if pressed else 0.0)],
+            "motion": {
+                "direction": [1.0, 0.0, 0.0],
+                "amplitude": random.uniform(0.15, 0.3) / (2 * np.pi * frequency),
+                "frequency": frequency,
+            },
+        },
+        "motion": motion | {"period": period, "ramp": 0.0},
+        "force": {"kind": "constant", "value": random.uniform(5.0, 30.0)},
+        "simulation": {"duration": BRIEF if rigid else DURATION, "domain_radius": 0.25},
+    })  # fmt: skip
+
+
+def with_gains(scenario: Scenario, random: Random) -> Scenario:
+    """With K_s, epsilon, F_1 and the switching function drawn anew."""
+    controller = msgspec.structs.replace(
+        scenario.controller,
+        K_s=float(10 ** random.uniform(1.3, 2.5)),
+        epsilon=float(10 ** random.uniform(0.0, 1.3)),
+        F_1=random.uniform(8.0, 20.0),
+        switching=str(random.choice(["discontinuous", "saturation"])),
+    )
+    return msgspec.structs.replace(scenario, controller=controller)
+
+
+def drawn(robot: str, mode: str, seed: int, number: int) -> Scenario:
+    """Plant `number` of a situation, inside what is declared, with gains of its own."""
+    here, random = situation(robot, mode, seed), random_of(robot, mode, seed, number)
+    truth = Departure.inside(random, len(here.robot.posture or ())).truth(here.declared)
+    return with_gains(msgspec.structs.replace(here, truth=truth, name=f"{robot}-{mode}-{seed}-{number}"), random)
