@@ -84,6 +84,14 @@ class ClosedLoop:
         self._begin(assemble(scenario, previous))
 
     @classmethod
+    def of(cls, system: System, history: int = 600_000) -> ClosedLoop:
+        """A run of a system that is built already, such as one with another plant."""
+        loop = object.__new__(cls)
+        loop._history = history
+        loop._begin(system)
+        return loop
+
+    @classmethod
     def resume(cls, state: LoopState, history: int = 600_000, previous: System | None = None) -> ClosedLoop:
         """A run that goes on from `state` exactly as the one that was there; `edit` takes it elsewhere.
 
