@@ -15,7 +15,7 @@ from app.figures import CAPTION_LETTERS, DOUBLE, MARGIN, ROW, STYLE
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-TALL, LEFT, GAP, BAR, BELOW = 1.75, 0.58, 0.95, 0.09, 0.42  # in
+TALL, LEFT, GAP, BAR, BELOW = 1.75, 0.58, 0.95, 0.09, 0.32  # in
 GOOD, THEORY = "white", "0.05"  # of a map's two lines
 
 
@@ -68,6 +68,7 @@ def _draw(axes: Axes, bar: Axes, each: HeatMap) -> None:
     axes.set_facecolor("0.75")
     scale = LogNorm(*each.ends, clip=True)
     mesh = axes.pcolormesh(np.arange(k + 1), np.arange(l + 1), np.ma.masked_invalid(each.values), norm=scale)
+    mesh.set_edgecolor("face")
     mesh.set_cmap("viridis_r")
     for j, i in np.argwhere(np.isnan(each.values)):
         axes.text(i + 0.5, j + 0.5, "×", ha="center", va="center", color="0.3", fontsize=6.5)

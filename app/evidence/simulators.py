@@ -349,7 +349,8 @@ def _figure(found: Free, touched: Sequence[Touch]) -> bytes:
         for i, (substeps, rung) in enumerate(zip(LADDER, found.rungs, strict=True))
     )
     circle = next(each for each in touched if each.name != "at rest")
-    few = slice(None, None, max(1, len(circle.t) // POINTS))
+    touching = np.flatnonzero(circle.ours > 0.0)
+    few = slice(touching[0], None, max(1, len(touching) // POINTS))
     forces = (
         Curve("MuJoCo", TINT[1], circle.t[few], circle.mujoco[few], width=2.2),
         Curve("our plant", TINT[0], circle.t[few], circle.ours[few], dashed=True),
@@ -359,11 +360,12 @@ def _figure(found: Free, touched: Sequence[Touch]) -> bytes:
         for each, color in zip(touched, TINT, strict=False)
     )
     charts = (
-        Chart("joint angles apart, our Euler from MuJoCo's Runge-Kutta", "rad", rungs, logarithmic=True),
+        Chart("joint angles apart, by our step", "rad", rungs, logarithmic=True),
         Chart(f"force, surface of {circle.mass:g} kg, 10 kN/m", "N", forces),
         Chart("forces apart", "N", apart, logarithmic=True),
     )
-    return render(Figure(charts, f"Top: {found.robot} on a circle in free space, by our step."), "svg")
+    told = f"Top: {found.robot} in free space, our Euler from MuJoCo's Runge-Kutta at {1.0 / FINE:g} ms."
+    return render(Figure(charts, f"{told} Below: from the first touch on."), "svg")
 
 
 def _above_zero(t: np.ndarray, values: np.ndarray, floor: float = 1e-9) -> tuple[np.ndarray, np.ndarray]:
