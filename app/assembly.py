@@ -36,9 +36,9 @@ from app.scenario import (
     to_plain,
 )
 from controllers import modes
+from controllers.baselines import ComputedTorque, PdGravity
 from controllers.bounds import Uncertainty
 from controllers.compensator import Compensator
-from controllers.computed_torque import ComputedTorque
 from controllers.modes import Mode
 from controllers.nominal_model import Estimate, NominalModel
 from controllers.switching import Switching
@@ -57,6 +57,8 @@ from environments.typed_surface import TypedSurface
 from environments.urdf import RobotError
 
 NEAR = 0.03  # m
+UNLIMITED = 1e6  # N m: a URDF's effort limit beyond this says that there is none
+LAWS = {"vsmrc": Vsmrc, "computed-torque": ComputedTorque, "pd-gravity": PdGravity}
 
 
 @dataclass(frozen=True)
@@ -169,7 +171,7 @@ def _assemble(scenario: Scenario, previous: System | None) -> System:
     surface = _surface_in_use(scenario, robot, nominal, previous)
     plant = Plant(
         robot,
-        truth_of(scenario, robot.n),
+        truth_of(scenario, robot),
         surface,
         scenario.contact.kind,
         Contact(*(getattr(scenario.contact, f) for f in Contact._fields)),
@@ -273,8 +275,9 @@ def with_robot(scenario: Scenario, changes: Mapping[str, object]) -> Scenario:
         for gain in ("A", "F_1", "F_2", "K_s"):
             value = data["controller"][gain]
             data["controller"][gain] = value[0] if isinstance(value, list) and not isinstance(value[0], list) else value
-        if isinstance(data["truth"]["link_scaling"], list):
-            del data["truth"]["link_scaling"]
+        for each in ("link_scaling", "torque_limit"):
+            if isinstance(data["truth"][each], list):
+                del data["truth"][each]
     data["robot"] = {name: value for name, value in {**data["robot"], **changes}.items() if value is not None}
     changed = from_plain(data)
     if another - {"tool_frame"}:
@@ -341,9 +344,9 @@ def _robot(scenario: Scenario) -> robots.Robot:
     )
 
 
-def truth_of(scenario: Scenario, n: int) -> Truth:
-    """How the true arm of n joints differs from the nominal one. Raises ScenarioError."""
-    t = scenario.truth
+def truth_of(scenario: Scenario, robot: robots.Robot) -> Truth:
+    """How the true arm differs from the nominal one. Raises ScenarioError."""
+    t, n = scenario.truth, robot.n
     scaling = (
         np.broadcast_to(np.array(t.link_scaling, dtype=float), (n,))
         if np.ndim(t.link_scaling) == 0
@@ -361,7 +364,28 @@ def truth_of(scenario: Scenario, n: int) -> Truth:
         t.viscous,
         t.disturbance,
         t.disturbance_frequency,
+        _torque_limit(t.torque_limit, robot),
     )
+
+
+def _torque_limit(given: float | tuple[float, ...], robot: robots.Robot) -> np.ndarray:
+    """What the drives give at most, (n,) N m; infinite where nothing limits them."""
+    path, n, numbers = "truth.torque_limit", robot.n, np.atleast_1d(np.array(given, dtype=float))
+    if np.ndim(given) == 0 and numbers[0] == 0.0:
+        return np.full(n, np.inf)
+    if (numbers <= 0.0).any():
+        raise ScenarioError(f"{path}: {float(numbers.min())}; allowed: 0 for no limit, or numbers > 0")
+    if np.ndim(given) == 1:
+        if len(numbers) != n:
+            raise ScenarioError(f"{path}: {len(numbers)} values; allowed: one factor, or {n} torques, one per joint")
+        return numbers
+    for name, effort in zip(robot.joint_names, robot.model.effortLimit, strict=True):
+        if not 0.0 < effort < UNLIMITED:
+            raise ScenarioError(
+                f"{path}: {given:g}, but the URDF gives no effort limit for joint {name!r}; "
+                f"allowed: 0 for no limit, or {n} torques, one per joint"
+            )
+    return numbers[0] * robot.model.effortLimit
 
 
 def _tool_at_start(robot: robots.Robot, nominal: NominalModel) -> np.ndarray:
@@ -529,8 +553,7 @@ def _law(scenario: Scenario, mode: Mode, layout: TaskLayout, constants: Constant
     model = target_model(scenario, n)
     mode.check(model, c.K_e_hat)
     gains = {f: _square(f"controller.{f}", getattr(c, f), n) for f in ("A", "F_1", "F_2", "K_s")}
-    kind = Vsmrc if c.law == "vsmrc" else ComputedTorque
-    return kind(
+    return LAWS[c.law](
         model=model,
         compensator=Compensator.design(model, gains["A"], gains["F_1"], gains["F_2"]),
         K_s=gains["K_s"],

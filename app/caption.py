@@ -9,6 +9,7 @@ from msgspec import Struct
 
 from app.scenario import Scenario, field_info
 
+_BASELINES = {"computed-torque": "Computed torque", "pd-gravity": "PD + gravity"}
 _LAW = ("A", "F_1", "F_2", "K_s")
 _MODEL_UNITS = {"M_m": " kg", "B_m": " N·s/m", "K_m": " N/m", "K_f": ""}
 _ELSEWHERE = ("name", "title", "mode", "robot", "target_model", "controller", "simulation")
@@ -32,8 +33,8 @@ def caption(scenario: Scenario, model: Mapping[str, np.ndarray], t_from: float, 
 
 def _law(scenario: Scenario) -> str:
     law = scenario.controller
-    if law.law == "computed-torque":
-        return f"Computed torque, T = {law.period * 1e3:g} ms"
+    if law.law in _BASELINES:
+        return f"{_BASELINES[law.law]}, T = {law.period * 1e3:g} ms"
     gains = ", ".join(f"{name} = {_value(getattr(law, name))}" for name in _LAW)
     d = f"d by (17) with ε = {law.epsilon:g} N, bounds: {law.bounds}" if law.gain == "theorem" else f"d = {law.d:g} N"
     layer = "" if law.switching == "discontinuous" else f" over {law.layer:g} m/s"

@@ -19,6 +19,7 @@ from controllers.reaching import ReachingCertificate
 from controllers.reference_estimates import ReferenceEstimates
 from controllers.switching import Switching
 from controllers.task_space import TaskSpace
+from controllers.vsmrc import Law
 from environments.push import Grip
 from environments.sensors import ForceReader, ReaderMemory
 from environments.stiffness import ROUNDING
@@ -81,6 +82,14 @@ class ClosedLoop:
     def __init__(self, scenario: Scenario, history: int = 600_000, previous: System | None = None) -> None:
         self._history = history
         self._begin(assemble(scenario, previous))
+
+    @classmethod
+    def of(cls, system: System, history: int = 600_000) -> ClosedLoop:
+        """A run of a system that is built already, such as one with another plant."""
+        loop = object.__new__(cls)
+        loop._history = history
+        loop._begin(system)
+        return loop
 
     @classmethod
     def resume(cls, state: LoopState, history: int = 600_000, previous: System | None = None) -> ClosedLoop:
@@ -154,7 +163,7 @@ class ClosedLoop:
         self._control(F, row)
         if self._ideal:
             self._solve_for_force(row)
-        plant.advance(arm, self._tau + self._push_torque if pushed else self._tau, t, self._h)
+        plant.advance(arm, self._applied + self._push_torque if pushed else self._applied, t, self._h)
 
         alarms = self._complete_row(self._setting, self._period.data, arm.data, row)
         self.recording.commit()
@@ -202,7 +211,7 @@ class ClosedLoop:
         plant, arm, t = self.system.plant, self._arm, self.t
         guess = arm.read().load.multiplier
         self._control(plant.force_of(arm, guess, t) - self._push, row)
-        error = plant.respond(arm, self._tau + self._push_torque, t).multiplier - guess
+        error = plant.respond(arm, self._applied + self._push_torque, t).multiplier - guess
         slope = -1.0
         for _ in range(FORCE_ITERATIONS):
             if abs(error) <= 1e-10 * (1.0 + abs(guess)):
@@ -210,7 +219,7 @@ class ClosedLoop:
             change = -error / slope if slope != 0.0 else error
             guess += change
             self._control(plant.force_of(arm, guess, t) - self._push, row)
-            before, error = error, plant.respond(arm, self._tau + self._push_torque, t).multiplier - guess
+            before, error = error, plant.respond(arm, self._applied + self._push_torque, t).multiplier - guess
             slope = (error - before) / change
         self._left("stop", f"the loop through the multiplier has no solution near {guess:.4g} N")
 
@@ -221,7 +230,7 @@ class ClosedLoop:
         self._t_0, self._steps = self.t, 0
         self._ideal = system.scenario.sensor.ideal and system.plant.heavy
         self._along = self._reference_estimates()
-        self._tau, self._push = self._period.views.output.tau, self._period.views.push
+        self._applied, self._push = self._period.views.applied, self._period.views.push
         self._push_torque, self._pushed = np.zeros(system.robot.n), True
         self._timed = system.push if any(system.push.force) else None
         arm, z, law = self._arm.views, self._period.views.z, system.law
@@ -242,7 +251,7 @@ class ClosedLoop:
         self.recording.epochs.append(Epoch(self.t, system.scenario, law.model, self.certificate))
         self.warning = self._force_loop_warning(estimate, task) or self._contact_loop_warning()
         self.s_since = self.t
-        self._period.data["reached"] = False
+        self._period.data["reached"] = self._period.data["saturated"] = False
         self._setting = Record(self._setting_of(system)).data
         row, data = np.empty(self.recording.width), (self._setting, self._period.data)
         self._complete_row = resolved(complete_row, *data, self._arm.data, row)
@@ -263,7 +272,8 @@ class ClosedLoop:
             period=self._h,
             online=self._along is None,
             heavy=system.plant.heavy,
-            limits=Limits(system.scenario.simulation.sigma_min, SPEED_LIMIT, pushes_only, system.law.robust),
+            torque_limit=np.broadcast_to(system.plant.truth.torque_limit, system.robot.n),
+            limits=Limits(system.scenario.simulation.sigma_min, SPEED_LIMIT, pushes_only, system.law.law is Law.VSMRC),
         )
 
     def _force_loop_factor(self, estimate: Estimate, task: TaskSpace) -> float:
@@ -312,6 +322,8 @@ class ClosedLoop:
             self.reaching_time = self.t - self.s_since
             epochs = self.recording.epochs
             epochs[-1] = replace(epochs[-1], reached=self.t)
+        if Alarm.SATURATED in alarms:
+            self._left("flag", self._saturation(period.output.tau, period.applied))
         if Alarm.NOT_FINITE in alarms:
             self._left("stop", "the state is no longer finite: the loop diverged")
         elif Alarm.PULLING in alarms and self.t > 0.0:
@@ -327,6 +339,13 @@ class ClosedLoop:
                 f"‖s‖ = {period.output.s_norm:.4g} m/s is over its bound (20), {period.bound + period.band:.4g} m/s "
                 "with the sampling band",
             )
+
+    def _saturation(self, tau: np.ndarray, applied: np.ndarray) -> str:
+        worst = int(np.argmax(np.abs(tau) / np.abs(applied)))
+        return (
+            f"the drive of joint {worst + 1} saturates, the law asks for {tau[worst]:.4g} N·m "
+            f"and gets {applied[worst]:.4g} N·m"
+        )
 
     def _left(self, choice: str, reason: str) -> None:
         if choice == "stop":

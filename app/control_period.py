@@ -13,6 +13,7 @@ from controllers.reaching import Promise, envelope, sampling_band
 from controllers.reference_estimates import Believed, believe
 from controllers.task_space import TaskLayout, TaskSpace, Work, task_space
 from controllers.vsmrc import ControlOutput, Gains, Reference, control_law
+from environments.plant import limited
 from environments.surfaces import Chart, Shape, surface_chart
 from environments.trajectories import Course, ForceCourse, Shift, add_shift, force_at, path_at
 from kernels import kernel, part
@@ -66,9 +67,10 @@ class Alarm(IntFlag):
     SINGULAR = 8  # J_q nearly is
     FAST = 16  # the joints are
     OVER_BOUND = 32  # ||s|| is
+    SATURATED = 64  # a drive's limit begins to cut the torque
 
 
-REACHED, NOT_FINITE, PULLING, SINGULAR, FAST, OVER_BOUND = (int(alarm) for alarm in Alarm)
+REACHED, NOT_FINITE, PULLING, SINGULAR, FAST, OVER_BOUND, SATURATED = (int(alarm) for alarm in Alarm)
 
 
 class Limits(NamedTuple):
@@ -83,7 +85,8 @@ class Limits(NamedTuple):
 
 class Setting(NamedTuple):
     """What stays the same between two edits. promise: `ReachingCertificate`'s, counted from `since` (s); period s;
-    online: whether estimates are taken at q, not beforehand (Remark 3); heavy: the contact's force depends on tau."""
+    online: whether estimates are taken at q, not beforehand (Remark 3); heavy: the contact's force depends on tau;
+    torque_limit (n,) N m: of the drives."""
 
     sight: Sight
     plan: ReferencePlan
@@ -93,13 +96,15 @@ class Setting(NamedTuple):
     period: float
     online: bool
     heavy: bool
+    torque_limit: np.ndarray
     limits: Limits
 
 
 class Period(NamedTuple):
     """What one control period works with and leaves: z (n,) m/s is that of its beginning; F (3,) N as measured;
-    push (3,) N of a hand on the tool; residual (n,) N once q_ddot is known; bound, band: what ||s|| is allowed, m/s;
-    reached: whether s ever was."""
+    push (3,) N of a hand on the tool; applied (n,) N m: what the drives make of tau; residual (n,) N once q_ddot is
+    known; bound, band: what ||s|| is allowed, m/s; reached: whether s ever was; saturated: whether applied is not tau,
+    in the period before."""
 
     z: np.ndarray
     F: np.ndarray
@@ -108,17 +113,20 @@ class Period(NamedTuple):
     reference: Reference
     believed: Believed
     output: ControlOutput
+    applied: np.ndarray
     residual: np.ndarray
     bound: float
     band: float
     reached: bool
+    saturated: bool
 
     @classmethod
     def zeros(cls, n: int) -> Period:
         """Of n coordinates."""
         v, seen, reference = np.zeros(n), Observation.zeros(n), Reference.zeros(n)
         believed = Believed(np.zeros((n, n)), np.zeros((n, n)), v, ON_LINE)
-        return cls(v, np.zeros(3), np.zeros(3), seen, reference, believed, ControlOutput.zeros(n), v, 0.0, 0.0, False)
+        output, f = ControlOutput.zeros(n), np.zeros(3)
+        return cls(v, f, f, seen, reference, believed, output, v, v, 0.0, 0.0, False, False)
 
 
 @part
@@ -162,6 +170,7 @@ def control_period(setting, period, M, C, J, J_dot, placements, arm, F, t, row):
         believe(estimate, period.believed)
     believed = period.believed
     control_law(gains, period.z, reference, task, estimate, believed, seen.q_dot, period.F, seen.work, output)
+    limited(setting.torque_limit, output.tau, period.applied)
     _prepare_residual(gains.model, seen, reference, output, period.residual)
 
     promise = setting.promise
@@ -224,6 +233,7 @@ def _write_row(row, t, arm, period):
     i = _put(row, i, terms.linear)
     i = _put(row, i, terms.switching)
     i = _put(row, i, output.tau)
+    i = _put(row, i, period.applied)
     i = _put(row, i, output.equivalent.q_ddot)
     causes = (needed.inertia, needed.coriolis, needed.gravity, needed.task_motion, needed.disturbance, needed.epsilon)
     for cause in causes:
@@ -260,7 +270,16 @@ def complete_row(setting, period, arm, row):
         phi = row[load + 4]
         _put_load(row, load, arm.load)
         row[load + 4] = phi
-    return _alarms(setting.limits, period, norm(arm.q_dot), arm.load.multiplier)
+    return _saturation(period) + _alarms(setting.limits, period, norm(arm.q_dot), arm.load.multiplier)
+
+
+@part
+def _saturation(period):
+    was, period.saturated = period.saturated, False
+    for i in range(period.applied.shape[0]):
+        if period.applied[i] != period.output.tau[i]:
+            period.saturated = True
+    return SATURATED if period.saturated and not was else 0
 
 
 @part

@@ -36,7 +36,7 @@ CONTRAST = 3.0  # with white, at least: WCAG 2, for graphics
 PNG_DPI = 300
 RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
-_STYLE: dict[Any, Any] = {
+STYLE: dict[Any, Any] = {
     "svg.fonttype": "none",  # text stays text
     "svg.hashsalt": "vsmrc",
     "pdf.fonttype": 42,
@@ -116,7 +116,7 @@ def render(figure: Figure, form: Format) -> bytes:
         raise ValueError("figure: no chart to draw")
     metadata = {"svg": {"Date": None, "Creator": "VSMRC Lab"}, "pdf": {"CreationDate": None}, "png": {}}
     file = io.BytesIO()
-    with rc_context(_STYLE):
+    with rc_context(STYLE):
         _drawn(figure).savefig(file, format=form, dpi=PNG_DPI, metadata=metadata[form])
     return file.getvalue()
 

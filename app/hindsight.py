@@ -63,7 +63,8 @@ class Hindsight:
 
     def at(self, row: Signals, epoch: Epoch) -> Instant:
         """One recorded row. The parts of the perturbation are what the law's terms (25) miss of the true arm's:
-        J_q^-T ((M_hat - M) q_eq_ddot), the same of C q_eq_dot and of G, and the rest of (4)."""
+        J_q^-T ((M_hat - M) q_eq_ddot), the same of C q_eq_dot and of G, and the rest of (4) with what the drives do not
+        give."""
         scenario, t, q, q_dot = epoch.scenario, float(row["t"]), row["q"], row["q_dot"]
         truth, model, data = self._true_arm(scenario)
         try:
@@ -74,12 +75,13 @@ class Hindsight:
         q_eq_dot = q_dot - behind
         C = pin.computeCoriolisMatrix(model, data, q, q_dot).copy()
         M = pin.crba(model, data, q)
+        withheld = row["tau_applied"] - row["tau"]
         missed = np.array(
             [
                 row["tau_inertia"] - M @ row["q_eq_ddot"],
                 row["tau_coriolis"] - C @ q_eq_dot,
                 row["tau_gravity"] - pin.computeGeneralizedGravity(model, data, q),
-                row["tau_force"] - estimate.J_v.T @ (row["F_true"] - row["F_push"]) - truth.torque(q_dot, t),
+                row["tau_force"] - estimate.J_v.T @ (row["F_true"] - row["F_push"]) - truth.torque(q_dot, t) + withheld,
             ]
         )
         parts = missed @ task.J_q_inv
@@ -90,7 +92,7 @@ class Hindsight:
 
     def _true_arm(self, scenario: Scenario) -> tuple[Truth, pin.Model, pin.Data]:
         if self._arm is None or self._arm[0].truth != scenario.truth:
-            truth = truth_of(scenario, self.system.robot.n)
+            truth = truth_of(scenario, self.system.robot)
             model = truth.model(self.system.robot)
             self._arm = (scenario, truth, model, model.createData())
         return self._arm[1:]
@@ -208,6 +210,6 @@ class Known(Mapping[str, np.ndarray]):
 
 # of a row, by `Hindsight.at`
 _LOOKED_AT = (
-    "t", "q", "q_dot", "s", "q_eq_ddot", "tau_inertia", "tau_coriolis", "tau_gravity", "tau_force", "F_true",
-    "F_push", "r_d",
+    "t", "q", "q_dot", "s", "q_eq_ddot", "tau_inertia", "tau_coriolis", "tau_gravity", "tau_force", "tau",
+    "tau_applied", "F_true", "F_push", "r_d",
 )  # fmt: skip

@@ -30,6 +30,7 @@ class Metrics(Struct, frozen=True):
     gain_condition_margin: float  # min of d minus what (17) needs, N
     target_model_residual_tail: float  # RMS of the left side of (8) minus its right side, N
     torque_total_variation: list[float]  # sum of |changes| per second, N m/s, per joint
+    saturated_share: float  # of the control periods, in which a drive's limit cuts the torque
     simulated_time: float  # s
     realtime_factor: float | None
     stopped: str | None
@@ -58,6 +59,7 @@ def measure(loop: ClosedLoop, realtime_factor: float | None = None) -> Metrics:
         gain_condition_margin=float((record["d"] - record["d_required"]).min()),
         target_model_residual_tail=float(np.sqrt(np.mean(record["residual"][tail] ** 2))),
         torque_total_variation=[float(v) / duration for v in np.abs(np.diff(tau, axis=0)).sum(axis=0)],
+        saturated_share=float(saturated(record).mean()),
         simulated_time=float(t[-1]) + system.scenario.controller.period,
         realtime_factor=realtime_factor,
         stopped=loop.stopped,
@@ -67,6 +69,11 @@ def measure(loop: ClosedLoop, realtime_factor: float | None = None) -> Metrics:
 def tail_of(t: np.ndarray) -> np.ndarray:
     """Which of the times t (N,) s belong to the tail: (N,) bool."""
     return t >= t[-1] - TAIL * (t[-1] - t[0])
+
+
+def saturated(record: Mapping[str, np.ndarray]) -> np.ndarray:
+    """Whether a drive's limit cuts the torque, (N,) bool."""
+    return (record["tau_applied"] != record["tau"]).any(axis=1)
 
 
 def force_error(record: Mapping[str, np.ndarray]) -> np.ndarray:
@@ -124,8 +131,8 @@ class Account(Struct, frozen=True):
     force_max: float | None  # N
     s_max: float  # of ||s||, m/s
     residual_rms: float  # of the target model (8), N
-    effort: float  # RMS of ||tau||, N m
-    variation: float  # of the torques: sum of their |changes| per second, N m/s
+    effort: float  # RMS of ||tau|| as applied, N m
+    variation: float  # of the commanded torques: sum of their |changes| per second, N m/s
     gain_margin: float  # least d minus what (17) needs, N
 
 
@@ -174,7 +181,7 @@ def account(system: System, recording: Recording, t_from: float, t_to: float) ->
         force_max=None if force is None else float(np.abs(force).max()),
         s_max=float(record["s_norm"].max()),
         residual_rms=_rms(np.linalg.norm(record["residual"], axis=1)),
-        effort=_rms(np.linalg.norm(record["tau"], axis=1)),
+        effort=_rms(np.linalg.norm(record["tau_applied"], axis=1)),
         variation=float(np.abs(np.diff(record["tau"], axis=0)).sum() / (t[-1] - t[0])),
         gain_margin=float((record["d"] - record["d_required"]).min()),
     )

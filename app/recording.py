@@ -51,6 +51,7 @@ SIGNALS = (
     Signal("tau_linear", "n", "N·m", "-J_q^T K_s s, (25)"),
     Signal("tau_switching", "n", "N·m", "-J_q^T d sigma(s), (25)"),
     Signal("tau", "n", "N·m", "their sum"),
+    Signal("tau_applied", "n", "N·m", "what the drives make of it: tau, within truth.torque_limit"),
     Signal("q_eq_ddot", "n", "rad/s^2", "joint acceleration that the law prescribes, (25)"),
     Signal("needed", 6, "N", "terms of (17): inertia, Coriolis, gravity, moving task, disturbance, epsilon"),
     Signal("d", 1, "N", "gain of the switching term"),

@@ -15,6 +15,7 @@ from app.assembly import System
 from controllers.bounds import Equivalent, required_gain
 from controllers.nominal_model import ON_LINE
 from controllers.switching import Switching
+from controllers.vsmrc import Law
 from environments.stiffness import STEPS
 
 LONGEST_LINE = 100  # periods of delay, beyond which the matrix becomes too large to be judged in passing
@@ -55,12 +56,15 @@ def contact_loop_radius(system: System, q: np.ndarray, t: float) -> float:
         F_r = across * line[late]
         F_c = law.controlled * F_r
         z_dot = c.A @ z + c.K_pz @ x + c.K_vz @ v + c.K_fz @ F_c
-        if law.robust:
+        if law.law is Law.VSMRC:
             s = v + c.F_1 @ x + c.F_2 @ z
             T_r = H_hat @ (-c.F_1 @ v - c.F_2 @ z_dot) + F_r - robust @ s
         else:
-            m = law.model
-            T_r = F_r - H_hat @ np.linalg.solve(m.M_m, m.B_m @ v + m.K_m @ x + m.K_f @ F_c)
+            restoring = law.model.B_m @ v + law.model.K_m @ x
+            if law.law is Law.PD_GRAVITY:
+                T_r = -restoring
+            else:
+                T_r = F_r - H_hat @ np.linalg.solve(law.model.M_m, restoring + law.model.K_f @ F_c)
             z_dot = -z / period  # takes no part
         for _ in range(simulation.substeps):
             x, v = STEPS[simulation.integrator](

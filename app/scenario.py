@@ -60,6 +60,10 @@ class Truth(_Section, frozen=True, forbid_unknown_fields=True):
     viscous: Annotated[float, _number("viscous friction per joint", "N·m·s/rad", ge=0, le=100)] = 0.0
     disturbance: Annotated[float, _number("norm of a disturbance torque", "N·m", ge=0, le=200)] = 0.0
     disturbance_frequency: Annotated[float, _number("its frequency", "Hz", ge=0, le=100)] = 0.5
+    torque_limit: Annotated[
+        float | tuple[float, ...],
+        _number("what the drives give at most: a factor on the URDF's limits, 0 for no limit, or N·m per joint", "1"),
+    ] = 0.0
     push: Annotated[Vector3, _number("a force on the tool, world axes", "N")] = (0.0, 0.0, 0.0)
     push_start: Annotated[float, _number("when it begins", "s", ge=0, le=36000)] = 1.0
     push_duration: Annotated[float, _number("how long it acts", "s", ge=0, le=36000)] = 1.0
@@ -99,7 +103,8 @@ class Controller(_Section, frozen=True, forbid_unknown_fields=True):
     """The control law (25)."""
 
     law: Annotated[
-        Literal["vsmrc", "computed-torque"], _number("the paper's law, or computed torque without a robust term", "")
+        Literal["vsmrc", "computed-torque", "pd-gravity"],
+        _number("the paper's law; or without a robust term: computed torque, or PD with gravity compensation", ""),
     ] = "vsmrc"
     A: Annotated[Matrix | float, _number("compensator (9): diagonal, <= 0", "1/s")] = 0.0
     F_1: Annotated[Matrix | float, _number("sliding gain on e_r (10): diagonal", "1/s")] = 10.0

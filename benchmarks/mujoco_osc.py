@@ -12,16 +12,16 @@ along the normal. It knows the true arm, and neither bounds its error nor record
 
 from __future__ import annotations
 
-import xml.etree.ElementTree as ElementTree
 from collections.abc import Callable
 
 import mujoco
 import numpy as np
-import pinocchio as pin
 from numba import njit
 from scipy.linalg.lapack import dgesv, dposv
 
 from app.assembly import System
+from app.evidence.mujoco_arm import arm_spec
+from app.evidence.mujoco_arm import compiled as compiled_arm
 from benchmarks.rounds import Call
 from environments.trajectories import Circle, Path, path_at
 
@@ -49,7 +49,7 @@ class Press:
         self.model = _model(system)
         self.data = mujoco.MjData(self.model)
         self.data.qpos[:] = system.robot.posture
-        _hold_to_pinocchio(self.model, self.data, system)
+        mujoco.mj_forward(self.model, self.data)
         self.n = system.robot.n
         self.site = self.model.site("tool").id
         self.period = scenario.controller.period
@@ -211,21 +211,9 @@ def _settled(name: str, system: System, law: Law) -> Call:
 
 def _model(system: System) -> mujoco.MjModel:
     """The scenario's true arm, its torques as the first controls, the elastic plane as one more actuator."""
-    scenario, robot = system.scenario, system.robot
-    tree = ElementTree.parse(robot.urdf)
-    for link in tree.getroot().iter("link"):
-        for shape in (*link.findall("visual"), *link.findall("collision")):
-            link.remove(shape)
-    spec = mujoco.MjSpec.from_string(ElementTree.tostring(tree.getroot(), encoding="unicode"))
+    scenario = system.scenario
+    spec = arm_spec(system)
     spec.option.timestep = scenario.controller.period
-    for joint, rotor in zip(robot.joint_names, robot.model.armature, strict=True):
-        hinge = spec.joint(joint)
-        hinge.armature = rotor
-        hinge.actfrclimited = False
-        spec.add_actuator(name=joint, target=joint, trntype=mujoco.mjtTrn.mjTRN_JOINT)
-    carrier = spec.joint(robot.joint_names[-1]).parent
-    x, y, z, w = pin.Quaternion(robot.tool_placement.rotation).coeffs()
-    carrier.add_site(name="tool", pos=robot.tool_placement.translation, quat=[w, x, y, z])
     K_e, height = scenario.contact.K_e, scenario.surface.origin[NORMAL]
     spec.worldbody.add_site(name="plane", pos=[0.0, 0.0, height])
     spec.add_actuator(
@@ -239,26 +227,4 @@ def _model(system: System) -> mujoco.MjModel:
         forcelimited=True,
         forcerange=[0, 1e9],
     )
-    model = spec.compile()
-    model.body_mass[:] *= scenario.truth.link_scaling
-    model.body_inertia[:] *= scenario.truth.link_scaling
-    mujoco.mj_setConst(model, mujoco.MjData(model))
-    return model
-
-
-def _hold_to_pinocchio(model: mujoco.MjModel, data: mujoco.MjData, system: System) -> None:
-    """Raises RuntimeError unless both engines have the same arm."""
-    q, v = data.qpos.copy(), np.linspace(-1.0, 1.0, model.nv)
-    true, true_data = system.plant.model, system.plant.model.createData()
-    data.qvel[:] = v
-    mujoco.mj_forward(model, data)
-    M = np.zeros((model.nv, model.nv))
-    mujoco.mj_fullM(model, data, M)
-    expected = pin.crba(true, true_data, q)
-    expected = np.triu(expected) + np.triu(expected, 1).T
-    if not np.allclose(M, expected, atol=1e-6):
-        raise RuntimeError(f"MuJoCo's mass matrix is not Pinocchio's: they differ by {np.abs(M - expected).max():.2g}")
-    if not np.allclose(data.qfrc_bias, pin.nle(true, true_data, q, v), atol=1e-4):
-        raise RuntimeError("MuJoCo's bias forces are not Pinocchio's")
-    data.qvel[:] = 0.0
-    mujoco.mj_forward(model, data)
+    return compiled_arm(spec, system)

@@ -1,8 +1,9 @@
-"""The control law of Theorem 1 as a sum of named torque terms: (9), (10), (15)-(17), (25)."""
+"""The control law of Theorem 1 as a sum of named torque terms: (9), (10), (15)-(17), (25); and the baselines."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from enum import IntEnum
 from functools import cached_property
 from typing import ClassVar, Literal, NamedTuple
 
@@ -18,6 +19,17 @@ from controllers.task_space import TaskSpace, Work
 from kernels import kernel, part
 from kernels.algebra import copy, dot, norm, row_times, times, transposed_times
 from kernels.records import Record
+
+
+class Law(IntEnum):
+    """What the torque is made of: (25), or one of the baselines that know no robust term."""
+
+    VSMRC = 0
+    COMPUTED_TORQUE = 1
+    PD_GRAVITY = 2
+
+
+COMPUTED_TORQUE, PD_GRAVITY = int(Law.COMPUTED_TORQUE), int(Law.PD_GRAVITY)
 
 
 class Reference(NamedTuple):
@@ -82,9 +94,9 @@ class ModelMatrices(NamedTuple):
 
 class Gains(NamedTuple):
     """What the kernel needs of the law's parameters: see `Compensator` and `Vsmrc`; of the diagonal A, F_1, F_2 the
-    diagonals (n,). robust: False for the baseline."""
+    diagonals (n,). law: a `Law`."""
 
-    robust: bool
+    law: int
     model: ModelMatrices
     A: np.ndarray
     F_1: np.ndarray
@@ -218,11 +230,27 @@ def computed_torque(gains, reference, task, believed, q_dot, work, out):
 
 
 @part
+def pd_gravity(gains, reference, task, work, out):
+    """The simplest baseline: J_q^T (F_cd - K_m e_r - B_m e_r_dot) + G_hat; z and s are carried along."""
+    model, eq, terms = gains.model, out.equivalent, out.terms
+    for i in range(out.tau.shape[0]):
+        work.u[i] = -row_times(model.K_m, i, out.e_r) - row_times(model.B_m, i, out.e_r_dot)
+    transposed_times(task.J_q, work.u, terms.linear)
+    transposed_times(task.J_q, reference.F_cd, terms.force)
+    for i in range(out.tau.shape[0]):
+        eq.q_ddot[i], terms.inertia[i], terms.coriolis[i], terms.switching[i] = 0.0, 0.0, 0.0, 0.0
+    out.d = 0.0
+    total(out)
+
+
+@part
 def control_law(gains, z, reference, task, estimate, believed, q_dot, F, work, out):
-    """(25), or the baseline where `gains.robust` is False."""
+    """(25), or the baseline that `gains.law` names."""
     vsmrc_law(gains, z, reference, task, estimate, believed, q_dot, F, work, out)
-    if not gains.robust:
+    if gains.law == COMPUTED_TORQUE:
         computed_torque(gains, reference, task, believed, q_dot, work, out)
+    elif gains.law == PD_GRAVITY:
+        pd_gravity(gains, reference, task, work, out)
 
 
 class _Question(NamedTuple):
@@ -263,7 +291,7 @@ class Vsmrc:
     uncertainty: Uncertainty
     controlled: np.ndarray
     m: int
-    robust: ClassVar[bool] = True
+    law: ClassVar[Law] = Law.VSMRC
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "K_s", as_matrix("controller.K_s", self.K_s, self.model.n))
@@ -279,7 +307,7 @@ class Vsmrc:
         """The parameters in the kernel's form."""
         c, model = self.compensator, self.model
         return Gains(
-            robust=self.robust,
+            law=int(self.law),
             model=ModelMatrices(model.M_m, np.linalg.inv(model.M_m), model.B_m, model.K_m, model.K_f),
             A=np.diag(c.A),
             F_1=np.diag(c.F_1),

@@ -37,7 +37,7 @@ class Truth:
 
     link_scaling (n,): factor on each link's inertia; payload_mass kg, a point at payload_offset (3,) m in the tool
     frame; coulomb N m and viscous N m s/rad per joint; disturbance: a torque of this norm (N m) turning through the
-    joints with disturbance_frequency Hz.
+    joints with disturbance_frequency Hz; torque_limit (n,) N m: what the drives give at most, see `limited`.
     """
 
     link_scaling: np.ndarray
@@ -47,6 +47,7 @@ class Truth:
     viscous: float
     disturbance: float
     disturbance_frequency: float
+    torque_limit: np.ndarray | float = np.inf
 
     def model(self, robot: Robot) -> pin.Model:
         """Pinocchio's model of the true arm."""
@@ -104,6 +105,13 @@ class Tool(NamedTuple):
 
     p: np.ndarray
     J_v: np.ndarray
+
+
+@part
+def limited(limits, tau, applied):
+    """What the drives make of a commanded torque: applied (n,) = tau, within the limits (n,) N m."""
+    for i in range(applied.shape[0]):
+        applied[i] = min(max(tau[i], -limits[i]), limits[i])
 
 
 @part

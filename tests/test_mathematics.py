@@ -11,7 +11,7 @@ from numba import njit
 from scipy.linalg import expm
 
 from app.assembly import System
-from controllers.computed_torque import ComputedTorque
+from controllers.baselines import ComputedTorque
 from controllers.modes import MODES
 from controllers.reaching import ReachingCertificate
 from controllers.reference_estimates import Believed

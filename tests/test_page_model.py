@@ -80,7 +80,7 @@ def test_the_controller_as_far_as_it_has_a_meaning(session: Session):
     session.row("K_s [N·s/m]").locator(".mantine-Slider-root").wait_for(state="detached")
     enter(session, "K_s [N·s/m]", "100, 50")
     page.locator(".vs-status", has_text="controller.K_s: 2 entries; allowed: 6 diagonal entries").wait_for()
-    page.get_by_role("checkbox", name="Robust law (25)").click()
+    session.choose("Law", "computed torque")
     session.wait(lambda now: now.scenario.controller.law == "computed-torque")
     page.get_by_text("Computed torque, the baseline").wait_for()
     session.row("K_s [N·s/m]").wait_for(state="detached")

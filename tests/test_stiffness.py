@@ -208,6 +208,7 @@ def test_a_loop_that_runs_goes_on_when_a_stiffness_is_refused() -> None:
         ("planar3r", {"contact__K_e": 1.6e6, "sensor__delay": 0.003}),
         ("planar3r", {"contact__K_e": 2e6, "sensor__delay": 0.003, "simulation__integrator": "rk4"}),
         ("planar3r", {"contact__K_e": 1.4e6, "sensor__delay": 0.003, "controller__law": "computed-torque"}),
+        ("planar3r", {"contact__K_e": 1e5, "controller__law": "pd-gravity"}),
         ("planar3r", {"contact__K_e": 1e6, "contact__B_e": 200.0, "sensor__delay": 0.006}),
         ("planar3r", {"contact__K_e": 6e6, "sensor__cutoff": 30.0, "simulation__substeps": 4}),
         ("ur5", {"contact__K_e": 1e5, "sensor__delay": 0.005}),

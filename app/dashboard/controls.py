@@ -259,11 +259,10 @@ class Choice:
 
 
 class Switch:
-    """One of two values of a field, by default false and true."""
+    """A field that is true or false."""
 
-    def __init__(self, desk: Desk, place: Place | str, label: str, off: object = False, on: object = True) -> None:
-        self._desk, self._place = desk, Place(place) if isinstance(place, str) else place
-        self._off, self._on = off, on
+    def __init__(self, desk: Desk, place: Place, label: str) -> None:
+        self._desk, self._place = desk, place
         self._answer = Answer()
         self._checkbox = desk.gui.add_checkbox(label, False, hint=self._place.hint)
         self._checkbox.on_update(self._on_update)
@@ -272,11 +271,11 @@ class Switch:
         if event.client is None:
             return
         self._answer.expect(self._desk.snapshot(), seconds=1.0)
-        self._desk.post(Edit(self._place.path, self._on if self._checkbox.value else self._off))
+        self._desk.post(Edit(self._place.path, self._checkbox.value))
 
     def show(self, snapshot: Snapshot) -> None:
         value = self._place.read(snapshot)
         if self._checkbox.visible != (value is not None):
             self._checkbox.visible = value is not None
         if value is not None and not self._answer.awaited(snapshot):
-            self._checkbox.value = value == self._on
+            self._checkbox.value = value

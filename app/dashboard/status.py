@@ -40,6 +40,8 @@ def status_html(snapshot: Snapshot, complaint: str) -> str:
             f'<div class="vs-row" title="{escape("; ".join(violated))}">'
             f"{_chip('truth outside the declared bounds', 'vs-bad')}</div>"
         )
+    if saturating := _saturating(snapshot):
+        lines.append(f'<div class="vs-row">{_chip(saturating, "vs-bad")}</div>')
     if snapshot.phase == "stopped":
         lines.append(_message("vs-bad", f"Stopped: {snapshot.reason}"))
     if pace and pace.slowed:
@@ -64,7 +66,7 @@ def _phase(snapshot: Snapshot) -> str:
 
 
 def _bound(snapshot: Snapshot) -> str:
-    if snapshot.scenario.controller.law == "computed-torque":
+    if snapshot.scenario.controller.law != "vsmrc":
         return _chip("no bound on ‖s‖", "vs-dim")
     names = ("s_norm", "s_bound", "s_band")
     rows = snapshot.recording.signals(names, snapshot.t - _LATELY, snapshot.t)
@@ -72,6 +74,13 @@ def _bound(snapshot: Snapshot) -> str:
         return _chip("‖s‖ ≤ bound: —", "vs-dim")
     holds = bool(np.all(rows["s_norm"] <= rows["s_bound"] + rows["s_band"]))
     return _chip("‖s‖ ≤ bound: holds", "vs-good") if holds else _chip("‖s‖ ≤ bound: violated", "vs-bad")
+
+
+def _saturating(snapshot: Snapshot) -> str:
+    """Which drives' limits have cut the torque lately; "" where none has."""
+    rows = snapshot.recording.signals(("tau", "tau_applied"), snapshot.t - _LATELY, snapshot.t)
+    joints = np.flatnonzero((rows["tau"] != rows["tau_applied"]).any(axis=0)) + 1
+    return f"torque at its limit: joint {', '.join(map(str, joints))}" if len(joints) else ""
 
 
 def _kept(pace: Pace | None) -> str:

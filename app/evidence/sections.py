@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from app.evidence import closed_forms, convergence, paper_cases, theorem
+from app.evidence import baselines, closed_forms, convergence, paper_cases, practice, simulators, theorem
 from app.evidence.section import Section
 
 SECTIONS: tuple[Section, ...] = (
@@ -10,4 +10,7 @@ SECTIONS: tuple[Section, ...] = (
     theorem.SECTION,
     closed_forms.SECTION,
     convergence.SECTION,
+    simulators.SECTION,
+    baselines.SECTION,
+    practice.SECTION,
 )

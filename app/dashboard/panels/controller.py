@@ -4,14 +4,19 @@ from __future__ import annotations
 
 import viser
 
-from app.dashboard.controls import Choice, Control, Desk, Number, Place, PlaceWhere, Switch, decades
+from app.dashboard.controls import Choice, Control, Desk, Number, Place, PlaceWhere, decades
 from app.dashboard.facts import Facts
 from app.runner import Snapshot
 
-_BASELINE = (
-    '<div class="vs-checks"><div class="vs-message vs-warn">Computed torque, the baseline: the same target model '
-    "without z, s and the robust term. Residual and errors show what robustness buys.</div></div>"
-)
+_LAWS = {"robust (25)": "vsmrc", "computed torque": "computed-torque", "PD + gravity": "pd-gravity"}
+_SAID = '<div class="vs-checks"><div class="vs-message vs-warn">{}</div></div>'
+_BASELINES = {
+    "vsmrc": "",
+    "computed-torque": "Computed torque, the baseline: the same target model without z, s and the robust term. "
+    "Residual and errors show what robustness buys.",
+    "pd-gravity": "PD + gravity, the simplest baseline: K_m and B_m as gains, Ĝ and the desired force added; "
+    "no model of inertia, no force sensor.",
+}
 
 
 class ControllerPanel:
@@ -25,10 +30,10 @@ class ControllerPanel:
             "s / (‖s‖ + φ)": "rational",
             "tanh": "tanh",
         }
-        robust = Switch(desk, "controller.law", "Robust law (25)", off="computed-torque", on="vsmrc")
+        law = Choice(desk, "controller.law", "Law", _LAWS)
         self._baseline = gui.add_html("")
         self._facts = Facts(gui)
-        self._controls: list[Control] = [robust]
+        self._controls: list[Control] = [law]
         term, surface = gui.add_folder("Robust term"), gui.add_folder("Sliding surface")
         self._robust_only: list[viser.GuiFolderHandle] = [term, surface]
         with term:
@@ -68,8 +73,9 @@ class ControllerPanel:
 
     def show(self, snapshot: Snapshot) -> None:
         self._facts.show(snapshot)
-        robust = snapshot.scenario.controller.law == "vsmrc"
-        self._baseline.content = "" if robust else _BASELINE
+        law = snapshot.scenario.controller.law
+        robust, baseline = law == "vsmrc", _BASELINES[law]
+        self._baseline.content = baseline and _SAID.format(baseline)
         for folder in self._robust_only:
             if folder.visible != robust:
                 folder.visible = robust

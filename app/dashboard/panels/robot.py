@@ -25,6 +25,7 @@ class RobotPanel:
                 Number(desk, Place("truth.payload_offset"), "payload at [m]"),
                 Number(desk, Place("truth.coulomb"), "Coulomb [N·m]", Scale(0, 10)),
                 Number(desk, Place("truth.viscous"), "viscous [N·m·s]", Scale(0, 10)),
+                Number(desk, Place("truth.torque_limit"), "torque limit ×", Scale(0, 2)),
                 Number(desk, Place("truth.disturbance"), "push [N·m]", Scale(0, 20)),
                 Number(desk, Place("truth.disturbance_frequency"), "push at [Hz]", Scale(0, 5)),
             ]

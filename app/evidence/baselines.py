@@ -1,0 +1,245 @@
+"""The unified law, computed torque and PD + gravity on the same uncertain arms."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from app.assembly import System, assemble
+from app.closed_loop import ClosedLoop
+from app.evidence.section import Findings, Job, Section
+from app.figures import Chart, Curve, Figure, Rgb, render
+from app.markdown import Table
+from app.metrics import Account, account
+from app.scenario import Scenario, edited, from_plain, shipped, to_plain
+from app.truth import outside
+
+PLANTS, LOT = 100, 10  # and how many of them a job takes
+DURATION, SETTLED = 4.0, 1.5  # s, and when the figures begin
+DECLARED = {
+    "link_scaling": 0.15, "payload_mass": 1.0, "payload_offset": 0.05, "coulomb": 0.5, "viscous": 0.3,
+    "disturbance": 2.0,
+}  # fmt: skip
+STIFFER = 5.0  # in frequency
+NOISES = (0.0, 0.05, 0.2, 0.5, 1.0)  # N
+NOISY_PLANTS = 5
+
+
+@dataclass(frozen=True)
+class Contestant:
+    """A law and its target model: `stiffer` times as fast along the motion-controlled coordinates."""
+
+    title: str
+    color: Rgb
+    law: str
+    switching: str = "saturation"
+    stiffer: float = 1.0
+
+    def scenario(self) -> Scenario:
+        """UR5 pressing with 20 N on 10 kN/m while it draws a circle in 2 s."""
+        data = to_plain(shipped()["ur5-hybrid"])
+        data["declared"] = dict(DECLARED)
+        data["controller"] |= {"law": self.law, "switching": self.switching}
+        data["motion"]["period"] = 2.0
+        data["simulation"]["duration"] = DURATION
+        scenario = from_plain(data)
+        model = assemble(scenario).law.model
+        K_m, B_m = np.diag(model.K_m).copy(), np.diag(model.B_m).copy()
+        K_m[1:] *= self.stiffer**2
+        B_m[1:] *= self.stiffer
+        return edited(edited(scenario, "target_model.K_m", K_m.tolist()), "target_model.B_m", B_m.tolist())
+
+
+CONTESTANTS = (
+    Contestant("unified law, layer 10 mm/s", (66, 135, 245), "vsmrc"),
+    Contestant("unified law, discontinuous", (130, 190, 255), "vsmrc", switching="discontinuous"),
+    Contestant("computed torque", (230, 159, 0), "computed-torque"),
+    Contestant("computed torque, 5 × as fast", (180, 100, 0), "computed-torque", stiffer=STIFFER),
+    Contestant("PD + gravity", (0, 158, 115), "pd-gravity"),
+    Contestant("PD + gravity, 5 × as fast", (0, 110, 60), "pd-gravity", stiffer=STIFFER),
+)
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """One run: figures from `SETTLED` on; over_bound: how far ||s|| went over (20) and its band, m/s; stopped: why."""
+
+    figures: Account
+    over_bound: float
+    stopped: str | None
+
+
+def uncertain(scenario: Scenario, seed: int) -> Scenario:
+    """With a true arm from inside the declared set, at its edge as often as within."""
+    random, n = np.random.default_rng(seed), 6
+    offset = random.standard_normal(3)
+    offset *= DECLARED["payload_offset"] * random.uniform() / np.linalg.norm(offset)
+    share = {name: random.uniform() for name in ("payload_mass", "coulomb", "viscous", "disturbance")}
+    data = to_plain(scenario)
+    data["truth"] = {
+        "link_scaling": (1.0 + DECLARED["link_scaling"] * np.clip(random.uniform(-1.5, 1.5, n), -1, 1)).tolist(),
+        "payload_offset": offset.tolist(),
+        **{name: DECLARED[name] * part for name, part in share.items()},
+    }
+    changed = from_plain(data)
+    assert not outside(changed), "the plants are those that the controller was told of"
+    return changed
+
+
+def _run(scenario: Scenario, previous: System | None) -> tuple[Outcome, System]:
+    loop = ClosedLoop(scenario, previous=previous)
+    for _ in range(round(scenario.simulation.duration / loop.period)):
+        loop.advance()
+    figures = account(loop.system, loop.recording, SETTLED, loop.t)
+    if figures is None:
+        raise RuntimeError(f"{scenario.name}: {loop.stopped}")
+    s = loop.recording.signals(("s_norm", "s_bound", "s_band"))
+    return Outcome(figures, float((s["s_norm"] - s["s_bound"] - s["s_band"]).max()), loop.stopped), loop.system
+
+
+def on_uncertain(contestant: Contestant, seeds: Sequence[int], noise: float) -> list[Outcome]:
+    """Of each seed's plant, the force sensor's noise in N per axis."""
+    base, outcomes, system = contestant.scenario(), [], None
+    for seed in seeds:
+        scenario = edited(edited(uncertain(base, seed), "sensor.noise", noise), "simulation.seed", seed)
+        if noise > 0.0:
+            scenario = edited(scenario, "declared.force_error", 4.0 * noise)
+        outcome, system = _run(scenario, system)
+        outcomes.append(outcome)
+    return outcomes
+
+
+def on_exact(contestant: Contestant) -> Outcome:
+    """The arm is what the controller believes, and yet it has been told of the same bounds."""
+    return _run(edited(contestant.scenario(), "truth.link_scaling", 1.0), None)[0]
+
+
+def jobs(thin: int) -> list[Job]:
+    plants = max(4, PLANTS // thin)
+    lots = [tuple(range(first, min(first + LOT, plants))) for first in range(0, plants, LOT)]
+    noisy = tuple(range(max(1, NOISY_PLANTS // thin)))
+    return [
+        *(Job(on_uncertain, (who, lot, 0.0)) for who in CONTESTANTS for lot in lots),
+        *(Job(on_exact, (who,)) for who in CONTESTANTS),
+        *(Job(on_uncertain, (who, noisy, noise)) for who in CONTESTANTS for noise in NOISES),
+    ]
+
+
+def conclude(results: Sequence[list[Outcome] | Outcome]) -> Findings:
+    found = iter(results)
+    count = len(results) // len(CONTESTANTS) - 1 - len(NOISES)  # lots
+    main: dict[Contestant, list[Outcome]] = {}
+    for who in CONTESTANTS:
+        main[who] = [outcome for _ in range(count) for outcome in _listed(next(found))]
+    exact = {who: _listed(next(found))[0] for who in CONTESTANTS}
+    noisy = {who: [_listed(next(found)) for _ in NOISES] for who in CONTESTANTS}
+    robust = [outcome for who in CONTESTANTS[:2] for outcome in main[who]]
+    path = {who: float(np.median([o.figures.path_rms for o in main[who]])) for who in CONTESTANTS}
+    force = {who: float(np.median([o.figures.force_rms or 0.0 for o in main[who]])) for who in CONTESTANTS}
+    ours, _, computed, fast, *_ = CONTESTANTS
+    return Findings(
+        numbers={
+            "plants": str(len(main[ours])),
+            "violations": str(sum(outcome.over_bound > 1e-9 for outcome in robust)),
+            "robust_runs": str(len(robust)),
+            "path_gain": f"{path[computed] / path[ours]:.0f}",
+            "path_gain_fast": f"{path[fast] / path[ours]:.1f}",
+            "force_gain": f"{force[computed] / force[ours]:.0f}",
+            "noise_ratio": f"{_variation(noisy[ours][-1]) / _variation(noisy[computed][-1]):.1f}",
+            "exact_computed": f"{1e3 * exact[fast].figures.path_rms:.2g}",
+            "exact_ours": f"{1e3 * exact[ours].figures.path_rms:.2g}",
+            "loudest": f"{NOISES[-1]:g}",
+        },
+        tables={"uncertain": _table(main), "exact": _exact_table(exact), "noise": _noise_table(noisy)},
+        figures={"plants": _figure(main, noisy)},
+    )
+
+
+def _variation(outcomes: Sequence[Outcome]) -> float:
+    return float(np.median([outcome.figures.variation for outcome in outcomes]))
+
+
+def _listed(result: list[Outcome] | Outcome) -> list[Outcome]:
+    return result if isinstance(result, list) else [result]
+
+
+def _of(outcomes: Sequence[Outcome]) -> dict[str, np.ndarray]:
+    """Figures of runs, in the units that are shown."""
+    of = [outcome.figures for outcome in outcomes]
+    return {
+        "path": np.array([1e3 * each.path_rms for each in of]),
+        "force": np.array([each.force_rms or 0.0 for each in of]),
+        "effort": np.array([each.effort for each in of]),
+        "variation": np.array([each.variation for each in of]),
+    }
+
+
+def _table(main: dict[Contestant, list[Outcome]]) -> Table:
+    header = (
+        "median / worst of the plants",
+        "path error, RMS [mm]",
+        "force error, RMS [N]",
+        "torque ‖τ‖, RMS [N·m]",
+        "its variation [N·m/s]",
+        "stopped",
+    )
+    rows = []
+    for who, outcomes in main.items():
+        cells = (f"{np.median(values):.3g} / {values.max():.3g}" for values in _of(outcomes).values())
+        rows.append((who.title, *cells, str(sum(outcome.stopped is not None for outcome in outcomes))))
+    return Table(header, rows)
+
+
+def _exact_table(exact: dict[Contestant, Outcome]) -> Table:
+    header = (
+        "the arm exactly as believed",
+        "path error, RMS [mm]",
+        "force error, RMS [N]",
+        "torque ‖τ‖, RMS [N·m]",
+        "its variation [N·m/s]",
+    )
+    rows = [
+        (who.title, *(f"{float(values[0]):.3g}" for values in _of([outcome]).values()))
+        for who, outcome in exact.items()
+    ]
+    return Table(header, rows)
+
+
+def _noise_table(noisy: dict[Contestant, list[list[Outcome]]]) -> Table:
+    header = ("force error RMS [N] / variation [N·m/s], medians", *(f"σ = {noise:g} N" for noise in NOISES))
+    rows = []
+    for who, of_noise in noisy.items():
+        medians = [{name: float(np.median(v)) for name, v in _of(outcomes).items()} for outcomes in of_noise]
+        rows.append((who.title, *(f"{m['force']:.3g} / {m['variation']:.3g}" for m in medians)))
+    return Table(header, rows)
+
+
+def _figure(main: dict[Contestant, list[Outcome]], noisy: dict[Contestant, list[list[Outcome]]]) -> bytes:
+    def over_plants(name: str) -> tuple[Curve, ...]:
+        rank = np.arange(1.0, len(main[CONTESTANTS[0]]) + 1.0)
+        return tuple(_curve(who, rank, np.sort(_of(runs)[name]), listed=name == "path") for who, runs in main.items())
+
+    def over_noise(name: str) -> tuple[Curve, ...]:
+        medians = {who: np.array([np.median(_of(runs)[name]) for runs in of]) for who, of in noisy.items()}
+        return tuple(_curve(who, np.array(NOISES), y, listed=name == "force") for who, y in medians.items())
+
+    rank, sigma = "plants, from the best to the worst", "noise of the force sensor, σ per axis [N]"
+    charts = (
+        Chart("path error, RMS", "mm", over_plants("path"), x_label=rank, logarithmic=True),
+        Chart("force error, RMS", "N", over_plants("force"), x_label=rank, logarithmic=True),
+        Chart("variation of the torque", "N·m/s", over_plants("variation"), x_label=rank, logarithmic=True),
+        Chart("force error, RMS, against noise", "N", over_noise("force"), x_label=sigma, logarithmic=True),
+        Chart(
+            "variation of the torque, against noise", "N·m/s", over_noise("variation"), x_label=sigma, logarithmic=True
+        ),
+    )
+    return render(Figure(charts, "Left: each law's runs in the order of its own figure. Right: medians."), "svg")
+
+
+def _curve(who: Contestant, x: np.ndarray, y: np.ndarray, *, listed: bool) -> Curve:
+    return Curve(who.title, who.color, x, y, dashed=who.stiffer > 1.0, listed=listed)
+
+
+SECTION = Section("baselines", jobs, conclude)

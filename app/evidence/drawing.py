@@ -1,0 +1,96 @@
+"""Drawings that are no charts of curves: maps of a figure over two parameters, in the style of `app.figures`."""
+
+from __future__ import annotations
+
+import io
+import textwrap
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from app.figures import CAPTION_LETTERS, DOUBLE, MARGIN, ROW, STYLE
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+TALL, LEFT, GAP, BAR, BELOW = 1.75, 0.58, 0.95, 0.09, 0.32  # in
+GOOD, THEORY = "white", "0.05"  # of a map's two lines
+
+
+@dataclass(frozen=True)
+class HeatMap:
+    """A figure over two parameters. x (k,), y (l,): their values, in words where numbers do not do; values (l, k):
+    logarithmic in colour, nan where a run left the domain; ends: of the scale of colours; good: the value that a line
+    marks; theory (l, k) and its value: another line, e.g. where a loop is said to become unstable."""
+
+    title: str
+    unit: str
+    x_label: str
+    y_label: str
+    x: Sequence[str]
+    y: Sequence[str]
+    values: np.ndarray
+    ends: tuple[float, float]
+    good: float
+    theory: tuple[np.ndarray, float] | None = None
+
+
+def heat_maps(maps: Sequence[HeatMap], caption: str) -> bytes:
+    """Maps beside each other, as SVG; the same maps always make the same bytes."""
+    from matplotlib import rc_context
+    from matplotlib.figure import Figure
+
+    lines = textwrap.wrap(caption, int((DOUBLE - 2 * MARGIN) * CAPTION_LETTERS))
+    height = MARGIN + 2 * ROW + TALL + BELOW + ROW * (len(lines) + 1)
+    wide = (DOUBLE - LEFT - GAP * len(maps) + 0.3) / len(maps)
+    file = io.BytesIO()
+    with rc_context(STYLE):
+        canvas = Figure(figsize=(DOUBLE, height))
+        bottom = (height - MARGIN - 2 * ROW - TALL) / height
+        for number, each in enumerate(maps):
+            left = LEFT + number * (wide + GAP)
+            axes = canvas.add_axes((left / DOUBLE, bottom, wide / DOUBLE, TALL / height))
+            bar = canvas.add_axes(((left + wide + 0.06) / DOUBLE, bottom, BAR / DOUBLE, TALL / height))
+            _draw(axes, bar, each)
+        for number, line in enumerate(lines):
+            y = (ROW * (len(lines) - number) + 0.3 * ROW) / height
+            canvas.text(MARGIN / DOUBLE, y, line, va="top", fontsize=6.5, color="0.2")
+        canvas.savefig(file, format="svg", metadata={"Date": None, "Creator": "VSMRC Lab"})
+    return file.getvalue()
+
+
+def _draw(axes: Axes, bar: Axes, each: HeatMap) -> None:
+    from matplotlib.colors import LogNorm
+
+    k, l = len(each.x), len(each.y)
+    axes.set_facecolor("0.75")
+    scale = LogNorm(*each.ends, clip=True)
+    mesh = axes.pcolormesh(np.arange(k + 1), np.arange(l + 1), np.ma.masked_invalid(each.values), norm=scale)
+    mesh.set_edgecolor("face")
+    mesh.set_cmap("viridis_r")
+    for j, i in np.argwhere(np.isnan(each.values)):
+        axes.text(i + 0.5, j + 0.5, "×", ha="center", va="center", color="0.3", fontsize=6.5)
+    beyond = np.where(np.isnan(each.values), 1e3 * each.ends[1], each.values)
+    _edge(axes, beyond > each.good, GOOD, "-")
+    if each.theory is not None:
+        _edge(axes, each.theory[0] > each.theory[1], THEORY, ":")
+    axes.grid(visible=False)
+    axes.set_xticks(np.arange(k) + 0.5, each.x)
+    axes.set_yticks(np.arange(l) + 0.5, each.y)
+    axes.tick_params(pad=2, length=0)
+    axes.set_xlabel(each.x_label, labelpad=2)
+    axes.set_ylabel(each.y_label, labelpad=2)
+    axes.set_title(f"{each.title} [{each.unit}]", loc="left", fontsize=7.5, fontweight="bold", pad=4)
+    axes.figure.colorbar(mesh, cax=bar)
+    bar.tick_params(pad=1, length=2)
+    bar.axhline(each.good, color=GOOD, linewidth=1.5)
+
+
+def _edge(axes: Axes, beyond: np.ndarray, color: str, style: str) -> None:
+    """A line along the cells' sides between those that are and those that are not."""
+    for j, i in np.argwhere(beyond[:, 1:] != beyond[:, :-1]):
+        axes.plot([i + 1, i + 1], [j, j + 1], color=color, linestyle=style, linewidth=1.6, solid_capstyle="butt")
+    for j, i in np.argwhere(beyond[1:] != beyond[:-1]):
+        axes.plot([i, i + 1], [j + 1, j + 1], color=color, linestyle=style, linewidth=1.6, solid_capstyle="butt")

@@ -1,0 +1,120 @@
+"""The arm on a rigid surface at rest, solved by Pinocchio, in two ways that take nothing from `environments/`.
+
+Pinocchio has no point on a surface. So (a) its solver for any constraint J q_ddot + drift = 0, with phi's gradient and
+curvature written down here from elementary geometry; and (b) its constraint dynamics of two bodies joined in a point:
+the tool and a slider of little mass, which two joints of its own keep on the surface. There Pinocchio finds the
+curvature by itself; with the slider's mass m the answer is m away from ours.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal, NamedTuple
+
+import numpy as np
+import pinocchio as pin
+
+Kind = Literal["plane", "cylinder", "sphere"]
+
+
+class Answer(NamedTuple):
+    """q_ddot (n,) rad/s^2; multiplier N: positive when the tool presses."""
+
+    q_ddot: np.ndarray
+    multiplier: float
+
+
+@dataclass(frozen=True)
+class Ground:
+    """The surface: a plane through `origin` (3,) m, or a cylinder about `axis` (3,) unit through it, or a sphere around
+    it, of `radius` m with the tool outside; normal (3,) unit: into the plane."""
+
+    kind: Kind
+    origin: np.ndarray
+    normal: np.ndarray
+    axis: np.ndarray
+    radius: float
+
+    def gradient_and_curvature(self, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Of the penetration phi at p (3,) m: (3,) and (3, 3) 1/m."""
+        if self.kind == "plane":
+            return self.normal, np.zeros((3, 3))
+        around = np.eye(3) - (np.outer(self.axis, self.axis) if self.kind == "cylinder" else 0.0)
+        away = around @ (p - self.origin)
+        distance = float(np.linalg.norm(away))
+        outward = away / distance
+        return -outward, -(around - np.outer(outward, outward)) / distance
+
+    def slider(self) -> tuple[pin.SE3, tuple[pin.JointModel, pin.JointModel], np.ndarray]:
+        """Placement of its first joint, its two joints, and its end (3,) m in the second one."""
+        if self.kind == "plane":
+            frame = _rotation(self.normal)
+            return pin.SE3(frame, self.origin), (pin.JointModelPX(), pin.JointModelPY()), np.zeros(3)
+        frame = _rotation(self.axis)
+        second = pin.JointModelPZ() if self.kind == "cylinder" else pin.JointModelRY()
+        return pin.SE3(frame, self.origin), (pin.JointModelRZ(), second), np.array([self.radius, 0.0, 0.0])
+
+
+def by_jacobian(
+    model: pin.Model, tool: pin.Frame, ground: Ground, q: np.ndarray, q_dot: np.ndarray, tau: np.ndarray
+) -> Answer:
+    """(a): for the state q, q_dot (n,) on the surface under the torque tau (n,) N m."""
+    model = model.copy()
+    frame = model.addFrame(tool)
+    data = model.createData()
+    axes = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
+    pin.forwardKinematics(model, data, q, q_dot, np.zeros_like(q))
+    pin.updateFramePlacements(model, data)
+    velocity = pin.getFrameVelocity(model, data, frame, axes).linear
+    drift = pin.getFrameClassicalAcceleration(model, data, frame, axes).linear
+    gradient, curvature = ground.gradient_and_curvature(data.oMf[frame].translation)
+    J = (gradient @ pin.computeFrameJacobian(model, data, q, frame, axes)[:3])[None]
+    bias = np.array([gradient @ drift + velocity @ curvature @ velocity])
+    q_ddot = pin.forwardDynamics(model, data, q, q_dot, tau, J, bias)
+    return Answer(q_ddot.copy(), -float(data.lambda_c[0]))
+
+
+def by_slider(
+    model: pin.Model, tool: pin.Frame, ground: Ground, q: np.ndarray, q_dot: np.ndarray, tau: np.ndarray, mass: float
+) -> Answer:
+    """(b): with a slider of this mass, kg."""
+    n, model = len(q), model.copy()
+    place, joints, end = ground.slider()
+    first = model.addJoint(0, joints[0], place, "slider 1")
+    second = model.addJoint(first, joints[1], pin.SE3.Identity(), "slider 2")
+    model.appendBodyToJoint(second, pin.Inertia(mass, end, np.zeros((3, 3))), pin.SE3.Identity())
+    at_end = pin.Frame("end", second, pin.SE3(np.eye(3), end), pin.FrameType.OP_FRAME)
+    frames = (model.addFrame(tool), model.addFrame(at_end))
+    q, q_dot, tau = (np.concatenate([part, np.zeros(2)]) for part in (q, q_dot, tau))
+    data = model.createData()
+    pin.framesForwardKinematics(model, data, q)
+    q[n:] = _slider_at(ground, place.actInv(data.oMf[frames[0]].translation))
+    J = [pin.computeFrameJacobian(model, data, q, f, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED)[:3].copy() for f in frames]
+    q_dot[n:] = np.linalg.lstsq(J[1][:, n:], J[0] @ q_dot, rcond=None)[0]
+    joined = pin.RigidConstraintModel(
+        pin.ContactType.CONTACT_3D, model, tool.parentJoint, tool.placement, second, at_end.placement
+    )
+    models, datas = pin.StdVec_RigidConstraintModel([joined]), pin.StdVec_RigidConstraintData([joined.createData()])
+    pin.initConstraintDynamics(model, data, models, datas)
+    settings = pin.ProximalSettings(1e-14, 1e-10, 20)
+    q_ddot = pin.constraintDynamics(model, data, q, q_dot, tau, models, datas, settings)[:n].copy()
+    gradient, _ = ground.gradient_and_curvature(data.oMf[frames[0]].translation)
+    missing = tau[:n] - pin.rnea(model, data, q, q_dot, np.concatenate([q_ddot, np.zeros(2)]))[:n]
+    pull = gradient @ J[0][:, :n]
+    return Answer(q_ddot, float(pull @ missing / (pull @ pull)))
+
+
+def _slider_at(ground: Ground, p: np.ndarray) -> tuple[float, float]:
+    """The slider's joints where its end is at p (3,) m, seen from its first joint."""
+    match ground.kind:
+        case "plane":
+            return p[0], p[1]
+        case "cylinder":
+            return np.arctan2(p[1], p[0]), p[2]
+        case "sphere":
+            return np.arctan2(p[1], p[0]), -np.arcsin(p[2] / ground.radius)
+
+
+def _rotation(z: np.ndarray) -> np.ndarray:
+    """A frame whose third axis is z (3,) unit."""
+    return pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), z).matrix()

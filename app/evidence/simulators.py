@@ -1,0 +1,377 @@
+"""The same controller in MuJoCo, and the rigid surface by Pinocchio's own constraint dynamics."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from app.assembly import System, assemble, on_robot
+from app.closed_loop import ClosedLoop
+from app.evidence.pinocchio_constraint import Ground, Kind, by_jacobian, by_slider
+from app.evidence.section import Findings, Job, Section
+from app.figures import Chart, Curve, Figure, render, thinned
+from app.markdown import Table
+from app.scenario import Scenario, edited, shipped
+from environments.contact import Contact
+from environments.plant import Plant
+from environments.surfaces import Cylinder, Motion, Plane, Sphere, Surface
+
+ROBOTS = ("ur5", "ur10", "xarm7")
+FREE, TOUCHING = 4.0, 3.0  # s
+LADDER = (1, 2, 4, 8, 16)  # of our Euler steps in a control period, against
+FINE = 4  # Runge-Kutta steps of MuJoCo's
+STIFFNESSES = (1e3, 3e3, 1e4, 3e4, 1e5)  # N/m
+MASSES = (0.2, 0.02, 0.002)  # kg, of the surface in the circle's cases
+INTO = 0.03  # m, by which the impedance wants to go down, from 11.5 mm above the surface
+STATES = 100  # of each surface
+SLIDERS = (1e-2, 1e-4, 1e-6)  # kg
+TINT = ((66, 135, 245), (230, 159, 0), (0, 158, 115), (213, 94, 0), (150, 100, 220))
+POINTS = 500
+
+
+@dataclass(frozen=True)
+class Free:
+    """How far two engines' joint angles part, rad: largest with Euler in both, with Runge-Kutta in both; t (N,) s and
+    for each rung of the ladder (N,) of our Euler against MuJoCo's Runge-Kutta; how far the joints moved, rad."""
+
+    robot: str
+    euler: float
+    rk4: float
+    t: np.ndarray
+    rungs: tuple[np.ndarray, ...]
+    moved: float
+
+
+@dataclass(frozen=True)
+class Steady:
+    """The force at the end, N: ours, MuJoCo's, and as the closed form has it."""
+
+    stiffness: float
+    ours: float
+    mujoco: float
+    predicted: float
+
+
+@dataclass(frozen=True)
+class Touch:
+    """A force's course in both engines. t, ours, mujoco (N,): s and N; apart: their largest difference, N; without,
+    with_drift: of (28) in MuJoCo's run, left minus right side, if the tool's acceleration lacks J_dot q_dot, and in
+    truth, N; drift: largest M_e n J_dot q_dot, N."""
+
+    name: str
+    mass: float
+    t: np.ndarray
+    ours: np.ndarray
+    mujoco: np.ndarray
+    apart: float
+    without: float
+    with_drift: float
+    drift: float
+
+
+@dataclass(frozen=True)
+class Constraint:
+    """Largest differences over random states on one surface: of accelerations (rad/s^2) and multipliers (N), by
+    Pinocchio's solver for any constraint, and for each slider; largest: of both, what they are compared with."""
+
+    kind: Kind
+    states: int
+    q_ddot: float
+    multiplier: float
+    by_slider: tuple[tuple[float, float], ...]
+    largest: tuple[float, float]
+
+
+def run(scenario: Scenario, *, mujoco: bool) -> Mapping[str, np.ndarray]:
+    """The recorded signals under our plant, or MuJoCo's. Raises RuntimeError when the run stops."""
+    system = assemble(scenario)
+    if mujoco:
+        from app.evidence.mujoco_arm import MujocoPlant  # here: the section is listed where MuJoCo is missing
+
+        system = replace(system, plant=MujocoPlant(system, scenario.simulation.substeps))
+    loop = ClosedLoop.of(system)
+    for _ in range(round(scenario.simulation.duration / loop.period)):
+        loop.advance()
+    if loop.stopped:
+        raise RuntimeError(f"{scenario.name}: {loop.stopped}")
+    return loop.recording.signals(tuple(loop.recording.columns))
+
+
+def free(robot: str, duration: float) -> Free:
+    """A circle in free space, every link 15 % heavier than believed."""
+    base = edited(on_robot(shipped()["ur5-motion"], robot), "simulation.duration", duration)
+
+    def angles(integrator: str, substeps: int, *, mujoco: bool) -> Mapping[str, np.ndarray]:
+        scenario = edited(edited(base, "simulation.integrator", integrator), "simulation.substeps", substeps)
+        return run(scenario, mujoco=mujoco)
+
+    def apart(integrator: str) -> float:
+        ours, theirs = (angles(integrator, 1, mujoco=mujoco) for mujoco in (False, True))
+        return float(np.abs(ours["q"] - theirs["q"]).max())
+
+    exact = angles("rk4", FINE, mujoco=True)
+    rungs = tuple(
+        np.abs(angles("semi-implicit-euler", substeps, mujoco=False)["q"] - exact["q"]).max(axis=1)
+        for substeps in LADDER
+    )
+    moved = float(np.ptp(exact["q"], axis=0).max())
+    return Free(robot, apart("semi-implicit-euler"), apart("rk4"), exact["t"], rungs, moved)
+
+
+def _touching(scenario: Scenario, stiffness: float, mass: float, duration: float) -> Scenario:
+    damping = float(np.sqrt(stiffness))
+    fields = {"kind": "mass-damper-spring", "K_e": stiffness, "B_e": damping, "M_e": mass}
+    for name, value in fields.items():
+        scenario = edited(scenario, f"contact.{name}", value)
+    return edited(scenario, "simulation.duration", duration)
+
+
+def steady(stiffness: float, duration: float) -> Steady:
+    """An impedance K_m pressed by `INTO` towards a surface K_e: F = K_e K_m depth / (K_m + K_e)."""
+    scenario = _touching(shipped()["ur5-hybrid"], stiffness, MASSES[0], duration)
+    scenario = edited(edited(scenario, "mode", "impedance"), "motion", "hold")
+    scenario = edited(scenario, "shift", {"by": [0.0, 0.0, -INTO], "duration": 0.5})
+    system = assemble(scenario)
+    tool = system.plant.tool(system.plant.start(system.robot.posture, np.zeros(system.robot.n), 0.0)).p
+    depth = INTO + float(system.surface.chart(tool, 0.0).g[0])
+    K_m = float(system.law.model.K_m[2, 2])
+    ours, theirs = (float(run(scenario, mujoco=mujoco)["multiplier"][-1]) for mujoco in (False, True))
+    return Steady(stiffness, ours, theirs, stiffness * K_m * depth / (K_m + stiffness))
+
+
+def touch(name: str, motion: str, mass: float, duration: float) -> Touch:
+    """Force control at 20 N, from the air, while the tool rests or draws its circle."""
+    scenario = _touching(shipped()["ur5-hybrid"], 1e4, mass, duration)
+    if motion == "hold":
+        scenario = edited(scenario, "motion", "hold")
+    ours, theirs = (run(scenario, mujoco=mujoco) for mujoco in (False, True))
+    without, with_drift, drift = _balance(assemble(scenario), theirs)
+    f, g = ours["multiplier"], theirs["multiplier"]
+    return Touch(name, mass, ours["t"], f, g, float(np.abs(f - g).max()), without, with_drift, drift)
+
+
+def _balance(system: System, record: Mapping[str, np.ndarray]) -> tuple[float, float, float]:
+    """What f misses of M_e phi_ddot + B_e phi_dot + K_e phi, see `Touch`; q_ddot from the rates, as Euler made them."""
+    contact, period = system.plant.contact, system.scenario.controller.period
+    model, normal = system.robot.model, system.surface.chart(np.zeros(3), 0.0).G[0]
+    model = model.copy()
+    frame = model.addFrame(_tool(system))
+    data, axes = model.createData(), pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
+    rest, whole, drifts = [], [], []
+    for k in np.flatnonzero(record["multiplier"][:-1] > 0.0)[::10]:
+        q, q_dot = record["q"][k], record["q_dot"][k]
+        pin.forwardKinematics(model, data, q, q_dot, np.zeros_like(q))
+        J = normal @ pin.computeFrameJacobian(model, data, q, frame, axes)[:3]
+        drift = contact.M_e * (normal @ pin.getFrameClassicalAcceleration(model, data, frame, axes).linear)
+        q_ddot = (record["q_dot"][k + 1] - q_dot) / period
+        f = contact.M_e * (J @ q_ddot) + contact.B_e * (J @ q_dot) + contact.K_e * record["phi"][k]
+        rest.append(record["multiplier"][k] - f)
+        whole.append(record["multiplier"][k] - f - drift)
+        drifts.append(drift)
+    without, with_drift, drift = (float(np.abs(values).max()) for values in (rest, whole, drifts))
+    return without, with_drift, drift
+
+
+def constraint(kind: Kind, seed: int, states: int) -> Constraint:
+    """Accelerations and multipliers of our rigid surface, with random states, torques and a heavy tool, against
+    Pinocchio's."""
+    random = np.random.default_rng(seed)
+    scenario = edited(edited(shipped()["ur5-constrained"], "truth.payload_mass", 2.0), "truth.link_scaling", 1.1)
+    system = assemble(scenario)
+    robot, n = system.robot, system.robot.n
+    p = system.plant.tool(system.plant.start(robot.posture, np.zeros(n), 0.0)).p
+    ground, surface = _ground(kind, p, random)
+    bilateral = Contact(0.0, 0.0, 0.0, unilateral=False, friction_coulomb=0.0, friction_viscous=0.0)
+    plant = Plant(robot, system.plant.truth, surface, "rigid", bilateral)
+    tool, found = _tool(system), []
+    for _ in range(states):
+        state = plant.start(robot.posture + random.uniform(-0.2, 0.2, n), random.uniform(-1.0, 1.0, n), 0.0)
+        q, q_dot, tau = state.views.q.copy(), state.views.q_dot.copy(), random.uniform(-50.0, 50.0, n)
+        plant.advance(state, tau, 0.0, 1e-3)
+        q_ddot, multiplier = state.views.q_ddot, state.read().load.multiplier
+        others = [by_jacobian(plant.model, tool, ground, q, q_dot, tau)]
+        others += [by_slider(plant.model, tool, ground, q, q_dot, tau, mass) for mass in SLIDERS]
+        apart = [(np.abs(q_ddot - other.q_ddot).max(), abs(multiplier - other.multiplier)) for other in others]
+        found.append([*apart, (np.abs(q_ddot).max(), abs(multiplier))])
+    (a, b), *sliders, largest = [(float(a), float(b)) for a, b in np.array(found).max(axis=0)]
+    return Constraint(kind, states, a, b, tuple(sliders), largest)
+
+
+def _ground(kind: Kind, p: np.ndarray, random: np.random.Generator) -> tuple[Ground, Surface]:
+    """A surface near the tool point p (3,) m, of random direction, for both."""
+    normal = _unit(np.array([0.0, 0.0, -1.0]) + 0.4 * random.standard_normal(3))
+    axis = _unit(np.array([0.0, 1.0, 0.0]) + 0.2 * random.standard_normal(3))
+    radius, rest = 0.3, Motion(np.array([0.0, 0.0, 1.0]), 0.0, 1.0)
+    match kind:
+        case "plane":
+            origin = p + 0.02 * normal
+            surface: Surface = Plane.create(origin, normal, rest)
+        case "cylinder":
+            origin = p + 1.05 * radius * normal
+            surface = Cylinder.create(origin, axis, -normal, radius, 1.0, rest)
+        case "sphere":
+            origin = p + 1.05 * radius * normal
+            surface = Sphere.create(origin, -normal, radius, 1.0, rest)
+    return Ground(kind, origin, normal, axis, radius), surface
+
+
+def _unit(vector: np.ndarray) -> np.ndarray:
+    return vector / np.linalg.norm(vector)
+
+
+def _tool(system: System) -> pin.Frame:
+    robot = system.robot
+    return pin.Frame("the tool point", robot.tool_joint, robot.tool_placement, pin.FrameType.OP_FRAME)
+
+
+def jobs(thin: int) -> list[Job]:
+    seconds = 1.0 if thin > 1 else FREE
+    cases = [Job(free, (robot, seconds)) for robot in ROBOTS[: max(1, len(ROBOTS) // thin)]]
+    cases += [Job(steady, (stiffness, TOUCHING)) for stiffness in STIFFNESSES[::thin]]
+    cases += [Job(touch, ("at rest", "hold", MASSES[0], TOUCHING / min(thin, 3)))]
+    cases += [Job(touch, ("on a circle", "circle", mass, TOUCHING / min(thin, 3))) for mass in MASSES]
+    kinds: tuple[Kind, ...] = ("plane", "cylinder", "sphere")
+    return cases + [Job(constraint, (kind, seed, max(5, STATES // thin))) for seed, kind in enumerate(kinds)]
+
+
+def conclude(results: Sequence[Any]) -> Findings:
+    moved = [found for found in results if isinstance(found, Free)]
+    pressed = [found for found in results if isinstance(found, Steady)]
+    touched = [found for found in results if isinstance(found, Touch)]
+    bound = [found for found in results if isinstance(found, Constraint)]
+    numbers = {
+        "euler": f"{max(found.euler for found in moved):.1g}",
+        "rk4": f"{max(found.rk4 for found in moved):.1g}",
+        "steps": ", ".join(f"{1.0 / substeps:g}" for substeps in LADDER),
+        "fine": f"{1.0 / FINE:g}",
+        "order": f"{np.mean([_order(found) for found in moved]):.2f}",
+        "steady_apart": f"{max(abs(found.ours - found.mujoco) for found in pressed):.1g}",
+        "steady_error": f"{max(abs(found.mujoco / found.predicted - 1.0) for found in pressed):.1g}",
+        "into": f"{1e3 * INTO:g}",
+        "states": f"{sum(found.states for found in bound)}",
+        "bound_q": f"{max(found.q_ddot / found.largest[0] for found in bound):.1g}",
+        "bound_f": f"{max(found.multiplier / found.largest[1] for found in bound):.1g}",
+    }
+    return Findings(
+        numbers=numbers,
+        tables={
+            "free": _free_table(moved),
+            "steady": _steady_table(pressed),
+            "touch": _touch_table(touched),
+            "constraint": _constraint_table(bound),
+        },
+        figures={"runs": _figure(moved[0], touched)},
+    )
+
+
+def _order(found: Free) -> float:
+    """With which power of the step the difference shrinks."""
+    largest = [float(rung.max()) for rung in found.rungs]
+    return float(-np.polyfit(np.log(LADDER), np.log(largest), 1)[0])
+
+
+def _free_table(moved: Sequence[Free]) -> Table:
+    header = (
+        "largest difference of a joint angle [rad]",
+        "joints moved by",
+        "Euler in both",
+        "Runge-Kutta in both",
+        *(f"ours Euler, {1.0 / substeps:g} ms" for substeps in LADDER),
+        "order",
+    )
+    rows = [
+        (
+            found.robot,
+            f"{found.moved:.2f}",
+            f"{found.euler:.0e}",
+            f"{found.rk4:.0e}",
+            *(f"{rung.max():.1e}" for rung in found.rungs),
+            f"{_order(found):.2f}",
+        )
+        for found in moved
+    ]
+    return Table(header, rows)
+
+
+def _steady_table(pressed: Sequence[Steady]) -> Table:
+    header = ("steady force [N]", "closed form", "our plant", "MuJoCo")
+    rows = [
+        (f"K_e = {found.stiffness:g} N/m", *(f"{f:.5f}" for f in (found.predicted, found.ours, found.mujoco)))
+        for found in pressed
+    ]
+    return Table(header, rows)
+
+
+def _touch_table(touched: Sequence[Touch]) -> Table:
+    header = (
+        "force control at 20 N, the tool",
+        "M_e [kg]",
+        "engines apart, largest [N]",
+        "MuJoCo's force misses of (28) [N]",
+        "the same without J̇q̇ [N]",
+        "M_e n·J̇q̇, largest [N]",
+    )
+    rows = [
+        (
+            found.name,
+            f"{found.mass:g}",
+            *(f"{f:.1e}" for f in (found.apart, found.with_drift, found.without, found.drift)),
+        )
+        for found in touched
+    ]
+    return Table(header, rows)
+
+
+def _constraint_table(bound: Sequence[Constraint]) -> Table:
+    header = (
+        "largest difference of",
+        "its largest value",
+        "any-constraint solver",
+        *(f"slider of {mass:g} kg" for mass in SLIDERS),
+    )
+    rows = []
+    for found in bound:
+        for i, (what, direct) in enumerate(
+            (("q̈ [rad/s²]", found.q_ddot), ("multiplier [N]", found.multiplier)),
+        ):
+            sliders = (f"{pair[i]:.1e}" for pair in found.by_slider)
+            rows.append((f"{what}, {found.kind}", f"{found.largest[i]:.3g}", f"{direct:.0e}", *sliders))
+    return Table(header, rows)
+
+
+def _figure(found: Free, touched: Sequence[Touch]) -> bytes:
+    rungs = tuple(
+        Curve(f"{1.0 / substeps:g} ms", TINT[i], *_above_zero(found.t, rung))
+        for i, (substeps, rung) in enumerate(zip(LADDER, found.rungs, strict=True))
+    )
+    circle = next(each for each in touched if each.name != "at rest")
+    touching = np.flatnonzero(circle.ours > 0.0)
+    few = slice(touching[0], None, max(1, len(touching) // POINTS))
+    forces = (
+        Curve("MuJoCo", TINT[1], circle.t[few], circle.mujoco[few], width=2.2),
+        Curve("our plant", TINT[0], circle.t[few], circle.ours[few], dashed=True),
+    )
+    apart = tuple(
+        Curve(f"{each.name}, {each.mass:g} kg", color, *_above_zero(each.t, np.abs(each.ours - each.mujoco), 1e-12))
+        for each, color in zip(touched, TINT, strict=False)
+    )
+    charts = (
+        Chart("joint angles apart, by our step", "rad", rungs, logarithmic=True),
+        Chart(f"force, surface of {circle.mass:g} kg, 10 kN/m", "N", forces),
+        Chart("forces apart", "N", apart, logarithmic=True),
+    )
+    told = f"Top: {found.robot} in free space, our Euler from MuJoCo's Runge-Kutta at {1.0 / FINE:g} ms."
+    return render(Figure(charts, f"{told} Below: from the first touch on."), "svg")
+
+
+def _above_zero(t: np.ndarray, values: np.ndarray, floor: float = 1e-9) -> tuple[np.ndarray, np.ndarray]:
+    """For a logarithmic axis: only where there is something to see."""
+    seen = values > floor
+    return thinned(t[seen], values[seen], POINTS)
+
+
+SECTION = Section("simulators", jobs, conclude, needs={"mujoco": "pip install mujoco"})
