@@ -24,19 +24,24 @@ from controllers.dominance import hurwitz_on_hull
 from controllers.segment import Rightmost, rightmost
 from controllers.target_model import TargetModel
 
+PIECES = 500  # of a blend, in each of which the model is constant: alpha rises by 0.0038 at most from one to the next
+
 
 @dataclass(frozen=True)
 class ModelBlend:
-    """The target model over time: `start` until `begins` (s), `end` from `over` s later on, smoothly in between."""
+    """The target model over time: `start` until `begins` (s), `end` from `over` s later on, smoothly in between in
+    `PIECES`; and what is known of the models on the way."""
 
     start: TargetModel
     end: TargetModel
     begins: float
     over: float
+    certificate: BlendCertificate
 
     def share(self, t: float) -> float:
-        """alpha at time t (s), from 0 to 1 with zero speed and acceleration at both ends."""
-        u = min(max((t - self.begins) / self.over, 0.0), 1.0)
+        """alpha in force at time t (s), from 0 to 1 with zero speed and acceleration at both ends."""
+        piece = np.floor(PIECES * (t - self.begins) / self.over + 1e-9)
+        u = float(min(max((piece + 0.5) / PIECES, 0.0), 1.0))
         return u**3 * (10.0 - 15.0 * u + 6.0 * u**2)
 
     def at(self, t: float) -> TargetModel:
@@ -74,6 +79,18 @@ class BlendCertificate:
     def stable(self) -> bool:
         return self.by != "nothing"
 
+    @property
+    def sentence(self) -> str:
+        """What it says, with the worst pole and where on the way that is."""
+        pole, alpha = self.rightmost.eigenvalue, self.rightmost.alpha
+        imaginary = f" ± {pole.imag:.3g}j" if pole.imag > 1e-6 * abs(pole) else ""
+        where = f"at α = {alpha:.3g} a pole at {pole.real:.3g}{imaginary} 1/s".replace("-", "−")
+        return {
+            "theorem 4": f"certified by Theorem 4, however fast; the rightmost pole: {where}",
+            "eigenvalues": f"certified by eigenvalues, each model on the way by itself; the rightmost pole: {where}",
+            "nothing": f"refused: {where}",
+        }[self.by]
+
 
 def certify(start: TargetModel, end: TargetModel, K_e: np.ndarray) -> BlendCertificate:
     """Does every blend between two stable models stay stable, on a surface of stiffness K_e (n,) N/m per coordinate?
@@ -84,7 +101,7 @@ def certify(start: TargetModel, end: TargetModel, K_e: np.ndarray) -> BlendCerti
     sliding = np.full(start.n, np.nan)
     moving = np.flatnonzero(np.isfinite(K_e))
     beta, kappa = zip(*(_normalised(model, K_e, moving) for model in (start, end)), strict=True)
-    coupled = sum(np.abs(matrix) for matrix in (*beta, *kappa))
+    coupled = np.abs([*beta, *kappa]).sum(axis=0)
     _, groups = connected_components(coupled, directed=False)
     worst, open_questions = [], 0
     for group in range(groups.max() + 1):

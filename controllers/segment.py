@@ -53,10 +53,8 @@ def _crossings(A: np.ndarray, D: np.ndarray) -> np.ndarray:
     """Sorted alphas in (0, 1) that can be where A + alpha D, Hurwitz-stable for alpha = 0, is on the verge."""
     found = []
     for constant, linear in ((A, D), (_bialternate(A), _bialternate(D))):
-        numerators, denominators = eigvals(constant, -linear, homogeneous_eigvals=True)
-        finite = np.abs(denominators) > 1e-300
-        roots = numerators[finite] / denominators[finite]
-        found.append(roots.real[np.abs(roots.imag) < NEARLY_REAL])
+        roots = eigvals(constant, -linear)  # infinite ones where D is singular
+        found.append(roots.real[np.isfinite(roots) & (np.abs(roots.imag) < NEARLY_REAL)])
     alphas = np.concatenate(found)
     return np.sort(alphas[(alphas > 0.0) & (alphas < 1.0)])
 
