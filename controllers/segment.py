@@ -53,8 +53,8 @@ def _crossings(A: np.ndarray, D: np.ndarray) -> np.ndarray:
     """Sorted alphas in (0, 1) that can be where A + alpha D, Hurwitz-stable for alpha = 0, is on the verge."""
     found = []
     for constant, linear in ((A, D), (_bialternate(A), _bialternate(D))):
-        roots = eigvals(constant, -linear)  # infinite ones where D is singular
-        found.append(roots.real[np.isfinite(roots) & (np.abs(roots.imag) < NEARLY_REAL)])
+        roots: np.ndarray = np.asarray(eigvals(constant, -linear), dtype=complex)  # infinite ones where D is singular
+        found.append(np.real(roots)[np.isfinite(roots) & (np.abs(np.imag(roots)) < NEARLY_REAL)])
     alphas = np.concatenate(found)
     return np.sort(alphas[(alphas > 0.0) & (alphas < 1.0)])
 

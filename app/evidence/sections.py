@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from app.evidence import paper_cases
+from app.evidence import blend, paper_cases
 from app.evidence.section import Section
 
-SECTIONS: tuple[Section, ...] = (paper_cases.SECTION,)
+SECTIONS: tuple[Section, ...] = (paper_cases.SECTION, blend.SECTION)
