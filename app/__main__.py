@@ -22,7 +22,7 @@ from rich.table import Table
 from tqdm import tqdm
 
 from app import headless, warm
-from app.assembly import with_robot
+from app.assembly import blending_to, with_robot
 from app.dashboard import Dashboard, PortBusy
 from app.dashboard.export import Kind, Stretch, write
 from app.dashboard.printed import ALL_PLOTS, plots_of
@@ -115,6 +115,9 @@ def run(
     *,
     out: Path,
     duration: float | None = None,
+    blend_to: str | None = None,
+    blend_at: float = 0.0,
+    blend_over: float = 2.0,
     settings: Settings = (),
 ) -> int:
     """Simulate a scenario without a screen; writes recording.npz, metrics.json and scenario.toml.
@@ -123,8 +126,14 @@ def run(
         scenario: a shipped scenario (see `vsmrc list`) or a .toml file
         out: folder for the files
         duration: simulated time in s, instead of the scenario's
+        blend_to: go over to the target model of this scenario; see also the fields of `blend`
+        blend_at: when that begins, s
+        blend_over: how long it takes, s
     """
-    loop, metrics = headless.simulate(_configured(scenario, settings, duration), show_progress=True)
+    chosen = _configured(scenario, settings, duration)
+    if blend_to is not None:
+        chosen = blending_to(chosen, load(blend_to), blend_at, blend_over)
+    loop, metrics = headless.simulate(chosen, show_progress=True)
     try:
         headless.write(loop, metrics, out)
     except OSError as error:

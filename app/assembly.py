@@ -30,6 +30,7 @@ from app.scenario import (
     ScenarioError,
     Sphere,
     TargetModel,
+    after_blend,
     edited,
     field_info,
     from_plain,
@@ -37,6 +38,7 @@ from app.scenario import (
 )
 from controllers import modes
 from controllers.baselines import ComputedTorque, PdGravity
+from controllers.blend import ModelBlend, certify
 from controllers.bounds import Uncertainty
 from controllers.compensator import Compensator
 from controllers.modes import Mode
@@ -74,7 +76,8 @@ class Coordinate:
 @dataclass(frozen=True)
 class System:
     """A scenario's objects. `charted` gives the task coordinates: the surface, or Cartesian axes; `mobility` is the
-    true arm's largest over Omega; q_0 (n,) rad."""
+    true arm's largest over Omega; law: with the target model in force, from which `blend`, if there is one, leads to
+    another; q_0 (n,) rad."""
 
     scenario: Scenario
     robot: robots.Robot
@@ -88,6 +91,7 @@ class System:
     constants: Constants
     mobility: Mobility
     law: Vsmrc
+    blend: ModelBlend | None
     motion: trajectories.Trajectory
     force: trajectories.ForceProfile
     sensor: ForceSensor
@@ -218,6 +222,7 @@ def _assemble(scenario: Scenario, previous: System | None) -> System:
         constants=constants,
         mobility=mobility,
         law=_law(scenario, mode, layout, constants),
+        blend=_blend(scenario, mode, layout.n),
         motion=motion,
         force=force,
         sensor=ForceSensor(
@@ -241,7 +246,7 @@ def in_mode(scenario: Scenario, mode_name: str) -> Scenario:
     changed = edited(scenario, "mode", mode_name)
     mode = modes.MODES[mode_name]
     data = to_plain(changed)
-    data["target_model"] = data["shift"] = {}
+    data["target_model"] = data["blend"] = data["shift"] = {}
     if scenario.contact.kind not in mode.contacts:
         data["contact"]["kind"] = mode.contacts[0]
     if mode_name != "motion":
@@ -271,7 +276,7 @@ def with_robot(scenario: Scenario, changes: Mapping[str, object]) -> Scenario:
     if another:
         kept = ("name", "urdf") if another == {"tool_frame"} else ()
         data["robot"] = {name: value for name, value in data["robot"].items() if name in kept}
-        data["target_model"] = data["shift"] = {}
+        data["target_model"] = data["blend"] = data["shift"] = {}
         for gain in ("A", "F_1", "F_2", "K_s"):
             value = data["controller"][gain]
             data["controller"][gain] = value[0] if isinstance(value, list) and not isinstance(value[0], list) else value
@@ -546,6 +551,39 @@ def target_model(scenario: Scenario, n: int) -> Model:
         for f, value in given.items()
     }
     return Model(**matrices)
+
+
+def blending_to(scenario: Scenario, other: Scenario, at: float, over: float) -> Scenario:
+    """The scenario with a blend to the target model of another one, at and over in s.
+
+    Raises ScenarioError where the other is of another mode, or its model has not as many coordinates.
+    """
+    if other.mode != scenario.mode:
+        raise ScenarioError(f"blend.to: a target model of {other.mode} mode; allowed: one of {scenario.mode} mode")
+    try:
+        model = target_model(other, _robot(scenario).n)
+    except (InvalidGain, RobotError) as error:
+        raise ScenarioError(f"blend.to: {error}") from error
+    to = {name: getattr(model, name).tolist() for name in TargetModel.__struct_fields__}
+    return edited(scenario, "blend", {"to": to, "at": at, "over": over})
+
+
+def _blend(scenario: Scenario, mode: Mode, n: int) -> ModelBlend | None:
+    """What the scenario plans; refused unless every model on the way is stable."""
+    if not scenario.blend.planned:
+        return None
+    start = target_model(scenario, n)
+    try:
+        end = target_model(after_blend(scenario), n)
+        mode.check(end, scenario.controller.K_e_hat)
+    except (InvalidGain, ScenarioError) as error:
+        raise ScenarioError(f"blend.to: {error}") from error
+    certificate = certify(start, end, mode.environment(n, scenario.controller.K_e_hat))
+    if not certificate.stable:
+        raise ScenarioError(
+            f"blend.to: {certificate.sentence}; allowed: a model to which the way has its poles left of 0"
+        )
+    return ModelBlend(start, end, scenario.blend.at, scenario.blend.over, certificate)
 
 
 def _law(scenario: Scenario, mode: Mode, layout: TaskLayout, constants: Constants) -> Vsmrc:

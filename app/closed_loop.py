@@ -5,13 +5,15 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 
+import msgspec
 import numpy as np
 
 from app.assembly import System, assemble
 from app.control_period import Alarm, Limits, Period, Setting, complete_row, control_period
 from app.recording import Epoch, Recording
 from app.sampled_loop import contact_loop_radius
-from app.scenario import Scenario
+from app.scenario import Scenario, ScenarioError, after_blend
+from controllers.blend import ModelBlend
 from controllers.bounds import InertiaRange
 from controllers.force_loop import force_loop_factor, layer_loop_factor
 from controllers.nominal_model import Estimate
@@ -105,10 +107,12 @@ class ClosedLoop:
         loop._along = loop._reference_estimates()
         loop.certificate, loop.s_since, loop.reaching_time = state.certificate, state.s_since, state.reaching_time
         loop.stopped, loop.warning = state.stopped, state.warning
-        loop._setting = Record(loop._setting_of(loop.system)).data
+        loop._settings = Record(loop._setting_of(loop.system))
         reached = None if state.reaching_time is None else state.s_since + state.reaching_time
-        model = loop.system.law.model
-        loop.recording.epochs[-1] = Epoch(state.s_since, state.scenario, model, state.certificate, reached)
+        loop.recording.epochs[-1] = replace(
+            loop.recording.epochs[-1], t=state.s_since, certificate=state.certificate, reached=reached
+        )
+        loop._follow_if_blending()
         return loop
 
     def state(self) -> LoopState:
@@ -132,13 +136,23 @@ class ClosedLoop:
     def edit(self, scenario: Scenario) -> None:
         """Go on with a changed scenario, or begin anew where the change does not allow it.
 
-        Raises ScenarioError, and then the running one goes on.
+        A blend is only planned by it: `step` carries it out. Raises ScenarioError, and then the running one goes on;
+        so where a blend is under way that the scenario would lead elsewhere.
         """
         old, new = self.system.scenario, assemble(scenario, self.system)
+        replanned = scenario.blend.planned and scenario.blend != old.blend
         restarts = any(getattr(old, f) != getattr(scenario, f) for f in RESTARTING)
         restarts |= (old.contact.kind, old.controller.period) != (scenario.contact.kind, scenario.controller.period)
+        restarts |= replanned and scenario.blend.at < self.t - 0.5 * self._h
         if restarts or self.stopped:
             self._begin(new)
+            return
+        if self.blending:
+            if replanned or (scenario.blend.planned and scenario.target_model != old.target_model):
+                end = old.blend.at + old.blend.over
+                raise ScenarioError(f"target_model: a blend is under way; allowed: from its end on, t = {end:.4g} s")
+        elif msgspec.structs.replace(old, blend=scenario.blend) == scenario:
+            self.system = replace(self.system, scenario=scenario, blend=new.blend)
             return
         if old.sensor != scenario.sensor:
             self._reader = ForceReader(new.sensor, scenario.simulation.seed)
@@ -149,12 +163,20 @@ class ClosedLoop:
         """The control period, s."""
         return self._h
 
+    @property
+    def blending(self) -> bool:
+        """Whether the target model is on the way of a blend."""
+        blend = self.system.blend
+        return blend is not None and self.t > blend.begins + 0.5 * self._h
+
     def reset(self) -> None:
         """Begin the same scenario anew."""
         self._begin(self.system)
 
     def step(self) -> None:
         """One control period. Call it only while `stopped` is None."""
+        if self.system.blend is not None:
+            self._blend(self.system.blend)
         plant, arm, t = self.system.plant, self._arm, self.t
         row = self.recording.new_row()
 
@@ -165,7 +187,7 @@ class ClosedLoop:
             self._solve_for_force(row)
         plant.advance(arm, self._applied + self._push_torque if pushed else self._applied, t, self._h)
 
-        alarms = self._complete_row(self._setting, self._period.data, arm.data, row)
+        alarms = self._complete_row(self._settings.data, self._period.data, arm.data, row)
         self.recording.commit()
         if alarms:
             self._heed(Alarm(alarms))
@@ -181,6 +203,35 @@ class ClosedLoop:
                 self.step()
             except (ArithmeticError, ValueError) as error:
                 self.stopped = f"t = {self.t:.3f} s: {error}"
+
+    def _blend(self, blend: ModelBlend) -> None:
+        """Carry out a blend: the law of this control period follows the model that is in force by now.
+
+        Nothing else changes, z least of all: s does not depend on the model (see `controllers.blend`). A blend begins
+        and ends with an epoch; whether it was planned long ago or just now, it is the same to the last bit.
+        """
+        half = 0.5 * self._h
+        if self.t > blend.begins + blend.over - half:
+            system = self.system
+            law = system.law.following(blend.end)
+            self.system = replace(system, scenario=after_blend(system.scenario), law=law, blend=None)
+            self._new_epoch()
+        elif self.t > blend.begins - half:
+            if self.s_since < blend.begins - half:
+                self._new_epoch()
+            if blend.share(self.t) != self._share:
+                self._follow(blend)
+
+    def _follow_if_blending(self) -> None:
+        if self.system.blend is not None and self.blending:
+            self._follow(self.system.blend)
+
+    def _follow(self, blend: ModelBlend) -> None:
+        """Take up the model of now."""
+        self._share = blend.share(self.t)
+        law = self.system.law.following(blend.at(self.t))
+        self.system = replace(self.system, law=law)
+        self._settings.write("gains", law.gains)
 
     def _push_tool(self) -> bool:
         """Find what hand and script do to the tool over this period; False, as fast as can be, when they do nothing."""
@@ -204,7 +255,7 @@ class ClosedLoop:
         if self._along is not None:
             self._period.write("believed", self._along.at(q, q_dot, t))
         terms = self.system.nominal.update(q, q_dot)
-        self._control_period(self._setting, self._period.data, *terms, arm.data, F, t, row)
+        self._control_period(self._settings.data, self._period.data, *terms, arm.data, F, t, row)
 
     def _solve_for_force(self, row: np.ndarray) -> None:
         """The law fed with the force that its own torque causes: secant iteration on the multiplier (DESIGN 4.6)."""
@@ -227,19 +278,30 @@ class ClosedLoop:
         """Go on with this system from the present state; s jumps where gains or references do."""
         self.system = system
         self._h = system.scenario.controller.period
-        self._t_0, self._steps = self.t, 0
         self._ideal = system.scenario.sensor.ideal and system.plant.heavy
         self._along = self._reference_estimates()
         self._applied, self._push = self._period.views.applied, self._period.views.push
         self._push_torque, self._pushed = np.zeros(system.robot.n), True
         self._timed = system.push if any(system.push.force) else None
-        arm, z, law = self._arm.views, self._period.views.z, system.law
-        estimate, task = system.observe(arm.q, arm.q_dot, self.t)
-        reference = system.reference(self.t)
-        e_r, e_r_dot = task.r - reference.r_d, task.r_dot - reference.r_d_dot
         if system.scenario.controller.on_change == "remove":
-            z[:] = law.compensator.without_reaching(e_r, e_r_dot)
-        s = e_r_dot + law.compensator.F_1 @ e_r + law.compensator.F_2 @ z
+            _, _, e_r, e_r_dot = self._errors()
+            self._period.views.z[:] = system.law.compensator.without_reaching(e_r, e_r_dot)
+        self._new_epoch()
+        self._follow_if_blending()
+
+    def _errors(self) -> tuple[Estimate, TaskSpace, np.ndarray, np.ndarray]:
+        """What the controller sees now, e_r and e_r_dot."""
+        arm = self._arm.views
+        estimate, task = self.system.observe(arm.q, arm.q_dot, self.t)
+        reference = self.system.reference(self.t)
+        return estimate, task, task.r - reference.r_d, task.r_dot - reference.r_d_dot
+
+    def _new_epoch(self) -> None:
+        """From here on the theorem promises anew, from the s of now."""
+        system, law = self.system, self.system.law
+        self._t_0, self._steps, self._share = self.t, 0, 0.0
+        estimate, task, e_r, e_r_dot = self._errors()
+        s = e_r_dot + law.compensator.F_1 @ e_r + law.compensator.F_2 @ self._period.views.z
         H_high = InertiaRange.at(law.uncertainty, estimate, task).H_high
         self.certificate = ReachingCertificate(
             system.constants.k_r_low,
@@ -248,12 +310,12 @@ class ClosedLoop:
             law.epsilon * law.switching.kept,
             V_0=float(0.5 * s @ H_high @ s),
         )
-        self.recording.epochs.append(Epoch(self.t, system.scenario, law.model, self.certificate))
+        self.recording.epochs.append(Epoch(self.t, system.scenario, law.model, self.certificate, blend=system.blend))
         self.warning = self._force_loop_warning(estimate, task) or self._contact_loop_warning()
         self.s_since = self.t
         self._period.data["reached"] = self._period.data["saturated"] = False
-        self._setting = Record(self._setting_of(system)).data
-        row, data = np.empty(self.recording.width), (self._setting, self._period.data)
+        self._settings = Record(self._setting_of(system))
+        arm, row, data = self._arm.views, np.empty(self.recording.width), (self._settings.data, self._period.data)
         self._complete_row = resolved(complete_row, *data, self._arm.data, row)
         self._control_period = resolved(
             control_period, *data, *system.nominal.terms, self._arm.data, arm.load.force, self.t, row
@@ -358,7 +420,9 @@ class ClosedLoop:
         system, arm, law, t = self.system, self._arm.views, self.system.law, self.t
         twin, row = self._period.copy(), np.empty(self.recording.width)
         terms = system.nominal.update(arm.q, arm.q_dot)
-        self._control_period(self._setting, twin.data, *terms, self._arm.data, arm.load.force - self._push, t, row)
+        self._control_period(
+            self._settings.data, twin.data, *terms, self._arm.data, arm.load.force - self._push, t, row
+        )
         period = twin.read()
         estimate, task, reference, output = period.seen.estimate, period.seen.task, period.reference, period.output
         required = float(sum(output.needed))

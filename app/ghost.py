@@ -16,10 +16,12 @@ from scipy.linalg import expm
 from app.control_period import Observer
 from app.recording import Recording
 from app.runner import Snapshot
+from controllers.blend import ModelBlend
 from controllers.nominal_model import NominalModel
 
 SIGNALS = ("t", "q", "r_d", "e_r", "e_r_dot", "F_c", "F_cd", "tool")
 REACH_BACK = 5.0  # s: a ghost that is switched on later begins so long ago at most
+BLENDED = 0.02  # s: for so long a model on the way of a blend stands for its neighbours
 NEWTON_STEPS, CLOSE = 8, 1e-9  # m
 FAR = 1.0  # rad: a posture beyond this from the last one is none of the same arm's
 
@@ -70,10 +72,13 @@ class Shade:
 
 @dataclass
 class _Run:
-    """The ghost of the run since one change: its response, its arm, and where it is. x as in `IdealResponse`."""
+    """The ghost of the run since one change: its response, that of one model or of those of a blend, sampled with the
+    period (s), its arm, and where it is. x as in `IdealResponse`."""
 
     key: object
     response: IdealResponse
+    blend: ModelBlend | None
+    period: float
     observer: Observer
     t: float
     x: np.ndarray
@@ -97,9 +102,20 @@ class Ghost:
         rows = _rows(snapshot.recording, run.t - 0.5 * period, snapshot.t)
         if not len(rows["t"]):
             return None
-        run.x = run.response.onward(run.x, rows["F_c"] - rows["F_cd"])
+        run.x = self._onward(run, rows["t"], rows["F_c"] - rows["F_cd"])
         run.t = t = float(rows["t"][-1])
         return self._shade(run, rows["r_d"][-1] + run.x[: len(run.q)], t, rows["tool"][-1])
+
+    def _onward(self, run: _Run, t: np.ndarray, e_Fc: np.ndarray) -> np.ndarray:
+        """x at the last of the instants t (N, 1) s; on the way of a blend by the model in the middle of each piece."""
+        if run.blend is None:
+            return run.response.onward(run.x, e_Fc)
+        x, size = run.x, max(1, round(BLENDED / run.period))
+        for first in range(0, len(t) - 1, size):
+            piece = slice(first, first + size + 1)
+            response = IdealResponse.of(vars(run.blend.at(float(t[piece].mean()))), run.period)
+            x = response.onward(x, e_Fc[piece])
+        return x
 
     def _key(self, snapshot: Snapshot) -> object:
         return snapshot.run, snapshot.revision, snapshot.state.t_0
@@ -109,11 +125,13 @@ class Ghost:
         rows = _rows(snapshot.recording, first - 0.25 * snapshot.scenario.controller.period, snapshot.t)
         if not len(rows["t"]):
             return None
-        robot = snapshot.robot
+        robot, period = snapshot.robot, snapshot.scenario.controller.period
         nominal = NominalModel(robot.model, robot.tool_joint, robot.tool_placement)  # the loop's one is the loop's
         return _Run(
             key=self._key(snapshot),
-            response=IdealResponse.of(snapshot.matrices, snapshot.scenario.controller.period),
+            response=IdealResponse.of(snapshot.matrices, period),
+            blend=None if snapshot.blending is None else snapshot.system.blend,
+            period=period,
             observer=Observer(nominal, snapshot.system.charted.shape, snapshot.system.layout),
             t=float(rows["t"][0]),
             x=np.concatenate([rows["e_r"][0], rows["e_r_dot"][0]]),

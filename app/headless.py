@@ -38,9 +38,13 @@ def simulate(
 
 
 def write(loop: ClosedLoop, metrics: Metrics, out: Path) -> None:
-    """recording.npz, metrics.json and scenario.toml in the folder `out`, which is made. Raises OSError."""
+    """recording.npz, metrics.json and scenario.toml, as the run began, in the folder `out`, which is made.
+
+    Raises OSError.
+    """
+    scenario = loop.recording.epochs[0].scenario
     out.mkdir(parents=True, exist_ok=True)
     with (out / "recording.npz").open("wb") as file:
-        write_npz(table(loop.system.scenario, loop.recording), file)
+        write_npz(table(scenario, loop.recording), file)
     (out / "metrics.json").write_bytes(msgspec.json.format(msgspec.json.encode(metrics)) + b"\n")
-    (out / "scenario.toml").write_text(to_toml(loop.system.scenario), encoding="utf-8")
+    (out / "scenario.toml").write_text(to_toml(scenario), encoding="utf-8")

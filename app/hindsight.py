@@ -110,7 +110,8 @@ class Hindsight:
         normal = np.zeros(system.layout.n)
         normal[:positions] = (system.charted.frame @ chart.G[0])[:positions]
         try:
-            yielding = float(normal @ np.linalg.solve(epoch.model.K_m, epoch.model.K_f @ normal))
+            model = epoch.model_at(t)
+            yielding = float(normal @ np.linalg.solve(model.K_m, model.K_f @ normal))
         except np.linalg.LinAlgError:
             return np.nan
         depth = chart.g[0] if not epoch.scenario.contact.unilateral else max(chart.g[0], 0.0)
@@ -180,11 +181,14 @@ class Known(Mapping[str, np.ndarray]):
             return self["yielding_force"]
         if system.plant.kind == "rigid":
             return f_nd
-        gains = [
-            epoch.model.steady_force(0, epoch.scenario.contact.K_e, 0.0, 1 / epoch.scenario.controller.K_e_hat, 1.0)
-            for epoch in self._epochs
-        ]
-        return f_nd * np.array(gains)[self._numbers()]
+        numbers, settled = self._numbers(), np.empty_like(f_nd)
+        for number in np.unique(numbers):
+            epoch, rows = self._epochs[number], np.flatnonzero(numbers == number)
+            K_e, compliance = epoch.scenario.contact.K_e, 1.0 / epoch.scenario.controller.K_e_hat
+            for piece in [rows] if epoch.blend is None else rows[:, None]:
+                model = epoch.model_at(float(self._rows["t"][piece[0]]))
+                settled[piece] = f_nd[piece] * model.steady_force(0, K_e, 0.0, compliance, 1.0)
+        return settled
 
     def _V(self, s_norm: np.ndarray) -> np.ndarray:
         k_r_low = np.array([epoch.certificate.k_r_low for epoch in self._epochs])[self._numbers()]

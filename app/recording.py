@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from app.scenario import Scenario
+from controllers.blend import ModelBlend
 from controllers.reaching import ReachingCertificate
 from controllers.target_model import TargetModel
 
@@ -85,14 +86,19 @@ def columns_of(n: int) -> dict[str, slice]:
 
 @dataclass(frozen=True)
 class Epoch:
-    """What the rows from t (s) on were computed under, until the next epoch begins. reached: when s was first within
-    its sampling band (s), None while it was not."""
+    """What the rows from t (s) on were computed under, until the next epoch begins: model, or on the way of `blend`.
+    reached: when s was first within its sampling band (s), None while it was not."""
 
     t: float
     scenario: Scenario
     model: TargetModel
     certificate: ReachingCertificate
     reached: float | None = None
+    blend: ModelBlend | None = None
+
+    def model_at(self, t: float) -> TargetModel:
+        """The target model in force at t (s)."""
+        return self.model if self.blend is None else self.blend.at(t)
 
     def until(self, t: float) -> Epoch:
         """As it was known at t (s)."""

@@ -11,6 +11,7 @@ import queue
 import sys
 import threading
 import time
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -112,13 +113,22 @@ class Edit:
 
 
 @dataclass(frozen=True)
+class Blend:
+    """Go over to another target model within `over` s, from now on: its matrices by name, as plain data; one that is
+    missing stays. Refused where a model on the way is unstable."""
+
+    model: Mapping[str, object]
+    over: float
+
+
+@dataclass(frozen=True)
 class Push:
     """A hand takes hold of the tool, or moves on, or lets go (None). Pause, and whatever begins a run, let go, too."""
 
     grip: Grip | None
 
 
-Command = Play | Pause | StepOnce | Reset | Seek | ToEnd | Fork | Pin | Unpin | SetSpeed | Load | Edit | Push
+Command = Play | Pause | StepOnce | Reset | Seek | ToEnd | Fork | Pin | Unpin | SetSpeed | Load | Edit | Blend | Push
 
 
 @dataclass(frozen=True)
@@ -128,6 +138,7 @@ class Snapshot:
     revision counts accepted changes of the scenario, run counts beginnings at t = 0 and forks, refusal_number refused
     commands. t is the instant looked at, which can be `first` to `end`; recording: of the whole run, up to its end.
     system: its plant, law and nominal model belong to the loop's thread; the screen reads only what never changes.
+    blending: how much of a blend of the target model is done, 0 to 1, None without one under way.
     push (3,) N: of a hand, or of truth.push, on the tool.
     live: numbers by name, SI units: s_norm, s_bound, s_band, d, d_required, gain_margin, sigma_min, V, residual,
     layer_loop_factor, force_loop_factor, reaching_time_bound, reaching_time.
@@ -151,6 +162,7 @@ class Snapshot:
     coordinates: tuple[Coordinate, ...]
     fixed: dict[str, np.ndarray]
     matrices: dict[str, np.ndarray]
+    blending: float | None
     q: np.ndarray
     tool: np.ndarray
     tool_desired: np.ndarray | None
@@ -267,11 +279,18 @@ class Runner:
         line, period = self._line, self._period
         target, first, steps, ended = schedule.target(began) + 1e-12, line.loop.t + period, 0, began
         while line.loop.t + period <= target and line.loop.stopped is None and ended - began < PUBLISH:
-            line.step()
+            self._step()
             steps += 1
             ended = time.perf_counter()
         if steps:
             self.meter.note(schedule, began, ended, first, line.loop.t, steps)
+
+    def _step(self) -> None:
+        """One control period; the end of a blend changes the scenario."""
+        blending = self._loop.system.blend is not None
+        self._line.step()
+        if blending and self._loop.system.blend is None:
+            self._revision += 1
 
     def _drain(self) -> bool:
         """Carry out what is queued; True when simulated time must be paced anew.
@@ -294,7 +313,7 @@ class Runner:
                 self._refusal = str(error)
                 self._refusals += 1
                 log.info("refused %s: %s", command, error)
-        return self._runs != runs or not all(isinstance(command, Edit | Push) for command in queued)
+        return self._runs != runs or not all(isinstance(command, Edit | Blend | Push) for command in queued)
 
     def _carry_out(self, command: Command) -> None:
         line, scenario_now = self._line, self._loop.system.scenario
@@ -306,7 +325,7 @@ class Runner:
                 line.hold(None)
             case StepOnce():
                 self._playing = False
-                line.step()
+                self._step()
             case Reset():
                 line.reset()
                 self._runs += 1
@@ -328,6 +347,9 @@ class Runner:
                 self._speed = float(factor)
             case Push(grip):
                 line.hold(grip)
+            case Blend(model, over):
+                plan = {"to": dict(model), "at": line.loop.t, "over": over}
+                self._edit(edited(scenario_now, "blend", plan))
             case Load(scenario):
                 self._edit(scenario)
             case Edit("mode", value) if value == scenario_now.mode:
@@ -385,6 +407,7 @@ def snapshot_of(loop: ClosedLoop) -> Snapshot:
         coordinates=system.coordinates,
         fixed=system.mode.fixed(system.layout.n),
         matrices={name: getattr(system.law.model, name) for name in ("M_m", "B_m", "K_m", "K_f")},
+        blending=system.blend.share(loop.t) if system.blend is not None and loop.blending else None,
         q=view.q,
         tool=view.tool,
         tool_desired=view.tool_desired,

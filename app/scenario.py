@@ -99,6 +99,20 @@ class TargetModel(_Section, frozen=True, forbid_unknown_fields=True):
     K_f: Annotated[Matrix | None, _number("weight of the force error", "1")] = None
 
 
+class Blend(_Section, frozen=True, forbid_unknown_fields=True):
+    """A convex blend from `target_model` to another one in the course of the run; none while `to` has no matrix."""
+
+    to: Annotated[TargetModel, _number("the model at its end; a missing matrix is that of target_model", "")] = field(
+        default_factory=TargetModel
+    )
+    at: Annotated[float, _number("when it begins", "s", ge=0, le=36000)] = 0.0
+    over: Annotated[float, _number("how long it takes", "s", gt=0, le=3600)] = 2.0
+
+    @property
+    def planned(self) -> bool:
+        return self.to != TargetModel()
+
+
 class Controller(_Section, frozen=True, forbid_unknown_fields=True):
     """The control law (25)."""
 
@@ -297,6 +311,7 @@ class Scenario(Struct, frozen=True, forbid_unknown_fields=True):
     declared: Declared = field(default_factory=Declared)
     task_space: TaskSpace = field(default_factory=TaskSpace)
     target_model: TargetModel = field(default_factory=TargetModel)
+    blend: Blend = field(default_factory=Blend)
     controller: Controller = field(default_factory=Controller)
     surface: Plane | Cylinder | Sphere | Formula = field(default_factory=Plane)
     contact: Contact = field(default_factory=Contact)
@@ -366,6 +381,13 @@ def _fields(table: dict[str, Any], prefix: str) -> dict[str, Any]:
     for name, value in table.items():
         flat |= _fields(value, f"{prefix}{name}.") if isinstance(value, dict) else {f"{prefix}{name}": value}
     return flat
+
+
+def after_blend(scenario: Scenario) -> Scenario:
+    """The scenario once its blend has ended: with the target model that it led to, and none ahead."""
+    to = {name: matrix for name, matrix in msgspec.structs.asdict(scenario.blend.to).items() if matrix is not None}
+    model = msgspec.structs.replace(scenario.target_model, **to)
+    return msgspec.structs.replace(scenario, target_model=model, blend=Blend())
 
 
 def shipped() -> dict[str, Scenario]:

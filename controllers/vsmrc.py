@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import IntEnum
 from functools import cached_property
 from typing import ClassVar, Literal, NamedTuple
@@ -327,6 +327,11 @@ class Vsmrc:
             phi=float(self.phi),
             uncertainty=self.uncertainty,
         )
+
+    def following(self, model: TargetModel) -> Vsmrc:
+        """The same law for another target model of as many coordinates: with (13) anew."""
+        c = self.compensator
+        return replace(self, model=model, compensator=Compensator.design(model, c.A, c.F_1, c.F_2))
 
     def evaluate(
         self,

@@ -12,7 +12,8 @@ import viser
 from app.dashboard.controls import Desk
 from app.dashboard.equation import symbol
 from app.dashboard.matrix_text import read_matrix, written_rows
-from app.dashboard.model_places import model_edit
+from app.dashboard.model_checks import blend_html
+from app.dashboard.model_places import applying, model_edit
 from app.runner import Edit, Snapshot
 
 NAMES: tuple[str, ...] = ("M_m", "B_m", "K_m", "K_f")
@@ -78,6 +79,13 @@ class MatrixEditor:
             "or paste", "", multiline=True, hint="n rows of n numbers, or n numbers for a diagonal; blanks or commas."
         )
         self._text.on_update(self._on_text)
+        self._over = gui.add_number(
+            "blend over [s]", 0.0, min=0.0, max=3600.0, step=0.5, hint="0: at once. Else convexly, if that is stable."
+        )
+        self._over.precision = 3
+        self._over.on_update(self._on_over)
+        self._seconds = 0.0
+        self._told: tuple[object, str] | None = None
         self._buttons = gui.add_button_group("", ("apply all", "discard"))
         self._buttons.on_click(self._on_button)
         self._note = gui.add_html("")
@@ -107,6 +115,10 @@ class MatrixEditor:
         if event.client is not None:
             self._draft = self._draft.with_text(self._name, self._text.value)
 
+    async def _on_over(self, event: viser.GuiEvent) -> None:
+        if event.client is not None:
+            self._seconds = float(self._over.value)
+
     async def _on_button(self, event: viser.GuiEvent) -> None:
         if event.target.value == "discard":
             self._draft = Draft(self._draft.n)
@@ -119,7 +131,7 @@ class MatrixEditor:
             return
         if edit is not None:
             self._asked_at = (snapshot.revision, snapshot.refusal_number)
-            self._desk.post(edit)
+            self._desk.post(applying(edit, self._seconds))
 
     def show(self, snapshot: Snapshot) -> None:
         n = len(snapshot.coordinates)
@@ -135,7 +147,8 @@ class MatrixEditor:
                 row.label = label
             row.value = tuple(matrix[rows + i, columns : columns + width])
         self._text.value = self._draft.texts.get(self._name, written_rows(matrix))
-        self._note.content = self._pending()
+        self._over.value = self._seconds
+        self._note.content = self._pending() + self._blend(snapshot)
 
     def _pending(self) -> str:
         if not self._draft.texts:
@@ -145,6 +158,17 @@ class MatrixEditor:
         except ValueError as error:
             told = str(error)
         return f'<div class="vs-checks"><div class="vs-message vs-warn">{escape(told)}</div></div>'
+
+    def _blend(self, snapshot: Snapshot) -> str:
+        """What is known of the blend; eigenvalues are not found anew for every frame."""
+        key = (snapshot.revision, snapshot.blending, self._draft, self._seconds)
+        if self._told is None or self._told[0] != key:
+            try:
+                edit = self.edit(snapshot) if self._seconds else None
+            except ValueError:  # `_pending` says it
+                edit = None
+            self._told = (key, blend_html(snapshot, edit))
+        return self._told[1]
 
     def _accepted(self, snapshot: Snapshot) -> bool:
         """Whether the draft has been sent and taken; a refused one stays, to be corrected."""

@@ -11,9 +11,11 @@ import numpy as np
 from app.assembly import target_model
 from app.dashboard.facts import judged
 from app.dashboard.matrix_text import short
+from app.dashboard.model_places import pressed_on
 from app.dashboard.pole_map import grouped, pole_map_html
 from app.runner import Edit, Snapshot
 from app.scenario import ScenarioError, edited
+from controllers.blend import BlendCertificate, certify
 from controllers.modes import MODES
 from controllers.target_model import InvalidGain, TargetModel
 
@@ -54,6 +56,29 @@ def _judge(model: TargetModel, mode_name: str, K_e_hat: float) -> Judgement:
     except InvalidGain as error:
         refusal = str(error)
     return Judgement(model, mode.poles(model, K_e_hat), refusal)
+
+
+def judge_blend(snapshot: Snapshot, edit: Edit) -> BlendCertificate | None:
+    """Of the blend from the running model to the one that an edit would bring; None where that one is refused."""
+    try:
+        asked = judge_asked(snapshot, edit)
+    except (ScenarioError, InvalidGain):
+        return None
+    if asked.refusal:
+        return None
+    return certify(TargetModel(**snapshot.matrices), asked.model, pressed_on(snapshot))
+
+
+def blend_html(snapshot: Snapshot, edit: Edit | None) -> str:
+    """How far a blend has gone; else what is known of the one to the model that `edit` would bring."""
+    if snapshot.blending is not None:
+        share = f"{100 * snapshot.blending:.0f}"
+        return f'<div class="vs-checks"><div class="vs-message vs-good">blending: {share} % of the way.</div></div>'
+    certificate = None if edit is None else judge_blend(snapshot, edit)
+    if certificate is None:
+        return ""
+    look = "vs-good" if certificate.stable else "vs-bad"
+    return f'<div class="vs-checks"><div class="vs-message {look}">blend: {escape(certificate.sentence)}</div></div>'
 
 
 def checks_html(snapshot: Snapshot, edit: Edit | None) -> str:

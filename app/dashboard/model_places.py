@@ -11,7 +11,7 @@ from msgspec import to_builtins
 
 from app.dashboard.controls import Place
 from app.dashboard.matrix_text import written
-from app.runner import Edit, Snapshot
+from app.runner import Blend, Edit, Snapshot
 from controllers.modes import MODES
 from controllers.second_order import Oscillators, oscillators, shaped
 
@@ -26,6 +26,11 @@ def model_edit(snapshot: Snapshot, matrices: Mapping[str, np.ndarray]) -> Edit:
     """One command that sets these matrices of the target model together and leaves the others as they are given."""
     given = {name: value for name, value in to_builtins(snapshot.scenario.target_model).items() if value is not None}
     return Edit("target_model", given | {name: plain(matrix) for name, matrix in matrices.items()})
+
+
+def applying(edit: Edit, over: float) -> Edit | Blend:
+    """The command that brings the model of a `model_edit`: at once, or by a blend over so many s."""
+    return Blend(edit.value, over) if over else edit  # pyright: ignore[reportArgumentType]
 
 
 def pressed_on(snapshot: Snapshot) -> np.ndarray:

@@ -13,7 +13,7 @@ from scipy.optimize import curve_fit
 
 from app.assembly import System, assemble
 from app.closed_loop import ClosedLoop
-from app.evidence.section import Findings, Job, Section
+from app.evidence.section import Findings, Job, Section, of_kind
 from app.figures import Chart, Curve, Figure, render
 from app.headless import simulate
 from app.markdown import Table
@@ -323,10 +323,9 @@ def jobs(thin: int) -> list[Job]:
 
 def conclude(results: Sequence[Any]) -> Findings:
     rests = [one for batch in results if isinstance(batch, list) for one in batch]
-    responses, starts, oscillations, loops, multipliers = (
-        [one for one in results if isinstance(one, kind)]
-        for kind in (Response, Start, Oscillation, ForceLoop, Multiplier)
-    )
+    responses, starts = of_kind(Response, results), of_kind(Start, results)
+    oscillations, loops = of_kind(Oscillation, results), of_kind(ForceLoop, results)
+    multipliers = of_kind(Multiplier, results)
     numbers = {
         "rests": f"{len(rests)}",
         "e_rf": f"{max(abs(one.e_rf - one.e_rf_expected) for one in rests):.1g}",

@@ -118,7 +118,9 @@ def jobs(thin: int) -> list[Job]:
 
 
 def conclude(results: Sequence[Decline]) -> Findings:
-    of = {subject: [found for found in results if found.subject == subject] for subject in SUBJECTS}
+    of: dict[Subject, list[Decline]] = {
+        subject: [found for found in results if found.subject == subject] for subject in SUBJECTS
+    }
     return Findings(
         numbers={
             f"{subject}_slopes": f"{min(d.slope for d in declines):.2f} to {max(d.slope for d in declines):.2f}"

@@ -39,8 +39,9 @@ class Departure(NamedTuple):
     def inside(cls, random: Random, n: int) -> Departure:
         """Anywhere in the declared set, in half the draws of each quantity at its edge."""
         links = np.clip(random.uniform(-2.0, 2.0, n), -1.0, 1.0)
-        shares = np.minimum(random.uniform(0.0, 2.0, 5), 1.0)
-        return cls(links, shares[0], shares[1], _unit(random), *shares[2:], random.uniform(0.2, 5.0))
+        payload, offset, coulomb, viscous, disturbance = np.minimum(random.uniform(0.0, 2.0, 5), 1.0)
+        towards, frequency = _unit(random), random.uniform(0.2, 5.0)
+        return cls(links, payload, offset, towards, coulomb, viscous, disturbance, frequency)
 
     @classmethod
     def edge(cls, random: Random, n: int) -> Departure:

@@ -7,9 +7,11 @@ from dataclasses import dataclass, field
 from importlib.util import find_spec
 from pathlib import Path
 from string import Template
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 from app.markdown import Table
+
+T = TypeVar("T")
 
 
 class Job(NamedTuple):
@@ -20,6 +22,11 @@ class Job(NamedTuple):
 
     function: Callable[..., Any]
     arguments: tuple[Any, ...] = ()
+
+
+def of_kind(kind: type[T], results: Sequence[object]) -> list[T]:
+    """Those of a kind, among the results of different jobs."""
+    return [result for result in results if isinstance(result, kind)]
 
 
 @dataclass(frozen=True)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from app.evidence import baselines, closed_forms, convergence, paper_cases, practice, simulators, theorem
+from app.evidence import baselines, blend, closed_forms, convergence, paper_cases, practice, simulators, theorem
 from app.evidence.section import Section
 
 SECTIONS: tuple[Section, ...] = (
@@ -13,4 +13,5 @@ SECTIONS: tuple[Section, ...] = (
     simulators.SECTION,
     baselines.SECTION,
     practice.SECTION,
+    blend.SECTION,
 )

@@ -52,7 +52,7 @@ class ModelPanel:
             with self._folders[title]:
                 self._views[title] = view()
         self._checks, self._loops = gui.add_html(""), gui.add_html("")
-        self._checked: tuple[int, Edit | None] | None = None
+        self._checked: tuple[int, float | None, Edit | None] | None = None
 
     async def _on_choice(self, event: viser.GuiEvent) -> None:
         if event.client is not None:
@@ -65,8 +65,9 @@ class ModelPanel:
                 folder.visible = title == self._chosen
         self._views[self._chosen].show(snapshot)
         edit = self._asked(snapshot)
-        if self._checked != (snapshot.revision, edit):  # poles are not found anew for every frame
-            self._checked = (snapshot.revision, edit)
+        of = (snapshot.revision, snapshot.blending, edit)
+        if self._checked != of:  # poles are not found anew for every frame
+            self._checked = of
             self._checks.content = checks_html(snapshot, edit)
         self._loops.content = loops_html(snapshot)
 

@@ -1,0 +1,159 @@
+"""From one target model (8) to another: the convex blend between them, and a certificate that it stays stable.
+
+Blended are M_m^-1, M_m^-1 B_m, M_m^-1 K_m and M_m^-1 K_f, since only the last three act in (13) and in the motion.
+M_m itself scales the residual of (8) and nothing else; with M_m^-1 blended, too, a K_f that both models share is kept.
+
+The switching function s (10) does not know the model, only z_dot (9) does. So with F_1, F_2 and z kept, s is
+continuous whatever the model does, (12) and with it (14) hold at every instant with the model in force then, and
+Theorem 1 promises ||s|| the same as ever. What a blend can spoil is (8) itself: its errors obey
+
+    e_ddot + M_m^-1 B_m e_dot + M_m^-1 (K_m + K_f K_e) e = 0
+
+on a surface of stiffness K_e, and between two stable models there may be unstable ones (DESIGN 4.13).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from scipy.sparse.csgraph import connected_components
+
+from controllers.dominance import hurwitz_on_hull
+from controllers.segment import Rightmost, rightmost
+from controllers.target_model import TargetModel
+
+PIECES = 500  # of a blend, in each of which the model is constant: alpha rises by 0.0038 at most from one to the next
+
+
+@dataclass(frozen=True)
+class ModelBlend:
+    """The target model over time: `start` until `begins` (s), `end` from `over` s later on, smoothly in between in
+    `PIECES`; and what is known of the models on the way."""
+
+    start: TargetModel
+    end: TargetModel
+    begins: float
+    over: float
+    certificate: BlendCertificate
+
+    def share(self, t: float) -> float:
+        """alpha in force at time t (s), from 0 to 1 with zero speed and acceleration at both ends."""
+        piece = np.floor(PIECES * (t - self.begins) / self.over + 1e-9)
+        u = float(min(max((piece + 0.5) / PIECES, 0.0), 1.0))
+        return u**3 * (10.0 - 15.0 * u + 6.0 * u**2)
+
+    def at(self, t: float) -> TargetModel:
+        """The model in force at time t (s)."""
+        return blended(self.start, self.end, self.share(t))
+
+
+def blended(start: TargetModel, end: TargetModel, alpha: float) -> TargetModel:
+    """The model that is the part alpha of the way from one to the other; the ends themselves at 0 and 1."""
+    if alpha in (0.0, 1.0):
+        return end if alpha else start
+    inverses = [np.linalg.inv(model.M_m) for model in (start, end)]
+    M_m = np.linalg.inv((1.0 - alpha) * inverses[0] + alpha * inverses[1])
+    B_m, K_m, K_f = (
+        M_m @ ((1.0 - alpha) * inverses[0] @ of_start + alpha * inverses[1] @ of_end)
+        for of_start, of_end in ((start.B_m, end.B_m), (start.K_m, end.K_m), (start.K_f, end.K_f))
+    )
+    return TargetModel(M_m, B_m, K_m, K_f)
+
+
+@dataclass(frozen=True)
+class BlendCertificate:
+    """What is known of the blend between two models.
+
+    by "theorem 4": stable however fast the blend is; "eigenvalues": each model on the way is stable by itself;
+    "nothing": the one at `rightmost.alpha` is not. rightmost: the worst pole on the way, 1/s. sliding (n,) 1/s: of each
+    axis that Theorem 4 certifies the lambda of its coordinates (e, e_dot + lambda e), nan for the others.
+    """
+
+    by: Literal["theorem 4", "eigenvalues", "nothing"]
+    rightmost: Rightmost
+    sliding: np.ndarray
+
+    @property
+    def stable(self) -> bool:
+        return self.by != "nothing"
+
+    @property
+    def sentence(self) -> str:
+        """What it says, with the worst pole and where on the way that is."""
+        pole, alpha = self.rightmost.eigenvalue, self.rightmost.alpha
+        imaginary = f" ± {pole.imag:.3g}j" if pole.imag > 1e-6 * abs(pole) else ""
+        where = f"at α = {alpha:.3g} a pole at {pole.real:.3g}{imaginary} 1/s".replace("-", "−")
+        return {
+            "theorem 4": f"certified by Theorem 4, however fast; the rightmost pole: {where}",
+            "eigenvalues": f"certified by eigenvalues, each model on the way by itself; the rightmost pole: {where}",
+            "nothing": f"refused: {where}",
+        }[self.by]
+
+
+def certify(start: TargetModel, end: TargetModel, K_e: np.ndarray) -> BlendCertificate:
+    """Does every blend between two stable models stay stable, on a surface of stiffness K_e (n,) N/m per coordinate?
+
+    Coordinates with infinite K_e are held (42) and take no part. Coordinates that neither model couples are judged
+    apart. One that is alone and overdamped in both can be certified by Theorem 4; decisive is the rightmost pole.
+    """
+    sliding = np.full(start.n, np.nan)
+    moving = np.flatnonzero(np.isfinite(K_e))
+    beta, kappa = zip(*(_normalised(model, K_e, moving) for model in (start, end)), strict=True)
+    coupled = np.abs([*beta, *kappa]).sum(axis=0)
+    _, groups = connected_components(coupled, directed=False)
+    worst, open_questions = [], 0
+    for group in range(groups.max() + 1):
+        members = np.flatnonzero(groups == group)
+        axes = np.ix_(members, members)
+        A_0, A_1 = (_companion(b[axes], k[axes]) for b, k in zip(beta, kappa, strict=True))
+        worst.append(rightmost(A_0, A_1))
+        if (A_0 == A_1).all():
+            continue  # nothing is blended here
+        if len(members) == 1:
+            of_axis = [(float(b[axes][0, 0]), float(k[axes][0, 0])) for b, k in zip(beta, kappa, strict=True)]
+            sliding[moving[members[0]]] = shared_sliding(*of_axis)
+        open_questions += bool(np.isnan(sliding[moving[members]]).any())
+    rightmost_of_all = max(worst, key=lambda found: found.at_most)
+    if rightmost_of_all.at_most >= 0.0:
+        return BlendCertificate("nothing", rightmost_of_all, sliding)
+    return BlendCertificate("eigenvalues" if open_questions else "theorem 4", rightmost_of_all, sliding)
+
+
+def _normalised(model: TargetModel, K_e: np.ndarray, moving: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """M_m^-1 B_m and M_m^-1 (K_m + K_f K_e) of the coordinates that move."""
+    axes = np.ix_(moving, moving)
+    stiffness = model.K_m[axes] + model.K_f[axes] * K_e[moving]
+    return np.linalg.solve(model.M_m[axes], model.B_m[axes]), np.linalg.solve(model.M_m[axes], stiffness)
+
+
+def _companion(beta: np.ndarray, kappa: np.ndarray) -> np.ndarray:
+    """Of e_ddot + beta e_dot + kappa e = 0, for (e, e_dot)."""
+    n = len(beta)
+    return np.block([[np.zeros((n, n)), np.eye(n)], [-kappa, -beta]])
+
+
+def axis_matrix(beta: float, kappa: float, sliding: float) -> np.ndarray:
+    """Of one axis e_ddot + beta e_dot + kappa e = 0 in the coordinates (e, e_dot + lambda e), lambda = sliding, 1/s."""
+    return np.array([[-sliding, 1.0], [sliding * (beta - sliding) - kappa, sliding - beta]])
+
+
+def shared_sliding(first: tuple[float, float], second: tuple[float, float]) -> float:
+    """The lambda (1/s) with which Theorem 4 certifies the blend of two axes (beta, kappa), nan if there is none.
+
+    Off the diagonal its matrices are >= 0 exactly where lambda lies between the real poles (as magnitudes) of both.
+    Their first rows are then alike, so that one of the two dominates the other rowwise.
+    """
+    ranges = []
+    for beta, kappa in (first, second):
+        apart = beta**2 / 4.0 - kappa
+        if apart < 0.0 or beta <= 0.0 or kappa <= 0.0:
+            return np.nan
+        fast = beta / 2.0 + np.sqrt(apart)
+        ranges.append((kappa / fast, fast))
+    low, high = max(low for low, _ in ranges), min(high for _, high in ranges)
+    sliding = float(np.sqrt(low * high))
+    A = [axis_matrix(*axis, sliding) for axis in (first, second)]
+    certified = low <= high and any(hurwitz_on_hull(pair, by) for pair in (A, A[::-1]) for by in ("rows", "columns"))
+    return sliding if certified else np.nan
