@@ -61,7 +61,7 @@ screenshots: .venv/dev.stamp
 # A fresh environment, so that nothing installed by hand slips in; `pip list` gives names and versions, never an address.
 constraints:
 	$(PYTHON) -m venv --clear build/constraints
-	build/constraints/bin/python -m pip install --editable ".[dev,bench]"
+	build/constraints/bin/python -m pip install --editable ".[dev,bench,fuzz]"
 	echo "# Written by 'make constraints': versions that were tested together." > constraints.txt
 	build/constraints/bin/python -m pip list --format freeze --exclude pip --exclude-editable >> constraints.txt
 	rm -rf build/constraints
