@@ -34,7 +34,7 @@ def declared_system(robot: str) -> System:
 def random_truth(system: System, random: np.random.Generator) -> Truth:
     """An arm inside the declared set, at its edge as often as within."""
     truth = Departure.inside(random, system.robot.n).truth(system.scenario.declared)
-    return truth_of(msgspec.structs.replace(system.scenario, truth=truth), system.robot.n)
+    return truth_of(msgspec.structs.replace(system.scenario, truth=truth), system.robot)
 
 
 def perturbation(
