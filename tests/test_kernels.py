@@ -121,7 +121,7 @@ def test_nothing_of_the_last_period_leaks_into_this_one(name: str) -> None:
             period.data[part].view(np.float64)[:] = garbage
         row, arm = room(loop.recording.width), loop._arm
         terms = loop.system.nominal.update(arm.views.q, arm.views.q_dot)
-        control_period(loop._setting, period.data, *terms, arm.data, arm.views.load.force, loop.t, row)
+        control_period(loop._settings.data, period.data, *terms, arm.data, arm.views.load.force, loop.t, row)
         rows.append(row)
     assert np.isfinite(rows[0]).all()
     assert np.array_equal(*rows)
