@@ -2,7 +2,7 @@
 # make test         install, find a browser, run the tests;   ARGS="-k hybrid"
 # make check        lint, format, types, import rules
 # make bench        measure speed, pacing and memory, write docs/performance.md; ARGS="--quick", ARGS="--only step"
-# make convergence  errors and their order against the paper's differential equation, in build/convergence
+# make evidence     every number and figure of docs/evidence.md anew
 # make mutations    planted mistakes, and which of them the tests see; ARGS="--only task_space"
 # make screenshots  docs/screenshots/ anew
 # make constraints  constraints.txt anew, every package at its newest version
@@ -16,7 +16,7 @@ BIN := .venv/bin
 # The matrices are small: BLAS threads only take the cores from the loop and the page.
 export OMP_NUM_THREADS = 1
 
-.PHONY: run test check bench convergence mutations screenshots constraints clean
+.PHONY: run test check bench evidence mutations screenshots constraints clean
 
 run: .venv/run.stamp
 	@$(BIN)/vsmrc serve $(ARGS)
@@ -36,8 +36,8 @@ bench: .venv/dev.stamp
 	@$(BIN)/python -m tests.browser
 	@$(BIN)/python -m benchmarks $(ARGS)
 
-convergence: .venv/dev.stamp
-	$(BIN)/python -m app figures --only convergence --out build/convergence
+evidence: .venv/dev.stamp
+	$(BIN)/python -m app figures --out docs $(ARGS)
 
 mutations: .venv/dev.stamp
 	@$(BIN)/python -m benchmarks.mutations $(ARGS)

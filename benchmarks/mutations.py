@@ -40,6 +40,8 @@ TESTS = (
     "tests/test_kernels.py",
     "tests/test_closed_forms.py::test_every_friction_takes_energy_away",
     "tests/test_responses.py::test_sampled_force_loop_diverges_where_its_factor_says",
+    "tests/test_blend.py",
+    "tests/test_practice.py",
 )
 PATIENCE = 1200.0  # s for one row
 

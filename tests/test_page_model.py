@@ -85,3 +85,31 @@ def test_the_controller_as_far_as_it_has_a_meaning(session: Session):
     page.get_by_text("Computed torque, the baseline").wait_for()
     session.row("K_s [N·s/m]").wait_for(state="detached")
     assert session.now.phase == "running"
+
+
+def test_another_model_is_reached_by_a_blend(session: Session):
+    session.tab("Model")
+    session.choose("Edit by", "full matrices")
+    page = session.page
+    page.locator("textarea:visible").fill(COUPLED)
+    page.get_by_text("K_m: not applied yet.").wait_for()
+    page.get_by_role("textbox", name="blend over [s]").fill("1.5")
+    page.get_by_text("blend: certified by eigenvalues").wait_for()
+    page.get_by_role("button", name="apply all").click()
+    session.wait(lambda now: now.blending is not None and 0.0 < now.matrices["K_m"][1, 2] < 900.0)
+    page.get_by_text("blending:").wait_for()
+    session.wait(lambda now: now.blending is None and now.matrices["K_m"][1, 2] == 900.0)
+    assert session.now.scenario.blend.to.K_m is None
+    assert session.now.phase == "running"
+    session.choose("Edit by", "diagonals")
+
+
+def test_the_simplest_baseline_with_weak_drives(session: Session):
+    session.tab("Controller")
+    session.choose("Law", "PD + gravity")
+    session.wait(lambda now: now.scenario.controller.law == "pd-gravity" and now.live["d"] == 0.0)
+    session.page.get_by_text("PD + gravity, the simplest baseline").wait_for()
+    session.tab("Robot")
+    enter(session, "torque limit ×", "0.05")
+    session.wait(lambda now: now.scenario.truth.torque_limit == 0.05)
+    session.page.locator(".vs-status", has_text="torque at its limit: joint").wait_for()

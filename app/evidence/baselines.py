@@ -54,7 +54,7 @@ class Contestant:
 
 CONTESTANTS = (
     Contestant("unified law, layer 10 mm/s", (66, 135, 245), "vsmrc"),
-    Contestant("unified law, discontinuous", (130, 190, 255), "vsmrc", switching="discontinuous"),
+    Contestant("unified law, discontinuous", (204, 121, 167), "vsmrc", switching="discontinuous"),
     Contestant("computed torque", (230, 159, 0), "computed-torque"),
     Contestant("computed torque, 5 × as fast", (180, 100, 0), "computed-torque", stiffer=STIFFER),
     Contestant("PD + gravity", (0, 158, 115), "pd-gravity"),

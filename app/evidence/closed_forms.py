@@ -313,7 +313,7 @@ def jobs(thin: int) -> list[Job]:
     return [
         *(Job(steady, (robot, K_m1, presses)) for robot in STEADY_ROBOTS for K_m1 in STIFFNESSES),
         *(Job(pressed, arguments) for arguments in product(MASSES, PERIODS)),
-        *(Job(start, arguments) for arguments in list(product(shown, CHOICES))[: max(2, 2 * len(shown) // thin)]),
+        *(Job(start, arguments) for arguments in product(shown[::thin], CHOICES)),
         *(Job(free, (*case, share)) for case in FREE[::thin] for share in SHARES),
         *(Job(pressing, (*case, share)) for case in PRESSING[::thin] for share in SHARES),
         *(Job(force_loop, (factor,)) for factor in FACTORS),

@@ -18,8 +18,8 @@ from app.evidence.section import Job, Section
 PICTURES = "evidence"  # folder beside evidence.md
 OPENING = """# Evidence
 
-Written by `vsmrc figures --out {out}`{thin}: every number and figure below comes from that command, only the prose is
-by hand. Made with Python {python}, pin {pin}, numpy {numpy}, numba {numba}.
+Written by `vsmrc figures --out {out}{thin}`: every number and figure below comes from that command, only the prose is
+by hand. Made with Python {python}, pin {pin}, numpy {numpy}, numba {numba}.{share}
 """
 
 
@@ -67,7 +67,8 @@ def _run(jobs: Mapping[str, Sequence[Job]], workers: int) -> dict[str, list[Any]
 def _opening(out: Path, thin: int) -> str:
     return OPENING.format(
         out=out,
-        thin=f" --thin {thin}, that is one in {thin} of the cases" if thin > 1 else "",
+        thin=f" --thin {thin}" if thin > 1 else "",
+        share=f" **One in {thin} of the cases only.**" if thin > 1 else "",
         python=platform.python_version(),
         **{name: version(name) for name in ("pin", "numpy", "numba")},
     )
