@@ -27,6 +27,7 @@ def arm_spec(system: System) -> mujoco.MjSpec:
     for joint, rotor in zip(robot.joint_names, robot.model.armature, strict=True):
         hinge = spec.joint(joint)
         hinge.armature = rotor
+        hinge.damping, hinge.frictionloss = np.zeros(3), 0.0  # friction is the scenario's, not the URDF's
         hinge.actfrclimited = False
         hinge.limited = False
         spec.add_actuator(name=joint, target=joint, trntype=mujoco.mjtTrn.mjTRN_JOINT)
@@ -65,6 +66,8 @@ def _hold_to_pinocchio(model: mujoco.MjModel, data: mujoco.MjData, system: Syste
     expected = np.triu(expected) + np.triu(expected, 1).T
     if not np.allclose(M, expected, atol=1e-6):
         raise RuntimeError(f"MuJoCo's mass matrix is not Pinocchio's: they differ by {np.abs(M - expected).max():.2g}")
+    if data.qfrc_passive.any() or model.dof_frictionloss.any():
+        raise RuntimeError("MuJoCo's arm has a friction that Pinocchio's has not")
     if not np.allclose(data.qfrc_bias, pin.nle(true, true_data, q, v), atol=1e-4):
         raise RuntimeError("MuJoCo's bias forces are not Pinocchio's")
 

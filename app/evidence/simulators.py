@@ -230,7 +230,7 @@ def _tool(system: System) -> pin.Frame:
 
 def jobs(thin: int) -> list[Job]:
     seconds = 1.0 if thin > 1 else FREE
-    cases = [Job(free, (robot, seconds)) for robot in ROBOTS[: max(1, len(ROBOTS) // thin)]]
+    cases = [Job(free, (robot, seconds)) for robot in ROBOTS]
     cases += [Job(steady, (stiffness, TOUCHING)) for stiffness in STIFFNESSES[::thin]]
     cases += [Job(touch, ("at rest", "hold", MASSES[0], TOUCHING / min(thin, 3)))]
     cases += [Job(touch, ("on a circle", "circle", mass, TOUCHING / min(thin, 3))) for mass in MASSES]
