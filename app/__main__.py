@@ -22,7 +22,7 @@ from rich.table import Table
 from tqdm import tqdm
 
 from app import headless, warm
-from app.assembly import blending_to, with_robot
+from app.changes import blending_to, with_robot
 from app.dashboard import Dashboard, PortBusy
 from app.dashboard.export import Kind, Stretch, write
 from app.dashboard.printed import ALL_PLOTS, plots_of

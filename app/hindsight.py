@@ -9,10 +9,11 @@ from typing import NamedTuple
 import numpy as np
 import pinocchio as pin
 
-from app.assembly import System, truth_of
+from app.assembly import System
 from app.control_period import Observer
 from app.recording import Epoch
 from app.scenario import Scenario
+from app.world import truth_of
 from controllers.nominal_model import NominalModel
 from environments.plant import Truth
 

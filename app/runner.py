@@ -17,7 +17,7 @@ from typing import Literal
 
 import numpy as np
 
-from app import assembly
+from app import changes
 from app.assembly import Coordinate, System
 from app.closed_loop import ClosedLoop, LoopState
 from app.pacing import Pace, PaceMeter, Schedule
@@ -106,7 +106,7 @@ class Load:
 @dataclass(frozen=True)
 class Edit:
     """One field of the scenario by its dotted path, with plain data. Mode, fields of `robot` and kind of surface bring
-    along what depends on them: see `assembly.in_mode`, `with_robot`, `on_surface`."""
+    along what depends on them: see `changes.in_mode`, `with_robot`, `on_surface`."""
 
     path: str
     value: object
@@ -355,11 +355,11 @@ class Runner:
             case Edit("mode", value) if value == scenario_now.mode:
                 pass  # the mode that runs is not begun anew
             case Edit("mode", value):
-                self._edit(assembly.in_mode(scenario_now, str(value)))
+                self._edit(changes.in_mode(scenario_now, str(value)))
             case Edit(path, value) if path.startswith("robot."):
-                self._edit(assembly.with_robot(scenario_now, {path.removeprefix("robot."): value}))
+                self._edit(changes.with_robot(scenario_now, {path.removeprefix("robot."): value}))
             case Edit("surface", str() as kind):
-                self._edit(assembly.on_surface(scenario_now, kind))
+                self._edit(changes.on_surface(scenario_now, kind))
             case Edit(path, value):
                 self._edit(edited(scenario_now, path, value))
 

@@ -13,7 +13,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from app import child
-from app.assembly import in_mode, on_robot
+from app.changes import in_mode, on_robot
 from app.closed_loop import ClosedLoop
 from app.kernel_cache import cache_folder
 from app.scenario import Scenario, edited, load

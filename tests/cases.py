@@ -6,7 +6,7 @@ from functools import cache
 
 import numpy as np
 
-from app.assembly import in_mode, on_robot
+from app.changes import in_mode, on_robot
 from app.closed_loop import ClosedLoop
 from app.scenario import Scenario, from_plain, to_plain
 

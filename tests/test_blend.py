@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from app.assembly import assemble, blending_to
+from app.assembly import assemble
+from app.changes import blending_to
 from app.closed_loop import ClosedLoop
 from app.dashboard.model_checks import blend_html
 from app.dashboard.model_places import applying, model_edit

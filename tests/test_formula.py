@@ -10,7 +10,8 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from app.assembly import assemble, on_surface
+from app.assembly import assemble
+from app.changes import on_surface
 from app.closed_loop import ClosedLoop
 from app.scenario import Scenario, ScenarioError, edited, from_plain, from_toml, shipped, to_plain, to_toml
 from environments.formula import FormulaError, parse

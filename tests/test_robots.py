@@ -13,7 +13,8 @@ import pytest
 import yourdfpy
 
 from app import uploads
-from app.assembly import assemble, with_robot
+from app.assembly import assemble
+from app.changes import with_robot
 from app.closed_loop import ClosedLoop
 from app.dashboard.look import FINE
 from app.dashboard.robot_view import parts

@@ -10,7 +10,8 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from app.assembly import System, assemble, in_mode
+from app.assembly import System, assemble
+from app.changes import in_mode
 from app.closed_loop import ClosedLoop
 from app.sampled_loop import contact_loop_radius
 from app.scenario import Scenario, ScenarioError, edited, shipped

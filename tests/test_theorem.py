@@ -8,10 +8,11 @@ import pinocchio as pin
 import pytest
 from scipy.integrate import solve_ivp
 
-from app.assembly import System, assemble, truth_of
+from app.assembly import System, assemble
 from app.evidence.plants import Departure
 from app.headless import simulate
 from app.scenario import Scenario, edited, from_plain, shipped, to_plain
+from app.world import truth_of
 from controllers.bounds import Equivalent, InertiaRange, required_gain
 from controllers.nominal_model import ON_LINE
 from controllers.reaching import ReachingCertificate, lyapunov_bound

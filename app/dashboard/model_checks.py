@@ -8,11 +8,11 @@ from html import escape
 
 import numpy as np
 
-from app.assembly import target_model
 from app.dashboard.facts import judged
 from app.dashboard.matrix_text import short
 from app.dashboard.model_places import pressed_on
 from app.dashboard.pole_map import grouped, pole_map_html
+from app.law import target_model
 from app.runner import Edit, Snapshot
 from app.scenario import ScenarioError, edited
 from controllers.blend import BlendCertificate, certify

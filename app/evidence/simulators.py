@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from app.assembly import System, assemble, on_robot
+from app.assembly import System, assemble
+from app.changes import on_robot
 from app.closed_loop import ClosedLoop
 from app.evidence.pinocchio_constraint import Ground, Kind, by_jacobian, by_slider
 from app.evidence.section import Findings, Job, Section
