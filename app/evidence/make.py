@@ -5,6 +5,7 @@ from __future__ import annotations
 import multiprocessing
 import os
 import platform
+import threading
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from importlib.metadata import version
@@ -50,7 +51,7 @@ def _run(jobs: Mapping[str, Sequence[Job]], workers: int) -> dict[str, list[Any]
     """The results by section, in the order of its jobs, whatever order they end in."""
     with (
         # spawned, since the fork of a process that has threads may hang
-        ProcessPoolExecutor(workers, mp_context=multiprocessing.get_context("spawn")) as pool,
+        ProcessPoolExecutor(workers, multiprocessing.get_context("spawn"), _end_with_parent) as pool,
         tqdm(total=sum(map(len, jobs.values())), unit=" jobs", desc="evidence") as bar,
     ):
         futures = {name: [pool.submit(job.function, *job.arguments) for job in of] for name, of in jobs.items()}
@@ -62,6 +63,17 @@ def _run(jobs: Mapping[str, Sequence[Job]], workers: int) -> dict[str, list[Any]
         except BaseException:
             pool.shutdown(wait=False, cancel_futures=True)
             raise
+
+
+def _end_with_parent() -> None:
+    """A worker of a pool whose owner was killed would wait for ever."""
+
+    def watch() -> None:
+        if owner := multiprocessing.parent_process():
+            owner.join()
+        os._exit(1)
+
+    threading.Thread(target=watch, daemon=True).start()
 
 
 def _opening(out: Path, thin: int) -> str:
