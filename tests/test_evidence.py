@@ -28,7 +28,7 @@ def test_numbers_tables_and_figures_are_on_the_page(tmp_path: Path) -> None:
     def conclude(results: Sequence[object]) -> Findings:
         assert results == [7, 3]
         tables = {name: Table(("T",), [("0.97",)]) for name in ("plant", "loop", "band")}
-        numbers = dict.fromkeys(("loop_slopes", "band_slopes"), "0.98 to 1.02")
+        numbers: dict[str, str] = dict.fromkeys(("loop_slopes", "band_slopes"), "0.98 to 1.02")
         return Findings(numbers, tables, {"orders": b"<svg/>"})
 
     section = Section("convergence", lambda thin: [Job(abs, (n,)) for n in (-7, 3)[::thin]], conclude)
