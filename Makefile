@@ -3,6 +3,7 @@
 # make check        lint, format, types, import rules
 # make bench        measure speed, pacing and memory, write docs/performance.md; ARGS="--quick", ARGS="--only step"
 # make evidence     every number and figure of docs/evidence.md anew
+# make soak         an hour in company, written to docs/reliability.md; ARGS="--minutes 10 --no-write"
 # make mutations    planted mistakes, and which of them the tests see; ARGS="--only task_space"
 # make screenshots  docs/screenshots/ anew
 # make constraints  constraints.txt anew, every package at its newest version
@@ -16,7 +17,7 @@ BIN := .venv/bin
 # The matrices are small: BLAS threads only take the cores from the loop and the page.
 export OMP_NUM_THREADS = 1
 
-.PHONY: run test check bench evidence mutations screenshots constraints clean
+.PHONY: run test check bench evidence soak mutations screenshots constraints clean
 
 run: .venv/run.stamp
 	@$(BIN)/vsmrc serve $(ARGS)
@@ -38,6 +39,9 @@ bench: .venv/dev.stamp
 
 evidence: .venv/dev.stamp
 	$(BIN)/python -m app figures --out docs $(ARGS)
+
+soak: .venv/dev.stamp
+	@$(BIN)/python -m benchmarks.soak $(ARGS)
 
 mutations: .venv/dev.stamp
 	@$(BIN)/python -m benchmarks.mutations $(ARGS)

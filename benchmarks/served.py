@@ -44,8 +44,9 @@ class Use(NamedTuple):
 class Served:
     """The parent's end. Times are those of `time.perf_counter`, one clock for all processes of a Linux machine."""
 
-    def __init__(self, connection: Connection) -> None:
+    def __init__(self, connection: Connection, pid: int) -> None:
         self._connection = connection
+        self.pid = pid
         self.url: str = self._received()
 
     def state(self) -> State:
@@ -78,7 +79,7 @@ def served(scenario: str, speed: float = 1.0) -> Iterator[Served]:
     process.start()
     theirs.close()  # so that the end of the process is seen as such
     try:
-        yield Served(ours)
+        yield Served(ours, process.pid or 0)
     finally:
         process.terminate()
         process.join()

@@ -1,0 +1,244 @@
+"""Visitors come, drag, switch and go for hours: what the server's process holds meanwhile, how late its loop is.
+
+    python -m benchmarks.soak                    an hour with eight visitors; writes docs/reliability.md's last part
+    python -m benchmarks.soak --minutes 10       what the weekly checks run; exit status 1 when something grows
+
+A visitor is a headless client that speaks viser's protocol (`benchmarks.visitor`): it stays for a while, drags sliders,
+types numbers, changes mode and arm, pauses, resets, pins, and leaves, now and then in the middle of a drag and without
+a word. Its random choices come from a seed.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import math
+import random
+import sys
+import threading
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import tyro
+from tqdm import tqdm
+from websockets.exceptions import ConnectionClosed
+
+from app.dashboard.status import MODE_TITLES
+from app.figures import Chart, Curve, Figure, render
+from app.markdown import Table
+from benchmarks import machine
+from benchmarks.served import Served, served
+from benchmarks.visitor import Visitor, visit
+from environments.robots import CATALOGUE
+
+PAGE = Path(__file__).parents[1] / "docs" / "reliability.md"
+PICTURE = "soak.svg"  # beside it
+PLACE = "<!-- soak -->"
+SCENARIO = "ur5-hybrid"
+ARMS = tuple(CATALOGUE[name].title for name in ("ur5", "panda", "planar3r"))
+FORCE, STIFFNESS = "F_d [N]", "K_e [N/m]"
+LONGEST_VISIT = 90.0  # s
+OFTEN = {"drag": 8, "type": 4, "mode": 2, "arm": 1, "pause": 1, "reset": 2, "pin": 1}
+VANISHING = 0.04  # of the acts: gone in the middle of a drag
+GROWTH = 1.15  # of memory, threads and files over the second half: more is a leak
+BLUE, ORANGE, GREEN, GREY = (66, 135, 245), (230, 159, 0), (0, 158, 115), (120, 120, 120)
+
+
+@dataclass(frozen=True)
+class Look:
+    """At `minute`: resident memory, bytes; threads; open files; of the interval before it: control steps per second,
+    lateness p50, p99 and largest, s; how many visits have begun; why the loop stands, if it does."""
+
+    minute: float
+    resident: int
+    threads: int
+    files: int
+    rate: float
+    late: tuple[float, float, float]
+    visits: int
+    reason: str
+
+
+class Crowd:
+    """Visitors in threads of their own, each coming again and again until the crowd is dismissed."""
+
+    def __init__(self, url: str, count: int, seed: int) -> None:
+        self.visits = 0
+        self.failures: list[str] = []
+        self._url, self._over = url, threading.Event()
+        self._threads = [
+            threading.Thread(target=self._come_and_go, args=(random.Random(f"{seed} {number}"),), daemon=True)
+            for number in range(count)
+        ]
+        for thread in self._threads:
+            thread.start()
+
+    def dismiss(self) -> None:
+        self._over.set()
+        for thread in self._threads:
+            thread.join(60.0)
+
+    def _come_and_go(self, chance: random.Random) -> None:
+        while not self._over.wait(chance.uniform(0.0, 10.0)):
+            self.visits += 1
+            try:
+                with visit(self._url) as visitor:
+                    leaving = time.monotonic() + chance.uniform(5.0, LONGEST_VISIT)
+                    while time.monotonic() < leaving and not self._over.wait(chance.uniform(0.5, 6.0)):
+                        if chance.random() < VANISHING:
+                            visitor.move(visitor.slider(FORCE), chance.random())
+                            visitor.vanish()
+                            break
+                        act(visitor, chance)
+            except (ConnectionClosed, OSError, TimeoutError) as error:
+                self.failures.append(f"{type(error).__name__}: {error}")
+
+
+def act(visitor: Visitor, chance: random.Random) -> None:
+    """One of the things that people do."""
+    match chance.choices(tuple(OFTEN), tuple(OFTEN.values()))[0]:
+        case "drag":
+            visitor.drag(chance.choice((FORCE, STIFFNESS)), chance)
+        case "type":
+            visitor.type(FORCE, f"{chance.uniform(5.0, 40.0):.3g}")
+        case "mode":
+            visitor.choose("Mode", chance.choice(tuple(MODE_TITLES.values())))
+        case "arm":
+            visitor.choose("Arm", chance.choice(ARMS))
+        case "pause":
+            visitor.press("Run", "play / pause")
+            time.sleep(chance.uniform(0.2, 2.0))
+            visitor.press("Run", "play / pause")
+        case "reset":
+            visitor.press("Run", "reset")
+        case "pin":
+            visitor.press("Past", "pin")
+
+
+def soak(minutes: float, clients: int, every: float, seed: int) -> tuple[list[Look], list[str]]:
+    """What was seen every so many minutes, and what went wrong with a visitor."""
+    looks = []
+    with served(SCENARIO) as dashboard:
+        crowd = Crowd(dashboard.url, clients, seed)
+        for number in tqdm(range(1, math.ceil(minutes / every) + 1), desc="looks", disable=None):
+            began = time.perf_counter()
+            time.sleep(60.0 * every)
+            looks.append(_look(dashboard, number * every, began, crowd.visits))
+        crowd.dismiss()
+    return looks, crowd.failures
+
+
+def _look(dashboard: Served, minute: float, since: float, visits: int) -> Look:
+    state, late = dashboard.state(), dashboard.lateness(since)
+    p50, p99 = np.percentile(late, (50, 99)) if len(late) else (math.nan, math.nan)
+    process = Path(f"/proc/{dashboard.pid}")
+    return Look(
+        minute,
+        state.resident,
+        sum(1 for _ in (process / "task").iterdir()),
+        sum(1 for _ in (process / "fd").iterdir()),
+        len(late) / (time.perf_counter() - since),
+        (float(p50), float(p99), float(late.max()) if len(late) else math.nan),
+        visits,
+        state.reason,
+    )
+
+
+def grown(looks: list[Look]) -> list[str]:
+    """What was clearly more at the end than in the middle: memory, threads, files, each at the quietest look."""
+    half = len(looks) // 2
+    middle, end = looks[half // 2 : half + 1], looks[half + (len(looks) - half) // 2 :]
+    found = []
+    for name in ("resident", "threads", "files"):
+        before, after = (min(getattr(look, name) for look in part) for part in (middle, end))
+        if after > GROWTH * before + 2:
+            found.append(f"{name}: {before:g} in the middle, {after:g} at the end")
+    return found
+
+
+def page(looks: list[Look], failures: list[str], clients: int, described: str) -> str:
+    """The part of docs/reliability.md."""
+    last = looks[-1]
+    rows = [
+        (
+            f"{look.minute:g}",
+            f"{look.visits}",
+            f"{look.resident / 1e6:.0f}",
+            f"{look.threads}",
+            f"{look.files}",
+            f"{look.rate:.0f}",
+            *(f"{1e3 * late:.2f}" for late in look.late),
+        )
+        for look in looks[:: max(1, len(looks) // 12)]
+    ]
+    latenesses = ("late p50, ms", "p99, ms", "max, ms")
+    header = ("minute", "visits so far", "resident, MB", "threads", "files", "steps per s", *latenesses)
+    growth = "; ".join(grown(looks)) or "nothing grew"
+    broken = f"{len(failures)} visits were broken off" + (f" (first: {failures[0]})" if failures else "")
+    return f"""## In company
+
+Written by `python -m benchmarks.soak --minutes {last.minute:g} --clients {clients}`. {described}
+
+{clients} visitors at a time, {last.visits} visits in {last.minute:g} minutes: they drag, type, change mode and arm,
+pause, reset, pin and leave, some in the middle of a drag without a word. Judged by the quietest looks of the second
+half: {growth}. {broken}. Steps are fewer than 1000 a second while somebody has paused or a run has ended; a change of
+arm or mode, which is built between two steps, makes the steps after it late, and they are made up for.
+
+{Table(header, rows).markdown()}
+
+![Memory, threads, files and lateness over time]({PICTURE})
+"""
+
+
+def picture(looks: list[Look]) -> bytes:
+    """SVG."""
+    minutes = np.array([look.minute for look in looks])
+
+    def curve(name: str, color: tuple[int, int, int], values: list[float]) -> Curve:
+        return Curve(name, color, minutes, np.array(values))
+
+    late = [
+        curve(name, color, [max(1e3 * look.late[i], 1e-3) for look in looks])
+        for i, (name, color) in enumerate((("p50", GREEN), ("p99", ORANGE), ("largest", GREY)))
+    ]
+    charts = (
+        Chart("resident memory", "MB", (curve("", BLUE, [look.resident / 1e6 for look in looks]),), x_label="minutes"),
+        Chart(
+            "threads and files",
+            "1",
+            (
+                curve("threads", BLUE, [look.threads for look in looks]),
+                curve("files", ORANGE, [look.files for look in looks]),
+            ),
+            x_label="minutes",
+        ),
+        Chart("lateness of the control steps", "ms", tuple(late), x_label="minutes", logarithmic=True),
+    )
+    return render(Figure(charts, f"{looks[-1].visits} visits."), "svg")
+
+
+def main(
+    minutes: float = 60.0,
+    clients: int = 8,
+    every: float = 0.5,
+    seed: int = 0,
+    write: Annotated[bool, tyro.conf.arg(help="docs/reliability.md")] = True,
+) -> None:
+    """Exit status 1 when memory, threads or files grew, or a visitor was thrown out."""
+    described = machine.describe()
+    looks, failures = soak(minutes, clients, every, seed)
+    text = page(looks, failures, clients, described)
+    print(text)
+    if write:
+        before = PAGE.read_text(encoding="utf-8").partition(PLACE)[0]
+        PAGE.write_text(f"{before}{PLACE}\n\n{text}", encoding="utf-8")
+        (PAGE.parent / PICTURE).write_bytes(picture(looks))
+        print(f"written to {PAGE}")
+    sys.exit(1 if grown(looks) or failures else 0)
+
+
+if __name__ == "__main__":
+    with contextlib.suppress(KeyboardInterrupt):
+        tyro.cli(main)

@@ -1,0 +1,118 @@
+"""A headless client that speaks viser's protocol itself: it reads the page's controls and acts as the page would."""
+
+from __future__ import annotations
+
+import contextlib
+import random
+import socket
+import threading
+import time
+from collections.abc import Callable, Iterator
+
+import msgspec
+import viser
+from websockets.exceptions import ConnectionClosed
+from websockets.sync.client import connect
+from websockets.sync.connection import Connection
+from websockets.typing import Subprotocol
+
+from app.dashboard.style import COMMIT, RELEASED
+from benchmarks.browser import messages
+
+CAMERA = {
+    "type": "ViewerCameraMessage",
+    "wxyz": (1.0, 0.0, 0.0, 0.0),
+    "position": (1.0, 1.0, 1.0),
+    "fov": 1.0,
+    "near": 0.1,
+    "far": 10.0,
+    "image_height": 720,
+    "image_width": 1280,
+    "look_at": (0.0, 0.0, 0.0),
+    "up_direction": (0.0, 0.0, 1.0),
+}  # viser counts a client as connected once it has told its camera
+WIDGETS = ("GuiTextMessage", "GuiSliderMessage", "GuiDropdownMessage", "GuiCheckboxMessage", "GuiButtonGroupMessage")
+DRAG, PAUSE = 20, 0.05  # messages of a drag, and s between two of them
+
+
+class Visitor:
+    """Connected while the context of `visit` lasts. What the server sends is read all the time."""
+
+    def __init__(self, connection: Connection) -> None:
+        self._connection = connection
+        self._widgets: dict[str, dict] = {}
+        self._received = threading.Condition()
+        threading.Thread(target=self._read, daemon=True).start()
+        self._send(CAMERA)
+
+    def slider(self, label: str) -> str:
+        """The identifier of the slider in the row with this label: the two are in one form."""
+        row = self._find("GuiTextMessage", label)["container_uuid"]
+        return self._wait(lambda w: w["type"] == "GuiSliderMessage" and w["container_uuid"] == row, label)["uuid"]
+
+    def move(self, slider: str, to: float) -> None:
+        """To a place between 0 and 1."""
+        self._update(slider, to)
+
+    def drag(self, label: str, chance: random.Random) -> None:
+        """Over half of the range, and let go."""
+        slider, start = self.slider(label), chance.uniform(0.1, 0.6)
+        for k in range(DRAG):
+            self.move(slider, start + 0.4 * k / DRAG)
+            time.sleep(PAUSE)
+        self._update(self._find("GuiTextMessage", label)["uuid"], RELEASED)
+
+    def type(self, label: str, text: str) -> None:
+        """Into the row with this label, with Enter."""
+        self._update(self._find("GuiTextMessage", label)["uuid"], text + COMMIT)
+
+    def choose(self, label: str, option: str) -> None:
+        self._update(self._find("GuiDropdownMessage", label)["uuid"], option)
+
+    def tick(self, label: str, value: bool) -> None:
+        self._update(self._find("GuiCheckboxMessage", label)["uuid"], value)
+
+    def press(self, label: str, button: str) -> None:
+        """One of a group of buttons."""
+        self._update(self._find("GuiButtonGroupMessage", label)["uuid"], button)
+
+    def vanish(self) -> None:
+        """Without a word, as a machine does that is switched off."""
+        self._connection.socket.shutdown(socket.SHUT_RDWR)
+
+    def _find(self, kind: str, label: str) -> dict:
+        return self._wait(lambda w: w["type"] == kind and w["props"].get("label") == label, label)
+
+    def _wait(self, is_it: Callable[[dict], bool], what: str) -> dict:
+        """The widget, once the server has sent it. Raises TimeoutError."""
+        with self._received:
+            found = self._received.wait_for(lambda: next(filter(is_it, self._widgets.values()), None), timeout=60.0)
+        if found is None:
+            raise TimeoutError(f"the page has no {what!r}")
+        return found
+
+    def _read(self) -> None:
+        with contextlib.suppress(ConnectionClosed):
+            for frame in self._connection:
+                assert isinstance(frame, bytes)
+                for message in messages(frame):
+                    if message["type"] in WIDGETS:
+                        with self._received:
+                            self._widgets[message["uuid"]] = message
+                            self._received.notify_all()
+                    elif message["type"] == "GuiRemoveMessage":
+                        with self._received:
+                            self._widgets.pop(message["uuid"], None)
+
+    def _update(self, uuid: str, value: object) -> None:
+        self._send({"type": "GuiUpdateMessage", "uuid": uuid, "updates": {"value": value}})
+
+    def _send(self, message: dict) -> None:
+        self._connection.send(msgspec.msgpack.encode(message))
+
+
+@contextlib.contextmanager
+def visit(url: str) -> Iterator[Visitor]:
+    protocol = Subprotocol(f"viser-v{viser.__version__}")
+    with connect(url.replace("http", "ws"), subprotocols=[protocol], max_size=None, compression=None) as connection:
+        yield Visitor(connection)
