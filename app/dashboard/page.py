@@ -13,6 +13,7 @@ from app.dashboard.appearance import Appearance
 from app.dashboard.charts import Pinned
 from app.dashboard.controls import Desk
 from app.dashboard.equation import equation_html
+from app.dashboard.guard import Guard
 from app.dashboard.hand import Hand
 from app.dashboard.help import Help, tools_html
 from app.dashboard.look import Viewing
@@ -65,6 +66,7 @@ class Dashboard:
         if port and _taken(host, port):
             raise PortBusy(f"port {port} of {host} is in use; choose another one with --port")
         self._server = viser.ViserServer(host=host, port=port, label="VSMRC Lab", verbose=False)
+        self._guard = Guard(self._server)
         self.host, self.port = host, self._server.get_port()
         if port and self.port != port:
             self._server.stop()
