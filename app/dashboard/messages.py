@@ -173,9 +173,10 @@ class Visitor:
         widget = self.page.widget(uuid)
         if widget is None:
             raise Refused(f"widget: {uuid!r:.60}; allowed: one on the page")
-        allowed = _allowed(widget)
+        allowed, label = _allowed(widget), str(getattr(widget, "label", "") or type(widget).__name__)
+        if getattr(widget, "disabled", False):
+            raise Refused(f"{label}: {value!r:.60}; allowed: nothing, it is disabled")
         if not allowed.admits(value):
-            label = str(getattr(widget, "label", "") or type(widget).__name__)
             raise Refused(f"{label}: {value!r:.60}; allowed: {allowed.sentence}")
 
     def _begin(self, message: FileTransferStartUpload) -> None:
