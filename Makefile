@@ -4,6 +4,7 @@
 # make bench        measure speed, pacing and memory, write docs/performance.md; ARGS="--quick", ARGS="--only step"
 # make convergence  errors and their order against the paper's differential equation, in build/convergence
 # make mutations    planted mistakes, and which of them the tests see; ARGS="--only task_space"
+# make fuzz         every parser fed with what breaks parsers; ARGS="--seconds 60 --only formula urdf"
 # make screenshots  docs/screenshots/ anew
 # make constraints  constraints.txt anew, every package at its newest version
 # make clean        remove what these made
@@ -16,7 +17,7 @@ BIN := .venv/bin
 # The matrices are small: BLAS threads only take the cores from the loop and the page.
 export OMP_NUM_THREADS = 1
 
-.PHONY: run test check bench convergence mutations screenshots constraints clean
+.PHONY: run test check bench convergence mutations fuzz screenshots constraints clean
 
 run: .venv/run.stamp
 	@$(BIN)/vsmrc serve $(ARGS)
@@ -41,6 +42,10 @@ convergence: .venv/dev.stamp
 
 mutations: .venv/dev.stamp
 	@$(BIN)/python -m benchmarks.mutations $(ARGS)
+
+fuzz: .venv/dev.stamp
+	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable ".[fuzz]"
+	@$(BIN)/python -m fuzzing $(ARGS)
 
 screenshots: .venv/dev.stamp
 	@$(BIN)/python -m tests.browser

@@ -57,9 +57,7 @@ class Robot(_Section, frozen=True, forbid_unknown_fields=True):
 class Truth(_Section, frozen=True, forbid_unknown_fields=True):
     """How the true arm differs from what the controller believes."""
 
-    link_scaling: Annotated[
-        float | Vector, _number("factor on the inertia of every link, or one per link", "1")
-    ] = 1.0
+    link_scaling: Annotated[float | Vector, _number("factor on the inertia of every link, or one per link", "1")] = 1.0
     payload_mass: Annotated[float, _number("point mass at the tool", "kg", ge=0, le=50)] = 0.0
     payload_offset: Annotated[Vector3, _number("place of that mass in the tool frame", "m")] = (0.0, 0.0, 0.0)
     coulomb: Annotated[float, _number("Coulomb friction per joint", "N·m", ge=0, le=100)] = 0.0

@@ -155,7 +155,8 @@ class Robot:
     geometry: which square task space fits: "planar" (two positions, then an angle), "pose" (three positions, three
         angles), "position" (three positions); joints in `supplemental` complete it (Remark 5).
     tool_frame, tool_offset: the URDF's link and the tool point (3,) m in it; frames: the links that it may be.
-    urdf: for the meshes; joint_names tells which of its joints move, locked where the others are kept.
+    urdf: for the meshes; joint_names tells which of its joints move, locked where the others are kept; shipped: it
+        comes with the program, not from a user.
     """
 
     name: str
@@ -171,6 +172,7 @@ class Robot:
     tool_offset: np.ndarray
     frames: tuple[str, ...]
     urdf: Path
+    shipped: bool
     locked: dict[str, float] = field(default_factory=dict)
 
     @property
@@ -246,6 +248,7 @@ def load(
         tool_offset=offset,
         frames=tuple(frames),
         urdf=path,
+        shipped=entry is not None,
         locked=locked,
     )
 

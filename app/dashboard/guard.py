@@ -86,7 +86,6 @@ class Guard:
 
         connection.recv = recv
 
-
     def _page(self, number: int) -> Page:
         """What everybody sees, and what this page alone does."""
         shared = self._server.gui

@@ -156,7 +156,7 @@ class Visitor:
             raise Refused(f"message: text of {len(raw)} characters; allowed: messages in binary form")
         try:
             message = _decoder.decode(raw)
-        except msgspec.DecodeError as error:
+        except ValueError as error:  # no MessagePack, no UTF-8, or no such message
             raise Refused(f"message of {len(raw)} bytes: {error}") from error
         match message:
             case GuiUpdateMessage(uuid=uuid, updates=updates):

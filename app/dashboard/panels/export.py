@@ -161,4 +161,3 @@ class ExportPanel:
             self._desk.post(Load(await asyncio.to_thread(from_file, content)))
         except ScenarioError as error:
             self._desk.complain(f"{name:.60}: {error}")
-
