@@ -26,9 +26,9 @@ from environments.robots import Robot
 
 log = logging.getLogger("vsmrc.visuals")
 
-PATIENCE = 30.0  # s that the process may take
-CPU = 20  # s of them at work
-MEMORY = 4_000_000_000  # bytes of address space, half of which Python and numpy take
+PATIENCE = 20.0  # s that the process may take
+CPU = 15  # s of them at work
+MEMORY = 2_000_000_000  # bytes of address space, of which Python and its libraries take a quarter
 MOST_TRIANGLES = 2_000_000
 
 Rgb = tuple[int, int, int]
@@ -62,8 +62,9 @@ def read(path: Path) -> Iterator[LinkMesh]:
     root = urdf.read(path)
     for link in root.findall("link"):
         for visual in link.findall("visual"):
-            mesh = visual.find("geometry/mesh")
-            if mesh is not None and urdf.mesh_file(path, mesh.get("filename", "")) is None:
+            shapes = [found for tag in urdf.SHAPES for found in visual.findall(f"geometry/{tag}")]
+            missing = [m for m in shapes if m.tag == "mesh" and urdf.mesh_file(path, m.get("filename", "")) is None]
+            if missing or not shapes:
                 link.remove(visual)
     drawn = yourdfpy.URDF.load(
         BytesIO(ElementTree.tostring(root)), filename_handler=lambda fname: str(urdf.mesh_file(path, fname) or "")

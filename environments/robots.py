@@ -23,6 +23,7 @@ from environments.urdf import RobotError
 FEWEST_JOINTS, MOST_JOINTS = 2, 8  # between base and tool
 USUAL_JOINTS = 7  # what lies beyond is probably a gripper
 ROTOR_INERTIA = 0.1  # kg m^2, assumed where nothing is said
+_READ = {"link": ("inertial",), "joint": ("parent", "child", "origin", "axis", "limit", "mimic", "dynamics")}
 
 
 @dataclass(frozen=True)
@@ -291,9 +292,19 @@ def _posture(given: tuple[float, ...], model: pin.Model, names: list[str]) -> np
 
 def _model(root: ElementTree.Element, path: Path) -> pin.Model:
     try:
-        return pin.buildModelFromXML(ElementTree.tostring(root, encoding="unicode"))
+        return pin.buildModelFromXML(ElementTree.tostring(_bodies(root), encoding="unicode"))
     except (RuntimeError, ValueError) as error:
         raise RobotError(f"robot.urdf: {path} is no usable URDF: {str(error).splitlines()[0]}") from error
+
+
+def _bodies(root: ElementTree.Element) -> ElementTree.Element:
+    """A URDF of nothing but what `urdf.parse` has looked at: links, joints, inertias."""
+    bodies = ElementTree.Element(root.tag, root.attrib)
+    for element in root:
+        if element.tag in _READ:
+            kept = ElementTree.SubElement(bodies, element.tag, element.attrib)
+            kept.extend(child for child in element if child.tag in _READ[element.tag])
+    return bodies
 
 
 def _tool_frames(full: pin.Model) -> dict[str, int]:

@@ -25,6 +25,7 @@ MESHES = (".stl", ".dae", ".obj")
 SHAPES = {"box": {"size": 3}, "sphere": {"radius": 1}, "cylinder": {"radius": 1, "length": 1}, "mesh": {"scale": 3}}
 DEFAULT_SIZES = {1: "1", 3: "1 1 1"}
 LONGEST_NAME = 200  # characters
+NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?", re.ASCII)  # what C++ reads as Python does
 LARGEST_MESH = 60_000_000  # bytes
 ROUNDED = 1e-6  # kg m^2: what the digits of a file may make of an eigenvalue that is zero
 FARTHEST = 1e6  # no number in SI units that describes an arm is larger
@@ -215,7 +216,7 @@ def _require_drawable(root: Element) -> None:
     """Shapes have a size; no picture is put on them, which would be read from anywhere."""
     for link in root.findall("link"):
         what = f"link {_name(link)!r:.60}"
-        for shape in (*link.findall("visual"), *link.findall("collision")):
+        for shape in link.findall("visual"):
             _placement(shape, what)
             for tag, sizes in SHAPES.items():
                 for found in shape.findall(f"geometry/{tag}"):
@@ -253,10 +254,8 @@ def _numbers(
     text = default if element is None else element.get(attribute, default)
     if text is None:
         raise _Refusal(f"{what} lacks {attribute!r}")
-    try:
-        numbers = np.array([float(part) for part in text[:LONGEST_NAME].split()])
-    except ValueError:
-        numbers = np.array([])
+    parts = text[:LONGEST_NAME].split()
+    numbers = np.array([float(part) for part in parts if NUMBER.fullmatch(part)])
     if len(numbers) != count or not (np.abs(numbers) <= FARTHEST).all():
         raise _Refusal(f"{what}: {attribute} = {text!r:.60}; allowed: {count} finite number(s)")
     return numbers
