@@ -427,14 +427,15 @@ def load(name_or_file: str) -> Scenario:
         return scenarios[name_or_file]
     path = Path(name_or_file)
     if path.suffix != ".toml":
-        raise ScenarioError(f"scenario {name_or_file!r}: unknown; allowed: a .toml file or {', '.join(scenarios)}")
+        raise ScenarioError(f"scenario {name_or_file!r:.200}: unknown; allowed: a .toml file or {', '.join(scenarios)}")
     try:
         if path.exists() and not path.is_file():  # a folder, or a pipe that would never end
-            raise ScenarioError(f"scenario {name_or_file!r}: cannot be read: no file")
+            raise ScenarioError(f"scenario {name_or_file!r:.200}: cannot be read: no file")
         with path.open("rb") as file:
             content = file.read(LARGEST + 1)
-    except (OSError, ValueError) as error:
-        raise ScenarioError(f"scenario {name_or_file!r:.200}: cannot be read: {error}") from error
+    except (OSError, ValueError) as error:  # ValueError: a zero in the name
+        reason = error.strerror if isinstance(error, OSError) else error
+        raise ScenarioError(f"scenario {name_or_file!r:.200}: cannot be read: {reason}") from error
     try:
         return from_file(content)
     except ScenarioError as error:
