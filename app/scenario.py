@@ -20,8 +20,9 @@ from msgspec import Meta, Struct, field
 LARGEST = 100_000  # bytes of a TOML file; what is shipped has 2000, and no reader of TOML is quick
 MOST_DOTS = 300  # in a line: a key a.b.c... of 50,000 parts keeps tomllib busy for minutes
 DEEPEST = 16  # tables and lists within each other: a scenario has four
-Name = Annotated[str, Meta(max_length=200)]  # it stands on the page
-Text = Annotated[str, Meta(max_length=1000)]  # a path, or a formula, which has at most 500 characters
+_ONE_LINE = r"^[^\x00-\x1f\x7f-\x9f\u2028\u2029\ufffe\uffff]*\Z"  # an SVG cannot hold the others, a terminal obeys them
+Name = Annotated[str, Meta(max_length=200, pattern=_ONE_LINE)]  # it stands on the page
+Text = Annotated[str, Meta(max_length=1000, pattern=_ONE_LINE)]  # a path; a formula has at most 500 characters
 Vector = Annotated[tuple[float, ...], Meta(max_length=32)]  # an arm has at most eight joints
 Vector3 = tuple[float, float, float]
 Matrix = Annotated[tuple[float | Vector, ...], Meta(max_length=32)]
@@ -522,6 +523,7 @@ def _sentence(message: str, data: object) -> str:
     if unknown := re.fullmatch("Object contains unknown field `(.*)`", reason, re.DOTALL):
         where = f"{path}." if path else ""
         return f"{where}{unknown[1]:.60}: no such field; allowed: {', '.join(_fields_at(path, data))}"
+    reason = re.sub(" matching regex .*", " in one line, without control characters", reason, flags=re.DOTALL)
     for technical, plain in _PLAIN.items():
         reason = reason.replace(technical, plain)
     if not path:
