@@ -17,14 +17,26 @@ from viser._gui_handles import GuiFormHandle
 from viser.infra import WebsockClientConnection
 from websockets.asyncio.server import ServerConnection
 
-from app.dashboard.messages import FileTransferStartUpload, Page, Refused, Visitor, Widget
+from app.dashboard.messages import (
+    CommandTriggerMessage,
+    FileTransferStartUpload,
+    GuiUpdateMessage,
+    Page,
+    Refused,
+    Visitor,
+    Widget,
+)
+from app.printable import printable
 
 log = logging.getLogger("vsmrc.guard")
 
-RATE = 500.0  # messages a second of one page; a mouse makes some hundred
+RATE = 300.0  # messages a second of one page; one that is dragged and turned at once makes a hundred
 BURST = 2000.0
 WEIGHT = 20_000  # bytes that count as one message more
-WAITING = 2  # frames of a page that may wait, each up to `viser`'s 50 MB, so that 100 pages hold no 80 GB
+STEERING = (
+    4.0  # messages that one counts as that sets a widget: a page sends 20 a second, the loop has to carry them out
+)
+WAITING = 2  # frames of a page that may wait to be read, of up to 50 MB each
 TELLING = 30.0  # s between two lines of the log about one page
 
 
@@ -37,11 +49,10 @@ class Meter:
     credit: float
     at: float  # s, of a monotonic clock
 
-    def wait(self, size: int, now: float) -> float:
-        """How long, in s, the sender of a message of `size` bytes has to wait."""
-        self.credit = min(self.burst, self.credit + (now - self.at) * self.rate)
+    def wait(self, cost: float, now: float) -> float:
+        """How long, in s, the sender of what counts as `cost` messages has to wait."""
+        self.credit = min(self.burst, self.credit + (now - self.at) * self.rate) - cost
         self.at = now
-        self.credit -= 1.0 + size / WEIGHT
         return max(0.0, -self.credit / self.rate)
 
 
@@ -53,6 +64,7 @@ class Guard:
 
     def __init__(self, server: viser.ViserServer, rate: float = RATE) -> None:
         self._server, self._rate = server, rate
+        logging.getLogger("websockets.server").addFilter(_in_a_line)
         websock = server._websock_server
         websock.on_client_connect(self._on_connect)
         for number, connection in list(websock._live_connections.items()):  # a page that was open and waited for us
@@ -72,12 +84,16 @@ class Guard:
         async def recv(decode: bool | None = None) -> Any:
             while True:
                 raw = await receive(decode)
-                # 0, too: other pages have their turn after every message of this one
-                await asyncio.sleep(meter.wait(len(raw), time.monotonic()))
+                message, cost = None, 1.0 + len(raw) / WEIGHT
                 try:
                     message = visitor.admit(raw)
                 except Refused as refusal:
                     tally.note(refusal)
+                if isinstance(message, GuiUpdateMessage | CommandTriggerMessage):
+                    cost += STEERING - 1.0
+                # 0, too: other pages have their turn after every message of this one
+                await asyncio.sleep(meter.wait(cost, time.monotonic()))
+                if message is None:
                     continue
                 if isinstance(message, FileTransferStartUpload):
                     self._forget(visitor.finished - {message.transfer_uuid})
@@ -116,12 +132,20 @@ class _Tally:
         self._untold += 1
         now = time.monotonic()
         if now >= self._due:
-            log.warning("page %d: %d message(s) refused, the last one: %s", self._number, self._untold, refusal)
+            told = printable(str(refusal))
+            log.warning("page %d: %d message(s) refused, the last one: %s", self._number, self._untold, told)
             self._untold, self._due = 0, now + TELLING
+
+
+def _in_a_line(record: logging.LogRecord) -> bool:
+    """What is no web socket is nobody's page and not worth a line; the end of one is worth one, without a traceback."""
+    if record.exc_info:
+        record.msg, record.args, record.exc_info = f"{record.getMessage()}: {record.exc_info[1]}", (), None
+    return not record.getMessage().startswith("opening handshake failed")
 
 
 def _tell(_: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
     """A fault in answering a message is ours: said in a line, with its traceback where one debugs."""
     error = context.get("exception")
-    log.error("a message of a page could not be answered: %s", error or context.get("message"))
+    log.error("a message of a page could not be answered: %s", printable(str(error or context.get("message"))))
     log.debug("%s", context.get("message"), exc_info=error)

@@ -68,7 +68,7 @@ class Dashboard:
         if port and _taken(host, port):
             raise PortBusy(f"port {port} of {host} is in use; choose another one with --port")
         self._server = viser.ViserServer(host=host, port=port, label="VSMRC Lab", verbose=False)
-        self._guard = Guard(self._server)
+        Guard(self._server)
         self.host, self.port = host, self._server.get_port()
         if port and self.port != port:
             self._server.stop()
