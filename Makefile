@@ -5,6 +5,7 @@
 # make evidence     every number and figure of docs/evidence.md anew
 # make soak         an hour in company, written to docs/reliability.md; ARGS="--minutes 10 --no-write"
 # make mutations    planted mistakes, and which of them the tests see; ARGS="--only task_space"
+# make fuzz         every parser fed with what breaks parsers; ARGS="--seconds 60 --only formula urdf"
 # make screenshots  docs/screenshots/ anew
 # make constraints  constraints.txt anew, every package at its newest version
 # make clean        remove what these made
@@ -17,7 +18,7 @@ BIN := .venv/bin
 # The matrices are small: BLAS threads only take the cores from the loop and the page.
 export OMP_NUM_THREADS = 1
 
-.PHONY: run test check bench evidence soak mutations screenshots constraints clean
+.PHONY: run test check bench evidence soak mutations fuzz screenshots constraints clean
 
 run: .venv/run.stamp
 	@$(BIN)/vsmrc serve $(ARGS)
@@ -45,6 +46,10 @@ soak: .venv/dev.stamp
 
 mutations: .venv/dev.stamp
 	@$(BIN)/python -m benchmarks.mutations $(ARGS)
+
+fuzz: .venv/dev.stamp
+	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable ".[fuzz]"
+	@$(BIN)/python -m fuzzing $(ARGS)
 
 screenshots: .venv/dev.stamp
 	@$(BIN)/python -m tests.browser

@@ -29,6 +29,7 @@ from app.dashboard.printed import ALL_PLOTS, plots_of
 from app.dashboard.theme import Theme
 from app.data_files import read_npz
 from app.metrics import FIGURES, account
+from app.printable import printable
 from app.runner import Runner
 from app.scenario import Scenario, ScenarioError, edited, load, shipped
 from app.truth import outside
@@ -282,7 +283,7 @@ def _value(text: str) -> object:
     """A TOML value; anything else is taken as text."""
     try:
         return tomllib.loads(f"value = {text}")["value"]
-    except tomllib.TOMLDecodeError:
+    except (ValueError, RecursionError):
         return text
 
 
@@ -302,7 +303,7 @@ def main() -> None:
     try:
         status = tyro.extras.subcommand_cli_from_dict(commands, args=arguments, prog="vsmrc")
     except (ScenarioError, PortBusy) as error:
-        print(f"vsmrc: {error}", file=sys.stderr)
+        print(f"vsmrc: {printable(str(error))}", file=sys.stderr)
         status = BAD_INPUT
     sys.exit(status)
 

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import io
 import math
+import struct
 import zipfile
+import zlib
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,6 +18,11 @@ from app.recording import SIGNALS, Recording, columns_of
 from app.scenario import Scenario, ScenarioError, from_toml, to_toml
 
 LINES = 512  # of a CSV, between two looks at how far it has got
+LARGEST_SIGNAL = 100_000_000  # bytes: twice the longest recording there is, with eight joints
+LARGEST_TEXT = 4_000_000  # bytes of a scenario, which numpy writes with four for a character
+MOST_JOINTS = 8
+# what zipfile, zlib and numpy raise for archives that are broken, encrypted or packed in a way of their own
+_UNREADABLE = (ValueError, KeyError, IndexError, EOFError, RuntimeError, zipfile.BadZipFile, zlib.error, struct.error)
 
 Tell = Callable[[float], object]  # is told the share that is done, 0 to 1
 
@@ -115,17 +123,59 @@ def _keep_to(limit: float, size: float, seconds: float) -> None:
 
 def read_npz(path: Path) -> tuple[Scenario, Recording]:
     """What `write_npz` wrote. Raises ScenarioError for a file that is not of this kind."""
+
+    def refuse(what: object) -> ScenarioError:
+        return ScenarioError(f"recording {str(path)!r:.200}: not a recording of this program: {what}")
+
     try:
-        with np.load(path, allow_pickle=False) as saved:
-            scenario = from_toml(str(saved["scenario"]))
-            columns = [saved[signal.name].reshape(len(saved["t"]), -1) for signal in SIGNALS]
-            n = saved["q"].shape[1]
+        if path.exists() and not path.is_file():  # a folder, or a pipe that would never end
+            raise refuse("no file")
+        with zipfile.ZipFile(path) as archive:
+            scenario = from_toml(str(_array(archive, "scenario", LARGEST_TEXT)))
+            columns = {s.name: _array(archive, s.name, LARGEST_SIGNAL) for s in SIGNALS}
     except OSError as error:
-        raise ScenarioError(f"recording {str(path)!r}: cannot be read: {error.strerror or error}") from error
-    except (ValueError, KeyError, IndexError, zipfile.BadZipFile) as error:
-        raise ScenarioError(f"recording {str(path)!r}: not a recording of this program: {error}") from error
-    recording = Recording(n, history=len(columns[0]))
-    for row in np.hstack(columns):
+        raise ScenarioError(f"recording {str(path)!r:.200}: cannot be read: {error.strerror or error}") from error
+    except ScenarioError:
+        raise
+    except (*_UNREADABLE, MemoryError) as error:
+        raise refuse(error or type(error).__name__) from error
+    rows, n = len(np.atleast_1d(columns["t"])), columns["q"].shape[-1] if columns["q"].ndim == 2 else 0
+    if not 1 <= n <= MOST_JOINTS:
+        raise refuse(f"q of shape {columns['q'].shape}; allowed: 1 to {MOST_JOINTS} joints")
+    for signal in SIGNALS:
+        values, width = columns[signal.name], n if isinstance(signal.width, str) else signal.width
+        wanted = (rows,) if width == 1 and values.ndim == 1 else (rows, width)
+        if values.shape != wanted or values.dtype != float:
+            raise refuse(f"{signal.name} holds {values.dtype} of shape {values.shape}; allowed: float64 of {wanted}")
+    times = columns["t"].reshape(rows)
+    if not rows or not (np.isfinite(times).all() and (np.diff(times) > 0.0).all()):
+        raise refuse("t does not grow; allowed: finite times, each later than the one before")
+    recording = Recording(n, history=rows)
+    for row in np.hstack([column.reshape(rows, -1) for column in columns.values()]):
         recording.new_row()[:] = row
         recording.commit()
     return scenario, recording
+
+
+def _array(archive: zipfile.ZipFile, name: str, limit: int) -> np.ndarray:
+    """One array of an archive, which says beforehand how large it is, and holds no objects. Raises ValueError and what
+    a broken archive raises."""
+    try:
+        size = archive.getinfo(f"{name}.npy").file_size
+    except KeyError:
+        raise ValueError(f"{name} is missing") from None
+    if size > limit:
+        raise ValueError(f"{name} has {size / 1e6:.3g} MB; allowed: {limit / 1e6:g} MB")
+    with archive.open(f"{name}.npy") as entry:
+        # all of it before numpy makes room for what its header claims
+        content = entry.read(limit)
+    file = io.BytesIO(content)
+    major, _ = np.lib.format.read_magic(file)
+    read_header = {1: np.lib.format.read_array_header_1_0, 2: np.lib.format.read_array_header_2_0}.get(major)
+    if read_header is None:
+        raise ValueError(f"{name} is of version {major}; allowed: 1 and 2")
+    shape, _, dtype = read_header(file)
+    if dtype.hasobject or math.prod(shape) * dtype.itemsize != len(content) - file.tell():
+        raise ValueError(f"{name} claims {dtype} of shape {shape}; allowed: numbers or text, as many as there are")
+    file.seek(0)
+    return np.lib.format.read_array(file, allow_pickle=False)

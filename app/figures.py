@@ -42,6 +42,7 @@ STYLE: dict[Any, Any] = {
     "pdf.fonttype": 42,
     "font.family": "DejaVu Sans",
     "font.size": 7.0,
+    "text.parse_math": False,  # a title with dollars in it is text, too
     "axes.linewidth": 0.5,
     "axes.edgecolor": "0.35",
     "axes.grid": True,

@@ -6,6 +6,7 @@ Lengths of vectors depend on the robot and are checked where the objects are bui
 
 from __future__ import annotations
 
+import re
 import tomllib
 from dataclasses import dataclass
 from importlib import resources
@@ -16,9 +17,15 @@ import msgspec
 import tomli_w
 from msgspec import Meta, Struct, field
 
-Vector = tuple[float, ...]
+LARGEST = 100_000  # bytes of a TOML file; what is shipped has 2000, and no reader of TOML is quick
+MOST_DOTS = 300  # in a line: a key a.b.c... of 50,000 parts keeps tomllib busy for minutes
+DEEPEST = 16  # tables and lists within each other: a scenario has four
+_ONE_LINE = r"^[^\x00-\x1f\x7f-\x9f\u2028\u2029\ufffe\uffff]*\Z"  # an SVG cannot hold the others, a terminal obeys them
+Name = Annotated[str, Meta(max_length=200, pattern=_ONE_LINE)]  # it stands on the page
+Text = Annotated[str, Meta(max_length=1000, pattern=_ONE_LINE)]  # a path; a formula has at most 500 characters
+Vector = Annotated[tuple[float, ...], Meta(max_length=32)]  # an arm has at most eight joints
 Vector3 = tuple[float, float, float]
-Matrix = tuple[float | tuple[float, ...], ...]
+Matrix = Annotated[tuple[float | Vector, ...], Meta(max_length=32)]
 
 
 class ScenarioError(ValueError):
@@ -36,10 +43,10 @@ class _Section(Struct, frozen=True, forbid_unknown_fields=True):
 class Robot(_Section, frozen=True, forbid_unknown_fields=True):
     """The arm."""
 
-    name: Annotated[str, _number("row of the catalogue", "")] = "ur5"
-    urdf: Annotated[str | None, _number("any URDF instead, by path", "")] = None
+    name: Annotated[Name, _number("row of the catalogue", "")] = "ur5"
+    urdf: Annotated[Text | None, _number("any URDF instead, by path", "")] = None
     tool_frame: Annotated[
-        str | None, _number("frame of the tool; default: the catalogue's, or the last one of the arm", "")
+        Name | None, _number("frame of the tool; default: the catalogue's, or the last one of the arm", "")
     ] = None
     tool_offset: Annotated[Vector3 | None, _number("tool point in the tool frame", "m")] = None
     posture: Annotated[
@@ -51,9 +58,7 @@ class Robot(_Section, frozen=True, forbid_unknown_fields=True):
 class Truth(_Section, frozen=True, forbid_unknown_fields=True):
     """How the true arm differs from what the controller believes."""
 
-    link_scaling: Annotated[
-        float | tuple[float, ...], _number("factor on the inertia of every link, or one per link", "1")
-    ] = 1.0
+    link_scaling: Annotated[float | Vector, _number("factor on the inertia of every link, or one per link", "1")] = 1.0
     payload_mass: Annotated[float, _number("point mass at the tool", "kg", ge=0, le=50)] = 0.0
     payload_offset: Annotated[Vector3, _number("place of that mass in the tool frame", "m")] = (0.0, 0.0, 0.0)
     coulomb: Annotated[float, _number("Coulomb friction per joint", "N·m", ge=0, le=100)] = 0.0
@@ -61,7 +66,7 @@ class Truth(_Section, frozen=True, forbid_unknown_fields=True):
     disturbance: Annotated[float, _number("norm of a disturbance torque", "N·m", ge=0, le=200)] = 0.0
     disturbance_frequency: Annotated[float, _number("its frequency", "Hz", ge=0, le=100)] = 0.5
     torque_limit: Annotated[
-        float | tuple[float, ...],
+        float | Vector,
         _number("what the drives give at most: a factor on the URDF's limits, 0 for no limit, or N·m per joint", "1"),
     ] = 0.0
     push: Annotated[Vector3, _number("a force on the tool, world axes", "N")] = (0.0, 0.0, 0.0)
@@ -183,7 +188,7 @@ class Sphere(_Section, frozen=True, forbid_unknown_fields=True, tag_field="kind"
 class Formula(_Section, frozen=True, forbid_unknown_fields=True, tag_field="kind", tag="formula"):
     """A surface typed as a formula that is 0 on it."""
 
-    text: Annotated[str, _number("of x, y, z (m from the origin) and t (s): 0 on the surface", "")] = (
+    text: Annotated[Text, _number("of x, y, z (m from the origin) and t (s): 0 on the surface", "")] = (
         "z - 0.02*sin(8*x - 2*t)"
     )
     solid: Annotated[
@@ -286,7 +291,7 @@ class Simulation(_Section, frozen=True, forbid_unknown_fields=True):
     """How the run is computed and when it ends."""
 
     duration: Annotated[float, _number("simulated time of a headless run", "s", gt=0, le=36000)] = 10.0
-    seed: Annotated[int, _number("of the sensor's noise", "", ge=0)] = 0
+    seed: Annotated[int, _number("of the sensor's noise", "", ge=0, le=2**63 - 1)] = 0
     integrator: Annotated[Literal["semi-implicit-euler", "rk4"], _number("of the plant", "")] = "semi-implicit-euler"
     substeps: Annotated[int, _number("plant steps in a control period", "", ge=1, le=1000)] = 1
     domain_radius: Annotated[float, _number("Omega: postures within this of the reference", "rad", gt=0, le=3)] = 0.15
@@ -300,8 +305,8 @@ class Simulation(_Section, frozen=True, forbid_unknown_fields=True):
 class Scenario(Struct, frozen=True, forbid_unknown_fields=True):
     """One run, whole."""
 
-    name: str = "unnamed"
-    title: str = ""
+    name: Name = "unnamed"
+    title: Name = ""
     mode: Annotated[
         Literal["motion", "impedance", "hybrid", "hybrid-impedance", "constrained"],
         _number("which application of section IV", ""),
@@ -324,7 +329,7 @@ class Scenario(Struct, frozen=True, forbid_unknown_fields=True):
 
 def from_plain(data: object) -> Scenario:
     """A scenario from nested dicts. Raises ScenarioError with the path of the first field that is wrong."""
-    _refuse_non_finite(data, "")
+    _refuse_unfit(data, "", 0)
     try:
         return msgspec.convert(data, Scenario)
     except msgspec.ValidationError as error:
@@ -338,11 +343,30 @@ def to_plain(scenario: Scenario) -> dict[str, Any]:
 
 def from_toml(text: str) -> Scenario:
     """Raises ScenarioError for text that is no TOML or no scenario."""
+    if len(text) > LARGEST:
+        raise ScenarioError(f"a TOML file of {len(text)} characters; allowed: at most {LARGEST}")
+    for number, line in enumerate(text.split("\n"), start=1):
+        if line.count(".") > MOST_DOTS:
+            raise ScenarioError(f"line {number} has {line.count('.')} dots; allowed: at most {MOST_DOTS}")
     try:
         data = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
         raise ScenarioError(f"not a TOML file: {error}") from error
+    except RecursionError as error:
+        raise ScenarioError(f"not a scenario: nested without end; allowed: at most {DEEPEST} deep") from error
+    except ValueError as error:  # Python reads no more digits than these
+        raise ScenarioError("not a scenario: a whole number of thousands of digits; allowed: at most 19") from error
     return from_plain(data)
+
+
+def from_file(content: bytes) -> Scenario:
+    """From a TOML file's content, as it was uploaded or read. Raises ScenarioError."""
+    if len(content) > LARGEST:
+        raise ScenarioError(f"a file of {len(content) / 1e6:.3g} MB or more; allowed: at most {LARGEST / 1e6:g} MB")
+    try:
+        return from_toml(content.decode("utf-8-sig").replace("\r\n", "\n"))
+    except UnicodeDecodeError as error:
+        raise ScenarioError("not a TOML file: it is no UTF-8 text") from error
 
 
 def to_toml(scenario: Scenario) -> str:
@@ -404,11 +428,19 @@ def load(name_or_file: str) -> Scenario:
         return scenarios[name_or_file]
     path = Path(name_or_file)
     if path.suffix != ".toml":
-        raise ScenarioError(f"scenario {name_or_file!r}: unknown; allowed: a .toml file or {', '.join(scenarios)}")
+        raise ScenarioError(f"scenario {name_or_file!r:.200}: unknown; allowed: a .toml file or {', '.join(scenarios)}")
     try:
-        return from_toml(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError) as error:
-        raise ScenarioError(f"scenario {name_or_file!r}: cannot be read: {error}") from error
+        if path.exists() and not path.is_file():  # a folder, or a pipe that would never end
+            raise ScenarioError(f"scenario {name_or_file!r:.200}: cannot be read: no file")
+        with path.open("rb") as file:
+            content = file.read(LARGEST + 1)
+    except (OSError, ValueError) as error:  # ValueError: a zero in the name
+        reason = error.strerror if isinstance(error, OSError) else error
+        raise ScenarioError(f"scenario {name_or_file!r:.200}: cannot be read: {reason}") from error
+    try:
+        return from_file(content)
+    except ScenarioError as error:
+        raise ScenarioError(f"scenario {name_or_file!r:.200}: {error}") from error
 
 
 @dataclass(frozen=True)
@@ -468,35 +500,63 @@ def _without_none(value: Any) -> Any:
     return list(value) if isinstance(value, tuple) else value
 
 
-def _refuse_non_finite(value: object, path: str) -> None:
+def _refuse_unfit(value: object, path: str, depth: int) -> None:
+    """What msgspec would let pass, or fall over: numbers that no float holds, and depth without end."""
+    if depth > DEEPEST:
+        raise ScenarioError(f"{path:.60}…: {depth} tables or lists within each other; allowed: at most {DEEPEST}")
     if isinstance(value, float) and not (float("-inf") < value < float("inf")):
-        raise ScenarioError(f"{path}: {value}; allowed: a finite number")
+        raise ScenarioError(f"{path:.200}: {value}; allowed: a finite number")
+    if isinstance(value, int) and not -(2**63) <= value < 2**63:
+        raise ScenarioError(f"{path:.200}: a whole number of {value.bit_length()} bits; allowed: at most 63")
     if isinstance(value, dict):
         for key, item in value.items():
-            _refuse_non_finite(item, f"{path}.{key}" if path else str(key))
+            _refuse_unfit(item, f"{path}.{key}" if path else str(key), depth + 1)
     elif isinstance(value, list | tuple):
         for index, item in enumerate(value):
-            _refuse_non_finite(item, f"{path}[{index}]")
+            _refuse_unfit(item, f"{path}[{index}]", depth + 1)
 
 
 def _sentence(message: str, data: object) -> str:
     """msgspec's "Expected ... - at `$.a.b`" as "a.b: value; expected ..."."""
     reason, _, place = message.partition(" - at `")
     path = place.rstrip("`").removeprefix("$").removeprefix(".")
+    if unknown := re.fullmatch("Object contains unknown field `(.*)`", reason, re.DOTALL):
+        where = f"{path}." if path else ""
+        return f"{where}{unknown[1]:.60}: no such field; allowed: {', '.join(_fields_at(path, data))}"
+    reason = re.sub(" matching regex .*", " in one line, without control characters", reason, flags=re.DOTALL)
     for technical, plain in _PLAIN.items():
         reason = reason.replace(technical, plain)
     if not path:
         return f"scenario: {reason}"
-    value: Any = data
-    try:
-        for part in path.replace("[", ".").replace("]", "").split("."):
-            value = value[int(part)] if isinstance(value, list | tuple) else value[part]
-    except (KeyError, IndexError, TypeError, ValueError):
-        return f"{path}: {reason}"
+    value = _at(path, data)
     shown = "" if isinstance(value, dict) else f"{value!r:.60}; "
     if reason.startswith("Invalid enum value"):
         reason = f"allowed: {', '.join(field_info(path).choices)}"
+    if reason.startswith("Invalid value"):  # of the tag of a section that there is in several kinds
+        kinds = _types_of(Scenario, path.partition(".")[0])
+        reason = f"allowed: {', '.join(str(kind.__struct_config__.tag) for kind in kinds)}"
     return f"{path}: {shown}{reason[:1].lower()}{reason[1:]}"
+
+
+def _at(path: str, data: Any) -> Any:
+    """The value at msgspec's path "a.b[0]"; an empty table where that is none."""
+    try:
+        for part in filter(None, path.replace("[", ".").replace("]", "").split(".")):
+            data = data[int(part)] if isinstance(data, list | tuple) else data[part]
+    except (KeyError, IndexError, TypeError, ValueError):
+        return {}
+    return data
+
+
+def _fields_at(path: str, data: object) -> list[str]:
+    """The fields that a section may have; of several kinds, those of the kind that is given."""
+    structs: list[type[Struct]] = [Scenario]
+    for section in filter(None, path.split(".")):
+        structs = [kind for struct in structs for kind in _types_of(struct, section)]
+    table = _at(path, data)
+    kind = table.get("kind") if isinstance(table, dict) else None
+    chosen = next((struct for struct in structs if struct.__struct_config__.tag == kind), structs[0])
+    return [*(["kind"] if len(structs) > 1 else []), *chosen.__struct_fields__]
 
 
 _PLAIN = {

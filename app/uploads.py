@@ -13,6 +13,8 @@ from pathlib import Path
 from app.scenario import ScenarioError
 from environments import urdf
 
+MOST_KEPT = 500_000_000  # bytes: a page that uploads for ever must not fill the disk
+
 
 def folder() -> Path:
     """`$XDG_DATA_HOME/vsmrc-lab/urdf`, by default below ~/.local/share."""
@@ -30,6 +32,11 @@ def keep(name: str, content: bytes) -> Path:
         raise ScenarioError(str(error)) from error
     path = folder() / hashlib.sha256(content).hexdigest()[:16] / _plain(name)
     try:
+        if not path.is_file() and (kept := _size(folder())) + len(content) > MOST_KEPT:
+            raise ScenarioError(
+                f"robot.urdf: {name:.60} has {len(content) / 1e6:.3g} MB, and {kept / 1e6:.3g} MB of uploads are kept "
+                f"in {folder()}; allowed: {MOST_KEPT / 1e6:g} MB in all"
+            )
         path.parent.mkdir(parents=True, exist_ok=True)
         being_written = path.with_name(f".{path.name}.{os.getpid()}")
         being_written.write_bytes(content)
@@ -37,6 +44,11 @@ def keep(name: str, content: bytes) -> Path:
     except OSError as error:
         raise ScenarioError(f"robot.urdf: {name:.60} cannot be kept in {path.parent}: {error.strerror}") from error
     return path
+
+
+def _size(folder: Path) -> int:
+    """Bytes of all files below a folder."""
+    return sum(file.stat().st_size for file in folder.rglob("*") if file.is_file())
 
 
 def _plain(name: str) -> str:

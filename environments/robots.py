@@ -23,6 +23,7 @@ from environments.urdf import RobotError
 FEWEST_JOINTS, MOST_JOINTS = 2, 8  # between base and tool
 USUAL_JOINTS = 7  # what lies beyond is probably a gripper
 ROTOR_INERTIA = 0.1  # kg m^2, assumed where nothing is said
+_READ = {"link": ("inertial",), "joint": ("parent", "child", "origin", "axis", "limit", "mimic", "dynamics")}
 
 
 @dataclass(frozen=True)
@@ -155,7 +156,8 @@ class Robot:
     geometry: which square task space fits: "planar" (two positions, then an angle), "pose" (three positions, three
         angles), "position" (three positions); joints in `supplemental` complete it (Remark 5).
     tool_frame, tool_offset: the URDF's link and the tool point (3,) m in it; frames: the links that it may be.
-    urdf: for the meshes; joint_names tells which of its joints move, locked where the others are kept.
+    urdf: for the meshes; joint_names tells which of its joints move, locked where the others are kept; shipped: it
+        comes with the program, not from a user.
     """
 
     name: str
@@ -171,6 +173,7 @@ class Robot:
     tool_offset: np.ndarray
     frames: tuple[str, ...]
     urdf: Path
+    shipped: bool
     locked: dict[str, float] = field(default_factory=dict)
 
     @property
@@ -246,6 +249,7 @@ def load(
         tool_offset=offset,
         frames=tuple(frames),
         urdf=path,
+        shipped=entry is not None,
         locked=locked,
     )
 
@@ -288,9 +292,19 @@ def _posture(given: tuple[float, ...], model: pin.Model, names: list[str]) -> np
 
 def _model(root: ElementTree.Element, path: Path) -> pin.Model:
     try:
-        return pin.buildModelFromXML(ElementTree.tostring(root, encoding="unicode"))
+        return pin.buildModelFromXML(ElementTree.tostring(_bodies(root), encoding="unicode"))
     except (RuntimeError, ValueError) as error:
         raise RobotError(f"robot.urdf: {path} is no usable URDF: {str(error).splitlines()[0]}") from error
+
+
+def _bodies(root: ElementTree.Element) -> ElementTree.Element:
+    """A URDF of nothing but what `urdf.parse` has looked at: links, joints, inertias."""
+    bodies = ElementTree.Element(root.tag, root.attrib)
+    for element in root:
+        if element.tag in _READ:
+            kept = ElementTree.SubElement(bodies, element.tag, element.attrib)
+            kept.extend(child for child in element if child.tag in _READ[element.tag])
+    return bodies
 
 
 def _tool_frames(full: pin.Model) -> dict[str, int]:

@@ -22,6 +22,10 @@ MOST_VISUALS = 500
 JOINT_TYPES = ("revolute", "continuous", "prismatic", "fixed")
 FULL_TURN = 2 * np.pi  # rad, either way: what a continuous joint is given
 MESHES = (".stl", ".dae", ".obj")
+SHAPES = {"box": {"size": 3}, "sphere": {"radius": 1}, "cylinder": {"radius": 1, "length": 1}, "mesh": {"scale": 3}}
+DEFAULT_SIZES = {1: "1", 3: "1 1 1"}
+LONGEST_NAME = 200  # characters
+NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?", re.ASCII)  # what C++ reads as Python does
 LARGEST_MESH = 60_000_000  # bytes
 ROUNDED = 1e-6  # kg m^2: what the digits of a file may make of an eigenvalue that is zero
 FARTHEST = 1e6  # no number in SI units that describes an arm is larger
@@ -33,13 +37,14 @@ class RobotError(ValueError):
 
 def read(path: Path) -> Element:
     """The root of a URDF file. Raises RobotError for what cannot be read and for what `parse` refuses."""
-    if not path.is_file():  # neither a folder nor a pipe that would never end
-        raise RobotError(f"robot.urdf: cannot read {path}: no such file")
+    shown = f"{path!s:.200}"
     try:
+        if not path.is_file():  # neither a folder nor a pipe that would never end
+            raise RobotError(f"robot.urdf: cannot read {shown}: no such file")
         with path.open("rb") as file:
             content = file.read(LARGEST + 1)
-    except OSError as error:
-        raise RobotError(f"robot.urdf: cannot read {path}: {error.strerror}") from error
+    except OSError as error:  # a name too long, a folder that is closed to us
+        raise RobotError(f"robot.urdf: cannot read {shown}: {error.strerror}") from error
     return parse(content, path.name)
 
 
@@ -51,7 +56,7 @@ def parse(content: bytes, name: str) -> Element:
     """
 
     def refuse(what: str) -> RobotError:
-        return RobotError(f"robot.urdf: {name}: {what}")
+        return RobotError(f"robot.urdf: {name:.60}: {what}")
 
     if len(content) > LARGEST:
         raise refuse(f"larger than {LARGEST / 1e6:g} MB")
@@ -66,6 +71,7 @@ def parse(content: bytes, name: str) -> Element:
         _require_urdf(root)
         _require_tree(root)
         _require_possible(root)
+        _require_drawable(root)
     except ElementTree.ParseError as error:
         raise refuse(f"not XML: {error}") from error
     except _Refusal as error:
@@ -83,21 +89,25 @@ def parse(content: bytes, name: str) -> Element:
 
 
 def mesh_file(urdf: Path, filename: str) -> Path | None:
-    """The mesh that a URDF names: below the URDF's own folder or, after "package://", that of the package around it.
+    """The mesh that a URDF names: below the URDF's own folder or, after "package://", that of the package around it,
+    which is a folder of that name with a package.xml in it.
 
     None for a place elsewhere, another kind of file, and what is not there.
     """
-    parents = urdf.resolve().parents
-    if filename.startswith("package://"):
-        package, _, inside = filename.removeprefix("package://").partition("/")
-        home = next((folder for folder in parents if folder.name == package), None)
-    else:
-        home, inside = parents[0], filename.removeprefix("file://")
-    if home is None or "\0" in inside:
+    try:
+        parents = urdf.resolve().parents
+        if filename.startswith("package://"):
+            package, _, inside = filename.removeprefix("package://").partition("/")
+            home = next((at for at in parents if at.name == package and (at / "package.xml").is_file()), None)
+        else:
+            home, inside = parents[0], filename.removeprefix("file://")
+        if home is None:
+            return None
+        path = (home / inside).resolve()
+        wanted = path.is_relative_to(home) and path.suffix.lower() in MESHES and path.is_file()
+        return path if wanted and path.stat().st_size <= LARGEST_MESH else None
+    except (OSError, RuntimeError, ValueError):  # names too long, links in a circle, zeros in a name
         return None
-    path = (home / inside).resolve()
-    wanted = path.is_relative_to(home) and path.suffix.lower() in MESHES and path.is_file()
-    return path if wanted and path.stat().st_size <= LARGEST_MESH else None
 
 
 class _Refusal(ValueError):
@@ -184,6 +194,9 @@ def _require_possible(root: Element) -> None:
         axis = _numbers(joint.find("axis"), "xyz", what, default="1 0 0", count=3)
         if np.linalg.norm(axis) < 1e-6:
             raise _Refusal(f"{what} has the axis 0 0 0; allowed: a direction")
+        for tag, attributes in (("mimic", ("multiplier", "offset")), ("dynamics", ("damping", "friction"))):
+            for attribute in attributes:
+                _numbers(joint.find(tag), attribute, what, default="0")
         if kind == "continuous":
             continue
         limit = joint.find("limit")
@@ -197,6 +210,23 @@ def _require_possible(root: Element) -> None:
     for link in root.findall("link"):
         for inertial in link.findall("inertial"):
             _require_body(inertial, f"link {_name(link)!r:.60}")
+
+
+def _require_drawable(root: Element) -> None:
+    """Shapes have a size; no picture is put on them, which would be read from anywhere."""
+    for link in root.findall("link"):
+        what = f"link {_name(link)!r:.60}"
+        for shape in link.findall("visual"):
+            _placement(shape, what)
+            for tag, sizes in SHAPES.items():
+                for found in shape.findall(f"geometry/{tag}"):
+                    for attribute, count in sizes.items():
+                        if (_numbers(found, attribute, what, default=DEFAULT_SIZES[count], count=count) == 0.0).any():
+                            raise _Refusal(f"{what}: {tag} with {attribute} = 0; allowed: another size")
+    for material in root.iter("material"):
+        for texture in material.findall("texture"):
+            material.remove(texture)
+        _numbers(material.find("color"), "rgba", "material", default="0 0 0 1", count=4)
 
 
 def _require_body(inertial: Element, what: str) -> None:
@@ -224,10 +254,8 @@ def _numbers(
     text = default if element is None else element.get(attribute, default)
     if text is None:
         raise _Refusal(f"{what} lacks {attribute!r}")
-    try:
-        numbers = np.array([float(part) for part in text.split()])
-    except ValueError:
-        numbers = np.array([])
+    parts = text[:LONGEST_NAME].split()
+    numbers = np.array([float(part) for part in parts if NUMBER.fullmatch(part)])
     if len(numbers) != count or not (np.abs(numbers) <= FARTHEST).all():
         raise _Refusal(f"{what}: {attribute} = {text!r:.60}; allowed: {count} finite number(s)")
     return numbers
@@ -236,5 +264,7 @@ def _numbers(
 def _name(element: Element) -> str:
     name = element.get("name", "")
     if not name:
-        raise _Refusal(f"a {element.tag} without a name")
+        raise _Refusal(f"a {element.tag:.40} without a name")
+    if len(name) > LONGEST_NAME:
+        raise _Refusal(f"{element.tag:.40} {name!r:.60}: {len(name)} characters; allowed: at most {LONGEST_NAME}")
     return name

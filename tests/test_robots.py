@@ -235,11 +235,12 @@ def test_meshes_are_read_from_the_package_or_the_folder_of_the_urdf_only(tmp_pat
         file.parent.mkdir(parents=True, exist_ok=True)
         file.write_text("solid")
     (tmp_path / "pack" / "meshes" / "link.stl").symlink_to(outside)
+    (tmp_path / "pack" / "package.xml").write_text("<package/>")
     arm = tmp_path / "pack" / "urdf" / "arm.urdf"
     assert urdf.mesh_file(arm, "package://pack/meshes/a.stl") == inside
     assert urdf.mesh_file(arm, "parts/b.STL") == own
     for name in (
-        "package://pack/../secret.stl", "package://pack/meshes/link.stl", "package://other/meshes/a.stl",
+        "package://pack/../secret.stl", f"package://{tmp_path.name}/secret.stl", "package://pack/meshes/link.stl", "package://other/meshes/a.stl",
         "../meshes/a.stl", str(outside), f"file://{outside}", "parts/passwd", "parts/none.stl", "parts", "a\0.stl", "http://a/b.stl",
     ):  # fmt: skip
         assert urdf.mesh_file(arm, name) is None, name

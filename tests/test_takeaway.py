@@ -20,7 +20,6 @@ from app import headless
 from app.caption import caption
 from app.closed_loop import ClosedLoop
 from app.dashboard.charts import Setup
-from app.dashboard.panels.export import read_scenario
 from app.dashboard.plot_table import TABS
 from app.dashboard.printed import ALL_PLOTS, figure_of, plots_of, title_and_unit
 from app.dashboard.standalone import snapshots, standalone_html
@@ -30,7 +29,7 @@ from app.figures import BINS, CONTRAST, Chart, Curve, Figure, printed, render, t
 from app.film import FRAMES_PER_SECOND, Film, film
 from app.recording import BLOCK, Recording
 from app.runner import Snapshot, snapshot_of
-from app.scenario import Scenario, ScenarioError, edited, from_toml, load, to_toml
+from app.scenario import Scenario, ScenarioError, edited, from_file, from_toml, load, to_toml
 from app.takeaway import DataJob, FigureJob, PlaybackJob, TakeAwayError, file_name, made
 
 
@@ -276,7 +275,7 @@ def test_file_names_are_tame() -> None:
 
 
 def test_uploads_that_are_no_scenario_are_refused() -> None:
-    assert read_scenario(to_toml(load("ur5-motion")).encode()) == load("ur5-motion")
+    assert from_file(to_toml(load("ur5-motion")).encode()) == load("ur5-motion")
     for content, said in (
         (b"\xff\xfe", "UTF-8"),
         (b"mode = ", "not a TOML file"),
@@ -284,7 +283,7 @@ def test_uploads_that_are_no_scenario_are_refused() -> None:
         (b"#" * 2_000_000, "2 MB"),
     ):
         with pytest.raises(ScenarioError, match=said):
-            read_scenario(content)
+            from_file(content)
 
 
 def vsmrc(*arguments: str) -> subprocess.CompletedProcess[str]:

@@ -163,6 +163,8 @@ class Number:
         snapshot = self._desk.snapshot()
         self._text.value = text = self._text.value.rstrip("".join(MARKS)).strip()
         running = self._place.read(snapshot)
+        if running is None:
+            return
         try:
             value = read_back(text) if text else running
             edit = self._place.edit(snapshot, value)
@@ -179,6 +181,8 @@ class Number:
         if event.client is None or self._slider is None or self._scale is None:
             return
         snapshot, value = self._desk.snapshot(), self._scale.value(self._slider.value)
+        if self._place.read(snapshot) is None:  # another scenario has no such field: the row is being hidden
+            return
         self._text.value = written(value)
         edit = self._place.edit(snapshot, value)
         if self._desk.whatif.on:
@@ -189,6 +193,9 @@ class Number:
     def _let_go(self, *, apply: bool) -> None:
         snapshot = self._desk.snapshot()
         running = self._place.read(snapshot)
+        if running is None:
+            self._desk.whatif.let_go(self)
+            return
         value = running if self._slider is None or self._scale is None else self._scale.value(self._slider.value)
         self._text.value = written(value)  # without the mark
         changed = apply and written(value) != written(running)

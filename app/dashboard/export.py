@@ -9,6 +9,7 @@ from typing import Literal
 
 from tqdm import tqdm
 
+from app.assembly import assemble
 from app.closed_loop import ClosedLoop
 from app.dashboard.charts import Setup
 from app.dashboard.printed import figure_of, plots_of
@@ -46,6 +47,11 @@ def write(stretch: Stretch, kinds: Iterable[Kind], plots: str, out: Path) -> Ite
             f"--start {stretch.start:g} --end {stretch.end:g}: nothing recorded there; "
             f"allowed: within {t.min(initial=0.0):g} to {t.max(initial=0.0):g} s"
         )
+    kinds = tuple(kinds)
+    if not {"csv", "npz", "toml"}.issuperset(kinds):
+        n = assemble(stretch.scenario).robot.n
+        if stretch.recording.n != n:
+            raise ScenarioError(f"recording: {stretch.recording.n} joints; allowed: {n}, as its scenario's arm has")
     out.mkdir(parents=True, exist_ok=True)
     for kind in kinds:
         path = out / file_name(stretch.scenario.name, float(rows[-1]), kind)

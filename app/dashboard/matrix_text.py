@@ -39,7 +39,7 @@ def number(text: str) -> int | float:
     try:
         value = float(text)
     except ValueError:
-        raise ValueError(f"{text!r} is not a number") from None
+        raise ValueError(f"{text!r:.60} is not a number; allowed: such as 12, -0.5 or 3e4") from None
     return int(value) if re.fullmatch(r"[+-]?\d{1,15}", text) else value
 
 
@@ -73,5 +73,5 @@ def _several(widths: list[int]) -> str:
 def _finite(text: str) -> float:
     value = float(number(text))
     if not math.isfinite(value):
-        raise ValueError(f"{text!r} is not a finite number")
+        raise ValueError(f"{text!r:.60} is not a finite number; allowed: such as 12, -0.5 or 3e4")
     return value

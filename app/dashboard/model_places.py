@@ -101,5 +101,5 @@ class OscillatorPlace(Place):
 
 def _single(value: Any) -> float:
     if isinstance(value, list):
-        raise ValueError(f"{written(value)!r} is not a single number")
+        raise ValueError(f"{written(value)!r:.60}; allowed: a single number")
     return float(value)

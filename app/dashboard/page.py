@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import math
 import socket
 import threading
 import time
@@ -13,6 +14,7 @@ from app.dashboard.appearance import Appearance
 from app.dashboard.charts import Pinned
 from app.dashboard.controls import Desk
 from app.dashboard.equation import equation_html
+from app.dashboard.guard import Guard
 from app.dashboard.hand import Hand
 from app.dashboard.help import Help, tools_html
 from app.dashboard.look import Viewing
@@ -37,6 +39,7 @@ SLOWEST_FPS, FASTEST_FPS = 1.0, 60.0
 REFRESH = 1 / 10  # s, plots, numbers and controls
 PLOTTING = 0.1  # of the time may go into plots: long windows are drawn less often
 COMPLAINT_SHOWN = 12.0  # s
+COMPLAINTS_APART = 0.5  # s, between two notifications: the status line has every one
 _PHONE = 576  # px: pages up to this wide show one plot at a time, and do not shrink those of the others
 
 
@@ -65,6 +68,7 @@ class Dashboard:
         if port and _taken(host, port):
             raise PortBusy(f"port {port} of {host} is in use; choose another one with --port")
         self._server = viser.ViserServer(host=host, port=port, label="VSMRC Lab", verbose=False)
+        Guard(self._server)
         self.host, self.port = host, self._server.get_port()
         if port and self.port != port:
             self._server.stop()
@@ -128,6 +132,7 @@ class _View:
     ) -> None:
         self._server, self._status, self._scene, self._runner = server, status, scene, runner
         self._complaint, self._complaint_until, self._complaint_revision = "", 0.0, -1
+        self._notified = -math.inf
         self._refusals = runner.snapshot.refusal_number
         self._previewer = Previewer()
         self._whatif = WhatIf(self._previewer)
@@ -155,9 +160,14 @@ class _View:
         self._page_height = 0
 
     def complain(self, sentence: str) -> None:
-        """Show a refusal until another edit is accepted, or for a while."""
-        self._complaint, self._complaint_until = sentence, time.monotonic() + COMPLAINT_SHOWN
+        """Show a refusal until another edit is accepted, or for a while; a page that asks for many fills no other one
+        with notifications."""
+        now = time.monotonic()
+        self._complaint, self._complaint_until = sentence, now + COMPLAINT_SHOWN
         self._complaint_revision = self._runner.snapshot.revision
+        if now < self._notified + COMPLAINTS_APART:
+            return
+        self._notified = now
         for client in self._server.get_clients().values():
             client.add_notification("Refused", sentence, color="red", auto_close_seconds=6.0)
 

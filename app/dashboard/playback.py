@@ -133,7 +133,7 @@ class _Time:
         try:
             self._desk.post(Seek(float(text)))
         except ValueError:
-            self._desk.complain(f"time t [s]: {text!r} is not a number")
+            self._desk.complain(f"time t [s]: {text!r:.60} is not a number; allowed: such as 1.5")
 
     async def _on_slider(self, event: viser.GuiEvent) -> None:
         if event.client is None:

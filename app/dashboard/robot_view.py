@@ -2,28 +2,21 @@
 
 from __future__ import annotations
 
-import logging
-import xml.etree.ElementTree as ElementTree
 from collections import defaultdict
 from collections.abc import Iterator
 from dataclasses import dataclass
-from io import BytesIO
 from typing import cast
 
 import numpy as np
 import pinocchio as pin
 import trimesh
 import viser
-import yourdfpy
 
 from app.dashboard.look import FINE
 from app.dashboard.theme import Rgb
-from environments import urdf
+from app.visuals import link_meshes
 from environments.robots import Robot
 
-log = logging.getLogger("vsmrc.dashboard")
-
-_BRIGHTEN = 0.55
 _PLAIN: Rgb = (196, 200, 206)
 _JOINT: Rgb = (86, 120, 170)
 _BONE = 0.03  # radius over the arm's length
@@ -43,11 +36,7 @@ def parts(robot: Robot, cell: float) -> list[Part]:
     """Every visual of the URDF, grouped, without detail finer than `cell` m; links without a frame in the reduced model
     are left out. What moves with a joint and has no visual that can be loaded is drawn as a bone from this joint to the
     next."""
-    try:
-        groups = _visuals(robot)
-    except Exception as error:  # whatever readers of meshes raise: the arm can be shown without them
-        log.warning("%s: its visuals cannot be shown: %s", robot.urdf, error)
-        groups = {}
+    groups = _visuals(robot)
     bare = set(range(robot.model.njoints)) - {joint for joint, _ in groups}
     return [Part(joint, color, *_lightened(meshes, cell)) for (joint, color), meshes in groups.items()] + [
         part for joint in sorted(bare) for part in _bone(robot, joint)
@@ -55,27 +44,13 @@ def parts(robot: Robot, cell: float) -> list[Part]:
 
 
 def _visuals(robot: Robot) -> dict[tuple[int, Rgb], list[trimesh.Trimesh]]:
-    root = urdf.read(robot.urdf)
-    for link in root.findall("link"):
-        for visual in link.findall("visual"):
-            mesh = visual.find("geometry/mesh")
-            if mesh is not None and urdf.mesh_file(robot.urdf, mesh.get("filename", "")) is None:
-                link.remove(visual)
-    drawn = yourdfpy.URDF.load(
-        BytesIO(ElementTree.tostring(root)), filename_handler=lambda fname: str(urdf.mesh_file(robot.urdf, fname) or "")
-    )
     groups: defaultdict[tuple[int, Rgb], list[trimesh.Trimesh]] = defaultdict(list)
-    if drawn.scene is None:
-        return groups
-    graph = drawn.scene.graph
-    for name, mesh in drawn.scene.geometry.items():
-        link = graph.transforms.parents[name]
-        frame_id = robot.model.getFrameId(link, pin.FrameType.BODY)
-        if frame_id >= robot.model.nframes or not isinstance(mesh, trimesh.Trimesh):
-            continue
-        frame = robot.model.frames[frame_id]
-        T_joint_mesh = frame.placement.homogeneous @ graph.get(name, link)[0]
-        groups[frame.parentJoint, _color(mesh)].append(mesh.copy().apply_transform(T_joint_mesh))
+    for mesh in link_meshes(robot):
+        frame_id = robot.model.getFrameId(mesh.link, pin.FrameType.BODY)
+        if frame_id < robot.model.nframes:
+            frame = robot.model.frames[frame_id]
+            shape = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False)
+            groups[frame.parentJoint, mesh.color or _PLAIN].append(shape.apply_transform(frame.placement.homogeneous))
     return groups
 
 
@@ -90,16 +65,6 @@ def _bone(robot: Robot, joint: int) -> Iterator[Part]:
         yield Part(joint, _PLAIN, shaft.vertices.astype(np.float32), shaft.faces.astype(np.uint32))
     ball = trimesh.creation.icosphere(2, 1.4 * radius)
     yield Part(joint, _JOINT, ball.vertices.astype(np.float32), ball.faces.astype(np.uint32))
-
-
-def _color(mesh: trimesh.Trimesh) -> Rgb:
-    colored = getattr(mesh.visual, "material", mesh.visual)
-    rgba = np.asarray(getattr(colored, "main_color", None))
-    if rgba.shape != (4,):
-        return _PLAIN
-    # Many files hold linear colours, which look almost black; pure white loses its shape in plain lights.
-    r, g, b = np.clip(255 * (rgba[:3] / 255) ** _BRIGHTEN, 0, 235)
-    return int(r), int(g), int(b)
 
 
 def _lightened(meshes: list[trimesh.Trimesh], cell: float) -> tuple[np.ndarray, np.ndarray]:

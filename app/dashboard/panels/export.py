@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import io
 import math
 import threading
@@ -18,7 +19,7 @@ from app.data_files import Tell, table
 from app.figures import Format
 from app.film import film
 from app.runner import Load, Snapshot
-from app.scenario import Scenario, ScenarioError, from_toml, to_toml
+from app.scenario import ScenarioError, from_file, to_toml
 from app.takeaway import (
     PLAYBACK_LIMIT,
     DataFormat,
@@ -32,7 +33,6 @@ from app.takeaway import (
 
 MEGABYTE = 1e6
 DATA_LIMIT = 256 * MEGABYTE  # what a browser takes through a web socket without trouble
-SCENARIO_LIMIT = MEGABYTE
 RENDERING = 60.0  # s that a page may take for a picture: a hidden one never answers
 
 OnClick = Callable[[viser.GuiEvent[viser.GuiButtonGroupHandle]], None]
@@ -158,16 +158,6 @@ class ExportPanel:
             return
         name, content = self._upload.value.name, self._upload.value.content
         try:
-            self._desk.post(Load(read_scenario(content)))
+            self._desk.post(Load(await asyncio.to_thread(from_file, content)))
         except ScenarioError as error:
-            self._desk.complain(f"{name}: {error}")
-
-
-def read_scenario(content: bytes) -> Scenario:
-    """A scenario from an uploaded file. Raises ScenarioError."""
-    if len(content) > SCENARIO_LIMIT:
-        raise ScenarioError(f"{len(content) / MEGABYTE:.3g} MB; allowed: {SCENARIO_LIMIT / MEGABYTE:g} MB")
-    try:
-        return from_toml(content.decode("utf-8"))
-    except UnicodeDecodeError as error:
-        raise ScenarioError("not a TOML file: it is no UTF-8 text") from error
+            self._desk.complain(f"{name:.60}: {error}")

@@ -1,0 +1,12 @@
+"""Text of users on its way to a terminal or a log."""
+
+from __future__ import annotations
+
+LONGEST = 1000  # characters
+
+
+def printable(text: str) -> str:
+    """One line that a terminal only shows: control characters, escape sequences and what turns the direction of
+    writing are written as Python writes them, and what is very long is cut."""
+    shown = text if len(text) <= LONGEST else f"{text[: LONGEST - 1]}…"
+    return "".join(c if c.isprintable() else c.encode("unicode_escape", "surrogatepass").decode() for c in shown)

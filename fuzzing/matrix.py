@@ -1,0 +1,27 @@
+"""Numbers and matrices that somebody types or pastes, and what `--set` takes."""
+
+from contextlib import suppress
+
+import numpy as np
+
+from app.__main__ import _setting
+from app.dashboard.matrix_text import read_back, read_matrix, written_rows
+from app.printable import printable
+from app.scenario import ScenarioError
+
+SEEDS = (b"1, 2; 3, 4", b"[[1 2]\n[3 4]]", b"1e3 -0.5", b"contact.K_e=2e4", b"truth.push=[0,10,0]")
+DICTIONARY = ("nan", "inf", "1e999", "[[", "]]", ";", "1_000")
+
+
+def read(data: bytes) -> None:
+    text = data.decode("utf-8", "surrogateescape")
+    assert printable(text).isprintable()
+    for n in (1, 2, 6):
+        with suppress(ValueError):
+            matrix = read_matrix(text, n)
+            assert np.isfinite(matrix).all()
+            assert (read_matrix(written_rows(matrix), n) == matrix).all()
+    with suppress(ValueError):
+        read_back(text)
+    with suppress(ScenarioError):
+        _setting(text)

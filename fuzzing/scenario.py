@@ -1,0 +1,19 @@
+"""A TOML file that is uploaded, and a field of it that is set to whatever a page may type."""
+
+from contextlib import suppress
+
+from app.dashboard.matrix_text import read_back
+from app.scenario import ScenarioError, edited, from_file, load, shipped, to_toml
+
+SEEDS = tuple(to_toml(scenario).encode() for scenario in shipped().values())
+DICTIONARY = ("[motion]", 'kind = "', "nan", "inf", "1e999", "1979-05-27", "[[1, 2]]", "formula", "\\u0000", "{}", ".")
+BASE = load("ur5-hybrid")
+
+
+def read(data: bytes) -> None:
+    with suppress(ScenarioError):
+        scenario = from_file(data)
+        assert from_file(to_toml(scenario).encode()) == scenario
+    with suppress(ScenarioError, UnicodeDecodeError, ValueError):
+        path, _, value = data.decode().partition("=")
+        edited(BASE, path, read_back(value))
