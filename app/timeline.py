@@ -104,7 +104,7 @@ class Timeline:
             self._back = None
             return
         self._back = _resumed(self._key_at(t + half))
-        while self._back.t < t - half:
+        while self._back.t < t - half and self._back.stopped is None:
             self._back.advance()
 
     def to_end(self) -> None:
