@@ -26,7 +26,7 @@ MOST = 20  # lines of one event in one second
 OURS = ("app", "__main__")
 
 _LEVEL, _FILE = "VSMRC_LOG_LEVEL", "VSMRC_LOG_FILE"  # how the processes beside this one know
-# what would move the cursor, ring, or turn the direction of writing; the renderer escapes "\n", which would end the line
+# what would move the cursor, ring, or turn the direction of writing; "\n" is the renderer's affair
 _CONTROLS = {
     code: f"\\x{code:02x}" if code < 0x100 else f"\\u{code:04x}"
     for code in (*range(0x0A), *range(0x0B, 0x20), *range(0x7F, 0xA0), 0x2028, 0x2029, 0x200E, 0x200F,
@@ -206,9 +206,7 @@ def _exception(exc_info: object) -> BaseException | None:
 
 def _escaped(_: object, __: str, event: Event) -> Event:
     """Nothing in a value can begin a line or reach the terminal as a command; keys are ours."""
-    return {
-        key: value.translate(_CONTROLS) if isinstance(value, str) else _plain(value) for key, value in event.items()
-    }
+    return {key: _plain(value) for key, value in event.items()}
 
 
 def _plain(value: object) -> object:

@@ -105,6 +105,14 @@ class Load:
 
 
 @dataclass(frozen=True)
+class Continue:
+    """Another scenario, and with it the pinned runs of the session that it was left in."""
+
+    scenario: Scenario
+    pinned: tuple[Pinned, ...]
+
+
+@dataclass(frozen=True)
 class Edit:
     """One field of the scenario by its dotted path, with plain data. Mode, fields of `robot` and kind of surface bring
     along what depends on them: see `assembly.in_mode`, `with_robot`, `on_surface`."""
@@ -129,7 +137,23 @@ class Push:
     grip: Grip | None
 
 
-Command = Play | Pause | StepOnce | Reset | Seek | ToEnd | Fork | Pin | Unpin | SetSpeed | Load | Edit | Blend | Push
+Command = (
+    Play
+    | Pause
+    | StepOnce
+    | Reset
+    | Seek
+    | ToEnd
+    | Fork
+    | Pin
+    | Unpin
+    | SetSpeed
+    | Load
+    | Continue
+    | Edit
+    | Blend
+    | Push
+)
 
 
 @dataclass(frozen=True)
@@ -259,8 +283,7 @@ class Runner:
                 if now - measured > MEASURE:
                     measured = now
                     asked = self._speed / self._period
-                    self._pace_now = self.meter.pace(max(began, now - WATCHED), now, asked)
-                    self._note_pace(self._pace_now)
+                    self._note_pace(self.meter.pace(max(began, now - WATCHED), now, asked))
             if now - published > PUBLISH:
                 published = now
                 self.snapshot = self._publish()
@@ -272,11 +295,10 @@ class Runner:
     def _note_stop(self) -> None:
         log.info("stopped", scenario=self._loop.system.scenario.name, reason=self._loop.stopped)
 
-    def _note_pace(self, pace: Pace | None) -> None:
-        slowed = pace is not None and pace.slowed
-        if slowed and not self._slowed:
+    def _note_pace(self, pace: Pace) -> None:
+        if pace.slowed and not self._slowed:
             log.info("slow loop", asked=self._speed, reached=round(pace.achieved * self._period, 3))
-        self._slowed = slowed
+        self._pace_now, self._slowed = pace, pace.slowed
 
     @property
     def _loop(self) -> ClosedLoop:
@@ -327,7 +349,9 @@ class Runner:
         for command, following in itertools.zip_longest(queued, queued[1:]):
             if _overtaken(command, following):
                 continue
-            if isinstance(command, Load) or (isinstance(command, Edit) and command.path.startswith(("mode", "robot."))):
+            if isinstance(command, Load | Continue) or (
+                isinstance(command, Edit) and command.path.startswith(("mode", "robot."))
+            ):
                 self.snapshot = replace(self.snapshot, notice=PREPARING)
             try:
                 self._carry_out(command)
@@ -380,6 +404,9 @@ class Runner:
                 self._edit(edited(scenario_now, "blend", plan))
             case Load(scenario):
                 self._edit(scenario)
+            case Continue(scenario, pinned):
+                self._edit(scenario)
+                line.adopt(pinned)
             case Edit("mode", value) if value == scenario_now.mode:
                 pass  # the mode that runs is not begun anew
             case Edit("mode", value):

@@ -167,6 +167,11 @@ class Timeline:
             raise ScenarioError(f"unpin: {number}; allowed: {known}")
         self.pinned = tuple(pinned for pinned in self.pinned if pinned.number != number)
 
+    def adopt(self, pinned: tuple[Pinned, ...]) -> None:
+        """Runs pinned elsewhere take the places of those that are pinned here."""
+        self.pinned = pinned[-PINS:]
+        self._pins = max((run.number for run in self.pinned), default=self._pins)
+
     def _so_far(self, loop: ClosedLoop) -> Recording:
         """The run's recording up to where that loop stands."""
         return self.recording.branch(-np.inf, loop.t - 0.5 * loop.period)

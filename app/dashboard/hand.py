@@ -9,6 +9,7 @@ import viser
 
 from app.dashboard.arrows import UNIT, ForceArrow
 from app.dashboard.controls import Desk
+from app.dashboard.guard import guarded
 from app.dashboard.theme import ACCENT, DESIRED, PUSH
 from app.runner import Edit, Push, Snapshot
 from controllers.modes import MODES
@@ -68,8 +69,8 @@ class Hand:
         )
         self._arrow = ForceArrow(scene, "/hand/force", PUSH)
         self._label = scene.add_label("/hand/newtons", "", visible=False, anchor="bottom-center")
-        self._handle.on_drag("left")(self._on_drag)
-        self._handle.on_drag("left", modifier="shift")(self._on_shift_drag)
+        self._handle.on_drag("left")(guarded(self._on_drag, desk.complain))
+        self._handle.on_drag("left", modifier="shift")(guarded(self._on_shift_drag, desk.complain))
 
     async def _on_drag(self, event: viser.SceneNodeDragEvent) -> None:
         self._drag(event, self._desk.viewing.look.drag)

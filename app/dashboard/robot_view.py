@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 import xml.etree.ElementTree as ElementTree
 from collections import defaultdict
 from collections.abc import Iterator
@@ -12,6 +11,7 @@ from typing import cast
 
 import numpy as np
 import pinocchio as pin
+import structlog
 import trimesh
 import viser
 import yourdfpy
@@ -21,7 +21,7 @@ from app.dashboard.theme import Rgb
 from environments import urdf
 from environments.robots import Robot
 
-log = logging.getLogger("vsmrc.dashboard")
+log = structlog.get_logger()
 
 _BRIGHTEN = 0.55
 _PLAIN: Rgb = (196, 200, 206)
@@ -46,7 +46,7 @@ def parts(robot: Robot, cell: float) -> list[Part]:
     try:
         groups = _visuals(robot)
     except Exception as error:  # whatever readers of meshes raise: the arm can be shown without them
-        log.warning("%s: its visuals cannot be shown: %s", robot.urdf, error)
+        log.warning("visuals not shown", urdf=str(robot.urdf), reason=str(error))
         groups = {}
     bare = set(range(robot.model.njoints)) - {joint for joint, _ in groups}
     return [Part(joint, color, *_lightened(meshes, cell)) for (joint, color), meshes in groups.items()] + [

@@ -1,0 +1,71 @@
+"""What a callback of the page raises becomes a sentence on the page and a line in the log, whoever calls it.
+
+viser's asynchronous callbacks are tasks of its event loop, which `watch` guards as a whole. Those that it calls from a
+thread of its pool or one after the other (drags in the scene) it would print instead: they are `guarded` one by one.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import functools
+from collections.abc import Awaitable, Callable
+from typing import Any
+
+import structlog
+
+log = structlog.get_logger()
+
+Complain = Callable[[str], None]
+_OURS = "app."
+
+
+def watch(loop: asyncio.AbstractEventLoop, complain: Complain) -> None:
+    """From now on. What a client's garbage brings about outside of our code is only logged."""
+
+    def report(_: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
+        error = context.get("exception")
+        if isinstance(error, Exception) and _is_ours(error):
+            _failed(error, complain)
+        else:
+            log.info("message dropped", reason=context["message"], exc_info=error)
+
+    loop.call_soon_threadsafe(loop.set_exception_handler, report)
+
+
+def guarded(callback: Callable[..., Any], complain: Complain) -> Callable[..., Any]:
+    """The same callback; it raises nothing any more."""
+    if asyncio.iscoroutinefunction(callback):
+
+        @functools.wraps(callback)
+        async def waiting(*what: Any) -> None:
+            try:
+                pending: Awaitable[None] = callback(*what)
+                await pending
+            except Exception as error:
+                _failed(error, complain)
+
+        return waiting
+
+    @functools.wraps(callback)
+    def calling(*what: Any) -> None:
+        try:
+            callback(*what)
+        except Exception as error:
+            _failed(error, complain)
+
+    return calling
+
+
+def _failed(error: Exception, complain: Complain) -> None:
+    log.error("fault", stage="a callback of the page", exc_info=error)
+    complain(f"the page could not carry that out ({type(error).__name__}: {error}); the run goes on")
+
+
+def _is_ours(error: Exception) -> bool:
+    """Whether it came through our code."""
+    trace = error.__traceback__
+    while trace is not None:
+        if trace.tb_frame.f_globals.get("__name__", "").startswith(_OURS):
+            return True
+        trace = trace.tb_next
+    return False
