@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -45,10 +46,11 @@ def shifted(snapshot: Snapshot, moved: np.ndarray) -> Edit:
 
 
 class Hand:
-    """What the mouse does on the tool, and how a push is drawn, by whoever pushes."""
+    """What the mouse does on the tool, and how a push is drawn, by whoever pushes. viser ends the drag of a page that
+    closes: it lets go of the tool, and leaves the target where it was."""
 
-    def __init__(self, scene: viser.SceneApi, desk: Desk) -> None:
-        self._desk = desk
+    def __init__(self, scene: viser.SceneApi, desk: Desk, connected: Callable[[int], bool]) -> None:
+        self._desk, self._connected = desk, connected
         self._held: _Held | None = None
         # not hidden when idle: it is what there is to take hold of
         self._handle = scene.add_icosphere(
@@ -108,7 +110,7 @@ class Hand:
     def _let_go(self, snapshot: Snapshot, held: _Held) -> None:
         if held.drag == "push":
             self._desk.post(Push(None))
-        elif np.abs(held.moved[shift_coordinates(snapshot)]).max() >= 10.0**-RESOLUTION:
+        elif self._connected(held.client) and np.abs(held.moved[shift_coordinates(snapshot)]).max() >= 10.0**-RESOLUTION:
             self._desk.post(shifted(snapshot, held.moved))
 
     def show(self, snapshot: Snapshot, newtons: float) -> None:

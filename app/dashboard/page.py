@@ -16,6 +16,7 @@ from app.dashboard.equation import equation_html
 from app.dashboard.guard import watch
 from app.dashboard.hand import Hand
 from app.dashboard.help import Help, tools_html
+from app.dashboard.laggards import Laggards
 from app.dashboard.last_session import LastSession, add_last_session
 from app.dashboard.look import Viewing
 from app.dashboard.looking import Lookers
@@ -84,6 +85,7 @@ class Dashboard:
         self._help = Help(self._server)
         self._closed = threading.Event()
         self._view: _View | None = None
+        self._laggards = Laggards(self._server)
         watch(self._server.get_event_loop(), self.fail)
         self._server.on_client_connect(self._on_connect)
         self._server.on_client_disconnect(self._on_disconnect)
@@ -116,6 +118,7 @@ class Dashboard:
         """Draw until `close`; nothing while nobody looks."""
         while not self._closed.is_set():
             started = time.monotonic()
+            self._laggards.drop()
             if self._view is not None and self._server.get_clients():
                 self._draw(self._view, started)
             self._closed.wait(max(self._frame - (time.monotonic() - started), 0.002))
@@ -125,7 +128,8 @@ class Dashboard:
         self._closed.set()
         if self._view is not None:
             self._view.close()
-        # viser waits up to ten seconds for clients that do not read; its threads then end without us
+        self._laggards.drop_all()
+        # viser may still wait for seconds for a client that does not answer; its threads then end without us
         stopping = threading.Thread(target=self._server.stop, name="stopping", daemon=True)
         stopping.start()
         stopping.join(ENDING)
@@ -171,7 +175,7 @@ class _View:
         desk = Desk(
             server.gui, runner.post, lambda: runner.snapshot, self._whatif, self._viewing, self.complain, self._maker
         )
-        self._hand = Hand(server.scene, desk)
+        self._hand = Hand(server.scene, desk, lambda client: client in server.get_clients())
         self._playback = Playback(desk)
         self._shortcuts = Shortcuts(desk)
         self._whatif_panel = WhatIfPanel(desk)
