@@ -110,7 +110,9 @@ class Hand:
     def _let_go(self, snapshot: Snapshot, held: _Held) -> None:
         if held.drag == "push":
             self._desk.post(Push(None))
-        elif self._connected(held.client) and np.abs(held.moved[shift_coordinates(snapshot)]).max() >= 10.0**-RESOLUTION:
+            return
+        moved = np.abs(held.moved[shift_coordinates(snapshot)]).max() >= 10.0**-RESOLUTION
+        if moved and self._connected(held.client):
             self._desk.post(shifted(snapshot, held.moved))
 
     def show(self, snapshot: Snapshot, newtons: float) -> None:

@@ -1,4 +1,4 @@
-"""Clients that no longer read: viser would keep such a connection, and whatever its page holds, for a quarter of an hour.
+"""Clients that no longer read: viser would keep such a connection, and what its page holds, for a quarter of an hour.
 
 What waits for one is bounded meanwhile, since viser keeps one message of each kind; but a file that is sent is not.
 """
