@@ -1,8 +1,8 @@
 """The session on disk: its scenario and pinned runs, so that a server that is started again can offer them.
 
 A folder has `session.json`, what the server that uses it is at; `offer.json`, what an earlier one was at, until it is
-taken up, refused or replaced; and for every pinned run that one of them names a file of its own. Each file is written
-beside its place and moved there when it is whole, and an index is written after what it names: whenever a process is
+taken up, refused or replaced; and for every pinned run that one of them names a file of its own. Each file is
+there as a whole or not at all, and an index is written after what it names: whenever a process is
 killed, what it leaves is whole, either as before or as after a change.
 """
 
@@ -17,7 +17,6 @@ import uuid
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import BinaryIO
 
 import msgspec
 import structlog
@@ -27,6 +26,7 @@ from app.data_files import read_npz, table, write_npz
 from app.runner import Snapshot
 from app.scenario import Scenario, ScenarioError, from_toml, to_toml
 from app.timeline import PINS, Pinned
+from app.whole_file import write_whole
 
 log = structlog.get_logger()
 
@@ -35,6 +35,7 @@ SESSION, OFFER, LOCK, ASIDE = "session.json", "offer.json", "lock", "set-aside-"
 LARGEST = 4_000_000  # bytes of an index
 EVERY = 0.5  # s, between two looks at the run; what changes all the time is saved when it has rested that long,
 LATEST = 5.0  # s, or at the latest after this
+_PRIVATE = 0o600
 _RUN_FILE = re.compile(r"run-[0-9a-f]{32}\.npz")
 
 
@@ -142,7 +143,8 @@ class StateFolder:
                 failure = error
         runs = [_Run(run.number, run.t, name) for run, name in kept]
         index = _Index(time.time(), to_toml(scenario), runs)
-        self._write(SESSION, lambda file: file.write(msgspec.json.format(msgspec.json.encode(index))))
+        text = msgspec.json.format(msgspec.json.encode(index))
+        write_whole(self.path / SESSION, lambda file: file.write(text), _PRIVATE)
         self._kept = tuple(kept)
         if self._answered:
             (self.path / OFFER).unlink(missing_ok=True)
@@ -153,21 +155,9 @@ class StateFolder:
     def _write_run(self, run: Pinned) -> str:
         name = f"run-{uuid.uuid4().hex}.npz"
         # as it is: to compress it would take cores from the loop for seconds
-        self._write(name, lambda file: write_npz(table(run.scenario, run.recording), file, level=0))
+        data = table(run.scenario, run.recording)
+        write_whole(self.path / name, lambda file: write_npz(data, file, level=0), _PRIVATE)
         return name
-
-    def _write(self, name: str, write: Callable[[BinaryIO], object]) -> None:
-        """All of it or nothing, also when the machine fails."""
-        being_written = self.path / f".{name}"
-        try:
-            with open(being_written, "wb", opener=_private) as file:
-                write(file)
-                file.flush()
-                os.fsync(file.fileno())
-            being_written.replace(self.path / name)
-            _settle(self.path)
-        finally:
-            being_written.unlink(missing_ok=True)
 
     def _readable(self, name: str) -> _Index | None:
         """An index, None where there is none; what is no index is set aside, with a sentence."""
@@ -314,16 +304,3 @@ def _pinned(saved: _Run, path: Path) -> Pinned:
     # a file does not tell what was changed during the run
     recording.epochs.extend(replace(epoch, t=recording.first) for epoch in loop.recording.epochs)
     return Pinned(saved.number, loop.system, recording, saved.t)
-
-
-def _private(path: str, flags: int) -> int:
-    return os.open(path, flags, 0o600)
-
-
-def _settle(folder: Path) -> None:
-    """What was moved in this folder stays moved, also when the machine fails."""
-    descriptor = os.open(folder, os.O_RDONLY)
-    try:
-        os.fsync(descriptor)
-    finally:
-        os.close(descriptor)

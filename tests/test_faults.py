@@ -137,18 +137,12 @@ def test_a_law_that_gives_no_number_ends_the_run(runner: Runner) -> None:
     assert_kept_and_reset_works(runner, stopped)
 
 
-def pressed(scenario: Scenario, *changes: tuple[str, object]) -> Scenario:
-    for path, value in changes:
-        scenario = edited(scenario, path, value)
-    return scenario
-
-
 @pytest.mark.parametrize(
     ("scenario", "fault", "said"),
     [
         ("ur5-constrained", (("target_model.M_m", [1.0] + [12.0] * 5),), "the arm diverges"),
         ("ur5-constrained", (("force.value", -5.0),), "contact lost, the surface would have to pull"),
-        ("ur5-impedance", (("simulation.sigma_min", 10.0),), "J_q is nearly singular"),
+        ("ur5-impedance", (("simulation.sigma_min", 1.0),), "J_q is nearly singular"),
     ],
 )
 def test_what_ends_in_nature_ends_in_a_sentence(
@@ -198,6 +192,9 @@ class Server:
     dashboard: Dashboard
     runner: Runner
 
+    def open(self, *, reads: bool = True) -> Client:
+        return Client(self.dashboard.port, lambda: set(self.dashboard.clients), reads=reads)
+
     def said(self) -> str:
         """What the status line shows."""
         return self.dashboard._view._status.content if self.dashboard._view is not None else ""
@@ -223,13 +220,13 @@ CAMERA = {
 class Client:
     """A page without a browser: it says what it is told to, and reads or does not."""
 
-    def __init__(self, dashboard: Dashboard, *, reads: bool = True) -> None:
-        self._socket = socket.create_connection((dashboard.host, dashboard.port))
+    def __init__(self, port: int, numbers: Callable[[], set[int]], *, reads: bool = True) -> None:
+        self._socket = socket.create_connection(("127.0.0.1", port))
         if not reads:
             self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
-        known = set(dashboard.clients)
+        known = numbers()
         self._connection: ClientConnection = connect(
-            f"ws://{dashboard.host}:{dashboard.port}",
+            f"ws://127.0.0.1:{port}",
             sock=self._socket,
             subprotocols=[f"viser-v{viser.__version__}"],  # pyright: ignore[reportArgumentType]
             max_queue=1,
@@ -237,7 +234,7 @@ class Client:
             ping_interval=None,
         )
         self.send(CAMERA)
-        (self.number,) = until(lambda: set(dashboard.clients) - known)
+        (self.number,) = until(lambda: numbers() - known)
         if reads:
             threading.Thread(target=self._read, daemon=True).start()
 
@@ -265,16 +262,16 @@ def drag(phase: str, to: np.ndarray, modifier: str | None = None) -> dict[str, A
 
 def test_a_page_that_vanishes_lets_go_of_the_tool_and_leaves_the_target(server: Server) -> None:
     before = begun(server.runner, load("ur5-impedance"))
-    page = Client(server.dashboard)
+    page = server.open()
     page.send(drag("start", before.tool))
-    page.send(drag("update", before.tool + [0.0, 0.05, 0.0]))
+    page.send(drag("update", before.tool + np.array([0.0, 0.05, 0.0])))
     until(lambda: server.runner.snapshot.state.grip is not None)
     page.vanish()
     until(lambda: server.runner.snapshot.state.grip is None)
-    page = Client(server.dashboard)
+    page = server.open()
     hand = server.dashboard._view._hand  # pyright: ignore[reportOptionalMemberAccess]
     page.send(drag("start", before.tool, "shift"))
-    page.send(drag("update", before.tool + [0.0, 0.05, 0.0], "shift"))
+    page.send(drag("update", before.tool + np.array([0.0, 0.05, 0.0]), "shift"))
     until(lambda: hand._held is not None and hand._held.moved.any())
     page.vanish()
     until(lambda: hand._held is None and not server.dashboard.clients)
@@ -290,7 +287,7 @@ def test_a_page_that_vanishes_with_a_slider_held_ends_the_preview(server: Server
     handles = view._server.gui._gui_input_handle_from_uuid
     label = next(h for h in handles.values() if getattr(h, "label", "") == "F_d [N]")
     slider = list(handles.values())[list(handles.values()).index(label) + 1]
-    page, other = Client(server.dashboard), Client(server.dashboard)
+    page, other = server.open(), server.open()
     page.send({"type": "GuiUpdateMessage", "uuid": slider._impl.uuid, "updates": {"value": 0.7}})
     until(lambda: view._whatif.held is not None and view._whatif.outlook is not None)
     page.vanish()
@@ -302,7 +299,7 @@ def test_a_page_that_vanishes_with_a_slider_held_ends_the_preview(server: Server
 
 def test_a_client_that_does_not_read_is_dropped_and_bounded_meanwhile(server: Server) -> None:
     begun(server.runner, load("ur5-hybrid"))
-    reading, stuck = Client(server.dashboard), Client(server.dashboard, reads=False)
+    reading, stuck = server.open(), server.open(reads=False)
     websock = server.dashboard._server._websock_server
     laggards = Laggards(server.dashboard._server, patience=2.0)
     # something big enough to fill every buffer on the way
@@ -321,7 +318,7 @@ def test_a_page_that_cannot_be_drawn_says_so_and_the_run_goes_on(
     server: Server, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     before = begun(server.runner, load("ur5-hybrid"))
-    view, client = server.dashboard._view, Client(server.dashboard)
+    view, client = server.dashboard._view, server.open()
     assert view is not None
     with monkeypatch.context() as patched:
         patched.setattr(view._plots, "show", boom)
@@ -332,7 +329,7 @@ def test_a_page_that_cannot_be_drawn_says_so_and_the_run_goes_on(
 
 def test_drawing_that_hangs_for_seconds_costs_the_run_nothing(server: Server, monkeypatch: pytest.MonkeyPatch) -> None:
     before = begun(server.runner, load("ur5-hybrid"))
-    view, client = server.dashboard._view, Client(server.dashboard)
+    view, client = server.dashboard._view, server.open()
     assert view is not None
     hangs, goes_on = threading.Event(), threading.Event()
 
@@ -340,7 +337,6 @@ def test_drawing_that_hangs_for_seconds_costs_the_run_nothing(server: Server, mo
         hangs.set()
         goes_on.wait()
 
-    monkeypatch.setattr(view._equation.__class__, "content", property(lambda _: "", hanging), raising=False)
     with monkeypatch.context() as patched:
         patched.setattr(view._playback, "show", hanging)
         assert hangs.wait(PATIENCE)
@@ -354,7 +350,7 @@ def test_drawing_that_hangs_for_seconds_costs_the_run_nothing(server: Server, mo
 
 def test_a_callback_that_fails_is_said_on_the_page(server: Server, monkeypatch: pytest.MonkeyPatch) -> None:
     before = begun(server.runner, load("ur5-hybrid"))
-    view, client = server.dashboard._view, Client(server.dashboard)
+    view, client = server.dashboard._view, server.open()
     assert view is not None
     with monkeypatch.context() as patched:
         patched.setattr(view._hand, "_drag", boom)  # which viser calls one after the other
@@ -386,8 +382,9 @@ def largest_file(size: int) -> Iterator[None]:
 def noise(rows: int) -> Recording:
     recording, random = Recording(6, history=rows), np.random.default_rng(1)
     for k in range(rows):
-        recording.new_row()[:] = random.standard_normal(recording.width)
-        recording.new_row()[0] = 1e-3 * k
+        row = recording.new_row()
+        row[:] = random.standard_normal(recording.width)
+        row[0] = 1e-3 * k
         recording.commit()
     return recording
 
@@ -413,8 +410,6 @@ def test_a_disk_that_is_full_leaves_no_half_file(tmp_path: Path) -> None:
     assert f"--out {tmp_path}: cannot be written: File too large" in done.stderr
     assert "Traceback" not in done.stderr
     assert list(tmp_path.iterdir()) == []
-    if Path("/dev/full").exists():
-        (tmp_path / "scenario.toml").symlink_to("/dev/full")
 
 
 def test_a_process_that_makes_a_file_and_is_killed_is_said_and_leaves_nothing() -> None:
@@ -446,41 +441,24 @@ def children(process: int) -> list[int]:
 def test_a_server_ended_in_the_middle_of_everything_leaves_nothing_behind(
     ending: signal.Signals, tmp_path: Path
 ) -> None:
-    """A client that does not read, one that holds the tool, and a preview's process under way."""
+    """A page that reads, one that does not, the process that previews."""
     log = tmp_path / "log"
-    command = [
-        sys.executable,
-        "-m",
-        "app",
-        "serve",
-        "ur5-hybrid",
-        "--port",
-        "0",
-        "--state-dir",
-        str(tmp_path / "state"),
-    ]
-    server = subprocess.Popen(
-        [*command, "--log-file", str(log)], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
-    )
+    places = ("--port", "0", "--state-dir", str(tmp_path / "state"), "--log-file", str(log))
+    command = [sys.executable, "-m", "app", "serve", "ur5-hybrid", *places]
+    server = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     try:
         until(lambda: log.exists() and "session opened" in log.read_text(), "no session")
         port = int(log.read_text().partition("url=http://127.0.0.1:")[2].split()[0])
-
-        class There:
-            host, clients = "127.0.0.1", {}
-
-        There.port = port
-        There.clients = property(lambda self: range(log.read_text().count("client connected")))  # type: ignore[assignment]
         for reads in (True, False):
-            Client(There(), reads=reads)  # pyright: ignore[reportArgumentType]
-        begun_processes = until(lambda: children(server.pid))  # the preview's begins as soon as somebody looks
+            Client(port, lambda: set(range(log.read_text().count("client connected"))), reads=reads)
+        others = until(lambda: children(server.pid))  # the preview's begins as soon as somebody looks
         began = time.monotonic()
         server.send_signal(ending)
         _, complaints = server.communicate(timeout=PATIENCE)
         print(f"ended within {time.monotonic() - began:.2f} s")
         assert (server.returncode, complaints) == (0, "")
         assert "session closed" in log.read_text()
-        until(lambda: not any(Path(f"/proc/{process}").exists() for process in begun_processes))
+        until(lambda: not any(Path(f"/proc/{process}").exists() for process in others))
     finally:
         server.kill()
         server.wait()
