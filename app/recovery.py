@@ -240,12 +240,11 @@ class Keeper:
             with self._using:
                 self._folder.save(*subject)
         except Exception as error:
-            reason = error.strerror if isinstance(error, OSError) else None
-            log.warning("session not saved", exc_info=error)
+            full = isinstance(error, OSError)
+            reason = error.strerror if full else f"{type(error).__name__}: {error}"
+            log.warning("session not saved", reason=reason, exc_info=None if full else error)
             if not self._failing:
-                self._complain(
-                    f"the session cannot be saved in {self._folder.path}: {reason or error}; the run goes on"
-                )
+                self._complain(f"the session cannot be saved in {self._folder.path}: {reason}; the run goes on")
             self._failing = True
         else:
             self._failing = False
