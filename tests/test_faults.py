@@ -450,7 +450,7 @@ def children(process: int) -> list[int]:
 
 
 def test_a_server_ended_in_the_middle_of_everything_leaves_nothing_behind(tmp_path: Path) -> None:
-    """By SIGTERM; Ctrl-C is tried in `test_command`. A page that reads, one that does not, the process that previews."""
+    """By SIGTERM; see `test_command` for Ctrl-C. A page that reads, one that does not, the process that previews."""
     log = tmp_path / "log"
     places = ("--port", "0", "--state-dir", str(tmp_path / "state"), "--log-file", str(log))
     command = [sys.executable, "-m", "app", "serve", "ur5-hybrid", *places]
