@@ -410,7 +410,7 @@ class ClosedLoop:
             self.reaching_time = self.t - self.s_since
             epochs = self.recording.epochs
             epochs[-1] = replace(epochs[-1], reached=self.t)
-        if Alarm.SATURATED in alarms:
+        if Alarm.SATURATED in alarms and Alarm.NOT_FINITE not in alarms:
             self._left("flag", self._saturation(period.output.tau, period.applied))
         if Alarm.NOT_FINITE in alarms:
             self._left("stop", self._infinity(period))

@@ -154,6 +154,8 @@ class ExportPanel:
         except Exception as error:
             expected = isinstance(error, TakeAwayError | OSError | RuntimeError | ValueError)
             reason = str(error) or type(error).__name__
+            if isinstance(error, OSError) and error.strerror:
+                reason = f"the file cannot be written: {error.strerror}"
             log.warning("export failed", file=name, reason=reason, exc_info=None if expected else error)
             note.title, note.body, note.color = f"{what}: failed", reason, "red"
             note.loading, note.with_close_button = False, True
