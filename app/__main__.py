@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 import os
 import signal
@@ -103,7 +104,8 @@ def serve(
         warming = warm.start()
         dashboard.run_forever()
     except KeyboardInterrupt:
-        print("\nended")
+        with contextlib.suppress(OSError):  # the terminal may have been closed
+            print("\nended")
     finally:
         for ending in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
             signal.signal(ending, signal.SIG_IGN)  # an impatient second Ctrl-C must not interrupt the ending

@@ -6,6 +6,7 @@ an event and its fields. What libraries log goes the same way: to the file, not 
 
 from __future__ import annotations
 
+import contextlib
 import logging
 import os
 import sys
@@ -102,13 +103,13 @@ class _Lines(logging.Handler):
         except OSError as error:
             if not self._complained:
                 self._complained = True
-                print(f"vsmrc: the log cannot be written: {error.strerror or error}; going on", file=sys.stderr)
+                _say(f"the log cannot be written: {error.strerror or error}; going on")
         except Exception:  # a value that cannot even be written down must not take down who logs it
             self.handleError(record)
 
     def handleError(self, record: logging.LogRecord) -> None:
         error = sys.exc_info()[1]
-        print(f"vsmrc: an event of {record.name} cannot be logged: {type(error).__name__}", file=sys.stderr)
+        _say(f"an event of {record.name} cannot be logged: {type(error).__name__}")
 
     def _left_out(self, record: logging.LogRecord) -> int | None:
         """How many of this event were left out before it; None when it is to be left out itself."""
@@ -144,6 +145,11 @@ class _Appending:
 
     def close(self) -> None:
         os.close(self._descriptor)
+
+
+def _say(sentence: str) -> None:
+    with contextlib.suppress(OSError, ValueError):  # a terminal that has been closed
+        print(f"vsmrc: {sentence}", file=sys.stderr)
 
 
 def _to_terminal(line: str) -> None:

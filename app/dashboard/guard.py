@@ -27,7 +27,8 @@ def watch(loop: asyncio.AbstractEventLoop, complain: Complain) -> None:
         if isinstance(error, Exception) and _is_ours(error):
             _failed(error, complain)
         else:
-            log.info("message dropped", reason=context["message"], exc_info=error)
+            log.info("message dropped", reason=context["message"], error=f"{type(error).__name__}: {error}")
+            log.debug("where it was dropped", exc_info=error)
 
     loop.call_soon_threadsafe(loop.set_exception_handler, report)
 
