@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-import logging
+import contextlib
 import math
+import os
 import signal
 import sys
 import threading
@@ -15,27 +16,32 @@ from subprocess import Popen
 from typing import Annotated
 
 import msgspec
+import structlog
 import tyro
 from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 from tqdm import tqdm
 
-from app import headless, warm
+from app import headless, log, warm
 from app.changes import blending_to, with_robot
 from app.dashboard import Dashboard, PortBusy
 from app.dashboard.export import Kind, Stretch, write
+from app.dashboard.last_session import LastSession
 from app.dashboard.printed import ALL_PLOTS, plots_of
 from app.dashboard.theme import Theme
 from app.data_files import read_npz
 from app.metrics import FIGURES, account
 from app.printable import printable
+from app.recovery import Keeper, StateError, StateFolder, default_folder
 from app.runner import Runner
 from app.scenario import Scenario, ScenarioError, edited, load, shipped
 from app.truth import outside
 from environments.robots import CATALOGUE
 
-DONE, BAD_INPUT, STOPPED = 0, 2, 3
+DONE, FAULT, BAD_INPUT, STOPPED, INTERRUPTED = 0, 1, 2, 3, 130
+ENDING = 1.8  # s that `serve` takes to end, whatever hangs
+events = structlog.get_logger()
 Settings = Annotated[
     tyro.conf.UseAppendAction[tuple[tuple[str, ...], ...]],
     tyro.conf.arg(name="set", metavar="KEY=VALUE", help="change fields, e.g. --set force.value=30 contact.K_e=2e4"),
@@ -50,6 +56,10 @@ def serve(
     port: int = 8080,
     theme: Theme = "dark",
     fps: float = 30.0,
+    state_dir: Path | None = None,
+    stateless: bool = False,
+    log_level: log.Level | None = None,
+    log_file: Path | None = None,
     settings: Settings = (),
 ) -> int:
     """Open the dashboard.
@@ -60,31 +70,86 @@ def serve(
         port: port to listen at
         theme: how the page looks at first; T changes it there
         fps: pictures of the scene per second; without a graphics card, few leave more to the loop
+        state_dir: folder that keeps scenario and pinned runs for the next start, instead of ~/.local/state/vsmrc-lab
+        stateless: keep nothing
+        log_level: what is logged; by default warnings, and what is of interest afterwards to the file, too
+        log_file: a file to log to as well
     """
+    try:
+        log.configure(log_level, log_file)
+    except OSError as error:
+        raise ScenarioError(f"--log-file {log_file}: cannot be written: {error.strerror}") from error
+    for ending in (signal.SIGTERM, signal.SIGHUP):
+        if signal.getsignal(ending) is not signal.SIG_IGN:  # nohup
+            signal.signal(ending, signal.default_int_handler)
     chosen = _configured(scenario, settings)
     try:
         dashboard = Dashboard(host=host, port=port, theme=theme, fps=fps)
     except ValueError as error:
         raise ScenarioError(f"--{error}") from error
     print(f"VSMRC Lab: {dashboard.url}  (Ctrl-C ends it)", flush=True)
+    events.info("listening", url=dashboard.url)
     runner: Runner | None = None
     warming: Popen[bytes] | None = None
+    keeper: Keeper | None = None
     try:
+        folder = None if stateless else _state_folder(state_dir)
         runner = _prepared(chosen, dashboard)
         runner.start()
-        dashboard.attach(runner)
+        events.info("session opened", scenario=chosen.name)
+        last_session = None
+        if folder is not None:
+            keeper = Keeper(folder, lambda: runner.snapshot, dashboard.fail)
+            last_session = _last_session(folder, keeper, chosen)
+        dashboard.attach(runner, last_session)
         warming = warm.start()
         dashboard.run_forever()
     except KeyboardInterrupt:
-        print("\nended")
+        with contextlib.suppress(OSError):  # the terminal may have been closed
+            print("\nended")
     finally:
-        signal.signal(signal.SIGINT, signal.SIG_IGN)  # an impatient second Ctrl-C must not interrupt the ending
+        for ending in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+            signal.signal(ending, signal.SIG_IGN)  # an impatient second Ctrl-C must not interrupt the ending
+        _end_within(ENDING)
         dashboard.close()
         if warming is not None:
             warming.terminate()
         if runner is not None:
             runner.close()
+        if keeper is not None:
+            keeper.close()
+        events.info("session closed")
     return DONE
+
+
+def _end_within(seconds: float) -> None:
+    """End the process then, if it has not ended by itself: nothing that hangs may keep it."""
+    timer = threading.Timer(seconds, os._exit, (DONE,))
+    timer.daemon = True
+    timer.start()
+
+
+def _state_folder(chosen: Path | None) -> StateFolder | None:
+    """The folder that keeps the session; without the user's choice none is no reason not to start."""
+    try:
+        return StateFolder(chosen or default_folder())
+    except StateError as error:
+        if chosen is not None:
+            raise ScenarioError(str(error)) from error
+        print(f"this session is not kept: {error}", flush=True)
+        return None
+
+
+def _last_session(folder: StateFolder, keeper: Keeper, chosen: Scenario) -> LastSession | None:
+    """What there is to offer; nothing where it would be what runs anyway."""
+    offer = folder.offer()
+    if folder.problem:
+        print(folder.problem, flush=True)
+    if offer is not None and offer.scenario == chosen and not offer.runs:
+        return None
+    if offer is None and not folder.problem:
+        return None
+    return LastSession(offer, folder.problem, keeper.take_up, keeper.refuse_offer)
 
 
 def _prepared(scenario: Scenario, dashboard: Dashboard) -> Runner:
@@ -294,8 +359,9 @@ def _shown(value: object) -> str:
 
 
 def main() -> None:
-    """Entry point: exit status 0 done, 2 bad input, 3 the simulation stopped."""
-    logging.basicConfig(level=logging.WARNING, format="%(levelname)s %(name)s: %(message)s")
+    """Entry point: exit status 0 done, 1 a fault of ours, 2 bad input, 3 the simulation stopped, 130 Ctrl-C; `serve`
+    ends with 0 on Ctrl-C, SIGTERM and SIGHUP."""
+    log.configure_as_parent()
     commands = {"serve": serve, "run": run, "compare": compare, "export": export, "figures": figures, "list": list_}
     arguments = sys.argv[1:]
     if not arguments or (arguments[0].startswith("-") and arguments[0] not in ("-h", "--help")):
@@ -305,6 +371,12 @@ def main() -> None:
     except (ScenarioError, PortBusy) as error:
         print(f"vsmrc: {printable(str(error))}", file=sys.stderr)
         status = BAD_INPUT
+    except KeyboardInterrupt:
+        status = INTERRUPTED
+    except Exception as error:
+        events.info("fault", stage=arguments[0], exc_info=error)
+        print(f"vsmrc: internal error: {type(error).__name__}: {error}", file=sys.stderr)
+        status = FAULT
     sys.exit(status)
 
 

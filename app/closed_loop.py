@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import msgspec
 import numpy as np
+import structlog
 
 from app.assembly import System, assemble
 from app.control_period import Alarm, Limits, Period, Setting, complete_row, control_period
@@ -28,6 +29,8 @@ from environments.stiffness import ROUNDING
 from environments.trajectories import Shift
 from kernels import resolved
 from kernels.records import Record
+
+log = structlog.get_logger()
 
 SPEED_LIMIT = 20.0  # rad/s, beyond which a run counts as diverging
 FORCE_ITERATIONS = 30
@@ -125,6 +128,7 @@ class ClosedLoop:
 
     def _begin(self, system: System) -> None:
         self.t = 0.0
+        self._stage = "the beginning"
         self.stopped: str | None = None
         self.grip: Grip | None = None
         self.recording = Recording(system.layout.n, self._history)
@@ -137,8 +141,19 @@ class ClosedLoop:
         """Go on with a changed scenario, or begin anew where the change does not allow it.
 
         A blend is only planned by it: `step` carries it out. Raises ScenarioError, and then the running one goes on;
-        so where a blend is under way that the scenario would lead elsewhere.
+        so where a blend is under way that the scenario would lead elsewhere, and whatever else fails.
         """
+        before, z, epochs = vars(self).copy(), self._period.views.z.copy(), tuple(self.recording.epochs)
+        try:
+            self._go_on_with(scenario)
+        except Exception:
+            vars(self).update(before)
+            self._period.views.z[:] = z
+            self.recording.epochs.clear()
+            self.recording.epochs.extend(epochs)
+            raise
+
+    def _go_on_with(self, scenario: Scenario) -> None:
         old, new = self.system.scenario, assemble(scenario, self.system)
         replanned = scenario.blend.planned and scenario.blend != old.blend
         restarts = any(getattr(old, f) != getattr(scenario, f) for f in RESTARTING)
@@ -180,13 +195,16 @@ class ClosedLoop:
         plant, arm, t = self.system.plant, self._arm, self.t
         row = self.recording.new_row()
 
+        self._stage = "the measurement"
         pushed = self._push_tool()
         F = self._reader.read(arm.views.load.force - self._push if pushed else arm.views.load.force)
+        self._stage = "the control law"
         self._control(F, row)
         if self._ideal:
             self._solve_for_force(row)
+        self._stage = "the plant"
         plant.advance(arm, self._applied + self._push_torque if pushed else self._applied, t, self._h)
-
+        self._stage = "the record"
         alarms = self._complete_row(self._settings.data, self._period.data, arm.data, row)
         self.recording.commit()
         if alarms:
@@ -197,12 +215,20 @@ class ClosedLoop:
             self._left("flag", "q has left Ω, over which the constants of (19) were computed")
 
     def advance(self) -> None:
-        """One control period, if the run has not stopped; arithmetic that fails stops it."""
+        """One control period, if the run has not stopped; whatever fails in it stops it, and what is recorded stays."""
         if self.stopped is None:
             try:
                 self.step()
-            except (ArithmeticError, ValueError) as error:
-                self.stopped = f"t = {self.t:.3f} s: {error}"
+            except Exception as error:
+                self.fail(self._stage, error)
+
+    def fail(self, stage: str, error: Exception) -> None:
+        """Stop for an exception at this stage of the step; one that arithmetic does not explain is a fault of ours."""
+        known = isinstance(error, ArithmeticError | ValueError)
+        what = f"{error}" if known and str(error) else f"{type(error).__name__}: {error}".rstrip(": ")
+        self.stopped = f"t = {self.t:.3f} s: {stage} failed ({what})"
+        if not known:
+            log.error("fault", stage=stage, t=round(self.t, 6), scenario=self.system.scenario.name, exc_info=error)
 
     def _blend(self, blend: ModelBlend) -> None:
         """Carry out a blend: the law of this control period follows the model that is in force by now.
@@ -384,10 +410,10 @@ class ClosedLoop:
             self.reaching_time = self.t - self.s_since
             epochs = self.recording.epochs
             epochs[-1] = replace(epochs[-1], reached=self.t)
-        if Alarm.SATURATED in alarms:
+        if Alarm.SATURATED in alarms and Alarm.NOT_FINITE not in alarms:
             self._left("flag", self._saturation(period.output.tau, period.applied))
         if Alarm.NOT_FINITE in alarms:
-            self._left("stop", "the state is no longer finite: the loop diverged")
+            self._left("stop", self._infinity(period))
         elif Alarm.PULLING in alarms and self.t > 0.0:
             self._left("stop", f"contact lost, the surface would have to pull (λ = {arm.load.multiplier:.4g} N)")
         elif Alarm.SINGULAR in alarms:
@@ -408,6 +434,12 @@ class ClosedLoop:
             f"the drive of joint {worst + 1} saturates, the law asks for {tau[worst]:.4g} N·m "
             f"and gets {applied[worst]:.4g} N·m"
         )
+
+    def _infinity(self, period: Period) -> str:
+        seen, tau = period.seen, period.output.tau
+        if np.isfinite(seen.q).all() and np.isfinite(seen.q_dot).all() and not np.isfinite(tau).all():
+            return f"the control law asks for a torque that is no finite number: {tau.tolist()} N·m"
+        return "the state is no longer finite: the loop diverged"
 
     def _left(self, choice: str, reason: str) -> None:
         if choice == "stop":

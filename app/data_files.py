@@ -82,10 +82,11 @@ def csv_header(n: int) -> list[str]:
     return names
 
 
-def write_npz(data: Table, file: BinaryIO, limit: float = math.inf, tell: Tell = _silent) -> None:
+def write_npz(data: Table, file: BinaryIO, limit: float = math.inf, tell: Tell = _silent, level: int = 1) -> None:
     """Named signals, (N,) or (N, width), with `units`, `docs` and `scenario` (TOML) beside them.
 
-    Needs memory for one signal, beside what the pieces need. Raises TooLarge as `write_csv` does.
+    Needs memory for one signal, beside what the pieces need. level: of compression, 0 to 9. Raises TooLarge as
+    `write_csv` does.
     """
     pieces = tuple(data.pieces)
     columns = columns_of(data.n)
@@ -96,7 +97,7 @@ def write_npz(data: Table, file: BinaryIO, limit: float = math.inf, tell: Tell =
         "docs": np.array([f"{s.name}: {s.doc}" for s in SIGNALS]),
     }
     # level 6 takes three times as long for 1 % less
-    with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive:
+    with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED, compresslevel=level) as archive:
         for name, values in about.items():
             _add(archive, name, values)
         for name, where in columns.items():

@@ -13,6 +13,7 @@ from app.closed_loop import ClosedLoop
 from app.data_files import table, write_npz
 from app.metrics import Metrics, measure
 from app.scenario import Scenario, to_toml
+from app.whole_file import write_whole
 
 
 def simulate(
@@ -44,7 +45,7 @@ def write(loop: ClosedLoop, metrics: Metrics, out: Path) -> None:
     """
     scenario = loop.recording.epochs[0].scenario
     out.mkdir(parents=True, exist_ok=True)
-    with (out / "recording.npz").open("wb") as file:
-        write_npz(table(scenario, loop.recording), file)
-    (out / "metrics.json").write_bytes(msgspec.json.format(msgspec.json.encode(metrics)) + b"\n")
-    (out / "scenario.toml").write_text(to_toml(scenario), encoding="utf-8")
+    figures, text = msgspec.json.format(msgspec.json.encode(metrics)) + b"\n", to_toml(scenario).encode()
+    write_whole(out / "recording.npz", lambda file: write_npz(table(scenario, loop.recording), file))
+    write_whole(out / "metrics.json", lambda file: file.write(figures))
+    write_whole(out / "scenario.toml", lambda file: file.write(text))

@@ -5,17 +5,19 @@ It ends when the other end of the connection does.
 
 from __future__ import annotations
 
-import logging
 import os
 import sys
 import time
 from multiprocessing.connection import Connection
 
+import structlog
+
 from app.assembly import System
+from app.log import configure_as_parent
 from app.preview import Done, Foresight, Question, Refusal
 from app.scenario import ScenarioError
 
-log = logging.getLogger("vsmrc.preview")
+log = structlog.get_logger()
 
 DRAWING = 0.06  # s between two answers on the way: every one is drawn
 SOON = 0.06  # s of work left, for the sake of which an answer is not given up any more
@@ -44,7 +46,7 @@ def _answer(question: Question, asker: Connection, previous: System | None) -> S
     except (EOFError, ConnectionError):
         raise
     except Exception as error:  # the process's last resort: say it, and be there for the next question
-        log.exception("the preview failed")
+        log.exception("fault", stage="a preview")
         asker.send(Refusal(question.number, f"internal error: {error}"))
         return None
     return foresight.base
@@ -66,13 +68,13 @@ def _look_ahead(foresight: Foresight, asker: Connection) -> None:
 
 
 def main() -> None:
-    logging.basicConfig(level=logging.WARNING, format="%(levelname)s %(name)s: %(message)s")
+    configure_as_parent()
     os.nice(NICENESS)
     with Connection(int(sys.argv[1])) as asker:
         try:
             serve(asker)
         except (EOFError, ConnectionError):
-            log.info("the dashboard has gone")
+            log.debug("asker gone")
 
 
 if __name__ == "__main__":

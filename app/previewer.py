@@ -3,19 +3,20 @@
 from __future__ import annotations
 
 import contextlib
-import logging
 import subprocess
 import threading
 from dataclasses import dataclass
 from multiprocessing import Pipe
 from multiprocessing.connection import Connection
 
+import structlog
+
 from app import child
 from app.closed_loop import LoopState
 from app.preview import Done, Hurry, Outlook, Question, Refusal
 from app.scenario import Scenario
 
-log = logging.getLogger("vsmrc.preview")
+log = structlog.get_logger()
 
 PATIENCE = 2.0  # s that the process has to end by itself
 
@@ -142,7 +143,7 @@ class Previewer:
             self._worker, self._waiting, self.newest = None, None, None
             status = _end(worker)
             self.failure = f"the preview's process has ended (exit status {status}); the next movement starts another"
-        log.warning(self.failure)
+        log.warning("preview lost", reason=self.failure)
 
 
 def _end(worker: _Worker) -> int:

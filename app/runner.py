@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import gc
 import itertools
-import logging
 import math
 import queue
 import sys
@@ -16,6 +15,7 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
+import structlog
 
 from app import changes
 from app.assembly import Coordinate, System
@@ -28,7 +28,7 @@ from environments.push import Grip
 from environments.robots import Robot
 from environments.surfaces import Surface
 
-log = logging.getLogger("vsmrc.runner")
+log = structlog.get_logger()
 
 REST = 0.005  # s, the longest rest: commands wait no longer
 LEAST_REST = 0.0002  # s, the shortest one: at high speeds several steps share it
@@ -37,6 +37,7 @@ LAG = 0.1  # s of wall time that the loop may fall behind before simulated time 
 MEASURE = 0.25  # s, between two measurements of the pace, each over the last `WATCHED` s
 WATCHED = 2.0
 PREPARING = "preparing another arm or contact; the very first one of its kind takes some seconds to compile"
+ENDING = 1.0  # s that the thread is waited for
 SLOWEST, FASTEST = 0.01, 100.0
 
 
@@ -104,6 +105,14 @@ class Load:
 
 
 @dataclass(frozen=True)
+class Continue:
+    """Another scenario, and with it the pinned runs of the session that it was left in."""
+
+    scenario: Scenario
+    pinned: tuple[Pinned, ...]
+
+
+@dataclass(frozen=True)
 class Edit:
     """One field of the scenario by its dotted path, with plain data. Mode, fields of `robot` and kind of surface bring
     along what depends on them: see `changes.in_mode`, `with_robot`, `on_surface`."""
@@ -128,7 +137,23 @@ class Push:
     grip: Grip | None
 
 
-Command = Play | Pause | StepOnce | Reset | Seek | ToEnd | Fork | Pin | Unpin | SetSpeed | Load | Edit | Blend | Push
+Command = (
+    Play
+    | Pause
+    | StepOnce
+    | Reset
+    | Seek
+    | ToEnd
+    | Fork
+    | Pin
+    | Unpin
+    | SetSpeed
+    | Load
+    | Continue
+    | Edit
+    | Blend
+    | Push
+)
 
 
 @dataclass(frozen=True)
@@ -203,9 +228,10 @@ class Runner:
         self._speed = 1.0
         self._revision = self._runs = self._refusals = 0
         self._refusal: str | None = None
+        self._slowed = False
         self.meter = PaceMeter()
         self._pace_now: Pace | None = None
-        self.snapshot = self._publish()
+        self.snapshot = self._known(snapshot_of(loop))
 
     def start(self) -> None:
         """Begin to run in real time."""
@@ -217,21 +243,29 @@ class Runner:
         self._thread.start()
 
     def close(self) -> None:
-        """End the thread; returns when it has ended."""
+        """End the thread; returns when it has ended, or soon where another arm is being compiled: it ends then."""
         self._closing.set()
         if self._thread.is_alive():
-            self._thread.join(timeout=5.0)
+            self._thread.join(ENDING)
 
     def post(self, command: Command) -> None:
         """Queue a command; it takes effect between two control periods."""
         self._commands.put(command)
 
     def _run(self) -> None:
-        try:
-            self._pace()
-        except Exception as error:  # the thread's last resort: say it, keep the recording and the page
-            log.exception("the loop's thread failed")
-            self.snapshot = replace(self.snapshot, phase="stopped", reason=f"internal error: {error}")
+        while not self._closing.is_set():
+            try:
+                self._pace()
+            except Exception as error:  # whatever it is ends the run, never the thread: commands are still carried out
+                self._stop("the loop", error)
+                self.snapshot = self._still()
+                self._closing.wait(REST)
+
+    def _stop(self, stage: str, error: Exception) -> None:
+        """End the run for an exception outside of its steps; the recording stays."""
+        if self._loop.stopped is None:
+            self._loop.fail(stage, error)
+            self._note_stop()
 
     def _pace(self) -> None:
         schedule = self._schedule()
@@ -249,7 +283,7 @@ class Runner:
                 if now - measured > MEASURE:
                     measured = now
                     asked = self._speed / self._period
-                    self._pace_now = self.meter.pace(max(began, now - WATCHED), now, asked)
+                    self._note_pace(self.meter.pace(max(began, now - WATCHED), now, asked))
             if now - published > PUBLISH:
                 published = now
                 self.snapshot = self._publish()
@@ -257,6 +291,14 @@ class Runner:
             # lateness at 1 kHz from 1.4 to 0.2 ms, for 17 instead of 14 % of a core (`make bench`, nobody looking)
             due = schedule.due(self._loop.t + self._period) if self._going else math.inf
             time.sleep(min(max(due - time.perf_counter(), LEAST_REST), REST))
+
+    def _note_stop(self) -> None:
+        log.info("stopped", scenario=self._loop.system.scenario.name, reason=self._loop.stopped)
+
+    def _note_pace(self, pace: Pace) -> None:
+        if pace.slowed and not self._slowed:
+            log.info("slow loop", asked=self._speed, reached=round(pace.achieved * self._period, 3))
+        self._pace_now, self._slowed = pace, pace.slowed
 
     @property
     def _loop(self) -> ClosedLoop:
@@ -287,8 +329,10 @@ class Runner:
 
     def _step(self) -> None:
         """One control period; the end of a blend changes the scenario."""
-        blending = self._loop.system.blend is not None
+        blending, stopped = self._loop.system.blend is not None, self._loop.stopped
         self._line.step()
+        if self._loop.stopped is not stopped:
+            self._note_stop()
         if blending and self._loop.system.blend is None:
             self._revision += 1
 
@@ -305,15 +349,23 @@ class Runner:
         for command, following in itertools.zip_longest(queued, queued[1:]):
             if _overtaken(command, following):
                 continue
-            if isinstance(command, Load) or (isinstance(command, Edit) and command.path.startswith(("mode", "robot."))):
+            if isinstance(command, Load | Continue) or (
+                isinstance(command, Edit) and command.path.startswith(("mode", "robot."))
+            ):
                 self.snapshot = replace(self.snapshot, notice=PREPARING)
             try:
                 self._carry_out(command)
             except (ScenarioError, ArithmeticError, ValueError) as error:
-                self._refusal = str(error)
-                self._refusals += 1
-                log.info("refused %s: %s", command, error)
+                self._refuse(str(error), command)
+            except Exception as error:  # a fault of ours: the command has failed, and the run goes on
+                log.error("fault", stage="a command", command=type(command).__name__, exc_info=error)
+                self._refuse(f"{type(command).__name__} failed ({type(error).__name__}: {error})", command)
         return self._runs != runs or not all(isinstance(command, Edit | Blend | Push) for command in queued)
+
+    def _refuse(self, sentence: str, command: Command) -> None:
+        self._refusal = sentence
+        self._refusals += 1
+        log.info("refused", command=type(command).__name__, sentence=sentence)
 
     def _carry_out(self, command: Command) -> None:
         line, scenario_now = self._line, self._loop.system.scenario
@@ -352,6 +404,9 @@ class Runner:
                 self._edit(edited(scenario_now, "blend", plan))
             case Load(scenario):
                 self._edit(scenario)
+            case Continue(scenario, pinned):
+                self._edit(scenario)
+                line.adopt(pinned)
             case Edit("mode", value) if value == scenario_now.mode:
                 pass  # the mode that runs is not begun anew
             case Edit("mode", value):
@@ -368,9 +423,24 @@ class Runner:
         self._revision += 1
 
     def _publish(self) -> Snapshot:
+        """What the screen may know now; of a loop that has no view of itself any more, the last one."""
+        try:
+            seen = snapshot_of(self._loop)
+        except Exception as error:
+            self._stop("the view of the loop", error)
+            return self._still()
+        # after a divergence there is nothing to draw either
+        return self._known(seen) if np.isfinite(seen.q).all() and np.isfinite(seen.tool).all() else self._still()
+
+    def _still(self) -> Snapshot:
+        """The last picture of the run, and what has come of it since."""
+        loop = self._loop
+        return self._known(replace(self.snapshot, t=loop.t, reason=loop.stopped or "", notice=loop.warning or ""))
+
+    def _known(self, seen: Snapshot) -> Snapshot:
         line, loop = self._line, self._loop
         return replace(
-            snapshot_of(loop),
+            seen,
             revision=self._revision,
             run=self._runs,
             first=line.first,

@@ -1,15 +1,15 @@
 """Files to take away, made in a process of their own: the loop's thread must not share its interpreter with them.
 
-A job says what to make; `made` starts `app.takeaway_worker` for it and waits.
+A job says what to make; `Maker.made` starts `app.takeaway_worker` for it and waits.
 """
 
 from __future__ import annotations
 
 import contextlib
-import logging
 import re
 import subprocess
 import tempfile
+import threading
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from multiprocessing import Pipe
@@ -23,8 +23,6 @@ from app import child
 from app.data_files import Table, Tell
 from app.figures import Figure, Format
 from app.film import Film
-
-log = logging.getLogger("vsmrc.takeaway")
 
 PATIENCE = 2.0  # s that the process has to end by itself
 LONGEST_NAME = 60
@@ -90,28 +88,53 @@ def file_name(scenario_name: str, t: float, extension: str) -> str:
     return f"vsmrc-{name}-{t:.2f}s.{extension}"
 
 
-def made(job: Job, tell: Tell) -> bytes:
-    """The file's content. Raises TakeAwayError, and OSError when no process or folder can be had.
+class Maker:
+    """Makes files; may be used from any thread."""
 
-    tell: is told how far it is. May be called from any thread; the work is done elsewhere.
-    """
-    with tempfile.TemporaryDirectory(prefix="vsmrc-") as folder:
-        path = Path(folder) / "file"
-        ours, theirs = Pipe()
-        with ours:
-            with theirs:
-                number = str(theirs.fileno())
-                process = child.start(
-                    "app.takeaway_worker", number, str(path), stdin=subprocess.DEVNULL, pass_fds=(theirs.fileno(),)
-                )
-            try:
-                _converse(ours, job, tell)
-                return path.read_bytes()
-            except (EOFError, ConnectionError) as error:
-                raise TakeAwayError(f"the process that makes it has ended (exit status {_ended(process)})") from error
-            finally:
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._working: set[subprocess.Popen[bytes]] = set()
+        self._closed = False
+
+    def made(self, job: Job, tell: Tell) -> bytes:
+        """The file's content. Raises TakeAwayError, and OSError when no process or folder can be had.
+
+        tell: is told how far it is. The work is done elsewhere.
+        """
+        with tempfile.TemporaryDirectory(prefix="vsmrc-") as folder:
+            path = Path(folder) / "file"
+            ours, theirs = Pipe()
+            with ours:
+                with theirs:
+                    process = self._started(path, theirs.fileno())
+                try:
+                    _converse(ours, job, tell)
+                    return path.read_bytes()
+                except (EOFError, ConnectionError) as error:
+                    status = _ended(process)
+                    raise TakeAwayError(f"the process that makes it has ended (exit status {status})") from error
+                finally:
+                    process.terminate()
+                    _ended(process)
+                    with self._lock:
+                        self._working.discard(process)
+
+    def close(self) -> None:
+        """End what is being made, and begin no more: who waits for it is told that its process has ended."""
+        with self._lock:
+            self._closed = True
+            for process in self._working:
                 process.terminate()
-                _ended(process)
+
+    def _started(self, path: Path, file: int) -> subprocess.Popen[bytes]:
+        with self._lock:
+            if self._closed:
+                raise TakeAwayError("the program is ending")
+            process = child.start(
+                "app.takeaway_worker", str(file), str(path), stdin=subprocess.DEVNULL, pass_fds=(file,)
+            )
+            self._working.add(process)
+            return process
 
 
 def _converse(worker: Connection, job: Job, tell: Tell) -> None:

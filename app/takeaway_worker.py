@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 import os
 import sys
 from collections.abc import Iterator
@@ -11,14 +10,16 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 
 import numpy as np
+import structlog
 
 from app.data_files import Table, TooLarge, write_csv, write_npz
 from app.figures import render
+from app.log import configure_as_parent
 from app.recording import columns_of
 from app.scenario import ScenarioError
 from app.takeaway import DataJob, Done, Failure, FigureJob, Job, PlaybackJob, Progress
 
-log = logging.getLogger("vsmrc.takeaway")
+log = structlog.get_logger()
 
 NICENESS = 10  # the running loop comes first
 
@@ -48,7 +49,7 @@ def serve(asker: Connection, path: Path) -> None:
     except (TooLarge, ScenarioError, ArithmeticError, ValueError) as error:
         asker.send(Failure(str(error)))
     except Exception as error:  # the process's last resort: say it
-        log.exception("the file could not be made")
+        log.exception("fault", stage="a file")
         asker.send(Failure(f"internal error: {error}"))
     else:
         asker.send(Done())
@@ -79,13 +80,13 @@ def _received(data: Table, asker: Connection) -> Iterator[np.ndarray]:
 
 
 def main() -> None:
-    logging.basicConfig(level=logging.WARNING, format="%(levelname)s %(name)s: %(message)s")
+    configure_as_parent()
     os.nice(NICENESS)
     with Connection(int(sys.argv[1])) as asker:
         try:
             serve(asker, Path(sys.argv[2]))
         except (EOFError, ConnectionError):
-            log.info("the dashboard has gone")
+            log.debug("asker gone")
 
 
 if __name__ == "__main__":

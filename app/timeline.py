@@ -104,7 +104,7 @@ class Timeline:
             self._back = None
             return
         self._back = _resumed(self._key_at(t + half))
-        while self._back.t < t - half:
+        while self._back.t < t - half and self._back.stopped is None:
             self._back.advance()
 
     def to_end(self) -> None:
@@ -166,6 +166,11 @@ class Timeline:
             known = ", ".join(str(pinned.number) for pinned in self.pinned) or "none is pinned"
             raise ScenarioError(f"unpin: {number}; allowed: {known}")
         self.pinned = tuple(pinned for pinned in self.pinned if pinned.number != number)
+
+    def adopt(self, pinned: tuple[Pinned, ...]) -> None:
+        """Runs pinned elsewhere take the places of those that are pinned here."""
+        self.pinned = pinned[-PINS:]
+        self._pins = max((run.number for run in self.pinned), default=self._pins)
 
     def _so_far(self, loop: ClosedLoop) -> Recording:
         """The run's recording up to where that loop stands."""

@@ -6,7 +6,6 @@ read here; those of any other URDF in a process of its own, `app.visuals_worker`
 
 from __future__ import annotations
 
-import logging
 import subprocess
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Iterator
@@ -17,6 +16,7 @@ from multiprocessing import Pipe
 from pathlib import Path
 
 import numpy as np
+import structlog
 import trimesh
 import yourdfpy
 
@@ -24,7 +24,7 @@ from app import child
 from environments import urdf
 from environments.robots import Robot
 
-log = logging.getLogger("vsmrc.visuals")
+log = structlog.get_logger()
 
 PATIENCE = 20.0  # s that the process may take
 CPU = 15  # s of them at work
@@ -53,7 +53,7 @@ def link_meshes(robot: Robot) -> tuple[LinkMesh, ...]:
             return tuple(read(robot.urdf))
         return _read_apart(robot.urdf, robot.urdf.stat().st_mtime_ns)
     except Exception as error:  # whatever readers of meshes raise: the arm can be shown without them
-        log.warning("%s: its visuals cannot be shown: %s", robot.urdf, error)
+        log.warning("visuals not shown", urdf=str(robot.urdf), reason=str(error))
         return ()
 
 

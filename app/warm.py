@@ -12,10 +12,13 @@ import threading
 from collections.abc import Iterator
 from pathlib import Path
 
+import structlog
+
 from app import child
 from app.changes import in_mode, on_robot
 from app.closed_loop import ClosedLoop
 from app.kernel_cache import cache_folder
+from app.log import configure_as_parent
 from app.scenario import Scenario, edited, load
 from environments import robots
 
@@ -45,13 +48,17 @@ def _to_compile() -> Iterator[Scenario]:
 
 def main() -> None:
     """Compile, at the lowest priority, until it is done or the process that began this ends."""
+    configure_as_parent()
     threading.Thread(target=_end_with_parent, name="parent", daemon=True).start()
     os.nice(19)
-    for scenario in _to_compile():
-        loop = ClosedLoop(scenario, history=1)
-        loop.step()
-        loop.view()
-    _mark().touch()
+    try:
+        for scenario in _to_compile():
+            loop = ClosedLoop(scenario, history=1)
+            loop.step()
+            loop.view()
+        _mark().touch()
+    except Exception as error:  # nobody waits for it: what it did not compile is compiled when it is needed
+        structlog.get_logger().warning("compiling ahead failed", exc_info=error)
 
 
 def _end_with_parent() -> None:

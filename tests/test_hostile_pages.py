@@ -23,7 +23,7 @@ from viser._messages import Message
 from websockets.asyncio.client import ClientConnection
 
 from app.dashboard import Dashboard
-from app.dashboard.guard import BURST, RATE, STEERING, Meter
+from app.dashboard.gate import BURST, RATE, STEERING, Meter
 from app.dashboard.messages import LARGEST_UPLOAD, Page, Refused, Visitor
 from app.dashboard.style import COMMIT
 from app.runner import Runner

@@ -30,7 +30,9 @@ from app.film import FRAMES_PER_SECOND, Film, film
 from app.recording import BLOCK, Recording
 from app.runner import Snapshot, snapshot_of
 from app.scenario import Scenario, ScenarioError, edited, from_file, from_toml, load, to_toml
-from app.takeaway import DataJob, FigureJob, PlaybackJob, TakeAwayError, file_name, made
+from app.takeaway import DataJob, FigureJob, Maker, PlaybackJob, TakeAwayError, file_name
+
+made = Maker().made
 
 
 @pytest.fixture(scope="module")

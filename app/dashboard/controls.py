@@ -22,12 +22,13 @@ from app.dashboard.style import COMMIT, ESCAPED, MARKS, RELEASED
 from app.dashboard.whatif import Held, WhatIf
 from app.runner import Command, Edit, Snapshot
 from app.scenario import Scenario, field_info
+from app.takeaway import Maker
 
 
 @dataclass(frozen=True)
 class Desk:
     """What a panel works with: where widgets are made, where commands go, the newest snapshot, what-if questions, how
-    the scene is drawn, and complaints."""
+    the scene is drawn, complaints, and who makes files."""
 
     gui: viser.GuiApi
     post: Callable[[Command], None]
@@ -35,6 +36,7 @@ class Desk:
     whatif: WhatIf
     viewing: Viewing
     complain: Callable[[str], None]
+    maker: Maker
 
 
 class Control(Protocol):

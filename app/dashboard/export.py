@@ -21,6 +21,7 @@ from app.recording import Recording
 from app.runner import snapshot_of
 from app.scenario import Scenario, ScenarioError, to_toml
 from app.takeaway import PLAYBACK_LIMIT, DataFormat, file_name
+from app.whole_file import write_whole
 
 Kind = Format | DataFormat | Literal["html", "toml"]
 
@@ -59,9 +60,6 @@ def write(stretch: Stretch, kinds: Iterable[Kind], plots: str, out: Path) -> Ite
             _write(stretch, kind, plots, path)
         except TooLarge as error:
             raise ScenarioError(f"--to {kind}: {error}") from error
-        except OSError:
-            path.unlink(missing_ok=True)  # half a file is none
-            raise
         yield path
 
 
@@ -79,13 +77,14 @@ def _write(stretch: Stretch, kind: Kind, plots: str, path: Path) -> None:
                     recording.epochs.extend(snapshot.recording.epochs)
                 snapshot, setup = replace(snapshot, recording=recording), Setup.of(snapshot, 0, 0)
                 figure = figure_of(plots_of(plots), snapshot, setup, stretch.start, stretch.end)
-                path.write_bytes(render(figure, kind))
+                content = render(figure, kind)
+                write_whole(path, lambda file: file.write(content))
             case "csv" | "npz":
                 write_data = {"csv": write_csv, "npz": write_npz}[kind]
-                with path.open("wb") as file:
-                    write_data(table(scenario, recording, stretch.start, stretch.end), file, tell=tell)
+                rows = table(scenario, recording, stretch.start, stretch.end)
+                write_whole(path, lambda file: write_data(rows, file, tell=tell))
             case "html":
                 page = standalone_html(film(scenario, recording, stretch.start, stretch.end), PLAYBACK_LIMIT, tell)
-                path.write_text(page, encoding="utf-8")
+                write_whole(path, lambda file: file.write(page.encode()))
             case "toml":
-                path.write_text(to_toml(scenario), encoding="utf-8")
+                write_whole(path, lambda file: file.write(to_toml(scenario).encode()))

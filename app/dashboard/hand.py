@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,6 +10,7 @@ import viser
 
 from app.dashboard.arrows import UNIT, ForceArrow
 from app.dashboard.controls import Desk
+from app.dashboard.guard import guarded
 from app.dashboard.theme import ACCENT, DESIRED, PUSH
 from app.runner import Edit, Push, Snapshot
 from controllers.modes import MODES
@@ -44,10 +46,11 @@ def shifted(snapshot: Snapshot, moved: np.ndarray) -> Edit:
 
 
 class Hand:
-    """What the mouse does on the tool, and how a push is drawn, by whoever pushes."""
+    """What the mouse does on the tool, and how a push is drawn, by whoever pushes. viser ends the drag of a page that
+    closes: it lets go of the tool, and leaves the target where it was."""
 
-    def __init__(self, scene: viser.SceneApi, desk: Desk) -> None:
-        self._desk = desk
+    def __init__(self, scene: viser.SceneApi, desk: Desk, connected: Callable[[int], bool]) -> None:
+        self._desk, self._connected = desk, connected
         self._held: _Held | None = None
         # not hidden when idle: it is what there is to take hold of
         self._handle = scene.add_icosphere(
@@ -68,8 +71,8 @@ class Hand:
         )
         self._arrow = ForceArrow(scene, "/hand/force", PUSH)
         self._label = scene.add_label("/hand/newtons", "", visible=False, anchor="bottom-center")
-        self._handle.on_drag("left")(self._on_drag)
-        self._handle.on_drag("left", modifier="shift")(self._on_shift_drag)
+        self._handle.on_drag("left")(guarded(self._on_drag, desk.complain))
+        self._handle.on_drag("left", modifier="shift")(guarded(self._on_shift_drag, desk.complain))
 
     async def _on_drag(self, event: viser.SceneNodeDragEvent) -> None:
         self._drag(event, self._desk.viewing.look.drag)
@@ -107,7 +110,9 @@ class Hand:
     def _let_go(self, snapshot: Snapshot, held: _Held) -> None:
         if held.drag == "push":
             self._desk.post(Push(None))
-        elif np.abs(held.moved[shift_coordinates(snapshot)]).max() >= 10.0**-RESOLUTION:
+            return
+        moved = np.abs(held.moved[shift_coordinates(snapshot)]).max() >= 10.0**-RESOLUTION
+        if moved and self._connected(held.client):
             self._desk.post(shifted(snapshot, held.moved))
 
     def show(self, snapshot: Snapshot, newtons: float) -> None:

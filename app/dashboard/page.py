@@ -2,21 +2,24 @@
 
 from __future__ import annotations
 
-import logging
 import math
 import socket
 import threading
 import time
 
+import structlog
 import viser
 
 from app.dashboard.appearance import Appearance
 from app.dashboard.charts import Pinned
 from app.dashboard.controls import Desk
 from app.dashboard.equation import equation_html
-from app.dashboard.guard import Guard
+from app.dashboard.gate import Gate
+from app.dashboard.guard import watch
 from app.dashboard.hand import Hand
 from app.dashboard.help import Help, tools_html
+from app.dashboard.laggards import Laggards
+from app.dashboard.last_session import LastSession, add_last_session
 from app.dashboard.look import Viewing
 from app.dashboard.looking import Lookers
 from app.dashboard.panels import PANELS, Panel
@@ -31,8 +34,9 @@ from app.dashboard.whatif import WhatIf
 from app.dashboard.whatif_panel import WhatIfPanel
 from app.previewer import Previewer
 from app.runner import Runner, Snapshot
+from app.takeaway import Maker
 
-log = logging.getLogger("vsmrc.dashboard")
+log = structlog.get_logger()
 
 FPS = 30.0  # scene
 SLOWEST_FPS, FASTEST_FPS = 1.0, 60.0
@@ -40,6 +44,8 @@ REFRESH = 1 / 10  # s, plots, numbers and controls
 PLOTTING = 0.1  # of the time may go into plots: long windows are drawn less often
 COMPLAINT_SHOWN = 12.0  # s
 COMPLAINTS_APART = 0.5  # s, between two notifications: the status line has every one
+SLOW = 2.0  # s, a drawing that is worth a line in the log
+ENDING = 1.0  # s that viser's server is waited for
 _PHONE = 576  # px: pages up to this wide show one plot at a time, and do not shrink those of the others
 
 
@@ -68,7 +74,7 @@ class Dashboard:
         if port and _taken(host, port):
             raise PortBusy(f"port {port} of {host} is in use; choose another one with --port")
         self._server = viser.ViserServer(host=host, port=port, label="VSMRC Lab", verbose=False)
-        Guard(self._server)
+        Gate(self._server)
         self.host, self.port = host, self._server.get_port()
         if port and self.port != port:
             self._server.stop()
@@ -83,6 +89,10 @@ class Dashboard:
         self._help = Help(self._server)
         self._closed = threading.Event()
         self._view: _View | None = None
+        self._laggards = Laggards(self._server)
+        watch(self._server.get_event_loop(), self.fail)
+        self._server.on_client_connect(self._on_connect)
+        self._server.on_client_disconnect(self._on_disconnect)
         if runner is not None:
             self.attach(runner)
 
@@ -99,21 +109,22 @@ class Dashboard:
         """What is being prepared, while there is no runner yet."""
         self._status.content = splash_html(text)
 
-    def attach(self, runner: Runner) -> None:
-        """Build the controls for this runner and show it from now on."""
-        self._view = _View(self._server, self._status, self._scene, runner)
+    def attach(self, runner: Runner, last_session: LastSession | None = None) -> None:
+        """Build the controls for this runner and show it from now on; offer the last session, where there is one."""
+        self._view = _View(self._server, self._status, self._scene, runner, last_session)
+
+    def fail(self, sentence: str) -> None:
+        """Say on every page that something of ours has failed."""
+        if self._view is not None:
+            self._view.fail(sentence)
 
     def run_forever(self) -> None:
         """Draw until `close`; nothing while nobody looks."""
         while not self._closed.is_set():
             started = time.monotonic()
+            self._laggards.drop()
             if self._view is not None and self._server.get_clients():
-                try:
-                    self._view.draw(started)
-                except Exception as error:  # a drawing fault must not take the page down: say it, log it, go on
-                    log.exception("drawing failed")
-                    self._view.complain(f"drawing failed: {error}")
-                    self._closed.wait(1.0)
+                self._draw(self._view, started)
             self._closed.wait(max(self._frame - (time.monotonic() - started), 0.002))
 
     def close(self) -> None:
@@ -121,14 +132,40 @@ class Dashboard:
         self._closed.set()
         if self._view is not None:
             self._view.close()
-        self._server.stop()
+        self._laggards.drop_all()
+        # viser may still wait for seconds for a client that does not answer; its threads then end without us
+        stopping = threading.Thread(target=self._server.stop, name="stopping", daemon=True)
+        stopping.start()
+        stopping.join(ENDING)
+
+    def _draw(self, view: _View, started: float) -> None:
+        """One frame; a fault in it must not take the page down: say it, log it, go on."""
+        try:
+            view.draw(started)
+        except Exception as error:
+            log.error("fault", stage="drawing", exc_info=error)
+            view.fail(f"the page could not be drawn ({type(error).__name__}: {error}); the run goes on")
+            self._closed.wait(1.0)
+        if (took := time.monotonic() - started) > SLOW:
+            log.info("slow drawing", seconds=round(took, 2))
+
+    async def _on_connect(self, client: viser.ClientHandle) -> None:
+        log.info("client connected", client=client.client_id, clients=len(self.clients))
+
+    async def _on_disconnect(self, client: viser.ClientHandle) -> None:
+        log.info("client left", client=client.client_id, clients=len(self.clients))
 
 
 class _View:
     """What is on the page while a runner is attached."""
 
     def __init__(
-        self, server: viser.ViserServer, status: viser.GuiHtmlHandle, scene: SceneView, runner: Runner
+        self,
+        server: viser.ViserServer,
+        status: viser.GuiHtmlHandle,
+        scene: SceneView,
+        runner: Runner,
+        last_session: LastSession | None,
     ) -> None:
         self._server, self._status, self._scene, self._runner = server, status, scene, runner
         self._complaint, self._complaint_until, self._complaint_revision = "", 0.0, -1
@@ -137,8 +174,13 @@ class _View:
         self._previewer = Previewer()
         self._whatif = WhatIf(self._previewer)
         self._viewing = Viewing()
-        desk = Desk(server.gui, runner.post, lambda: runner.snapshot, self._whatif, self._viewing, self.complain)
-        self._hand = Hand(server.scene, desk)
+        self._maker = Maker()
+        if last_session is not None:
+            add_last_session(server.gui, last_session, runner.post, self.fail)
+        desk = Desk(
+            server.gui, runner.post, lambda: runner.snapshot, self._whatif, self._viewing, self.complain, self._maker
+        )
+        self._hand = Hand(server.scene, desk, lambda client: client in server.get_clients())
         self._playback = Playback(desk)
         self._shortcuts = Shortcuts(desk)
         self._whatif_panel = WhatIfPanel(desk)
@@ -160,20 +202,30 @@ class _View:
         self._page_height = 0
 
     def complain(self, sentence: str) -> None:
-        """Show a refusal until another edit is accepted, or for a while; a page that asks for many fills no other one
-        with notifications."""
+        """Show a refusal until another edit is accepted, or for a while."""
+        log.info("refused", sentence=sentence)
+        self._say("Refused", sentence)
+
+    def fail(self, sentence: str) -> None:
+        """Show that something of ours has failed; once, while it goes on failing."""
+        if f"Failed: {sentence}" != self._complaint:
+            self._say("Failed", sentence)
+
+    def _say(self, title: str, sentence: str) -> None:
+        """In the status line, and by a notification unless there has just been one."""
         now = time.monotonic()
-        self._complaint, self._complaint_until = sentence, now + COMPLAINT_SHOWN
+        self._complaint, self._complaint_until = f"{title}: {sentence}", now + COMPLAINT_SHOWN
         self._complaint_revision = self._runner.snapshot.revision
         if now < self._notified + COMPLAINTS_APART:
             return
         self._notified = now
         for client in self._server.get_clients().values():
-            client.add_notification("Refused", sentence, color="red", auto_close_seconds=6.0)
+            client.add_notification(title, sentence, color="red", auto_close_seconds=6.0)
 
     def close(self) -> None:
         """End what was started for the page. The runner is the caller's."""
         self._previewer.close()
+        self._maker.close()
 
     def draw(self, now: float) -> None:
         """One frame: the scene always, everything else less often."""
@@ -191,7 +243,7 @@ class _View:
     def _refresh(self, snapshot: Snapshot, now: float) -> None:
         if snapshot.refusal_number != self._refusals:
             self._refusals = snapshot.refusal_number
-            self.complain(snapshot.refusal or "")
+            self._say("Refused", snapshot.refusal or "")
         if now > self._complaint_until or snapshot.revision != self._complaint_revision:
             self._complaint = ""
         self._status.content = status_html(snapshot, self._complaint)

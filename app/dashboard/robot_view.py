@@ -9,6 +9,7 @@ from typing import cast
 
 import numpy as np
 import pinocchio as pin
+import structlog
 import trimesh
 import viser
 
@@ -16,6 +17,8 @@ from app.dashboard.look import FINE
 from app.dashboard.theme import Rgb
 from app.visuals import link_meshes
 from environments.robots import Robot
+
+log = structlog.get_logger()
 
 _PLAIN: Rgb = (196, 200, 206)
 _JOINT: Rgb = (86, 120, 170)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import logging
-
 import numpy as np
 import viser
 
@@ -18,8 +16,6 @@ from app.dashboard.theme import DESIRED, GHOST, GRID, GRID_SECTION, MEASURED, TO
 from app.dashboard.trails import Trail
 from app.ghost import Ghost, Shade
 from app.runner import Snapshot
-
-log = logging.getLogger("vsmrc.dashboard")
 
 _ASIDE = np.array([0.0, 0.03, 0.0])  # m: keeps the desired force apart from the measured one
 _GHOST_CELL = 0.01  # m: the translucent arm needs no more detail

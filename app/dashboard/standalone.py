@@ -14,7 +14,7 @@ from viser.infra import StateSerializer
 
 from app.assembly import System
 from app.closed_loop import ClosedLoop
-from app.dashboard.guard import Guard
+from app.dashboard.gate import Gate
 from app.dashboard.look import Look
 from app.dashboard.scene import SceneView
 from app.data_files import Tell, TooLarge
@@ -70,7 +70,7 @@ def _html(film: Film, count: int, tell: Tell) -> str:
 def _server() -> Iterator[viser.ViserServer]:
     with contextlib.redirect_stdout(io.StringIO()):  # it says its address, which is nobody's business here
         server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
-        Guard(server)
+        Gate(server)
         try:
             yield server
         finally:

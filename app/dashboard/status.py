@@ -22,7 +22,7 @@ MODE_TITLES = {
 
 
 def status_html(snapshot: Snapshot, complaint: str) -> str:
-    """Two lines of chips and numbers; below them why the run stopped, what was refused, what to notice."""
+    """Two lines of chips and numbers; below them why the run stopped, the complaint, what to notice."""
     scenario = snapshot.scenario
     pace = snapshot.pace
     lines = [
@@ -47,7 +47,7 @@ def status_html(snapshot: Snapshot, complaint: str) -> str:
     if pace and pace.slowed:
         lines.append(_message("vs-warn", _slowed(snapshot)))
     if complaint:
-        lines.append(_message("vs-bad", f"Refused: {complaint}"))
+        lines.append(_message("vs-bad", complaint))
     if snapshot.notice:
         lines.append(_message("vs-warn", snapshot.notice))
     return f'<div class="vs-status">{"".join(lines)}</div>'

@@ -8,11 +8,13 @@ import math
 import threading
 from collections.abc import Callable
 
+import structlog
 import viser
 from PIL import Image
 
 from app.dashboard.charts import Setup
 from app.dashboard.controls import Desk
+from app.dashboard.guard import guarded
 from app.dashboard.plot_table import TABS
 from app.dashboard.printed import ALL_PLOTS, figure_of, plots_of
 from app.data_files import Tell, table
@@ -28,8 +30,9 @@ from app.takeaway import (
     PlaybackJob,
     TakeAwayError,
     file_name,
-    made,
 )
+
+log = structlog.get_logger()
 
 MEGABYTE = 1e6
 DATA_LIMIT = 256 * MEGABYTE  # what a browser takes through a web socket without trouble
@@ -70,7 +73,8 @@ class ExportPanel:
         return self._desk.viewing.window if part == SHOWN else math.inf
 
     def _buttons(self, label: str, options: tuple[str, ...], on_click: OnClick, hint: str) -> None:
-        self._desk.gui.add_button_group(label, options, hint=hint).on_click(on_click)
+        group = self._desk.gui.add_button_group(label, options, hint=hint)
+        group.on_click(guarded(on_click, self._desk.complain))
 
     # synchronous on purpose, unlike what posts commands: each waits for its file in a thread of viser's pool
 
@@ -81,7 +85,7 @@ class ExportPanel:
         def make(snapshot: Snapshot, tell: Tell) -> bytes:
             setup = Setup.of(snapshot, viewing.coordinate, viewing.joint)
             figure = figure_of(plots, snapshot, setup, snapshot.t - viewing.window, snapshot.t)
-            return made(FigureJob(figure, form), tell)
+            return self._desk.maker.made(FigureJob(figure, form), tell)
 
         self._give(event, "Figure", form, make)
 
@@ -91,7 +95,7 @@ class ExportPanel:
 
         def make(snapshot: Snapshot, tell: Tell) -> bytes:
             rows = table(snapshot.scenario, snapshot.recording, snapshot.t - back, snapshot.t)
-            return made(DataJob(rows, form, DATA_LIMIT), tell)
+            return self._desk.maker.made(DataJob(rows, form, DATA_LIMIT), tell)
 
         self._give(event, "Data", form, make)
 
@@ -100,7 +104,7 @@ class ExportPanel:
 
         def make(snapshot: Snapshot, tell: Tell) -> bytes:
             frames = film(snapshot.scenario, snapshot.recording, snapshot.t - back, snapshot.t)
-            return made(PlaybackJob(frames, PLAYBACK_LIMIT), tell)
+            return self._desk.maker.made(PlaybackJob(frames, PLAYBACK_LIMIT), tell)
 
         self._give(event, "3-D playback", "html", make)
 
@@ -147,8 +151,13 @@ class ExportPanel:
         try:
             content = make(snapshot, tell)
             client.send_file_download(name, content, save_immediately=True)
-        except (TakeAwayError, OSError, RuntimeError, ValueError) as error:
-            note.title, note.body, note.color = f"{what}: failed", str(error) or type(error).__name__, "red"
+        except Exception as error:
+            expected = isinstance(error, TakeAwayError | OSError | RuntimeError | ValueError)
+            reason = str(error) or type(error).__name__
+            if isinstance(error, OSError) and error.strerror:
+                reason = f"the file cannot be written: {error.strerror}"
+            log.warning("export failed", file=name, reason=reason, exc_info=None if expected else error)
+            note.title, note.body, note.color = f"{what}: failed", reason, "red"
             note.loading, note.with_close_button = False, True
         else:
             note.remove()  # the page says itself what it receives

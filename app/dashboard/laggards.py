@@ -1,0 +1,58 @@
+"""Clients that no longer read: viser would keep such a connection, and what its page holds, for a quarter of an hour.
+
+What waits for one is bounded meanwhile, since viser keeps one message of each kind; but a file that is sent is not.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+
+import structlog
+import viser
+
+log = structlog.get_logger()
+
+PATIENCE = 20.0  # s without a byte: a page that is busy, or far away, reads some
+EVERY = 1.0  # s between two looks
+
+
+class Laggards:
+    """Drops connections on which bytes wait and none has gone for `patience` s; a page that lives comes back by itself.
+
+    Not to be used by two threads at once.
+    """
+
+    def __init__(self, server: viser.ViserServer, patience: float = PATIENCE) -> None:
+        self._server, self._patience = server, patience
+        self._waiting: dict[int, tuple[int, float]] = {}  # by client: how many bytes, and since when just so many
+        self._due = -math.inf
+
+    def drop(self) -> None:
+        """Look, if it is time to."""
+        now = time.monotonic()
+        if now < self._due:
+            return
+        self._due = now + EVERY
+        before, self._waiting = self._waiting, {}
+        for client, size in self._sizes().items():
+            known, since = before.get(client, (0, now))
+            self._waiting[client] = size, since if size == known else now
+            if size and now - self._waiting[client][1] > self._patience:
+                log.info("client dropped", client=client, reason="it does not read", waiting_bytes=size)
+                self._abort(client)
+
+    def drop_all(self) -> None:
+        """Whoever has bytes waiting, at the end: who does not read does not answer a farewell either."""
+        for client, size in self._sizes().items():
+            if size:
+                self._abort(client)
+
+    def _sizes(self) -> dict[int, int]:
+        connections = tuple(self._server._websock_server._live_connections.items())
+        return {client: connection.transport.get_write_buffer_size() for client, connection in connections}
+
+    def _abort(self, client: int) -> None:
+        connection = self._server._websock_server._live_connections.get(client)
+        if connection is not None:
+            self._server.get_event_loop().call_soon_threadsafe(connection.transport.abort)

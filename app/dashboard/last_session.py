@@ -1,0 +1,72 @@
+"""What an earlier server was at, and the buttons that go on with it or not: for whoever comes, until one answers."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from datetime import datetime
+from html import escape
+
+import viser
+
+from app.dashboard.guard import Complain, guarded
+from app.recovery import Offer
+from app.runner import Command, Continue
+from app.timeline import Pinned
+
+_GO_ON, _NOT = "Continue where you left off", "Dismiss"
+
+
+@dataclass(frozen=True)
+class LastSession:
+    """offer: None where it cannot be read, and `problem` says why. take_up: its pinned runs, and a sentence about those
+    that cannot be read; refuse: forget it."""
+
+    offer: Offer | None
+    problem: str
+    take_up: Callable[[Offer], tuple[tuple[Pinned, ...], str]]
+    refuse: Callable[[], None]
+
+
+def add_last_session(
+    gui: viser.GuiApi, session: LastSession, post: Callable[[Command], None], complain: Complain
+) -> None:
+    """In the current container; it goes when it is answered."""
+    folder = gui.add_folder("Last session")
+    with folder:
+        text = gui.add_html(_note(session.problem if session.offer is None else _told(session.offer)))
+        buttons = [gui.add_button(_GO_ON)] if session.offer is not None else []
+        buttons.append(gui.add_button(_NOT, color="gray"))
+
+    # synchronous on purpose, unlike what posts commands: reading takes a while, in a thread of viser's pool
+    def on_continue(event: viser.GuiEvent) -> None:
+        offer = session.offer
+        if offer is None or event.client is None:
+            return
+        for button in buttons:
+            button.visible = False
+        text.content = _note("reading …")
+        runs, problem = session.take_up(offer)
+        if problem:
+            complain(problem)
+        post(Continue(offer.scenario, runs))
+        folder.visible = False
+
+    def on_dismiss(event: viser.GuiEvent) -> None:
+        if event.client is not None:
+            folder.visible = False
+            session.refuse()
+
+    if session.offer is not None:
+        buttons[0].on_click(guarded(on_continue, complain))
+    buttons[-1].on_click(guarded(on_dismiss, complain))
+
+
+def _told(offer: Offer) -> str:
+    when = datetime.fromtimestamp(offer.saved).strftime("%d %b %Y, %H:%M")
+    runs = {0: "", 1: " with a pinned run"}.get(len(offer.runs), f" with {len(offer.runs)} pinned runs")
+    return f"{offer.scenario.title or offer.scenario.name}{runs}, saved {when}"
+
+
+def _note(text: str) -> str:
+    return f'<div class="vs-note">{escape(text)}</div>'

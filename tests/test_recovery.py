@@ -1,0 +1,285 @@
+"""The session on disk: whole whatever happens, offered to the next server, and of no harm when it is broken."""
+
+from __future__ import annotations
+
+import json
+import os
+import resource
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from playwright.sync_api import Page
+
+from app.closed_loop import ClosedLoop
+from app.dashboard import Dashboard
+from app.dashboard.last_session import LastSession
+from app.recovery import OFFER, SESSION, Keeper, StateError, StateFolder, default_folder
+from app.runner import Edit, Pin, Runner, Unpin
+from app.scenario import Scenario, edited, load
+from app.timeline import Pinned, Timeline
+from tests.pages import PATIENCE, VIEWPORT
+
+SCENARIO = load("planar2r-semicircle")
+
+
+def until(condition: Callable[[], Any]) -> Any:
+    deadline = time.monotonic() + PATIENCE
+    while not (met := condition()):
+        assert time.monotonic() < deadline
+        time.sleep(0.01)
+    return met
+
+
+@pytest.fixture(scope="module")
+def pinned() -> tuple[Pinned, ...]:
+    line = Timeline(ClosedLoop(SCENARIO, 10_000))
+    for _ in range(3):
+        for _ in range(100):
+            line.step()
+        line.pin()
+    return line.pinned
+
+
+def changed(number: float = 0.02) -> Scenario:
+    return edited(SCENARIO, "controller.layer", number)
+
+
+def left(folder: Path) -> set[str]:
+    return {file.name for file in folder.iterdir()} - {"lock"}
+
+
+def test_what_was_saved_is_offered_to_the_next_server_bit_for_bit(tmp_path: Path, pinned: tuple[Pinned, ...]) -> None:
+    first = StateFolder(tmp_path / "deep" / "state")
+    assert first.offer() is None
+    first.save(changed(), pinned[:2])
+    first.save(changed(0.03), pinned[1:])
+    first.close()
+    assert len(left(first.path)) == 3  # the index and a file for each pinned run, not for the one that was let go
+    assert all(file.stat().st_mode & 0o077 == 0 for file in first.path.iterdir())
+
+    second = StateFolder(first.path)
+    offer = second.offer()
+    assert offer is not None
+    assert offer.scenario == changed(0.03)
+    runs, problem = second.taken_up(offer)
+    assert (problem, [run.number for run in runs]) == ("", [2, 3])
+    for run, known in zip(runs, pinned[1:], strict=True):
+        assert np.array_equal(run.recording.rows(), known.recording.rows())
+        assert (run.scenario, run.t, run.system.layout.n) == (known.scenario, known.t, 2)
+    files = left(second.path)
+    second.save(offer.scenario, runs)  # which writes no run anew
+    second.close()
+    assert left(second.path) == files - {OFFER} | {SESSION}
+
+
+def test_an_offer_stays_until_it_is_answered(tmp_path: Path, pinned: tuple[Pinned, ...]) -> None:
+    for answer in (None, StateFolder.refuse_offer):
+        folder = StateFolder(tmp_path)
+        if answer is None:
+            folder.save(changed(), pinned[:1])
+            folder.close()
+            folder = StateFolder(tmp_path)
+            folder.close()  # a server that did nothing
+            folder = StateFolder(tmp_path)
+        offer = folder.offer()
+        assert offer is not None
+        assert (offer.scenario, len(offer.runs)) == (changed(), 1)
+        if answer is not None:
+            answer(folder)
+        folder.close()
+    assert left(tmp_path) == set()
+
+
+def test_a_folder_has_one_server_at_a_time(tmp_path: Path) -> None:
+    first = StateFolder(tmp_path)
+    with pytest.raises(StateError, match="another server uses it; allowed: a folder of its own"):
+        StateFolder(tmp_path)
+    first.save(changed(), ())
+    first.close()
+    StateFolder(tmp_path).close()
+    (tmp_path / "file").touch()
+    with pytest.raises(StateError, match="cannot be written: "):
+        StateFolder(tmp_path / "file")
+
+
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        (b"", "no session of this program"),
+        (b"\x00\xff" * 500, "no session of this program"),
+        (b"[" * 100_000, "no session of this program"),
+        (b'{"colour": "red"}', "no session of this program"),
+        (b'{"format": "vsmrc-lab session", "version": 2, "anything": {}}', "written by a newer version"),
+        (b'{"format": "vsmrc-lab session", "version": 1, "saved": "today"}', "no session of this program"),
+        (
+            b'{"format": "vsmrc-lab session", "version": 1, "saved": 1, "scenario": "mode = 3", "pinned": []}',
+            "mode",
+        ),
+        (b" " * 5_000_000, "more than 4 MB"),
+    ],
+)
+def test_a_file_that_is_no_session_is_set_aside_in_a_sentence(tmp_path: Path, content: bytes, said: str) -> None:
+    (tmp_path / SESSION).write_bytes(content)
+    folder = StateFolder(tmp_path)
+    assert folder.offer() is None
+    assert said in folder.problem
+    assert "\n" not in folder.problem
+    assert (tmp_path / f"set-aside-{SESSION}").read_bytes() == content
+    folder.save(changed(), ())
+    folder.close()
+    StateFolder(tmp_path).close()
+
+
+def test_runs_that_cannot_be_read_are_said_and_the_rest_is_continued(
+    tmp_path: Path, pinned: tuple[Pinned, ...]
+) -> None:
+    folder = StateFolder(tmp_path)
+    folder.save(changed(), pinned)
+    folder.close()
+    index = json.loads((tmp_path / SESSION).read_text())
+    content = bytearray((tmp_path / index["pinned"][0]["file"]).read_bytes())
+    content[len(content) // 2 :] = b"\0" * 9
+    (tmp_path / index["pinned"][0]["file"]).write_bytes(content)
+    index["pinned"][1]["file"] = "../../etc/passwd"
+    (tmp_path / SESSION).write_text(json.dumps(index))
+    folder = StateFolder(tmp_path)
+    offer = folder.offer()
+    assert offer is not None
+    runs, problem = folder.taken_up(offer)
+    assert [run.number for run in runs] == [3]
+    assert "run 1 cannot be shown again" in problem
+    assert "run 2 cannot be shown again: '../../etc/passwd' is no name of a run's file" in problem
+    folder.close()
+
+
+def test_changes_are_saved_as_they_come_and_at_the_end(tmp_path: Path) -> None:
+    runner = Runner(SCENARIO)
+    runner.start()
+    said: list[str] = []
+    keeper = Keeper(StateFolder(tmp_path), lambda: runner.snapshot, said.append)
+    until(lambda: runner.snapshot.t > 1.0)
+    assert left(tmp_path) == set()  # nothing has been changed
+    runner.post(Edit("controller.layer", 0.02))
+    until(lambda: left(tmp_path) == {SESSION})
+    runner.post(Edit("controller.layer", 0.03))
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, hard))  # as a disk that is full
+    try:
+        runner.post(Pin())
+        until(lambda: said)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+    assert said == [f"the session cannot be saved in {tmp_path}: File too large; the run goes on"]
+    assert left(tmp_path) == {SESSION}
+    assert "0.03" in (tmp_path / SESSION).read_text()  # what fits is saved
+    runner.post(Unpin(1))
+    runner.post(Edit("controller.layer", 0.04))
+    until(lambda: not runner.snapshot.pinned and runner.snapshot.scenario == changed(0.04))
+    runner.close()
+    keeper.close()
+    folder = StateFolder(tmp_path)
+    offer = folder.offer()
+    assert offer is not None
+    assert (offer.scenario, offer.runs) == (changed(0.04), ())
+    folder.close()
+
+
+KILLED = """
+import os, random, signal, sys, time
+from pathlib import Path
+from app.closed_loop import ClosedLoop
+from app.data_files import read_npz
+from app.recovery import StateFolder
+from app.scenario import edited, load
+from app.timeline import Timeline
+
+scenario = load("planar2r-semicircle")
+line = Timeline(ClosedLoop(scenario, 10_000))
+for _ in range(100):
+    line.step()
+def scenarios():
+    k = 0
+    while True:
+        k += 1
+        yield edited(scenario, "controller.layer", 0.01 + 1e-5 * k)
+random.seed(6)
+last = offered = 0
+for kill in range(36):
+    child = os.fork()
+    if child == 0:
+        folder = StateFolder(Path(sys.argv[1]))
+        for changed in scenarios():
+            line.pin()
+            folder.save(changed, line.pinned)
+    time.sleep(random.uniform(0.0, 0.12))
+    os.kill(child, signal.SIGKILL)
+    os.waitpid(child, 0)
+    folder = StateFolder(Path(sys.argv[1]))
+    assert folder.problem == "", folder.problem
+    offer = folder.offer()
+    if offer is not None:
+        offered += 1
+        assert len(offer.runs) >= 1
+        for run in offer.runs:
+            assert len(read_npz(Path(sys.argv[1]) / run.file)[1]) == 100
+        known = {run.file for run in offer.runs} | {"offer.json", "lock"}
+        assert {file.name for file in Path(sys.argv[1]).iterdir()} == known
+    folder.close()
+print(offered)
+"""
+
+
+def test_a_process_that_is_killed_at_any_instant_leaves_no_broken_file(tmp_path: Path) -> None:
+    done = subprocess.run(
+        [sys.executable, "-c", KILLED, str(tmp_path)], capture_output=True, text=True, timeout=300, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    assert int(done.stdout) > 10
+
+
+def test_the_default_folder_is_the_users(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("XDG_STATE_HOME", "/somewhere")
+    assert default_folder() == Path("/somewhere/vsmrc-lab")
+
+
+def test_a_page_continues_where_it_was_left_off(
+    tmp_path: Path, pinned: tuple[Pinned, ...], open_page: Callable[..., Page]
+) -> None:
+    folder = StateFolder(tmp_path)
+    folder.save(changed(), pinned[:2])
+    folder.close()
+    folder = StateFolder(tmp_path)
+    dashboard, runner = Dashboard(port=0, fps=8.0), Runner(load("ur5-hybrid"))
+    runner.start()
+    keeper = Keeper(folder, lambda: runner.snapshot, dashboard.fail)
+    dashboard.attach(runner, LastSession(folder.offer(), "", keeper.take_up, keeper.refuse_offer))
+    drawing = threading.Thread(target=dashboard.run_forever, daemon=True)
+    drawing.start()
+    try:
+        page = open_page(dashboard.url, viewport=VIEWPORT)
+        page.set_default_timeout(PATIENCE * 1e3)
+        page.get_by_text("with 2 pinned runs, saved").wait_for()
+        if where := os.environ.get("VSMRC_SCREENSHOTS"):
+            page.locator("#webgl-software-rendering button").click()
+            page.evaluate("window.undrawn = false")
+            page.wait_for_timeout(3000)
+            page.screenshot(path=f"{where}/last-session.png")
+        assert runner.snapshot.scenario == load("ur5-hybrid")  # nothing is applied by itself
+        page.get_by_role("button", name="Continue where you left off").click()
+        until(lambda: runner.snapshot.scenario == changed() and len(runner.snapshot.pinned) == 2)
+        page.get_by_text("with 2 pinned runs, saved").wait_for(state="hidden")
+        until(lambda: (tmp_path / SESSION).exists() and not (tmp_path / OFFER).exists())
+        page.get_by_role("tab", name="Runs", exact=True).click()
+        page.get_by_role("button", name="Forget run 2").wait_for()
+    finally:
+        dashboard.close()
+        runner.close()
+        keeper.close()
+        drawing.join(PATIENCE)
