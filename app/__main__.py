@@ -23,11 +23,12 @@ from tqdm import tqdm
 
 from app import headless, warm
 from app.assembly import blending_to, with_robot
-from app.dashboard import Dashboard, PortBusy
+from app.dashboard import Dashboard, PortBusy, check_fps
 from app.dashboard.export import Kind, Stretch, write
 from app.dashboard.printed import ALL_PLOTS, plots_of
 from app.dashboard.theme import Theme
 from app.data_files import read_npz
+from app.gateway.invitation import Invitation, Look, PortTaken, Token
 from app.metrics import FIGURES, account
 from app.runner import Runner
 from app.scenario import Scenario, ScenarioError, edited, load, shipped
@@ -49,22 +50,39 @@ def serve(
     port: int = 8080,
     theme: Theme = "dark",
     fps: float = 30.0,
+    shared: bool = False,
+    token: Token = "auto",
+    origin: tuple[str, ...] = (),
+    max_sessions: int | None = None,
+    idle_minutes: float = 30.0,
     settings: Settings = (),
 ) -> int:
-    """Open the dashboard.
+    """Open the dashboard, for yourself or for an audience.
 
     Args:
         scenario: a shipped scenario or a .toml file to begin with
-        host: address to listen at; only this machine can reach 127.0.0.1
+        host: address to listen at; only this machine can reach 127.0.0.1, another one needs the link with the token
         port: port to listen at
         theme: how the page looks at first; T changes it there
         fps: pictures of the scene per second; without a graphics card, few leave more to the loop
+        shared: a session for every visitor, each in a process of its own, with links to watch and to steer it
+        token: ask for a token: unless only this machine can come (auto), always, or never, as a proxy asks
+        origin: public addresses behind a proxy, such as https://lab.example.org
+        max_sessions: with --shared, how many run at once, instead of what this machine holds; the others queue
+        idle_minutes: with --shared, a session that nobody looks at so long is closed; its link brings it back
     """
     chosen = _configured(scenario, settings)
+    invitation = Invitation(host, port, shared, token, origin, max_sessions, idle_minutes)
     try:
-        dashboard = Dashboard(host=host, port=port, theme=theme, fps=fps)
+        check_fps(fps)
     except ValueError as error:
         raise ScenarioError(f"--{error}") from error
+    if invitation.open:
+        from app.gateway.serve import serve as serve_others  # here: who is alone need not wait for it
+
+        serve_others(chosen, Look(theme, fps), invitation)
+        return DONE
+    dashboard = Dashboard(host=host, port=port, theme=theme, fps=fps)
     print(f"VSMRC Lab: {dashboard.url}  (Ctrl-C ends it)", flush=True)
     runner: Runner | None = None
     warming: Popen[bytes] | None = None
@@ -301,7 +319,7 @@ def main() -> None:
         arguments = ["serve", *arguments]
     try:
         status = tyro.extras.subcommand_cli_from_dict(commands, args=arguments, prog="vsmrc")
-    except (ScenarioError, PortBusy) as error:
+    except (ScenarioError, PortBusy, PortTaken) as error:
         print(f"vsmrc: {error}", file=sys.stderr)
         status = BAD_INPUT
     sys.exit(status)

@@ -78,7 +78,9 @@ class Names:
         if name in {_hostname(origin) for origin in self.public} or name in _LOOPBACK or name == self.host.lower():
             return True
         # an address cannot be made to point elsewhere, as a name can
-        return not self.local and (_is_address(name) or name in (socket.gethostname().lower(), socket.getfqdn().lower()))
+        return not self.local and (
+            _is_address(name) or name in (socket.gethostname().lower(), socket.getfqdn().lower())
+        )
 
     def _from_here(self, origin: str, host: str) -> bool:
         parts = urlsplit(origin)

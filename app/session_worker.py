@@ -7,6 +7,7 @@ when the other end of the connection does, whatever became of the gateway.
 from __future__ import annotations
 
 import contextlib
+import io
 import logging
 import os
 import socket
@@ -50,7 +51,7 @@ def serve(gateway: Gateway) -> None:
     prepare = gateway.next()
     assert isinstance(prepare, Prepare)
     scenario = from_toml(prepare.scenario)
-    with contextlib.redirect_stdout(sys.stderr if log.isEnabledFor(logging.DEBUG) else open(os.devnull, "w")):  # noqa: SIM115
+    with contextlib.redirect_stdout(io.StringIO()):  # viser would print an address where nobody is answered
         dashboard = Dashboard(port=0, theme=cast(Theme, prepare.theme), fps=prepare.fps, key=prepare.key)
     runner = Runner(scenario)
     try:
@@ -58,9 +59,8 @@ def serve(gateway: Gateway) -> None:
         gateway.tell(Ready(dashboard.port, dashboard.looking_fields))
         begin = gateway.next()
         assert isinstance(begin, Begin)
-        if begin.scenario is not None:
-            scenario = from_toml(begin.scenario)
-            runner.post(Load(scenario))
+        if begin.scenario:
+            runner.post(Load(from_toml(begin.scenario)))
         runner.start()
         threading.Thread(target=_attend, args=(gateway, dashboard), name="gateway", daemon=True).start()
         threading.Thread(target=_report, args=(gateway, runner, scenario), name="reports", daemon=True).start()

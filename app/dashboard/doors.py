@@ -59,7 +59,9 @@ class _Guarded(library.serve):
         **settings: Any,
     ) -> None:
         def judged(connection: ServerConnection, request: Request) -> Response | None:
-            response = _refused(names, key, request) or _full(connection, request) or process_request(connection, request)
+            response = (
+                _refused(names, key, request) or _full(connection, request) or process_request(connection, request)
+            )
             if response is not None:
                 response.headers.update(PAGE_HEADERS)
             return response

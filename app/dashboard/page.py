@@ -63,8 +63,7 @@ class Dashboard:
         fps: float = FPS,
         key: str | None = None,
     ) -> None:
-        if not SLOWEST_FPS <= fps <= FASTEST_FPS:
-            raise ValueError(f"fps: {fps:g}; allowed: {SLOWEST_FPS:g} to {FASTEST_FPS:g}")
+        check_fps(fps)
         self._frame = 1.0 / fps
         if port and _taken(host, port):
             raise PortBusy(f"port {port} of {host} is in use; choose another one with --port")
@@ -223,6 +222,12 @@ class _View:
         if height and height != self._page_height:
             self._page_height = height
             self._plots.fit(height)
+
+
+def check_fps(fps: float) -> None:
+    """Raises ValueError for pictures per second that make no sense."""
+    if not SLOWEST_FPS <= fps <= FASTEST_FPS:
+        raise ValueError(f"fps: {fps:g}; allowed: {SLOWEST_FPS:g} to {FASTEST_FPS:g}")
 
 
 def _taken(host: str, port: int) -> bool:
