@@ -25,7 +25,6 @@ from app.session_messages import Begin, Changed, Failed, FromSession, Prepare, R
 log = logging.getLogger("vsmrc.session")
 
 LOOK = 0.2  # s between two looks whether the scenario has changed
-PATIENCE = 3.0  # s that the ending may take
 
 
 class Gateway:
@@ -47,37 +46,23 @@ class Gateway:
 
 
 def serve(gateway: Gateway) -> None:
-    """From the preparation to the end of the connection. Raises EOFError or ConnectionError there."""
+    """From the preparation to the end of the connection. Raises EOFError or ConnectionError then."""
     prepare = gateway.next()
     assert isinstance(prepare, Prepare)
     scenario = from_toml(prepare.scenario)
     with contextlib.redirect_stdout(io.StringIO()):  # viser would print an address where nobody is answered
         dashboard = Dashboard(port=0, theme=cast(Theme, prepare.theme), fps=prepare.fps, key=prepare.key)
     runner = Runner(scenario)
-    try:
-        dashboard.attach(runner)
-        gateway.tell(Ready(dashboard.port, dashboard.looking_fields))
-        begin = gateway.next()
-        assert isinstance(begin, Begin)
-        if begin.scenario:
-            runner.post(Load(from_toml(begin.scenario)))
-        runner.start()
-        threading.Thread(target=_attend, args=(gateway, dashboard), name="gateway", daemon=True).start()
-        threading.Thread(target=_report, args=(gateway, runner, scenario), name="reports", daemon=True).start()
-        dashboard.run_forever()
-    finally:
-        # whatever hangs below, this process does not outlive its gateway
-        killer = threading.Timer(PATIENCE, os._exit, (1,))
-        killer.daemon = True
-        killer.start()
-        dashboard.close()
-        runner.close()
-
-
-def _attend(gateway: Gateway, dashboard: Dashboard) -> None:
-    with contextlib.suppress(EOFError, OSError):
-        gateway.next()  # nothing is asked of a running session: this returns when the other end has gone
-    dashboard.close()
+    dashboard.attach(runner)
+    gateway.tell(Ready(dashboard.port, dashboard.looking_fields))
+    begin = gateway.next()
+    assert isinstance(begin, Begin)
+    if begin.scenario:
+        runner.post(Load(from_toml(begin.scenario)))
+    runner.start()
+    threading.Thread(target=_report, args=(gateway, runner, scenario), name="reports", daemon=True).start()
+    threading.Thread(target=dashboard.run_forever, name="drawing", daemon=True).start()
+    gateway.next()  # nothing is asked of a running session: this returns when the other end has gone
 
 
 def _report(gateway: Gateway, runner: Runner, told: Scenario) -> None:
@@ -97,7 +82,8 @@ def main() -> None:
         try:
             serve(gateway)
         except (EOFError, ConnectionError):
-            log.info("the gateway has gone")
+            # at once: the gateway knows the scenario, processes of ours end with us, and nothing else is to be kept
+            os._exit(0)
         except Exception as error:  # the process's last resort: let the gateway say it
             log.exception("the session failed")
             with contextlib.suppress(OSError):

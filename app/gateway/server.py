@@ -30,6 +30,7 @@ from app.messages import Limits, Meter, harmless
 log = logging.getLogger("vsmrc.gateway")
 
 TICK = 1.0  # s
+WAITS = 0.5  # s that a page is kept waiting for its session, rather than being told to wait
 _YEAR = 365 * 24 * 3600
 Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
 
@@ -148,7 +149,7 @@ class Gateway:
         if not request.path.endswith("/"):
             return web.Response(status=303, headers={"Location": f"{request.match_info['name']}/"})
         self._house.want(session)
-        if session.phase == "running" and (document := await self._page(session)):
+        if await self._house.soon(session, WAITS) and (document := await self._page(session)):
             return _sent(document, request)
         return _html(pages.waiting())
 

@@ -60,6 +60,7 @@ class Session:
     seen: float = 0.0
     _falls: list[float] = field(default_factory=list)
     _ever_seen: bool = False
+    _runs: asyncio.Event = field(default_factory=asyncio.Event)
     _life: asyncio.Task[None] | None = None
     _closing: bool = False
 
@@ -121,6 +122,13 @@ class House:
             self._queue.append(session)
             self._advance()
 
+    async def soon(self, session: Session, patience: float) -> bool:
+        """Whether it runs, or will within so many s: with a spare it does."""
+        with contextlib.suppress(TimeoutError):
+            async with asyncio.timeout(patience):
+                await session._runs.wait()
+        return session.phase == "running"
+
     def place(self, session: Session) -> int:
         """In the queue, from 1; 0 for a session that does not wait."""
         return self._queue.index(session) + 1 if session in self._queue else 0
@@ -144,7 +152,7 @@ class House:
             session.seen = self._clock()
 
     def tick(self) -> None:
-        """What time brings: places fall free, who waits moves on, a spare is ordered. To be called each second or so."""
+        """What time brings: places fall free, who waits moves on, a spare is ordered. To be called each second."""
         for session in self._by_name.values():
             if session.phase == "running" and not session.viewers and self._unseen(session) and session.process:
                 log.info("session closed, nobody looks at it")
@@ -205,8 +213,10 @@ class House:
                 session.phase = "starting"
                 process = await self._process(session.scenario)
                 session.process, session.phase, session.seen = process, "running", self._clock()
+                session._runs.set()
                 async for scenario in process.changes():
                     session.scenario = scenario
+                session._runs.clear()
                 how = await process.end()
                 session.process = None
                 if not session._closing:
@@ -216,6 +226,7 @@ class House:
             log.warning("%s", error)
         finally:
             session._life = None
+            session._runs.clear()
             if session.phase in ("starting", "running"):
                 session.phase = "resting"
 

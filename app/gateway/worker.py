@@ -17,7 +17,7 @@ from app.session_messages import LONGEST, Begin, Changed, Failed, Prepare, Ready
 
 log = logging.getLogger("vsmrc.gateway")
 
-PATIENCE = 4.0  # s that a process has to end by itself
+PATIENCE = 2.0  # s that a process has to end by itself
 
 
 class WorkerError(RuntimeError):
@@ -40,6 +40,7 @@ class Worker:
         self.port = 0
         self.looking: frozenset[str] = frozenset()
         self._failure = ""
+        self._listens = False
 
     @classmethod
     async def prepared(cls, scenario: str, look: Look) -> Worker:
@@ -84,6 +85,8 @@ class Worker:
     async def end(self) -> str:
         """Have the process end, if it has not; returns in a few words how it did."""
         self._writer.close()
+        if not self._listens:
+            self._process.kill()  # it still imports, and would notice only then
         with contextlib.suppress(TimeoutError):
             async with asyncio.timeout(PATIENCE):
                 while self.alive:  # no thread waits for it: that would have to be waited for at the end in turn
@@ -99,7 +102,7 @@ class Worker:
     async def _ready(self) -> None:
         async for message in self._messages():
             if isinstance(message, Ready):
-                self.port, self.looking = message.port, message.looking
+                self.port, self.looking, self._listens = message.port, message.looking, True
                 return
         raise WorkerError(f"the session's process could not begin: {await self.end()}")
 
