@@ -19,10 +19,11 @@ from urllib.parse import urlsplit
 Pass = Literal["steer", "watch"]
 
 KEY_HEADER = "X-Vsmrc-Key"
-# Our pages are nobody's frame (a click there would be a click here), and links, which are secrets, are not passed on.
+# Our pages are nobody's frame (a click there would be a click here), and links, which are secrets, are not passed on
+# to other servers.
 PAGE_HEADERS = {
     "Content-Security-Policy": "frame-ancestors 'self'; connect-src 'self' data: blob:; object-src 'none'",
-    "Referrer-Policy": "no-referrer",
+    "Referrer-Policy": "same-origin",
     "X-Content-Type-Options": "nosniff",
 }
 _LOOPBACK = frozenset({"localhost", "127.0.0.1", "::1"})

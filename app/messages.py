@@ -10,7 +10,7 @@ import re
 import time
 from collections.abc import Callable, Collection
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeVar
 
 import msgspec
 
@@ -38,11 +38,19 @@ class Overrun(ValueError):
     """More than a limit allows: one sentence, short enough for the reason of a closed web socket (123 bytes)."""
 
 
+_T = TypeVar("_T")
+
+
 class _Envelope(msgspec.Struct):
     type: str
     transfer_uuid: str = ""
     part_count: int = 0
     size_bytes: int = 0
+
+
+class _Part(msgspec.Struct):
+    transfer_uuid: str
+    content: memoryview
 
 
 class _Camera(msgspec.Struct, forbid_unknown_fields=True):
@@ -65,6 +73,7 @@ class _Update(msgspec.Struct, forbid_unknown_fields=True):
 
 
 _envelope = msgspec.msgpack.Decoder(_Envelope, strict=False)
+_part = msgspec.msgpack.Decoder(_Part)
 _camera = msgspec.msgpack.Decoder(_Camera, strict=False)
 _update = msgspec.msgpack.Decoder(_Update)
 
@@ -92,11 +101,11 @@ class Meter:
             raise Overrun(f"too many messages; allowed: {limits.rate:g} per second")
         if len(raw) > limits.message:
             raise Overrun(f"a message of {len(raw) / MEGABYTE:.1f} MB; allowed: {_megabytes(limits.message)}")
-        envelope = _opened(raw)
+        envelope = _opened(raw, _envelope)
         if envelope.type == "FileTransferStartUpload":
             self._begin(envelope)
         elif envelope.type == "FileTransferPart":
-            return self._take(envelope, len(raw))
+            return self._take(raw)
         return envelope.type not in _NEVER
 
     def _begin(self, envelope: _Envelope) -> None:
@@ -108,17 +117,16 @@ class Meter:
         if size:
             self._files[envelope.transfer_uuid] = size
 
-    def _take(self, envelope: _Envelope, size: int) -> bool:
-        left = self._files.get(envelope.transfer_uuid)
+    def _take(self, raw: bytes | str) -> bool:
+        part = _opened(raw, _part)
+        left = self._files.pop(part.transfer_uuid, None)
         if left is None:
             return False
-        # what a part weighs besides its content is less than what is left of the allowance for the last one
-        left -= max(size - 512, 0)
+        left -= max(len(part.content), 1)
         if left < 0:
             raise Overrun("a file longer than it was said to be")
-        self._files[envelope.transfer_uuid] = left
-        if left <= 512:
-            del self._files[envelope.transfer_uuid]
+        if left:
+            self._files[part.transfer_uuid] = left
         return True
 
 
@@ -127,7 +135,7 @@ def harmless(raw: bytes, looking: Collection[str]) -> bytes | None:
     it has on its screen, so that they are drawn. Nothing of the run depends on either. looking: ids of the fields that
     take the tabs."""
     try:
-        kind = _opened(raw).type
+        kind = _opened(raw, _envelope).type
         if kind == "ViewerCameraMessage":
             camera = _camera.decode(raw)
             numbers = (*camera.wxyz, *camera.position, *camera.look_at, *camera.up_direction)
@@ -148,11 +156,11 @@ def harmless(raw: bytes, looking: Collection[str]) -> bytes | None:
     return None
 
 
-def _opened(raw: bytes | str) -> _Envelope:
+def _opened(raw: bytes | str, decoder: msgspec.msgpack.Decoder[_T]) -> _T:
     """Raises Overrun for what no page of ours sends."""
     if isinstance(raw, bytes):
         try:
-            return _envelope.decode(raw)
+            return decoder.decode(raw)
         except (msgspec.MsgspecError, RecursionError, ValueError):
             pass
     raise Overrun("not a message of the page")

@@ -16,9 +16,10 @@ _WAITING = """
 <div data-phase="waiting" hidden><h1>All places are taken</h1><p>You are number <b class="number" id="place"></b>
 in the queue.</p><p class="dim">Leave this page open: it goes on by itself as soon as a place is free. A place that
 nobody looks at is given away after <span id="rest"></span> s.</p></div>
-<div data-phase="failed" hidden><h1>This session has stopped</h1><p id="told"></p>
+<div data-phase="failed" hidden><h1>This session has stopped</h1>
 <p><button id="again">Begin anew</button></p></div>
 <div data-phase="lost" hidden><h1>The server does not answer</h1><p class="dim">This page tries again.</p></div>
+<p id="told"></p>
 <script src="../../assets/wait.js"></script>
 """
 ASSETS = {"overlay.js": "text/javascript", "overlay.css": "text/css", "wait.js": "text/javascript"}

@@ -21,21 +21,13 @@ BEAT = 30.0  # s between two signs of life asked of a page
 Judge = Callable[[bytes | str], bytes | None]
 
 
-class _Page(web.WebSocketResponse):
-    """A web socket that says why it closes also when aiohttp closes it."""
-
-    async def close(self, *, code: int = WSCloseCode.OK, message: bytes = b"", drain: bool = True) -> bool:
-        if code == WSCloseCode.MESSAGE_TOO_BIG and not message:
-            message = b"the message is too long"
-        return await super().close(code=code, message=message, drain=drain)
-
-
 async def relay(
     request: web.Request, client: aiohttp.ClientSession, process: Process, judge: Judge, limit: int
 ) -> web.WebSocketResponse:
     """Until either side ends. judge: what of a page's message goes on, None for nothing; raises Overrun to close.
 
-    limit: bytes of a page's message. Where there is no process, the page is closed with code 1012 and will come again.
+    limit: bytes of a page's message that `judge` allows. Where there is no process, the page is closed with code 1012
+    and will come again.
     """
     offered = [name.strip() for name in request.headers.get("Sec-WebSocket-Protocol", "").split(",") if name.strip()]
     try:
@@ -49,8 +41,11 @@ async def relay(
     except (aiohttp.ClientError, OSError):
         return await closed(request, WSCloseCode.SERVICE_RESTART, "the session is not there; it is being started anew")
     async with session:
-        page = _Page(
-            protocols=[session.protocol] if session.protocol else [], max_msg_size=limit, compress=False, heartbeat=BEAT
+        page = web.WebSocketResponse(
+            protocols=[session.protocol] if session.protocol else [],
+            max_msg_size=2 * limit,  # of what is beyond that, no more is read, not even to say so
+            compress=False,
+            heartbeat=BEAT,
         )
         await page.prepare(request)
         there = asyncio.create_task(_heard(page, session, judge))

@@ -16,7 +16,7 @@ import asyncio
 import contextlib
 import logging
 from collections.abc import AsyncIterator, Awaitable, Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import aiohttp
 from aiohttp import WSCloseCode, web
@@ -177,6 +177,8 @@ class Gateway:
         if self._house.viewers >= limits.total:
             reason = f"{limits.total} pages of this server are open; allowed: no more"
             return await closed(request, WSCloseCode.TRY_AGAIN_LATER, reason)
+        watches = _watches(request)
+        limits = replace(limits, message=limits.watchers_message) if watches else limits
         meter = Meter(limits)
 
         def steering(raw: bytes | str) -> bytes | None:
@@ -186,9 +188,8 @@ class Gateway:
             return harmless(raw, process.looking) if meter.admits(raw) and isinstance(raw, bytes) else None
 
         with self._house.viewing(session):
-            if _watches(request):
-                return await relay(request, self._client, process, watching, limits.watchers_message)
-            return await relay(request, self._client, process, steering, limits.message)
+            judge = watching if watches else steering
+            return await relay(request, self._client, process, judge, limits.message)
 
     async def _about(self, request: web.Request) -> web.StreamResponse:
         session = self._meant(request)

@@ -26,6 +26,8 @@ const link = (card, text, address) => {
   button.addEventListener("click", () => copy(input, button));
 };
 
+// outlives the reload after a crash, so that the page can say what has happened
+const noted = `vsmrc.crashes ${location.pathname}`;
 let crashes = null;
 let viewers = null;
 const begin = (about) => {
@@ -57,13 +59,20 @@ const begin = (about) => {
 };
 
 const ask = async () => {
+  // viser's client writes its web socket's address behind ours, where people would copy it along
+  if (location.search) history.replaceState(null, "", location.pathname);
   try {
     const answer = await fetch("about", { cache: "no-store" });
     if (answer.ok) {
       const about = await answer.json();
-      if (crashes === null) { crashes = about.crashes; begin(about); }
-      if (about.crashes > crashes) { crashes = about.crashes; say(`This session was interrupted: ${about.told}. What had been recorded before is lost.`); }
-      if (about.phase === "failed" || about.phase === "waiting") return location.reload();
+      // another process knows nothing of this page, and one that is still to come has a page of its own
+      if (about.phase !== "running" || (crashes !== null && about.crashes > crashes)) return location.reload();
+      if (crashes === null) {
+        crashes = about.crashes;
+        begin(about);
+        if (crashes > Number(sessionStorage.getItem(noted) ?? crashes)) say(`This session was interrupted: ${about.told}. What had been recorded before is lost.`);
+        sessionStorage.setItem(noted, crashes);
+      }
       if (viewers) viewers.textContent = about.viewers > 1 ? `${about.viewers} pages open` : "";
     } else if (answer.status === 404 || answer.status === 403) say("This session is no longer there; reload the page.");
   } catch { /* the server is away: viser's own page says so, and connects again */ }
