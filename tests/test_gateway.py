@@ -133,7 +133,7 @@ def test_watching_shows_everything_and_moves_nothing_and_a_copy_is_free(shared: 
         # a process that is killed takes nobody along, and its session goes on from its last scenario
         began = theirs.t
         others = link.about()["crashes"]
-        os.kill(shared.newest_child(), signal.SIGKILL)  # of two places taken, there is no spare
+        os.kill(shared.children()[-1], signal.SIGKILL)  # of two places taken, there is no spare
         with pytest.raises(ConnectionClosed, match="1012"):
             own.read(PATIENCE)
         theirs.wait(lambda: theirs.t > began + 1.0)

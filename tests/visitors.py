@@ -11,12 +11,14 @@ import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Any, NamedTuple
 from urllib.parse import urlsplit
 
 import msgspec
 import zstandard
 from websockets.sync.client import ClientConnection, connect
+from websockets.typing import Subprotocol
 
 VISER = "viser-v1.1.1"
 PATIENCE = 90.0  # s, for what takes a fraction of a second on an idle machine
@@ -97,8 +99,10 @@ class Visitor:
 def visiting(url: str, **options: Any) -> Iterator[Visitor]:
     """A page opened at this address, as viser's client does it."""
     address = url.replace("http", "ws", 1).rstrip("/")
-    with connect(address, subprotocols=[VISER], compression=None, max_size=None, open_timeout=PATIENCE, **options) as s:  # type: ignore[list-item]
-        yield Visitor(s)
+    usual = {"subprotocols": [Subprotocol(VISER)], "compression": None, "max_size": None, "open_timeout": PATIENCE}
+    with connect(address, **usual | options) as socket:
+        assert socket.subprotocol == VISER
+        yield Visitor(socket)
 
 
 class Server(NamedTuple):
@@ -117,16 +121,9 @@ class Server(NamedTuple):
         return urlsplit(self.url).port or 0
 
     def children(self) -> list[int]:
-        """Processes that it has started and that have not ended."""
-        return self._found("-P")
-
-    def newest_child(self) -> int:
-        """The one started last."""
-        return self._found("-nP")[0]
-
-    def _found(self, option: str) -> list[int]:
-        found = subprocess.run(["pgrep", option, str(self.process.pid)], capture_output=True, text=True).stdout
-        return [int(number) for number in found.split()]
+        """Processes that it has started and that have not ended, in that order."""
+        pid = self.process.pid
+        return [int(number) for number in Path(f"/proc/{pid}/task/{pid}/children").read_text().split()]
 
 
 @contextmanager

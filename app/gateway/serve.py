@@ -79,7 +79,8 @@ async def _serve(scenario: Scenario, look: Look, invitation: Invitation, names: 
                 watch = f"watch/{everyone.watch}/"
                 print(f"to watch:  {address}/{watch}" + (f"?token={tokens.watch}" if tokens else ""), flush=True)
             else:
-                print(f"{house.places} sessions at once (--max-sessions)", flush=True)
+                listening = f", listening at {invitation.host}:{port}" if invitation.origins else ""
+                print(f"{house.places} sessions at once (--max-sessions){listening}", flush=True)
             await stop.wait()
             print("\nended")
     except OSError as error:
