@@ -127,9 +127,9 @@ class Server(NamedTuple):
 
 
 @contextmanager
-def serving(*arguments: str, lines: int) -> Iterator[Server]:
+def serving(*arguments: str, lines: int, fps: int = 8) -> Iterator[Server]:
     """`vsmrc serve` with these arguments at a free port, once it has printed so many lines."""
-    command = [sys.executable, "-m", "app", "serve", "--port", "0", "--fps", "8", *arguments]
+    command = [sys.executable, "-m", "app", "serve", "--port", "0", "--fps", str(fps), *arguments]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
         try:
             assert process.stdout is not None
