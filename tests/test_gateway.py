@@ -118,6 +118,7 @@ def test_watching_shows_everything_and_moves_nothing_and_a_copy_is_free(shared: 
         watching.wait(lambda: "Motion" in watching.status)
         steering.wait(lambda: "Motion" in steering.status)
         assert link.about()["viewers"] == 2
+    assert ask(shared.port, f"{watch.path}again", "POST").status == 404
     moved = ask(shared.port, f"{watch.path}copy", "POST")
     copy = Link(shared.port, moved.headers["Location"].removeprefix("../.."))
     copy.loaded()

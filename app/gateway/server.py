@@ -4,6 +4,7 @@
     /s/NAME/             a session, to steer
     /watch/NAME/         the same, to look at; NAME is another one
     .../about            how it stands, as JSON
+    /s/NAME/again        POST: begin a session anew that has failed
     /watch/NAME/copy     POST: a session of one's own with the same scenario
     /assets/...          what the gateway's own pages load
 
@@ -62,7 +63,7 @@ class Gateway:
                 web.get("/{kind:s|watch}/{name}", self._session),
                 web.get("/{kind:s|watch}/{name}/", self._session),
                 web.get("/{kind:s|watch}/{name}/about", self._about),
-                web.post("/{kind:s|watch}/{name}/again", self._again),
+                web.post("/{kind:s}/{name}/again", self._again),
                 web.post("/watch/{name}/copy", self._copy),
             ]
         )

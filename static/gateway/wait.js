@@ -13,5 +13,6 @@ const ask = async () => {
   } catch { show("lost"); }
   setTimeout(ask, 1000);
 };
+document.getElementById("again").hidden = location.pathname.includes("/watch/");  // who watches begins nothing
 document.getElementById("again").addEventListener("click", async () => { await fetch("again", { method: "POST" }); });
 ask();
