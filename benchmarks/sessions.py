@@ -9,7 +9,6 @@ from __future__ import annotations
 import http.client
 import os
 import re
-import threading
 import time
 from contextlib import ExitStack
 from pathlib import Path
@@ -90,7 +89,6 @@ def _fared(count: int, seconds: float) -> Fared:
             pages.append(page := stack.enter_context(visiting(url)))
             page.wait(lambda page=page: RUNNING in page.status)
             waits.append(time.perf_counter() - began)
-            threading.Thread(target=_take, args=(page,), daemon=True).start()
         time.sleep(5.0)
         everyone = [server.process.pid, *server.children()]
         before, began, since = [_used(pid) for pid in everyone], time.perf_counter(), [page.t for page in pages]
@@ -107,13 +105,6 @@ def _fared(count: int, seconds: float) -> Fared:
             spared=waits[0],
             started=median(waits[1:]) if count > 1 else None,
         )
-
-
-def _take(page: Visitor) -> None:
-    try:
-        page.read(1e6)
-    except Exception:  # the server is ended under it
-        return
 
 
 def _arrived(port: int) -> str:

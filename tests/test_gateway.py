@@ -136,7 +136,7 @@ def test_watching_shows_everything_and_moves_nothing_and_a_copy_is_free(shared: 
         others = link.about()["crashes"]
         os.kill(shared.children()[-1], signal.SIGKILL)  # of two places taken, there is no spare
         with pytest.raises(ConnectionClosed, match="1012"):
-            own.read(PATIENCE)
+            own.lose()
         theirs.wait(lambda: theirs.t > began + 1.0)
         assert link.about()["crashes"] == others
     copy.loaded()
@@ -170,7 +170,7 @@ def test_each_limit_closes_the_connection_with_its_reason(link: Link, what: Any,
             for message in what if isinstance(what, list) else [what]:
                 page.say(message)
         with pytest.raises(ConnectionClosed, match=reason):
-            page.read(PATIENCE)
+            page.lose()
 
 
 def test_without_the_token_nothing_answers_and_each_link_opens_its_own() -> None:
@@ -217,7 +217,7 @@ def test_a_dashboard_alone_answers_its_own_pages_only() -> None:
         with visiting(url, origin=url) as page:
             page.say(b"garbage")
             with pytest.raises(ConnectionClosed, match="not a message"):
-                page.read(PATIENCE)
+                page.lose()
     finally:
         dashboard.close()
 

@@ -8,8 +8,8 @@ import select
 import signal
 import subprocess
 import sys
-import time
-from collections.abc import Iterator
+import threading
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -17,6 +17,7 @@ from urllib.parse import urlsplit
 
 import msgspec
 import zstandard
+from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import ClientConnection, connect
 from websockets.typing import Subprotocol
 
@@ -44,6 +45,9 @@ class Visitor:
         self.html: dict[str, str] = {}
         self.commands: dict[str, str] = {}
         self.received = 0
+        self._news = threading.Condition()
+        self._ended: ConnectionClosed | None = None
+        threading.Thread(target=self._listen, daemon=True).start()
         self.say(CAMERA)
 
     def say(self, message: dict[str, Any] | bytes) -> None:
@@ -65,22 +69,32 @@ class Visitor:
         found = re.search(r"\bt\s+([\d.]+)\s+s", self.status)
         return float(found[1]) if found else -1.0
 
-    def wait(self, condition, seconds: float = PATIENCE) -> None:
-        """Read until it holds. Raises ConnectionClosed, and AssertionError after so long."""
-        until = time.monotonic() + seconds
-        while not condition():
-            left = until - time.monotonic()
-            assert left > 0, self.status
-            self._take(self._socket.recv(timeout=left))
-
-    def read(self, seconds: float) -> None:
-        """Read for so long. Raises ConnectionClosed."""
-        until = time.monotonic() + seconds
-        while (left := until - time.monotonic()) > 0:
-            try:
-                self._take(self._socket.recv(timeout=left))
-            except TimeoutError:
+    def wait(self, condition: Callable[[], bool], seconds: float = PATIENCE) -> None:
+        """Until it holds. Raises ConnectionClosed, and AssertionError after so long."""
+        with self._news:
+            self._news.wait_for(lambda: condition() or self._ended is not None, seconds)
+            if condition():
                 return
+            if self._ended is not None:
+                raise self._ended
+        raise AssertionError(self.status)
+
+    def lose(self) -> None:
+        """Wait until the other side closes. Raises ConnectionClosed then."""
+        self.wait(lambda: False)
+
+    def _listen(self) -> None:
+        """All the time, as a browser does: who does not answer a ping is taken for gone."""
+        try:
+            while True:
+                frame = self._socket.recv()
+                with self._news:
+                    self._take(frame)
+                    self._news.notify_all()
+        except ConnectionClosed as ended:
+            with self._news:
+                self._ended = ended
+                self._news.notify_all()
 
     def _take(self, frame: str | bytes) -> None:
         assert isinstance(frame, bytes)
