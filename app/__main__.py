@@ -25,12 +25,13 @@ from tqdm import tqdm
 
 from app import headless, log, warm
 from app.changes import blending_to, with_robot
-from app.dashboard import Dashboard, PortBusy
+from app.dashboard import Dashboard, PortBusy, check_fps
 from app.dashboard.export import Kind, Stretch, write
 from app.dashboard.last_session import LastSession
 from app.dashboard.printed import ALL_PLOTS, plots_of
 from app.dashboard.theme import Theme
 from app.data_files import read_npz
+from app.gateway.invitation import Invitation, Look, PortTaken, Token
 from app.metrics import FIGURES, account
 from app.printable import printable
 from app.recovery import Keeper, StateError, StateFolder, default_folder
@@ -60,13 +61,18 @@ def serve(
     stateless: bool = False,
     log_level: log.Level | None = None,
     log_file: Path | None = None,
+    shared: bool = False,
+    token: Token = "auto",
+    origin: tuple[str, ...] = (),
+    max_sessions: int | None = None,
+    idle_minutes: float = 30.0,
     settings: Settings = (),
 ) -> int:
-    """Open the dashboard.
+    """Open the dashboard, for yourself or for an audience.
 
     Args:
         scenario: a shipped scenario or a .toml file to begin with
-        host: address to listen at; only this machine can reach 127.0.0.1
+        host: address to listen at; only this machine can reach 127.0.0.1, another one needs the link with the token
         port: port to listen at
         theme: how the page looks at first; T changes it there
         fps: pictures of the scene per second; without a graphics card, few leave more to the loop
@@ -74,6 +80,11 @@ def serve(
         stateless: keep nothing
         log_level: what is logged; by default warnings, and what is of interest afterwards to the file, too
         log_file: a file to log to as well
+        shared: a session for every visitor, each in a process of its own, with links to watch and to steer it
+        token: ask for a token: unless only this machine can come (auto), always, or never, as a proxy asks
+        origin: public addresses behind a proxy, such as https://lab.example.org
+        max_sessions: with --shared, how many run at once, instead of what this machine holds; the others queue
+        idle_minutes: with --shared, a session that nobody looks at so long is closed; its link brings it back
     """
     try:
         log.configure(log_level, log_file)
@@ -83,10 +94,17 @@ def serve(
         if signal.getsignal(ending) is not signal.SIG_IGN:  # nohup
             signal.signal(ending, signal.default_int_handler)
     chosen = _configured(scenario, settings)
+    invitation = Invitation(host, port, shared, token, origin, max_sessions, idle_minutes)
     try:
-        dashboard = Dashboard(host=host, port=port, theme=theme, fps=fps)
+        check_fps(fps)
     except ValueError as error:
         raise ScenarioError(f"--{error}") from error
+    if invitation.open:
+        from app.gateway.serve import serve as serve_others  # here: who is alone need not wait for it
+
+        serve_others(chosen, Look(theme, fps), invitation)
+        return DONE
+    dashboard = Dashboard(host=host, port=port, theme=theme, fps=fps)
     print(f"VSMRC Lab: {dashboard.url}  (Ctrl-C ends it)", flush=True)
     events.info("listening", url=dashboard.url)
     runner: Runner | None = None
@@ -368,7 +386,7 @@ def main() -> None:
         arguments = ["serve", *arguments]
     try:
         status = tyro.extras.subcommand_cli_from_dict(commands, args=arguments, prog="vsmrc")
-    except (ScenarioError, PortBusy) as error:
+    except (ScenarioError, PortBusy, PortTaken) as error:
         print(f"vsmrc: {printable(str(error))}", file=sys.stderr)
         status = BAD_INPUT
     except KeyboardInterrupt:

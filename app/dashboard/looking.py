@@ -21,11 +21,13 @@ class Lookers:
 
     def __init__(self) -> None:
         self._tabs: dict[int, frozenset[str]] = {}
+        self.fields: frozenset[str] = frozenset()
 
     def add_field(self, gui: viser.GuiApi) -> None:
         """One more, in the current container."""
         gui.add_html('<i class="vs-looking"></i>')
         field = gui.add_text("", "")
+        self.fields |= {field._impl.uuid}  # viser keeps it to itself
 
         async def on_report(event: viser.GuiEvent) -> None:
             if event.client is not None:

@@ -10,9 +10,11 @@ import time
 import structlog
 import viser
 
+from app.access import Names
 from app.dashboard.appearance import Appearance
 from app.dashboard.charts import Pinned
 from app.dashboard.controls import Desk
+from app.dashboard.doors import guarded
 from app.dashboard.equation import equation_html
 from app.dashboard.gate import Gate
 from app.dashboard.guard import watch
@@ -35,6 +37,7 @@ from app.dashboard.whatif_panel import WhatIfPanel
 from app.previewer import Previewer
 from app.runner import Runner, Snapshot
 from app.takeaway import Maker
+from app.traffic import NARROW
 
 log = structlog.get_logger()
 
@@ -46,7 +49,6 @@ COMPLAINT_SHOWN = 12.0  # s
 COMPLAINTS_APART = 0.5  # s, between two notifications: the status line has every one
 SLOW = 2.0  # s, a drawing that is worth a line in the log
 ENDING = 1.0  # s that viser's server is waited for
-_PHONE = 576  # px: pages up to this wide show one plot at a time, and do not shrink those of the others
 
 
 class PortBusy(OSError):
@@ -57,7 +59,8 @@ class Dashboard:
     """The page is up as soon as this is made; it shows a run once `attach` has given it a runner.
 
     port 0 takes any free port; fps: pictures of the scene per second, of which a machine without a graphics card is
-    better off with few. Raises PortBusy, and ValueError for fps beyond what makes sense.
+    better off with few; key: without it in the header KEY_HEADER nobody is answered. Raises PortBusy, and ValueError
+    for fps beyond what makes sense.
     """
 
     def __init__(
@@ -67,13 +70,14 @@ class Dashboard:
         port: int = 8080,
         theme: Theme = "dark",
         fps: float = FPS,
+        key: str | None = None,
     ) -> None:
-        if not SLOWEST_FPS <= fps <= FASTEST_FPS:
-            raise ValueError(f"fps: {fps:g}; allowed: {SLOWEST_FPS:g} to {FASTEST_FPS:g}")
+        check_fps(fps)
         self._frame = 1.0 / fps
         if port and _taken(host, port):
             raise PortBusy(f"port {port} of {host} is in use; choose another one with --port")
-        self._server = viser.ViserServer(host=host, port=port, label="VSMRC Lab", verbose=False)
+        with guarded(Names(host), key):
+            self._server = viser.ViserServer(host=host, port=port, label="VSMRC Lab", verbose=False)
         Gate(self._server)
         self.host, self.port = host, self._server.get_port()
         if port and self.port != port:
@@ -104,6 +108,11 @@ class Dashboard:
     def clients(self) -> dict[int, viser.ClientHandle]:
         """Who looks at the page, by number, in the order in which they came."""
         return self._server.get_clients()
+
+    @property
+    def looking_fields(self) -> frozenset[str]:
+        """Ids of the fields by which pages tell which tabs of plots they show; none before `attach`."""
+        return frozenset() if self._view is None else self._view.looking_fields
 
     def show_progress(self, text: str) -> None:
         """What is being prepared, while there is no runner yet."""
@@ -201,6 +210,10 @@ class _View:
         self._drawn: Snapshot | None = None
         self._page_height = 0
 
+    @property
+    def looking_fields(self) -> frozenset[str]:
+        return self._lookers.fields
+
     def complain(self, sentence: str) -> None:
         """Show a refusal until another edit is accepted, or for a while."""
         log.info("refused", sentence=sentence)
@@ -267,10 +280,16 @@ class _View:
 
     def _fit(self) -> None:
         cameras = [client.camera for client in self._server.get_clients().values()]
-        height = min((c.image_height for c in cameras if c.image_width > _PHONE), default=0)
+        height = min((c.image_height for c in cameras if c.image_width > NARROW), default=0)
         if height and height != self._page_height:
             self._page_height = height
             self._plots.fit(height)
+
+
+def check_fps(fps: float) -> None:
+    """Raises ValueError for pictures per second that make no sense."""
+    if not SLOWEST_FPS <= fps <= FASTEST_FPS:
+        raise ValueError(f"fps: {fps:g}; allowed: {SLOWEST_FPS:g} to {FASTEST_FPS:g}")
 
 
 def _taken(host: str, port: int) -> bool:

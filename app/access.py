@@ -1,0 +1,133 @@
+"""Who may speak to a server of ours: what is judged is the head of a request, before anything of it is carried out.
+
+A browser sends what any page in it asks for, also to 127.0.0.1, and names in `Host` whom it thinks it speaks to and in
+`Origin` whose page asks. So a name that is not ours means that a foreign name was made to point here (DNS rebinding),
+and an origin that is not the host itself means a foreign page. Other programs name no origin; they are not in
+a position to be misled, and pass.
+"""
+
+from __future__ import annotations
+
+import ipaddress
+import secrets
+import socket
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Literal, NamedTuple
+from urllib.parse import urlsplit
+
+Pass = Literal["steer", "watch"]
+
+KEY_HEADER = "X-Vsmrc-Key"
+# Our pages are nobody's frame (a click there would be a click here), and links, which are secrets, are not passed on
+# to other servers.
+PAGE_HEADERS = {
+    "Content-Security-Policy": "frame-ancestors 'self'; connect-src 'self' data: blob:; object-src 'none'",
+    "Referrer-Policy": "same-origin",
+    "X-Content-Type-Options": "nosniff",
+}
+_LOOPBACK = frozenset({"localhost", "127.0.0.1", "::1"})
+
+
+class Refusal(NamedTuple):
+    """status of HTTP, and one sentence."""
+
+    status: int
+    sentence: str
+
+
+class OriginError(ValueError):
+    """A public address that is none: one sentence."""
+
+
+@dataclass(frozen=True)
+class Names:
+    """What a server may be called. host: what it listens at; public: origins as `--origin` has them, such as
+    https://lab.example.org, by which a proxy makes it known. Raises OriginError."""
+
+    host: str = "127.0.0.1"
+    public: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        for origin in self.public:
+            parts = urlsplit(origin)
+            if parts.scheme not in ("http", "https") or not parts.hostname or parts.path.strip("/") or parts.query:
+                raise OriginError(f"origin {origin!r}; allowed: scheme and name, such as https://lab.example.org")
+
+    @property
+    def local(self) -> bool:
+        """Whether only programs of this machine can reach it."""
+        return is_loopback(self.host)
+
+    def refusal(self, headers: Mapping[str, str], *, acting: bool) -> Refusal | None:
+        """None for a request that may go on. acting: it does something here, or opens a web socket."""
+        host = headers.get("Host", "")
+        if not self._ours(_hostname(f"//{host}")):
+            return Refusal(
+                421, f"Host {host!r:.80} is no name of this server; allowed: its address, or a name given by --origin"
+            )
+        origin = headers.get("Origin")
+        if acting and origin is not None and not self._from_here(origin, host):
+            return Refusal(
+                403, f"Origin {origin!r:.80} is another page's; allowed: {host!r:.80}, or a page named by --origin"
+            )
+        return None
+
+    def _ours(self, name: str | None) -> bool:
+        if name is None:
+            return False
+        if name in {_hostname(origin) for origin in self.public} or name in _LOOPBACK or name == self.host.lower():
+            return True
+        # an address cannot be made to point elsewhere, as a name can
+        return not self.local and (
+            _is_address(name) or name in (socket.gethostname().lower(), socket.getfqdn().lower())
+        )
+
+    def _from_here(self, origin: str, host: str) -> bool:
+        parts = urlsplit(origin)
+        same = parts.scheme in ("http", "https") and parts.netloc.lower() == host.lower()
+        return same or origin.rstrip("/").lower() in {public.rstrip("/").lower() for public in self.public}
+
+
+@dataclass(frozen=True)
+class Tokens:
+    """What a visitor shows at the door, each by a link of its own; made at the start and never written to a file."""
+
+    steer: str = field(default_factory=secrets.token_urlsafe)
+    watch: str = field(default_factory=secrets.token_urlsafe)
+
+    def opens(self, shown: str) -> Pass | None:
+        """What this token allows, None for one that is not ours."""
+        given = shown.encode()
+        if secrets.compare_digest(given, self.steer.encode()):
+            return "steer"
+        return "watch" if secrets.compare_digest(given, self.watch.encode()) else None
+
+    def of(self, kind: Pass) -> str:
+        return self.steer if kind == "steer" else self.watch
+
+
+def is_loopback(host: str) -> bool:
+    """Whether what listens there can be reached from this machine only."""
+    if host.lower() == "localhost":
+        return True
+    try:
+        return ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return False
+
+
+def _is_address(name: str) -> bool:
+    try:
+        ipaddress.ip_address(name)
+    except ValueError:
+        return False
+    return True
+
+
+def _hostname(url: str) -> str | None:
+    """In lower case and without the brackets of an IPv6 address; None where there is none."""
+    try:
+        return urlsplit(url).hostname
+    except ValueError:
+        return None

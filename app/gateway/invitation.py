@@ -1,0 +1,42 @@
+"""For whom a server is: plain settings, so that who is alone need not load the gateway."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+from app.access import Names
+
+Token = Literal["auto", "always", "never"]
+
+
+class PortTaken(OSError):
+    """The address cannot be listened at: one sentence."""
+
+
+@dataclass(frozen=True)
+class Look:
+    """How the pages of all sessions look at first, and pictures of the scene per second."""
+
+    theme: str = "dark"
+    fps: float = 30.0
+
+
+@dataclass(frozen=True)
+class Invitation:
+    """To whom a server is open. shared: a session for each visitor, else one for all; token: asked for where others
+    than this machine's programs can come (auto); origins: public addresses behind a proxy; places: sessions that run at
+    once, None for what this machine holds; idle_minutes: after which a session that nobody looks at is closed."""
+
+    host: str = "127.0.0.1"
+    port: int = 8080
+    shared: bool = False
+    token: Token = "auto"
+    origins: tuple[str, ...] = ()
+    places: int | None = None
+    idle_minutes: float = 30.0
+
+    @property
+    def open(self) -> bool:
+        """Whether a gateway is needed at all."""
+        return self.shared or bool(self.origins) or self.token == "always" or not Names(self.host).local

@@ -1,0 +1,92 @@
+"""A page's web socket, passed on to its session's process and back.
+
+Each side is read only as fast as the other one takes what was read, so a page that does not read holds up nothing but
+itself: viser sends it the newest values when it does.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+from collections.abc import Callable
+
+import aiohttp
+from aiohttp import WSCloseCode, WSMsgType, web
+
+from app.access import KEY_HEADER
+from app.gateway.sessions import Process
+from app.traffic import Limits, Overrun
+
+BEAT = 30.0  # s between two signs of life asked of a page
+Judge = Callable[[bytes | str], bytes | None]
+
+
+async def relay(
+    request: web.Request, client: aiohttp.ClientSession, process: Process, judge: Judge, limit: int
+) -> web.WebSocketResponse:
+    """Until either side ends. judge: what of a page's message goes on, None for nothing; raises Overrun to close.
+
+    limit: bytes of a page's message that `judge` allows. Where there is no process, the page is closed with code 1012
+    and will come again.
+    """
+    offered = [name.strip() for name in request.headers.get("Sec-WebSocket-Protocol", "").split(",") if name.strip()]
+    try:
+        session = await client.ws_connect(
+            f"http://127.0.0.1:{process.port}/",
+            protocols=offered,
+            headers={KEY_HEADER: process.key},
+            max_msg_size=0,
+            compress=0,
+        )
+    except (aiohttp.ClientError, OSError):
+        return await closed(request, WSCloseCode.SERVICE_RESTART, "the session is not there; it is being started anew")
+    async with session:
+        page = web.WebSocketResponse(
+            protocols=[session.protocol] if session.protocol else [],
+            max_msg_size=2 * limit,  # of what is beyond that, no more is read, not even to say so
+            compress=False,
+            heartbeat=BEAT,
+        )
+        await page.prepare(request)
+        there = asyncio.create_task(_heard(page, session, judge))
+        back = asyncio.create_task(_shown(session, page))
+        done, pending = await asyncio.wait((there, back), return_when=asyncio.FIRST_COMPLETED)
+        for task in pending:
+            task.cancel()
+            with contextlib.suppress(asyncio.CancelledError):
+                await task
+        overrun = next((e for task in done if isinstance(e := task.exception(), Overrun)), None)
+        if overrun is not None:
+            await page.close(code=WSCloseCode.POLICY_VIOLATION, message=str(overrun).encode()[:120])
+        elif not page.closed:
+            code = session.close_code or WSCloseCode.SERVICE_RESTART
+            ended = code in (WSCloseCode.ABNORMAL_CLOSURE, 1005)
+            await page.close(code=WSCloseCode.SERVICE_RESTART if ended else code, message=b"the session has ended")
+    return page
+
+
+async def closed(request: web.Request, code: int, reason: str) -> web.WebSocketResponse:
+    """A web socket that only says why it is none: a browser tells its page nothing of a refused one."""
+    offered = [name.strip() for name in request.headers.get("Sec-WebSocket-Protocol", "").split(",") if name.strip()]
+    page = web.WebSocketResponse(protocols=offered, max_msg_size=Limits().watchers_message, timeout=1.0)
+    await page.prepare(request)
+    await page.close(code=code, message=reason.encode()[:120])
+    return page
+
+
+async def _heard(page: web.WebSocketResponse, session: aiohttp.ClientWebSocketResponse, judge: Judge) -> None:
+    """Raises Overrun."""
+    with contextlib.suppress(ConnectionError):
+        async for message in page:
+            if message.type not in (WSMsgType.BINARY, WSMsgType.TEXT):
+                return
+            if (passed := judge(message.data)) is not None:
+                await session.send_bytes(passed)
+
+
+async def _shown(session: aiohttp.ClientWebSocketResponse, page: web.WebSocketResponse) -> None:
+    with contextlib.suppress(ConnectionError):
+        async for message in session:
+            if message.type is not WSMsgType.BINARY:
+                return
+            await page.send_bytes(message.data)

@@ -1,0 +1,115 @@
+"""`vsmrc serve` for others than the one who started it: settings in, a server that runs until Ctrl-C."""
+
+from __future__ import annotations
+
+import asyncio
+import math
+import os
+import signal
+import socket
+
+from app import warm
+from app.access import Names, OriginError, Tokens
+from app.gateway.invitation import Invitation, Look, PortTaken
+from app.gateway.server import Doors, Gateway, serving
+from app.gateway.sessions import House
+from app.gateway.worker import Worker
+from app.scenario import Scenario, ScenarioError, to_toml
+
+SESSIONS_PER_CORE = 2.0  # at 1 kHz, each looked at by one page: docs/performance.md
+
+
+def serve(scenario: Scenario, look: Look, invitation: Invitation) -> None:
+    """Serve until Ctrl-C or SIGTERM. Raises ScenarioError for settings that make no sense, and PortTaken."""
+    names, tokens = _names(invitation), _tokens(invitation)
+    if invitation.places is not None and invitation.places < 1:
+        raise ScenarioError(f"--max-sessions: {invitation.places}; allowed: 1 or more")
+    if not 0 < invitation.idle_minutes < math.inf:
+        raise ScenarioError(f"--idle-minutes: {invitation.idle_minutes:g}; allowed: more than 0")
+    asyncio.run(_serve(scenario, look, invitation, names, tokens))
+
+
+def cores() -> int:
+    """Processor cores that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def places() -> int:
+    """How many sessions this machine holds."""
+    return max(1, math.floor(cores() * SESSIONS_PER_CORE))
+
+
+def _names(invitation: Invitation) -> Names:
+    try:
+        return Names(invitation.host, invitation.origins)
+    except OriginError as error:
+        raise ScenarioError(f"--{error}") from error
+
+
+def _tokens(invitation: Invitation) -> Tokens | None:
+    local = Names(invitation.host).local
+    if invitation.token == "never":
+        if not local:
+            raise ScenarioError(f"--token: never, with --host {invitation.host}; allowed: only with 127.0.0.1")
+        return None
+    return None if local and not invitation.origins and invitation.token == "auto" else Tokens()
+
+
+async def _serve(scenario: Scenario, look: Look, invitation: Invitation, names: Names, tokens: Tokens | None) -> None:
+    text, shared = to_toml(scenario), invitation.shared
+    house = House(
+        text,
+        lambda toml: Worker.prepared(toml, look),
+        (invitation.places or places()) if shared else 1,
+        60.0 * invitation.idle_minutes if shared else None,
+        spare=shared,
+    )
+    everyone = None if shared else house.new()
+    stop = asyncio.Event()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        asyncio.get_running_loop().add_signal_handler(number, stop.set)
+    gateway = Gateway(house, Doors(names, tokens, everyone))
+    warming = None
+    try:
+        async with serving(gateway, invitation.host, invitation.port) as port:
+            warming = warm.start()
+            address = _address(invitation, port)
+            print(f"VSMRC Lab: {_link(address, tokens, '')}  (Ctrl-C ends it)", flush=True)
+            if everyone is not None:
+                watch = f"watch/{everyone.watch}/"
+                print(f"to watch:  {address}/{watch}" + (f"?token={tokens.watch}" if tokens else ""), flush=True)
+            else:
+                listening = f", listening at {invitation.host}:{port}" if invitation.origins else ""
+                print(f"{house.places} sessions at once (--max-sessions){listening}", flush=True)
+            await stop.wait()
+            print("\nended")
+    except OSError as error:
+        reason = error.strerror or error
+        raise PortTaken(f"port {invitation.port} of {invitation.host} cannot be used: {reason}") from error
+    finally:
+        if warming is not None:
+            warming.terminate()
+
+
+def _link(address: str, tokens: Tokens | None, path: str) -> str:
+    return f"{address}/{path}" + (f"?token={tokens.steer}" if tokens else "")
+
+
+def _address(invitation: Invitation, port: int) -> str:
+    """By which others reach the server."""
+    if invitation.origins:
+        return invitation.origins[0].rstrip("/")
+    host = invitation.host
+    if host in ("0.0.0.0", "::"):
+        host = _outward() or socket.gethostname()
+    return f"http://[{host}]:{port}" if ":" in host else f"http://{host}:{port}"
+
+
+def _outward() -> str | None:
+    """This machine's address towards others; nothing is sent to find it."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        try:
+            probe.connect(("192.0.2.1", 9))
+        except OSError:
+            return None
+        return probe.getsockname()[0]

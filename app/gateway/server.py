@@ -1,0 +1,295 @@
+"""The server in front: who may come in, which session a path means, and the way to its process.
+
+    /                    a session of one's own: leads to its link
+    /s/NAME/             a session, to steer
+    /watch/NAME/         the same, to look at; NAME is another one
+    .../about            how it stands, as JSON
+    /s/NAME/again        POST: begin a session anew that has failed
+    /watch/NAME/copy     POST: a session of one's own with the same scenario
+    /assets/...          what the gateway's own pages load
+
+All links within are relative, so that a proxy may put the whole below any path.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import logging
+from collections.abc import AsyncIterator, Awaitable, Callable
+from dataclasses import dataclass, field, replace
+
+import aiohttp
+from aiohttp import WSCloseCode, web
+
+from app.access import KEY_HEADER, PAGE_HEADERS, Names, Pass, Tokens
+from app.gateway import pages
+from app.gateway.relay import closed, relay
+from app.gateway.sessions import HURRIED, House, Session
+from app.traffic import Limits, Meter, harmless
+
+log = logging.getLogger("vsmrc.gateway")
+
+TICK = 1.0  # s
+WAITS = 0.5  # s that a page is kept waiting for its session, rather than being told to wait
+_YEAR = 365 * 24 * 3600
+Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
+
+
+@dataclass(frozen=True)
+class Doors:
+    """names: what the server may be called; tokens: what visitors have to show, None for nothing; everyone: the session
+    that all who may steer share, None when each has one of their own; limits: see there."""
+
+    names: Names
+    tokens: Tokens | None = None
+    everyone: Session | None = None
+    limits: Limits = field(default_factory=Limits)
+
+
+class Gateway:
+    """The web application, for `aiohttp.web`."""
+
+    def __init__(self, house: House, doors: Doors) -> None:
+        self._house, self._doors = house, doors
+        self._document: pages.Document | None = None
+        self._client: aiohttp.ClientSession | None = None
+        self.app = web.Application(middlewares=[self._guard], client_max_size=64 * 1024)
+        self.app.cleanup_ctx.append(self._living)
+        self.app.add_routes(
+            [
+                web.get("/", self._front),
+                web.get("/assets/{name}", self._asset),
+                web.get("/{kind:s|watch}/{name}", self._session),
+                web.get("/{kind:s|watch}/{name}/", self._session),
+                web.get("/{kind:s|watch}/{name}/about", self._about),
+                web.post("/{kind:s}/{name}/again", self._again),
+                web.post("/watch/{name}/copy", self._copy),
+            ]
+        )
+
+    async def _living(self, _: web.Application) -> AsyncIterator[None]:
+        async with aiohttp.ClientSession(connector=aiohttp.TCPConnector(limit=0)) as self._client:
+            ticking = asyncio.create_task(self._tick())
+            yield
+            ticking.cancel()
+            await self._house.close()
+
+    async def _tick(self) -> None:
+        while True:
+            if self._doors.everyone is not None:
+                self._house.want(self._doors.everyone)
+            self._house.tick()
+            await asyncio.sleep(TICK)
+
+    # who may come in
+
+    @web.middleware
+    async def _guard(self, request: web.Request, handler: Handler) -> web.StreamResponse:
+        socket = _is_socket(request)
+        refusal = self._doors.names.refusal(request.headers, acting=socket or request.method not in ("GET", "HEAD"))
+        if refusal:
+            return _notice("This request is refused", refusal.sentence, refusal.status)
+        response = self._without_token(request)
+        if response is None and request.query_string and not socket and not request.path.endswith("/about"):
+            # viser's page would take another server's address from there, and run the scripts that it sends
+            response = _to_clean(request)
+        if response is None:
+            try:
+                response = await handler(request)
+            except web.HTTPException as error:
+                response = _notice("There is nothing here", "Perhaps the link is not complete.", error.status)
+        if not response.prepared:
+            response.headers.update(PAGE_HEADERS)
+            response.headers.setdefault("Cache-Control", "no-store")
+        return response
+
+    def _without_token(self, request: web.Request) -> web.StreamResponse | None:
+        """None for who has shown a token, now or before, or need not."""
+        tokens = self._doors.tokens
+        if tokens is None:
+            request["pass"] = "steer"
+            return None
+        cookie = f"vsmrc-token-{_port(request)}"
+        known, shown = tokens.opens(request.cookies.get(cookie, "")), tokens.opens(request.query.get("token", ""))
+        kind: Pass | None = "steer" if "steer" in (known, shown) else known or shown
+        if kind is None:
+            sentence = "This server needs the link with its token, as it was printed when the server was started."
+            return _notice("Please come in by the link", sentence, 403)
+        request["pass"] = kind
+        if shown is None or _is_socket(request):
+            return None
+        response = _to_clean(request)
+        self._remember(response, request, cookie, tokens.of(kind))
+        return response
+
+    def _remember(self, response: web.Response, request: web.Request, cookie: str, value: str) -> None:
+        public = f"https://{request.host}" in self._doors.names.public
+        response.set_cookie(
+            cookie, value, max_age=_YEAR, httponly=True, samesite="Lax", secure=public or request.secure, path="/"
+        )
+
+    # what there is
+
+    async def _front(self, request: web.Request) -> web.StreamResponse:
+        """To the visitor's session; a new one takes no place before its page is loaded."""
+        if request["pass"] != "steer":
+            return _notice("This link is for watching", "To steer, ask for the other link.", 403)
+        if request.headers.get("Sec-Fetch-Dest", "document") != "document":  # a picture on a foreign page, say
+            return _notice("This request is refused", "Sec-Fetch-Dest is not a page; allowed: document", 403)
+        cookie = f"vsmrc-session-{_port(request)}"
+        session = self._doors.everyone or self._house.named(request.cookies.get(cookie, "")) or self._house.new()
+        response = web.Response(status=303, headers={"Location": f"s/{session.name}/"})
+        self._remember(response, request, cookie, session.name)
+        return response
+
+    async def _session(self, request: web.Request) -> web.StreamResponse:
+        if _is_socket(request):
+            return await self._socket(request)
+        session = self._meant(request)
+        if not request.path.endswith("/"):
+            return web.Response(status=303, headers={"Location": f"{request.match_info['name']}/"})
+        self._house.want(session)
+        if await self._house.soon(session, WAITS) and (document := await self._page(session)):
+            return _sent(document, request)
+        return _html(pages.waiting())
+
+    async def _page(self, session: Session) -> pages.Document | None:
+        """None when the process is not there any more."""
+        if self._document is None and session.process is not None and self._client is not None:
+            address, headers = f"http://127.0.0.1:{session.process.port}/", {KEY_HEADER: session.process.key}
+            try:
+                async with self._client.get(address, headers=headers) as response:
+                    response.raise_for_status()
+                    page = await response.read()
+            except (aiohttp.ClientError, OSError):
+                return None
+            self._document = await asyncio.to_thread(pages.with_overlay, page)
+        return self._document
+
+    async def _socket(self, request: web.Request) -> web.StreamResponse:
+        session, limits = self._meant(request), self._doors.limits
+        self._house.want(session)
+        if (process := session.process) is None or self._client is None:
+            return await closed(request, WSCloseCode.SERVICE_RESTART, "the session is being started")
+        if session.viewers >= limits.per_session:
+            reason = f"{session.viewers} pages of this session are open; allowed: no more"
+            return await closed(request, WSCloseCode.TRY_AGAIN_LATER, reason)
+        if self._house.viewers >= limits.total:
+            reason = f"{limits.total} pages of this server are open; allowed: no more"
+            return await closed(request, WSCloseCode.TRY_AGAIN_LATER, reason)
+        watches = _watches(request)
+        limits = replace(limits, message=limits.watchers_message) if watches else limits
+        meter = Meter(limits)
+
+        def steering(raw: bytes | str) -> bytes | None:
+            return raw if meter.admits(raw) and isinstance(raw, bytes) else None
+
+        def watching(raw: bytes | str) -> bytes | None:
+            return harmless(raw, process.looking) if meter.admits(raw) and isinstance(raw, bytes) else None
+
+        with self._house.viewing(session):
+            judge = watching if watches else steering
+            return await relay(request, self._client, process, judge, limits.message)
+
+    async def _about(self, request: web.Request) -> web.StreamResponse:
+        session = self._meant(request)
+        if "wait" in request.query:
+            self._house.want(session)
+        about = {
+            "phase": session.phase,
+            "place": self._house.place(session),
+            "rest": round(HURRIED),
+            "told": session.told,
+            "crashes": session.crashes,
+            "viewers": session.viewers,
+            "copy": self._doors.everyone is None,
+        }
+        if not _watches(request):
+            tokens, kind = self._doors.tokens, request["pass"]
+            about["links"] = {
+                "watch": f"../../watch/{session.watch}/" + (f"?token={tokens.watch}" if tokens else ""),
+                "steer": f"../../s/{session.name}/" + (f"?token={tokens.of(kind)}" if tokens else ""),
+            }
+        return web.json_response(about)
+
+    async def _again(self, request: web.Request) -> web.StreamResponse:
+        self._house.again(self._meant(request))
+        return web.Response(status=204)
+
+    async def _copy(self, request: web.Request) -> web.StreamResponse:
+        watched = self._meant(request)
+        if self._doors.everyone is not None:
+            return _notice("This server has one session only", "Private copies need one started with --shared.", 403)
+        session = self._house.new(watched.scenario)
+        response = web.Response(status=303, headers={"Location": f"../../s/{session.name}/"})
+        self._remember(response, request, f"vsmrc-session-{_port(request)}", session.name)
+        return response
+
+    async def _asset(self, request: web.Request) -> web.StreamResponse:
+        name = request.match_info["name"]
+        try:
+            body = pages.asset(name)
+        except KeyError:
+            raise web.HTTPNotFound from None
+        return web.Response(
+            body=body, content_type=pages.ASSETS[name], charset="utf-8", headers={"Cache-Control": "no-cache"}
+        )
+
+    def _meant(self, request: web.Request) -> Session:
+        """Raises HTTPNotFound."""
+        name = request.match_info["name"]
+        session = self._house.watched(name) if _watches(request) else self._house.named(name)
+        if session is None:
+            raise web.HTTPNotFound
+        return session
+
+
+def _watches(request: web.Request) -> bool:
+    return request.match_info.get("kind", "watch") == "watch"
+
+
+def _is_socket(request: web.Request) -> bool:
+    return request.headers.get("Upgrade", "").lower() == "websocket"
+
+
+def _port(request: web.Request) -> int:
+    """Browsers keep the cookies of all ports of a host together."""
+    address = request.get_extra_info("sockname")
+    return address[1] if address else 0
+
+
+def _to_clean(request: web.Request) -> web.Response:
+    """To the same page, without what the address says behind the '?'."""
+    return web.Response(status=303, headers={"Location": f"./{request.path.rpartition('/')[2]}"})
+
+
+def _html(text: str, status: int = 200) -> web.Response:
+    return web.Response(text=text, status=status, content_type="text/html")
+
+
+def _notice(title: str, sentence: str, status: int) -> web.Response:
+    return _html(pages.notice(title, sentence), status)
+
+
+def _sent(document: pages.Document, request: web.Request) -> web.Response:
+    headers = {"ETag": document.tag, "Cache-Control": "no-cache", "Vary": "Accept-Encoding"}
+    if document.tag in request.headers.get("If-None-Match", ""):
+        return web.Response(status=304, headers=headers)
+    if "gzip" in request.headers.get("Accept-Encoding", ""):
+        headers["Content-Encoding"] = "gzip"
+        return web.Response(body=document.compressed, content_type="text/html", charset="utf-8", headers=headers)
+    return web.Response(body=document.plain, content_type="text/html", charset="utf-8", headers=headers)
+
+
+@contextlib.asynccontextmanager
+async def serving(gateway: Gateway, host: str, port: int) -> AsyncIterator[int]:
+    """While it lasts, the gateway answers at the port that is yielded; port 0 takes any. Raises OSError."""
+    runner = web.AppRunner(gateway.app, access_log=None, shutdown_timeout=0.5, handler_cancellation=True)
+    await runner.setup()
+    try:
+        site = web.TCPSite(runner, host, port)
+        await site.start()
+        yield runner.addresses[0][1]
+    finally:
+        await runner.cleanup()

@@ -1,0 +1,272 @@
+"""Who has a session, which of them run, who waits for a place: no page and no socket here."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import logging
+import secrets
+import time
+from collections.abc import AsyncIterator, Callable, Coroutine, Iterator
+from dataclasses import dataclass, field
+from typing import Literal, Protocol
+
+from app.gateway.worker import WorkerError
+
+log = logging.getLogger("vsmrc.gateway")
+
+Phase = Literal["resting", "waiting", "starting", "running", "failed"]
+
+FORGOTTEN = 15.0  # s: who waits for a place and does not ask so long has gone
+UNSEEN = 60.0  # s: a process that nobody ever looked at is closed
+HURRIED = 120.0  # s: while others wait, a place that nobody looks at is free so soon
+CRASHES, WITHIN = 3, 60.0  # so many ends of a process within so many s, and it is not begun again
+SPARE_AFTER = 2.0  # s after a start, for the page that is just being loaded has the processor first
+MOST_KEPT = 2000  # sessions that rest; of more, the one not seen for longest is forgotten
+
+
+class Process(Protocol):
+    """What a session needs of `Worker`."""
+
+    port: int
+    key: str
+    looking: frozenset[str]
+
+    @property
+    def alive(self) -> bool: ...
+    def begin(self, scenario: str | None) -> None: ...
+    def changes(self) -> AsyncIterator[str]: ...
+    async def end(self) -> str: ...
+
+
+@dataclass(eq=False)
+class Session:
+    """A run that has a link, whether or not a process runs it now.
+
+    name, watch: parts of the links to steer and to watch, neither to be guessed, nor one from the other. scenario:
+    TOML, as it was last. viewers: open pages. told: what happened to its process last, "" while nothing did; crashes
+    counts that.
+    """
+
+    scenario: str
+    name: str = field(default_factory=lambda: secrets.token_urlsafe(16))
+    watch: str = field(default_factory=lambda: secrets.token_urlsafe(16))
+    phase: Phase = "resting"
+    process: Process | None = None
+    viewers: int = 0
+    told: str = ""
+    crashes: int = 0
+    asked: float = 0.0
+    seen: float = 0.0
+    _falls: list[float] = field(default_factory=list)
+    _ever_seen: bool = False
+    _runs: asyncio.Event = field(default_factory=asyncio.Event)
+    _life: asyncio.Task[None] | None = None
+    _closing: bool = False
+
+
+class House:
+    """Sessions and their processes, at most `places` of them at once; all in one event loop.
+
+    scenario: TOML of a new session; launch: makes a process with this scenario ready; idle: s after which a session
+    that nobody looks at is closed, its scenario kept, None for never; spare: have a process ready in advance.
+    """
+
+    def __init__(
+        self,
+        scenario: str,
+        launch: Callable[[str], Coroutine[None, None, Process]],
+        places: int,
+        idle: float | None,
+        *,
+        spare: bool = True,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self._scenario, self._launch, self.places, self._idle = scenario, launch, places, idle
+        self._wants_spare, self._clock = spare, clock
+        self._by_name: dict[str, Session] = {}
+        self._by_watch: dict[str, Session] = {}
+        self._queue: list[Session] = []
+        self._spare: asyncio.Task[Process] | None = None
+        self._endings: set[asyncio.Task[str]] = set()
+        self._started = clock() - SPARE_AFTER
+
+    @property
+    def taken(self) -> int:
+        """How many places are."""
+        return sum(session._life is not None for session in self._by_name.values())
+
+    @property
+    def viewers(self) -> int:
+        """Open pages of all sessions."""
+        return sum(session.viewers for session in self._by_name.values())
+
+    def named(self, name: str) -> Session | None:
+        return self._by_name.get(name)
+
+    def watched(self, name: str) -> Session | None:
+        return self._by_watch.get(name)
+
+    def new(self, scenario: str | None = None) -> Session:
+        """A session that rests; scenario: TOML, None for the usual one."""
+        self._forget()
+        session = Session(scenario or self._scenario, seen=self._clock())
+        self._by_name[session.name] = self._by_watch[session.watch] = session
+        return session
+
+    def want(self, session: Session) -> None:
+        """Somebody looks for this session: run it, or keep its place in the queue."""
+        session.asked = session.seen = self._clock()
+        if session.phase == "resting":
+            session.phase = "waiting"
+            self._queue.append(session)
+            self._advance()
+
+    async def soon(self, session: Session, patience: float) -> bool:
+        """Whether it runs, or will within so many s: with a spare it does."""
+        with contextlib.suppress(TimeoutError):
+            async with asyncio.timeout(patience):
+                await session._runs.wait()
+        return session.phase == "running"
+
+    def place(self, session: Session) -> int:
+        """In the queue, from 1; 0 for a session that does not wait."""
+        return self._queue.index(session) + 1 if session in self._queue else 0
+
+    def again(self, session: Session) -> None:
+        """Begin a failed session anew, with the usual scenario."""
+        if session.phase == "failed":
+            session.scenario, session.phase, session.told = self._scenario, "resting", ""
+            session._falls.clear()
+            self.want(session)
+
+    @contextlib.contextmanager
+    def viewing(self, session: Session) -> Iterator[None]:
+        """While a page is open."""
+        session.viewers += 1
+        session._ever_seen = True
+        try:
+            yield
+        finally:
+            session.viewers -= 1
+            session.seen = self._clock()
+
+    def tick(self) -> None:
+        """What time brings: places fall free, who waits moves on, a spare is ordered. To be called each second."""
+        for session in self._by_name.values():
+            if session.phase == "running" and not session.viewers and self._unseen(session) and session.process:
+                log.info("session closed, nobody looks at it")
+                session._closing = True
+                session.phase = "resting"
+                session.process, process = None, session.process
+                self._ending(process)
+        self._advance()
+        if self._spare is not None and self._spare.done() and not _of_use(self._spare):
+            self._spare = None
+        wanted = self._wants_spare and self._spare is None and self.taken < self.places
+        if wanted and self._clock() - self._started >= SPARE_AFTER:
+            self._started = self._clock()  # a launch that fails is not tried again at once either
+            self._spare = asyncio.create_task(self._launch(self._scenario))
+
+    async def close(self) -> None:
+        """End every process; returns when they have ended."""
+        lives = [session._life for session in self._by_name.values() if session._life is not None]
+        if self._spare is not None:
+            lives.append(asyncio.create_task(_end(self._spare)))
+        for session in self._by_name.values():
+            session._closing = True
+            if session.process is not None:
+                self._ending(session.process)
+            elif session._life is not None:
+                session._life.cancel()
+        await asyncio.gather(*lives, *self._endings, return_exceptions=True)
+
+    def _unseen(self, session: Session) -> bool:
+        if self._idle is None:
+            return False
+        least = self._idle if session._ever_seen else min(UNSEEN, self._idle)
+        if self._queue:
+            least = min(least, HURRIED)
+        return self._clock() - session.seen > least
+
+    def _ending(self, process: Process) -> None:
+        ending = asyncio.create_task(process.end())
+        self._endings.add(ending)
+        ending.add_done_callback(self._endings.discard)
+
+    def _advance(self) -> None:
+        now = self._clock()
+        for session in [s for s in self._queue if now - s.asked > FORGOTTEN]:
+            self._queue.remove(session)
+            session.phase = "resting"
+        for session in list(self._queue):
+            # one that is just being closed comes back when it has been
+            if self.taken < self.places and session._life is None:
+                self._queue.remove(session)
+                session.phase, session._closing, session._ever_seen = "starting", False, False
+                session._life = asyncio.create_task(self._live(session))
+
+    async def _live(self, session: Session) -> None:
+        """From its place in the house to its end, over as many processes as it takes."""
+        try:
+            while not session._closing:
+                session.phase = "starting"
+                process = await self._process(session.scenario)
+                session.process, session.phase, session.seen = process, "running", self._clock()
+                session._runs.set()
+                async for scenario in process.changes():
+                    session.scenario = scenario
+                session._runs.clear()
+                how = await process.end()
+                session.process = None
+                if not session._closing:
+                    self._fallen(session, how)
+        except WorkerError as error:
+            session.phase, session.told = "failed", str(error)
+            log.warning("%s", error)
+        finally:
+            session._life = None
+            session._runs.clear()
+            if session.phase in ("starting", "running"):
+                session.phase = "resting"
+
+    def _fallen(self, session: Session, how: str) -> None:
+        now = self._clock()
+        session._falls = [fall for fall in session._falls if now - fall < WITHIN] + [now]
+        session.crashes += 1
+        log.warning("a session's process has ended unexpectedly: %s", how)
+        if len(session._falls) >= CRASHES:
+            raise WorkerError(f"its process has ended unexpectedly {CRASHES} times within a minute ({how})")
+        session.told = f"its process ended unexpectedly ({how}); another one has begun its last scenario anew"
+
+    async def _process(self, scenario: str) -> Process:
+        """The spare, or a new one; it has begun the scenario."""
+        spare, self._spare = self._spare, None
+        process = None
+        if spare is not None:
+            with contextlib.suppress(WorkerError):
+                process = await spare
+        if process is None or not process.alive:
+            process = await self._launch(scenario)
+            process.begin(None)
+        else:
+            process.begin(None if scenario == self._scenario else scenario)
+        self._started = self._clock()
+        return process
+
+    def _forget(self) -> None:
+        resting = [session for session in self._by_name.values() if session._life is None and not self.place(session)]
+        if len(resting) >= MOST_KEPT:
+            oldest = min(resting, key=lambda session: session.seen)
+            del self._by_name[oldest.name], self._by_watch[oldest.watch]
+
+
+def _of_use(launch: asyncio.Task[Process]) -> bool:
+    """Whether this launch, which is done, has led to a process that is there."""
+    return not launch.cancelled() and launch.exception() is None and launch.result().alive
+
+
+async def _end(launch: asyncio.Task[Process]) -> None:
+    launch.cancel()
+    with contextlib.suppress(asyncio.CancelledError, WorkerError):
+        await (await launch).end()

@@ -1,0 +1,118 @@
+"""The gateway's end of a session's process, `app.session_worker`."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import logging
+import secrets
+import signal
+import socket
+import subprocess
+from collections.abc import AsyncIterator
+
+from app import child
+from app.gateway.invitation import Look
+from app.session_messages import LONGEST, Begin, Changed, Failed, Prepare, Ready, from_session, line
+
+log = logging.getLogger("vsmrc.gateway")
+
+PATIENCE = 2.0  # s that a process has to end by itself
+
+
+class WorkerError(RuntimeError):
+    """A process that could not be started: one sentence."""
+
+
+class Worker:
+    """A process that is ready, or runs. port, key: where its dashboard answers, and to whom; looking: see
+    `app.traffic.harmless`."""
+
+    def __init__(
+        self,
+        process: subprocess.Popen[bytes],
+        reader: asyncio.StreamReader,
+        writer: asyncio.StreamWriter,
+        key: str,
+    ) -> None:
+        self._process, self._reader, self._writer = process, reader, writer
+        self.key = key
+        self.port = 0
+        self.looking: frozenset[str] = frozenset()
+        self._failure = ""
+        self._listens = False
+
+    @classmethod
+    async def prepared(cls, scenario: str, look: Look) -> Worker:
+        """A process with its dashboard up and this scenario (TOML) compiled. Raises WorkerError."""
+        ours, theirs = socket.socketpair()
+        with theirs:
+            file = theirs.fileno()
+            try:
+                process = child.start("app.session_worker", str(file), stdin=subprocess.DEVNULL, pass_fds=(file,))
+            except OSError as error:
+                ours.close()
+                raise WorkerError(f"the session's process cannot be started: {error.strerror}") from error
+        reader, writer = await asyncio.open_connection(sock=ours, limit=LONGEST)
+        worker = cls(process, reader, writer, secrets.token_urlsafe())
+        try:
+            worker._tell(Prepare(scenario, look.theme, look.fps, worker.key))
+            await worker._ready()
+        except BaseException:
+            await worker.end()
+            raise
+        return worker
+
+    @property
+    def process_id(self) -> int:
+        return self._process.pid
+
+    @property
+    def alive(self) -> bool:
+        """Whether it has not ended."""
+        return self._process.poll() is None
+
+    def begin(self, scenario: str | None) -> None:
+        """Run this scenario (TOML), None for the one prepared."""
+        self._tell(Begin(scenario))
+
+    async def changes(self) -> AsyncIterator[str]:
+        """The scenario (TOML) whenever it has changed, until the process ends."""
+        async for message in self._messages():
+            if isinstance(message, Changed):
+                yield message.scenario
+
+    async def end(self) -> str:
+        """Have the process end, if it has not; returns in a few words how it did."""
+        self._writer.close()
+        if not self._listens:
+            self._process.kill()  # it still imports, and would notice only then
+        with contextlib.suppress(TimeoutError):
+            async with asyncio.timeout(PATIENCE):
+                while self.alive:  # no thread waits for it: that would have to be waited for at the end in turn
+                    await asyncio.sleep(0.02)
+        if self.alive:
+            log.warning("session process %d did not end by itself", self.process_id)
+            self._process.kill()
+        status = self._process.wait()
+        if self._failure:
+            return self._failure
+        return f"ended by {signal.Signals(-status).name}" if status < 0 else f"exit status {status}"
+
+    async def _ready(self) -> None:
+        async for message in self._messages():
+            if isinstance(message, Ready):
+                self.port, self.looking, self._listens = message.port, message.looking, True
+                return
+        raise WorkerError(f"the session's process could not begin: {await self.end()}")
+
+    async def _messages(self) -> AsyncIterator[Ready | Changed | Failed]:
+        with contextlib.suppress(ConnectionError, asyncio.IncompleteReadError):
+            while text := await self._reader.readline():
+                message = from_session.decode(text)
+                if isinstance(message, Failed):
+                    self._failure = message.reason
+                yield message
+
+    def _tell(self, message: Prepare | Begin) -> None:
+        self._writer.write(line(message))

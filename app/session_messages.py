@@ -1,0 +1,52 @@
+"""What a gateway and the process of a session tell each other: one JSON object a line, over a pair of sockets."""
+
+from __future__ import annotations
+
+import msgspec
+
+
+class Prepare(msgspec.Struct, frozen=True, tag=True):
+    """To the process, at first: have a dashboard up, reachable with this key, and this scenario (TOML) compiled."""
+
+    scenario: str
+    theme: str
+    fps: float
+    key: str
+
+
+class Begin(msgspec.Struct, frozen=True, tag=True):
+    """To the process: run. scenario: TOML, None for the one prepared."""
+
+    scenario: str | None
+
+
+class Ready(msgspec.Struct, frozen=True, tag=True):
+    """From the process: it can begin. looking: see `app.traffic.harmless`."""
+
+    port: int
+    looking: frozenset[str]
+
+
+class Changed(msgspec.Struct, frozen=True, tag=True):
+    """From the process: the scenario (TOML) that runs from now on, so that it can be begun again elsewhere."""
+
+    scenario: str
+
+
+class Failed(msgspec.Struct, frozen=True, tag=True):
+    """From the process, at last: why it cannot go on, in a sentence."""
+
+    reason: str
+
+
+ToSession = Prepare | Begin
+FromSession = Ready | Changed | Failed
+
+to_session = msgspec.json.Decoder(ToSession)
+from_session = msgspec.json.Decoder(FromSession)
+LONGEST = 64 * 2**20  # bytes of a line: scenarios hold no recordings
+
+
+def line(message: ToSession | FromSession) -> bytes:
+    """The message as it is sent."""
+    return msgspec.json.encode(message) + b"\n"

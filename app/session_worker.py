@@ -1,0 +1,95 @@
+"""The process of one session: `python -m app.session_worker FD`, started by `app.gateway`.
+
+It serves a dashboard at a loopback port, to its gateway only, and tells it of every change of the scenario. It ends
+when the other end of the connection does, whatever became of the gateway.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import logging
+import os
+import socket
+import sys
+import threading
+from io import BufferedReader
+from typing import cast
+
+from app.dashboard import Dashboard
+from app.dashboard.theme import Theme
+from app.runner import Load, Runner
+from app.scenario import Scenario, from_toml, to_toml
+from app.session_messages import Begin, Changed, Failed, FromSession, Prepare, Ready, ToSession, line, to_session
+
+log = logging.getLogger("vsmrc.session")
+
+LOOK = 0.2  # s between two looks whether the scenario has changed
+
+
+class Gateway:
+    """The connection's end in this process."""
+
+    def __init__(self, connection: socket.socket) -> None:
+        self._connection = connection
+        self._lines: BufferedReader = connection.makefile("rb")
+
+    def next(self) -> ToSession:
+        """Raises EOFError when the gateway has gone."""
+        if not (text := self._lines.readline()):
+            raise EOFError
+        return to_session.decode(text)
+
+    def tell(self, message: FromSession) -> None:
+        """Raises ConnectionError when the gateway has gone."""
+        self._connection.sendall(line(message))
+
+
+def serve(gateway: Gateway) -> None:
+    """From the preparation to the end of the connection. Raises EOFError or ConnectionError then."""
+    prepare = gateway.next()
+    assert isinstance(prepare, Prepare)
+    scenario = from_toml(prepare.scenario)
+    with contextlib.redirect_stdout(io.StringIO()):  # viser would print an address where nobody is answered
+        dashboard = Dashboard(port=0, theme=cast(Theme, prepare.theme), fps=prepare.fps, key=prepare.key)
+    runner = Runner(scenario)
+    dashboard.attach(runner)
+    gateway.tell(Ready(dashboard.port, dashboard.looking_fields))
+    begin = gateway.next()
+    assert isinstance(begin, Begin)
+    if begin.scenario:
+        runner.post(Load(from_toml(begin.scenario)))
+    runner.start()
+    threading.Thread(target=_report, args=(gateway, runner, scenario), name="reports", daemon=True).start()
+    threading.Thread(target=dashboard.run_forever, name="drawing", daemon=True).start()
+    gateway.next()  # nothing is asked of a running session: this returns when the other end has gone
+
+
+def _report(gateway: Gateway, runner: Runner, told: Scenario) -> None:
+    pause = threading.Event()
+    with contextlib.suppress(OSError):
+        while not pause.wait(LOOK):
+            scenario = runner.snapshot.scenario
+            if scenario is not told and scenario != told:
+                told = scenario
+                gateway.tell(Changed(to_toml(scenario)))
+
+
+def main() -> None:
+    logging.basicConfig(level=logging.WARNING, format="%(levelname)s %(name)s: %(message)s")
+    with socket.socket(fileno=int(sys.argv[1])) as connection:
+        gateway = Gateway(connection)
+        try:
+            serve(gateway)
+        except (EOFError, ConnectionError):
+            # at once: the gateway knows the scenario, processes of ours end with us, and nothing else is to be kept
+            os._exit(0)
+        except Exception as error:  # the process's last resort: let the gateway say it
+            log.exception("the session failed")
+            with contextlib.suppress(OSError):
+                gateway.tell(Failed(f"{error}"))
+            os._exit(1)
+
+
+if __name__ == "__main__":
+    main()

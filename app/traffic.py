@@ -1,0 +1,170 @@
+"""What comes from a page, judged before viser sees it: how much of it, and whether it may steer.
+
+viser's client sends msgpack maps with a `type`; a file comes as one `FileTransferStartUpload` and then parts.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+import time
+from collections.abc import Callable, Collection
+from dataclasses import dataclass
+from typing import Any, TypeVar
+
+import msgspec
+
+MEGABYTE = 2**20
+NARROW = 576  # px: pages up to this wide, phones, take no part in how high the plots are
+
+
+@dataclass(frozen=True)
+class Limits:
+    """Of one connection: the size of a message in bytes (the largest are pictures of the scene), messages per second
+    in the long run and at once, bytes of a file and of all files not yet complete. Of the server: connections per
+    session and in total."""
+
+    message: int = 32 * MEGABYTE
+    watchers_message: int = 64 * 1024
+    rate: float = 300.0
+    burst: float = 3000.0
+    upload: int = 8 * MEGABYTE
+    uploads: int = 16 * MEGABYTE
+    per_session: int = 64
+    total: int = 256
+
+
+class Overrun(ValueError):
+    """More than a limit allows: one sentence, short enough for the reason of a closed web socket (123 bytes)."""
+
+
+_T = TypeVar("_T")
+
+
+class _Envelope(msgspec.Struct):
+    type: str
+    transfer_uuid: str = ""
+    part_count: int = 0
+    size_bytes: int = 0
+
+
+class _Part(msgspec.Struct):
+    transfer_uuid: str
+    content: memoryview
+
+
+class _Camera(msgspec.Struct, forbid_unknown_fields=True):
+    type: str
+    wxyz: tuple[float, float, float, float]
+    position: tuple[float, float, float]
+    fov: float
+    near: float
+    far: float
+    image_height: int
+    image_width: int
+    look_at: tuple[float, float, float]
+    up_direction: tuple[float, float, float]
+
+
+class _Update(msgspec.Struct, forbid_unknown_fields=True):
+    type: str
+    uuid: str
+    updates: dict[str, Any]
+
+
+_envelope = msgspec.msgpack.Decoder(_Envelope, strict=False)
+_part = msgspec.msgpack.Decoder(_Part)
+_camera = msgspec.msgpack.Decoder(_Camera, strict=False)
+_update = msgspec.msgpack.Decoder(_Update)
+
+# a page of ours never sends them: viser would make the server known to a public one
+_NEVER = frozenset({"ShareUrlRequest", "ShareUrlDisconnect"})
+_TABS = re.compile(r"[\w ,+‖ℓ()/-]{0,200}#[0-9.e-]{0,30}")
+_LARGEST_PAGE = 16384  # px
+
+
+class Meter:
+    """Counts what comes over one connection."""
+
+    def __init__(self, limits: Limits, clock: Callable[[], float] = time.monotonic) -> None:
+        self._limits, self._clock = limits, clock
+        self._left, self._counted = limits.burst, clock()
+        self._files: dict[str, int] = {}
+
+    def admits(self, raw: bytes | str) -> bool:
+        """Whether to pass this message on; False for one to leave out. Raises Overrun, to close the connection."""
+        limits = self._limits
+        now = self._clock()
+        self._left = min(self._left + (now - self._counted) * limits.rate, limits.burst) - 1.0
+        self._counted = now
+        if self._left < 0.0:
+            raise Overrun(f"too many messages; allowed: {limits.rate:g} per second")
+        if len(raw) > limits.message:
+            raise Overrun(f"a message of {len(raw) / MEGABYTE:.1f} MB; allowed: {_megabytes(limits.message)}")
+        envelope = _opened(raw, _envelope)
+        if envelope.type == "FileTransferStartUpload":
+            self._begin(envelope)
+        elif envelope.type == "FileTransferPart":
+            return self._take(raw)
+        return envelope.type not in _NEVER
+
+    def _begin(self, envelope: _Envelope) -> None:
+        size, limits = envelope.size_bytes, self._limits
+        if not 0 <= size <= limits.upload or envelope.part_count > limits.upload:
+            raise Overrun(f"a file of {size / MEGABYTE:.1f} MB; allowed: {_megabytes(limits.upload)}")
+        if sum(self._files.values()) + size > limits.uploads or len(self._files) >= 100:
+            raise Overrun(f"files of more than {_megabytes(limits.uploads)} at once; allowed: one after the other")
+        if size:
+            self._files[envelope.transfer_uuid] = size
+
+    def _take(self, raw: bytes | str) -> bool:
+        part = _opened(raw, _part)
+        left = self._files.pop(part.transfer_uuid, None)
+        if left is None:
+            return False
+        left -= max(len(part.content), 1)
+        if left < 0:
+            raise Overrun("a file longer than it was said to be")
+        if left:
+            self._files[part.transfer_uuid] = left
+        return True
+
+
+def harmless(raw: bytes, looking: Collection[str]) -> bytes | None:
+    """What of a watcher's message may reach the session, None for nothing: where its camera is, and which tabs of plots
+    it has on its screen, so that they are drawn. Nothing of the run depends on either. looking: ids of the fields that
+    take the tabs."""
+    try:
+        kind = _opened(raw, _envelope).type
+        if kind == "ViewerCameraMessage":
+            camera = _camera.decode(raw)
+            numbers = (*camera.wxyz, *camera.position, *camera.look_at, *camera.up_direction)
+            if not all(map(math.isfinite, (*numbers, camera.fov, camera.near, camera.far))):
+                return None
+            if not (0 < camera.image_height <= _LARGEST_PAGE and 0 < camera.image_width <= _LARGEST_PAGE):
+                return None
+            # the plots of all are fitted to the lowest page, phones left out: a watcher's does not count either
+            narrow = min(camera.image_width, NARROW)
+            return msgspec.msgpack.encode(msgspec.structs.replace(camera, image_width=narrow))
+        if kind == "GuiUpdateMessage":
+            update = _update.decode(raw)
+            tabs = update.updates.get("value")
+            if update.uuid in looking and update.updates.keys() == {"value"} and isinstance(tabs, str):
+                return raw if _TABS.fullmatch(tabs) else None
+    except (Overrun, msgspec.MsgspecError, RecursionError):
+        return None
+    return None
+
+
+def _opened(raw: bytes | str, decoder: msgspec.msgpack.Decoder[_T]) -> _T:
+    """Raises Overrun for what no page of ours sends."""
+    if isinstance(raw, bytes):
+        try:
+            return decoder.decode(raw)
+        except (msgspec.MsgspecError, RecursionError, ValueError):
+            pass
+    raise Overrun("not a message of the page")
+
+
+def _megabytes(size: int) -> str:
+    return f"{size / MEGABYTE:g} MB"

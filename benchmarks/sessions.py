@@ -1,0 +1,154 @@
+"""How many sessions one machine holds at 1 kHz, what each costs, and how soon a visitor has a page.
+
+The server is `vsmrc serve --shared`; every session is looked at by one page that takes all that it is sent but draws
+nothing; a browser is somebody else's machine.
+"""
+
+from __future__ import annotations
+
+import http.client
+import os
+import re
+import time
+from contextlib import ExitStack
+from pathlib import Path
+from statistics import median
+from typing import NamedTuple
+
+from tqdm import tqdm
+
+from app import warm
+from app.gateway.serve import cores
+from app.markdown import Table
+from benchmarks.effort import Effort
+from tests.visitors import PATIENCE, Server, Visitor, serving, visiting
+
+COUNTS = (1, 2, 3, 4, 6, 8)
+HELD = 0.995  # of real time, by the slowest session
+RUNNING = "‖s‖ ≤ bound: holds"
+_TICKS = os.sysconf("SC_CLK_TCK")
+
+
+class Fared(NamedTuple):
+    """Of a number of sessions: share of real time and median lateness (ms) of the one that fared worst; processor's
+    share of a session and of the gateway, memory of a session in MB; seconds to the page with the spare and without."""
+
+    realtime: float
+    late: float
+    session: float
+    gateway: float
+    memory: float
+    spared: float
+    started: float | None
+
+
+def measure(effort: Effort) -> Table:
+    """The table of sessions, up to the first number that is not held."""
+    if (compiling := warm.start()) is not None:  # else every server would compile in the background
+        compiling.wait()
+    rows = []
+    for count in tqdm(COUNTS, desc="sessions", leave=False, disable=None):
+        fared = _fared(count, effort.pacing / 3)
+        rows.append(
+            (
+                f"{count}",
+                f"{count / cores():g}",
+                f"{fared.realtime:.3f}" + ("" if fared.realtime >= HELD else " (not held)"),
+                f"{fared.late:.2f}",
+                f"{fared.session * 100:.0f}",
+                f"{fared.gateway * 100:.0f}",
+                f"{fared.memory:.0f}",
+                f"{fared.spared:.2f}",
+                "" if fared.started is None else f"{fared.started:.1f}",
+            )
+        )
+        if fared.realtime < HELD:
+            break
+    titles = (
+        "sessions, each looked at by a page",
+        "per core",
+        "× real time, slowest",
+        "late p50, ms, worst",
+        "processor per session, %",
+        "gateway, %",
+        "memory per session, MB",
+        "page with the spare, s",
+        "without, s",
+    )
+    return Table(titles, rows)
+
+
+def _fared(count: int, seconds: float) -> Fared:
+    with serving("--shared", "--max-sessions", str(count), lines=2, fps=30) as server, ExitStack() as stack:
+        spare = _first(server)
+        _at_rest(spare)
+        pages, waits = [], []
+        for _ in range(count):
+            began = time.perf_counter()
+            url = _arrived(server.port)
+            pages.append(page := stack.enter_context(visiting(url)))
+            page.wait(lambda page=page: RUNNING in page.status)
+            waits.append(time.perf_counter() - began)
+        time.sleep(5.0)
+        everyone = [server.process.pid, *server.children()]
+        before, began, since = [_used(pid) for pid in everyone], time.perf_counter(), [page.t for page in pages]
+        time.sleep(seconds)
+        passed = time.perf_counter() - began
+        shares = [(_used(pid) - used) / passed for pid, used in zip(everyone, before, strict=True)]
+        realtime = [(page.t - t) / passed for page, t in zip(pages, since, strict=True)]
+        return Fared(
+            realtime=min(realtime),
+            late=max(map(_late, pages)),
+            session=sum(shares[1:]) / count,
+            gateway=shares[0],
+            memory=sum(map(_memory, everyone[1:])) / count,
+            spared=waits[0],
+            started=median(waits[1:]) if count > 1 else None,
+        )
+
+
+def _arrived(port: int) -> str:
+    """The link of a new session, once its page is there."""
+    connection = http.client.HTTPConnection("127.0.0.1", port, timeout=PATIENCE)
+    connection.request("GET", "/")
+    (answer := connection.getresponse()).read()
+    path = f"/{answer.headers['Location']}"
+    while True:
+        connection.request("GET", path)
+        if b"overlay.js" in connection.getresponse().read():
+            connection.close()
+            return f"http://127.0.0.1:{port}{path}"
+        time.sleep(0.05)
+
+
+def _late(page: Visitor) -> float:
+    """Median lateness of its control steps, ms, as the status line has it."""
+    found = [re.search(r"late by ([\d.]+) ms", html) for html in page.html.values() if "vs-status" in html]
+    return max((float(match[1]) for match in found if match), default=float("nan"))
+
+
+def _first(server: Server) -> int:
+    while not (children := server.children()):
+        time.sleep(0.05)
+    return children[0]
+
+
+def _at_rest(pid: int) -> None:
+    """Until the process has nothing to do any more."""
+    used = -1.0
+    while (now := _used(pid)) - used > 0.02:
+        used = now
+        time.sleep(1.0)
+
+
+def _used(pid: int) -> float:
+    """Processor time of a process so far, s."""
+    fields = Path(f"/proc/{pid}/stat").read_text(encoding="ascii").rpartition(")")[2].split()
+    return (int(fields[11]) + int(fields[12])) / _TICKS
+
+
+def _memory(pid: int) -> float:
+    """Of a process, MB, what it shares with others divided among them."""
+    text = Path(f"/proc/{pid}/smaps_rollup").read_text(encoding="ascii")
+    found = re.search(r"^Pss:\s+(\d+) kB", text, re.MULTILINE)
+    return int(found[1]) / 1e3 if found else float("nan")

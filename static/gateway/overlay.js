@@ -1,0 +1,81 @@
+// What the gateway adds to a session's page (app/gateway/server.py): its links, who watches, and what became of it.
+const watching = /\/watch\/[^/]+\/$/.test(location.pathname);
+const make = (tag, name, text) => Object.assign(document.createElement(tag), { className: name, textContent: text ?? "" });
+
+const root = make("div", "vg");
+const bar = root.appendChild(make("div", "vg-bar"));
+const told = root.appendChild(make("div", "vg-card vg-told"));
+told.hidden = true;
+const toldText = told.appendChild(make("p", ""));
+const dismiss = told.appendChild(make("button", "", "OK"));
+dismiss.addEventListener("click", () => { told.hidden = true; });
+const say = (sentence) => { toldText.textContent = sentence; told.hidden = false; };
+
+const copy = async (input, button) => {
+  input.select();
+  // a page without TLS has no clipboard
+  try { await navigator.clipboard.writeText(input.value); } catch { document.execCommand("copy"); }
+  button.textContent = "copied";
+  setTimeout(() => { button.textContent = "copy"; }, 1500);
+};
+const link = (card, text, address) => {
+  card.append(make("p", "", text));
+  const row = card.appendChild(make("div", "vg-link"));
+  const input = Object.assign(row.appendChild(make("input")), { readOnly: true, value: new URL(address, location.href).href });
+  const button = row.appendChild(make("button", "", "copy"));
+  button.addEventListener("click", () => copy(input, button));
+};
+
+// outlives the reload after a crash, so that the page can say what has happened
+const noted = `vsmrc.crashes ${location.pathname}`;
+let crashes = null;
+let viewers = null;
+const begin = (about) => {
+  if (watching) {
+    document.body.classList.add("vg-watching");
+    const text = bar.appendChild(make("span"));
+    text.append(make("i", "vg-dot"), "Watching live", make("span", "vg-long vg-dim", " · only the presenter steers"));
+    if (about.copy) {
+      const form = bar.appendChild(Object.assign(make("form"), { method: "post", action: "copy" }));
+      form.append(make("button", "vg-main", "Take a private copy"));
+    }
+  } else {
+    const share = bar.appendChild(make("button", "", "Share"));
+    share.setAttribute("aria-expanded", "false");
+    viewers = bar.appendChild(make("span", "vg-dim"));
+    const card = root.appendChild(make("div", "vg-card"));
+    card.hidden = true;
+    link(card, "To watch, without steering:", about.links.watch);
+    link(card, "To steer together with you:", about.links.steer);
+    share.addEventListener("click", () => {
+      card.hidden = !card.hidden;
+      share.setAttribute("aria-expanded", String(!card.hidden));
+    });
+    document.addEventListener("keydown", (e) => { if (e.key === "Escape") card.hidden = true; });
+  }
+  // keys typed here are text, not commands of the page
+  root.addEventListener("keydown", (e) => { if (e.key !== "Escape") e.stopPropagation(); });
+  document.body.append(root);
+};
+
+const ask = async () => {
+  // viser's client writes its web socket's address behind ours, where people would copy it along
+  if (location.search) history.replaceState(null, "", location.pathname);
+  try {
+    const answer = await fetch("about", { cache: "no-store" });
+    if (answer.ok) {
+      const about = await answer.json();
+      // another process knows nothing of this page, and one that is still to come has a page of its own
+      if (about.phase !== "running" || (crashes !== null && about.crashes > crashes)) return location.reload();
+      if (crashes === null) {
+        crashes = about.crashes;
+        begin(about);
+        if (crashes > Number(sessionStorage.getItem(noted) ?? crashes)) say(`This session was interrupted: ${about.told}. What had been recorded before is lost.`);
+        sessionStorage.setItem(noted, crashes);
+      }
+      if (viewers) viewers.textContent = about.viewers > 1 ? `${about.viewers} pages open` : "";
+    } else if (answer.status === 404 || answer.status === 403) say("This session is no longer there; reload the page.");
+  } catch { /* the server is away: viser's own page says so, and connects again */ }
+  setTimeout(ask, 2000);
+};
+ask();

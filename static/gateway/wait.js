@@ -1,0 +1,18 @@
+// The page of a session that does not run yet: asks how it stands, and goes on by itself.
+const show = (id) => { for (const part of document.querySelectorAll("[data-phase]")) part.hidden = part.dataset.phase !== id; };
+const ask = async () => {
+  try {
+    const answer = await fetch("about?wait", { cache: "no-store" });
+    if (answer.status === 403 || answer.status === 404) return location.reload();
+    const { phase, place, told, rest } = await answer.json();
+    if (phase === "running") return location.reload();
+    show(place > 0 ? "waiting" : phase === "failed" ? "failed" : "starting");
+    document.getElementById("place").textContent = place;
+    document.getElementById("rest").textContent = rest;
+    document.getElementById("told").textContent = told ? told[0].toUpperCase() + told.slice(1) + "." : "";
+  } catch { show("lost"); }
+  setTimeout(ask, 1000);
+};
+document.getElementById("again").hidden = location.pathname.includes("/watch/");  // who watches begins nothing
+document.getElementById("again").addEventListener("click", async () => { await fetch("again", { method: "POST" }); });
+ask();

@@ -1,0 +1,60 @@
+"""What the gateway adds to the page: links, watching, a copy, and what is said after a crash."""
+
+from __future__ import annotations
+
+import os
+import re
+import signal
+from collections.abc import Callable, Iterator
+
+import pytest
+from playwright.sync_api import Page, expect
+
+from tests.pages import PATIENCE, VIEWPORT
+from tests.visitors import Server, serving
+
+RUNNING = "‖s‖ ≤ bound"
+
+
+@pytest.fixture(scope="module")
+def shared() -> Iterator[Server]:
+    with serving("--shared", "--max-sessions", "2", lines=2) as server:
+        yield server
+
+
+def test_a_lecture(shared: Server, open_page: Callable[..., Page]) -> None:
+    def opened(url: str, **options) -> Page:
+        # where a session has died, the browser notes that the web socket could not be opened
+        page = open_page(url, viewport=VIEWPORT, console_errors_allowed=True, **options)
+        page.set_default_timeout(PATIENCE * 1e3)
+        page.get_by_text(RUNNING).wait_for()
+        page.locator("#webgl-software-rendering button").click()
+        return page
+
+    lecturer = opened(shared.url)
+    lecturer.get_by_role("button", name="Share").click()
+    watch, steer = (field.input_value() for field in lecturer.locator(".vg-card input").all())
+    assert steer == lecturer.url.partition("?")[0]
+    lecturer.keyboard.press("Escape")
+    expect(lecturer.locator(".vg-card input").first).to_be_hidden()
+
+    student = opened(watch)
+    expect(student.get_by_text("Watching live")).to_be_visible()
+    force = student.locator("form", has=student.get_by_text("F_d [N]", exact=True)).locator(".mantine-TextInput-input")
+    assert force.evaluate("(input) => getComputedStyle(input).pointerEvents") == "none"
+    student.get_by_role("tab", name="Torque", exact=True).click()  # looking around is free
+    expect(student.locator(".uplot-container:visible").first).to_be_visible()
+    lecturer.locator("canvas[data-engine]").click(position={"x": 20, "y": 300})
+    lecturer.keyboard.press("1")
+    expect(student.locator(".vs-status")).to_contain_text("Motion", timeout=PATIENCE * 1e3)
+    expect(lecturer.get_by_text("2 pages open")).to_be_visible()
+
+    student.get_by_role("button", name="Take a private copy").click()
+    student.wait_for_url(re.compile(r"/s/[^/]+/"))
+    expect(student.locator(".vs-status")).to_contain_text("Motion", timeout=PATIENCE * 1e3)
+    expect(student.get_by_role("button", name="Share")).to_be_visible()
+
+    os.kill(shared.children()[-1], signal.SIGKILL)
+    expect(student.get_by_text("This session was interrupted")).to_be_visible(timeout=PATIENCE * 1e3)
+    expect(student.locator(".vs-status")).to_contain_text("Motion", timeout=PATIENCE * 1e3)
+    assert lecturer.get_by_text("This session was interrupted").count() == 0

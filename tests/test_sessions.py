@@ -1,0 +1,191 @@
+"""Places, queue, spare, crashes and rest, with processes that are none and a clock that is turned by hand."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import AsyncIterator, Awaitable, Callable
+from functools import wraps
+
+from app.gateway import sessions
+from app.gateway.sessions import House, Session
+from app.gateway.worker import WorkerError
+
+USUAL = "usual"
+
+
+class Fake:
+    """A process: what it was told, and a handle to make it speak or fall."""
+
+    port, key, looking = 0, "", frozenset[str]()
+
+    def __init__(self, prepared: str) -> None:
+        self.prepared, self.begun, self.alive = prepared, "", True
+        self._says: asyncio.Queue[str | None] = asyncio.Queue()
+
+    def begin(self, scenario: str | None) -> None:
+        self.begun = scenario or self.prepared
+
+    async def changes(self) -> AsyncIterator[str]:
+        while (said := await self._says.get()) is not None:
+            yield said
+
+    async def end(self) -> str:
+        self.fall()
+        return "ended by SIGKILL"
+
+    def say(self, scenario: str) -> None:
+        self._says.put_nowait(scenario)
+
+    def fall(self) -> None:
+        self.alive = False
+        self._says.put_nowait(None)
+
+
+class Town:
+    """A house, its processes in the order of their making, and the time."""
+
+    def __init__(self, places: int, idle: float | None = 600.0, *, spare: bool = False) -> None:
+        self.now, self.made, self.broken = 1000.0, list[Fake](), False
+        self.house = House(USUAL, self._launch, places, idle, spare=spare, clock=lambda: self.now)
+
+    async def _launch(self, scenario: str) -> Fake:
+        if self.broken:
+            raise WorkerError("the session's process could not begin: exit status 1")
+        self.made.append(Fake(scenario))
+        return self.made[-1]
+
+    async def pass_time(self, seconds: float = 0.0) -> None:
+        """What is to happen within, happens."""
+        self.now += seconds
+        self.house.tick()
+        for _ in range(20):
+            await asyncio.sleep(0)
+
+    async def wanted(self, session: Session) -> str:
+        self.house.want(session)
+        await self.pass_time()
+        return session.phase
+
+
+def in_a_loop(test: Callable[[], Awaitable[None]]) -> Callable[[], None]:
+    @wraps(test)
+    def run() -> None:
+        async def within() -> None:
+            await test()
+
+        asyncio.run(within())
+
+    return run
+
+
+@in_a_loop
+async def test_who_comes_too_late_queues_moves_up_and_is_forgotten_when_gone() -> None:
+    town = Town(places=2)
+    a, b, c, d = (town.house.new() for _ in range(4))
+    assert [await town.wanted(s) for s in (a, b, c, d)] == ["running", "running", "waiting", "waiting"]
+    assert [town.house.place(s) for s in (a, c, d)] == [0, 1, 2]
+    with town.house.viewing(a):
+        for _ in range(20):  # c goes away, d keeps asking; b is looked at by nobody
+            await town.pass_time(5.0)
+            town.house.want(d)
+            town.house.want(a)
+        assert (c.phase, d.phase, b.phase, a.phase) == ("resting", "running", "resting", "running")
+    assert len(town.made) == 3
+    await town.house.close()
+    assert not any(process.alive for process in town.made)
+
+
+@in_a_loop
+async def test_a_session_that_nobody_looks_at_rests_with_its_scenario_and_comes_back_with_it() -> None:
+    town = Town(places=1, idle=600.0)
+    session = town.house.new()
+    await town.wanted(session)
+    with town.house.viewing(session):
+        town.made[0].say("changed")
+        await town.pass_time(10_000.0)
+        assert session.phase == "running"
+    await town.pass_time(599.0)
+    assert session.phase == "running"
+    await town.pass_time(2.0)
+    assert (session.phase, town.made[0].alive, town.house.taken) == ("resting", False, 0)
+    assert await town.wanted(session) == "running"
+    assert town.made[1].begun == "changed"
+    assert session.crashes == 0
+
+
+@in_a_loop
+async def test_a_fall_is_told_and_mended_without_touching_the_others() -> None:
+    town = Town(places=2)
+    a, b = town.house.new(), town.house.new()
+    await town.wanted(a), await town.wanted(b)
+    first, other = town.made
+    first.say("as it was last")
+    await town.pass_time()
+    first.fall()
+    await town.pass_time()
+    assert (a.phase, a.crashes) == ("running", 1)
+    assert "SIGKILL" in a.told
+    assert town.made[2].begun == "as it was last"
+    assert (b.process, other.alive, b.crashes, b.told) == (other, True, 0, "")
+
+
+@in_a_loop
+async def test_what_falls_again_and_again_is_given_up_and_begun_anew_on_request() -> None:
+    town = Town(places=1)
+    session, waiting = town.house.new("falls"), town.house.new()
+    await town.wanted(session)
+    for _ in range(sessions.CRASHES):
+        town.made[-1].fall()
+        await town.pass_time(1.0)
+    assert session.phase == "failed"
+    assert "3 times within a minute" in session.told
+    assert await town.wanted(session) == "failed"  # and a page that asks again does not begin it
+    assert await town.wanted(waiting) == "running"  # its place is free
+    town.house.again(session)
+    assert (session.phase, session.scenario) == ("waiting", USUAL)
+    await town.pass_time(sessions.UNSEEN + 1)  # nobody has ever looked at the other one
+    town.house.want(session)
+    await town.pass_time()
+    assert (session.phase, town.made[-1].begun) == ("running", USUAL)
+
+
+@in_a_loop
+async def test_a_spare_is_ready_beforehand_and_takes_no_place() -> None:
+    town = Town(places=2, spare=True)
+    await town.pass_time()
+    assert [process.begun for process in town.made] == [""]
+    a = town.house.new("another")
+    assert await town.wanted(a) == "running"
+    assert town.made[0].begun == "another"
+    await town.pass_time(sessions.SPARE_AFTER)
+    assert len(town.made) == 2
+    town.made[1].fall()  # a spare that has died is replaced, and never given away
+    await town.pass_time(sessions.SPARE_AFTER)
+    assert await town.wanted(town.house.new()) == "running"
+    assert [process.begun for process in town.made] == ["another", "", USUAL]
+    await town.pass_time(sessions.SPARE_AFTER)
+    assert len(town.made) == 3  # all places are taken: none is needed
+    await town.house.close()
+    assert not any(process.alive for process in town.made)
+
+
+@in_a_loop
+async def test_a_process_that_cannot_begin_is_told() -> None:
+    town = Town(places=1)
+    town.broken = True
+    session = town.house.new()
+    assert await town.wanted(session) == "failed"
+    assert "could not begin" in session.told
+    assert town.house.taken == 0
+
+
+@in_a_loop
+async def test_links_are_told_apart_and_only_resting_sessions_are_forgotten() -> None:
+    town = Town(places=1)
+    kept = town.house.new()
+    await town.wanted(kept)
+    others = [town.house.new() for _ in range(sessions.MOST_KEPT + 5)]
+    assert town.house.named(kept.name) is kept is town.house.watched(kept.watch)
+    assert town.house.named(others[0].name) is None
+    assert town.house.named(others[-1].name) is others[-1]
+    assert town.house.named(kept.watch) is None is town.house.watched(kept.name)
