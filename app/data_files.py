@@ -126,7 +126,7 @@ def read_npz(path: Path) -> tuple[Scenario, Recording]:
     """What `write_npz` wrote. Raises ScenarioError for a file that is not of this kind."""
 
     def refuse(what: object) -> ScenarioError:
-        return ScenarioError(f"recording {str(path)!r:.200}: not a recording of this program: {what}")
+        return ScenarioError(f"recording {str(path)!r:.200}: not a recording of this program: {what!s:.300}")
 
     try:
         if path.exists() and not path.is_file():  # a folder, or a pipe that would never end

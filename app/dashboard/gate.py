@@ -81,17 +81,15 @@ class Gate:
         async def recv(decode: bool | None = None) -> Any:
             while True:
                 raw = await receive(decode)
-                message, cost = None, 1.0 + len(raw) / WEIGHT
+                # 0, too: other pages have their turn after every message of this one
+                await asyncio.sleep(meter.wait(1.0 + len(raw) / WEIGHT, time.monotonic()))
                 try:
                     message = visitor.admit(raw)
                 except Refused as refusal:
                     tally.note(refusal)
-                if isinstance(message, GuiUpdateMessage | CommandTriggerMessage):
-                    cost += STEERING - 1.0
-                # 0, too: other pages have their turn after every message of this one
-                await asyncio.sleep(meter.wait(cost, time.monotonic()))
-                if message is None:
                     continue
+                if isinstance(message, GuiUpdateMessage | CommandTriggerMessage):
+                    meter.credit -= STEERING - 1.0  # the next one waits for it
                 if isinstance(message, FileTransferStartUpload):
                     self._forget(visitor.finished - {message.transfer_uuid})
                     visitor.finished.clear()
