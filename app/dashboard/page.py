@@ -42,7 +42,7 @@ REFRESH = 1 / 10  # s, plots, numbers and controls
 PLOTTING = 0.1  # of the time may go into plots: long windows are drawn less often
 COMPLAINT_SHOWN = 12.0  # s
 SLOW = 2.0  # s, a drawing that is worth a line in the log
-ENDING = 1.0  # s that viser's server is waited for
+ENDING = 0.7  # s that viser's server is waited for
 _PHONE = 576  # px: pages up to this wide show one plot at a time, and do not shrink those of the others
 
 
