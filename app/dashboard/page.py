@@ -48,7 +48,7 @@ PLOTTING = 0.1  # of the time may go into plots: long windows are drawn less oft
 COMPLAINT_SHOWN = 12.0  # s
 COMPLAINTS_APART = 0.5  # s, between two notifications: the status line has every one
 SLOW = 2.0  # s, a drawing that is worth a line in the log
-ENDING = 1.0  # s that viser's server is waited for
+ENDING = 0.7  # s that viser's server is waited for
 
 
 class PortBusy(OSError):
