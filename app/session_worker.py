@@ -24,7 +24,7 @@ from app.session_messages import Begin, Changed, Failed, FromSession, Prepare, R
 
 log = logging.getLogger("vsmrc.session")
 
-LOOK = 0.2  # s between two looks whether the scenario has changed
+LOOK = 0.05  # s between two looks whether the scenario has changed: a copy may be so much older
 
 
 class Gateway:

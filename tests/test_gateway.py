@@ -116,7 +116,10 @@ def test_watching_shows_everything_and_moves_nothing_and_a_copy_is_free(shared: 
         assert "Hybrid position / force" in watching.status
         steering.trigger(MOTION)
         watching.wait(lambda: "Motion" in watching.status)
-        steering.wait(lambda: "Motion" in steering.status)
+        changed = steering.t
+        steering.wait(
+            lambda: "Motion" in steering.status and steering.t > changed + 1.5
+        )  # the gateway knows it by then
         assert link.about()["viewers"] == 2
     assert ask(shared.port, f"{watch.path}again", "POST").status == 404
     moved = ask(shared.port, f"{watch.path}copy", "POST")
