@@ -26,7 +26,7 @@ from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import ClientConnection, connect
 
 from app.closed_loop import ClosedLoop
-from app.dashboard import Dashboard
+from app.dashboard import Dashboard, playback
 from app.dashboard.laggards import Laggards
 from app.data_files import table
 from app.recording import Recording
@@ -83,6 +83,10 @@ def assert_kept_and_reset_works(runner: Runner, stopped: Snapshot) -> None:
 
 def boom(*_: object) -> None:
     raise KeyError("boom")
+
+
+def warp(*_: object) -> None:
+    raise ValueError("warp")
 
 
 @pytest.mark.parametrize(
@@ -370,10 +374,14 @@ def test_a_callback_that_fails_is_said_on_the_page(server: Server, monkeypatch: 
         until(lambda: "could not carry that out (KeyError: &#x27;boom&#x27;)" in server.said(), server.said)
     handles = view._server.gui._gui_input_handle_from_uuid
     speed = next(h for h in handles.values() if getattr(h, "label", "") == "Speed")
-    client.send({"type": "GuiUpdateMessage", "uuid": speed._impl.uuid, "updates": {"value": "warp"}})  # as a task
-    until(lambda: "could not carry that out (KeyError: &#x27;warp&#x27;)" in server.said(), server.said)
+    choice = {"type": "GuiUpdateMessage", "uuid": speed._impl.uuid, "updates": {"value": "2×"}}
+    with monkeypatch.context() as patched:
+        patched.setattr(playback, "SetSpeed", warp)
+        client.send(choice)  # as a task
+        until(lambda: "could not carry that out (ValueError: warp)" in server.said(), server.said)
     client._connection.send(b"\x93garbage")
-    until(lambda: client.number not in server.dashboard.clients)
+    client.send(choice)
+    until(lambda: server.runner.snapshot.speed == 2.0)
     until(lambda: server.runner.snapshot.t > before.t + 0.1)
 
 

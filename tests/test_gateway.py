@@ -218,9 +218,8 @@ def test_a_dashboard_alone_answers_its_own_pages_only() -> None:
         with pytest.raises(InvalidStatus, match="403"), visiting(url, origin="http://evil.example"):
             pass
         with visiting(url, origin=url) as page:
-            page.say(b"garbage")
-            with pytest.raises(ConnectionClosed, match="not a message"):
-                page.lose()
+            page.say(b"garbage")  # is left out
+            page.wait(lambda: bool(page.html))
     finally:
         dashboard.close()
 
