@@ -100,6 +100,11 @@ def serve(
     except ValueError as error:
         raise ScenarioError(f"--{error}") from error
     if invitation.open:
+        if state_dir is not None:
+            raise ScenarioError(
+                f"--state-dir {state_dir}: sessions of an audience are kept in memory only; allowed: without --shared, "
+                "--host and --origin"
+            )
         from app.gateway.serve import serve as serve_others  # here: who is alone need not wait for it
 
         serve_others(chosen, Look(theme, fps), invitation)

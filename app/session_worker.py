@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import contextlib
 import io
-import logging
 import os
 import socket
 import sys
@@ -16,13 +15,16 @@ import threading
 from io import BufferedReader
 from typing import cast
 
+import structlog
+
+from app import log
 from app.dashboard import Dashboard
 from app.dashboard.theme import Theme
 from app.runner import Load, Runner
 from app.scenario import Scenario, from_toml, to_toml
 from app.session_messages import Begin, Changed, Failed, FromSession, Prepare, Ready, ToSession, line, to_session
 
-log = logging.getLogger("vsmrc.session")
+events = structlog.get_logger()
 
 LOOK = 0.05  # s between two looks whether the scenario has changed: a copy may be so much older
 
@@ -76,7 +78,7 @@ def _report(gateway: Gateway, runner: Runner, told: Scenario) -> None:
 
 
 def main() -> None:
-    logging.basicConfig(level=logging.WARNING, format="%(levelname)s %(name)s: %(message)s")
+    log.configure_as_parent()
     with socket.socket(fileno=int(sys.argv[1])) as connection:
         gateway = Gateway(connection)
         try:
@@ -85,7 +87,7 @@ def main() -> None:
             # at once: the gateway knows the scenario, processes of ours end with us, and nothing else is to be kept
             os._exit(0)
         except Exception as error:  # the process's last resort: let the gateway say it
-            log.exception("the session failed")
+            events.exception("fault", stage="a session")
             with contextlib.suppress(OSError):
                 gateway.tell(Failed(f"{error}"))
             os._exit(1)

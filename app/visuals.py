@@ -87,7 +87,9 @@ def _read_apart(path: Path, changed: int) -> tuple[LinkMesh, ...]:
     try:
         return _answer(path)
     except (OSError, EOFError, RuntimeError) as error:
-        log.warning("%s: its meshes cannot be shown: %s", path, error or "reading them took too much memory or time")
+        log.warning(
+            "visuals not shown", urdf=str(path), reason=str(error) or "reading them took too much memory or time"
+        )
         return ()
 
 

@@ -15,7 +15,6 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-import logging
 from collections.abc import AsyncIterator, Awaitable, Callable
 from dataclasses import dataclass, field, replace
 
@@ -27,8 +26,6 @@ from app.gateway import pages
 from app.gateway.relay import closed, relay
 from app.gateway.sessions import HURRIED, House, Session
 from app.traffic import Limits, Meter, harmless
-
-log = logging.getLogger("vsmrc.gateway")
 
 TICK = 1.0  # s
 WAITS = 0.5  # s that a page is kept waiting for its session, rather than being told to wait

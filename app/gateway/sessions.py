@@ -4,16 +4,17 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-import logging
 import secrets
 import time
 from collections.abc import AsyncIterator, Callable, Coroutine, Iterator
 from dataclasses import dataclass, field
 from typing import Literal, Protocol
 
+import structlog
+
 from app.gateway.worker import WorkerError
 
-log = logging.getLogger("vsmrc.gateway")
+log = structlog.get_logger()
 
 Phase = Literal["resting", "waiting", "starting", "running", "failed"]
 
@@ -155,7 +156,7 @@ class House:
         """What time brings: places fall free, who waits moves on, a spare is ordered. To be called each second."""
         for session in self._by_name.values():
             if session.phase == "running" and not session.viewers and self._unseen(session) and session.process:
-                log.info("session closed, nobody looks at it")
+                log.info("session closed", reason="nobody looks at it")
                 session._closing = True
                 session.phase = "resting"
                 session.process, process = None, session.process
@@ -214,6 +215,7 @@ class House:
                 process = await self._process(session.scenario)
                 session.process, session.phase, session.seen = process, "running", self._clock()
                 session._runs.set()
+                log.info("session opened", sessions=self.taken)
                 async for scenario in process.changes():
                     session.scenario = scenario
                 session._runs.clear()
@@ -223,7 +225,7 @@ class House:
                     self._fallen(session, how)
         except WorkerError as error:
             session.phase, session.told = "failed", str(error)
-            log.warning("%s", error)
+            log.warning("session given up", reason=str(error))
         finally:
             session._life = None
             session._runs.clear()
@@ -234,7 +236,7 @@ class House:
         now = self._clock()
         session._falls = [fall for fall in session._falls if now - fall < WITHIN] + [now]
         session.crashes += 1
-        log.warning("a session's process has ended unexpectedly: %s", how)
+        log.warning("session crashed", how=how)
         if len(session._falls) >= CRASHES:
             raise WorkerError(f"its process has ended unexpectedly {CRASHES} times within a minute ({how})")
         session.told = f"its process ended unexpectedly ({how}); another one has begun its last scenario anew"

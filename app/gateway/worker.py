@@ -4,18 +4,19 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-import logging
 import secrets
 import signal
 import socket
 import subprocess
 from collections.abc import AsyncIterator
 
+import structlog
+
 from app import child
 from app.gateway.invitation import Look
 from app.session_messages import LONGEST, Begin, Changed, Failed, Prepare, Ready, from_session, line
 
-log = logging.getLogger("vsmrc.gateway")
+log = structlog.get_logger()
 
 PATIENCE = 2.0  # s that a process has to end by itself
 
@@ -92,7 +93,7 @@ class Worker:
                 while self.alive:  # no thread waits for it: that would have to be waited for at the end in turn
                     await asyncio.sleep(0.02)
         if self.alive:
-            log.warning("session process %d did not end by itself", self.process_id)
+            log.warning("session killed", process=self.process_id, reason="it did not end by itself")
             self._process.kill()
         status = self._process.wait()
         if self._failure:
