@@ -87,9 +87,8 @@ def _read_apart(path: Path, changed: int) -> tuple[LinkMesh, ...]:
     try:
         return _answer(path)
     except (OSError, EOFError, RuntimeError) as error:
-        log.warning(
-            "visuals not shown", urdf=str(path), reason=str(error) or "reading them took too much memory or time"
-        )
+        reason = str(error) or "reading them took too much memory or time"
+        log.warning("visuals not shown", urdf=str(path), reason=reason)
         return ()
 
 
