@@ -16,7 +16,7 @@ from PIL import Image
 from playwright.sync_api import Browser, Page, sync_playwright
 
 from app.dashboard import Dashboard
-from app.runner import Edit, Load, Runner
+from app.runner import Edit, Load, Pin, Runner
 from app.scenario import shipped
 from tests.browser import LAUNCH_ARGS, find_or_install
 from tests.pages import NO_HINTS, PATIENCE, each_tab
@@ -55,7 +55,11 @@ class Album:
         self.captions[path.name] = caption
         print(path)
 
-    def write_index(self) -> None:
+    def close(self) -> None:
+        """Write the index; pictures of another time go."""
+        for path in self.folder.glob("*.png"):
+            if path.name not in self.captions:
+                path.unlink()
         parts = ["# Screenshots\n\nMade by `make screenshots`.\n"]
         parts += [f"## {caption}\n\n![{caption}]({name})\n" for name, caption in self.captions.items()]
         (self.folder / "README.md").write_text("\n".join(parts), encoding="utf-8")
@@ -79,6 +83,7 @@ def main(folder: Path) -> None:
         for title in each_tab(page):
             shoot(page, album, f"tab-{slug(title)}", f"Tab {title}")
         refuse_and_hold(page, runner, album)
+        compare(page, runner, album)
         show_help(page, album)
         page.keyboard.press("t")
         shoot(page, album, "light", "Light")
@@ -96,7 +101,7 @@ def main(folder: Path) -> None:
         page = opened(browser, dashboard.url, first_visit=True, viewport={"width": 1280, "height": 720})
         shoot(page, album, "first-steps", "The first visit")
         browser.close()
-    album.write_index()
+    album.close()
     dashboard.close()
     runner.close()
 
@@ -142,6 +147,22 @@ def refuse_and_hold(page: Page, runner: Runner, album: Album) -> None:
     album.add(page, "what-if", "A slider held: what would come")
     page.keyboard.press("Escape")
     page.mouse.up()
+
+
+def compare(page: Page, runner: Runner, album: Album) -> None:
+    """Two pinned runs beside the one that runs, and the run looked back at."""
+    for stiffness in (1000.0, 250.0):
+        runner.post(Pin())
+        runner.post(Edit("target_model.K_m", [0.0, *[stiffness] * 5]))
+        t = runner.snapshot.t
+        while runner.snapshot.t < t + 2.0:
+            page.wait_for_timeout(100)
+    page.get_by_role("tab", name="Runs", exact=True).click()
+    shoot(page, album, "compared", "Pinned runs: their arms, curves and figures beside those of the run")
+    page.get_by_role("button", name="back").click()
+    shoot(page, album, "past", "Looking back")
+    page.get_by_role("button", name="to the end").click()
+    load(runner, "ur5-hybrid", page)
 
 
 def show_help(page: Page, album: Album) -> None:

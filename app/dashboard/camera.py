@@ -13,6 +13,7 @@ from app.runner import Snapshot
 
 FLIGHT, FRAMES = 0.4, 16  # s, and how many steps it has
 CLOSE = 0.42  # m from the tool
+STRETCHED = 0.8  # of the length of a planar arm's links
 VIEWS = ("whole arm", "front", "side", "contact")
 
 
@@ -50,11 +51,15 @@ def viewpoint(view: str, snapshot: Snapshot) -> Viewpoint:
 
 
 def _extent(snapshot: Snapshot) -> float:
-    """How far the farthest joint is from the base, m."""
-    model = snapshot.robot.model
-    data = model.createData()
-    pin.forwardKinematics(model, data, snapshot.q)
-    return max(float(np.linalg.norm(T.translation)) for T in data.oMi)
+    """How far the farthest joint is from the base, m; of a planar arm, how far it may come."""
+    robot, data = snapshot.robot, snapshot.robot.model.createData()
+    pin.forwardKinematics(robot.model, data, snapshot.q)
+    extent = max(float(np.linalg.norm(T.translation)) for T in data.oMi)
+    if robot.geometry != "planar":
+        return extent
+    # it stretches out in the plane in which it works, whereas others stay folded
+    links = [*robot.model.jointPlacements, robot.tool_placement]
+    return max(extent, STRETCHED * sum(float(np.linalg.norm(T.translation)) for T in links))
 
 
 def look(camera: viser.CameraHandle, view: Viewpoint) -> None:

@@ -47,7 +47,10 @@ COLORS: dict[str, Rgb] = {
 DOCUMENTS = {
     "README.md": "the modes, what if, runs without a screen",
     "docs/symbols.md": "which symbol of the paper is which name in the code",
+    "docs/evidence.md": "every claim held to something independent",
     "docs/performance.md": "speed, pacing, memory",
+    "docs/security.md": "a server for an audience: links, tokens, limits",
+    "docs/reliability.md": "what happens when something fails",
 }
 HINTS = (
     "<b>Hold a slider</b>: the plots on the left show what would come. Let go, and it is so.",

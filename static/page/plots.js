@@ -56,7 +56,11 @@ const enlist = (entry) => {
   listed.add(chart);
   (chart.hooks.draw ??= []).push(dim, follow);
   // uPlot writes 0 for what is below 0.001
-  if (chart.scales.y?.distr === 3) chart.axes[1].values = (_, at) => at.map((v) => (v === null ? "" : `${v}`));
+  // uPlot rounds to three decimals, which makes neighbours look alike far from zero
+  const digits = (at) => (at.length > 1 ? Math.min(8, Math.max(0, Math.ceil(-Math.log10(at[1] - at[0])) + 1)) : 3);
+  chart.axes[1].values = chart.scales.y?.distr === 3
+    ? (_, at) => at.map((v) => (v === null ? "" : `${v}`))
+    : (_, at) => at.map((v) => `${+v.toFixed(digits(at))}`);
   if (document.documentElement.dataset.mantineColorScheme === "light") relight(chart);
   return entry;
 };
