@@ -54,7 +54,7 @@ def open_page(browser: Browser) -> Iterator[Callable[..., Page]]:
             context.add_init_script(NO_HINTS)
         page = context.new_page()
         if not console_errors_allowed:
-            page.on("pageerror", lambda error: errors.append(str(error)))
+            page.on("pageerror", lambda error: errors.append(error.stack or str(error)))
             page.on("console", note)
         page.goto(url)
         return page
