@@ -19,14 +19,15 @@ const ends = (plot) => {
   // over frequency with room beside the last one, at which chattering is
   return mark ? [Number(mark.dataset.from), Number(mark.dataset.to)] : [x[0], 1.2 * x[x.length - 1]];
 };
+const stands = (plot) => plot.root.isConnected && plot.data?.[0]?.length; // neither being built nor taken down
 const follow = (plot) => {
-  if (!plot.data?.[0]?.length) return; // it is being built or taken down
+  if (!stands(plot)) return;
   const home = ends(plot), at = [plot.scales.x.min, plot.scales.x.max], x = plot.data[0];
   const is = (span) => !span || (near(at[0], span[0]) && near(at[1], span[1]));
   const free = is(homes.get(plot)) || is([x[0], x[x.length - 1]]);
   if (!(home[0] < home[1])) return;
   homes.set(plot, home);
-  if (free && !is(home)) setTimeout(() => plot.setScale("x", { min: home[0], max: home[1] }));
+  if (free && !is(home)) setTimeout(() => { if (stands(plot)) plot.setScale("x", { min: home[0], max: home[1] }); });
 };
 // 3:1 on white is a relative luminance of 0.3 at most. The lightest colours become the darkest, so that yellow and
 // orange stay apart. viser makes every chart anew when the theme changes.
@@ -77,7 +78,7 @@ setInterval(() => {
   watch();
   for (const { chart } of Object.values(window.__viserTestpoints?.uplots ?? {})) {
     // now and then uPlot does not lay out the time axis of a chart that is made with its data
-    if (!chart.axes[0]._splits) chart.setSize({ width: chart.width, height: chart.height });
+    if (!chart.axes[0]._splits && stands(chart)) chart.setSize({ width: chart.width, height: chart.height });
     follow(chart);
   }
 }, 400);
