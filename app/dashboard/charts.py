@@ -27,6 +27,7 @@ BUCKETS = 170  # two points each: about what a plot has pixels for
 GREY: Rgb = (140, 140, 140)
 UNLISTED = "vs-unlisted"  # class of what the legend leaves out
 _NOTHING = np.array([0.01, 0.02])  # on a logarithmic axis, too
+MOST_SERIES = 48  # of a chart: three pinned runs of seven coordinates beside the shown one, and backdrops
 _DOCK, _ENTRY, _LETTER = 366, 20, 6  # px: the width for a legend, and what its entries take
 _FOOT, _HEAD = ({"pad": 0.0, "hard": end, "soft": end, "mode": 1} for end in (0.0, 1.0))
 _RULE = "rgba(128, 128, 128, 0.7)"  # seen on dark and on light
@@ -252,7 +253,9 @@ class Chart:
             return
         x, *lines = _spectra(drawing, frame) if self._plot.spectral else frame.courses(drawing.lines)
         if len(x) > 1:
-            self._handle.data = (x, *(np.maximum(line, low) for line, low in zip(lines, self._lowest, strict=True)))
+            self._handle.data = _padded(
+                (x, *(np.maximum(line, low) for line, low in zip(lines, self._lowest, strict=True)))
+            )
 
     def _adapt(self, drawing: Drawing | None, pinned: Sequence[str]) -> None:
         self._drawing = drawing
@@ -272,7 +275,7 @@ class Chart:
         self._lowest = [floor] * len(grey) + [-np.inf if line.backdrop else floor for line in drawing.lines]
         series = (uplot.Series(label=self._axis), *grey, *(line.series() for line in drawing.lines))
         handle = self._handle
-        handle.data = tuple(_NOTHING for _ in series)
+        handle.data = _padded(())
         handle.series = series
         handle.title = drawing.title
         handle.bands = tuple(
@@ -289,6 +292,12 @@ class Chart:
     @property
     def _axis(self) -> str:
         return "Hz" if self._plot.spectral else "t [s]"
+
+
+def _padded(data: tuple[np.ndarray, ...]) -> tuple[np.ndarray, ...]:
+    """With as many arrays as a chart may ever have series: the page learns of the series and of the data in two
+    messages, may draw between them, and fails at a series without an array, whereas those to spare cost nothing."""
+    return (*data, *(_NOTHING,) * (MOST_SERIES - len(data)))
 
 
 def _axes(drawing: Drawing, *, spectral: bool) -> tuple[uplot.Axis, ...]:
