@@ -16,7 +16,7 @@ from PIL import Image
 from playwright.sync_api import Browser, Page, sync_playwright
 
 from app.dashboard import Dashboard
-from app.runner import Edit, Load, Pin, Runner
+from app.runner import Edit, Load, Pin, Play, Reset, Runner, Unpin
 from app.scenario import shipped
 from tests.browser import LAUNCH_ARGS, find_or_install
 from tests.pages import NO_HINTS, PATIENCE, each_tab
@@ -123,10 +123,17 @@ def opened(browser: Browser, url: str, *, first_visit: bool = False, **options) 
 def load(runner: Runner, name: str, page: Page) -> None:
     """Load a scenario and let it settle; a run that stops is shown as it stopped."""
     runner.post(Load(shipped()[name]))
+    settle(runner, page)
+
+
+def settle(runner: Runner, page: Page) -> None:
+    """Begin anew, and wait until the run shows what it is about."""
+    before = runner.snapshot.run
+    runner.post(Reset())
     until = time.monotonic() + 240.0  # its kernels may have to be compiled
     while time.monotonic() < until:
-        snapshot = runner.snapshot
-        if snapshot.scenario.name == name and (snapshot.t >= SETTLED or snapshot.phase == "stopped"):
+        now = runner.snapshot
+        if now.run != before and (now.t >= SETTLED or now.phase == "stopped"):
             return
         page.wait_for_timeout(100)
 
@@ -151,17 +158,19 @@ def refuse_and_hold(page: Page, runner: Runner, album: Album) -> None:
 
 def compare(page: Page, runner: Runner, album: Album) -> None:
     """Two pinned runs beside the one that runs, and the run looked back at."""
-    for stiffness in (1000.0, 250.0):
-        runner.post(Pin())
+    for stiffness in (250.0, 1000.0, 4000.0):
         runner.post(Edit("target_model.K_m", [0.0, *[stiffness] * 5]))
-        t = runner.snapshot.t
-        while runner.snapshot.t < t + 2.0:
-            page.wait_for_timeout(100)
+        settle(runner, page)
+        if stiffness < 4000.0:
+            runner.post(Pin())
     page.get_by_role("tab", name="Runs", exact=True).click()
     shoot(page, album, "compared", "Pinned runs: their arms, curves and figures beside those of the run")
     page.get_by_role("button", name="back").click()
     shoot(page, album, "past", "Looking back")
     page.get_by_role("button", name="to the end").click()
+    for pinned in runner.snapshot.pinned:
+        runner.post(Unpin(pinned.number))
+    runner.post(Play())
     load(runner, "ur5-hybrid", page)
 
 
