@@ -20,7 +20,7 @@ from app.runner import Blend, Edit, Runner
 from app.scenario import Scenario, ScenarioError, edited, from_toml, shipped
 from app.timeline import Timeline
 from controllers.blend import axis_matrix, blended, certify, shared_sliding
-from controllers.dominance import dominates, hurwitz_on_hull, schur_on_hull
+from controllers.dominance import By, dominates, hurwitz_on_hull, schur_on_hull
 from controllers.segment import _bialternate, rightmost
 from controllers.target_model import TargetModel
 
@@ -49,7 +49,7 @@ def test_the_example_of_the_note() -> None:
 
 
 @pytest.mark.parametrize("by", ["rows", "columns"])
-def test_theorem_4_holds_for_random_matrices_and_gives_a_common_norm(by: str) -> None:
+def test_theorem_4_holds_for_random_matrices_and_gives_a_common_norm(by: By) -> None:
     rng, certified = np.random.default_rng(4), 0
     for _ in range(1500):
         n, N = rng.integers(2, 6), rng.integers(1, 4)
@@ -285,3 +285,10 @@ def test_the_section_shows_no_violation() -> None:
     findings = section.SECTION.conclude([job.function(*job.arguments) for job in jobs])
     assert findings.numbers["wrong"] == "0"
     assert section.SECTION.text(findings, "pictures").startswith("## ")
+
+
+@pytest.mark.parametrize("by", ["rows", "columns"])
+def test_theorem_4_says_nothing_of_negative_couplings(by: By) -> None:
+    A = np.array([[-1.0, -0.5], [0.1, -1.0]])
+    assert hurwitz_on_hull([np.abs(A) - 2.0 * np.eye(2)] * 2, by)
+    assert not hurwitz_on_hull([A, A], by)
