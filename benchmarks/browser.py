@@ -1,12 +1,10 @@
-"""The page in headless Chromium, and the messages that come to it."""
+"""The page in headless Chromium."""
 
 from __future__ import annotations
 
 import contextlib
 from collections.abc import Iterator
 
-import msgspec
-import zstandard
 from playwright.sync_api import Browser, Page, sync_playwright
 
 from tests.browser import LAUNCH_ARGS, find_or_install
@@ -31,9 +29,3 @@ def opened(browser: Browser, url: str, frames: list[bytes] | None = None) -> Pag
     page.goto(url)
     page.get_by_text(RUNNING).wait_for(timeout=60_000)
     return page
-
-
-def messages(frame: bytes) -> list[dict]:
-    """What is in a frame of viser's: two lengths of 8 bytes, the messages packed, then the arrays that they name."""
-    packed = int.from_bytes(frame[8:16], "little")
-    return msgspec.msgpack.decode(zstandard.decompress(frame[16 : 16 + packed]))["messages"]

@@ -6,9 +6,10 @@ import time
 from collections import Counter
 
 from app.markdown import Table
-from benchmarks.browser import VIEWPORT, chromium, messages, opened
+from benchmarks.browser import VIEWPORT, chromium, opened
 from benchmarks.effort import Effort
 from benchmarks.served import served
+from tests.viser_protocol import messages
 
 SCENARIO = "ur5-hybrid"
 SETTLE = 10.0  # s: the plots' window fills, and the page has loaded everything

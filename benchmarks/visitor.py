@@ -10,27 +10,13 @@ import time
 from collections.abc import Callable, Iterator
 
 import msgspec
-import viser
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import connect
 from websockets.sync.connection import Connection
-from websockets.typing import Subprotocol
 
 from app.dashboard.style import COMMIT, RELEASED
-from benchmarks.browser import messages
+from tests.viser_protocol import CAMERA, PROTOCOL, messages
 
-CAMERA = {
-    "type": "ViewerCameraMessage",
-    "wxyz": (1.0, 0.0, 0.0, 0.0),
-    "position": (1.0, 1.0, 1.0),
-    "fov": 1.0,
-    "near": 0.1,
-    "far": 10.0,
-    "image_height": 720,
-    "image_width": 1280,
-    "look_at": (0.0, 0.0, 0.0),
-    "up_direction": (0.0, 0.0, 1.0),
-}  # viser counts a client as connected once it has told its camera
 WIDGETS = ("GuiTextMessage", "GuiSliderMessage", "GuiDropdownMessage", "GuiCheckboxMessage", "GuiButtonGroupMessage")
 DRAG, PAUSE = 20, 0.05  # messages of a drag, and s between two of them
 
@@ -113,6 +99,5 @@ class Visitor:
 
 @contextlib.contextmanager
 def visit(url: str) -> Iterator[Visitor]:
-    protocol = Subprotocol(f"viser-v{viser.__version__}")
-    with connect(url.replace("http", "ws"), subprotocols=[protocol], max_size=None, compression=None) as connection:
+    with connect(url.replace("http", "ws"), subprotocols=[PROTOCOL], max_size=None, compression=None) as connection:
         yield Visitor(connection)

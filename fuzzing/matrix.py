@@ -15,12 +15,17 @@ DICTIONARY = ("nan", "inf", "1e999", "[[", "]]", ";", "1_000")
 
 def read(data: bytes) -> None:
     text = data.decode("utf-8", "surrogateescape")
-    assert printable(text).isprintable()
     for n in (1, 2, 6):
-        with suppress(ValueError):
-            matrix = read_matrix(text, n)
-            assert np.isfinite(matrix).all()
-            assert (read_matrix(written_rows(matrix), n) == matrix).all()
+        read_typed(text, n)
+
+
+def read_typed(text: str, n: int) -> None:
+    """As a matrix (n, n) and as a setting: it is finite numbers, or refused. Raises AssertionError otherwise."""
+    assert printable(text).isprintable()
+    with suppress(ValueError):
+        matrix = read_matrix(text, n)
+        assert np.isfinite(matrix).all()
+        assert (read_matrix(written_rows(matrix), n) == matrix).all()
     with suppress(ValueError):
         read_back(text)
     with suppress(ScenarioError):

@@ -10,7 +10,7 @@ import pytest
 
 from app.access import Names, OriginError, Tokens
 from app.traffic import NARROW, Limits, Meter, Overrun, harmless
-from tests.visitors import CAMERA
+from tests.viser_protocol import CAMERA
 
 PUBLIC = Names(public=("https://lab.example.org",))
 LOOKING = frozenset({"field"})

@@ -21,7 +21,6 @@ from typing import Any
 import msgspec
 import numpy as np
 import pytest
-import viser
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import ClientConnection, connect
 
@@ -33,6 +32,7 @@ from app.recording import Recording
 from app.runner import Blend, Edit, Load, Play, Reset, Runner, Seek, Snapshot
 from app.scenario import Scenario, edited, load
 from app.takeaway import DataJob, Maker, TakeAwayError
+from tests.viser_protocol import CAMERA, PROTOCOL
 
 PATIENCE = 60.0  # s, for a machine that has other things to do
 
@@ -220,12 +220,6 @@ def server(runner: Runner) -> Iterator[Server]:
     assert not drawing.is_alive()
 
 
-CAMERA = {
-    "type": "ViewerCameraMessage", "wxyz": [1.0, 0.0, 0.0, 0.0], "position": [1.0, 1.0, 1.0], "fov": 1.0, "near": 0.1,
-    "far": 10.0, "image_height": 720, "image_width": 1280, "look_at": [0.0, 0.0, 0.0], "up_direction": [0.0, 0.0, 1.0],
-}  # fmt: skip
-
-
 class Client:
     """A page without a browser: it says what it is told to, and reads or does not."""
 
@@ -237,7 +231,7 @@ class Client:
         self._connection: ClientConnection = connect(
             f"ws://127.0.0.1:{port}",
             sock=self._socket,
-            subprotocols=[f"viser-v{viser.__version__}"],  # pyright: ignore[reportArgumentType]
+            subprotocols=[PROTOCOL],
             max_queue=1,
             max_size=None,
             ping_interval=None,

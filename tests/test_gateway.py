@@ -21,7 +21,8 @@ from app.gateway.invitation import Invitation, Look, PortTaken
 from app.gateway.serve import serve
 from app.scenario import ScenarioError, load
 from app.traffic import Limits
-from tests.visitors import CAMERA, PATIENCE, Server, gone, serving, visiting
+from tests.viser_protocol import CAMERA
+from tests.visitors import PATIENCE, Server, gone, serving, visiting
 
 MOTION, IMPEDANCE = "Mode: Motion", "Mode: Impedance"
 

@@ -28,6 +28,7 @@ from app.dashboard.messages import LARGEST_UPLOAD, Page, Refused, Visitor
 from app.dashboard.style import COMMIT
 from app.runner import Runner
 from app.scenario import shipped
+from tests.viser_protocol import PROTOCOL
 
 pack = msgspec.msgpack.encode
 POINT, PIXEL = [0.0, 0.0, 0.0], [0.0, 0.0]
@@ -220,9 +221,8 @@ def unmetered(monkeypatch: pytest.MonkeyPatch) -> Iterator[tuple[Dashboard, Runn
 
 async def page(dashboard: Dashboard) -> tuple[ClientConnection, asyncio.Task[None]]:
     """A page that reads what it is sent, as the task, and has told where it looks from."""
-    protocol = websockets.Subprotocol(f"viser-v{viser.__version__}")
     known = set(dashboard.clients)
-    connection = await websockets.connect(f"ws://127.0.0.1:{dashboard.port}/", subprotocols=[protocol], max_size=None)
+    connection = await websockets.connect(f"ws://127.0.0.1:{dashboard.port}/", subprotocols=[PROTOCOL], max_size=None)
 
     async def read() -> None:
         with suppress(websockets.ConnectionClosed):  # a server that is busy may not say goodbye in time

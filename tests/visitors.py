@@ -16,25 +16,12 @@ from typing import Any, NamedTuple
 from urllib.parse import urlsplit
 
 import msgspec
-import zstandard
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import ClientConnection, connect
-from websockets.typing import Subprotocol
 
-VISER = "viser-v1.1.1"
+from tests.viser_protocol import CAMERA, PROTOCOL, messages
+
 PATIENCE = 90.0  # s, for what takes a fraction of a second on an idle machine
-CAMERA = {
-    "type": "ViewerCameraMessage",
-    "wxyz": (1.0, 0.0, 0.0, 0.0),
-    "position": (1.0, 1.0, 1.0),
-    "fov": 1.0,
-    "near": 0.01,
-    "far": 1000.0,
-    "image_height": 720,
-    "image_width": 1280,
-    "look_at": (0.0, 0.0, 0.0),
-    "up_direction": (0.0, 0.0, 1.0),
-}
 
 
 class Visitor:
@@ -99,8 +86,7 @@ class Visitor:
     def _take(self, frame: str | bytes) -> None:
         assert isinstance(frame, bytes)
         self.received += len(frame)
-        packed = int.from_bytes(frame[8:16], "little")
-        for message in msgspec.msgpack.decode(zstandard.decompress(frame[16 : 16 + packed]))["messages"]:
+        for message in messages(frame):
             if message["type"] == "GuiHtmlMessage":
                 self.html[message["uuid"]] = message["props"]["content"]
             elif message["type"] == "GuiUpdateMessage" and "content" in message["updates"]:
@@ -113,9 +99,9 @@ class Visitor:
 def visiting(url: str, **options: Any) -> Iterator[Visitor]:
     """A page opened at this address, as viser's client does it."""
     address = url.replace("http", "ws", 1).rstrip("/")
-    usual = {"subprotocols": [Subprotocol(VISER)], "compression": None, "max_size": None, "open_timeout": PATIENCE}
+    usual = {"subprotocols": [PROTOCOL], "compression": None, "max_size": None, "open_timeout": PATIENCE}
     with connect(address, **usual | options) as socket:
-        assert socket.subprotocol == VISER
+        assert socket.subprotocol == PROTOCOL
         yield Visitor(socket)
 
 
