@@ -2,17 +2,11 @@
 
 from __future__ import annotations
 
-import contextlib
 import math
-import os
 import signal
 import sys
-import threading
-import time
 import tomllib
-from concurrent.futures import Future
 from pathlib import Path
-from subprocess import Popen
 from typing import Annotated
 
 import msgspec
@@ -21,27 +15,22 @@ import tyro
 from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
-from tqdm import tqdm
 
-from app import headless, log, warm
+from app import alone, headless, log
 from app.changes import blending_to, with_robot
 from app.dashboard import Dashboard, PortBusy, check_fps
 from app.dashboard.export import Kind, Stretch, write
-from app.dashboard.last_session import LastSession
 from app.dashboard.printed import ALL_PLOTS, plots_of
 from app.dashboard.theme import Theme
 from app.data_files import read_npz
 from app.gateway.invitation import Invitation, Look, PortTaken, Token
 from app.metrics import FIGURES, account
 from app.printable import printable
-from app.recovery import Keeper, StateError, StateFolder, default_folder
-from app.runner import Runner
 from app.scenario import Scenario, ScenarioError, edited, load, shipped
 from app.truth import outside
 from environments.robots import CATALOGUE
 
 DONE, FAULT, BAD_INPUT, STOPPED, INTERRUPTED = 0, 1, 2, 3, 130
-ENDING = 1.8  # s that `serve` takes to end, whatever hangs
 events = structlog.get_logger()
 Settings = Annotated[
     tyro.conf.UseAppendAction[tuple[tuple[str, ...], ...]],
@@ -76,7 +65,8 @@ def serve(
         port: port to listen at
         theme: how the page looks at first; T changes it there
         fps: pictures of the scene per second; without a graphics card, few leave more to the loop
-        state_dir: folder that keeps scenario and pinned runs for the next start, instead of ~/.local/state/vsmrc-lab
+        state_dir: folder that keeps scenarios and pinned runs for the next start, instead of ~/.local/state/vsmrc-lab,
+            and for an audience (--shared, --host, --origin), whose sessions end with the server without it
         stateless: keep nothing
         log_level: what is logged; by default warnings, and what is of interest afterwards to the file, too
         log_file: a file to log to as well
@@ -100,102 +90,13 @@ def serve(
     except ValueError as error:
         raise ScenarioError(f"--{error}") from error
     if invitation.open:
-        if state_dir is not None:
-            raise ScenarioError(
-                f"--state-dir {state_dir}: sessions of an audience are kept in memory only; allowed: without --shared, "
-                "--host and --origin"
-            )
         from app.gateway.serve import serve as serve_others  # here: who is alone need not wait for it
 
-        serve_others(chosen, Look(theme, fps), invitation)
+        serve_others(chosen, Look(theme, fps), invitation, None if stateless else state_dir)
         return DONE
     dashboard = Dashboard(host=host, port=port, theme=theme, fps=fps)
-    print(f"VSMRC Lab: {dashboard.url}  (Ctrl-C ends it)", flush=True)
-    events.info("listening", url=dashboard.url)
-    runner: Runner | None = None
-    warming: Popen[bytes] | None = None
-    keeper: Keeper | None = None
-    try:
-        folder = None if stateless else _state_folder(state_dir)
-        runner = _prepared(chosen, dashboard)
-        runner.start()
-        events.info("session opened", scenario=chosen.name)
-        last_session = None
-        if folder is not None:
-            keeper = Keeper(folder, lambda: runner.snapshot, dashboard.fail)
-            last_session = _last_session(folder, keeper, chosen)
-        dashboard.attach(runner, last_session)
-        warming = warm.start()
-        dashboard.run_forever()
-    except KeyboardInterrupt:
-        with contextlib.suppress(OSError):  # the terminal may have been closed
-            print("\nended")
-    finally:
-        for ending in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
-            signal.signal(ending, signal.SIG_IGN)  # an impatient second Ctrl-C must not interrupt the ending
-        _end_within(ENDING)
-        dashboard.close()
-        if warming is not None:
-            warming.terminate()
-        if runner is not None:
-            runner.close()
-        if keeper is not None:
-            keeper.close()
-        events.info("session closed")
+    alone.serve(chosen, dashboard, state_dir=state_dir, stateless=stateless)
     return DONE
-
-
-def _end_within(seconds: float) -> None:
-    """End the process then, if it has not ended by itself: nothing that hangs may keep it."""
-    timer = threading.Timer(seconds, os._exit, (DONE,))
-    timer.daemon = True
-    timer.start()
-
-
-def _state_folder(chosen: Path | None) -> StateFolder | None:
-    """The folder that keeps the session; without the user's choice none is no reason not to start."""
-    try:
-        return StateFolder(chosen or default_folder())
-    except StateError as error:
-        if chosen is not None:
-            raise ScenarioError(str(error)) from error
-        print(f"this session is not kept: {error}", flush=True)
-        return None
-
-
-def _last_session(folder: StateFolder, keeper: Keeper, chosen: Scenario) -> LastSession | None:
-    """What there is to offer; nothing where it would be what runs anyway."""
-    offer = folder.offer()
-    if folder.problem:
-        print(folder.problem, flush=True)
-    if offer is not None and offer.scenario == chosen and not offer.runs:
-        return None
-    if offer is None and not folder.problem:
-        return None
-    return LastSession(offer, folder.problem, keeper.take_up, keeper.refuse_offer)
-
-
-def _prepared(scenario: Scenario, dashboard: Dashboard) -> Runner:
-    """A runner whose kernels are compiled; meanwhile terminal and page say what is going on."""
-    ready: Future[Runner] = Future()
-
-    def prepare() -> None:
-        try:
-            ready.set_result(Runner(scenario))
-        except BaseException as error:
-            ready.set_exception(error)
-
-    # a daemon, and no pool: Ctrl-C must not wait for the compiler
-    threading.Thread(target=prepare, name="preparing", daemon=True).start()
-    started = time.monotonic()
-    with tqdm(bar_format="{desc} {elapsed}", leave=False, disable=None) as bar:
-        while not ready.done():
-            time.sleep(0.1)
-            elapsed = time.monotonic() - started
-            doing = "preparing" if elapsed < 3 else "compiling the control law (only the first start takes this long)"
-            bar.set_description(doing)
-            dashboard.show_progress(f"{doing} … {elapsed:.0f} s")
-    return ready.result()
 
 
 def run(

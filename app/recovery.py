@@ -8,6 +8,7 @@ killed, what it leaves is whole, either as before or as after a change.
 
 from __future__ import annotations
 
+import contextlib
 import fcntl
 import os
 import re
@@ -71,6 +72,32 @@ class Offer:
     saved: float
 
 
+def occupied(path: Path) -> int:
+    """Make the folder, and have it alone: until the file that is returned is closed, or this process ends.
+
+    Raises StateError when another process has it or it cannot be written.
+    """
+    try:
+        path.mkdir(parents=True, exist_ok=True, mode=0o700)
+        lock = os.open(path / LOCK, os.O_RDWR | os.O_CREAT, _PRIVATE)
+    except OSError as error:
+        raise StateError(f"--state-dir {path}: cannot be written: {error.strerror}") from error
+    try:
+        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError as error:
+        os.close(lock)
+        raise StateError(f"--state-dir {path}: another server uses it; allowed: a folder of its own") from error
+    return lock
+
+
+def last_scenario(path: Path) -> str | None:
+    """What the session of this folder was at (TOML, not judged), without using the folder; None where it is unknown."""
+    for name in (SESSION, OFFER):
+        with contextlib.suppress(FileNotFoundError, StateError):
+            return _decoded(path / name).scenario
+    return None
+
+
 class StateFolder:
     """A folder that only this process uses, as long as it lives or until `close`.
 
@@ -81,16 +108,7 @@ class StateFolder:
     def __init__(self, path: Path) -> None:
         self.path = path
         self.problem = ""
-        try:
-            path.mkdir(parents=True, exist_ok=True, mode=0o700)
-            self._lock = os.open(path / LOCK, os.O_RDWR | os.O_CREAT, 0o600)
-        except OSError as error:
-            raise StateError(f"--state-dir {path}: cannot be written: {error.strerror}") from error
-        try:
-            fcntl.flock(self._lock, fcntl.LOCK_EX | fcntl.LOCK_NB)  # which the system undoes when this process ends
-        except OSError as error:
-            os.close(self._lock)
-            raise StateError(f"--state-dir {path}: another server uses it; allowed: a folder of its own") from error
+        self._lock = occupied(path)
         self._kept: tuple[tuple[Pinned, str], ...] = ()
         self._answered = False
         try:
@@ -273,6 +291,13 @@ def _same(subject: _Subject, other: _Subject) -> bool:
 
 def _read(path: Path) -> _Index:
     """Raises FileNotFoundError, StateError and ScenarioError."""
+    index = _decoded(path)
+    from_toml(index.scenario)
+    return index
+
+
+def _decoded(path: Path) -> _Index:
+    """Its scenario may be none. Raises FileNotFoundError and StateError."""
     try:
         with path.open("rb") as file:
             content = file.read(LARGEST + 1)
@@ -291,7 +316,6 @@ def _read(path: Path) -> _Index:
         index = msgspec.json.decode(content, type=_Index)
     except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError) as error:
         raise StateError(f"{path} is no session of this program") from error
-    from_toml(index.scenario)
     return index if len(index.pinned) <= PINS else msgspec.structs.replace(index, pinned=index.pinned[-PINS:])
 
 

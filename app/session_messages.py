@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Literal
+
 import msgspec
 
 
@@ -14,10 +16,19 @@ class Prepare(msgspec.Struct, frozen=True, tag=True):
     key: str
 
 
+class Kept(msgspec.Struct, frozen=True):
+    """Where a session is kept on disk. earlier: what becomes of what is there: its pinned runs are shown again, since
+    this is the same session, or it is offered on the page."""
+
+    folder: str
+    earlier: Literal["shown", "offered"]
+
+
 class Begin(msgspec.Struct, frozen=True, tag=True):
-    """To the process: run. scenario: TOML, None for the one prepared."""
+    """To the process: run. scenario: TOML, None for the one prepared; kept: where, None for nowhere."""
 
     scenario: str | None
+    kept: Kept | None
 
 
 class Ready(msgspec.Struct, frozen=True, tag=True):

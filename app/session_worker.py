@@ -13,16 +13,19 @@ import socket
 import sys
 import threading
 from io import BufferedReader
+from pathlib import Path
 from typing import cast
 
 import structlog
 
 from app import log
 from app.dashboard import Dashboard
+from app.dashboard.last_session import left_by
 from app.dashboard.theme import Theme
-from app.runner import Load, Runner
+from app.recovery import Keeper, StateError, StateFolder
+from app.runner import Continue, Load, Runner
 from app.scenario import Scenario, from_toml, to_toml
-from app.session_messages import Begin, Changed, Failed, FromSession, Prepare, Ready, ToSession, line, to_session
+from app.session_messages import Begin, Changed, Failed, FromSession, Kept, Prepare, Ready, ToSession, line, to_session
 
 events = structlog.get_logger()
 
@@ -59,12 +62,39 @@ def serve(gateway: Gateway) -> None:
     gateway.tell(Ready(dashboard.port, dashboard.looking_fields))
     begin = gateway.next()
     assert isinstance(begin, Begin)
+    begun = from_toml(begin.scenario) if begin.scenario else scenario
     if begin.scenario:
-        runner.post(Load(from_toml(begin.scenario)))
+        runner.post(Load(begun))
+    keeper = None if begin.kept is None else _keeper(begin.kept, begun, runner, dashboard)
     runner.start()
     threading.Thread(target=_report, args=(gateway, runner, scenario), name="reports", daemon=True).start()
     threading.Thread(target=dashboard.run_forever, name="drawing", daemon=True).start()
-    gateway.next()  # nothing is asked of a running session: this returns when the other end has gone
+    try:
+        gateway.next()  # nothing is asked of a running session: this returns when the other end has gone
+    finally:
+        if keeper is not None:
+            keeper.close()
+
+
+def _keeper(kept: Kept, scenario: Scenario, runner: Runner, dashboard: Dashboard) -> Keeper | None:
+    """Keeps the session from now on, in its folder, unless that cannot be used; what is there is shown or offered."""
+    try:
+        folder = StateFolder(Path(kept.folder))
+    except StateError as error:
+        dashboard.fail(f"this session is not kept: {error}")
+        return None
+    keeper = Keeper(folder, lambda: runner.snapshot, dashboard.fail)
+    left = left_by(folder, keeper, scenario)
+    if left is None:
+        return keeper
+    if left.offer is None or kept.earlier == "offered":
+        dashboard.offer(left)
+        return keeper
+    runs, problem = keeper.take_up(left.offer)
+    if problem:
+        dashboard.fail(problem)
+    runner.post(Continue(scenario, runs))
+    return keeper
 
 
 def _report(gateway: Gateway, runner: Runner, told: Scenario) -> None:

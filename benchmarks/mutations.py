@@ -107,14 +107,15 @@ class Copy:
             shutil.copytree(ROOT / name, self.tree / name, ignore=shutil.ignore_patterns("__pycache__"))
         shutil.copy2(ROOT / "pyproject.toml", self.tree)
 
-    def run(self, kernels: Path) -> subprocess.CompletedProcess[str]:
-        """The tests, up to the first failure."""
+    def run(self, kernels: Path, first: str = "") -> subprocess.CompletedProcess[str]:
+        """The tests, those named after `first` before the others, up to the first failure."""
         environment = os.environ | {
             "NUMBA_CACHE_DIR": str(kernels), "PYTHONDONTWRITEBYTECODE": "1", "PYTHONPATH": str(self.tree),
             "OMP_NUM_THREADS": "1",
             "NUMBA_OPT": "0",  # compiled once and run for seconds
         }  # fmt: skip
-        command = [sys.executable, "-m", "pytest", "-x", "-q", "--tb=no", "-p", "no:cacheprovider", *self._tests]
+        command = [sys.executable, "-m", "pytest", "-x", "-q", "--tb=no", "-p", "no:cacheprovider"]
+        command += sorted(self._tests, key=lambda test: not Path(test).stem.endswith(first))
         return subprocess.run(
             command, cwd=self.tree, env=environment, capture_output=True, text=True, timeout=PATIENCE, check=False
         )
@@ -136,7 +137,7 @@ class Copy:
                 stale.unlink()
         file.write_text(sound.replace(mutation.old, mutation.new), encoding="utf-8")
         try:
-            done = self.run(kernels)
+            done = self.run(kernels, first=file.stem)
             failed = re.search(r"^(?:FAILED|ERROR) (?:tests/)?(\S+)", done.stdout, re.MULTILINE)
             by = failed[1] if failed else f"pytest ended with {done.returncode}"
             return Verdict(mutation, "caught", by) if done.returncode else Verdict(mutation, "SURVIVED", "")

@@ -11,7 +11,9 @@ import socket
 import time
 from collections.abc import Iterator
 from contextlib import suppress
+from pathlib import Path
 from typing import Any, NamedTuple
+from urllib.parse import urlsplit
 
 import pytest
 from websockets.exceptions import ConnectionClosed, InvalidStatus
@@ -19,12 +21,13 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 from app.dashboard import Dashboard
 from app.gateway.invitation import Invitation, Look, PortTaken
 from app.gateway.serve import serve
+from app.recovery import SESSION
 from app.scenario import ScenarioError, load
 from app.traffic import Limits
 from tests.viser_protocol import CAMERA
 from tests.visitors import PATIENCE, Server, gone, serving, visiting
 
-MOTION, IMPEDANCE = "Mode: Motion", "Mode: Impedance"
+MOTION, IMPEDANCE, PIN = "Mode: Motion", "Mode: Impedance", "Pin this run for comparison"
 
 
 class Answer(NamedTuple):
@@ -48,21 +51,22 @@ class Link(NamedTuple):
 
     port: int
     path: str
+    cookie: str = ""
 
     @property
     def url(self) -> str:
         return f"http://127.0.0.1:{self.port}{self.path}"
 
     def about(self) -> dict[str, Any]:
-        return json.loads(ask(self.port, f"{self.path}about").body)
+        return json.loads(ask(self.port, f"{self.path}about", Cookie=self.cookie).body)
 
     def watch(self) -> Link:
-        return Link(self.port, self.about()["links"]["watch"].removeprefix("../.."))
+        return Link(self.port, urlsplit(self.about()["links"]["watch"]).path.removeprefix("../.."), self.cookie)
 
     def loaded(self) -> Answer:
         """Its page, once its process runs."""
         until = time.monotonic() + PATIENCE
-        while "overlay.js" not in (answer := ask(self.port, self.path)).body:
+        while "overlay.js" not in (answer := ask(self.port, self.path, Cookie=self.cookie)).body:
             assert time.monotonic() < until, answer.body
             time.sleep(0.1)
         return answer
@@ -209,6 +213,56 @@ def test_without_the_token_nothing_answers_and_each_link_opens_its_own() -> None
         assert all(gone(child) for child in children)
 
 
+def pinned_in(folder: Path) -> Path:
+    """Once a run has been kept there."""
+    until = time.monotonic() + PATIENCE
+    while not (folder / SESSION).exists() or not json.loads((folder / SESSION).read_text())["pinned"]:
+        assert time.monotonic() < until
+        time.sleep(0.1)
+    return folder
+
+
+def test_links_scenarios_and_pinned_runs_outlive_the_server(tmp_path: Path) -> None:
+    arguments = ("planar2r-semicircle", "--shared", "--max-sessions", "1", "--state-dir", str(tmp_path))
+    with serving(*arguments, lines=2) as server:
+        link = arrive(server.port)
+        link.loaded()
+        with visiting(link.url) as page:
+            page.trigger(IMPEDANCE)
+            page.wait(lambda: "Impedance" in page.status)
+            page.trigger(PIN)
+            page.wait(lambda: "<th>1</th>" in page.text)
+        pinned_in(tmp_path / "shared" / link.watch().path.split("/")[-2])
+        server.process.kill()
+        server.process.wait()
+    with serving(*arguments, lines=2) as server:
+        again = Link(server.port, link.path)
+        again.loaded()
+        with visiting(again.url) as page:
+            page.wait(lambda: "Impedance" in page.status and "<th>1</th>" in page.text)
+        assert arrive(server.port).path != link.path
+
+
+def test_one_session_for_all_keeps_its_links_and_offers_what_it_was_at(tmp_path: Path) -> None:
+    arguments = ("planar2r-semicircle", "--token", "always", "--state-dir", str(tmp_path))
+    paths, offered = list[str](), list[bool]()
+    for _ in range(2):
+        with serving(*arguments, lines=2) as server:
+            cookie = ask(server.port, f"/?{urlsplit(server.url).query}").headers["Set-Cookie"].split(";")[0]
+            link = Link(server.port, "/" + ask(server.port, "/", Cookie=cookie).headers["Location"], cookie)
+            link.loaded()
+            with visiting(link.url, additional_headers={"Cookie": cookie}) as page:
+                page.wait(lambda page=page: "Constrained" in page.status)
+                offered.append("with a pinned run, saved" in page.text)
+                page.trigger(IMPEDANCE)
+                page.wait(lambda page=page: "Impedance" in page.status)
+                page.trigger(PIN)
+            pinned_in(tmp_path / "everyone" / link.watch().path.split("/")[-2])
+            paths.append(link.path)
+    assert paths[0] == paths[1]
+    assert offered == [False, True]
+
+
 def test_a_dashboard_alone_answers_its_own_pages_only() -> None:
     dashboard = Dashboard(port=0)
     try:
@@ -237,11 +291,11 @@ def test_a_dashboard_alone_answers_its_own_pages_only() -> None:
 def test_settings_that_make_no_sense_are_refused(invitation: Invitation, said: str) -> None:
     assert invitation.open
     with pytest.raises(ScenarioError, match=re.escape(said)):
-        serve(load("ur5-hybrid"), Look(), invitation)
+        serve(load("ur5-hybrid"), Look(), invitation, None)
 
 
 def test_an_address_in_use_is_said() -> None:
     with socket.create_server(("127.0.0.1", 0)) as busy:
         port = busy.getsockname()[1]
         with pytest.raises(PortTaken, match=f"port {port} of 127.0.0.1 cannot be used"):
-            serve(load("ur5-hybrid"), Look(), Invitation(shared=True, port=port))
+            serve(load("ur5-hybrid"), Look(), Invitation(shared=True, port=port), None)

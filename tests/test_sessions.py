@@ -4,11 +4,19 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import AsyncIterator, Awaitable, Callable
+from contextlib import closing
 from functools import wraps
+from pathlib import Path
+
+import pytest
 
 from app.gateway import sessions
+from app.gateway.register import LINK, MOST, Register
 from app.gateway.sessions import House, Session
 from app.gateway.worker import WorkerError
+from app.recovery import StateError, StateFolder
+from app.scenario import from_toml, load, to_toml
+from app.session_messages import Begin, Kept
 
 USUAL = "usual"
 
@@ -20,10 +28,11 @@ class Fake:
 
     def __init__(self, prepared: str) -> None:
         self.prepared, self.begun, self.alive = prepared, "", True
+        self.kept: Kept | None = None
         self._says: asyncio.Queue[str | None] = asyncio.Queue()
 
-    def begin(self, scenario: str | None) -> None:
-        self.begun = scenario or self.prepared
+    def begin(self, begin: Begin) -> None:
+        self.begun, self.kept = begin.scenario or self.prepared, begin.kept
 
     async def changes(self) -> AsyncIterator[str]:
         while (said := await self._says.get()) is not None:
@@ -44,9 +53,11 @@ class Fake:
 class Town:
     """A house, its processes in the order of their making, and the time."""
 
-    def __init__(self, places: int, idle: float | None = 600.0, *, spare: bool = False) -> None:
+    def __init__(
+        self, places: int, idle: float | None = 600.0, *, register: Register | None = None, spare: bool = False
+    ) -> None:
         self.now, self.made, self.broken = 1000.0, list[Fake](), False
-        self.house = House(USUAL, self._launch, places, idle, spare=spare, clock=lambda: self.now)
+        self.house = House(USUAL, self._launch, places, idle, register=register, spare=spare, clock=lambda: self.now)
 
     async def _launch(self, scenario: str) -> Fake:
         if self.broken:
@@ -184,8 +195,66 @@ async def test_links_are_told_apart_and_only_resting_sessions_are_forgotten() ->
     town = Town(places=1)
     kept = town.house.new()
     await town.wanted(kept)
+    loaded = town.house.new()
+    town.house.want(loaded)
+    await town.pass_time(sessions.FORGOTTEN + 1)
+    assert loaded.phase == "resting"
     others = [town.house.new() for _ in range(sessions.MOST_KEPT + 5)]
     assert town.house.named(kept.name) is kept is town.house.watched(kept.watch)
+    assert town.house.named(loaded.name) is loaded  # whose page somebody has looked at, unlike those that came later
     assert town.house.named(others[0].name) is None
     assert town.house.named(others[-1].name) is others[-1]
     assert town.house.named(kept.watch) is None is town.house.watched(kept.name)
+
+
+def test_a_house_that_is_opened_again_knows_its_sessions_and_their_links(tmp_path: Path) -> None:
+    changed = to_toml(load("planar2r-semicircle"))
+    links = list[tuple[str, str]]()
+
+    @in_a_loop
+    async def before() -> None:
+        with closing(Register(tmp_path)) as register:
+            with pytest.raises(StateError, match="another server uses it"):
+                Register(tmp_path)
+            town = Town(places=3, register=register)
+            left = [town.house.new(scenario) for scenario in (None, "a copy", None)]
+            links.extend((session.name, session.watch) for session in left)
+            for session in left[:2]:
+                await town.wanted(session)
+            for process, session in zip(town.made, left, strict=False):
+                assert process.kept is not None
+                assert process.kept.earlier == "shown"
+                assert session.name not in process.kept.folder  # pages may show it, also to those who only watch
+            with closing(StateFolder(tmp_path / left[0].watch)) as folder:
+                folder.save(from_toml(changed), ())
+            await town.house.close()
+
+    @in_a_loop
+    async def after() -> None:
+        for number, content in enumerate((b"", b"{}", b'{"name": "../..", "scenario": ""}')):
+            (tmp_path / f"broken{number}").mkdir()
+            (tmp_path / f"broken{number}" / LINK).write_bytes(content)
+        with closing(Register(tmp_path)) as register:
+            house = Town(places=3, register=register).house
+            known = [house.named(name) for name, _ in links]
+            assert [session and session.scenario for session in known] == [changed, "a copy", None]
+            assert [house.watched(watch) for _, watch in links] == known
+            assert house.watched("broken2") is None
+
+            # where there is one for all, it begins as asked, and what was is offered; after a fall it goes on
+            town = Town(places=1, register=register)
+            everyone = town.house.everyone()
+            assert everyone.watch in dict(links).values()
+            await town.wanted(everyone)
+            town.made[0].fall()
+            await town.pass_time()
+            assert [process.kept and process.kept.earlier for process in town.made] == ["offered", "shown"]
+            assert [process.begun for process in town.made] == [USUAL, USUAL]
+            await town.house.close()
+
+            for _ in range(MOST):
+                house.new().asked = 2000.0
+            assert not any((tmp_path / watch).exists() for _, watch in links)
+
+    before()
+    after()

@@ -51,6 +51,11 @@ class Visitor:
         return " ".join(found).strip()
 
     @property
+    def text(self) -> str:
+        """All that the panel says."""
+        return " ".join(self.html.values())
+
+    @property
     def t(self) -> float:
         """Simulated time on the page, s."""
         found = re.search(r"\bt\s+([\d.]+)\s+s", self.status)

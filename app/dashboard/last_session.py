@@ -10,8 +10,9 @@ from html import escape
 import viser
 
 from app.dashboard.guard import Complain, guarded
-from app.recovery import Offer
+from app.recovery import Keeper, Offer, StateFolder
 from app.runner import Command, Continue
+from app.scenario import Scenario
 from app.timeline import Pinned
 
 _GO_ON, _NOT = "Continue where you left off", "Dismiss"
@@ -28,11 +29,21 @@ class LastSession:
     refuse: Callable[[], None]
 
 
+def left_by(folder: StateFolder, keeper: Keeper, chosen: Scenario) -> LastSession | None:
+    """What there is to offer; nothing where it would be what runs anyway."""
+    offer = folder.offer()
+    if offer is not None and offer.scenario == chosen and not offer.runs:
+        return None
+    if offer is None and not folder.problem:
+        return None
+    return LastSession(offer, folder.problem, keeper.take_up, keeper.refuse_offer)
+
+
 def add_last_session(
-    gui: viser.GuiApi, session: LastSession, post: Callable[[Command], None], complain: Complain
+    gui: viser.GuiApi, session: LastSession, order: float, post: Callable[[Command], None], complain: Complain
 ) -> None:
-    """In the current container; it goes when it is answered."""
-    folder = gui.add_folder("Last session")
+    """In the current container, at this place; it goes when it is answered."""
+    folder = gui.add_folder("Last session", order=order)
     with folder:
         text = gui.add_html(_note(session.problem if session.offer is None else _told(session.offer)))
         buttons = [gui.add_button(_GO_ON)] if session.offer is not None else []

@@ -118,9 +118,14 @@ class Dashboard:
         """What is being prepared, while there is no runner yet."""
         self._status.content = splash_html(text)
 
-    def attach(self, runner: Runner, last_session: LastSession | None = None) -> None:
-        """Build the controls for this runner and show it from now on; offer the last session, where there is one."""
-        self._view = _View(self._server, self._status, self._scene, runner, last_session)
+    def attach(self, runner: Runner) -> None:
+        """Build the controls for this runner and show it from now on."""
+        self._view = _View(self._server, self._status, self._scene, runner)
+
+    def offer(self, last_session: LastSession) -> None:
+        """Ask whether to go on with it, above the controls; nothing before `attach`."""
+        if self._view is not None:
+            self._view.offer(last_session)
 
     def fail(self, sentence: str) -> None:
         """Say on every page that something of ours has failed."""
@@ -174,7 +179,6 @@ class _View:
         status: viser.GuiHtmlHandle,
         scene: SceneView,
         runner: Runner,
-        last_session: LastSession | None,
     ) -> None:
         self._server, self._status, self._scene, self._runner = server, status, scene, runner
         self._complaint, self._complaint_until, self._complaint_revision = "", 0.0, -1
@@ -184,8 +188,6 @@ class _View:
         self._whatif = WhatIf(self._previewer)
         self._viewing = Viewing()
         self._maker = Maker()
-        if last_session is not None:
-            add_last_session(server.gui, last_session, runner.post, self.fail)
         desk = Desk(
             server.gui, runner.post, lambda: runner.snapshot, self._whatif, self._viewing, self.complain, self._maker
         )
@@ -234,6 +236,10 @@ class _View:
         self._notified = now
         for client in self._server.get_clients().values():
             client.add_notification(title, sentence, color="red", auto_close_seconds=6.0)
+
+    def offer(self, last_session: LastSession) -> None:
+        above = self._status.order + 0.5
+        add_last_session(self._server.gui, last_session, above, self._runner.post, self.fail)
 
     def close(self) -> None:
         """End what was started for the page. The runner is the caller's."""

@@ -3,30 +3,43 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import math
 import os
 import signal
 import socket
+from pathlib import Path
 
 from app import warm
 from app.access import Names, OriginError, Tokens
 from app.gateway.invitation import Invitation, Look, PortTaken
+from app.gateway.register import Register
 from app.gateway.server import Doors, Gateway, serving
 from app.gateway.sessions import House
 from app.gateway.worker import Worker
+from app.recovery import StateError
 from app.scenario import Scenario, ScenarioError, to_toml
 
 SESSIONS_PER_CORE = 2.0  # at 1 kHz, each looked at by one page: docs/performance.md
 
 
-def serve(scenario: Scenario, look: Look, invitation: Invitation) -> None:
-    """Serve until Ctrl-C or SIGTERM. Raises ScenarioError for settings that make no sense, and PortTaken."""
+def serve(scenario: Scenario, look: Look, invitation: Invitation, state_dir: Path | None) -> None:
+    """Serve until Ctrl-C or SIGTERM. state_dir: where sessions are kept for the next start, None for nowhere.
+
+    Raises ScenarioError for settings that make no sense, and PortTaken.
+    """
     names, tokens = _names(invitation), _tokens(invitation)
     if invitation.places is not None and invitation.places < 1:
         raise ScenarioError(f"--max-sessions: {invitation.places}; allowed: 1 or more")
     if not 0 < invitation.idle_minutes < math.inf:
         raise ScenarioError(f"--idle-minutes: {invitation.idle_minutes:g}; allowed: more than 0")
-    asyncio.run(_serve(scenario, look, invitation, names, tokens))
+    try:
+        # apart from each other, and from what a server for its own user keeps there
+        register = Register(state_dir / ("shared" if invitation.shared else "everyone")) if state_dir else None
+        with contextlib.closing(register) if register else contextlib.nullcontext():
+            asyncio.run(_serve(to_toml(scenario), look, invitation, names, tokens, register))
+    except StateError as error:
+        raise ScenarioError(str(error)) from error
 
 
 def cores() -> int:
@@ -55,16 +68,24 @@ def _tokens(invitation: Invitation) -> Tokens | None:
     return None if local and not invitation.origins and invitation.token == "auto" else Tokens()
 
 
-async def _serve(scenario: Scenario, look: Look, invitation: Invitation, names: Names, tokens: Tokens | None) -> None:
-    text, shared = to_toml(scenario), invitation.shared
+async def _serve(
+    scenario: str,
+    look: Look,
+    invitation: Invitation,
+    names: Names,
+    tokens: Tokens | None,
+    register: Register | None,
+) -> None:
+    shared = invitation.shared
     house = House(
-        text,
+        scenario,
         lambda toml: Worker.prepared(toml, look),
         (invitation.places or places()) if shared else 1,
         60.0 * invitation.idle_minutes if shared else None,
+        register=register,
         spare=shared,
     )
-    everyone = None if shared else house.new()
+    everyone = None if shared else house.everyone()
     stop = asyncio.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
         asyncio.get_running_loop().add_signal_handler(number, stop.set)

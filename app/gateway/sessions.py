@@ -12,7 +12,9 @@ from typing import Literal, Protocol
 
 import structlog
 
+from app.gateway.register import MOST, Known, Register
 from app.gateway.worker import WorkerError
+from app.session_messages import Begin, Kept
 
 log = structlog.get_logger()
 
@@ -35,7 +37,7 @@ class Process(Protocol):
 
     @property
     def alive(self) -> bool: ...
-    def begin(self, scenario: str | None) -> None: ...
+    def begin(self, begin: Begin) -> None: ...
     def changes(self) -> AsyncIterator[str]: ...
     async def end(self) -> str: ...
 
@@ -45,13 +47,14 @@ class Session:
     """A run that has a link, whether or not a process runs it now.
 
     name, watch: parts of the links to steer and to watch, neither to be guessed, nor one from the other. scenario:
-    TOML, as it was last. viewers: open pages. told: what happened to its process last, "" while nothing did; crashes
-    counts that.
+    TOML, as it was last. offers: what is kept of it on disk is something else, to be offered. viewers: open pages.
+    told: what happened to its process last, "" while nothing did; crashes counts that.
     """
 
     scenario: str
     name: str = field(default_factory=lambda: secrets.token_urlsafe(16))
     watch: str = field(default_factory=lambda: secrets.token_urlsafe(16))
+    offers: bool = False
     phase: Phase = "resting"
     process: Process | None = None
     viewers: int = 0
@@ -70,7 +73,8 @@ class House:
     """Sessions and their processes, at most `places` of them at once; all in one event loop.
 
     scenario: TOML of a new session; launch: makes a process with this scenario ready; idle: s after which a session
-    that nobody looks at is closed, its scenario kept, None for never; spare: have a process ready in advance.
+    that nobody looks at is closed, its scenario kept, None for never; register: where sessions are kept beyond the
+    life of the house, None for nowhere; spare: have a process ready in advance.
     """
 
     def __init__(
@@ -80,17 +84,20 @@ class House:
         places: int,
         idle: float | None,
         *,
+        register: Register | None = None,
         spare: bool = True,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         self._scenario, self._launch, self.places, self._idle = scenario, launch, places, idle
-        self._wants_spare, self._clock = spare, clock
+        self._register, self._wants_spare, self._clock = register, spare, clock
         self._by_name: dict[str, Session] = {}
         self._by_watch: dict[str, Session] = {}
         self._queue: list[Session] = []
         self._spare: asyncio.Task[Process] | None = None
         self._endings: set[asyncio.Task[str]] = set()
         self._started = clock() - SPARE_AFTER
+        for name, watch, last in register.known() if register is not None else ():
+            self._add(Session(last, name, watch, asked=clock(), seen=clock()))
 
     @property
     def taken(self) -> int:
@@ -111,8 +118,12 @@ class House:
     def new(self, scenario: str | None = None) -> Session:
         """A session that rests; scenario: TOML, None for the usual one."""
         self._forget()
-        session = Session(scenario or self._scenario, seen=self._clock())
-        self._by_name[session.name] = self._by_watch[session.watch] = session
+        return self._add(Session(scenario or self._scenario, seen=self._clock()))
+
+    def everyone(self) -> Session:
+        """The session of a house that has one for all: its links are the old ones, its scenario is the usual one."""
+        session = next(iter(self._by_name.values()), None) or self.new()
+        session.scenario, session.offers = self._scenario, True
         return session
 
     def want(self, session: Session) -> None:
@@ -212,7 +223,7 @@ class House:
         try:
             while not session._closing:
                 session.phase = "starting"
-                process = await self._process(session.scenario)
+                process = await self._process(session)
                 session.process, session.phase, session.seen = process, "running", self._clock()
                 session._runs.set()
                 log.info("session opened", sessions=self.taken)
@@ -241,8 +252,13 @@ class House:
             raise WorkerError(f"its process has ended unexpectedly {CRASHES} times within a minute ({how})")
         session.told = f"its process ended unexpectedly ({how}); another one has begun its last scenario anew"
 
-    async def _process(self, scenario: str) -> Process:
-        """The spare, or a new one; it has begun the scenario."""
+    async def _process(self, session: Session) -> Process:
+        """The spare, or a new one; it has begun the session's scenario."""
+        scenario, kept = session.scenario, None
+        if self._register is not None:
+            folder = self._register.entered(Known(session.name, session.watch, scenario))
+            kept = Kept(str(folder), "offered" if session.offers else "shown")
+            session.offers = False
         spare, self._spare = self._spare, None
         process = None
         if spare is not None:
@@ -250,17 +266,24 @@ class House:
                 process = await spare
         if process is None or not process.alive:
             process = await self._launch(scenario)
-            process.begin(None)
+            process.begin(Begin(None, kept))
         else:
-            process.begin(None if scenario == self._scenario else scenario)
+            process.begin(Begin(None if scenario == self._scenario else scenario, kept))
         self._started = self._clock()
         return process
 
+    def _add(self, session: Session) -> Session:
+        self._by_name[session.name] = self._by_watch[session.watch] = session
+        return session
+
     def _forget(self) -> None:
         resting = [session for session in self._by_name.values() if session._life is None and not self.place(session)]
-        if len(resting) >= MOST_KEPT:
-            oldest = min(resting, key=lambda session: session.seen)
+        if len(resting) >= (MOST_KEPT if self._register is None else MOST):
+            # one whose page was never loaded first: calling again and again at the door costs nobody a session
+            oldest = min(resting, key=lambda session: (session.asked > 0.0, session.seen))
             del self._by_name[oldest.name], self._by_watch[oldest.watch]
+            if self._register is not None:
+                self._register.forget(oldest.watch)
 
 
 def _of_use(launch: asyncio.Task[Process]) -> bool:

@@ -73,9 +73,8 @@ class Worker:
         """Whether it has not ended."""
         return self._process.poll() is None
 
-    def begin(self, scenario: str | None) -> None:
-        """Run this scenario (TOML), None for the one prepared."""
-        self._tell(Begin(scenario))
+    def begin(self, begin: Begin) -> None:
+        self._tell(begin)
 
     async def changes(self) -> AsyncIterator[str]:
         """The scenario (TOML) whenever it has changed, until the process ends."""

@@ -1,0 +1,90 @@
+"""Sessions on disk: their links, and a folder for each, so that a gateway that is started again knows them."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import re
+import shutil
+from pathlib import Path
+from typing import NamedTuple
+
+import msgspec
+import structlog
+
+from app.recovery import StateError, last_scenario, occupied
+from app.whole_file import write_whole
+
+log = structlog.get_logger()
+
+MOST = 100  # sessions on disk: three pinned runs of one can take 225 MB
+LINK = "link.json"
+_PRIVATE = 0o600
+_WORD = re.compile(r"[A-Za-z0-9_-]{1,64}")
+
+
+class _Link(msgspec.Struct, frozen=True):
+    name: str
+    scenario: str
+
+
+class Known(NamedTuple):
+    """A session as it was left: parts of its links, and its scenario (TOML, not judged yet)."""
+
+    name: str
+    watch: str
+    scenario: str
+
+
+class Register:
+    """A folder that only this gateway uses, as long as it lives or until `close`.
+
+    A session's own folder is named after its link to watch: what its pages show of it lets nobody steer. Its
+    process keeps scenario and pinned runs there, see `app.recovery`. Raises StateError when another process uses the
+    folder or it cannot be written.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._lock = occupied(path)
+
+    def close(self) -> None:
+        """Leave the folder to others."""
+        os.close(self._lock)
+
+    def known(self) -> list[Known]:
+        """What an earlier gateway left, the one not used for longest first; what cannot be read is left where it is."""
+        try:
+            links = [(link.stat().st_mtime, link) for link in self._path.glob(f"*/{LINK}")]
+        except OSError as error:
+            raise StateError(f"--state-dir {self._path}: cannot be read: {error.strerror}") from error
+        return [known for _, link in sorted(links) if (known := _known(link)) is not None]
+
+    def entered(self, known: Known) -> Path:
+        """The session's folder; that there is one is noted. Where this fails, its process will say so on the page."""
+        folder = self._path / known.watch
+        try:
+            folder.mkdir(exist_ok=True, mode=0o700)
+            text = msgspec.json.encode(_Link(known.name, known.scenario))
+            write_whole(folder / LINK, lambda file: file.write(text), _PRIVATE)
+        except OSError as error:
+            log.warning("session not saved", reason=error.strerror)
+        return folder
+
+    def forget(self, watch: str) -> None:
+        """Remove what there is of this session."""
+        with contextlib.suppress(FileNotFoundError):
+            shutil.rmtree(self._path / watch)
+
+
+def _known(link: Path) -> Known | None:
+    watch = link.parent.name
+    try:
+        read = msgspec.json.decode(link.read_bytes(), type=_Link)
+    except (OSError, msgspec.MsgspecError, UnicodeDecodeError) as error:
+        log.warning("saved session unreadable", file=str(link), reason=str(error))
+        return None
+    if not (_WORD.fullmatch(read.name) and _WORD.fullmatch(watch)):
+        log.warning("saved session unreadable", file=str(link), reason="its name is none of this program's")
+        return None
+    return Known(read.name, watch, last_scenario(link.parent) or read.scenario)
