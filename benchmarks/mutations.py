@@ -36,12 +36,12 @@ TESTS = (
     "tests/test_paper.py",
     "tests/test_mathematics.py",
     "tests/test_bounds.py",
-    "tests/test_stiffness.py",
-    "tests/test_kernels.py",
+    "tests/test_blend.py",
     "tests/test_closed_forms.py::test_every_friction_takes_energy_away",
     "tests/test_responses.py::test_sampled_force_loop_diverges_where_its_factor_says",
-    "tests/test_blend.py",
+    "tests/test_stiffness.py",
     "tests/test_practice.py",
+    "tests/test_kernels.py",
 )
 PATIENCE = 1200.0  # s for one row
 

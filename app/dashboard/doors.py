@@ -29,7 +29,7 @@ class UnguardedError(RuntimeError):
 
 
 @contextlib.contextmanager
-def guarded(names: Names, key: str | None = None) -> Iterator[None]:
+def behind_doors(names: Names, key: str | None = None) -> Iterator[None]:
     """A viser server made within answers only requests under its own names and from its own pages, keeps to Limits,
     and, when a key is given, wants it in the header KEY_HEADER. Raises UnguardedError when it would not."""
     opened: list[_Guarded] = []

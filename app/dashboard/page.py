@@ -14,7 +14,7 @@ from app.access import Names
 from app.dashboard.appearance import Appearance
 from app.dashboard.charts import Pinned
 from app.dashboard.controls import Desk
-from app.dashboard.doors import guarded
+from app.dashboard.doors import behind_doors
 from app.dashboard.equation import equation_html
 from app.dashboard.gate import Gate
 from app.dashboard.guard import watch
@@ -76,7 +76,7 @@ class Dashboard:
         self._frame = 1.0 / fps
         if port and _taken(host, port):
             raise PortBusy(f"port {port} of {host} is in use; choose another one with --port")
-        with guarded(Names(host), key):
+        with behind_doors(Names(host), key):
             self._server = viser.ViserServer(host=host, port=port, label="VSMRC Lab", verbose=False)
         Gate(self._server)
         self.host, self.port = host, self._server.get_port()
