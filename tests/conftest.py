@@ -1,6 +1,5 @@
 """Fixtures that more than one test file needs."""
 
-import threading
 from collections.abc import Callable, Iterator
 
 import pytest
@@ -11,6 +10,7 @@ from app.dashboard import Dashboard
 from app.runner import Load, Pause, Play, Runner, SetSpeed
 from app.scenario import shipped
 from tests.browser import LAUNCH_ARGS, find_or_install
+from tests.drawn import drawn
 from tests.pages import NO_HINTS, PATIENCE, UNDRAWN, VIEWPORT, Session
 
 # viser's own client says so at every drag in the scene (SceneTree.tsx); it does no harm
@@ -73,12 +73,9 @@ def served() -> Iterator[tuple[Dashboard, Runner]]:
     runner = Runner(shipped()["ur5-hybrid"])
     dashboard.attach(runner)
     runner.start()
-    drawing = threading.Thread(target=dashboard.run_forever, daemon=True)
-    drawing.start()
-    yield dashboard, runner
-    dashboard.close()
+    with drawn(dashboard):
+        yield dashboard, runner
     runner.close()
-    drawing.join(timeout=5.0)
 
 
 @pytest.fixture

@@ -32,6 +32,7 @@ from app.recording import Recording
 from app.runner import Blend, Edit, Load, Play, Reset, Runner, Seek, Snapshot
 from app.scenario import Scenario, edited, load
 from app.takeaway import DataJob, Maker, TakeAwayError
+from tests.drawn import drawn
 from tests.viser_protocol import CAMERA, PROTOCOL
 
 PATIENCE = 60.0  # s, for a machine that has other things to do
@@ -211,13 +212,8 @@ class Server:
 
 @pytest.fixture(scope="module")
 def server(runner: Runner) -> Iterator[Server]:
-    dashboard = Dashboard(runner, port=0, fps=10.0)
-    drawing = threading.Thread(target=dashboard.run_forever)
-    drawing.start()
-    yield Server(dashboard, runner)
-    dashboard.close()
-    drawing.join(PATIENCE)
-    assert not drawing.is_alive()
+    with drawn(Dashboard(runner, port=0, fps=10.0)) as dashboard:
+        yield Server(dashboard, runner)
 
 
 class Client:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import asyncio
 import logging
 import resource
-import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import suppress
@@ -28,6 +27,7 @@ from app.dashboard.messages import LARGEST_UPLOAD, Page, Refused, Visitor
 from app.dashboard.style import COMMIT
 from app.runner import Runner
 from app.scenario import shipped
+from tests.drawn import drawn
 from tests.viser_protocol import PROTOCOL
 
 pack = msgspec.msgpack.encode
@@ -211,12 +211,9 @@ def unmetered(monkeypatch: pytest.MonkeyPatch) -> Iterator[tuple[Dashboard, Runn
     runner = Runner(shipped()["ur5-hybrid"])
     dashboard = Dashboard(runner, port=0, fps=8.0)
     runner.start()
-    drawing = threading.Thread(target=dashboard.run_forever, daemon=True)
-    drawing.start()
-    yield dashboard, runner
-    dashboard.close()
+    with drawn(dashboard):
+        yield dashboard, runner
     runner.close()
-    drawing.join(timeout=10.0)
 
 
 async def page(dashboard: Dashboard) -> tuple[ClientConnection, asyncio.Task[None]]:

@@ -7,9 +7,9 @@ import os
 import resource
 import subprocess
 import sys
-import threading
 import time
 from collections.abc import Callable
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -19,11 +19,12 @@ from playwright.sync_api import Page
 
 from app.closed_loop import ClosedLoop
 from app.dashboard import Dashboard
-from app.dashboard.last_session import LastSession
+from app.dashboard.last_session import left_by
 from app.recovery import OFFER, SESSION, Keeper, StateError, StateFolder, default_folder
 from app.runner import Edit, Pin, Runner, Unpin
 from app.scenario import Scenario, edited, load
 from app.timeline import Pinned, Timeline
+from tests.drawn import drawn
 from tests.pages import PATIENCE, VIEWPORT
 
 SCENARIO = load("planar2r-semicircle")
@@ -259,13 +260,19 @@ def test_a_page_continues_where_it_was_left_off(
     dashboard, runner = Dashboard(port=0, fps=8.0), Runner(load("ur5-hybrid"))
     runner.start()
     keeper = Keeper(folder, lambda: runner.snapshot, dashboard.fail)
-    dashboard.attach(runner, LastSession(folder.offer(), "", keeper.take_up, keeper.refuse_offer))
-    drawing = threading.Thread(target=dashboard.run_forever, daemon=True)
-    drawing.start()
-    try:
+    dashboard.attach(runner)
+    left = left_by(folder, keeper, runner.snapshot.scenario)
+    assert left is not None
+    dashboard.offer(left)
+    with closing(runner), closing(keeper), drawn(dashboard):
         page = open_page(dashboard.url, viewport=VIEWPORT)
         page.set_default_timeout(PATIENCE * 1e3)
-        page.get_by_text("with 2 pinned runs, saved").wait_for()
+        offer = page.get_by_text("with 2 pinned runs, saved")
+        offer.wait_for()
+        run = page.get_by_role("button", name="play / pause")
+        places = [place.bounding_box() for place in (page.get_by_text("real time"), offer, run)]
+        heights = [place["y"] for place in places if place is not None]
+        assert heights == sorted(heights)  # below the status, above the controls
         if where := os.environ.get("VSMRC_SCREENSHOTS"):
             page.locator("#webgl-software-rendering button").click()
             page.evaluate("window.undrawn = false")
@@ -274,12 +281,7 @@ def test_a_page_continues_where_it_was_left_off(
         assert runner.snapshot.scenario == load("ur5-hybrid")  # nothing is applied by itself
         page.get_by_role("button", name="Continue where you left off").click()
         until(lambda: runner.snapshot.scenario == changed() and len(runner.snapshot.pinned) == 2)
-        page.get_by_text("with 2 pinned runs, saved").wait_for(state="hidden")
+        offer.wait_for(state="hidden")
         until(lambda: (tmp_path / SESSION).exists() and not (tmp_path / OFFER).exists())
         page.get_by_role("tab", name="Runs", exact=True).click()
         page.get_by_role("button", name="Forget run 2").wait_for()
-    finally:
-        dashboard.close()
-        runner.close()
-        keeper.close()
-        drawing.join(PATIENCE)
