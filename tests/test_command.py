@@ -160,3 +160,20 @@ def test_any_urdf_runs_and_a_truth_outside_its_declaration_is_said(tmp_path: Pat
     assert done.returncode == 0, done.stderr
     assert "outside what was declared: payload 2 kg > declared 0 kg" in done.stdout
     assert load(str(tmp_path / "scenario.toml")).robot.tool_frame == "flange"
+
+
+def test_ctrl_c_before_the_command_is_loaded_is_no_traceback() -> None:
+    interrupted = """
+import sys
+
+class Finder:
+    def find_spec(self, name, *_):
+        if name == "numba":
+            raise KeyboardInterrupt
+
+sys.meta_path.insert(0, Finder())
+from app.__main__ import main
+main()
+"""
+    done = subprocess.run([sys.executable, "-c", interrupted], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stdout, done.stderr) == (130, "", "")

@@ -15,7 +15,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from app import uploads, visuals
-from app.__main__ import _setting
+from app.commands import _setting
 from app.data_files import SIGNALS, read_npz, table, write_npz
 from app.printable import printable
 from app.recording import Recording
