@@ -1,14 +1,17 @@
 """What an arm looks like: the meshes of its links.
 
 Readers of meshes unpack archives, expand entities and open whatever a file names. Meshes that come with the program are
-read here; those of any other URDF in a process of its own, `app.visuals_worker`, whose time and memory are bounded.
+read here; those of any other URDF in a process of its own, `app.visuals_worker`, whose time and memory are bounded, and
+nobody waits for it.
 """
 
 from __future__ import annotations
 
 import subprocess
+import threading
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Iterator
+from concurrent.futures import Future
 from dataclasses import dataclass
 from functools import lru_cache
 from io import BytesIO
@@ -46,15 +49,21 @@ class LinkMesh:
     faces: np.ndarray
 
 
-def link_meshes(robot: Robot) -> tuple[LinkMesh, ...]:
-    """Every visual of the arm's URDF that can be shown; none where its meshes cannot be read, which the log tells."""
+Meshes = Future[tuple[LinkMesh, ...]]
+
+
+def link_meshes(robot: Robot) -> Meshes:
+    """Every visual of the arm's URDF that can be shown, now or later; none where its meshes cannot be read, which the
+    log tells."""
+    here: Meshes = Future()
     try:
-        if robot.shipped or next(urdf.read(robot.urdf).iter("mesh"), None) is None:
-            return tuple(read(robot.urdf))
-        return _read_apart(robot.urdf, robot.urdf.stat().st_mtime_ns)
+        if not robot.shipped and next(urdf.read(robot.urdf).iter("mesh"), None) is not None:
+            return _read_apart(robot.urdf, robot.urdf.stat().st_mtime_ns)
+        here.set_result(tuple(read(robot.urdf)))
     except Exception as error:  # whatever readers of meshes raise: the arm can be shown without them
         log.warning("visuals not shown", urdf=str(robot.urdf), reason=str(error))
-        return ()
+        here.set_result(())
+    return here
 
 
 def read(path: Path) -> Iterator[LinkMesh]:
@@ -81,15 +90,21 @@ def read(path: Path) -> Iterator[LinkMesh]:
 
 # the arm, its ghost and pinned runs of it look alike
 @lru_cache(maxsize=4)
-def _read_apart(path: Path, changed: int) -> tuple[LinkMesh, ...]:
+def _read_apart(path: Path, changed: int) -> Meshes:
     """In a process of its own; of a file that has not changed since, only once, and so is a failure."""
     del changed
-    try:
-        return _answer(path)
-    except (OSError, EOFError, RuntimeError) as error:
-        reason = str(error) or "reading them took too much memory or time"
-        log.warning("visuals not shown", urdf=str(path), reason=reason)
-        return ()
+    meshes: Meshes = Future()
+
+    def wait() -> None:
+        try:
+            meshes.set_result(_answer(path))
+        except (OSError, EOFError, RuntimeError) as error:
+            reason = str(error) or "reading them took too much memory or time"
+            log.warning("visuals not shown", urdf=str(path), reason=reason)
+            meshes.set_result(())
+
+    threading.Thread(target=wait, name="visuals", daemon=True).start()
+    return meshes
 
 
 def _answer(path: Path) -> tuple[LinkMesh, ...]:

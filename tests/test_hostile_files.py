@@ -8,6 +8,7 @@ import struct
 import zipfile
 from contextlib import suppress
 from pathlib import Path
+from unittest.mock import MagicMock
 
 import numpy as np
 import pytest
@@ -16,6 +17,7 @@ from hypothesis import strategies as st
 
 from app import uploads, visuals
 from app.commands import _setting
+from app.dashboard.robot_view import RobotView
 from app.data_files import SIGNALS, read_npz, table, write_npz
 from app.printable import printable
 from app.recording import Recording
@@ -199,7 +201,7 @@ def test_meshes_that_would_take_the_machine_are_not_shown(
     arm = tmp_path / "arm.urdf"
     mesh = f'<visual><geometry><mesh filename="{name}"/></geometry></visual>'
     arm.write_text(BENT.replace(UPPER, UPPER + mesh))
-    assert visuals.link_meshes(robots.load("", urdf=str(arm))) == ()
+    assert visuals.link_meshes(robots.load("", urdf=str(arm))).result(90.0) == ()
 
 
 def test_a_mesh_of_ones_own_is_shown(tmp_path: Path) -> None:
@@ -207,9 +209,18 @@ def test_a_mesh_of_ones_own_is_shown(tmp_path: Path) -> None:
     arm = tmp_path / "arm.urdf"
     visual = '<visual><origin xyz="0 0 2"/><geometry><mesh filename="a.obj"/></geometry></visual>'
     arm.write_text(BENT.replace(UPPER, UPPER + visual))
-    (mesh,) = visuals.link_meshes(robots.load("", urdf=str(arm)))
+    robot, scene = robots.load("", urdf=str(arm)), MagicMock()
+    scene.add_mesh_simple.side_effect = lambda name, *_, **__: MagicMock(path=name)
+    view = RobotView(scene, robot, "/arm")
+    bones = list(view._shapes)
+    assert {Path(bone.path).name[:5] for bone in bones} == {"bone_"}  # nobody waits for the process that reads
+    (mesh,) = visuals.link_meshes(robot).result(90.0)
     assert mesh.link == "upper"
     np.testing.assert_allclose(mesh.vertices.max(axis=0), [1, 1, 2])
+    for _ in range(2):
+        view.show(np.zeros(robot.n))
+        assert all(bone.remove.call_count == 1 for bone in bones)
+        assert {Path(shape.path).name[:5] for shape in view._shapes} == {"mesh_"}
 
 
 # scenarios

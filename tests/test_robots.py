@@ -248,7 +248,7 @@ def test_meshes_are_read_from_the_package_or_the_folder_of_the_urdf_only(tmp_pat
 
 def test_an_arm_without_visuals_is_drawn_from_joint_to_joint() -> None:
     robot = robots.load("", urdf=str(BENT))
-    drawn = parts(robot, FINE)
+    drawn = parts(robot, (), FINE)
     assert {part.joint for part in drawn} == {0, 1, 2, 3}
     ends = {0: [0, 0, 0.3], 1: [0.05, 0, 0.1], 2: [0, 0.03, 0.35], 3: [0, 0, 0.3]}
     for joint, end in ends.items():

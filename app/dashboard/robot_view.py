@@ -15,7 +15,7 @@ import viser
 
 from app.dashboard.look import FINE
 from app.dashboard.theme import Rgb
-from app.visuals import link_meshes
+from app.visuals import LinkMesh, link_meshes
 from environments.robots import Robot
 
 log = structlog.get_logger()
@@ -35,20 +35,20 @@ class Part:
     faces: np.ndarray
 
 
-def parts(robot: Robot, cell: float) -> list[Part]:
-    """Every visual of the URDF, grouped, without detail finer than `cell` m; links without a frame in the reduced model
-    are left out. What moves with a joint and has no visual that can be loaded is drawn as a bone from this joint to the
+def parts(robot: Robot, meshes: tuple[LinkMesh, ...], cell: float) -> list[Part]:
+    """These visuals of the URDF, grouped, without detail finer than `cell` m; links without a frame in the reduced
+    model are left out. What moves with a joint and has no visual among them is drawn as a bone from this joint to the
     next."""
-    groups = _visuals(robot)
+    groups = _visuals(robot, meshes)
     bare = set(range(robot.model.njoints)) - {joint for joint, _ in groups}
     return [Part(joint, color, *_lightened(meshes, cell)) for (joint, color), meshes in groups.items()] + [
         part for joint in sorted(bare) for part in _bone(robot, joint)
     ]
 
 
-def _visuals(robot: Robot) -> dict[tuple[int, Rgb], list[trimesh.Trimesh]]:
+def _visuals(robot: Robot, meshes: tuple[LinkMesh, ...]) -> dict[tuple[int, Rgb], list[trimesh.Trimesh]]:
     groups: defaultdict[tuple[int, Rgb], list[trimesh.Trimesh]] = defaultdict(list)
-    for mesh in link_meshes(robot):
+    for mesh in meshes:
         frame_id = robot.model.getFrameId(mesh.link, pin.FrameType.BODY)
         if frame_id < robot.model.nframes:
             frame = robot.model.frames[frame_id]
@@ -94,19 +94,44 @@ class Paint:
 
 
 class RobotView:
-    """Draws one arm below the scene node `root`, without detail finer than `cell` m; painted, or in its own colours."""
+    """Draws one arm below the scene node `root`, without detail finer than `cell` m; painted, or in its own colours.
+
+    Bones stand for meshes that are still being read.
+    """
 
     def __init__(
         self, scene: viser.SceneApi, robot: Robot, root: str, cell: float = FINE, paint: Paint | None = None
     ) -> None:
+        self._scene, self._robot, self._cell, self._paint = scene, robot, cell, paint
         self._model = robot.model
         self._data = robot.model.createData()
         self._root = scene.add_frame(root, show_axes=False)
-        paths = list(_paths(robot.model, root))
-        self._frames = [scene.add_frame(path, show_axes=False) for path in paths[1:]]
-        for number, part in enumerate(parts(robot, cell)):
-            scene.add_mesh_simple(
-                f"{paths[part.joint]}/mesh_{number}",
+        self._paths = list(_paths(robot.model, root))
+        self._frames = [scene.add_frame(path, show_axes=False) for path in self._paths[1:]]
+        self._meshes = link_meshes(robot)
+        self._complete = self._meshes.done()
+        self._shapes = self._shaped()
+
+    def show(self, q: np.ndarray) -> None:
+        """Move the joints to q (n,)."""
+        if not self._complete and self._meshes.done():
+            self._complete = True
+            for bone in self._shapes:
+                bone.remove()
+            self._shapes = self._shaped()
+        pin.forwardKinematics(self._model, self._data, np.asarray(q, dtype=float))
+        for joint, frame in enumerate(self._frames, start=1):
+            T_parent_joint = self._data.liMi[joint]
+            frame.wxyz = _wxyz(T_parent_joint.rotation)
+            frame.position = T_parent_joint.translation
+
+    def _shaped(self) -> list[viser.MeshHandle]:
+        """The arm's parts in the scene, as far as they are known."""
+        meshes = self._meshes.result() if self._complete else ()
+        paint, kind = self._paint, "mesh" if self._complete else "bone"
+        return [
+            self._scene.add_mesh_simple(
+                f"{self._paths[part.joint]}/{kind}_{number}",
                 part.vertices if paint is None else _coated(part, paint.coat),
                 part.faces,
                 color=part.color if paint is None else paint.color,
@@ -115,14 +140,8 @@ class RobotView:
                 cast_shadow=False,
                 receive_shadow=False,
             )
-
-    def show(self, q: np.ndarray) -> None:
-        """Move the joints to q (n,)."""
-        pin.forwardKinematics(self._model, self._data, np.asarray(q, dtype=float))
-        for joint, frame in enumerate(self._frames, start=1):
-            T_parent_joint = self._data.liMi[joint]
-            frame.wxyz = _wxyz(T_parent_joint.rotation)
-            frame.position = T_parent_joint.translation
+            for number, part in enumerate(parts(self._robot, meshes, self._cell))
+        ]
 
     def set_visible(self, visible: bool) -> None:
         self._root.visible = visible

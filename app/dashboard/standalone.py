@@ -20,6 +20,7 @@ from app.dashboard.scene import SceneView
 from app.data_files import Tell, TooLarge
 from app.film import FRAMES_PER_SECOND, Film
 from app.runner import Snapshot, snapshot_of
+from app.visuals import link_meshes
 
 PATHS_EVERY = 3  # frames, as on the page
 
@@ -54,6 +55,8 @@ def _html(film: Film, count: int, tell: Tell) -> str:
         scene, look = SceneView(server), Look()
         recorder: StateSerializer | None = None
         for number, (snapshot, pause) in enumerate(zip(snapshots(film), pauses, strict=False)):
+            if recorder is None:
+                link_meshes(snapshot.robot).result()  # the film shows the whole arm from its first frame on
             scene.show(snapshot, look)
             if number % PATHS_EVERY == 0:
                 scene.draw_paths(look)
