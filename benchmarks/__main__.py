@@ -14,7 +14,7 @@ Subject = Literal["step", "page", "latency", "start", "pacing", "preview", "memo
 
 
 def main(only: Annotated[tuple[Subject, ...], tyro.conf.arg(metavar="SUBJECT")] = (), quick: bool = False) -> None:
-    """Measure, about ten minutes in all; a complete run writes docs/performance.md.
+    """Measure, about twenty minutes in all; a complete run writes docs/performance.md.
 
     Args:
         only: these subjects, to look without writing

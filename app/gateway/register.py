@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import os
 import re
 import shutil
@@ -72,9 +71,8 @@ class Register:
         return folder
 
     def forget(self, watch: str) -> None:
-        """Remove what there is of this session."""
-        with contextlib.suppress(FileNotFoundError):
-            shutil.rmtree(self._path / watch)
+        """Remove what there is of this session, as far as that can be done."""
+        shutil.rmtree(self._path / watch, ignore_errors=True)
 
 
 def _known(link: Path) -> Known | None:
