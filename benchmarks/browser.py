@@ -5,11 +5,11 @@ from __future__ import annotations
 import contextlib
 from collections.abc import Iterator
 
-from playwright.sync_api import Browser, Page, sync_playwright
+from playwright.sync_api import Browser, Page, ViewportSize, sync_playwright
 
 from tests.browser import LAUNCH_ARGS, find_or_install
 
-VIEWPORT = {"width": 1280, "height": 720}
+VIEWPORT: ViewportSize = {"width": 1280, "height": 720}
 RUNNING = "‖s‖ ≤ bound: holds"  # what the page says once it shows the running loop
 
 
@@ -25,7 +25,7 @@ def opened(browser: Browser, url: str, frames: list[bytes] | None = None) -> Pag
     """The page once it shows the running loop; `frames` takes what comes to it over its web socket."""
     page = browser.new_page(viewport=VIEWPORT)
     if frames is not None:
-        page.on("websocket", lambda socket: socket.on("framereceived", lambda frame: frames.append(frame)))
+        page.on("websocket", lambda socket: socket.on("framereceived", lambda frame: frames.append(bytes(frame))))
     page.goto(url)
     page.get_by_text(RUNNING).wait_for(timeout=60_000)
     return page

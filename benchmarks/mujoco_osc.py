@@ -17,11 +17,12 @@ from collections.abc import Callable
 import mujoco
 import numpy as np
 from numba import njit
-from scipy.linalg.lapack import dgesv, dposv
+from scipy.linalg.lapack import dgesv, dposv  # pyright: ignore[reportAttributeAccessIssue]  # made when imported
 
 from app.assembly import System
 from app.evidence.mujoco_arm import arm_spec
 from app.evidence.mujoco_arm import compiled as compiled_arm
+from app.scenario import Circle as CirclePath
 from benchmarks.rounds import Call
 from environments.trajectories import Circle, Path, path_at
 
@@ -58,6 +59,7 @@ class Press:
         mujoco.mju_mat2Quat(self.attitude, self.data.site_xmat[self.site])
         x, y, _ = np.eye(3)
         path = scenario.motion
+        assert isinstance(path, CirclePath)
         self.course = Circle(x, y, path.radius, path.period, path.ramp).course
         self.force = scenario.force.value
         self.missing = 0.0  # N s, integral of the force error

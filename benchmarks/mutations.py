@@ -1,13 +1,14 @@
 """Do the tests see a wrong sign? Mistakes of one line are planted in a copy of the tree, one at a time.
 
-    python -m benchmarks.mutations                     every row of mutations.toml, half an hour of one core
+    python -m benchmarks.mutations                     every row of mutations.toml, half an hour of two cores; writes
+                                                       docs/mutations.md
     python -m benchmarks.mutations --only task_space   rows with this in their file or meaning
     python -m benchmarks.mutations --check             only whether every row still fits the sources
 
-A row is caught when a test fails, and survives when all of `TESTS` pass; `--tests` names others. The copy has a cache
-of compiled kernels of its own; before each row the kernels of every module that imports the changed one are thrown
-out of it, since numba looks only at a function's own file. Exit status: 0 all caught, 1 some survived, 2 a row does
-not fit the sources.
+A row is caught when a test fails, and survives when all of `TESTS` pass; `--tests` names others. There is a copy for
+each core, with a cache of compiled kernels of its own; before each row the kernels of every module that imports the
+changed one are thrown out of it, since numba looks only at a function's own file. Exit status: 0 all caught, 1 some
+survived, 2 a row does not fit the sources.
 """
 
 from __future__ import annotations
@@ -21,11 +22,15 @@ import sys
 import tempfile
 import tomllib
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
+from queue import SimpleQueue
 from typing import NamedTuple
 
 import tyro
+
+from app.markdown import Table
 
 ROOT = Path(__file__).parents[1]
 PACKAGES = ("app", "controllers", "environments", "kernels")
@@ -44,23 +49,25 @@ TESTS = (
     "tests/test_kernels.py",
 )
 PATIENCE = 1200.0  # s for one row
+PAGE = ROOT / "docs" / "mutations.md"
+CAUGHT, SURVIVED = "caught", "SURVIVED"
 
 
 class Mutation(NamedTuple):
-    """A mistake: in `file`, `old`, which stands there exactly once, becomes `new`."""
+    """A mistake: in `file`, `old`, which stands there exactly once, becomes `new`. `first` is the test file, without
+    "test_", that should see it soonest, "" for the one with the name of `file`."""
 
     meaning: str
     file: str
     old: str
     new: str
+    first: str = ""
 
 
 def table() -> tuple[Mutation, ...]:
     """The rows of `mutations.toml`."""
     files = tomllib.loads(Path(__file__).with_suffix(".toml").read_text(encoding="utf-8"))
-    return tuple(
-        Mutation(meaning, file, old, new) for file, rows in files.items() for meaning, (old, new) in rows.items()
-    )
+    return tuple(Mutation(meaning, file, *row) for file, rows in files.items() for meaning, row in rows.items())
 
 
 @dataclass(frozen=True)
@@ -68,7 +75,7 @@ class Verdict:
     """What became of a row."""
 
     mutation: Mutation
-    result: str  # "caught", "SURVIVED"
+    result: str  # CAUGHT, SURVIVED
     by: str  # the test that failed, or how it ended
 
     def __str__(self) -> str:
@@ -120,11 +127,12 @@ class Copy:
             command, cwd=self.tree, env=environment, capture_output=True, text=True, timeout=PATIENCE, check=False
         )
 
-    def prepare(self) -> None:
+    def prepare(self) -> Copy:
         """Compile, and make sure that the tests pass. Raises RuntimeError."""
         done = self.run(self._kernels)
         if done.returncode != 0:
             raise RuntimeError(f"the tests fail without any mutation:\n{done.stdout[-2000:]}{done.stderr[-2000:]}")
+        return self
 
     def judge(self, mutation: Mutation) -> Verdict:
         """Plant the mistake, run the tests, take it back."""
@@ -137,45 +145,78 @@ class Copy:
                 stale.unlink()
         file.write_text(sound.replace(mutation.old, mutation.new), encoding="utf-8")
         try:
-            done = self.run(kernels, first=file.stem)
+            done = self.run(kernels, mutation.first or file.stem)
             failed = re.search(r"^(?:FAILED|ERROR) (?:tests/)?(\S+)", done.stdout, re.MULTILINE)
             by = failed[1] if failed else f"pytest ended with {done.returncode}"
-            return Verdict(mutation, "caught", by) if done.returncode else Verdict(mutation, "SURVIVED", "")
+            return Verdict(mutation, CAUGHT, by) if done.returncode else Verdict(mutation, SURVIVED, "")
         except subprocess.TimeoutExpired:
-            return Verdict(mutation, "caught", f"not done within {PATIENCE:g} s")
+            return Verdict(mutation, CAUGHT, f"not done within {PATIENCE:g} s")
         finally:
             file.write_text(sound, encoding="utf-8")
             os.utime(file, ns=(time, time))  # numba compares it with the time that it noted beside a kernel
             shutil.rmtree(kernels)
 
 
-def verdicts(rows: tuple[Mutation, ...], tests: tuple[str, ...]) -> Iterator[Verdict]:
-    """One after the other, as they become known."""
-    with tempfile.TemporaryDirectory(prefix="mutations-") as folder:
-        copy = Copy(Path(folder), tests)
-        copy.prepare()
-        for mutation in rows:
-            yield copy.judge(mutation)
+def verdicts(rows: tuple[Mutation, ...], tests: tuple[str, ...], jobs: int) -> Iterator[Verdict]:
+    """In the order of the rows, as they become known."""
+    with tempfile.TemporaryDirectory(prefix="mutations-") as folder, ThreadPoolExecutor(jobs) as pool:
+        copies = [Copy(Path(folder) / str(number), tests) for number in range(jobs)]
+        idle: SimpleQueue[Copy] = SimpleQueue()
+        for copy in pool.map(Copy.prepare, copies):
+            idle.put(copy)
+
+        def judged(mutation: Mutation) -> Verdict:
+            copy = idle.get()
+            try:
+                return copy.judge(mutation)
+            finally:
+                idle.put(copy)
+
+        yield from pool.map(judged, rows)
 
 
-def main(only: tuple[str, ...] = (), check: bool = False, tests: tuple[str, ...] = TESTS) -> int:
+def page(found: list[Verdict]) -> str:
+    """docs/mutations.md."""
+    rows = [(f"`{v.mutation.file}`", v.mutation.meaning, v.result, f"`{v.by}`" if v.by else "") for v in found]
+    caught = sum(verdict.result == CAUGHT for verdict in found)
+    return f"""# Planted mistakes
+
+Written by `make mutations`: each row is a mistake of one line, planted alone in a copy of the tree, and the first test
+that fails because of it. {caught} of {len(found)} are caught. The lines themselves are in `benchmarks/mutations.toml`;
+a new row is one line there.
+
+{Table(("file", "mistake", "", "by"), rows).markdown()}
+"""
+
+
+def main(
+    only: tuple[str, ...] = (),
+    check: bool = False,
+    tests: tuple[str, ...] = TESTS,
+    jobs: int = os.cpu_count() or 1,
+) -> int:
     """Plant mistakes, see whether the tests catch them.
 
     Args:
         only: rows with one of these in their file or meaning.
         check: only see whether the rows fit the sources.
         tests: what pytest is given.
+        jobs: how many at once; each takes a core and 1.5 GB.
     """
     wrong = misfits(table())
     print("\n".join(wrong), file=sys.stderr, end="\n" if wrong else "")
     if wrong or check:
         return 2 if wrong else 0
     rows = tuple(m for m in table() if not only or any(o in m.file or o in m.meaning for o in only))
-    survived = 0
-    for number, verdict in enumerate(verdicts(rows, tests), start=1):
-        print(f"{number:3d}/{len(rows)}  {verdict}", flush=True)
-        survived += verdict.result == "SURVIVED"
+    found = []
+    for verdict in verdicts(rows, tests, jobs):
+        found.append(verdict)
+        print(f"{len(found):3d}/{len(rows)}  {verdict}", flush=True)
+    survived = sum(verdict.result == SURVIVED for verdict in found)
     print(f"{len(rows) - survived} of {len(rows)} caught, {survived} survived")
+    if rows == table() and tests == TESTS:
+        PAGE.write_text(page(found), encoding="utf-8")
+        print(f"written to {PAGE}")
     return 1 if survived else 0
 
 

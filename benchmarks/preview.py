@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 import viser
 
+from app.dashboard.look import Viewing
 from app.dashboard.looking import Lookers
 from app.dashboard.page import FPS, REFRESH
 from app.dashboard.plots import Plots, Shown
@@ -58,6 +59,7 @@ class _Page:
     runner: Runner
     whatif: WhatIf
     plots: Plots
+    viewing: Viewing
 
     def watch(self, seconds: float, *, drag: bool) -> tuple[Pace, list[tuple[float, float]]]:
         """Draw for that long; returns the pace, and of every preview drawn the time (s) and how far it looks (s)."""
@@ -78,13 +80,13 @@ class _Page:
                 if foreseen or now - refreshed >= REFRESH:
                     refreshed = now
                     outlook, horizon = self.whatif.outlook, self.whatif.horizon
-                    shown = Shown(snapshot.t, self.plots.window, outlook=outlook, horizon=horizon)
+                    shown = Shown(snapshot.t, self.viewing.window, outlook=outlook, horizon=horizon)
                     self.plots.show(snapshot, shown, ("Overview",))
                 if foreseen and self.whatif.outlook is not None:
                     previews.append((now, self.whatif.outlook.figures.span))
             time.sleep(LOOK)
         late = 1e3 * (np.array(ages) - min(ages))
-        rate = 1.0 - (np.mean(ages[-20:]) - np.mean(ages[:20])) / seconds
+        rate = 1.0 - float(np.mean(ages[-20:]) - np.mean(ages[:20])) / seconds
         return Pace(rate, float(np.median(late)), float(np.quantile(late, 0.99)), float(late.max())), previews
 
 
@@ -108,7 +110,8 @@ def dragged(scenario: str, seconds: float, horizon: float = HORIZON) -> PreviewF
     """Run the scenario, watch it alone, then drag the desired force; both for so many seconds."""
     server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
     runner, previewer = Runner(load(scenario)), Previewer()
-    page = _Page(runner, WhatIf(previewer), Plots(server.gui, Lookers()))
+    viewing = Viewing()
+    page = _Page(runner, WhatIf(previewer), Plots(server.gui, Lookers(), viewing), viewing)
     page.whatif.horizon = horizon
     try:
         runner.start()
