@@ -21,11 +21,11 @@ def chromium() -> Iterator[Browser]:
         browser.close()
 
 
-def opened(browser: Browser, url: str, frames: list[bytes] | None = None) -> Page:
+def opened(browser: Browser, url: str, frames: list[bytes | str] | None = None) -> Page:
     """The page once it shows the running loop; `frames` takes what comes to it over its web socket."""
     page = browser.new_page(viewport=VIEWPORT)
     if frames is not None:
-        page.on("websocket", lambda socket: socket.on("framereceived", lambda frame: frames.append(bytes(frame))))
+        page.on("websocket", lambda socket: socket.on("framereceived", frames.append))
     page.goto(url)
     page.get_by_text(RUNNING).wait_for(timeout=60_000)
     return page

@@ -29,14 +29,18 @@ _COUNT_FRAMES = """
 
 def measure(effort: Effort) -> Table:
     """The table of the page's traffic."""
-    frames: list[bytes] = []
+    frames: list[bytes | str] = []
     with served(SCENARIO) as dashboard, chromium() as browser:
         page = opened(browser, dashboard.url, frames)
         page.wait_for_timeout(SETTLE * 1e3)
         frames.clear()
         before, began = dashboard.state(), time.perf_counter()
         drawn = page.evaluate(_COUNT_FRAMES, effort.traffic * 1e3)
-        received, after, seconds = list(frames), dashboard.state(), time.perf_counter() - began
+        received, after, seconds = (
+            [f for f in frames if isinstance(f, bytes)],
+            dashboard.state(),
+            time.perf_counter() - began,
+        )
     kinds = Counter(_kind(message) for frame in received for message in messages(frame))
     rows = [
         ("frames drawn by the browser (software WebGL)", f"{drawn:.0f}"),
