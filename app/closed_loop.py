@@ -284,7 +284,7 @@ class ClosedLoop:
         self._control_period(self._settings.data, self._period.data, *terms, arm.data, F, t, row)
 
     def _solve_for_force(self, row: np.ndarray) -> None:
-        """The law fed with the force that its own torque causes: secant iteration on the multiplier (DESIGN 4.6)."""
+        """The law fed with the force that its own torque causes: secant iteration on the multiplier."""
         plant, arm, t = self.system.plant, self._arm, self.t
         guess = arm.read().load.multiplier
         self._control(plant.force_of(arm, guess, t) - self._push, row)

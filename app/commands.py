@@ -66,7 +66,7 @@ def serve(
         theme: how the page looks at first; T changes it there
         fps: pictures of the scene per second; without a graphics card, few leave more to the loop
         state_dir: folder that keeps scenarios and pinned runs for the next start, instead of ~/.local/state/vsmrc-lab,
-            and for an audience (--shared, --host, --origin), whose sessions end with the server without it
+            and for an audience (--shared, --host, --origin, --token always), whose sessions else end with the server
         stateless: keep nothing
         log_level: what is logged; by default warnings, and what is of interest afterwards to the file, too
         log_file: a file to log to as well

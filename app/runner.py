@@ -199,7 +199,6 @@ class Snapshot:
     live: dict[str, float]
     recording: Recording
     pinned: tuple[Pinned, ...]
-    system: System
     state: LoopState
 
     @property

@@ -9,7 +9,7 @@ Theorem 1 promises ||s|| the same as ever. What a blend can spoil is (8) itself:
 
     e_ddot + M_m^-1 B_m e_dot + M_m^-1 (K_m + K_f K_e) e = 0
 
-on a surface of stiffness K_e, and between two stable models there may be unstable ones (DESIGN 4.13).
+on a surface of stiffness K_e, and between two stable models there may be unstable ones.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Loops that sampling closes: through the force reading, and through the boundary layer (DESIGN 4.6, 4.9)."""
+"""Loops that sampling closes: through the force reading, and through the boundary layer; see docs/symbols.md."""
 
 from __future__ import annotations
 

@@ -72,7 +72,8 @@ def envelope(promise, t):
 
 @kernel
 def sampling_band(k_r_low, k_r_high, lambda_max_K_s, kind, phi, d, epsilon, period):
-    """||s|| (m/s) that the sampled, smoothed law may keep, where the theorem has s = 0 (DESIGN 4.9).
+    """||s|| (m/s) that the sampled, smoothed law may keep, where the theorem has s = 0
+    (docs/symbols.md, boundary layer and sampling).
 
     Outside the boundary layer V falls; within one period s leaves it by at most period * ||s_dot||, where
     ||s_dot|| <= (2 d + lambda_max(K_s) ||s||) / k_r_low since the perturbation is below d; and V turns a radius into

@@ -193,7 +193,7 @@ def _joint(q, q_dot, task):
 def task_space(layout, chart, estimate, q, q_dot, work, task):
     """The `TaskSpace` at one instant, (3).
 
-    chart: g, G, G_p, g_t, G_t, g_tt of the tool point, as `environments.surfaces.Chart` has them; work (2, n, n).
+    chart: g, G, G_p, g_t, G_t, g_tt of the tool point, as `environments.surfaces.Chart` has them; work: a `Work`.
     Raises ValueError where J_q is exactly singular.
     """
     for k in range(3):

@@ -32,6 +32,20 @@ def abscissa(A: np.ndarray) -> float:
     return float(np.linalg.eigvals(A).real.max())
 
 
+def disturbing_scenario() -> tuple[Scenario, Scenario]:
+    """Two stable models with unstable ones between them, in the x-y plane of a UR5's impedance: where it begins, and
+    one with the model that it is led to."""
+    scenarios = []
+    for model in section.disturbing():
+        matrices = {}
+        for name, rest in (("M_m", 10.0), ("B_m", 400.0), ("K_m", 2000.0)):
+            whole = rest * np.eye(6)
+            whole[:2, :2] = getattr(model, name)
+            matrices[name] = whole.tolist()
+        scenarios.append(edited(shipped()["ur5-impedance"], "target_model", matrices))
+    return scenarios[0], scenarios[1]
+
+
 def test_the_example_of_the_note() -> None:
     A_0, A_1 = NOTE
     np.testing.assert_allclose(0.5 * (A_0 + A_1), [[0.4, 0.4], [0.55, 0.55]])  # its formula at alpha = 1/2
@@ -217,7 +231,7 @@ def test_a_blend_is_shown_again_to_the_last_bit() -> None:
 
 
 def test_a_refusal_leaves_the_loop_as_it_was() -> None:
-    start, end = section.disturbing_scenario()
+    start, end = disturbing_scenario()
     loop = run(ClosedLoop(start), 50)
     with pytest.raises(ScenarioError, match=r"blend.to: refused: at α = 0\.\d+ a pole at [\d.]+ 1/s; allowed"):
         loop.edit(blending_to(start, end, loop.t, 1.0))
@@ -273,7 +287,7 @@ def test_a_draft_is_applied_by_a_blend_and_judged_before() -> None:
 
 
 def test_an_unstable_blend_is_refused_on_the_page() -> None:
-    start, end = section.disturbing_scenario()
+    start, end = disturbing_scenario()
     snapshot = Runner(start).snapshot
     matrices = {name: np.array(getattr(end.target_model, name)) for name in ("M_m", "B_m", "K_m")}
     draft = model_edit(snapshot, matrices)

@@ -166,7 +166,7 @@ def on_a_mass(factor: float, M_e: float, *, ideal: bool) -> tuple[ClosedLoop, fl
     estimate, task = system.observe(system.q_0, np.zeros(6), 0.0)
     H = task.J_q_inv.T @ estimate.M_hat @ task.J_q_inv
     Y = np.linalg.inv(H)[0, 0]
-    M_m1 = float(1.0 / (Y - factor * (1.0 + M_e * Y) / M_e))  # factor = M_e (Y - 1/M_m1) / (1 + M_e Y), DESIGN 4.6
+    M_m1 = float(1.0 / (Y - factor * (1.0 + M_e * Y) / M_e))  # factor = M_e (Y - 1/M_m1) / (1 + M_e Y)
     scenario = changed(
         base,
         target_model={"M_m": [M_m1] + [10.0] * 5, "B_m": [100.0] + [400.0] * 5},

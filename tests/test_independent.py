@@ -107,7 +107,7 @@ def discontinuous(name: str, d: float) -> Scenario:
 
 @pytest.mark.parametrize("name", ["ur5-motion-discontinuous", "ur5-hybrid", "planar2r-semicircle-discontinuous"])
 def test_sliding_band_shrinks_with_the_period(name: str) -> None:
-    """With s/||s|| itself, ||s|| stays within a band of order T d, DESIGN 4.9: slope 1 in both."""
+    """With s/||s|| itself, ||s|| stays within a band of order T d: slope 1 in both."""
     periods = [1e-3, 5e-4, 2.5e-4, 1.25e-4]
     bands_20 = bands(discontinuous(name, 20.0), periods, since=0.15)
     assert order(periods, bands_20) == pytest.approx(1.0, abs=0.1)

@@ -12,12 +12,24 @@ from app.dashboard.controls import Desk
 from app.dashboard.help import DOCUMENTS, help_html
 from app.dashboard.shortcuts import Shortcuts
 from app.dashboard.status import MODE_TITLES
-from app.dashboard.theme import EDGE, INKS, PAGE, SERIES, contrast, css_variables
+from app.dashboard.theme import EDGE, INKS, PAGE, SERIES, Rgb, css_variables
 from app.runner import Edit, Load
 from app.scenario import shipped
 
 ROOT = Path(__file__).parents[1]
 THEMES = ("dark", "light")
+
+
+def contrast(one: Rgb, other: Rgb) -> float:
+    """Contrast of two colours, 1 to 21, as WCAG 2.1 defines it; text needs 4.5, lines 3."""
+    low, high = sorted((_luminance(one), _luminance(other)))
+    return (high + 0.05) / (low + 0.05)
+
+
+def _luminance(color: Rgb) -> float:
+    shares = [c / 255 for c in color]
+    r, g, b = (c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in shares)
+    return 0.2126 * r + 0.7152 * g + 0.0722 * b
 
 
 def test_contrast_is_that_of_wcag():

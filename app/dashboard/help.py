@@ -18,7 +18,7 @@ KEYS: dict[str, str] = {
     "end": "to the end of the run",
     "F": "fork: go on from the instant looked at",
     "P": "pin this run, to compare it with others",
-    "R": "back to the start",
+    "R": "begin anew, from t = 0",
     "1": "motion",
     "2": "impedance",
     "3": "hybrid position / force",
@@ -30,7 +30,7 @@ KEYS: dict[str, str] = {
 _WRITTEN = {"arrowright": "→", "arrowleft": "←", "arrowup": "↑", "arrowdown": "↓"}
 
 START = (
-    "<b>Task</b>: choose a scenario or a mode. All of it runs on; nothing has to be started.",
+    "<b>Task</b>: choose a scenario or a mode. It begins at once; nothing has to be started.",
     "Hold a slider, there or in any tab, and the plots show what its value would do; let go and it is applied, "
     "<kbd>Esc</kbd> takes it back. Or type a number and press Enter.",
     "<b>Model</b>: draw up the behaviour you want. The equation at the lower left has its numbers; what the mode fixes "
@@ -48,6 +48,8 @@ DOCUMENTS = {
     "README.md": "the modes, what if, runs without a screen",
     "docs/symbols.md": "which symbol of the paper is which name in the code",
     "docs/evidence.md": "every claim held to something independent",
+    "docs/robots.md": "which arms, your own URDF, the truth and what is declared of it",
+    "docs/mutations.md": "planted mistakes, and the tests that see them",
     "docs/performance.md": "speed, pacing, memory",
     "docs/security.md": "a server for an audience: links, tokens, limits",
     "docs/reliability.md": "what happens when something fails",

@@ -128,7 +128,7 @@ def _spread(matrix: np.ndarray) -> str:
 
 
 def loops_html(snapshot: Snapshot) -> str:
-    """The factors of the loops that sampling closes, with their limits (DESIGN 4.6, 4.9)."""
+    """The factors of the loops that sampling closes, with their limits; see docs/symbols.md."""
     live = snapshot.live
     rows = []
     if math.isfinite(factor := live.get("force_loop_factor", math.nan)):

@@ -40,7 +40,7 @@ class _Action:
 _RUN = (
     _Action("Play / pause", "play / pause", _toggled, "space"),
     _Action("One control period on", "step", lambda _: StepOnce(), "arrowright"),
-    _Action("Back to the start", "reset", lambda _: Reset(), "R"),
+    _Action("Begin anew", "reset", lambda _: Reset(), "R"),
 )
 _PAST = (
     _Action("One control period back", "back", lambda s: _moved(s, -s.scenario.controller.period), "arrowleft"),
@@ -55,7 +55,7 @@ _STRIDES = (
 
 
 class Playback:
-    """Play or pause, one step, back to the start, speed; looking back, going on from there, keeping a run."""
+    """Play or pause, one step, begin anew, speed; looking back, going on from there, keeping a run."""
 
     def __init__(self, desk: Desk) -> None:
         self._desk = desk

@@ -94,15 +94,3 @@ def _variables(theme: Theme) -> str:
         colors[name] = css(ink.text)
         colors[f"{name}-ground"] = css(ink.tint, ink.share)
     return " ".join(f"--vs-{name}: {color};" for name, color in colors.items())
-
-
-def contrast(one: Rgb, other: Rgb) -> float:
-    """Contrast of two colours, 1 to 21, as WCAG 2.1 defines it; text needs 4.5, lines 3."""
-    low, high = sorted((_luminance(one), _luminance(other)))
-    return (high + 0.05) / (low + 0.05)
-
-
-def _luminance(color: Rgb) -> float:
-    shares = [c / 255 for c in color]
-    r, g, b = (c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in shares)
-    return 0.2126 * r + 0.7152 * g + 0.0722 * b

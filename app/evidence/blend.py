@@ -15,7 +15,7 @@ from app.evidence.regions import Region, Spot, render_regions
 from app.evidence.section import Findings, Job, Section
 from app.figures import Chart, Curve, Figure, render, thinned
 from app.markdown import Table
-from app.scenario import Scenario, edited, from_plain, shipped, to_plain
+from app.scenario import edited, from_plain, shipped, to_plain
 from controllers.blend import PIECES, axis_matrix, certify, shared_sliding
 from controllers.dominance import hurwitz_on_hull, schur_on_hull
 from controllers.target_model import TargetModel
@@ -46,19 +46,6 @@ def disturbing() -> tuple[TargetModel, TargetModel]:
     M_0, M_1 = np.array([[10.0, -10.0], [-10.0, 20.0]]), np.array([[20.0, 10.0], [10.0, 10.0]])
     K_0, K_1 = np.array([[1e3, -1e3], [-1e3, 1e4]]), np.array([[1e4, 9e3], [9e3, 9e3]])
     return TargetModel(M_0, 40.0 * M_0, K_0, np.eye(2)), TargetModel(M_1, 40.0 * M_1, K_1, np.eye(2))
-
-
-def disturbing_scenario() -> tuple[Scenario, Scenario]:
-    """The same in the x-y plane of a UR5's impedance: where it begins, and one with the model that it is led to."""
-    scenarios = []
-    for model in disturbing():
-        matrices = {}
-        for name, rest in (("M_m", 10.0), ("B_m", 400.0), ("K_m", 2000.0)):
-            whole = rest * np.eye(6)
-            whole[:2, :2] = getattr(model, name)
-            matrices[name] = whole.tolist()
-        scenarios.append(edited(shipped()["ur5-impedance"], "target_model", matrices))
-    return scenarios[0], scenarios[1]
 
 
 def metzler(seed: int, n: int, count: int) -> Counter[str]:

@@ -280,7 +280,7 @@ def force_loop(factor: float) -> ForceLoop:
     system = assemble(base)
     estimate, task = system.observe(system.q_0, np.zeros(6), 0.0)
     H_inv = np.linalg.inv(task.J_q_inv.T @ estimate.M_hat @ task.J_q_inv)
-    M_m1 = float(1.0 / H_inv[0, 0] / (1.0 - factor))  # factor = 1 - h / M_m1 with the effective mass h, DESIGN 4.6
+    M_m1 = float(1.0 / H_inv[0, 0] / (1.0 - factor))  # factor = 1 - h / M_m1 with the effective mass h
     scenario = changed(
         base,
         motion={"kind": "hold"},

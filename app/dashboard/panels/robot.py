@@ -26,8 +26,8 @@ class RobotPanel:
                 Number(desk, Place("truth.coulomb"), "Coulomb [N·m]", Scale(0, 10)),
                 Number(desk, Place("truth.viscous"), "viscous [N·m·s]", Scale(0, 10)),
                 Number(desk, Place("truth.torque_limit"), "torque limit ×", Scale(0, 2)),
-                Number(desk, Place("truth.disturbance"), "push [N·m]", Scale(0, 20)),
-                Number(desk, Place("truth.disturbance_frequency"), "push at [Hz]", Scale(0, 5)),
+                Number(desk, Place("truth.disturbance"), "disturb. [N·m]", Scale(0, 20)),
+                Number(desk, Place("truth.disturbance_frequency"), "disturb. at [Hz]", Scale(0, 5)),
             ]
         with gui.add_folder("Declared to the controller, at most"):
             self._controls += [
@@ -36,7 +36,7 @@ class RobotPanel:
                 Number(desk, Place("declared.payload_offset"), "payload off [m]", Scale(0, 0.3)),
                 Number(desk, Place("declared.coulomb"), "Coulomb [N·m]", Scale(0, 10)),
                 Number(desk, Place("declared.viscous"), "viscous [N·m·s]", Scale(0, 10)),
-                Number(desk, Place("declared.disturbance"), "push [N·m]", Scale(0, 20)),
+                Number(desk, Place("declared.disturbance"), "disturb. [N·m]", Scale(0, 20)),
                 Number(desk, Place("declared.force_error"), "force error [N]", Scale(0, 5)),
             ]
         with gui.add_folder("Tool and posture"):
