@@ -43,16 +43,24 @@ class OriginError(ValueError):
 @dataclass(frozen=True)
 class Names:
     """What a server may be called. host: what it listens at; public: origins as `--origin` has them, such as
-    https://lab.example.org, by which a proxy makes it known. Raises OriginError."""
+    https://lab.example.org, by which a proxy makes it known, in lower case and without a "/" at the end once they are
+    here. Raises OriginError."""
 
     host: str = "127.0.0.1"
     public: tuple[str, ...] = ()
+    _known: frozenset[str] = field(init=False)
 
     def __post_init__(self) -> None:
+        origins = []
         for origin in self.public:
-            parts = urlsplit(origin)
-            if parts.scheme not in ("http", "https") or not parts.hostname or parts.path.strip("/") or parts.query:
+            if (plain := _origin(origin)) is None:
                 raise OriginError(f"origin {origin!r}; allowed: scheme and name, such as https://lab.example.org")
+            origins.append(plain)
+        object.__setattr__(self, "public", tuple(origins))
+        known = _LOOPBACK | {self.host.lower()} | {name for origin in origins if (name := _hostname(origin))}
+        if not self.local:  # asked for now: to answer may take the system seconds
+            known |= {socket.gethostname().lower(), socket.getfqdn().lower()}
+        object.__setattr__(self, "_known", known)
 
     @property
     def local(self) -> bool:
@@ -76,17 +84,12 @@ class Names:
     def _ours(self, name: str | None) -> bool:
         if name is None:
             return False
-        if name in {_hostname(origin) for origin in self.public} or name in _LOOPBACK or name == self.host.lower():
-            return True
         # an address cannot be made to point elsewhere, as a name can
-        return not self.local and (
-            _is_address(name) or name in (socket.gethostname().lower(), socket.getfqdn().lower())
-        )
+        return name in self._known or (not self.local and _is_address(name))
 
     def _from_here(self, origin: str, host: str) -> bool:
-        parts = urlsplit(origin)
-        same = parts.scheme in ("http", "https") and parts.netloc.lower() == host.lower()
-        return same or origin.rstrip("/").lower() in {public.rstrip("/").lower() for public in self.public}
+        plain = _origin(origin)
+        return plain is not None and (plain.partition("://")[2] == host.lower() or plain in self.public)
 
 
 @dataclass(frozen=True)
@@ -123,6 +126,17 @@ def _is_address(name: str) -> bool:
     except ValueError:
         return False
     return True
+
+
+def _origin(text: str) -> str | None:
+    """Scheme and name in lower case, without a "/" at the end; None for what is no such thing."""
+    try:
+        parts = urlsplit(text)
+    except ValueError:
+        return None
+    named = parts.scheme in ("http", "https") and bool(parts.hostname)
+    more = parts.path.strip("/") or parts.query or parts.fragment
+    return f"{parts.scheme}://{parts.netloc.lower()}" if named and not more else None
 
 
 def _hostname(url: str) -> str | None:

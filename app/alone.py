@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import os
 import signal
 import threading
@@ -17,6 +16,7 @@ from tqdm import tqdm
 from app import warm
 from app.dashboard import Dashboard
 from app.dashboard.last_session import left_by
+from app.printable import say
 from app.recovery import Keeper, StateError, StateFolder, default_folder
 from app.runner import Runner
 from app.scenario import Scenario, ScenarioError
@@ -30,7 +30,7 @@ def serve(scenario: Scenario, dashboard: Dashboard, *, state_dir: Path | None, s
 
     state_dir: keeps the session, None for the usual one; stateless: none does.
     """
-    print(f"VSMRC Lab: {dashboard.url}  (Ctrl-C ends it)", flush=True)
+    say(f"VSMRC Lab: {dashboard.url}  (Ctrl-C ends it)")
     events.info("listening", url=dashboard.url)
     runner: Runner | None = None
     warming: Popen[bytes] | None = None
@@ -44,13 +44,13 @@ def serve(scenario: Scenario, dashboard: Dashboard, *, state_dir: Path | None, s
         if folder is not None:
             keeper = Keeper(folder, lambda: runner.snapshot, dashboard.fail)
             if (last_session := left_by(folder, keeper, scenario)) is not None:
-                print(last_session.problem, end="\n" if last_session.problem else "", flush=True)
+                if last_session.problem:
+                    say(last_session.problem)
                 dashboard.offer(last_session)
         warming = warm.start()
         dashboard.run_forever()
     except KeyboardInterrupt:
-        with contextlib.suppress(OSError):  # the terminal may have been closed
-            print("\nended")
+        say("\nended")
     finally:
         for ending in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
             signal.signal(ending, signal.SIG_IGN)  # an impatient second Ctrl-C must not interrupt the ending
@@ -79,7 +79,7 @@ def _state_folder(chosen: Path | None) -> StateFolder | None:
     except StateError as error:
         if chosen is not None:
             raise ScenarioError(str(error)) from error
-        print(f"this session is not kept: {error}", flush=True)
+        say(f"this session is not kept: {error}")
         return None
 
 

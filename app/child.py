@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+import threading
 from pathlib import Path
 
 
@@ -22,3 +23,13 @@ def start(module: str, *arguments: str, stdin: int, pass_fds: tuple[int, ...] = 
         env=os.environ | {"PYTHONPATH": path},
         start_new_session=True,
     )
+
+
+def end_with_parent() -> None:
+    """From now on, in a process whose standard input is a pipe from the one that began it."""
+
+    def wait() -> None:
+        os.read(sys.stdin.fileno(), 1)  # returns when the other end is gone
+        os._exit(0)
+
+    threading.Thread(target=wait, name="parent", daemon=True).start()

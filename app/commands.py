@@ -83,6 +83,8 @@ def serve(
     for ending in (signal.SIGTERM, signal.SIGHUP):
         if signal.getsignal(ending) is not signal.SIG_IGN:  # nohup
             signal.signal(ending, signal.default_int_handler)
+    if not 0 <= port <= 65535:
+        raise ScenarioError(f"--port {port}; allowed: 0 to 65535")
     chosen = _configured(scenario, settings)
     invitation = Invitation(host, port, shared, token, origin, max_sessions, idle_minutes)
     try:

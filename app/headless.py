@@ -23,9 +23,8 @@ def simulate(
 
     Raises ScenarioError.
     """
-    history = round(scenario.simulation.duration / scenario.controller.period) + 1
-    loop = ClosedLoop(scenario, history, previous)
     steps = round(scenario.simulation.duration / scenario.controller.period)
+    loop = ClosedLoop(scenario, steps + 1, previous)
     batch = max(1, steps // 200)
     started = time.perf_counter()
     with tqdm(total=steps, unit=" steps", disable=not show_progress, desc=scenario.name) as bar:

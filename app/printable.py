@@ -1,6 +1,9 @@
-"""Text of users on its way to a terminal or a log."""
+"""Text on its way to a terminal or a log."""
 
 from __future__ import annotations
+
+import os
+import sys
 
 LONGEST = 1000  # characters
 
@@ -10,3 +13,11 @@ def printable(text: str) -> str:
     writing are written as Python writes them, and what is very long is cut."""
     shown = text if len(text) <= LONGEST else f"{text[: LONGEST - 1]}…"
     return "".join(c if c.isprintable() else c.encode("unicode_escape", "surrogatepass").decode() for c in shown)
+
+
+def say(text: str) -> None:
+    """A line on standard output, as long as somebody reads there: a terminal may have been closed, a pipe ended."""
+    try:
+        print(text, flush=True)
+    except OSError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

@@ -129,10 +129,12 @@ class StateFolder:
         return None if index is None else Offer(from_toml(index.scenario), tuple(index.pinned), index.saved)
 
     def taken_up(self, offer: Offer) -> tuple[tuple[Pinned, ...], str]:
-        """The runs that were pinned, and a sentence about those that cannot be read. It takes seconds.
+        """The runs that were pinned, and a sentence about those that cannot be read, which are set aside.
 
-        The offer goes when something is saved.
+        It takes seconds. The offer goes when something is saved; it stays when its scenario cannot run now: raises
+        ScenarioError.
         """
+        ClosedLoop(offer.scenario, history=1)
         self._answered = True
         runs, problems = [], []
         for saved in offer.runs:
@@ -141,6 +143,7 @@ class StateFolder:
             except Exception as error:  # whatever is in that file: the others, and the scenario, are as good
                 reason = str(error) if isinstance(error, ScenarioError | StateError) else f"{type(error).__name__}"
                 log.warning("saved run unreadable", file=saved.file, reason=reason)
+                self._set_aside(saved)
                 problems.append(f"run {saved.number} cannot be shown again: {reason}")
         self._kept = (*self._kept, *runs)
         return tuple(run for run, _ in runs), "; ".join(problems)
@@ -190,6 +193,11 @@ class StateFolder:
             self.problem = f"the last session cannot be continued: {error}; it is kept as {aside}"
             log.warning("state set aside", file=str(aside), reason=str(error))
             return None
+
+    def _set_aside(self, run: _Run) -> None:
+        with contextlib.suppress(OSError, StateError):
+            path = self._run_file(run)
+            path.replace(path.with_name(ASIDE + path.name))
 
     def _run_file(self, run: _Run) -> Path:
         if not _RUN_FILE.fullmatch(run.file):

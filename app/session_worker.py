@@ -20,11 +20,11 @@ import structlog
 
 from app import log
 from app.dashboard import Dashboard
-from app.dashboard.last_session import left_by
+from app.dashboard.last_session import left_by, remark
 from app.dashboard.theme import Theme
 from app.recovery import Keeper, StateError, StateFolder
 from app.runner import Continue, Load, Runner
-from app.scenario import Scenario, from_toml, to_toml
+from app.scenario import Scenario, ScenarioError, from_toml, to_toml
 from app.session_messages import Begin, Changed, Failed, FromSession, Kept, Prepare, Ready, ToSession, line, to_session
 
 events = structlog.get_logger()
@@ -81,7 +81,7 @@ def _keeper(kept: Kept, scenario: Scenario, runner: Runner, dashboard: Dashboard
     try:
         folder = StateFolder(Path(kept.folder))
     except StateError as error:
-        dashboard.fail(f"this session is not kept: {error}")
+        dashboard.offer(remark(f"this session is not kept: {error}"))
         return None
     keeper = Keeper(folder, lambda: runner.snapshot, dashboard.fail)
     left = left_by(folder, keeper, scenario)
@@ -90,9 +90,13 @@ def _keeper(kept: Kept, scenario: Scenario, runner: Runner, dashboard: Dashboard
     if left.offer is None or kept.earlier == "offered":
         dashboard.offer(left)
         return keeper
-    runs, problem = keeper.take_up(left.offer)
+    try:
+        runs, problem = keeper.take_up(left.offer)
+    except ScenarioError:  # it is older than the one that runs, and cannot run now
+        dashboard.offer(left)
+        return keeper
     if problem:
-        dashboard.fail(problem)
+        dashboard.offer(remark(problem))
     runner.post(Continue(scenario, runs))
     return keeper
 

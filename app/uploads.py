@@ -11,6 +11,7 @@ import re
 from pathlib import Path
 
 from app.scenario import ScenarioError
+from app.whole_file import write_whole
 from environments import urdf
 
 MOST_KEPT = 500_000_000  # bytes: a page that uploads for ever must not fill the disk
@@ -38,9 +39,7 @@ def keep(name: str, content: bytes) -> Path:
                 f"in {folder()}; allowed: {MOST_KEPT / 1e6:g} MB in all"
             )
         path.parent.mkdir(parents=True, exist_ok=True)
-        being_written = path.with_name(f".{path.name}.{os.getpid()}")
-        being_written.write_bytes(content)
-        being_written.replace(path)
+        write_whole(path, lambda file: file.write(content))
     except OSError as error:
         raise ScenarioError(f"robot.urdf: {name:.60} cannot be kept in {path.parent}: {error.strerror}") from error
     return path

@@ -37,6 +37,7 @@ MOST_TRIANGLES = 2_000_000
 Rgb = tuple[int, int, int]
 
 _BRIGHTEN = 0.55
+_READING = threading.Lock()  # one process at a time, each with all that memory
 
 
 @dataclass(frozen=True)
@@ -97,8 +98,9 @@ def _read_apart(path: Path, changed: int) -> Meshes:
 
     def wait() -> None:
         try:
-            meshes.set_result(_answer(path))
-        except (OSError, EOFError, RuntimeError) as error:
+            with _READING:
+                meshes.set_result(_answer(path))
+        except Exception as error:  # whatever comes of such files: nobody may wait for ever
             reason = str(error) or "reading them took too much memory or time"
             log.warning("visuals not shown", urdf=str(path), reason=reason)
             meshes.set_result(())
@@ -115,7 +117,7 @@ def _answer(path: Path) -> tuple[LinkMesh, ...]:
                 "app.visuals_worker",
                 str(theirs.fileno()),
                 str(path),
-                stdin=subprocess.DEVNULL,
+                stdin=subprocess.PIPE,
                 pass_fds=(theirs.fileno(),),
             )
         try:

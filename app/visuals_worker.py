@@ -9,6 +9,7 @@ import sys
 from multiprocessing.connection import Connection
 from pathlib import Path
 
+from app import child
 from app.visuals import CPU, MEMORY, MOST_TRIANGLES, LinkMesh, read
 
 NICENESS = 10  # the running loop comes first
@@ -33,6 +34,7 @@ def answer(path: Path) -> tuple[LinkMesh, ...] | str:
 
 def main() -> None:
     logging.basicConfig(level=logging.ERROR)
+    child.end_with_parent()
     os.nice(NICENESS)
     resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
     resource.setrlimit(resource.RLIMIT_CPU, (CPU, CPU))

@@ -7,8 +7,6 @@ from __future__ import annotations
 
 import os
 import subprocess
-import sys
-import threading
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -49,7 +47,7 @@ def _to_compile() -> Iterator[Scenario]:
 def main() -> None:
     """Compile, at the lowest priority, until it is done or the process that began this ends."""
     configure_as_parent()
-    threading.Thread(target=_end_with_parent, name="parent", daemon=True).start()
+    child.end_with_parent()
     os.nice(19)
     try:
         for scenario in _to_compile():
@@ -59,11 +57,6 @@ def main() -> None:
         _mark().touch()
     except Exception as error:  # nobody waits for it: what it did not compile is compiled when it is needed
         structlog.get_logger().warning("compiling ahead failed", exc_info=error)
-
-
-def _end_with_parent() -> None:
-    os.read(sys.stdin.fileno(), 1)  # returns when the other end of the pipe is gone
-    os._exit(0)
 
 
 if __name__ == "__main__":

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import socket
 from typing import Any
 
 import msgspec
@@ -38,6 +39,8 @@ def packed(**message: Any) -> bytes:
         (PUBLIC, {"Host": "lab.example.org", "Origin": "https://lab.example.org"}, None),
         (PUBLIC, {"Host": "127.0.0.1:80", "Origin": "https://lab.example.org"}, None),
         (PUBLIC, {"Host": "lab.example.org", "Origin": "https://evil.example"}, 403),
+        (PUBLIC, {"Host": "127.0.0.1:80", "Origin": "https://[x"}, 403),
+        (Names(public=("https://Lab.example.org/",)), {"Host": "localhost", "Origin": "https://lab.example.org"}, None),
     ],
 )  # fmt: skip
 def test_names_and_origins(names: Names, headers: dict[str, str], status: int | None) -> None:
@@ -48,9 +51,17 @@ def test_names_and_origins(names: Names, headers: dict[str, str], status: int | 
 
 
 def test_an_origin_that_is_none_is_refused() -> None:
-    for text in ("lab.example.org", "ftp://lab.example.org", "https://lab.example.org/page"):
+    for text in ("lab.example.org", "ftp://lab.example.org", "https://lab.example.org/page", "https://[x"):
         with pytest.raises(OriginError, match="allowed: scheme and name"):
             Names(public=(text,))
+
+
+def test_no_request_waits_for_the_resolver(monkeypatch: pytest.MonkeyPatch) -> None:
+    names = Names("0.0.0.0")
+    own = socket.gethostname()
+    monkeypatch.setattr(socket, "getfqdn", lambda: pytest.fail("asked"))
+    assert names.refusal({"Host": f"{own}:8080"}, acting=False) is None
+    assert names.refusal({"Host": "evil.example"}, acting=False) is not None
 
 
 def test_tokens_differ_and_open_what_they_are_for() -> None:

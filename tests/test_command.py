@@ -62,6 +62,21 @@ def test_a_frame_rate_that_makes_no_sense_is_refused() -> None:
     assert "--fps: 0; allowed: 1 to 60" in done.stderr
 
 
+def test_a_port_that_is_none_is_refused() -> None:
+    for port in ("70000", "-1"):
+        done = vsmrc("serve", "--port", port)
+        assert (done.returncode, done.stderr) == (2, f"vsmrc: --port {port}; allowed: 0 to 65535\n")
+
+
+def test_what_is_said_when_nobody_reads_any_more_stops_nothing() -> None:
+    ours, theirs = os.pipe()
+    os.close(ours)
+    code = "from app.printable import say; say('one'); say('two')"
+    done = subprocess.run([sys.executable, "-c", code], stdout=theirs, stderr=subprocess.PIPE, text=True, check=False)
+    os.close(theirs)
+    assert (done.returncode, done.stderr) == (0, "")
+
+
 def test_nothing_to_compare_is_said() -> None:
     for arguments, said in (((), "compare: no scenario"), (("ur5-hybrid", "--last", "-1"), "allowed: more than 0 s")):
         done = vsmrc("compare", *arguments)

@@ -5,6 +5,8 @@ from __future__ import annotations
 import io
 import os
 import struct
+import subprocess
+import sys
 import zipfile
 from contextlib import suppress
 from pathlib import Path
@@ -27,6 +29,7 @@ from environments.formula import FormulaError, parse
 from environments.tape import tape_of
 from environments.urdf import RobotError
 from fuzzing.matrix import read_typed
+from tests.visitors import gone
 
 BENT = (Path(__file__).parent / "robots" / "bent3r.urdf").read_text(encoding="utf-8")
 UPPER = '<link name="upper">'
@@ -202,6 +205,27 @@ def test_meshes_that_would_take_the_machine_are_not_shown(
     mesh = f'<visual><geometry><mesh filename="{name}"/></geometry></visual>'
     arm.write_text(BENT.replace(UPPER, UPPER + mesh))
     assert visuals.link_meshes(robots.load("", urdf=str(arm))).result(90.0) == ()
+
+
+def test_the_process_that_reads_meshes_ends_with_the_one_that_began_it(tmp_path: Path) -> None:
+    _pipe(tmp_path / "pipe.obj")
+    arm = tmp_path / "arm.urdf"
+    arm.write_text(BENT.replace(UPPER, UPPER + '<visual><geometry><mesh filename="pipe.obj"/></geometry></visual>'))
+    code = f"""
+import os, pathlib, time
+from app import visuals
+from environments import robots
+visuals.link_meshes(robots.load("", urdf={str(arm)!r}))
+children = pathlib.Path(f"/proc/{{os.getpid()}}/task")
+while not (found := "".join(path.read_text() for path in children.glob("*/children")).split()):
+    time.sleep(0.05)
+print(*found, flush=True)
+time.sleep(1.0)
+os._exit(0)
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=90, check=True)
+    (reader,) = map(int, done.stdout.split())
+    assert gone(reader, 10.0)
 
 
 def test_a_mesh_of_ones_own_is_shown(tmp_path: Path) -> None:

@@ -17,12 +17,13 @@ import numpy as np
 import pytest
 from playwright.sync_api import Page
 
+from app.changes import with_robot
 from app.closed_loop import ClosedLoop
 from app.dashboard import Dashboard
 from app.dashboard.last_session import left_by
 from app.recovery import OFFER, SESSION, Keeper, StateError, StateFolder, default_folder
 from app.runner import Edit, Pin, Runner, Unpin
-from app.scenario import Scenario, edited, load
+from app.scenario import Scenario, ScenarioError, edited, load
 from app.timeline import Pinned, Timeline
 from tests.drawn import drawn
 from tests.pages import PATIENCE, VIEWPORT
@@ -157,6 +158,29 @@ def test_runs_that_cannot_be_read_are_said_and_the_rest_is_continued(
     assert [run.number for run in runs] == [3]
     assert "run 1 cannot be shown again" in problem
     assert "run 2 cannot be shown again: '../../etc/passwd' is no name of a run's file" in problem
+    folder.save(changed(0.03), runs)
+    folder.close()
+    assert (tmp_path / f"set-aside-{index['pinned'][0]['file']}").read_bytes() == content
+
+
+def test_what_cannot_be_continued_now_is_kept_for_later(tmp_path: Path, pinned: tuple[Pinned, ...]) -> None:
+    arm = tmp_path / "arm.urdf"
+    arm.write_bytes((Path(__file__).parent / "robots" / "bent3r.urdf").read_bytes())
+    own = with_robot(load("ur5-motion"), {"urdf": str(arm)})
+    folder = StateFolder(tmp_path / "state")
+    folder.save(own, pinned[:1])
+    folder.close()
+    content = arm.read_bytes()
+    arm.unlink()
+    folder = StateFolder(tmp_path / "state")
+    offer = folder.offer()
+    assert offer is not None
+    with pytest.raises(ScenarioError, match="cannot read"):
+        folder.taken_up(offer)
+    folder.save(changed(), ())  # the session that runs instead has changed
+    arm.write_bytes(content)
+    runs, problem = folder.taken_up(offer)
+    assert ([run.number for run in runs], problem) == ([1], "")
     folder.close()
 
 

@@ -1,14 +1,21 @@
 """Looking back, forking and pinning: what is shown again is what has been, to the last bit."""
 
+from types import SimpleNamespace
+from typing import cast
+from unittest.mock import MagicMock
+
 import numpy as np
 import pytest
 
 from app.closed_loop import ClosedLoop
+from app.dashboard import pinned_arms
 from app.dashboard.pinned_arms import posture
 from app.metrics import account
 from app.recording import BLOCK
+from app.runner import Snapshot
 from app.scenario import Scenario, ScenarioError, differences, edited, shipped
 from app.timeline import PINS, Timeline
+from environments.robots import Robot
 
 
 def line_of(scenario: Scenario) -> Timeline:
@@ -189,3 +196,22 @@ def test_the_arm_of_a_pinned_run_stands_where_it_stood(noisy: Timeline) -> None:
         np.testing.assert_array_equal(shown, rows.at(t + 1e-6)["q"])
     assert posture(pinned, 1.3) is None
     assert posture(pinned, -0.1) is None
+
+
+def test_the_arm_of_another_run_with_the_same_number_is_another_arm(monkeypatch: pytest.MonkeyPatch) -> None:
+    views: list[MagicMock] = []
+
+    def view(_: object, robot: Robot, *__: object) -> MagicMock:
+        views.append(MagicMock(robot=robot))
+        return views[-1]
+
+    monkeypatch.setattr(pinned_arms, "RobotView", view)
+    shown = pinned_arms.PinnedArms(MagicMock(), lambda: "/arm")
+    for name in ("ur5-hybrid", "planar2r-semicircle"):
+        line = run(line_of(shipped()[name]), 5)
+        line.pin()
+        for _ in range(2):
+            shown.show(cast(Snapshot, SimpleNamespace(pinned=line.pinned, t=0.002)), wanted=True)
+    assert [view.robot.n for view in views] == [6, 2]
+    assert [view.remove.call_count for view in views] == [1, 0]
+    assert [len(view.show.call_args.args[0]) for view in views] == [6, 2]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable
 from dataclasses import dataclass
 from datetime import datetime
@@ -12,7 +13,7 @@ import viser
 from app.dashboard.guard import Complain, guarded
 from app.recovery import Keeper, Offer, StateFolder
 from app.runner import Command, Continue
-from app.scenario import Scenario
+from app.scenario import Scenario, ScenarioError
 from app.timeline import Pinned
 
 _GO_ON, _NOT = "Continue where you left off", "Dismiss"
@@ -21,12 +22,17 @@ _GO_ON, _NOT = "Continue where you left off", "Dismiss"
 @dataclass(frozen=True)
 class LastSession:
     """offer: None where it cannot be read, and `problem` says why. take_up: its pinned runs, and a sentence about those
-    that cannot be read; refuse: forget it."""
+    that cannot be read, or ScenarioError; refuse: forget it."""
 
     offer: Offer | None
     problem: str
     take_up: Callable[[Offer], tuple[tuple[Pinned, ...], str]]
     refuse: Callable[[], None]
+
+
+def remark(problem: str) -> LastSession:
+    """Nothing is offered, only said until somebody has read it."""
+    return LastSession(None, problem, lambda _: ((), ""), lambda: None)
 
 
 def left_by(folder: StateFolder, keeper: Keeper, chosen: Scenario) -> LastSession | None:
@@ -49,15 +55,27 @@ def add_last_session(
         buttons = [gui.add_button(_GO_ON)] if session.offer is not None else []
         buttons.append(gui.add_button(_NOT, color="gray"))
 
+    answering = threading.Lock()  # the second of two clicks says nothing new
+
     # synchronous on purpose, unlike what posts commands: reading takes a while, in a thread of viser's pool
     def on_continue(event: viser.GuiEvent) -> None:
         offer = session.offer
         if offer is None or event.client is None:
             return
+        if not answering.acquire(blocking=False):
+            return
         for button in buttons:
             button.visible = False
         text.content = _note("reading …")
-        runs, problem = session.take_up(offer)
+        try:
+            runs, problem = session.take_up(offer)
+        except ScenarioError as error:
+            complain(f"the last session cannot be continued now: {error}")
+            text.content = _note(_told(offer))
+            for button in buttons:
+                button.visible = True
+            answering.release()
+            return
         if problem:
             complain(problem)
         post(Continue(offer.scenario, runs))

@@ -74,15 +74,15 @@ class Dashboard:
     ) -> None:
         check_fps(fps)
         self._frame = 1.0 / fps
-        if port and _taken(host, port):
-            raise PortBusy(f"port {port} of {host} is in use; choose another one with --port")
+        if port and (reason := _unusable(host, port)):
+            raise PortBusy(f"port {port} of {host} cannot be used: {reason}; choose another one with --port")
         with behind_doors(Names(host), key):
             self._server = viser.ViserServer(host=host, port=port, label="VSMRC Lab", verbose=False)
         Gate(self._server)
         self.host, self.port = host, self._server.get_port()
         if port and self.port != port:
             self._server.stop()
-            raise PortBusy(f"port {port} of {host} is in use; choose another one with --port")
+            raise PortBusy(f"port {port} of {host} cannot be used; choose another one with --port")
         gui = self._server.gui
         gui.main_panel.dock_right()
         gui.main_panel.set_width(380)
@@ -102,7 +102,7 @@ class Dashboard:
 
     @property
     def url(self) -> str:
-        return f"http://{self.host}:{self.port}"
+        return f"http://[{self.host}]:{self.port}" if ":" in self.host else f"http://{self.host}:{self.port}"
 
     @property
     def clients(self) -> dict[int, viser.ClientHandle]:
@@ -298,12 +298,13 @@ def check_fps(fps: float) -> None:
         raise ValueError(f"fps: {fps:g}; allowed: {SLOWEST_FPS:g} to {FASTEST_FPS:g}")
 
 
-def _taken(host: str, port: int) -> bool:
-    """Whether something listens there already."""
-    with socket.socket(socket.AF_INET, socket.SOCK_STREAM) as probe:
-        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        try:
-            probe.bind((host, port))
-        except OSError:
-            return True
-    return False
+def _unusable(host: str, port: int) -> str:
+    """Why nothing can listen there, "" where it can."""
+    try:
+        family, kind, protocol, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]
+        with socket.socket(family, kind, protocol) as probe:
+            probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            probe.bind(address)
+    except OSError as error:
+        return error.strerror or str(error)
+    return ""

@@ -21,18 +21,23 @@ class PinnedArms:
 
     def __init__(self, scene: viser.SceneApi, new_root: Callable[[], str]) -> None:
         self._scene, self._new_root = scene, new_root
-        self._arms: dict[int, RobotView] = {}
+        self._arms: dict[int, tuple[Pinned, RobotView]] = {}
 
     def show(self, snapshot: Snapshot, *, wanted: bool) -> None:
         """Move them to their postures at snapshot.t; none where none is wanted."""
-        for number in self._arms.keys() - {pinned.number for pinned in snapshot.pinned}:
-            self._arms.pop(number).remove()
+        runs = {pinned.number: pinned for pinned in snapshot.pinned}
+        for number, (pinned, arm) in list(self._arms.items()):
+            if runs.get(number) is not pinned:  # a session that is continued has numbers of its own
+                arm.remove()
+                del self._arms[number]
         for place, pinned in enumerate(snapshot.pinned):
             q = posture(pinned, snapshot.t) if wanted else None
             if q is not None and pinned.number not in self._arms:
                 paint = Paint(PINNED_ARMS[place % len(PINNED_ARMS)], opacity=0.3, coat=_COAT)
-                self._arms[pinned.number] = RobotView(self._scene, pinned.system.robot, self._new_root(), _CELL, paint)
-            if arm := self._arms.get(pinned.number):
+                view = RobotView(self._scene, pinned.system.robot, self._new_root(), _CELL, paint)
+                self._arms[pinned.number] = pinned, view
+            if pinned.number in self._arms:
+                _, arm = self._arms[pinned.number]
                 arm.set_visible(q is not None)
                 if q is not None:
                     arm.show(q)

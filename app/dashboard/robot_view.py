@@ -116,9 +116,9 @@ class RobotView:
         """Move the joints to q (n,)."""
         if not self._complete and self._meshes.done():
             self._complete = True
-            for bone in self._shapes:
+            bones, self._shapes = self._shapes, self._shaped()
+            for bone in bones:
                 bone.remove()
-            self._shapes = self._shaped()
         pin.forwardKinematics(self._model, self._data, np.asarray(q, dtype=float))
         for joint, frame in enumerate(self._frames, start=1):
             T_parent_joint = self._data.liMi[joint]

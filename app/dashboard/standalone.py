@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import io
+import secrets
 from collections.abc import Iterator
 from dataclasses import replace
 from html import escape
@@ -12,8 +13,10 @@ import numpy as np
 import viser
 from viser.infra import StateSerializer
 
+from app.access import Names
 from app.assembly import System
 from app.closed_loop import ClosedLoop
+from app.dashboard.doors import behind_doors
 from app.dashboard.gate import Gate
 from app.dashboard.look import Look
 from app.dashboard.scene import SceneView
@@ -72,7 +75,8 @@ def _html(film: Film, count: int, tell: Tell) -> str:
 @contextlib.contextmanager
 def _server() -> Iterator[viser.ViserServer]:
     with contextlib.redirect_stdout(io.StringIO()):  # it says its address, which is nobody's business here
-        server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
+        with behind_doors(Names(), secrets.token_urlsafe()):  # nobody is let in
+            server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
         Gate(server)
         try:
             yield server

@@ -54,6 +54,8 @@ class Register:
     def known(self) -> list[Known]:
         """What an earlier gateway left, the one not used for longest first; what cannot be read is left where it is."""
         try:
+            for unfinished in self._path.glob(f"*/.{LINK}.*"):
+                unfinished.unlink()
             links = [(link.stat().st_mtime, link) for link in self._path.glob(f"*/{LINK}")]
         except OSError as error:
             raise StateError(f"--state-dir {self._path}: cannot be read: {error.strerror}") from error

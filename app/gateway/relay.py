@@ -29,11 +29,10 @@ async def relay(
     limit: bytes of a page's message that `judge` allows. Where there is no process, the page is closed with code 1012
     and will come again.
     """
-    offered = [name.strip() for name in request.headers.get("Sec-WebSocket-Protocol", "").split(",") if name.strip()]
     try:
         session = await client.ws_connect(
             f"http://127.0.0.1:{process.port}/",
-            protocols=offered,
+            protocols=_offered(request),
             headers={KEY_HEADER: process.key},
             max_msg_size=0,
             compress=0,
@@ -67,11 +66,15 @@ async def relay(
 
 async def closed(request: web.Request, code: int, reason: str) -> web.WebSocketResponse:
     """A web socket that only says why it is none: a browser tells its page nothing of a refused one."""
-    offered = [name.strip() for name in request.headers.get("Sec-WebSocket-Protocol", "").split(",") if name.strip()]
-    page = web.WebSocketResponse(protocols=offered, max_msg_size=Limits().watchers_message, timeout=1.0)
+    page = web.WebSocketResponse(protocols=_offered(request), max_msg_size=Limits().watchers_message, timeout=1.0)
     await page.prepare(request)
     await page.close(code=code, message=reason.encode()[:120])
     return page
+
+
+def _offered(request: web.Request) -> list[str]:
+    """The protocols that the page speaks."""
+    return [name.strip() for name in request.headers.get("Sec-WebSocket-Protocol", "").split(",") if name.strip()]
 
 
 async def _heard(page: web.WebSocketResponse, session: aiohttp.ClientWebSocketResponse, judge: Judge) -> None:

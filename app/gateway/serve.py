@@ -12,11 +12,12 @@ from pathlib import Path
 
 from app import warm
 from app.access import Names, OriginError, Tokens
-from app.gateway.invitation import Invitation, Look, PortTaken
+from app.gateway.invitation import Invitation, Look
 from app.gateway.register import Register
 from app.gateway.server import Doors, Gateway, serving
 from app.gateway.sessions import House
 from app.gateway.worker import Worker
+from app.printable import say
 from app.recovery import StateError
 from app.scenario import Scenario, ScenarioError, to_toml
 
@@ -87,26 +88,24 @@ async def _serve(
     )
     everyone = None if shared else house.everyone()
     stop = asyncio.Event()
-    for number in (signal.SIGINT, signal.SIGTERM):
-        asyncio.get_running_loop().add_signal_handler(number, stop.set)
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        if signal.getsignal(number) is not signal.SIG_IGN:  # nohup
+            asyncio.get_running_loop().add_signal_handler(number, stop.set)
     gateway = Gateway(house, Doors(names, tokens, everyone))
     warming = None
     try:
         async with serving(gateway, invitation.host, invitation.port) as port:
             warming = warm.start()
             address = _address(invitation, port)
-            print(f"VSMRC Lab: {_link(address, tokens, '')}  (Ctrl-C ends it)", flush=True)
+            say(f"VSMRC Lab: {_link(address, tokens, '')}  (Ctrl-C ends it)")
             if everyone is not None:
                 watch = f"watch/{everyone.watch}/"
-                print(f"to watch:  {address}/{watch}" + (f"?token={tokens.watch}" if tokens else ""), flush=True)
+                say(f"to watch:  {address}/{watch}" + (f"?token={tokens.watch}" if tokens else ""))
             else:
                 listening = f", listening at {invitation.host}:{port}" if invitation.origins else ""
-                print(f"{house.places} sessions at once (--max-sessions){listening}", flush=True)
+                say(f"{house.places} sessions at once (--max-sessions){listening}")
             await stop.wait()
-            print("\nended")
-    except OSError as error:
-        reason = error.strerror or error
-        raise PortTaken(f"port {invitation.port} of {invitation.host} cannot be used: {reason}") from error
+            say("\nended")
     finally:
         if warming is not None:
             warming.terminate()

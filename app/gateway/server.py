@@ -23,6 +23,7 @@ from aiohttp import WSCloseCode, web
 
 from app.access import KEY_HEADER, PAGE_HEADERS, Names, Pass, Tokens
 from app.gateway import pages
+from app.gateway.invitation import PortTaken
 from app.gateway.relay import closed, relay
 from app.gateway.sessions import HURRIED, House, Session
 from app.traffic import Limits, Meter, harmless
@@ -121,7 +122,7 @@ class Gateway:
         return response
 
     def _remember(self, response: web.Response, request: web.Request, cookie: str, value: str) -> None:
-        public = f"https://{request.host}" in self._doors.names.public
+        public = f"https://{request.host.lower()}" in self._doors.names.public
         response.set_cookie(
             cookie, value, max_age=_YEAR, httponly=True, samesite="Lax", secure=public or request.secure, path="/"
         )
@@ -281,12 +282,15 @@ def _sent(document: pages.Document, request: web.Request) -> web.Response:
 
 @contextlib.asynccontextmanager
 async def serving(gateway: Gateway, host: str, port: int) -> AsyncIterator[int]:
-    """While it lasts, the gateway answers at the port that is yielded; port 0 takes any. Raises OSError."""
+    """While it lasts, the gateway answers at the port that is yielded; port 0 takes any. Raises PortTaken."""
     runner = web.AppRunner(gateway.app, access_log=None, shutdown_timeout=0.5, handler_cancellation=True)
     await runner.setup()
     try:
         site = web.TCPSite(runner, host, port)
-        await site.start()
+        try:
+            await site.start()
+        except OSError as error:
+            raise PortTaken(f"port {port} of {host} cannot be used: {error.strerror or error}") from error
         yield runner.addresses[0][1]
     finally:
         await runner.cleanup()

@@ -94,7 +94,7 @@ class House:
         self._by_watch: dict[str, Session] = {}
         self._queue: list[Session] = []
         self._spare: asyncio.Task[Process] | None = None
-        self._endings: set[asyncio.Task[str]] = set()
+        self._doing: set[asyncio.Task[object]] = set()
         self._started = clock() - SPARE_AFTER
         for name, watch, last in register.known() if register is not None else ():
             self._add(Session(last, name, watch, asked=clock(), seen=clock()))
@@ -171,7 +171,7 @@ class House:
                 session._closing = True
                 session.phase = "resting"
                 session.process, process = None, session.process
-                self._ending(process)
+                self._do(process.end())
         self._advance()
         if self._spare is not None and self._spare.done() and not _of_use(self._spare):
             self._spare = None
@@ -188,10 +188,10 @@ class House:
         for session in self._by_name.values():
             session._closing = True
             if session.process is not None:
-                self._ending(session.process)
+                self._do(session.process.end())
             elif session._life is not None:
                 session._life.cancel()
-        await asyncio.gather(*lives, *self._endings, return_exceptions=True)
+        await asyncio.gather(*lives, *self._doing, return_exceptions=True)
 
     def _unseen(self, session: Session) -> bool:
         if self._idle is None:
@@ -201,10 +201,11 @@ class House:
             least = min(least, HURRIED)
         return self._clock() - session.seen > least
 
-    def _ending(self, process: Process) -> None:
-        ending = asyncio.create_task(process.end())
-        self._endings.add(ending)
-        ending.add_done_callback(self._endings.discard)
+    def _do(self, what: Coroutine[None, None, object]) -> None:
+        """Meanwhile; nobody waits for it but the end."""
+        task = asyncio.create_task(what)
+        self._doing.add(task)
+        task.add_done_callback(self._doing.discard)
 
     def _advance(self) -> None:
         now = self._clock()
@@ -228,7 +229,7 @@ class House:
                 session._runs.set()
                 log.info("session opened", sessions=self.taken)
                 async for scenario in process.changes():
-                    session.scenario = scenario
+                    session.scenario, session.offers = scenario, False
                 session._runs.clear()
                 how = await process.end()
                 session.process = None
@@ -256,9 +257,9 @@ class House:
         """The spare, or a new one; it has begun the session's scenario."""
         scenario, kept = session.scenario, None
         if self._register is not None:
-            folder = self._register.entered(Known(session.name, session.watch, scenario))
+            known = Known(session.name, session.watch, scenario)
+            folder = await asyncio.to_thread(self._register.entered, known)
             kept = Kept(str(folder), "offered" if session.offers else "shown")
-            session.offers = False
         spare, self._spare = self._spare, None
         process = None
         if spare is not None:
@@ -283,7 +284,7 @@ class House:
             oldest = min(resting, key=lambda session: (session.asked > 0.0, session.seen))
             del self._by_name[oldest.name], self._by_watch[oldest.watch]
             if self._register is not None:
-                self._register.forget(oldest.watch)
+                self._do(asyncio.to_thread(self._register.forget, oldest.watch))
 
 
 def _of_use(launch: asyncio.Task[Process]) -> bool:
