@@ -104,6 +104,12 @@ class System:
             old = old.turned(t, new.end, new.duration)
         return self.with_shift(old)
 
+    def anew(self) -> System:
+        """As it begins at t = 0: its shift goes there from rest, and a blend is still to come."""
+        shift = self.plan.shift
+        begun = self.with_shift(trajectories.Shift.fresh(shift.end, shift.duration))
+        return begun if self.blend is None else replace(begun, law=self.law.following(self.blend.start))
+
     def with_shift(self, shift: trajectories.Shift) -> System:
         """With this shift in place of the scenario's, which begins at t = 0."""
         return replace(self, plan=self.plan._replace(shift=shift))

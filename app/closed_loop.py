@@ -19,7 +19,7 @@ from controllers.bounds import InertiaRange
 from controllers.force_loop import force_loop_factor, layer_loop_factor
 from controllers.nominal_model import Estimate
 from controllers.reaching import ReachingCertificate
-from controllers.reference_estimates import ReferenceEstimates
+from controllers.reference_estimates import ReferenceEstimates, Start
 from controllers.switching import Switching
 from controllers.task_space import TaskSpace
 from controllers.vsmrc import Law
@@ -58,7 +58,8 @@ class View:
 class LoopState:
     """Where a run stands between two control periods: all that the next ones depend on, nothing that they change, and
     small, so that it can be kept or sent to another process. t, t_0, s_since s; steps counted from t_0; arm, period:
-    the memory of the records of these names. A fork without the hand: `replace(state, grip=None)`."""
+    the memory of the records of these names; along: of `ReferenceEstimates`, None without. A fork without the hand:
+    `replace(state, grip=None)`."""
 
     scenario: Scenario
     t: float
@@ -68,6 +69,7 @@ class LoopState:
     period: np.ndarray
     reader: ReaderMemory
     shift: Shift
+    along: Start | None
     grip: Grip | None
     certificate: ReachingCertificate
     s_since: float
@@ -85,15 +87,13 @@ class ClosedLoop:
     """
 
     def __init__(self, scenario: Scenario, history: int = 600_000, previous: System | None = None) -> None:
-        self._history = history
-        self._begin(assemble(scenario, previous))
+        self._begin(assemble(scenario, previous), history)
 
     @classmethod
     def of(cls, system: System, history: int = 600_000) -> ClosedLoop:
         """A run of a system that is built already, such as one with another plant."""
         loop = object.__new__(cls)
-        loop._history = history
-        loop._begin(system)
+        loop._begin(system, history)
         return loop
 
     @classmethod
@@ -107,7 +107,7 @@ class ClosedLoop:
         loop._arm.data[:], loop._period.data[:] = state.arm, state.period
         loop._reader.recall(state.reader)
         loop.system, loop.grip = loop.system.with_shift(state.shift), state.grip
-        loop._along = loop._reference_estimates()
+        loop._along = loop._reference_estimates(state.along)
         loop.certificate, loop.s_since, loop.reaching_time = state.certificate, state.s_since, state.reaching_time
         loop.stopped, loop.warning = state.stopped, state.warning
         loop._settings = Record(loop._setting_of(loop.system))
@@ -122,16 +122,16 @@ class ClosedLoop:
         """To go on from later, elsewhere: see `resume`."""
         return LoopState(
             self.system.scenario, self.t, self._t_0, self._steps, self._arm.copy().data, self._period.copy().data,
-            self._reader.memory(), self.system.plan.shift, self.grip, self.certificate, self.s_since,
-            self.reaching_time, self.stopped, self.warning,
+            self._reader.memory(), self.system.plan.shift, None if self._along is None else self._along.start,
+            self.grip, self.certificate, self.s_since, self.reaching_time, self.stopped, self.warning,
         )  # fmt: skip
 
-    def _begin(self, system: System) -> None:
+    def _begin(self, system: System, history: int) -> None:
         self.t = 0.0
         self._stage = "the beginning"
         self.stopped: str | None = None
         self.grip: Grip | None = None
-        self.recording = Recording(system.layout.n, self._history)
+        self.recording = Recording(system.layout.n, history)
         self._reader = ForceReader(system.sensor, system.scenario.simulation.seed)
         self._arm = system.plant.start(system.robot.posture, np.zeros(system.robot.n), 0.0)
         self._period = Record(Period.zeros(system.layout.n))
@@ -160,7 +160,7 @@ class ClosedLoop:
         restarts |= (old.contact.kind, old.controller.period) != (scenario.contact.kind, scenario.controller.period)
         restarts |= replanned and scenario.blend.at < self.t - 0.5 * self._h
         if restarts or self.stopped:
-            self._begin(new)
+            self._begin(new, self.recording.history)
             return
         if self.blending:
             if replanned or (scenario.blend.planned and scenario.target_model != old.target_model):
@@ -186,7 +186,7 @@ class ClosedLoop:
 
     def reset(self) -> None:
         """Begin the same scenario anew."""
-        self._begin(self.system)
+        self._begin(self.system.anew(), self.recording.history)
 
     def step(self) -> None:
         """One control period. Call it only while `stopped` is None."""
@@ -305,7 +305,7 @@ class ClosedLoop:
         self.system = system
         self._h = system.scenario.controller.period
         self._ideal = system.scenario.sensor.ideal and system.plant.heavy
-        self._along = self._reference_estimates()
+        self._along = self._reference_estimates(Start(round(self.t / self._h), self._arm.views.q.copy()))
         self._applied, self._push = self._period.views.applied, self._period.views.push
         self._push_torque, self._pushed = np.zeros(system.robot.n), True
         self._timed = system.push if any(system.push.force) else None
@@ -366,8 +366,8 @@ class ClosedLoop:
 
     def _force_loop_factor(self, estimate: Estimate, task: TaskSpace) -> float:
         """See `controllers.force_loop`; nan where no force is fed back through a loop that sampling closes."""
-        contact, plant = self.system.scenario.contact, self.system.plant
-        if not (self.system.m and plant.heavy):
+        contact, plant, law = self.system.scenario.contact, self.system.plant, self.system.law.law
+        if not (self.system.m and plant.heavy) or self._ideal or law is Law.PD_GRAVITY:
             return math.nan
         H_hat = task.J_q_inv.T @ estimate.M_hat @ task.J_q_inv
         M_e = math.inf if contact.kind == "rigid" else contact.M_e
@@ -375,7 +375,7 @@ class ClosedLoop:
 
     def _force_loop_warning(self, estimate: Estimate, task: TaskSpace) -> str | None:
         factor = self._force_loop_factor(estimate, task)
-        if self.system.scenario.sensor.ideal or math.isnan(factor) or abs(factor) < 1.0:
+        if math.isnan(factor) or abs(factor) < 1.0:
             return None
         return (
             f"the sampled force loop diverges: its factor is {factor:.3g}, allowed: between -1 and 1; "
@@ -391,17 +391,11 @@ class ClosedLoop:
             "allowed: below 1; lower contact.K_e, controller.period or sensor.delay, or widen controller.layer"
         )
 
-    def _reference_estimates(self) -> ReferenceEstimates | None:
+    def _reference_estimates(self, start: Start | None) -> ReferenceEstimates | None:
         system = self.system
-        if system.scenario.controller.estimates == "online":
+        if start is None or system.scenario.controller.estimates == "online":
             return None
-        return ReferenceEstimates(
-            system.nominal,
-            system.constants.lipschitz,
-            system.posture_at,
-            system.q_0,
-            self._h,
-        )
+        return ReferenceEstimates(system.nominal, system.constants.lipschitz, system.posture_at, self._h, start)
 
     def _heed(self, alarms: Alarm) -> None:
         """Has the run left the theorem's domain? Say which way and when; stop, or flag where the user chose so."""
@@ -429,7 +423,7 @@ class ClosedLoop:
             )
 
     def _saturation(self, tau: np.ndarray, applied: np.ndarray) -> str:
-        worst = int(np.argmax(np.abs(tau) / np.abs(applied)))
+        worst = int(np.argmax(np.abs(tau - applied)))
         return (
             f"the drive of joint {worst + 1} saturates, the law asks for {tau[worst]:.4g} N·m "
             f"and gets {applied[worst]:.4g} N·m"

@@ -100,7 +100,7 @@ class Ghost:
         if run is None:
             return None
         rows = _rows(snapshot.recording, run.t - 0.5 * period, snapshot.t)
-        if not len(rows["t"]):
+        if not len(rows["t"]) or np.ptp(rows["t"]) > 1.5 * period * len(rows["t"]):  # nothing, or thinned by now
             return None
         run.x = self._onward(run, rows["t"], rows["F_c"] - rows["F_cd"])
         run.t = t = float(rows["t"][-1])

@@ -23,7 +23,7 @@ def simulate(
 
     Raises ScenarioError.
     """
-    steps = round(scenario.simulation.duration / scenario.controller.period)
+    steps = max(1, round(scenario.simulation.duration / scenario.controller.period))
     loop = ClosedLoop(scenario, steps + 1, previous)
     batch = max(1, steps // 200)
     started = time.perf_counter()

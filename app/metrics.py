@@ -166,13 +166,13 @@ FIGURES = (
 
 def account(system: System, recording: Recording, t_from: float, t_to: float) -> Account | None:
     """Of the rows with t_from <= t <= t_to (s), None for less than two of them."""
-    record = recording.signals(tuple(recording.columns), t_from, t_to)
+    record = recording.stretch(t_from, t_to)  # copies what is asked for only
     t = record["t"]
     if len(t) < 2:
         return None
     # the path is smooth, and finding the normals of a curved surface takes its time
     few = slice(None, None, max(1, len(t) // PATH_POINTS))
-    path = np.linalg.norm(motion_error(system, {name: values[few] for name, values in record.items()}), axis=1)
+    path = np.linalg.norm(motion_error(system, {name: record[name][few] for name in ("t", "e_r", "tool")}), axis=1)
     force = force_error(record) if system.m else None
     return Account(
         path_rms=_rms(path),

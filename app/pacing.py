@@ -27,18 +27,19 @@ class Schedule(NamedTuple):
 
 
 class Pace(NamedTuple):
-    """asked, achieved: control steps per second of wall time; lateness of a step, when it was computed minus when it
-    was due: its median and largest value, s."""
+    """asked, achieved: control steps per second of wall time, over so many `seconds`; lateness of a step, when it was
+    computed minus when it was due: its median and largest value, s."""
 
     asked: float
     achieved: float
     late_median: float
     late_most: float
+    seconds: float
 
     @property
     def slowed(self) -> bool:
-        """Whether simulated time runs more slowly than it should."""
-        return self.achieved < SLOWED * self.asked
+        """Whether simulated time runs more slowly than it should; the step under way does not count against it."""
+        return self.achieved + 1.0 / self.seconds < SLOWED * self.asked
 
 
 class PaceMeter:
@@ -79,8 +80,8 @@ class PaceMeter:
         """Since that wall time. asked: steps per second."""
         late = self.lateness(since)
         if not len(late):
-            return Pace(asked, 0.0, 0.0, 0.0)
-        return Pace(asked, len(late) / (now - since), float(np.median(late)), float(late.max()))
+            return Pace(asked, 0.0, 0.0, 0.0, now - since)
+        return Pace(asked, len(late) / (now - since), float(np.median(late)), float(late.max()), now - since)
 
     def _since(self, since: float) -> np.ndarray:
         head = self._noted % len(self._batches)

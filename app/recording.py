@@ -149,7 +149,7 @@ class Recording:
         self.n = n
         self.columns = columns_of(n)
         self.width = max(where.stop for where in self.columns.values())
-        self._history, self._most = history, history // BLOCK + 2
+        self.history, self._most = history, history // BLOCK + 2
         self._blocks: deque[_Block] = deque()
         self._thinned: deque[np.ndarray] = deque(maxlen=self._most)
         self.epochs: deque[Epoch] = deque(maxlen=EPOCHS)
@@ -180,7 +180,7 @@ class Recording:
         """What this recording holds from about t_from, a whole block more or less, up to t_to exactly, as one that can
         go on differently. Blocks that are full are shared, since nobody writes to them any more; the last is copied.
         """
-        twin = Recording(self.n, self._history)
+        twin = Recording(self.n, self.history)
         twin._thinned.extend(_between(piece, t_from, t_to) for piece in tuple(self._thinned))
         for block in tuple(self._blocks):
             rows = block.rows[: block.filled]

@@ -277,7 +277,7 @@ class Runner:
             now = time.perf_counter()
             if self._going:
                 self._advance(schedule, now)
-                if schedule.target(now) - self._loop.t > LAG * self._speed:
+                if schedule.target(now) - self._loop.t - self._period > LAG * self._speed:
                     schedule = self._schedule()
                 if now - measured > MEASURE:
                     measured = now
@@ -381,6 +381,7 @@ class Runner:
                 line.reset()
                 self._runs += 1
             case Seek(t):
+                line.hold(None)
                 line.seek(t)
                 self._playing = False
             case ToEnd():
@@ -497,4 +498,4 @@ def _overtaken(command: Command, following: Command | None) -> bool:
     """Whether a slider or a hand has moved on: only where it is now matters."""
     if isinstance(command, Edit) and isinstance(following, Edit):
         return command.path == following.path
-    return isinstance(command, Push) and isinstance(following, Push)
+    return type(command) is type(following) and isinstance(command, Push | Seek)

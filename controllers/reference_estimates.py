@@ -36,10 +36,18 @@ def believe(estimate, believed):
     deviation.delta_M, deviation.delta_C, deviation.delta_G = 0.0, 0.0, 0.0
 
 
-class ReferenceEstimates:
-    """M_hat, C_hat, G_hat at (q_d, q_d_dot)(t), a table with one entry per control period, filled in blocks.
+class Start(NamedTuple):
+    """Of a table: the number k of a control period, and a posture q (n,) rad near the one that r_d has then."""
 
-    posture: (q guess (n,), t) -> q_d, q_d_dot, solving r(q_d, t) = r_d(t).
+    k: int
+    q: np.ndarray
+
+
+class ReferenceEstimates:
+    """M_hat, C_hat, G_hat at (q_d, q_d_dot)(t), one entry per control period, a block at a time.
+
+    posture: (q guess (n,), t) -> q_d, q_d_dot, solving r(q_d, t) = r_d(t). `start` is that of the block in use: a table
+    that begins there is the same to the last bit.
     """
 
     def __init__(
@@ -47,25 +55,29 @@ class ReferenceEstimates:
         model: NominalModel,
         lipschitz: Lipschitz,
         posture: Callable[[np.ndarray, float], tuple[np.ndarray, np.ndarray]],
-        q_0: np.ndarray,
         period: float,
+        start: Start,
         block: int = 20,
     ) -> None:
         self._model, self._lipschitz, self._posture = model, lipschitz, posture
-        self._period, self._block = period, block
-        self._q = q_0
-        self._table: list[tuple[np.ndarray, np.ndarray, Estimate]] = []
+        self._period, self._size = period, block
+        self.start = start
+        self._block: list[tuple[np.ndarray, np.ndarray, Estimate]] = []
 
     def at(self, q: np.ndarray, q_dot: np.ndarray, t: float) -> Believed:
-        """M_hat, C_hat, G_hat from the table at time t, and how far they may be from those at q, q_dot."""
+        """M_hat, C_hat, G_hat from the table at time t, not before its start, and how far they may be from those at q,
+        q_dot."""
         k = round(t / self._period)
-        while len(self._table) <= k:
-            self._extend()
-        q_d, q_d_dot, along = self._table[k]
+        while k >= self.start.k + len(self._block):
+            self._go_on()
+        q_d, q_d_dot, along = self._block[k - self.start.k]
         deviation = self._lipschitz.deviation(q, q_dot, q_d, q_d_dot)
         return Believed(along.M_hat, along.C_hat, along.G_hat, deviation)
 
-    def _extend(self) -> None:
-        for k in range(len(self._table), len(self._table) + self._block):
-            self._q, q_d_dot = self._posture(self._q, k * self._period)
-            self._table.append((self._q, q_d_dot, self._model.evaluate(self._q, q_d_dot)))
+    def _go_on(self) -> None:
+        if self._block:
+            self.start = Start(self.start.k + len(self._block), self._block[-1][0])
+        q, self._block = self.start.q, []
+        for k in range(self.start.k, self.start.k + self._size):
+            q, q_d_dot = self._posture(q, k * self._period)
+            self._block.append((q, q_d_dot, self._model.evaluate(q, q_d_dot)))

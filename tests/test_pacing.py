@@ -11,8 +11,9 @@ import pytest
 
 from app.dashboard.status import status_html
 from app.pacing import Pace, PaceMeter, Schedule
-from app.runner import Edit, Pause, Runner, SetSpeed, Snapshot
+from app.runner import Edit, Pause, Push, Runner, Seek, SetSpeed, Snapshot, ToEnd
 from app.scenario import edited, shipped
+from environments.push import Grip
 
 CANNOT = "The loop cannot keep up"
 
@@ -65,8 +66,8 @@ def test_a_paused_loop_has_no_pace(runner: Runner):
 
 def test_a_loop_that_keeps_up_says_nothing(runner: Runner):
     now = wait(runner, lambda now: now.pace is not None)
-    assert CANNOT not in status_html(replace(now, pace=Pace(5000.0, 4990.0, 2e-4, 5e-3)), "")
-    assert CANNOT in status_html(replace(now, pace=Pace(5000.0, 4500.0, 2e-4, 0.1)), "")
+    assert CANNOT not in status_html(replace(now, pace=Pace(5000.0, 4990.0, 2e-4, 5e-3, 1.0)), "")
+    assert CANNOT in status_html(replace(now, pace=Pace(5000.0, 4500.0, 2e-4, 0.1, 1.0)), "")
 
 
 def test_lateness_of_every_step_follows_from_the_bounds_of_its_batch():
@@ -91,3 +92,50 @@ def test_the_meter_forgets_the_oldest_batches_and_keeps_their_order():
         meter.note(schedule, k + 0.0, k + 1e-3 * k, float(k), float(k), steps=1)
     np.testing.assert_allclose(meter.lateness(0.0), [4e-3, 5e-3, 6e-3, 7e-3])
     np.testing.assert_allclose(meter.lateness(5.5), [6e-3, 7e-3])
+
+
+def test_slow_motion_moves_also_with_a_long_period_and_warns_of_nothing():
+    runner = Runner(edited(shipped()["planar2r-semicircle"], "controller.period", 0.01))
+    runner.post(SetSpeed(0.05))  # five steps a second
+    runner.start()
+    try:
+        wait(runner, lambda now: now.speed == 0.05)
+        began, slowed = time.monotonic(), False
+        while time.monotonic() < began + 2.0:
+            now = runner.snapshot
+            slowed |= now.pace is not None and now.pace.slowed
+            time.sleep(0.01)
+        assert now.t >= 0.04
+        assert not slowed
+    finally:
+        runner.close()
+
+
+def test_a_slider_of_time_is_followed_to_where_it_is_now(runner: Runner, monkeypatch: pytest.MonkeyPatch):
+    wait(runner, lambda now: now.t > 0.5)
+    runner.post(Pause())
+    end = wait(runner, lambda now: now.phase == "paused").end
+    sought: list[float] = []
+    line = runner._line
+    seek = line.seek
+
+    def slow(t: float) -> None:
+        sought.append(t)
+        time.sleep(0.3)
+        seek(t)
+
+    monkeypatch.setattr(line, "seek", slow)
+    for share in np.linspace(0.1, 0.9, 20):
+        runner.post(Seek(share * end))
+    wait(runner, lambda now: now.t == pytest.approx(0.9 * end, abs=1e-3))
+    assert len(sought) < 4
+
+
+def test_a_hand_lets_go_when_one_looks_back(runner: Runner):
+    now = wait(runner, lambda now: now.t > 0.3)
+    runner.post(Push(Grip(tuple(now.tool + np.array([0.02, 0.0, 0.0])))))
+    wait(runner, lambda now: now.state.grip is not None)
+    runner.post(Seek(0.1))
+    runner.post(Push(None))
+    runner.post(ToEnd())
+    wait(runner, lambda now: now.state.grip is None and not now.looking_back)

@@ -7,6 +7,7 @@ from unittest.mock import MagicMock
 import numpy as np
 import pytest
 
+from app.changes import in_mode
 from app.closed_loop import ClosedLoop
 from app.dashboard import pinned_arms
 from app.dashboard.pinned_arms import posture
@@ -215,3 +216,65 @@ def test_the_arm_of_another_run_with_the_same_number_is_another_arm(monkeypatch:
     assert [view.robot.n for view in views] == [6, 2]
     assert [view.remove.call_count for view in views] == [1, 0]
     assert [len(view.show.call_args.args[0]) for view in views] == [6, 2]
+
+
+def test_a_run_that_is_begun_anew_is_the_one_that_begins_so(shifted: Scenario) -> None:
+    """A moved target has moved from t = 0 on, and a blend is still to come."""
+    model = {"K_m": [0.0, 6000.0, 5000.0, 5000.0, 5000.0, 5000.0]}
+    line = run(line_of(shipped()["ur5-hybrid"]), 300)
+    line.edit(shifted)
+    line.edit(edited(shifted, "blend", {"to": model, "at": 0.4, "over": 0.4}))
+    run(line, 300)
+    assert line.loop.blending
+    scenario = line.loop.system.scenario
+    line.reset()
+    again, fresh = run(line, 900), run(line_of(scenario), 900)
+    assert again.loop.stopped is None
+    assert np.array_equal(again.recording.rows(), fresh.recording.rows())
+    assert again.loop.system.scenario == fresh.loop.system.scenario != scenario  # the blend is over
+
+
+@pytest.fixture
+def shifted() -> Scenario:
+    return edited(shipped()["ur5-hybrid"], "shift.by", [0.03, 0.0])
+
+
+@pytest.mark.parametrize("path_and_value", [("mode", "motion"), ("force.value", 30.0)])
+def test_what_is_changed_while_looking_back_is_recorded_as_long_as_any_run(path_and_value: tuple[str, object]) -> None:
+    path, value = path_and_value
+    line = run(line_of(shipped()["planar2r-semicircle" if path == "force.value" else "ur5-hybrid"]), 300)
+    history = line.recording.history
+    line.seek(0.1)
+    scenario = line.loop.system.scenario
+    line.edit(in_mode(scenario, "motion") if path == "mode" else edited(scenario, path, value))
+    assert line.recording.history == history
+    line.reset()
+    assert line.recording.history == history
+
+
+def test_estimates_along_the_reference_are_a_block_at_a_time_and_the_same_again(noisy: Timeline) -> None:
+    scenario = edited(noisy.loop.system.scenario, "controller.estimates", "along-reference")
+    line = run(line_of(scenario), 700)
+    calls = []
+    posture = line.loop.system.posture_at
+    assert line.loop._along is not None
+    assert len(line.loop._along._block) == 20
+    line.loop._along._posture = lambda q, t: calls.append(t) or posture(q, t)
+    run(line, 100)
+    assert len(calls) <= 120  # one for each period, not from the beginning
+    before = line.recording.rows()
+    line.seek(0.33)
+    run(line, 200)
+    back = line.loop.recording.rows()
+    known = before[np.searchsorted(before[:, 0], back[0, 0] - 1e-9) :][: len(back)]
+    assert np.array_equal(back, known)
+    line.to_end()
+    edit = edited(line.loop.system.scenario, "force.value", 25.0)
+    line.edit(edit)
+    assert line.loop._along.start.k == 800  # and an edit goes on from there
+    run(line, 50)
+    twin = ClosedLoop.resume(line.loop.state(), previous=line.loop.system)
+    for _ in range(50):
+        line.step()
+        twin.step()
+    assert np.array_equal(line.recording.rows(0.8505), twin.recording.rows(0.8505))

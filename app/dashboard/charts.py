@@ -46,6 +46,16 @@ class Setup:
     coordinate: int
     joint: int
 
+    @property
+    def rate(self) -> str:
+        """Unit of a thousandth of s: metres a second, but in the space of the joints."""
+        return "mrad/s" if self.coordinates[0].unit == "rad" else "mm/s"
+
+    @property
+    def force(self) -> str:
+        """Unit of the generalised forces of the task coordinates, such as d."""
+        return "N·m" if self.coordinates[0].unit == "rad" else "N"
+
     @classmethod
     def of(cls, snapshot: Snapshot, coordinate: int, joint: int) -> Setup:
         """Choices beyond what the run has fall back to the first."""

@@ -32,6 +32,7 @@ def facts_html(snapshot: Snapshot) -> str:
 def _facts(snapshot: Snapshot) -> list[tuple[str, str, str, str]]:
     """Name, value against limit, verdict, and the line that explains them."""
     live = snapshot.live
+    force, rate = ("N·m", "mrad/s") if snapshot.system.layout.joint else ("N", "mm/s")
 
     def number(name: str, factor: float = 1.0) -> str:
         value = live.get(name, math.nan) * factor
@@ -47,13 +48,13 @@ def _facts(snapshot: Snapshot) -> list[tuple[str, str, str, str]]:
         rows += [
             (
                 "gain d (17)",
-                against("d", "≥", "d_required", "N"),
-                judged(live["gain_margin"], " N", low=-1e-9),
+                against("d", "≥", "d_required", force),
+                judged(live["gain_margin"], f" {force}", low=-1e-9),
                 "d, what (17) needs with its margin ε, and what is left; by the theorem d is exactly what is needed",
             ),
             (
                 "‖s‖ (20)",
-                f"{number('s_norm', 1e3)} ≤ {(live['s_bound'] + live['s_band']) * 1e3:.3g} mm/s",
+                f"{number('s_norm', 1e3)} ≤ {(live['s_bound'] + live['s_band']) * 1e3:.3g} {rate}",
                 verdict(sliding >= 0.0),
                 "the sliding variable and its bound, with the band that sampling leaves",
             ),
@@ -82,7 +83,9 @@ def _facts(snapshot: Snapshot) -> list[tuple[str, str, str, str]]:
                 "what one sample makes of an error in the force that is fed back",
             )
         )
-    rows.append(("residual of (8)", f"{number('residual')} N", "", "left side minus right side of the target model"))
+    rows.append(
+        ("residual of (8)", f"{number('residual')} {force}", "", "left side minus right side of the target model")
+    )
     if robust:
         rows.append(("V = ½ sᵀHs", f"{number('V')} J", "", "the Lyapunov function of the proof"))
     rows.append(("σ_min(J_q)", f"{number('sigma_min')} m", "", "smallest singular value; Ω ends where it vanishes"))

@@ -161,7 +161,7 @@ class MatrixEditor:
 
     def _blend(self, snapshot: Snapshot) -> str:
         """What is known of the blend; eigenvalues are not found anew for every frame."""
-        key = (snapshot.revision, snapshot.blending, self._draft, self._seconds)
+        key = (snapshot.scenario, snapshot.blending, self._draft, self._seconds)
         if self._told is None or self._told[0] != key:
             try:
                 edit = self.edit(snapshot) if self._seconds else None

@@ -132,7 +132,7 @@ def loops_html(snapshot: Snapshot) -> str:
     live = snapshot.live
     rows = []
     if math.isfinite(factor := live.get("force_loop_factor", math.nan)):
-        rows.append(("sampled force loop, |1 − h/M_m1| &lt; 1", judged(factor, low=-1.0, high=1.0)))
+        rows.append(("sampled force loop, |factor| &lt; 1", judged(factor, low=-1.0, high=1.0)))
     if math.isfinite(factor := live.get("layer_loop_factor", math.nan)):
         rows.append(("boundary layer, loop factor &lt; 2", judged(factor, high=2.0)))
     body = "".join(f"<tr><td>{what}</td><td>{value}</td></tr>" for what, value in rows)

@@ -163,12 +163,12 @@ def _force_error(setup: Setup) -> Drawing | None:
     return Drawing("normal force error  [N]", lines, at_least=(-0.01, 0.01))
 
 
-def _sliding(_: Setup) -> Drawing:
+def _sliding(setup: Setup) -> Drawing:
     lines = [
         Line("bound (20) + sampling", BOUND, total(column("s_bound", 0, 1e3), column("s_band", 0, 1e3)), True, 2.0),
         Line("‖s‖", color(0), column("s_norm", 0, 1e3), compared=True),
     ]
-    return Drawing("sliding variable  ‖s‖  [mm/s]", lines, floor=1e-2)
+    return Drawing(f"sliding variable  ‖s‖  [{setup.rate}]", lines, floor=1e-2)
 
 
 def _phases() -> list[Line]:
@@ -185,7 +185,7 @@ def _phases() -> list[Line]:
     ]
 
 
-def _reaching(_: Setup) -> Drawing:
+def _reaching(setup: Setup) -> Drawing:
     bound, band = column("s_bound", 0, 1e3), column("s_band", 0, 1e3)
     lines = [
         *_phases(),
@@ -193,7 +193,7 @@ def _reaching(_: Setup) -> Drawing:
         Line("(20) + sampling", BOUND, total(bound, band), dashed=True, width=1.4),
         Line("‖s‖", color(0), column("s_norm", 0, 1e3), compared=True),
     ]
-    return Drawing("sliding variable  ‖s‖  [mm/s]", lines, floor=0.1)
+    return Drawing(f"sliding variable  ‖s‖  [{setup.rate}]", lines, floor=0.1)
 
 
 def _lyapunov(_: Setup) -> Drawing:
@@ -209,16 +209,15 @@ def _components(setup: Setup) -> Drawing:
     lines = [
         Line(symbol(coordinate.name), color(i), column("s", i, 1e3)) for i, coordinate in enumerate(setup.coordinates)
     ]
-    unit = "mrad/s" if setup.coordinates[0].unit == "rad" else "mm/s"
-    return Drawing(f"s  [{unit}]", lines, at_least=(-0.1, 0.1))
+    return Drawing(f"s  [{setup.rate}]", lines, at_least=(-0.1, 0.1))
 
 
-def _gain(_: Setup) -> Drawing:
+def _gain(setup: Setup) -> Drawing:
     lines = [
         Line("needed (17)", BOUND, column("d_required"), dashed=True, width=2.0),
         Line("d", DESIRED, column("d")),
     ]
-    return Drawing("gain  d  against what (17) needs  [N]", lines, at_least=(0.0, 1.0))
+    return Drawing(f"gain  d  against what (17) needs  [{setup.force}]", lines, at_least=(0.0, 1.0))
 
 
 CAUSES = ("inertia", "Coriolis", "gravity", "moving task", "disturbance", "ε")  # of `needed`
@@ -232,29 +231,29 @@ def needed_stack() -> tuple[list[Line], list[Area]]:
     return lines[: 1 + upwards], areas[:upwards]
 
 
-def _guarantee(_: Setup) -> Drawing:
+def _guarantee(setup: Setup) -> Drawing:
     lines, areas = needed_stack()
     lines += [
         Line("d", DESIRED, column("d"), width=2.4),
         Line("real perturbation", ACCENT, column("perturbation"), width=2.0),
     ]
-    return Drawing("d  over what (17) needs for each cause  [N]", lines, areas, at_least=(0.0, 1.0))
+    return Drawing(f"d  over what (17) needs for each cause  [{setup.force}]", lines, areas, at_least=(0.0, 1.0))
 
 
-def _perturbation(_: Setup) -> Drawing:
+def _perturbation(setup: Setup) -> Drawing:
     parts = (("inertia", 0), ("coriolis", 1), ("gravity", 2), ("disturbance", 4))
     lines = [Line(CAUSES[i], color(i), column(name)) for name, i in parts]
     lines.append(Line("together", ACCENT, column("perturbation"), width=2.0))
-    return Drawing("real perturbation, cause by cause  [N]", lines, at_least=(0.0, 1.0))
+    return Drawing(f"real perturbation, cause by cause  [{setup.force}]", lines, at_least=(0.0, 1.0))
 
 
-def _margins(_: Setup) -> Drawing:
+def _margins(setup: Setup) -> Drawing:
     d, needed, real = column("d"), column("d_required"), column("perturbation")
     lines = [
         Line("d − needed (17)", BOUND, lambda s: d(s) - needed(s), dashed=True, width=2.0),
         Line("d − real perturbation", DESIRED, lambda s: d(s) - real(s)),
     ]
-    return Drawing("margin: below zero nothing is promised  [N]", lines, at_least=(0.0, 1.0))
+    return Drawing(f"margin: below zero nothing is promised  [{setup.force}]", lines, at_least=(0.0, 1.0))
 
 
 def _torques(setup: Setup) -> Drawing:
@@ -302,12 +301,12 @@ def _residuals(setup: Setup) -> Drawing:
     lines = [
         Line(symbol(coordinate.name), color(i), column("residual", i)) for i, coordinate in enumerate(setup.coordinates)
     ]
-    return Drawing("residual of the target model (8)  [N]", lines, at_least=(-0.01, 0.01))
+    return Drawing(f"residual of the target model (8)  [{setup.force}]", lines, at_least=(-0.01, 0.01))
 
 
-def _residual(_: Setup) -> Drawing:
+def _residual(setup: Setup) -> Drawing:
     lines = [*_phases()[:2], Line("‖left − right side of (8)‖", color(0), norm("residual"))]
-    return Drawing("norm of the residual  [N]", lines, floor=1e-3)
+    return Drawing(f"norm of the residual  [{setup.force}]", lines, floor=1e-3)
 
 
 def _reaching_note(snapshot: Snapshot) -> str:

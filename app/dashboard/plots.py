@@ -59,7 +59,8 @@ class Plots:
         """Draw the tabs that are looked at, unless they stand there already."""
         setup = Setup.of(snapshot, self._viewing.coordinate, self._viewing.joint)
         pinned = tuple((p.name, id(p.recording), p.start) for p in shown.pinned)
-        drawn = (snapshot.run, snapshot.revision, shown.now, shown.window, setup, pinned, id(shown.outlook))
+        outlook = None if shown.outlook is None else (shown.outlook.number, len(shown.outlook.ahead))
+        drawn = (snapshot.run, snapshot.revision, shown.now, shown.window, setup, pinned, outlook)
         stale = [title for title in self._tabs if title in looked_at and self._drawn.get(title) != drawn]
         if not stale:
             return

@@ -66,7 +66,7 @@ class WhatIf:
 
     def hold(self, held: Held) -> None:
         """A slider has moved."""
-        self.held = held
+        self.held, self._applied = held, None
 
     def holds(self, control: object) -> bool:
         """Whether this control's value is only asked about."""

@@ -16,6 +16,7 @@ from app.dashboard.matrix_text import written
 from app.dashboard.model_checks import checks_html, loops_html
 from app.dashboard.model_places import DiagonalPlace, OscillatorPlace, pressed_on
 from app.runner import Edit, Snapshot
+from app.scenario import Scenario
 
 
 @dataclass(frozen=True)
@@ -52,7 +53,7 @@ class ModelPanel:
             with self._folders[title]:
                 self._views[title] = view()
         self._checks, self._loops = gui.add_html(""), gui.add_html("")
-        self._checked: tuple[int, float | None, Edit | None] | None = None
+        self._checked: tuple[Scenario, float | None, Edit | None] | None = None
 
     async def _on_choice(self, event: viser.GuiEvent) -> None:
         if event.client is not None:
@@ -65,7 +66,7 @@ class ModelPanel:
                 folder.visible = title == self._chosen
         self._views[self._chosen].show(snapshot)
         edit = self._asked(snapshot)
-        of = (snapshot.revision, snapshot.blending, edit)
+        of = (snapshot.scenario, snapshot.blending, edit)  # not the revision: looking back, it stays
         if self._checked != of:  # poles are not found anew for every frame
             self._checked = of
             self._checks.content = checks_html(snapshot, edit)

@@ -10,6 +10,8 @@ from app.runner import Load, Snapshot
 from app.scenario import shipped
 from controllers.modes import MODES
 
+_EDITED = "edited, or one of your own"
+
 
 class TaskPanel:
     """Scenario, mode, desired motion and desired force."""
@@ -19,7 +21,9 @@ class TaskPanel:
         gui = desk.gui
         self._scenarios = shipped()
         self._titles = {(s.title or name): name for name, s in self._scenarios.items()}
-        self._scenario = gui.add_dropdown("Scenario", tuple(self._titles), hint="Load one of the shipped scenarios.")
+        self._scenario = gui.add_dropdown(
+            "Scenario", (*self._titles, _EDITED), hint="Load one of the shipped scenarios."
+        )
         self._scenario.on_update(self._load)
         self._mode = Choice(desk, "mode", "Mode", {title: mode for mode, title in MODE_TITLES.items()})
         self._note = gui.add_html("")
@@ -49,13 +53,13 @@ class TaskPanel:
             ]
 
     async def _load(self, event: viser.GuiEvent) -> None:
-        if event.client is not None:
+        if event.client is not None and self._scenario.value != _EDITED:
             self._desk.post(Load(self._scenarios[self._titles[self._scenario.value]]))
 
     def show(self, snapshot: Snapshot) -> None:
-        scenario = self._scenarios.get(snapshot.scenario.name)
-        if scenario is not None:
-            self._scenario.value = scenario.title or snapshot.scenario.name
+        scenario = snapshot.scenario
+        shipped = self._scenarios.get(scenario.name) == scenario
+        self._scenario.value = (scenario.title or scenario.name) if shipped else _EDITED
         mode = MODES[snapshot.scenario.mode]
         if self._force.visible != mode.on_surface:
             self._force.visible = mode.on_surface
