@@ -85,6 +85,7 @@ class Crowd:
             self.visits += 1
             try:
                 with visit(self._url) as visitor:
+                    visitor.play()
                     leaving = time.monotonic() + chance.uniform(5.0, LONGEST_VISIT)
                     while time.monotonic() < leaving and not self._over.wait(chance.uniform(0.5, 6.0)):
                         if chance.random() < VANISHING:
@@ -110,7 +111,7 @@ def act(visitor: Visitor, chance: random.Random) -> None:
         case "pause":
             visitor.press("Run", "play / pause")
             time.sleep(chance.uniform(0.2, 2.0))
-            visitor.press("Run", "play / pause")
+            visitor.play()
         case "reset":
             visitor.press("Run", "reset")
         case "pin":
@@ -204,7 +205,12 @@ def picture(looks: list[Look]) -> bytes:
         for i, (name, color) in enumerate((("p50", GREEN), ("p99", ORANGE), ("largest", GREY)))
     ]
     charts = (
-        Chart("resident memory", "MB", (curve("", BLUE, [look.resident / 1e6 for look in looks]),), x_label="minutes"),
+        Chart(
+            "resident memory",
+            "MB",
+            (curve("resident", BLUE, [look.resident / 1e6 for look in looks]),),
+            x_label="minutes",
+        ),
         Chart(
             "threads and files",
             "1",

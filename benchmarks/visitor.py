@@ -19,6 +19,7 @@ from tests.viser_protocol import CAMERA, PROTOCOL, messages
 
 WIDGETS = ("GuiTextMessage", "GuiSliderMessage", "GuiDropdownMessage", "GuiCheckboxMessage", "GuiButtonGroupMessage")
 DRAG, PAUSE = 20, 0.05  # messages of a drag, and s between two of them
+SEEN = 1.0  # s, after which the status line shows what has been done
 
 
 class Visitor:
@@ -27,6 +28,7 @@ class Visitor:
     def __init__(self, connection: Connection) -> None:
         self._connection = connection
         self._widgets: dict[str, dict] = {}
+        self._html: dict[str, str] = {}
         self._received = threading.Condition()
         threading.Thread(target=self._read, daemon=True).start()
         self._send(CAMERA)
@@ -62,6 +64,12 @@ class Visitor:
         """One of a group of buttons."""
         self._update(self._find("GuiButtonGroupMessage", label)["uuid"], button)
 
+    def play(self) -> None:
+        """If the status line says that the run stands paused: two who pause at once may leave it so."""
+        time.sleep(SEEN)
+        if any("vs-status" in html and ">paused<" in html for html in list(self._html.values())):
+            self.press("Run", "play / pause")
+
     def vanish(self) -> None:
         """Without a word, as a machine does that is switched off."""
         self._connection.socket.shutdown(socket.SHUT_RDWR)
@@ -89,6 +97,10 @@ class Visitor:
                     elif message["type"] == "GuiRemoveMessage":
                         with self._received:
                             self._widgets.pop(message["uuid"], None)
+                    elif message["type"] == "GuiHtmlMessage":
+                        self._html[message["uuid"]] = message["props"]["content"]
+                    elif message["type"] == "GuiUpdateMessage" and "content" in message["updates"]:
+                        self._html[message["uuid"]] = message["updates"]["content"]
 
     def _update(self, uuid: str, value: object) -> None:
         self._send({"type": "GuiUpdateMessage", "uuid": uuid, "updates": {"value": value}})

@@ -88,9 +88,11 @@ async def _serve(
     )
     everyone = None if shared else house.everyone()
     stop = asyncio.Event()
-    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
-        if signal.getsignal(number) is not signal.SIG_IGN:  # nohup
-            asyncio.get_running_loop().add_signal_handler(number, stop.set)
+    endings = [signal.SIGINT, signal.SIGTERM]
+    if signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN:  # nohup
+        endings.append(signal.SIGHUP)
+    for number in endings:
+        asyncio.get_running_loop().add_signal_handler(number, stop.set)
     gateway = Gateway(house, Doors(names, tokens, everyone))
     warming = None
     try:
