@@ -18,7 +18,7 @@ VISERS_OWN = "Unable to preventDefault inside passive event listener"
 
 
 def pytest_itemcollected(item: pytest.Item) -> None:
-    """Browser tests run one by one: two browsers that draw in software would take each other's time."""
+    """Browser tests run apart from the others, which would take their cores."""
     if "browser" in getattr(item, "fixturenames", ()):
         item.add_marker(pytest.mark.browser)
 

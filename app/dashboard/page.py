@@ -32,6 +32,7 @@ from app.dashboard.shortcuts import Shortcuts
 from app.dashboard.status import splash_html, status_html
 from app.dashboard.style import injected_html
 from app.dashboard.theme import Theme
+from app.dashboard.turns import Turns
 from app.dashboard.whatif import WhatIf
 from app.dashboard.whatif_panel import WhatIfPanel
 from app.previewer import Previewer
@@ -195,6 +196,7 @@ class _View:
         self._playback = Playback(desk)
         self._shortcuts = Shortcuts(desk)
         self._whatif_panel = WhatIfPanel(desk)
+        self._turns = Turns(server)
         self._lookers = Lookers()
         self._lookers.add_field(server.gui)
         self._plots = Plots(server.gui, self._lookers, self._viewing)
@@ -267,10 +269,9 @@ class _View:
             self._complaint = ""
         self._status.content = status_html(snapshot, self._complaint)
         self._equation.content = equation_html(snapshot)
-        self._playback.show(snapshot)
-        self._whatif_panel.show(snapshot)
-        for panel in self._panels:
-            panel.show(snapshot)
+        for part in (self._playback, self._whatif_panel, *self._panels):
+            with self._turns.drawing:
+                part.show(snapshot)
         self._fit()
         self._scene.draw_paths(self._viewing.look)
         if now >= self._plots_due:

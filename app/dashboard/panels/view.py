@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any, Protocol
@@ -77,6 +78,7 @@ class ViewPanel:
 
     def __init__(self, desk: Desk) -> None:
         self._desk = desk
+        self._flights: set[asyncio.Task[None]] = set()
         gui, viewing = desk.gui, desk.viewing
         self._camera = gui.add_button_group("Camera", VIEWS, hint="Turn and zoom with the mouse; these bring you back.")
         self._camera.on_click(self._on_camera)
@@ -105,7 +107,10 @@ class ViewPanel:
 
     async def _on_camera(self, event: viser.GuiEvent) -> None:
         if event.client is not None:
-            await fly(event.client.camera, viewpoint(event.target.value, self._desk.snapshot()))
+            view = viewpoint(event.target.value, self._desk.snapshot())
+            flight = asyncio.create_task(fly(event.client.camera, view))
+            self._flights.add(flight)
+            flight.add_done_callback(self._flights.discard)
 
     def show(self, snapshot: Snapshot) -> None:
         viewing = self._desk.viewing

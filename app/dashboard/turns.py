@@ -1,0 +1,36 @@
+"""What a page says of a widget is heard before the widget is set to something else.
+
+viser writes a page's value into the widget and then calls back; a drawing thread that shows the running value just in
+between would have the callback read that one, and what was chosen would be lost.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+from inspect import isawaitable
+from typing import Any
+
+import viser
+from viser._messages import GuiUpdateMessage
+
+
+class Turns:
+    """Between viser's event loop and the thread that draws: `with turns.drawing` no page's value is on its way.
+
+    So a callback of a widget must not wait for anything: what takes longer is a task of its own.
+    """
+
+    def __init__(self, server: viser.ViserServer) -> None:
+        self.drawing = threading.RLock()
+        handlers = server._websock_server._incoming_handlers
+        handlers[GuiUpdateMessage] = [self._in_turn(handler) for handler in handlers[GuiUpdateMessage]]
+
+    def _in_turn(self, handler: Callable[..., Any]) -> Callable[..., Any]:
+        async def handle(client: int, message: GuiUpdateMessage) -> None:
+            with self.drawing:
+                outcome = handler(client, message)
+                if isawaitable(outcome):
+                    await outcome
+
+        return handle
