@@ -306,3 +306,11 @@ def test_theorem_4_says_nothing_of_negative_couplings(by: By) -> None:
     A = np.array([[-1.0, -0.5], [0.1, -1.0]])
     assert hurwitz_on_hull([np.abs(A) - 2.0 * np.eye(2)] * 2, by)
     assert not hurwitz_on_hull([A, A], by)
+
+
+@pytest.mark.parametrize("by", ["rows", "columns"])
+def test_theorem_3_says_nothing_of_what_is_unstable_or_negative(by: By) -> None:
+    A = np.array([[0.5, 0.9], [0.9, 0.5]])  # its eigenvalues are 1.4 and -0.4
+    assert not schur_on_hull([A, A], by)
+    assert schur_on_hull([0.5 * A, 0.5 * A], by)
+    assert not schur_on_hull([-0.5 * A, -0.5 * A], by)

@@ -165,3 +165,13 @@ def test_kernels_of_two_sizes_from_the_cache_of_two_processes(tmp_path: Path) ->
 
     assert [sums(6), sums(7), sums(3)] == ["[6.0]", "[7.0]", "[3.0]"]
     assert sums(3, 6, 7) == "[3.0, 6.0, 7.0]"
+
+
+@pytest.mark.parametrize("shape", [(1, 1), (2, 2), (3, 6), (6, 6)])
+def test_spectral_norm_is_never_below_and_at_most_a_little_above(shape: tuple[int, int]) -> None:
+    random, k = np.random.default_rng(5), shape[0]
+    alike = np.linalg.qr(random.standard_normal((shape[1], shape[1])))[0][:k]  # all singular values 1: the worst case
+    for A in (alike, 1e-9 * alike, *random.standard_normal((50, *shape))):
+        true = np.linalg.norm(A, 2)
+        assert true * (1.0 - 1e-12) <= algebra.spectral_norm(A, np.empty((k, k)), np.empty((k, k)))
+        assert algebra.spectral_norm(A, np.empty((k, k)), np.empty((k, k))) <= true * k ** (1.0 / 64.0) * (1.0 + 1e-12)
