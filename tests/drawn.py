@@ -19,6 +19,7 @@ def drawn(dashboard: Dashboard) -> Iterator[Dashboard]:
     try:
         yield dashboard
     finally:
-        dashboard.close()
+        dashboard._closed.set()  # a frame on a busy machine takes longer than `close` waits for it
         drawing.join(PATIENCE)
+        dashboard.close()
     assert not drawing.is_alive()
