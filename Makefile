@@ -26,7 +26,7 @@ run: .venv/run.stamp
 test: .venv/dev.stamp
 	@$(BIN)/python -m tests.browser
 	$(BIN)/python -m pytest -n 2 --dist worksteal -m "not browser" $(ARGS) || test $$? -eq 5
-	$(BIN)/python -m pytest -n 2 --dist worksteal -m browser $(ARGS) || test $$? -eq 5
+	$(BIN)/python -m pytest -m browser $(ARGS) || test $$? -eq 5
 
 check: .venv/dev.stamp
 	$(BIN)/ruff check
