@@ -25,7 +25,8 @@ def opened(browser: Browser, url: str, frames: list[bytes | str] | None = None) 
     """The page once it shows the running loop; `frames` takes what comes to it over its web socket."""
     page = browser.new_page(viewport=VIEWPORT)
     if frames is not None:
-        page.on("websocket", lambda socket: socket.on("framereceived", frames.append))
+        # a function of ours: playwright sets attributes on it, which `frames.append` does not take
+        page.on("websocket", lambda socket: socket.on("framereceived", lambda frame: frames.append(frame)))
     page.goto(url)
     page.get_by_text(RUNNING).wait_for(timeout=60_000)
     return page

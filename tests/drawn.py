@@ -19,7 +19,6 @@ def drawn(dashboard: Dashboard) -> Iterator[Dashboard]:
     try:
         yield dashboard
     finally:
-        dashboard._closed.set()  # a frame on a busy machine takes longer than `close` waits for it
-        drawing.join(PATIENCE)
         dashboard.close()
+        drawing.join(PATIENCE)
     assert not drawing.is_alive()

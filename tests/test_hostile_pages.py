@@ -279,8 +279,9 @@ def attacks(dashboard: Dashboard) -> list[bytes | str]:
 
 
 def test_a_hundred_thousand_messages_do_no_harm(
-    unmetered: tuple[Dashboard, Runner], caplog: pytest.LogCaptureFixture, capfd: pytest.CaptureFixture[str]
+    capfd: pytest.CaptureFixture[str], caplog: pytest.LogCaptureFixture, unmetered: tuple[Dashboard, Runner]
 ) -> None:
+    # in this order: while the server stops its threads may still print, into what `capfd` must not have closed yet
     dashboard, runner = unmetered
     caplog.set_level(logging.WARNING)
     widgets = dashboard._server.gui._gui_input_handle_from_uuid

@@ -92,7 +92,7 @@ class Dashboard:
         self._scene = SceneView(self._server)
         self._appearance = Appearance(gui, self._scene, theme)
         self._help = Help(self._server)
-        self._closed, self._drawing = threading.Event(), threading.Lock()
+        self._closed = threading.Event()
         self._view: _View | None = None
         self._laggards = Laggards(self._server)
         watch(self._server.get_event_loop(), self.fail)
@@ -138,15 +138,13 @@ class Dashboard:
         while not self._closed.is_set():
             started = time.monotonic()
             self._laggards.drop()
-            with self._drawing:
-                if self._view is not None and not self._closed.is_set() and self._server.get_clients():
-                    self._draw(self._view, started)
+            if self._view is not None and self._server.get_clients():
+                self._draw(self._view, started)
             self._closed.wait(max(self._frame - (time.monotonic() - started), 0.002))
 
     def close(self) -> None:
         """End `run_forever` and stop the server. The runner is the caller's."""
         self._closed.set()
-        drawn = self._drawing.acquire(timeout=ENDING)  # nothing may be drawn on a server that is being stopped
         if self._view is not None:
             self._view.close()
         self._laggards.drop_all()
@@ -154,8 +152,6 @@ class Dashboard:
         stopping = threading.Thread(target=self._server.stop, name="stopping", daemon=True)
         stopping.start()
         stopping.join(ENDING)
-        if drawn:
-            self._drawing.release()
 
     def _draw(self, view: _View, started: float) -> None:
         """One frame; a fault in it must not take the page down: say it, log it, go on."""
