@@ -11,7 +11,7 @@ def main() -> None:
     """Entry point: exit status 0 done, 1 a fault of ours, 2 bad input, 3 the simulation stopped, 130 Ctrl-C; `serve`
     ends with 0 on Ctrl-C, SIGTERM and SIGHUP."""
     try:
-        from app.commands import execute  # here: it takes a second, in which Ctrl-C must not end in a traceback
+        from app.cli import execute  # here: it takes a second, in which Ctrl-C must not end in a traceback
 
         sys.exit(execute(sys.argv[1:]))
     except KeyboardInterrupt:

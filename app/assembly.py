@@ -10,11 +10,8 @@ import numpy as np
 from app.control_period import Observer, Planned, ReferencePlan
 from app.domain import Constants, centres, constants_over, mobility_over, posture_at
 from app.law import blend_of, law_of, uncertainty_of
-from app.scenario import (
-    Scenario,
-    ScenarioError,
-    field_info,
-)
+from app.scenario import Scenario, ScenarioError, field_info
+from app.units import CARTESIAN, JOINT, Units
 from app.world import force_of, motion_of, robot_of, spread_over, surface_of, tool_at_start, truth_of
 from controllers import modes
 from controllers.blend import ModelBlend
@@ -42,6 +39,15 @@ class Coordinate:
     name: str
     unit: str
     metres_per_radian: float | None = None
+
+    @property
+    def is_angle(self) -> bool:
+        return self.unit == "rad" or self.metres_per_radian is not None
+
+    @property
+    def per_radian(self) -> float:
+        """Of an angle: by how much it grows with one radian, in its unit."""
+        return self.metres_per_radian or 1.0
 
 
 @dataclass(frozen=True)
@@ -84,6 +90,11 @@ class System:
     def planned(self) -> Planned:
         """The reference."""
         return Planned(self.plan)
+
+    @property
+    def units(self) -> Units:
+        """Of what is shown of r, s and the generalised forces."""
+        return JOINT if self.layout.joint else CARTESIAN
 
     def observe(self, q: np.ndarray, q_dot: np.ndarray, t: float) -> tuple[Estimate, TaskSpace]:
         """The controller's view of a state: estimates and task coordinates."""

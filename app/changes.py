@@ -10,16 +10,8 @@ import msgspec
 import numpy as np
 
 from app.law import target_model
-from app.scenario import (
-    Circle,
-    Robot,
-    Scenario,
-    ScenarioError,
-    TargetModel,
-    edited,
-    from_plain,
-    to_plain,
-)
+from app.scenario import Circle, Robot, Scenario, ScenarioError, TargetModel
+from app.scenario_data import edited, from_plain, to_plain
 from app.world import robot_of, surface_of, tool_at_start
 from controllers import modes
 from controllers.nominal_model import NominalModel

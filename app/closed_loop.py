@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, replace
 
 import msgspec
@@ -12,11 +11,11 @@ import structlog
 from app.assembly import System, assemble
 from app.control_period import Alarm, Limits, Period, Setting, complete_row, control_period
 from app.recording import Epoch, Recording
-from app.sampled_loop import contact_loop_radius
+from app.sampled_loop import sampled_force_loop_factor, sampled_loop_warning
 from app.scenario import Scenario, ScenarioError, after_blend
 from controllers.blend import ModelBlend
 from controllers.bounds import InertiaRange
-from controllers.force_loop import force_loop_factor, layer_loop_factor
+from controllers.force_loop import layer_loop_factor
 from controllers.nominal_model import Estimate
 from controllers.reaching import ReachingCertificate
 from controllers.reference_estimates import ReferenceEstimates, Start
@@ -25,7 +24,6 @@ from controllers.task_space import TaskSpace
 from controllers.vsmrc import Law
 from environments.push import Grip
 from environments.sensors import ForceReader, ReaderMemory
-from environments.stiffness import ROUNDING
 from environments.trajectories import Shift
 from kernels import resolved
 from kernels.records import Record
@@ -43,7 +41,7 @@ RESTARTING = ("mode", "robot", "task_space", "surface", "simulation")
 class View:
     """What there is to draw and read now. q (n,) rad; tool, tool_desired (3,) m, the latter None in joint space;
     force, force_desired, push (3,) N: on the surface, and a hand's on the tool; live numbers as
-    `app.runner.Snapshot` lists them."""
+    `app.snapshot.Snapshot` lists them."""
 
     q: np.ndarray
     tool: np.ndarray
@@ -337,7 +335,7 @@ class ClosedLoop:
             V_0=float(0.5 * s @ H_high @ s),
         )
         self.recording.epochs.append(Epoch(self.t, system.scenario, law.model, self.certificate, blend=system.blend))
-        self.warning = self._force_loop_warning(estimate, task) or self._contact_loop_warning()
+        self.warning = sampled_loop_warning(system, self._arm.views.q, self.t)
         self.s_since = self.t
         self._period.data["reached"] = self._period.data["saturated"] = False
         self._settings = Record(self._setting_of(system))
@@ -362,33 +360,6 @@ class ClosedLoop:
             heavy=system.plant.heavy,
             torque_limit=np.broadcast_to(system.plant.truth.torque_limit, system.robot.n),
             limits=Limits(system.scenario.simulation.sigma_min, SPEED_LIMIT, pushes_only, system.law.law is Law.VSMRC),
-        )
-
-    def _force_loop_factor(self, estimate: Estimate, task: TaskSpace) -> float:
-        """See `controllers.force_loop`; nan where no force is fed back through a loop that sampling closes."""
-        contact, plant, law = self.system.scenario.contact, self.system.plant, self.system.law.law
-        if not (self.system.m and plant.heavy) or self._ideal or law is Law.PD_GRAVITY:
-            return math.nan
-        H_hat = task.J_q_inv.T @ estimate.M_hat @ task.J_q_inv
-        M_e = math.inf if contact.kind == "rigid" else contact.M_e
-        return force_loop_factor(H_hat, H_hat, self.system.law.model, M_e)
-
-    def _force_loop_warning(self, estimate: Estimate, task: TaskSpace) -> str | None:
-        factor = self._force_loop_factor(estimate, task)
-        if math.isnan(factor) or abs(factor) < 1.0:
-            return None
-        return (
-            f"the sampled force loop diverges: its factor is {factor:.3g}, allowed: between -1 and 1; "
-            "raise M_m1, or set sensor.ideal"
-        )
-
-    def _contact_loop_warning(self) -> str | None:
-        growth = contact_loop_radius(self.system, self._arm.views.q, self.t)
-        if math.isnan(growth) or growth <= 1.0 + ROUNDING:
-            return None
-        return (
-            f"the sampled loop swings up on this surface: a deviation grows {growth:.4g} times each control period, "
-            "allowed: below 1; lower contact.K_e, controller.period or sensor.delay, or widen controller.layer"
         )
 
     def _reference_estimates(self, start: Start | None) -> ReferenceEstimates | None:
@@ -466,7 +437,7 @@ class ClosedLoop:
             "reaching_time_bound": self.certificate.t_r,
             "reaching_time": np.nan if self.reaching_time is None else self.reaching_time,
             "layer_loop_factor": np.nan,
-            "force_loop_factor": self._force_loop_factor(estimate, task),
+            "force_loop_factor": sampled_force_loop_factor(system, estimate, task),
         }
         if law.switching is not Switching.DISCONTINUOUS:
             live["layer_loop_factor"] = layer_loop_factor(H_hat, law.K_s, output.d, law.phi, self._h)

@@ -15,7 +15,8 @@ from typing import BinaryIO
 import numpy as np
 
 from app.recording import SIGNALS, Recording, columns_of
-from app.scenario import Scenario, ScenarioError, from_toml, to_toml
+from app.scenario import Scenario, ScenarioError
+from app.scenario_data import from_toml, to_toml
 
 LINES = 512  # of a CSV, between two looks at how far it has got
 LARGEST_SIGNAL = 100_000_000  # bytes: 34 min at 1 kHz with six joints; the page keeps twenty

@@ -15,7 +15,7 @@ from scipy.linalg import expm
 
 from app.control_period import Observer
 from app.recording import Recording
-from app.runner import Snapshot
+from app.snapshot import Snapshot
 from controllers.blend import ModelBlend
 from controllers.nominal_model import NominalModel
 

@@ -12,7 +12,8 @@ from app.assembly import System
 from app.closed_loop import ClosedLoop
 from app.data_files import table, write_npz
 from app.metrics import Metrics, measure
-from app.scenario import Scenario, to_toml
+from app.scenario import Scenario
+from app.scenario_data import to_toml
 from app.whole_file import write_whole
 
 

@@ -5,13 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from app.domain import Constants
-from app.scenario import (
-    Matrix,
-    Scenario,
-    ScenarioError,
-    TargetModel,
-    after_blend,
-)
+from app.scenario import Matrix, Scenario, ScenarioError, TargetModel, after_blend
 from controllers import modes
 from controllers.baselines import ComputedTorque, PdGravity
 from controllers.blend import ModelBlend, certify

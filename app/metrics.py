@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,6 +12,7 @@ from msgspec import Struct
 from app.assembly import System
 from app.closed_loop import ClosedLoop
 from app.recording import Recording
+from app.units import Units
 
 TAIL = 0.2  # share of the run that "tail" figures look at
 PATH_POINTS = 300
@@ -138,29 +139,33 @@ class Account(Struct, frozen=True):
 
 @dataclass(frozen=True)
 class Figure:
-    """How a figure of an `Account` is shown: in units of which `factor` make one SI unit."""
+    """How a figure of an `Account` is shown: in units of which `factor` make one SI unit, by the run's task space."""
 
     title: str
     field: str
     factor: float
-    unit: str
+    unit: Callable[[Units], str]
 
     def of(self, account: Account | None) -> float | None:
         """In that unit."""
         value = None if account is None else getattr(account, self.field)
         return None if value is None else value * self.factor + 0.0  # no "-0"
 
+    def units(self, systems: Iterable[System]) -> str:
+        """Its unit in runs of these systems; both where they differ."""
+        return " or ".join(dict.fromkeys(self.unit(system.units) for system in systems))
+
 
 FIGURES = (
-    Figure("path error, RMS", "path_rms", 1e3, "mm"),
-    Figure("path error, largest", "path_max", 1e3, "mm"),
-    Figure("force error, RMS", "force_rms", 1.0, "N"),
-    Figure("force error, largest", "force_max", 1.0, "N"),
-    Figure("‖s‖, largest", "s_max", 1e3, "mm/s"),
-    Figure("residual of (8), RMS", "residual_rms", 1.0, "N"),
-    Figure("torque ‖τ‖, RMS", "effort", 1.0, "N·m"),
-    Figure("its variation", "variation", 1.0, "N·m/s"),
-    Figure("least margin of (17)", "gain_margin", 1.0, "N"),
+    Figure("path error, RMS", "path_rms", 1e3, lambda units: units.error),
+    Figure("path error, largest", "path_max", 1e3, lambda units: units.error),
+    Figure("force error, RMS", "force_rms", 1.0, lambda _: "N"),
+    Figure("force error, largest", "force_max", 1.0, lambda _: "N"),
+    Figure("‖s‖, largest", "s_max", 1e3, lambda units: units.rate),
+    Figure("residual of (8), RMS", "residual_rms", 1.0, lambda units: units.force),
+    Figure("torque ‖τ‖, RMS", "effort", 1.0, lambda _: "N·m"),
+    Figure("its variation", "variation", 1.0, lambda _: "N·m/s"),
+    Figure("least margin of (17)", "gain_margin", 1.0, lambda units: units.force),
 )
 
 

@@ -24,8 +24,9 @@ import structlog
 
 from app.closed_loop import ClosedLoop
 from app.data_files import read_npz, table, write_npz
-from app.runner import Snapshot
-from app.scenario import Scenario, ScenarioError, from_toml, to_toml
+from app.scenario import Scenario, ScenarioError
+from app.scenario_data import from_toml, to_toml
+from app.snapshot import Snapshot
 from app.timeline import PINS, Pinned
 from app.whole_file import write_whole
 

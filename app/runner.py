@@ -10,23 +10,36 @@ import queue
 import sys
 import threading
 import time
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
-from typing import Literal
+from dataclasses import replace
 
 import numpy as np
 import structlog
 
 from app import changes
-from app.assembly import Coordinate, System
-from app.closed_loop import ClosedLoop, LoopState
+from app.closed_loop import ClosedLoop
+from app.commands import (
+    Blend,
+    Command,
+    Continue,
+    Edit,
+    Fork,
+    Load,
+    Pause,
+    Pin,
+    Play,
+    Push,
+    Reset,
+    Seek,
+    SetSpeed,
+    StepOnce,
+    ToEnd,
+    Unpin,
+)
 from app.pacing import Pace, PaceMeter, Schedule
-from app.recording import Recording
-from app.scenario import Scenario, ScenarioError, edited
-from app.timeline import Pinned, Timeline
-from environments.push import Grip
-from environments.robots import Robot
-from environments.surfaces import Surface
+from app.scenario import Scenario, ScenarioError
+from app.scenario_data import edited
+from app.snapshot import Snapshot, snapshot_of
+from app.timeline import Timeline
 
 log = structlog.get_logger()
 
@@ -39,177 +52,6 @@ WATCHED = 2.0
 PREPARING = "preparing another arm or contact; the very first one of its kind takes some seconds to compile"
 ENDING = 1.0  # s that the thread is waited for
 SLOWEST, FASTEST = 0.01, 100.0
-
-
-@dataclass(frozen=True)
-class Play:
-    """Go on."""
-
-
-@dataclass(frozen=True)
-class Pause:
-    """Hold simulated time."""
-
-
-@dataclass(frozen=True)
-class StepOnce:
-    """One control period, then hold."""
-
-
-@dataclass(frozen=True)
-class Reset:
-    """Begin the scenario anew."""
-
-
-@dataclass(frozen=True)
-class Seek:
-    """Hold, and look at the run as it was at t (s)."""
-
-    t: float
-
-
-@dataclass(frozen=True)
-class ToEnd:
-    """Look at the run where it has come to."""
-
-
-@dataclass(frozen=True)
-class Fork:
-    """Go on from the instant looked at, not from the end."""
-
-
-@dataclass(frozen=True)
-class Pin:
-    """Keep this run for comparison."""
-
-
-@dataclass(frozen=True)
-class Unpin:
-    """Forget the pinned run of this number."""
-
-    number: int
-
-
-@dataclass(frozen=True)
-class SetSpeed:
-    """Simulated seconds per second."""
-
-    factor: float
-
-
-@dataclass(frozen=True)
-class Load:
-    """Another scenario, whole."""
-
-    scenario: Scenario
-
-
-@dataclass(frozen=True)
-class Continue:
-    """Another scenario, and with it the pinned runs of the session that it was left in."""
-
-    scenario: Scenario
-    pinned: tuple[Pinned, ...]
-
-
-@dataclass(frozen=True)
-class Edit:
-    """One field of the scenario by its dotted path, with plain data. Mode, fields of `robot` and kind of surface bring
-    along what depends on them: see `changes.in_mode`, `with_robot`, `on_surface`."""
-
-    path: str
-    value: object
-
-
-@dataclass(frozen=True)
-class Blend:
-    """Go over to another target model within `over` s, from now on: its matrices by name, as plain data; one that is
-    missing stays. Refused where a model on the way is unstable."""
-
-    model: Mapping[str, object]
-    over: float
-
-
-@dataclass(frozen=True)
-class Push:
-    """A hand takes hold of the tool, or moves on, or lets go (None). Pause, and whatever begins a run, let go, too."""
-
-    grip: Grip | None
-
-
-Command = (
-    Play
-    | Pause
-    | StepOnce
-    | Reset
-    | Seek
-    | ToEnd
-    | Fork
-    | Pin
-    | Unpin
-    | SetSpeed
-    | Load
-    | Continue
-    | Edit
-    | Blend
-    | Push
-)
-
-
-@dataclass(frozen=True)
-class Snapshot:
-    """What the screen may know of the loop at one moment. Arrays are never changed afterwards.
-
-    revision counts accepted changes of the scenario, run counts beginnings at t = 0 and forks, refusal_number refused
-    commands. t is the instant looked at, which can be `first` to `end`; recording: of the whole run, up to its end.
-    system: its plant, law and nominal model belong to the loop's thread; the screen reads only what never changes.
-    blending: how much of a blend of the target model is done, 0 to 1, None without one under way.
-    push (3,) N: of a hand, or of truth.push, on the tool.
-    live: numbers by name, SI units: s_norm, s_bound, s_band, d, d_required, gain_margin, sigma_min, V, residual,
-    layer_loop_factor, force_loop_factor, reaching_time_bound, reaching_time.
-    """
-
-    scenario: Scenario
-    revision: int
-    run: int
-    t: float
-    first: float
-    end: float
-    phase: Literal["running", "paused", "stopped"]
-    reason: str
-    pace: Pace | None  # None unless it has been running for a moment
-    speed: float
-    refusal: str | None
-    refusal_number: int
-    notice: str
-    system: System
-    robot: Robot
-    coordinates: tuple[Coordinate, ...]
-    fixed: dict[str, np.ndarray]
-    matrices: dict[str, np.ndarray]
-    blending: float | None
-    q: np.ndarray
-    tool: np.ndarray
-    tool_desired: np.ndarray | None
-    force: np.ndarray
-    force_desired: np.ndarray
-    push: np.ndarray
-    surface: Surface | None
-    surface_offset: np.ndarray
-    live: dict[str, float]
-    recording: Recording
-    pinned: tuple[Pinned, ...]
-    state: LoopState
-
-    @property
-    def looking_back(self) -> bool:
-        """Whether t is before the run's end."""
-        return self.end - self.t > 0.5 * self.scenario.controller.period
-
-    @property
-    def realtime_factor(self) -> float:
-        """Simulated seconds per second of wall time, as achieved; 0 where that is not known."""
-        return self.pace.achieved * self.scenario.controller.period if self.pace else 0.0
 
 
 class Runner:
@@ -453,45 +295,6 @@ class Runner:
             recording=line.recording,
             pinned=line.pinned,
         )
-
-
-def snapshot_of(loop: ClosedLoop) -> Snapshot:
-    """A loop that nobody runs: it is paused, unless it has stopped."""
-    system, scenario = loop.system, loop.system.scenario
-    view = loop.view()
-    return Snapshot(
-        scenario=scenario,
-        revision=0,
-        run=0,
-        t=loop.t,
-        first=loop.t,
-        end=loop.t,
-        phase="stopped" if loop.stopped else "paused",
-        reason=loop.stopped or "",
-        pace=None,
-        speed=1.0,
-        refusal=None,
-        refusal_number=0,
-        notice=loop.warning or "",
-        robot=system.robot,
-        coordinates=system.coordinates,
-        fixed=system.mode.fixed(system.layout.n),
-        matrices={name: getattr(system.law.model, name) for name in ("M_m", "B_m", "K_m", "K_f")},
-        blending=system.blend.share(loop.t) if system.blend is not None and loop.blending else None,
-        q=view.q,
-        tool=view.tool,
-        tool_desired=view.tool_desired,
-        force=view.force,
-        force_desired=view.force_desired,
-        push=view.push,
-        surface=None if scenario.contact.kind == "free" and not system.m else system.surface,
-        surface_offset=system.surface.motion.offset(loop.t),
-        live=view.live,
-        recording=loop.recording,
-        pinned=(),
-        system=system,
-        state=loop.state(),
-    )
 
 
 def _overtaken(command: Command, following: Command | None) -> bool:

@@ -1,24 +1,57 @@
-"""What one control period makes of a small deviation from rest against an elastic surface.
+"""What sampling makes of the loop through the contact, and whether that is to be warned of.
 
-The law acts on samples: over a period its torque is constant while the surface's force changes. Theorem 1 knows
-nothing of that; against a stiff surface the loop can swing up though (8) is stable and the plant well resolved. So
-(9), (10), (15), (16) with the plant's own integrator and the force sensor are applied once to each unit deviation,
-which makes the matrix of the linearised loop. It contracts where its spectral radius is below 1.
+Against a rigid or heavy surface that is `controllers.force_loop`'s factor. Against an elastic one it is what one
+control period makes of a small deviation from rest: the law acts on samples, so over a period its torque is constant
+while the surface's force changes. Theorem 1 knows nothing of that; against a stiff surface the loop can swing up though
+(8) is stable and the plant well resolved. So (9), (10), (15), (16) with the plant's own integrator and the force sensor
+are applied once to each unit deviation, which makes the matrix of the linearised loop. It contracts where its spectral
+radius is below 1.
 """
 
 from __future__ import annotations
+
+import math
 
 import numpy as np
 import pinocchio as pin
 
 from app.assembly import System
 from controllers.bounds import Equivalent, required_gain
-from controllers.nominal_model import ON_LINE
+from controllers.force_loop import force_loop_factor
+from controllers.nominal_model import ON_LINE, Estimate
 from controllers.switching import Switching
+from controllers.task_space import TaskSpace
 from controllers.vsmrc import Law
-from environments.stiffness import STEPS
+from environments.stiffness import ROUNDING, STEPS
 
 LONGEST_LINE = 100  # periods of delay, beyond which the matrix becomes too large to be judged in passing
+
+
+def sampled_loop_warning(system: System, q: np.ndarray, t: float) -> str | None:
+    """One sentence where the loop through the contact diverges at the posture q (n,) rad, with what helps."""
+    factor = sampled_force_loop_factor(system, *system.observe(q, np.zeros_like(q), t))
+    if abs(factor) >= 1.0:
+        return (
+            f"the sampled force loop diverges: its factor is {factor:.3g}, allowed: between -1 and 1; "
+            "raise M_m1, or set sensor.ideal"
+        )
+    growth = contact_loop_radius(system, q, t)
+    if growth > 1.0 + ROUNDING:
+        return (
+            f"the sampled loop swings up on this surface: a deviation grows {growth:.4g} times each control period, "
+            "allowed: below 1; lower contact.K_e, controller.period or sensor.delay, or widen controller.layer"
+        )
+    return None
+
+
+def sampled_force_loop_factor(system: System, estimate: Estimate, task: TaskSpace) -> float:
+    """See `controllers.force_loop`; nan where no force is fed back through a loop that sampling closes."""
+    scenario, law = system.scenario, system.law
+    if not (system.m and system.plant.heavy) or scenario.sensor.ideal or law.law is Law.PD_GRAVITY:
+        return math.nan
+    H_hat = task.J_q_inv.T @ estimate.M_hat @ task.J_q_inv
+    M_e = math.inf if scenario.contact.kind == "rigid" else scenario.contact.M_e
+    return force_loop_factor(H_hat, H_hat, law.model, M_e)
 
 
 def contact_loop_radius(system: System, q: np.ndarray, t: float) -> float:

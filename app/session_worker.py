@@ -19,13 +19,16 @@ from typing import cast
 import structlog
 
 from app import log
+from app.commands import Continue
 from app.dashboard import Dashboard
 from app.dashboard.last_session import left_by, remark
 from app.dashboard.theme import Theme
 from app.recovery import Keeper, StateError, StateFolder
-from app.runner import Continue, Load, Runner
-from app.scenario import Scenario, ScenarioError, from_toml, to_toml
+from app.runner import Runner
+from app.scenario import Scenario, ScenarioError
+from app.scenario_data import from_toml, to_toml
 from app.session_messages import Begin, Changed, Failed, FromSession, Kept, Prepare, Ready, ToSession, line, to_session
+from app.timeline import Pinned
 
 events = structlog.get_logger()
 
@@ -63,9 +66,9 @@ def serve(gateway: Gateway) -> None:
     begin = gateway.next()
     assert isinstance(begin, Begin)
     begun = from_toml(begin.scenario) if begin.scenario else scenario
-    if begin.scenario:
-        runner.post(Load(begun))
-    keeper = None if begin.kept is None else _keeper(begin.kept, begun, runner, dashboard)
+    keeper, runs = (None, ()) if begin.kept is None else _keeper(begin.kept, begun, runner, dashboard)
+    if begin.scenario or runs:
+        runner.post(Continue(begun, runs))
     runner.start()
     threading.Thread(target=_report, args=(gateway, runner, scenario), name="reports", daemon=True).start()
     threading.Thread(target=dashboard.run_forever, name="drawing", daemon=True).start()
@@ -76,29 +79,31 @@ def serve(gateway: Gateway) -> None:
             keeper.close()
 
 
-def _keeper(kept: Kept, scenario: Scenario, runner: Runner, dashboard: Dashboard) -> Keeper | None:
-    """Keeps the session from now on, in its folder, unless that cannot be used; what is there is shown or offered."""
+def _keeper(
+    kept: Kept, scenario: Scenario, runner: Runner, dashboard: Dashboard
+) -> tuple[Keeper | None, tuple[Pinned, ...]]:
+    """Keeps the session from now on, in its folder, unless that cannot be used; and the pinned runs that are taken up
+    from there. What cannot be taken up is shown or offered."""
     try:
         folder = StateFolder(Path(kept.folder))
     except StateError as error:
         dashboard.offer(remark(f"this session is not kept: {error}"))
-        return None
+        return None, ()
     keeper = Keeper(folder, lambda: runner.snapshot, dashboard.fail)
     left = left_by(folder, keeper, scenario)
     if left is None:
-        return keeper
+        return keeper, ()
     if left.offer is None or kept.earlier == "offered":
         dashboard.offer(left)
-        return keeper
+        return keeper, ()
     try:
         runs, problem = keeper.take_up(left.offer)
     except ScenarioError:  # it is older than the one that runs, and cannot run now
         dashboard.offer(left)
-        return keeper
+        return keeper, ()
     if problem:
         dashboard.offer(remark(problem))
-    runner.post(Continue(scenario, runs))
-    return keeper
+    return keeper, runs
 
 
 def _report(gateway: Gateway, runner: Runner, told: Scenario) -> None:

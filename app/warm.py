@@ -17,7 +17,8 @@ from app.changes import in_mode, on_robot
 from app.closed_loop import ClosedLoop
 from app.kernel_cache import cache_folder
 from app.log import configure_as_parent
-from app.scenario import Scenario, edited, load
+from app.scenario import Scenario
+from app.scenario_data import edited, load
 from environments import robots
 
 

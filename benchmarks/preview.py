@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 import viser
 
+from app.commands import Edit
 from app.dashboard.look import Viewing
 from app.dashboard.looking import Lookers
 from app.dashboard.page import FPS, REFRESH
@@ -20,8 +21,8 @@ from app.dashboard.plots import Plots, Shown
 from app.dashboard.whatif import HORIZON, Held, WhatIf
 from app.markdown import Table
 from app.previewer import Previewer
-from app.runner import Edit, Runner
-from app.scenario import load
+from app.runner import Runner
+from app.scenario_data import load
 from benchmarks.effort import Effort
 
 SCENARIOS = ("ur5-hybrid", "panda-hybrid", "ur5-constrained")

@@ -18,9 +18,10 @@ import numpy as np
 
 from app import runner as runner_module
 from app.closed_loop import ClosedLoop
+from app.commands import SetSpeed
 from app.dashboard import Dashboard
-from app.runner import Runner, SetSpeed
-from app.scenario import load
+from app.runner import Runner
+from app.scenario_data import load
 
 
 class State(NamedTuple):

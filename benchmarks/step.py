@@ -10,7 +10,7 @@ from tqdm import tqdm
 
 from app.closed_loop import ClosedLoop
 from app.markdown import Table
-from app.scenario import load
+from app.scenario_data import load
 from benchmarks import mujoco_osc
 from benchmarks.effort import Effort
 from benchmarks.rounds import Call, interleaved, ratio

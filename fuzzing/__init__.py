@@ -10,6 +10,6 @@ TARGETS: dict[str, tuple[str, ...]] = {  # and the modules whose branches guide 
     "matrix": ("app.dashboard.matrix_text", "app.printable"),
     "messages": ("app.dashboard.messages", "viser.infra._messages"),
     "recording": ("app.data_files", "zipfile", "numpy.lib._format_impl"),
-    "scenario": ("app.scenario", "tomllib"),
+    "scenario": ("app.scenario_data", "tomllib"),
     "urdf": ("environments.urdf", "environments.robots", "environments.dexterity"),
 }

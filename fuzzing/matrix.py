@@ -4,7 +4,7 @@ from contextlib import suppress
 
 import numpy as np
 
-from app.commands import _setting
+from app.cli import _setting
 from app.dashboard.matrix_text import read_back, read_matrix, written_rows
 from app.printable import printable
 from app.scenario import ScenarioError

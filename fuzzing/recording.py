@@ -9,7 +9,8 @@ import numpy as np
 
 from app.data_files import read_npz, table, write_npz
 from app.recording import Recording
-from app.scenario import ScenarioError, load
+from app.scenario import ScenarioError
+from app.scenario_data import load
 
 DICTIONARY = ("PK\x03\x04", "PK\x01\x02", "PK\x05\x06", "{'descr': '<f8'", "'shape': (2, 6)", "|O", "NUMPY")
 

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from app.assembly import System, assemble
-from app.scenario import from_plain
+from app.scenario_data import from_plain
 from controllers.bounds import Uncertainty
 from controllers.compensator import Compensator
 from controllers.switching import Switching, unit_factor

@@ -8,7 +8,8 @@ import numpy as np
 
 from app.changes import in_mode, on_robot
 from app.closed_loop import ClosedLoop
-from app.scenario import Scenario, from_plain, to_plain
+from app.scenario import Scenario
+from app.scenario_data import from_plain, to_plain
 
 SURFACES = ("plane", "moving plane", "cylinder", "inside of a cylinder", "typed wave", "moving sphere")
 

@@ -6,9 +6,10 @@ import pytest
 from playwright.sync_api import Browser, ConsoleMessage, Page, sync_playwright
 
 import app  # noqa: F401  # says where kernels are cached, which must come before numba
+from app.commands import Load, Pause, Play, SetSpeed
 from app.dashboard import Dashboard
-from app.runner import Load, Pause, Play, Runner, SetSpeed
-from app.scenario import shipped
+from app.runner import Runner
+from app.scenario_data import shipped
 from tests.browser import LAUNCH_ARGS, find_or_install
 from tests.drawn import drawn
 from tests.pages import NO_HINTS, PATIENCE, UNDRAWN, VIEWPORT, Session

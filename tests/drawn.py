@@ -7,8 +7,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 from app.dashboard import Dashboard
-
-PATIENCE = 60.0  # s, for the frame that is just being drawn on a busy machine
+from tests.waiting import PATIENCE
 
 
 @contextmanager
@@ -20,5 +19,5 @@ def drawn(dashboard: Dashboard) -> Iterator[Dashboard]:
         yield dashboard
     finally:
         dashboard.close()
-        drawing.join(PATIENCE)
+        drawing.join(PATIENCE)  # for the frame that is just being drawn
     assert not drawing.is_alive()

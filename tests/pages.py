@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 from playwright.sync_api import Locator, Page
 
-from app.runner import Runner, Snapshot
+from app.runner import Runner
+from app.snapshot import Snapshot
 
 VIEWPORT = {"width": 1280, "height": 720}
 # as a browser that has been here before; a page without an address has no storage

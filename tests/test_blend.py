@@ -11,13 +11,15 @@ import pytest
 from app.assembly import assemble
 from app.changes import blending_to
 from app.closed_loop import ClosedLoop
+from app.commands import Blend, Edit
 from app.dashboard.model_checks import blend_html
 from app.dashboard.model_places import applying, model_edit
 from app.evidence import blend as section
 from app.evidence.blend import NOTE, diagonal_lyapunov
 from app.headless import simulate, write
-from app.runner import Blend, Edit, Runner
-from app.scenario import Scenario, ScenarioError, edited, from_toml, shipped
+from app.runner import Runner
+from app.scenario import Scenario, ScenarioError
+from app.scenario_data import edited, from_toml, shipped
 from app.timeline import Timeline
 from controllers.blend import axis_matrix, blended, certify, shared_sliding
 from controllers.dominance import By, dominates, hurwitz_on_hull, schur_on_hull

@@ -17,7 +17,8 @@ from scipy.linalg import expm
 
 from app.closed_loop import ClosedLoop
 from app.evidence.closed_forms import changed
-from app.scenario import Scenario, from_plain, to_plain
+from app.scenario import Scenario
+from app.scenario_data import from_plain, to_plain
 from controllers.force_loop import force_loop_factor
 from environments.contact import Contact
 from environments.plant import ContactKind, Plant, Truth

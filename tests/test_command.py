@@ -14,7 +14,8 @@ import numpy as np
 import pytest
 
 from app.metrics import FIGURES
-from app.scenario import Scenario, ScenarioError, edited, from_toml, load, to_toml
+from app.scenario import Scenario, ScenarioError
+from app.scenario_data import edited, from_toml, load, to_toml
 
 
 def vsmrc(*arguments: str) -> subprocess.CompletedProcess[str]:

@@ -8,9 +8,10 @@ import msgspec
 import numpy as np
 import pytest
 
-from app import runner as run
 from app.closed_loop import ClosedLoop
-from app.scenario import edited, from_plain, from_toml, shipped, to_toml
+from app.commands import Edit, Pause, SetSpeed
+from app.runner import Runner
+from app.scenario_data import edited, from_plain, from_toml, shipped, to_toml
 from controllers.modes import MODES
 from environments.robots import CATALOGUE
 from tests.cases import SURFACES, scenario_of
@@ -53,14 +54,14 @@ def test_run_is_finite_and_repeats_bit_for_bit(case: tuple[str, str, str, str]) 
 
 @pytest.mark.parametrize("name", ["ur5-hybrid-moving", "planar2r-semicircle", "panda-hybrid"])
 def test_dashboard_has_the_numbers_of_a_headless_run(name: str) -> None:
-    runner = run.Runner(shipped()[name])
+    runner = Runner(shipped()[name])
     runner.start()
     try:
         deadline = time.monotonic() + 20
         while runner.snapshot.t < 0.4:
             assert time.monotonic() < deadline
             time.sleep(0.02)
-        runner.post(run.Pause())
+        runner.post(Pause())
         while runner.snapshot.phase != "paused":
             assert time.monotonic() < deadline
             time.sleep(0.02)
@@ -91,15 +92,15 @@ def test_edits_while_running_equal_edits_headless() -> None:
 
 
 def test_refused_edit_keeps_the_loop() -> None:
-    runner = run.Runner(shipped()["ur5-hybrid"])
+    runner = Runner(shipped()["ur5-hybrid"])
     runner.start()
     try:
         before = runner.snapshot.scenario
-        runner.post(run.Edit("controller.K_s", -1.0))
-        runner.post(run.Edit("target_model.M_m", [0.0] * 6))
-        runner.post(run.Edit("contact.kind", "rigid"))
-        runner.post(run.Edit("nothing.like.this", 1))
-        runner.post(run.SetSpeed(float("nan")))
+        runner.post(Edit("controller.K_s", -1.0))
+        runner.post(Edit("target_model.M_m", [0.0] * 6))
+        runner.post(Edit("contact.kind", "rigid"))
+        runner.post(Edit("nothing.like.this", 1))
+        runner.post(SetSpeed(float("nan")))
         deadline = time.monotonic() + 20
         while runner.snapshot.refusal_number < 5:
             assert time.monotonic() < deadline

@@ -5,12 +5,12 @@ import socket
 
 import pytest
 
+from app.commands import Load
 from app.dashboard import Dashboard, PortBusy
 from app.dashboard.controls import Scale, decades
 from app.dashboard.equation import lines
 from app.dashboard.matrix_text import read_back, written
-from app.runner import Load
-from app.scenario import shipped
+from app.scenario_data import shipped
 from tests.pages import Session
 
 

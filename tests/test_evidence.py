@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from app.commands import figures
+from app.cli import figures
 from app.evidence.make import make
 from app.evidence.section import Findings, Job, Section
 from app.evidence.sections import SECTIONS

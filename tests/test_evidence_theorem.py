@@ -15,7 +15,8 @@ from app.evidence.section import Section
 from app.evidence.theorem import Outside, Reaching
 from app.figures import Chart, Curve, Figure, render
 from app.headless import simulate
-from app.scenario import Scenario, shipped
+from app.scenario import Scenario
+from app.scenario_data import shipped
 from app.truth import outside
 
 

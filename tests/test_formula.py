@@ -13,7 +13,8 @@ from hypothesis import strategies as st
 from app.assembly import assemble
 from app.changes import on_surface
 from app.closed_loop import ClosedLoop
-from app.scenario import Scenario, ScenarioError, edited, from_plain, from_toml, shipped, to_plain, to_toml
+from app.scenario import Scenario, ScenarioError
+from app.scenario_data import edited, from_plain, from_toml, shipped, to_plain, to_toml
 from environments.formula import FormulaError, parse
 from environments.surfaces import Cylinder, Motion, Plane, Sphere, Surface
 from environments.tape import OUTPUTS, run, tape_of

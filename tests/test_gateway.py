@@ -22,7 +22,8 @@ from app.dashboard import Dashboard
 from app.gateway.invitation import Invitation, Look, PortTaken
 from app.gateway.serve import serve
 from app.recovery import SESSION
-from app.scenario import ScenarioError, load
+from app.scenario import ScenarioError
+from app.scenario_data import load
 from app.traffic import Limits
 from tests.viser_protocol import CAMERA
 from tests.visitors import PATIENCE, Server, gone, serving, visiting

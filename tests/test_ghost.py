@@ -8,7 +8,8 @@ from scipy.integrate import solve_ivp
 
 from app.ghost import Ghost, IdealResponse
 from app.runner import Runner
-from app.scenario import Scenario, edited, shipped
+from app.scenario import Scenario
+from app.scenario_data import edited, shipped
 
 PUSH = np.array([0.0, 12.0, -6.0])
 

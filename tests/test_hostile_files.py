@@ -1,251 +1,30 @@
-"""Files and texts that are made to do harm: each is refused in one sentence, in bounded time and memory."""
+"""Scenarios, formulas, numbers and recordings that are made to do harm: each is refused in one sentence, in bounded
+time and memory."""
 
 from __future__ import annotations
 
 import io
 import os
 import struct
-import subprocess
-import sys
 import zipfile
 from contextlib import suppress
 from pathlib import Path
-from unittest.mock import MagicMock
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from app import uploads, visuals
-from app.commands import _setting
-from app.dashboard.robot_view import RobotView
+from app.cli import _setting
 from app.data_files import SIGNALS, read_npz, table, write_npz
 from app.printable import printable
 from app.recording import Recording
-from app.scenario import LARGEST, Scenario, ScenarioError, edited, from_file, from_toml, load, shipped, to_toml
-from environments import robots, urdf
+from app.scenario import Scenario, ScenarioError
+from app.scenario_data import LARGEST, edited, from_file, from_toml, load, shipped, to_toml
 from environments.formula import FormulaError, parse
 from environments.tape import tape_of
-from environments.urdf import RobotError
 from fuzzing.matrix import read_typed
-from tests.visitors import gone
-
-BENT = (Path(__file__).parent / "robots" / "bent3r.urdf").read_text(encoding="utf-8")
-UPPER = '<link name="upper">'
-
-
-def one_sentence(error: BaseException) -> str:
-    said = str(error)
-    assert "\n" not in said
-    assert "Traceback" not in said
-    assert len(said) < 1200
-    return said
-
-
-# URDFs
-
-
-def entities(levels: int) -> str:
-    grown = "".join(f'<!ENTITY e{i + 1} "{f"&e{i};" * 10}">' for i in range(levels))
-    return f'<?xml version="1.0"?><!DOCTYPE r [<!ENTITY e0 "lol">{grown}]><robot name="&e{levels};"/>'
-
-
-@pytest.mark.parametrize(
-    ("content", "said"),
-    [
-        (entities(9), "has a DOCTYPE"),
-        ('<!DOCTYPE r SYSTEM "file:///etc/passwd"><robot name="r"/>', "has a DOCTYPE"),
-        ('<!doctype r [<!ENTITY % x SYSTEM "http://127.0.0.1/"> %x;]><robot/>', "has a DOCTYPE"),
-        (entities(3).encode("utf-16").decode("latin-1"), "not XML in UTF-8|not XML"),
-        ("<robot>" + "<a>" * 100_000, "nested at most 32 deep"),
-        ("<robot>" + "<a/>" * 60_000, "at most 50000 XML elements"),
-        ("<robot>" + " " * 6_000_000, "larger than 5 MB"),
-        ("<robot>" + '<link name="a"/>' * 2000 + "</robot>", "2000 links; allowed: 1 to 300"),
-        (BENT.replace("upper", "u" * 500), "500 characters; allowed: at most 200"),
-        (BENT.replace('<mass value="', '<mass value="nan" x="', 1), "value = 'nan'; allowed: 1 finite number"),
-        (BENT.replace('<mass value="', '<mass value="1e99" x="', 1), "value = '1e99'; allowed"),
-        (BENT.replace('<mass value="', f'<mass value="{"1 " * 100_000}" x="', 1), "allowed: 1 finite number"),
-        (BENT.replace('<mass value="', '<mass value="1_0" x="', 1), "value = '1_0'; allowed"),
-        (BENT.replace("</joint>", '<mimic joint="turn" multiplier="nan"/></joint>', 1), "multiplier = 'nan'; allowed"),
-        (BENT.replace("</joint>", '<dynamics damping="inf"/></joint>', 1), "damping = 'inf'; allowed"),
-        (BENT.replace(UPPER, UPPER + '<visual><geometry><sphere radius="nan"/></geometry></visual>'), "radius = 'nan'"),
-        (BENT.replace(UPPER, UPPER + '<visual><geometry><box size="1 0 1"/></geometry></visual>'), "size = 0; allowed"),
-    ],
-)  # fmt: skip
-def test_urdfs_that_are_refused(content: str, said: str) -> None:
-    with pytest.raises(RobotError, match=said) as caught:
-        urdf.parse(content.encode("utf-8"), "evil.urdf")
-    assert one_sentence(caught.value).startswith("robot.urdf: evil.urdf: ")
-
-
-def test_paths_that_are_no_urdf_are_refused(tmp_path: Path) -> None:
-    os.mkfifo(tmp_path / "pipe.urdf")
-    closed = tmp_path / "closed"
-    closed.mkdir()
-    closed.chmod(0)
-    for path in ("/dev/zero", str(tmp_path), str(tmp_path / "pipe.urdf"), "a" * 5000, "a\0b", f"{closed}/a.urdf"):
-        with pytest.raises(RobotError, match=r"robot.urdf: cannot read .*: ") as caught:
-            robots.load("", urdf=path)
-        one_sentence(caught.value)
-    closed.chmod(0o700)
-
-
-def test_no_picture_and_no_mesh_elsewhere_is_left_to_be_read(tmp_path: Path) -> None:
-    picture = '<material name="m"><texture filename="/dev/zero"/></material>'
-    root = urdf.parse(BENT.replace(UPPER, f"{picture}{UPPER}").encode(), "arm.urdf")
-    assert not list(root.iter("texture"))
-    (tmp_path / "home" / "up").mkdir(parents=True)
-    (tmp_path / "home" / "secret.stl").write_text("solid")
-    arm = tmp_path / "home" / "up" / "arm.urdf"
-    (tmp_path / "home" / "up" / "loop").symlink_to("loop")
-    for name in ("package://home/secret.stl", "loop/a.stl", "x" * 5000 + ".stl", "file:///etc/passwd", "a\0.stl"):
-        assert urdf.mesh_file(arm, name) is None, name
-
-
-NUMBER = st.sampled_from(["0", "1", "-1", "0.3", "1e6", "1e-320", "nan", "inf", "1e999", "", "1 2", "x", "0x1"])
-
-
-KIND = st.sampled_from(["revolute", "revolute", "continuous", "prismatic", "fixed"])
-
-
-@st.composite
-def arms(draw: st.DrawFn) -> str:
-    """Nearly an arm: a tree most of the time, with a few odd numbers."""
-
-    def number(usual: str) -> str:
-        return draw(NUMBER) if draw(st.integers(0, 60)) == 0 else usual
-
-    n = draw(st.integers(1, 6))
-    links = "".join(
-        f'<link name="l{i}"><inertial><origin xyz="0 0 {number("0.1")}"/><mass value="{number("1")}"/><inertia '
-        f'ixx="{number("0.1")}" iyy="0.1" izz="{number("0.1")}" ixy="{number("0")}"/></inertial></link>'
-        for i in range(n + 1)
-    )
-    joints = "".join(
-        f'<joint name="j{i}" type="{draw(KIND)}">'
-        f'<parent link="l{draw(st.sampled_from([i] * 20 + [0, n]))}"/><child link="l{i + 1}"/>'
-        f'<origin xyz="0 {number("0.1")} 0.3" rpy="{number("0")} 0 0"/>'
-        f'<axis xyz="{number("0")} {i % 2} {(i + 1) % 2}"/>'
-        f'<limit lower="{number("-2")}" upper="{number("2")}" effort="{number("9")}" velocity="9"/></joint>'
-        for i in range(n)
-    )
-    return f'<robot name="r">{links}{joints}</robot>'
-
-
-@given(arms())
-@settings(max_examples=120, deadline=None)
-def test_whatever_is_nearly_an_arm_is_one_or_is_refused(tmp_path_factory: pytest.TempPathFactory, text: str) -> None:
-    path = tmp_path_factory.getbasetemp() / "generated.urdf"
-    path.write_text(text)
-    try:
-        robot = robots.load("", urdf=str(path))
-    except RobotError as error:
-        one_sentence(error)
-    else:
-        assert np.isfinite(robot.posture).all()
-
-
-@given(st.one_of(st.binary(max_size=200), st.text(max_size=200).map(str.encode)))
-@settings(max_examples=150, deadline=None)
-def test_whatever_is_uploaded_is_a_urdf_or_is_refused(content: bytes) -> None:
-    for whole in (content, BENT.encode().replace(b"<axis", content)):
-        with suppress(RobotError):
-            urdf.parse(whole, "arm.urdf")
-
-
-def test_uploads_do_not_fill_the_disk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path))
-    kept = uploads.keep("one.urdf", BENT.encode())
-    monkeypatch.setattr(uploads, "MOST_KEPT", len(BENT) + 10)
-    assert uploads.keep("one.urdf", BENT.encode()) == kept
-    with pytest.raises(
-        ScenarioError, match=r"two.urdf has .* MB, and .* MB of uploads are kept .*; allowed: "
-    ) as caught:
-        uploads.keep("two.urdf", BENT.replace("3.0", "3.1").encode())
-    one_sentence(caught.value)
-    assert [file for file in tmp_path.rglob("*") if file.is_file()] == [kept]
-
-
-# meshes
-
-
-def _bomb(path: Path) -> None:
-    packed = zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED, compresslevel=1)
-    with packed as archive, archive.open("a.dae", "w", force_zip64=True) as entry:
-        for _ in range(16):
-            entry.write(bytes(100_000_000))
-
-
-def _pipe(path: Path) -> None:
-    os.mkfifo(path.with_name("pipe.png"))
-    path.with_name("a.mtl").write_text("newmtl m\nmap_Kd pipe.png\n")
-    path.write_text("mtllib a.mtl\nusemtl m\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nf 1/1 2/1 3/1\n")
-
-
-def _lie(path: Path) -> None:
-    path.write_bytes(bytes(80) + struct.pack("<I", 4_000_000_000) + bytes(500))
-
-
-@pytest.mark.parametrize(
-    ("name", "make"),
-    [
-        ("bomb.dae", _bomb),  # an archive that becomes 1.6 GB
-        ("pipe.obj", _pipe),  # a picture that never comes
-        ("lie.stl", _lie),  # a header that claims 4e9 triangles
-        ("laughs.dae", lambda path: path.write_text(entities(9).replace("robot", "COLLADA"))),
-    ],
-)
-def test_meshes_that_would_take_the_machine_are_not_shown(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str, make
-) -> None:
-    monkeypatch.setattr(visuals, "PATIENCE", 3.0 if name == "pipe.obj" else 60.0)
-    make(tmp_path / name)
-    arm = tmp_path / "arm.urdf"
-    mesh = f'<visual><geometry><mesh filename="{name}"/></geometry></visual>'
-    arm.write_text(BENT.replace(UPPER, UPPER + mesh))
-    assert visuals.link_meshes(robots.load("", urdf=str(arm))).result(90.0) == ()
-
-
-def test_the_process_that_reads_meshes_ends_with_the_one_that_began_it(tmp_path: Path) -> None:
-    _pipe(tmp_path / "pipe.obj")
-    arm = tmp_path / "arm.urdf"
-    arm.write_text(BENT.replace(UPPER, UPPER + '<visual><geometry><mesh filename="pipe.obj"/></geometry></visual>'))
-    code = f"""
-import os, pathlib, time
-from app import visuals
-from environments import robots
-visuals.link_meshes(robots.load("", urdf={str(arm)!r}))
-children = pathlib.Path(f"/proc/{{os.getpid()}}/task")
-while not (found := "".join(path.read_text() for path in children.glob("*/children")).split()):
-    time.sleep(0.05)
-print(*found, flush=True)
-time.sleep(1.0)
-os._exit(0)
-"""
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=90, check=True)
-    (reader,) = map(int, done.stdout.split())
-    assert gone(reader, 10.0)
-
-
-def test_a_mesh_of_ones_own_is_shown(tmp_path: Path) -> None:
-    (tmp_path / "a.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
-    arm = tmp_path / "arm.urdf"
-    visual = '<visual><origin xyz="0 0 2"/><geometry><mesh filename="a.obj"/></geometry></visual>'
-    arm.write_text(BENT.replace(UPPER, UPPER + visual))
-    robot, scene = robots.load("", urdf=str(arm)), MagicMock()
-    scene.add_mesh_simple.side_effect = lambda name, *_, **__: MagicMock(path=name)
-    view = RobotView(scene, robot, "/arm")
-    bones = list(view._shapes)
-    assert {Path(bone.path).name[:5] for bone in bones} == {"bone_"}  # nobody waits for the process that reads
-    (mesh,) = visuals.link_meshes(robot).result(90.0)
-    assert mesh.link == "upper"
-    np.testing.assert_allclose(mesh.vertices.max(axis=0), [1, 1, 2])
-    for _ in range(2):
-        view.show(np.zeros(robot.n))
-        assert all(bone.remove.call_count == 1 for bone in bones)
-        assert {Path(shape.path).name[:5] for shape in view._shapes} == {"mesh_"}
-
+from tests.sentences import one_sentence
 
 # scenarios
 

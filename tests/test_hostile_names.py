@@ -11,12 +11,14 @@ from pathlib import Path
 
 import pytest
 
+from app.commands import Edit, Load, Pin
 from app.dashboard import Dashboard
 from app.dashboard.export import Stretch, write
 from app.dashboard.printed import ALL_PLOTS
 from app.headless import simulate
-from app.runner import Edit, Load, Pin, Runner
-from app.scenario import Scenario, edited, from_plain, load, shipped, to_plain
+from app.runner import Runner
+from app.scenario import Scenario
+from app.scenario_data import edited, from_plain, load, shipped, to_plain
 from app.takeaway import file_name
 
 EVIL = '<img src=x onerror="window.hacked=1">'

@@ -26,7 +26,7 @@ from app.dashboard.gate import BURST, RATE, STEERING, Meter
 from app.dashboard.messages import LARGEST_UPLOAD, Page, Refused, Visitor
 from app.dashboard.style import COMMIT
 from app.runner import Runner
-from app.scenario import shipped
+from app.scenario_data import shipped
 from tests.drawn import drawn
 from tests.viser_protocol import PROTOCOL
 

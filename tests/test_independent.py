@@ -10,7 +10,8 @@ import pytest
 
 from app.assembly import assemble
 from app.closed_loop import ClosedLoop
-from app.scenario import Scenario, from_plain, shipped, to_plain
+from app.scenario import Scenario
+from app.scenario_data import from_plain, shipped, to_plain
 from controllers.reference_estimates import Believed
 from environments.plant import Integrator
 from tests.independent import order

@@ -15,7 +15,7 @@ from numba import njit
 
 from app.closed_loop import ClosedLoop
 from app.control_period import control_period
-from app.scenario import load
+from app.scenario_data import load
 from kernels import algebra
 from kernels.records import Record
 

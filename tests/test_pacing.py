@@ -9,10 +9,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from app.commands import Edit, Pause, Push, Seek, SetSpeed, ToEnd
 from app.dashboard.status import status_html
 from app.pacing import Pace, PaceMeter, Schedule
-from app.runner import Edit, Pause, Push, Runner, Seek, SetSpeed, Snapshot, ToEnd
-from app.scenario import edited, shipped
+from app.runner import Runner
+from app.scenario_data import edited, shipped
+from app.snapshot import Snapshot
 from environments.push import Grip
 
 CANNOT = "The loop cannot keep up"

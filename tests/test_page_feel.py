@@ -2,9 +2,9 @@
 
 import re
 
+from app.commands import Pause, Play
 from app.dashboard.help import KEYS
-from app.runner import Pause, Play
-from app.scenario import shipped
+from app.scenario_data import shipped
 from tests.layout import faults, walk
 from tests.pages import Session
 

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from app.runner import Load
-from app.scenario import shipped
+from app.commands import Load
+from app.scenario_data import shipped
 from tests.pages import Session
 
 RUNNING = "z - 0.165 - 0.01*sin(20*x - 2*t)"

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from app.commands import Pause
 from app.dashboard.plot_table import TABS
-from app.runner import Pause
 from tests.pages import Session
 
 CHARTS = "Object.values(__viserTestpoints.uplots).map((p) => p.chart)"

@@ -10,9 +10,10 @@ import pytest
 from viser import ClientHandle
 from viser import transforms as tf
 
+from app.commands import Load, Reset
 from app.dashboard import Dashboard
-from app.runner import Load, Reset, Runner
-from app.scenario import edited, shipped
+from app.runner import Runner
+from app.scenario_data import edited, shipped
 from tests.pages import Session
 
 

@@ -10,7 +10,7 @@ import pytest
 from PIL import Image
 from playwright.sync_api import Page
 
-from app.scenario import edited, from_toml, shipped, to_toml
+from app.scenario_data import edited, from_toml, shipped, to_toml
 from tests.pages import PATIENCE, VIEWPORT, Session
 
 

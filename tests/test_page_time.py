@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from playwright.sync_api import expect
 
-from app.runner import Edit, Unpin
+from app.commands import Edit, Unpin
 from tests.pages import Session
 
 

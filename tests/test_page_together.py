@@ -8,11 +8,12 @@ from collections.abc import Callable
 import pytest
 from playwright.sync_api import Page
 
+from app.commands import Reset
 from app.dashboard import Dashboard
 from app.dashboard.matrix_text import written
 from app.dashboard.status import MODE_TITLES
-from app.runner import Reset, Runner
-from app.scenario import from_toml, to_toml
+from app.runner import Runner
+from app.scenario_data import from_toml, to_toml
 from environments.robots import CATALOGUE
 from tests.pages import PATIENCE, VIEWPORT, Session
 

@@ -9,7 +9,8 @@ import pinocchio as pin
 import pytest
 
 from app.assembly import System, assemble
-from app.scenario import ScenarioError, edited, from_plain, shipped, to_plain
+from app.scenario import ScenarioError
+from app.scenario_data import edited, from_plain, shipped, to_plain
 from controllers.compensator import Compensator
 from controllers.nominal_model import Estimate
 from controllers.reference_estimates import Believed

@@ -13,7 +13,10 @@ from app.closed_loop import ClosedLoop
 from app.dashboard.charts import BUCKETS, Frame, Line, Setup
 from app.dashboard.plot_table import TABS, column, needed_stack, torque_stack
 from app.hindsight import Hindsight, Known
-from app.scenario import Scenario, edited, shipped
+from app.metrics import FIGURES
+from app.scenario import Scenario
+from app.scenario_data import edited, load, shipped
+from app.snapshot import snapshot_of
 from app.thinning import Grid
 from controllers.reaching import lyapunov_bound
 
@@ -205,17 +208,20 @@ def test_reaching_and_sliding_phases_and_their_marks():
 
 
 def setup_of(loop: ClosedLoop) -> Setup:
-    system = loop.system
-    scenario = system.scenario
-    return Setup(
-        system.coordinates,
-        tuple(system.robot.joint_names),
-        system.m > 0,
-        scenario.contact.kind != "free",
-        scenario.task_space.characteristic_length,
-        0,
-        0,
-    )
+    return Setup.of(snapshot_of(loop), coordinate=0, joint=0)
+
+
+def test_units_are_those_of_the_task_space():
+    joint = ClosedLoop(edited(load("ur5-motion"), "task_space.kind", "joint"), 10)
+    drawings = [plot.draw(setup_of(joint)) for tab in TABS.values() for plot in tab.plots]
+    titles = [drawing.title for drawing in drawings if drawing is not None]
+    assert not [title for title in titles if "mm" in title]
+    assert {"tracking error  e_r  [mrad]", "sliding variable  ‖s‖  [mrad/s]", "s  [mrad/s]"} <= set(titles)
+    cartesian = ClosedLoop(load("ur5-motion"), 10)
+    units = {figure.field: figure.units([cartesian.system, joint.system]) for figure in FIGURES}
+    assert units["path_rms"] == "mm or mrad"
+    assert units["effort"] == "N·m"
+    assert units["gain_margin"] == "N or N·m"
 
 
 @pytest.mark.parametrize("name", ["ur5-hybrid", "ur5-impedance", "planar2r-semicircle", "ur5-motion"])

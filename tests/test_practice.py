@@ -17,7 +17,8 @@ from app.evidence.section import Section
 from app.hindsight import Hindsight
 from app.metrics import measure
 from app.runner import Runner
-from app.scenario import Scenario, ScenarioError, edited, shipped
+from app.scenario import Scenario, ScenarioError
+from app.scenario_data import edited, shipped
 from app.timeline import Timeline
 from controllers.baselines import PdGravity
 from controllers.reference_estimates import Believed

@@ -7,8 +7,7 @@ import signal
 import subprocess
 import sys
 import threading
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from typing import TypeVar
 
 import numpy as np
@@ -18,7 +17,9 @@ from app.closed_loop import ClosedLoop
 from app.metrics import BAND, settling_time, steady_force_error
 from app.preview import Foresight, Outlook, Question, Refusal
 from app.previewer import Previewer
-from app.scenario import Scenario, edited, from_plain, shipped, to_plain
+from app.scenario import Scenario
+from app.scenario_data import edited, from_plain, shipped, to_plain
+from tests.waiting import until
 
 T = TypeVar("T")
 EDITS: dict[str, object] = {
@@ -167,14 +168,6 @@ def previewer() -> Iterator[Previewer]:
     previewer.close()
 
 
-def until(look: Callable[[], T | None], seconds: float = 60.0) -> T:
-    end = time.monotonic() + seconds
-    while not (seen := look()):
-        assert time.monotonic() < end
-        time.sleep(0.002)
-    return seen
-
-
 def whole(previewer: Previewer) -> Outlook | None:
     newest = previewer.newest
     return newest if isinstance(newest, Outlook) and newest.whole else None
@@ -248,7 +241,7 @@ def test_the_process_ends_when_its_asker_is_killed() -> None:
 import os, signal, time
 from app.closed_loop import ClosedLoop
 from app.previewer import Previewer
-from app.scenario import shipped
+from app.scenario_data import shipped
 previewer = Previewer()
 state = ClosedLoop(shipped()["ur5-hybrid"]).state()
 previewer.ask(state, state.scenario, 20.0)

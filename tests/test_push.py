@@ -8,9 +8,11 @@ import numpy as np
 import pytest
 
 from app.closed_loop import ClosedLoop
+from app.commands import Pause, Push
 from app.recording import SIGNALS
-from app.runner import Pause, Push, Runner
-from app.scenario import Scenario, edited, from_toml, shipped, to_toml
+from app.runner import Runner
+from app.scenario import Scenario
+from app.scenario_data import edited, from_toml, shipped, to_toml
 from environments.push import Grip, TimedPush
 from environments.trajectories import Shift
 

@@ -7,11 +7,9 @@ import os
 import resource
 import subprocess
 import sys
-import time
 from collections.abc import Callable
 from contextlib import closing
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -19,24 +17,19 @@ from playwright.sync_api import Page
 
 from app.changes import with_robot
 from app.closed_loop import ClosedLoop
+from app.commands import Edit, Pin, Unpin
 from app.dashboard import Dashboard
 from app.dashboard.last_session import left_by
 from app.recovery import OFFER, SESSION, Keeper, StateError, StateFolder, default_folder
-from app.runner import Edit, Pin, Runner, Unpin
-from app.scenario import Scenario, ScenarioError, edited, load
+from app.runner import Runner
+from app.scenario import Scenario, ScenarioError
+from app.scenario_data import edited, load
 from app.timeline import Pinned, Timeline
 from tests.drawn import drawn
 from tests.pages import PATIENCE, VIEWPORT
+from tests.waiting import until
 
 SCENARIO = load("planar2r-semicircle")
-
-
-def until(condition: Callable[[], Any]) -> Any:
-    deadline = time.monotonic() + PATIENCE
-    while not (met := condition()):
-        assert time.monotonic() < deadline
-        time.sleep(0.01)
-    return met
 
 
 @pytest.fixture(scope="module")
@@ -222,7 +215,7 @@ from pathlib import Path
 from app.closed_loop import ClosedLoop
 from app.data_files import read_npz
 from app.recovery import StateFolder
-from app.scenario import edited, load
+from app.scenario_data import edited, load
 from app.timeline import Timeline
 
 scenario = load("planar2r-semicircle")

@@ -12,7 +12,8 @@ from app.assembly import assemble
 from app.closed_loop import ClosedLoop
 from app.evidence.closed_forms import certain, changed, pressed
 from app.headless import simulate
-from app.scenario import Scenario, ScenarioError, edited, from_plain, shipped, to_plain
+from app.scenario import Scenario, ScenarioError
+from app.scenario_data import edited, from_plain, shipped, to_plain
 from controllers.force_loop import force_loop_factor
 from tests.cases import scenario_of
 

@@ -18,7 +18,8 @@ from app.changes import with_robot
 from app.closed_loop import ClosedLoop
 from app.dashboard.look import FINE
 from app.dashboard.robot_view import parts
-from app.scenario import ScenarioError, edited, from_toml, shipped, to_toml
+from app.scenario import ScenarioError
+from app.scenario_data import edited, from_toml, shipped, to_toml
 from environments import robots, urdf
 from environments.dexterity import Tool
 from environments.robots import CATALOGUE, Robot, RobotError

@@ -9,7 +9,7 @@ import pytest
 
 from app.headless import simulate
 from app.metrics import Metrics
-from app.scenario import shipped
+from app.scenario_data import shipped
 
 SCENARIOS = shipped()
 SMOOTH = [name for name in SCENARIOS if "discontinuous" not in name]

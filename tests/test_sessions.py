@@ -15,7 +15,7 @@ from app.gateway.register import LINK, MOST, Register
 from app.gateway.sessions import House, Session
 from app.gateway.worker import WorkerError
 from app.recovery import StateError, StateFolder
-from app.scenario import from_toml, load, to_toml
+from app.scenario_data import from_toml, load, to_toml
 from app.session_messages import Begin, Kept
 
 USUAL = "usual"

@@ -14,7 +14,8 @@ from app.assembly import System, assemble
 from app.changes import in_mode
 from app.closed_loop import ClosedLoop
 from app.sampled_loop import contact_loop_radius
-from app.scenario import Scenario, ScenarioError, edited, shipped
+from app.scenario import Scenario, ScenarioError
+from app.scenario_data import edited, shipped
 from environments.contact import Contact
 from environments.plant import ContactKind, Integrator, Plant
 from environments.stiffness import STEPS, Mobility, Oscillator, oscillators, resolved, spectral_radius, substeps_needed

@@ -28,8 +28,9 @@ from app.data_files import TooLarge, read_npz, table, write_csv, write_npz
 from app.figures import BINS, CONTRAST, Chart, Curve, Figure, printed, render, thinned
 from app.film import FRAMES_PER_SECOND, Film, film
 from app.recording import BLOCK, Recording
-from app.runner import Snapshot, snapshot_of
-from app.scenario import Scenario, ScenarioError, edited, from_file, from_toml, load, to_toml
+from app.scenario import Scenario, ScenarioError
+from app.scenario_data import edited, from_file, from_toml, load, to_toml
+from app.snapshot import Snapshot, snapshot_of
 from app.takeaway import DataJob, FigureJob, Maker, PlaybackJob, TakeAwayError, file_name
 
 made = Maker().made

@@ -9,6 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
+from app.commands import Edit
 from app.dashboard.equation import Line, equation_html, lines
 from app.dashboard.facts import facts_html
 from app.dashboard.matrix_editor import Draft, starts, with_entries
@@ -17,8 +18,10 @@ from app.dashboard.model_checks import checks_html, judge_asked, judge_running
 from app.dashboard.model_places import DiagonalPlace, OscillatorPlace, model_edit, oscillators_of
 from app.dashboard.panels.model import matrix_note, oscillator_note
 from app.dashboard.pole_map import grouped, pole_map_html
-from app.runner import Edit, Runner, Snapshot
-from app.scenario import ScenarioError, edited, shipped
+from app.runner import Runner
+from app.scenario import ScenarioError
+from app.scenario_data import edited, shipped
+from app.snapshot import Snapshot
 from controllers.modes import MODES
 from controllers.second_order import oscillators, shaped
 from controllers.target_model import InvalidGain, TargetModel

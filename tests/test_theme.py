@@ -8,13 +8,13 @@ from typing import Any, cast
 
 import pytest
 
+from app.commands import Edit, Load
 from app.dashboard.controls import Desk
 from app.dashboard.help import DOCUMENTS, help_html
 from app.dashboard.shortcuts import Shortcuts
 from app.dashboard.status import MODE_TITLES
 from app.dashboard.theme import EDGE, INKS, PAGE, SERIES, Rgb, css_variables
-from app.runner import Edit, Load
-from app.scenario import shipped
+from app.scenario_data import shipped
 
 ROOT = Path(__file__).parents[1]
 THEMES = ("dark", "light")

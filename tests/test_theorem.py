@@ -11,7 +11,8 @@ from scipy.integrate import solve_ivp
 from app.assembly import System, assemble
 from app.evidence.plants import Departure
 from app.headless import simulate
-from app.scenario import Scenario, edited, from_plain, shipped, to_plain
+from app.scenario import Scenario
+from app.scenario_data import edited, from_plain, shipped, to_plain
 from app.world import truth_of
 from controllers.bounds import Equivalent, InertiaRange, required_gain
 from controllers.nominal_model import ON_LINE

@@ -13,8 +13,9 @@ from app.dashboard import pinned_arms
 from app.dashboard.pinned_arms import posture
 from app.metrics import account
 from app.recording import BLOCK
-from app.runner import Snapshot
-from app.scenario import Scenario, ScenarioError, differences, edited, shipped
+from app.scenario import Scenario, ScenarioError
+from app.scenario_data import differences, edited, shipped
+from app.snapshot import Snapshot
 from app.timeline import PINS, Timeline
 from environments.robots import Robot
 

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from app.closed_loop import ClosedLoop
-from app.scenario import Scenario, edited, shipped
+from app.scenario import Scenario
+from app.scenario_data import edited, shipped
 from app.truth import outside
 
 

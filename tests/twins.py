@@ -12,7 +12,8 @@ import pinocchio as pin
 from app.assembly import assemble
 from app.closed_loop import ClosedLoop
 from app.headless import simulate
-from app.scenario import Scenario, edited, from_plain
+from app.scenario import Scenario
+from app.scenario_data import edited, from_plain
 from environments.plant import Plant
 from tests.arms import arm, random_spd
 from tests.independent import Gains, PaperLoop, Surface, Wish, World, integrate

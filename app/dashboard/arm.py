@@ -11,10 +11,11 @@ from typing import Any
 import viser
 
 from app import uploads
+from app.commands import Edit
 from app.dashboard.controls import Answer, Desk, Place
 from app.dashboard.style import COMMIT, MARKS
-from app.runner import Edit, Snapshot
 from app.scenario import ScenarioError
+from app.snapshot import Snapshot
 from app.truth import outside
 from environments.robots import CATALOGUE
 

@@ -9,7 +9,7 @@ import numpy as np
 import pinocchio as pin
 import viser
 
-from app.runner import Snapshot
+from app.snapshot import Snapshot
 
 FLIGHT, FRAMES = 0.4, 16  # s, and how many steps it has
 CLOSE = 0.42  # m from the tool

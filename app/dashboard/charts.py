@@ -18,8 +18,9 @@ from app.assembly import Coordinate
 from app.chattering import amplitude_spectrum
 from app.dashboard.theme import Rgb, css
 from app.recording import Recording
-from app.runner import Snapshot
+from app.snapshot import Snapshot
 from app.thinning import Grid
+from app.units import Units
 
 Signals = Mapping[str, np.ndarray]
 
@@ -36,37 +37,26 @@ _RULE = "rgba(128, 128, 128, 0.7)"  # seen on dark and on light
 @dataclass(frozen=True)
 class Setup:
     """What decides which lines there are. normal: the mode controls a normal force; touching: there is something to
-    touch; length: characteristic length, m; coordinate, joint: the chosen ones, counted from 0."""
+    touch; units: of the task space; coordinate, joint: the chosen ones, counted from 0."""
 
     coordinates: tuple[Coordinate, ...]
     joints: tuple[str, ...]
     normal: bool
     touching: bool
-    length: float
+    units: Units
     coordinate: int
     joint: int
-
-    @property
-    def rate(self) -> str:
-        """Unit of a thousandth of s: metres a second, but in the space of the joints."""
-        return "mrad/s" if self.coordinates[0].unit == "rad" else "mm/s"
-
-    @property
-    def force(self) -> str:
-        """Unit of the generalised forces of the task coordinates, such as d."""
-        return "N·m" if self.coordinates[0].unit == "rad" else "N"
 
     @classmethod
     def of(cls, snapshot: Snapshot, coordinate: int, joint: int) -> Setup:
         """Choices beyond what the run has fall back to the first."""
-        scenario = snapshot.scenario
         coordinates, joints = tuple(snapshot.coordinates), tuple(snapshot.robot.joint_names)
         return cls(
             coordinates,
             joints,
             normal=snapshot.system.m > 0,
-            touching=scenario.contact.kind != "free",
-            length=scenario.task_space.characteristic_length,
+            touching=snapshot.scenario.contact.kind != "free",
+            units=snapshot.system.units,
             coordinate=coordinate if coordinate < len(coordinates) else 0,
             joint=joint if joint < len(joints) else 0,
         )

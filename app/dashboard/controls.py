@@ -16,12 +16,13 @@ from typing import Any, Protocol
 import viser
 from msgspec import Struct
 
+from app.commands import Command, Edit
 from app.dashboard.look import Viewing
 from app.dashboard.matrix_text import read_back, written
 from app.dashboard.style import COMMIT, ESCAPED, MARKS, RELEASED
 from app.dashboard.whatif import Held, WhatIf
-from app.runner import Command, Edit, Snapshot
 from app.scenario import Scenario, field_info
+from app.snapshot import Snapshot
 from app.takeaway import Maker
 
 

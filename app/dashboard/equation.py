@@ -10,7 +10,7 @@ import numpy as np
 from scipy.sparse.csgraph import connected_components
 
 from app.dashboard.matrix_text import short
-from app.runner import Snapshot
+from app.snapshot import Snapshot
 from controllers.modes import MODES
 
 _NAMES = ("M_m", "B_m", "K_m", "K_f")

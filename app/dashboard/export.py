@@ -18,8 +18,9 @@ from app.data_files import TooLarge, table, write_csv, write_npz
 from app.figures import Format, render
 from app.film import film
 from app.recording import Recording
-from app.runner import snapshot_of
-from app.scenario import Scenario, ScenarioError, to_toml
+from app.scenario import Scenario, ScenarioError
+from app.scenario_data import to_toml
+from app.snapshot import snapshot_of
 from app.takeaway import PLAYBACK_LIMIT, DataFormat, file_name
 from app.whole_file import write_whole
 

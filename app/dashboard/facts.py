@@ -6,7 +6,7 @@ import math
 
 import viser
 
-from app.runner import Snapshot
+from app.snapshot import Snapshot
 
 
 class Facts:
@@ -31,8 +31,7 @@ def facts_html(snapshot: Snapshot) -> str:
 
 def _facts(snapshot: Snapshot) -> list[tuple[str, str, str, str]]:
     """Name, value against limit, verdict, and the line that explains them."""
-    live = snapshot.live
-    force, rate = ("N·m", "mrad/s") if snapshot.system.layout.joint else ("N", "mm/s")
+    live, units = snapshot.live, snapshot.system.units
 
     def number(name: str, factor: float = 1.0) -> str:
         value = live.get(name, math.nan) * factor
@@ -48,13 +47,13 @@ def _facts(snapshot: Snapshot) -> list[tuple[str, str, str, str]]:
         rows += [
             (
                 "gain d (17)",
-                against("d", "≥", "d_required", force),
-                judged(live["gain_margin"], f" {force}", low=-1e-9),
+                against("d", "≥", "d_required", units.force),
+                judged(live["gain_margin"], f" {units.force}", low=-1e-9),
                 "d, what (17) needs with its margin ε, and what is left; by the theorem d is exactly what is needed",
             ),
             (
                 "‖s‖ (20)",
-                f"{number('s_norm', 1e3)} ≤ {(live['s_bound'] + live['s_band']) * 1e3:.3g} {rate}",
+                f"{number('s_norm', 1e3)} ≤ {(live['s_bound'] + live['s_band']) * 1e3:.3g} {units.rate}",
                 verdict(sliding >= 0.0),
                 "the sliding variable and its bound, with the band that sampling leaves",
             ),
@@ -84,7 +83,7 @@ def _facts(snapshot: Snapshot) -> list[tuple[str, str, str, str]]:
             )
         )
     rows.append(
-        ("residual of (8)", f"{number('residual')} {force}", "", "left side minus right side of the target model")
+        ("residual of (8)", f"{number('residual')} {units.force}", "", "left side minus right side of the target model")
     )
     if robust:
         rows.append(("V = ½ sᵀHs", f"{number('V')} J", "", "the Lyapunov function of the proof"))

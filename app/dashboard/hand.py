@@ -8,11 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 import viser
 
+from app.commands import Edit, Push
 from app.dashboard.arrows import UNIT, ForceArrow
 from app.dashboard.controls import Desk
 from app.dashboard.guard import guarded
 from app.dashboard.theme import ACCENT, DESIRED, PUSH
-from app.runner import Edit, Push, Snapshot
+from app.snapshot import Snapshot
 from controllers.modes import MODES
 from environments.push import Grip
 

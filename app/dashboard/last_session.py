@@ -10,9 +10,9 @@ from html import escape
 
 import viser
 
+from app.commands import Command, Continue
 from app.dashboard.guard import Complain, guarded
 from app.recovery import Keeper, Offer, StateFolder
-from app.runner import Command, Continue
 from app.scenario import Scenario, ScenarioError
 from app.timeline import Pinned
 

@@ -9,12 +9,13 @@ from html import escape
 import numpy as np
 import viser
 
+from app.commands import Edit
 from app.dashboard.controls import Desk
 from app.dashboard.equation import symbol
 from app.dashboard.matrix_text import read_matrix, written_rows
 from app.dashboard.model_checks import blend_html
 from app.dashboard.model_places import applying, model_edit
-from app.runner import Edit, Snapshot
+from app.snapshot import Snapshot
 
 NAMES: tuple[str, ...] = ("M_m", "B_m", "K_m", "K_f")
 _NO_BLOCKS: tuple[str, ...] = ("",)

@@ -8,13 +8,15 @@ from html import escape
 
 import numpy as np
 
+from app.commands import Edit
 from app.dashboard.facts import judged
 from app.dashboard.matrix_text import short
 from app.dashboard.model_places import pressed_on
 from app.dashboard.pole_map import grouped, pole_map_html
 from app.law import target_model
-from app.runner import Edit, Snapshot
-from app.scenario import ScenarioError, edited
+from app.scenario import ScenarioError
+from app.scenario_data import edited
+from app.snapshot import Snapshot
 from controllers.blend import BlendCertificate, certify
 from controllers.modes import MODES
 from controllers.target_model import InvalidGain, TargetModel

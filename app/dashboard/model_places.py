@@ -9,9 +9,10 @@ from typing import Any, Literal
 import numpy as np
 from msgspec import to_builtins
 
+from app.commands import Blend, Edit
 from app.dashboard.controls import Place
 from app.dashboard.matrix_text import written
-from app.runner import Blend, Edit, Snapshot
+from app.snapshot import Snapshot
 from controllers.modes import MODES
 from controllers.second_order import Oscillators, oscillators, shaped
 

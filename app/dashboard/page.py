@@ -36,7 +36,8 @@ from app.dashboard.turns import Turns
 from app.dashboard.whatif import WhatIf
 from app.dashboard.whatif_panel import WhatIfPanel
 from app.previewer import Previewer
-from app.runner import Runner, Snapshot
+from app.runner import Runner
+from app.snapshot import Snapshot
 from app.takeaway import Maker
 from app.traffic import NARROW
 

@@ -9,7 +9,7 @@ import viser
 
 from app.dashboard.robot_view import Paint, RobotView
 from app.dashboard.theme import PINNED_ARMS
-from app.runner import Snapshot
+from app.snapshot import Snapshot
 from app.timeline import Pinned
 
 _CELL = 0.015  # m: three more arms need no more detail

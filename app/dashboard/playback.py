@@ -8,9 +8,10 @@ from typing import Literal
 
 import viser
 
+from app.commands import Command, Fork, Pause, Pin, Play, Reset, Seek, SetSpeed, StepOnce, ToEnd
 from app.dashboard.controls import Answer, Desk
 from app.dashboard.style import COMMIT, ESCAPED, MARKS, RELEASED
-from app.runner import Command, Fork, Pause, Pin, Play, Reset, Seek, SetSpeed, Snapshot, StepOnce, ToEnd
+from app.snapshot import Snapshot
 
 _SPEEDS = {"1/20×": 0.05, "1/5×": 0.2, "1/2×": 0.5, "1×": 1.0, "2×": 2.0, "5×": 5.0, "10×": 10.0}
 _STRIDE = 0.1  # s, of an arrow key with Shift

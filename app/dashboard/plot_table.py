@@ -13,7 +13,8 @@ from app.chattering import variation_rate
 from app.dashboard.charts import Area, Drawing, Line, Plot, Setup, Signals
 from app.dashboard.equation import symbol
 from app.dashboard.theme import ACCENT, BOUND, DESIRED, MEASURED, PUSH, SERIES, Rgb
-from app.runner import Snapshot
+from app.snapshot import Snapshot
+from app.units import JOINT
 
 Values = Callable[[Signals], np.ndarray]
 Chooser = Literal["coordinate", "joint"]
@@ -46,15 +47,6 @@ def color(i: int) -> Rgb:
     return SERIES[i % len(SERIES)]
 
 
-def is_angle(coordinate: Coordinate) -> bool:
-    return coordinate.unit == "rad" or coordinate.name.startswith("ℓ")
-
-
-def angle_factor(coordinate: Coordinate, length: float) -> float:
-    """From the coordinate's own unit, rad or m for ℓ times an angle, to mrad."""
-    return 1e3 if coordinate.unit == "rad" else 1e3 / length
-
-
 def stack(parts: Sequence[tuple[str, Values]]) -> tuple[list[Line], list[Area]]:
     """Named parts of a sum as areas, positive ones upwards and negative ones downwards from zero."""
     lines = [Line("", ACCENT, lambda signals: np.zeros(len(signals["t"])), width=0.0, listed=False)]
@@ -73,50 +65,45 @@ def _edge(parts: Sequence[Values], sign: float) -> Values:
 
 
 def _errors(setup: Setup) -> Drawing:
-    unit, factor = ("mrad", 1e3) if setup.coordinates[0].unit == "rad" else ("mm", 1e3)
-    lines = [
-        Line(symbol(coordinate.name), color(i), column("e_r", i, factor), compared=True)
-        for i, coordinate in enumerate(setup.coordinates)
-    ]
-    return Drawing(f"tracking error  e_r  [{unit}]", lines, at_least=(-0.01, 0.01))
-
-
-def _positions(setup: Setup) -> Drawing | None:
-    if setup.coordinates[0].unit == "rad":
-        return None
     lines = [
         Line(symbol(coordinate.name), color(i), column("e_r", i, 1e3), compared=True)
         for i, coordinate in enumerate(setup.coordinates)
-        if not is_angle(coordinate)
     ]
-    return Drawing("position error  e_r  [mm]", lines, at_least=(-0.01, 0.01))
+    return Drawing(f"tracking error  e_r  [{setup.units.error}]", lines, at_least=(-0.01, 0.01))
+
+
+def _positions(setup: Setup) -> Drawing | None:
+    lines = [
+        Line(symbol(coordinate.name), color(i), column("e_r", i, 1e3), compared=True)
+        for i, coordinate in enumerate(setup.coordinates)
+        if not coordinate.is_angle
+    ]
+    return Drawing("position error  e_r  [mm]", lines, at_least=(-0.01, 0.01)) if lines else None
 
 
 def _rotations(setup: Setup) -> Drawing | None:
     lines = [
-        Line(_bare(coordinate), color(i), column("e_r", i, angle_factor(coordinate, setup.length)), compared=True)
+        Line(_bare(coordinate), color(i), column("e_r", i, 1e3 / coordinate.per_radian), compared=True)
         for i, coordinate in enumerate(setup.coordinates)
-        if is_angle(coordinate)
+        if coordinate.is_angle
     ]
-    title = "joint error" if setup.coordinates[0].unit == "rad" else "rotation error  e_r / ℓ"
+    title = "joint error" if setup.units == JOINT else "rotation error  e_r / ℓ"
     return Drawing(f"{title}  [mrad]", lines, at_least=(-0.01, 0.01)) if lines else None
 
 
 def _bare(coordinate: Coordinate) -> str:
-    """The angle of a coordinate that is ℓ times it."""
+    """The coordinate's symbol, or that of the angle that it is ℓ times."""
     return symbol(coordinate.name.removeprefix("ℓ·"))
 
 
 def _followed(setup: Setup) -> Drawing:
     i, coordinate = setup.coordinate, setup.coordinates[setup.coordinate]
-    angle = is_angle(coordinate)
-    factor, unit = (angle_factor(coordinate, setup.length), "mrad") if angle else (1e3, "mm")
-    name = _bare(coordinate) if angle else symbol(coordinate.name)
+    factor, unit = 1e3 / coordinate.per_radian, "mrad" if coordinate.is_angle else "mm"
     lines = [
         Line("desired", DESIRED, column("r_d", i, factor), dashed=True, width=2.0),
         Line("actual", MEASURED, column("r", i, factor), compared=True),
     ]
-    return Drawing(f"{name}  against what is desired  [{unit}]", lines)
+    return Drawing(f"{_bare(coordinate)}  against what is desired  [{unit}]", lines)
 
 
 def _force(setup: Setup) -> Drawing:
@@ -168,7 +155,7 @@ def _sliding(setup: Setup) -> Drawing:
         Line("bound (20) + sampling", BOUND, total(column("s_bound", 0, 1e3), column("s_band", 0, 1e3)), True, 2.0),
         Line("‖s‖", color(0), column("s_norm", 0, 1e3), compared=True),
     ]
-    return Drawing(f"sliding variable  ‖s‖  [{setup.rate}]", lines, floor=1e-2)
+    return Drawing(f"sliding variable  ‖s‖  [{setup.units.rate}]", lines, floor=1e-2)
 
 
 def _phases() -> list[Line]:
@@ -193,7 +180,7 @@ def _reaching(setup: Setup) -> Drawing:
         Line("(20) + sampling", BOUND, total(bound, band), dashed=True, width=1.4),
         Line("‖s‖", color(0), column("s_norm", 0, 1e3), compared=True),
     ]
-    return Drawing(f"sliding variable  ‖s‖  [{setup.rate}]", lines, floor=0.1)
+    return Drawing(f"sliding variable  ‖s‖  [{setup.units.rate}]", lines, floor=0.1)
 
 
 def _lyapunov(_: Setup) -> Drawing:
@@ -209,7 +196,7 @@ def _components(setup: Setup) -> Drawing:
     lines = [
         Line(symbol(coordinate.name), color(i), column("s", i, 1e3)) for i, coordinate in enumerate(setup.coordinates)
     ]
-    return Drawing(f"s  [{setup.rate}]", lines, at_least=(-0.1, 0.1))
+    return Drawing(f"s  [{setup.units.rate}]", lines, at_least=(-0.1, 0.1))
 
 
 def _gain(setup: Setup) -> Drawing:
@@ -217,7 +204,7 @@ def _gain(setup: Setup) -> Drawing:
         Line("needed (17)", BOUND, column("d_required"), dashed=True, width=2.0),
         Line("d", DESIRED, column("d")),
     ]
-    return Drawing(f"gain  d  against what (17) needs  [{setup.force}]", lines, at_least=(0.0, 1.0))
+    return Drawing(f"gain  d  against what (17) needs  [{setup.units.force}]", lines, at_least=(0.0, 1.0))
 
 
 CAUSES = ("inertia", "Coriolis", "gravity", "moving task", "disturbance", "ε")  # of `needed`
@@ -237,14 +224,14 @@ def _guarantee(setup: Setup) -> Drawing:
         Line("d", DESIRED, column("d"), width=2.4),
         Line("real perturbation", ACCENT, column("perturbation"), width=2.0),
     ]
-    return Drawing(f"d  over what (17) needs for each cause  [{setup.force}]", lines, areas, at_least=(0.0, 1.0))
+    return Drawing(f"d  over what (17) needs for each cause  [{setup.units.force}]", lines, areas, at_least=(0.0, 1.0))
 
 
 def _perturbation(setup: Setup) -> Drawing:
     parts = (("inertia", 0), ("coriolis", 1), ("gravity", 2), ("disturbance", 4))
     lines = [Line(CAUSES[i], color(i), column(name)) for name, i in parts]
     lines.append(Line("together", ACCENT, column("perturbation"), width=2.0))
-    return Drawing(f"real perturbation, cause by cause  [{setup.force}]", lines, at_least=(0.0, 1.0))
+    return Drawing(f"real perturbation, cause by cause  [{setup.units.force}]", lines, at_least=(0.0, 1.0))
 
 
 def _margins(setup: Setup) -> Drawing:
@@ -253,7 +240,7 @@ def _margins(setup: Setup) -> Drawing:
         Line("d − needed (17)", BOUND, lambda s: d(s) - needed(s), dashed=True, width=2.0),
         Line("d − real perturbation", DESIRED, lambda s: d(s) - real(s)),
     ]
-    return Drawing(f"margin: below zero nothing is promised  [{setup.force}]", lines, at_least=(0.0, 1.0))
+    return Drawing(f"margin: below zero nothing is promised  [{setup.units.force}]", lines, at_least=(0.0, 1.0))
 
 
 def _torques(setup: Setup) -> Drawing:
@@ -301,12 +288,12 @@ def _residuals(setup: Setup) -> Drawing:
     lines = [
         Line(symbol(coordinate.name), color(i), column("residual", i)) for i, coordinate in enumerate(setup.coordinates)
     ]
-    return Drawing(f"residual of the target model (8)  [{setup.force}]", lines, at_least=(-0.01, 0.01))
+    return Drawing(f"residual of the target model (8)  [{setup.units.force}]", lines, at_least=(-0.01, 0.01))
 
 
 def _residual(setup: Setup) -> Drawing:
     lines = [*_phases()[:2], Line("‖left − right side of (8)‖", color(0), norm("residual"))]
-    return Drawing(f"norm of the residual  [{setup.force}]", lines, floor=1e-3)
+    return Drawing(f"norm of the residual  [{setup.units.force}]", lines, floor=1e-3)
 
 
 def _reaching_note(snapshot: Snapshot) -> str:

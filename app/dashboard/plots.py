@@ -15,7 +15,7 @@ from app.dashboard.looking import Lookers, marker_html
 from app.dashboard.plot_table import LEAD, TABS, Chooser, Tab
 from app.hindsight import Hindsight
 from app.preview import Outlook
-from app.runner import Snapshot
+from app.snapshot import Snapshot
 from app.thinning import Grid
 
 WINDOWS = {"2 s": 2.0, "4 s": 4.0, "8 s": 8.0, "20 s": 20.0, "60 s": 60.0}

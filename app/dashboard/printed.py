@@ -13,8 +13,8 @@ from app.dashboard.charts import Drawing, Plot, Setup, Signals
 from app.dashboard.plot_table import TABS
 from app.figures import FREQUENCY, TIME, Area, Chart, Curve, Figure
 from app.hindsight import Hindsight
-from app.runner import Snapshot
 from app.scenario import ScenarioError
+from app.snapshot import Snapshot
 from app.thinning import Grid
 
 ALL_PLOTS = "all plots"

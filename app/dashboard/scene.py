@@ -15,7 +15,7 @@ from app.dashboard.surface_view import SurfaceView
 from app.dashboard.theme import DESIRED, GHOST, GRID, GRID_SECTION, MEASURED, TOOL_PATH, Theme
 from app.dashboard.trails import Trail
 from app.ghost import Ghost, Shade
-from app.runner import Snapshot
+from app.snapshot import Snapshot
 
 _ASIDE = np.array([0.0, 0.03, 0.0])  # m: keeps the desired force apart from the measured one
 _GHOST_CELL = 0.01  # m: the translucent arm needs no more detail

@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable, Coroutine
 from typing import Literal, get_args
 
+from app.commands import Edit, Load
 from app.dashboard.controls import Desk
 from app.dashboard.status import MODE_TITLES
-from app.runner import Edit, Load
-from app.scenario import Scenario, shipped
+from app.scenario import Scenario
+from app.scenario_data import shipped
 
 _Digit = Literal["1", "2", "3", "4", "5"]
 

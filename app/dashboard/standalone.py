@@ -22,7 +22,7 @@ from app.dashboard.look import Look
 from app.dashboard.scene import SceneView
 from app.data_files import Tell, TooLarge
 from app.film import FRAMES_PER_SECOND, Film
-from app.runner import Snapshot, snapshot_of
+from app.snapshot import Snapshot, snapshot_of
 from app.visuals import link_meshes
 
 PATHS_EVERY = 3  # frames, as on the page

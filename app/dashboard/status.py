@@ -7,7 +7,7 @@ from html import escape
 import numpy as np
 
 from app.pacing import Pace
-from app.runner import Snapshot
+from app.snapshot import Snapshot
 from app.truth import outside
 
 _LATELY = 0.2  # s, what the badge looks back

@@ -8,7 +8,7 @@ import numpy as np
 import viser
 
 from app.dashboard.theme import SURFACE, SURFACE_LINES
-from app.runner import Snapshot
+from app.snapshot import Snapshot
 from environments.surfaces import Surface
 
 _REDRAW = 1 / 10  # s of wall time, between two forms of a surface that changes its own

@@ -8,7 +8,7 @@ import viser
 
 from app.dashboard.controls import Desk, Place
 from app.dashboard.style import COMMIT, MARKS
-from app.runner import Snapshot
+from app.snapshot import Snapshot
 
 
 @dataclass(frozen=True)

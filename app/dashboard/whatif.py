@@ -5,10 +5,12 @@ from __future__ import annotations
 from collections.abc import Collection
 from dataclasses import dataclass
 
+from app.commands import Edit, Load
 from app.preview import Outlook, Refusal
 from app.previewer import Previewer
-from app.runner import Edit, Load, Snapshot
-from app.scenario import Scenario, ScenarioError, edited
+from app.scenario import Scenario, ScenarioError
+from app.scenario_data import edited
+from app.snapshot import Snapshot
 
 HORIZON = 5.0  # s, until the user says otherwise
 

@@ -10,7 +10,7 @@ import viser
 
 from app.dashboard.controls import Desk
 from app.preview import Figures
-from app.runner import Snapshot
+from app.snapshot import Snapshot
 
 _SHOWN = 20.0  # s, how long an applied value can be taken back at a click
 

@@ -13,7 +13,8 @@ from app.evidence.section import Findings, Job, Section
 from app.figures import Chart, Curve, Figure, Rgb, render
 from app.markdown import Table
 from app.metrics import Account, account
-from app.scenario import Scenario, edited, from_plain, shipped, to_plain
+from app.scenario import Scenario
+from app.scenario_data import edited, from_plain, shipped, to_plain
 from app.truth import outside
 
 PLANTS, LOT = 100, 10  # and how many of them a job takes

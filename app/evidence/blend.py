@@ -15,7 +15,7 @@ from app.evidence.regions import Region, Spot, render_regions
 from app.evidence.section import Findings, Job, Section
 from app.figures import Chart, Curve, Figure, render, thinned
 from app.markdown import Table
-from app.scenario import edited, from_plain, shipped, to_plain
+from app.scenario_data import edited, from_plain, shipped, to_plain
 from controllers.blend import PIECES, axis_matrix, certify, shared_sliding
 from controllers.dominance import hurwitz_on_hull, schur_on_hull
 from controllers.target_model import TargetModel

@@ -17,7 +17,8 @@ from app.evidence.section import Findings, Job, Section, of_kind
 from app.figures import Chart, Curve, Figure, render
 from app.headless import simulate
 from app.markdown import Table
-from app.scenario import Controller, Scenario, edited, from_plain, shipped, to_plain
+from app.scenario import Controller, Scenario
+from app.scenario_data import edited, from_plain, shipped, to_plain
 
 K_E = 10_000.0  # N/m, of the surface in (35)-(37)
 STEADY_ROBOTS = ("ur5", "planar3r")

@@ -15,7 +15,7 @@ import numpy as np
 from app.evidence.section import Findings, Job, Section
 from app.figures import Chart, Curve, Figure, render
 from app.markdown import Table
-from app.scenario import edited, shipped
+from app.scenario_data import edited, shipped
 from environments.plant import Integrator
 
 if TYPE_CHECKING:

@@ -13,7 +13,7 @@ from app.figures import FREQUENCY, TIME, Chart, Curve, Figure, render, thinned
 from app.headless import simulate
 from app.markdown import Table
 from app.metrics import Account, account, force_error, motion_error
-from app.scenario import edited, shipped
+from app.scenario_data import edited, shipped
 
 CASES = {
     "motion": ("trajectory of a UR5 in free space", "ur5-motion"),

@@ -8,7 +8,8 @@ from zlib import crc32
 import msgspec
 import numpy as np
 
-from app.scenario import Declared, Scenario, Truth, from_plain
+from app.scenario import Declared, Scenario, Truth
+from app.scenario_data import from_plain
 from controllers.nominal_model import NominalModel
 from environments import robots
 

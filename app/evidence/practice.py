@@ -15,7 +15,8 @@ from app.evidence.section import Findings, Job, Section
 from app.markdown import Table
 from app.metrics import account, saturated
 from app.sampled_loop import contact_loop_radius
-from app.scenario import Scenario, edited, shipped
+from app.scenario import Scenario
+from app.scenario_data import edited, shipped
 
 DURATION, SETTLED = 4.0, 1.5  # s, and when the figures begin
 STEP = 5e-4  # s, of the plant at most

@@ -16,7 +16,8 @@ from app.evidence.pinocchio_constraint import Ground, Kind, by_jacobian, by_slid
 from app.evidence.section import Findings, Job, Section
 from app.figures import Chart, Curve, Figure, render, thinned
 from app.markdown import Table
-from app.scenario import Scenario, edited, shipped
+from app.scenario import Scenario
+from app.scenario_data import edited, shipped
 from environments.contact import Contact
 from environments.plant import Plant
 from environments.surfaces import Cylinder, Motion, Plane, Sphere, Surface

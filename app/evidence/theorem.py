@@ -15,7 +15,8 @@ from app.figures import Chart, Curve, Figure, render
 from app.headless import simulate
 from app.hindsight import Hindsight
 from app.markdown import Table
-from app.scenario import Scenario, edited
+from app.scenario import Scenario
+from app.scenario_data import edited
 
 ROBOTS = ("ur5", "panda", "planar2r", "planar3r")
 MODES = ("motion", "impedance", "hybrid", "hybrid-impedance", "constrained")

@@ -19,7 +19,8 @@ from app.gateway.sessions import House
 from app.gateway.worker import Worker
 from app.printable import say
 from app.recovery import StateError
-from app.scenario import Scenario, ScenarioError, to_toml
+from app.scenario import Scenario, ScenarioError
+from app.scenario_data import to_toml
 
 SESSIONS_PER_CORE = 2.0  # at 1 kHz, each looked at by one page: docs/performance.md
 

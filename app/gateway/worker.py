@@ -74,6 +74,7 @@ class Worker:
         return self._process.poll() is None
 
     def begin(self, begin: Begin) -> None:
+        """Let the spare become a session. Raises OSError where its process has ended."""
         self._tell(begin)
 
     async def changes(self) -> AsyncIterator[str]:

@@ -13,7 +13,7 @@ from app.dashboard.panels.runs import RunsPanel
 from app.dashboard.panels.task import TaskPanel
 from app.dashboard.panels.view import ViewPanel
 from app.dashboard.panels.world import WorldPanel
-from app.runner import Snapshot
+from app.snapshot import Snapshot
 
 
 class Panel(Protocol):

@@ -6,7 +6,7 @@ import viser
 
 from app.dashboard.controls import Choice, Control, Desk, Number, Place, PlaceWhere, decades
 from app.dashboard.facts import Facts
-from app.runner import Snapshot
+from app.snapshot import Snapshot
 
 _LAWS = {"robust (25)": "vsmrc", "computed torque": "computed-torque", "PD + gravity": "pd-gravity"}
 _SAID = '<div class="vs-checks"><div class="vs-message vs-warn">{}</div></div>'

@@ -12,6 +12,7 @@ import structlog
 import viser
 from PIL import Image
 
+from app.commands import Load
 from app.dashboard.charts import Setup
 from app.dashboard.controls import Desk
 from app.dashboard.guard import guarded
@@ -20,8 +21,9 @@ from app.dashboard.printed import ALL_PLOTS, figure_of, plots_of
 from app.data_files import Tell, table
 from app.figures import Format
 from app.film import film
-from app.runner import Load, Snapshot
-from app.scenario import ScenarioError, from_file, to_toml
+from app.scenario import ScenarioError
+from app.scenario_data import from_file, to_toml
+from app.snapshot import Snapshot
 from app.takeaway import (
     PLAYBACK_LIMIT,
     DataFormat,

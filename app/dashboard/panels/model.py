@@ -9,14 +9,16 @@ from typing import Protocol
 import numpy as np
 import viser
 
+from app.commands import Edit
 from app.dashboard.controls import Desk, Number, Place, Scale, decades
 from app.dashboard.equation import is_fixed, symbol
 from app.dashboard.matrix_editor import MatrixEditor
 from app.dashboard.matrix_text import written
 from app.dashboard.model_checks import checks_html, loops_html
 from app.dashboard.model_places import DiagonalPlace, OscillatorPlace, pressed_on
-from app.runner import Edit, Snapshot
 from app.scenario import Scenario
+from app.snapshot import Snapshot
+from app.units import JOINT
 
 
 @dataclass(frozen=True)
@@ -115,7 +117,7 @@ class _PerCoordinate:
 
 def matrix_note(snapshot: Snapshot, name: str, meaning: str, metric: str, angular: str) -> str:
     """What a matrix is, with its unit; the values of angles per radian, since r holds them times a length."""
-    if all(coordinate.unit == "rad" for coordinate in snapshot.coordinates):
+    if snapshot.system.units == JOINT:
         metric = angular
     told = [f"{meaning}, {metric}" if metric else meaning]
     matrix = snapshot.matrices[name]

@@ -8,7 +8,7 @@ import numpy as np
 
 from app.dashboard.arm import ArmChoice, InForce, ToolFrame, Upload, UrdfPath, Verdict
 from app.dashboard.controls import Control, Desk, Number, Place, Scale, decades
-from app.runner import Snapshot
+from app.snapshot import Snapshot
 
 
 class RobotPanel:

@@ -9,11 +9,12 @@ from typing import Any
 
 import viser
 
+from app.commands import Pin, Unpin
 from app.dashboard.controls import Desk
 from app.dashboard.matrix_text import written
 from app.metrics import FIGURES, Account, Figure, account
-from app.runner import Pin, Snapshot, Unpin
-from app.scenario import differences
+from app.scenario_data import differences
+from app.snapshot import Snapshot
 from app.timeline import PINS, Pinned
 
 _EVERY = 1.0  # s, between two looks at the figures
@@ -77,20 +78,20 @@ def _note(snapshot: Snapshot, window: float) -> str:
 
 def _table(snapshot: Snapshot, window: float) -> str:
     start = snapshot.t - window
-    accounts = [account(snapshot.system, snapshot.recording, start, snapshot.t)]
-    accounts += [account(p.system, p.recording, start, snapshot.t) for p in snapshot.pinned]
+    runs = [(snapshot.system, snapshot.recording), *((p.system, p.recording) for p in snapshot.pinned)]
+    systems, accounts = zip(*((system, account(system, rows, start, snapshot.t)) for system, rows in runs), strict=True)
     heads = "".join(f"<th>{head}</th>" for head in ("now", *(str(p.number) for p in snapshot.pinned)))
-    rows = "".join(_row(figure, accounts) for figure in FIGURES)
+    rows = "".join(_row(figure, figure.units(systems), accounts) for figure in FIGURES)
     told = "".join(_told(pinned, snapshot) for pinned in snapshot.pinned)
     return f'<table class="vs-facts vs-runs"><tr><th></th>{heads}</tr>{rows}</table>{told}'
 
 
-def _row(figure: Figure, accounts: list[Account | None]) -> str:
+def _row(figure: Figure, unit: str, accounts: tuple[Account | None, ...]) -> str:
     values = [figure.of(account) for account in accounts]
     if all(value is None for value in values):
         return ""
     cells = "".join(f"<td>{'—' if value is None else f'{value:.3g}'}</td>" for value in values)
-    return f'<tr><td>{figure.title} <span class="vs-dim">{figure.unit}</span></td>{cells}</tr>'
+    return f'<tr><td>{figure.title} <span class="vs-dim">{unit}</span></td>{cells}</tr>'
 
 
 def _told(pinned: Pinned, snapshot: Snapshot) -> str:

@@ -13,7 +13,7 @@ from app.dashboard.camera import VIEWS, fly, viewpoint
 from app.dashboard.controls import Desk
 from app.dashboard.look import FINE, LIGHT, Legend, Look, Viewing
 from app.dashboard.theme import DESIRED, ERROR_COLORS, GHOST, MEASURED, PINNED_ARMS, PUSH, SERIES, TOOL_PATH, Rgb, css
-from app.runner import Snapshot
+from app.snapshot import Snapshot
 from environments.push import MOST_FORCE, MOST_STIFF
 
 SWITCHES = {

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from app.dashboard.controls import Choice, Control, Desk, Number, Place, PlaceWhere, Scale, Switch, decades
 from app.dashboard.text_field import TextField
-from app.runner import Snapshot
 from app.scenario import Formula, Scenario
+from app.snapshot import Snapshot
 from controllers.modes import MODES
 
 _SHAPES = {"plane": "plane", "cylinder": "cylinder", "sphere": "sphere", "formula": "formula"}

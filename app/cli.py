@@ -1,0 +1,303 @@
+"""What the `vsmrc` command does: `serve | run | compare | export | figures | list`."""
+
+from __future__ import annotations
+
+import math
+import signal
+import sys
+import tomllib
+from pathlib import Path
+from typing import Annotated
+
+import msgspec
+import structlog
+import tyro
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+from app import alone, headless, log
+from app.changes import blending_to, with_robot
+from app.dashboard import Dashboard, PortBusy, check_fps
+from app.dashboard.export import Kind, Stretch, write
+from app.dashboard.printed import ALL_PLOTS, plots_of
+from app.dashboard.theme import Theme
+from app.data_files import read_npz
+from app.gateway.invitation import Invitation, Look, PortTaken, Token
+from app.metrics import FIGURES, account
+from app.printable import printable
+from app.scenario import Scenario, ScenarioError
+from app.scenario_data import edited, load, shipped
+from app.truth import outside
+from environments.robots import CATALOGUE
+
+DONE, FAULT, BAD_INPUT, STOPPED = 0, 1, 2, 3
+events = structlog.get_logger()
+Settings = Annotated[
+    tyro.conf.UseAppendAction[tuple[tuple[str, ...], ...]],
+    tyro.conf.arg(name="set", metavar="KEY=VALUE", help="change fields, e.g. --set force.value=30 contact.K_e=2e4"),
+]
+
+
+def serve(
+    scenario: Annotated[str, tyro.conf.Positional] = "ur5-hybrid",
+    /,
+    *,
+    host: str = "127.0.0.1",
+    port: int = 8080,
+    theme: Theme = "dark",
+    fps: float = 30.0,
+    state_dir: Path | None = None,
+    stateless: bool = False,
+    log_level: log.Level | None = None,
+    log_file: Path | None = None,
+    shared: bool = False,
+    token: Token = "auto",
+    origin: tuple[str, ...] = (),
+    max_sessions: int | None = None,
+    idle_minutes: float = 30.0,
+    settings: Settings = (),
+) -> int:
+    """Open the dashboard, for yourself or for an audience.
+
+    Args:
+        scenario: a shipped scenario or a .toml file to begin with
+        host: address to listen at; only this machine can reach 127.0.0.1, another one needs the link with the token
+        port: port to listen at
+        theme: how the page looks at first; T changes it there
+        fps: pictures of the scene per second; without a graphics card, few leave more to the loop
+        state_dir: folder that keeps scenarios and pinned runs for the next start, instead of ~/.local/state/vsmrc-lab,
+            and for an audience (--shared, --host, --origin, --token always), whose sessions else end with the server
+        stateless: keep nothing
+        log_level: what is logged; by default warnings, and what is of interest afterwards to the file, too
+        log_file: a file to log to as well
+        shared: a session for every visitor, each in a process of its own, with links to watch and to steer it
+        token: ask for a token: unless only this machine can come (auto), always, or never, as a proxy asks
+        origin: public addresses behind a proxy, such as https://lab.example.org
+        max_sessions: with --shared, how many run at once, instead of what this machine holds; the others queue
+        idle_minutes: with --shared, a session that nobody looks at so long is closed; its link brings it back
+    """
+    try:
+        log.configure(log_level, log_file)
+    except OSError as error:
+        raise ScenarioError(f"--log-file {log_file}: cannot be written: {error.strerror}") from error
+    for ending in (signal.SIGTERM, signal.SIGHUP):
+        if signal.getsignal(ending) is not signal.SIG_IGN:  # nohup
+            signal.signal(ending, signal.default_int_handler)
+    if not 0 <= port <= 65535:
+        raise ScenarioError(f"--port {port}; allowed: 0 to 65535")
+    chosen = _configured(scenario, settings)
+    invitation = Invitation(host, port, shared, token, origin, max_sessions, idle_minutes)
+    try:
+        check_fps(fps)
+    except ValueError as error:
+        raise ScenarioError(f"--{error}") from error
+    if invitation.open:
+        from app.gateway.serve import serve as serve_others  # here: who is alone need not wait for it
+
+        serve_others(chosen, Look(theme, fps), invitation, None if stateless else state_dir)
+        return DONE
+    dashboard = Dashboard(host=host, port=port, theme=theme, fps=fps)
+    alone.serve(chosen, dashboard, state_dir=state_dir, stateless=stateless)
+    return DONE
+
+
+def run(
+    scenario: tyro.conf.Positional[str],
+    /,
+    *,
+    out: Path,
+    duration: float | None = None,
+    blend_to: str | None = None,
+    blend_at: float = 0.0,
+    blend_over: float = 2.0,
+    settings: Settings = (),
+) -> int:
+    """Simulate a scenario without a screen; writes recording.npz, metrics.json and scenario.toml.
+
+    Args:
+        scenario: a shipped scenario (see `vsmrc list`) or a .toml file
+        out: folder for the files
+        duration: simulated time in s, instead of the scenario's
+        blend_to: go over to the target model of this scenario; see also the fields of `blend`
+        blend_at: when that begins, s
+        blend_over: how long it takes, s
+    """
+    chosen = _configured(scenario, settings, duration)
+    if blend_to is not None:
+        chosen = blending_to(chosen, load(blend_to), blend_at, blend_over)
+    loop, metrics = headless.simulate(chosen, show_progress=True)
+    try:
+        headless.write(loop, metrics, out)
+    except OSError as error:
+        raise ScenarioError(f"--out {out}: cannot be written: {error.strerror}") from error
+    for name, value in msgspec.to_builtins(metrics).items():
+        print(f"{name:28s} {_shown(value)}")
+    for violation in outside(loop.system.scenario):
+        print(f"the truth is outside what was declared: {violation}")
+    if loop.warning:
+        print(f"flagged: {loop.warning}")
+    print(f"written to {out}")
+    return STOPPED if loop.stopped else DONE
+
+
+def compare(
+    scenarios: Annotated[tuple[str, ...], tyro.conf.Positional],
+    /,
+    *,
+    last: float | None = None,
+    duration: float | None = None,
+    settings: Settings = (),
+) -> int:
+    """Simulate scenarios and put their figures side by side, as the tab Runs does with pinned runs.
+
+    Args:
+        scenarios: shipped scenarios or .toml files
+        last: how much of the end counts, in s, instead of the whole run
+        duration: simulated time in s, instead of the scenarios'
+    """
+    if last is not None and not last > 0:
+        raise ScenarioError(f"--last {last:g}: allowed: more than 0 s")
+    if not scenarios:
+        raise ScenarioError("compare: no scenario; allowed: one or more (see `vsmrc list`)")
+    systems, accounts, stopped = [], [], False
+    for name, scenario in [(name, _configured(name, settings, duration)) for name in scenarios]:
+        loop, _ = headless.simulate(scenario, show_progress=True)
+        since = -math.inf if last is None else loop.t - last
+        systems.append(loop.system)
+        accounts.append(account(loop.system, loop.recording, since, loop.t))
+        if loop.stopped:
+            stopped = True
+            print(f"{name} stopped: {loop.stopped}")
+    table = Table("", *(escape(name) for name in scenarios))
+    for figure in FIGURES:
+        table.add_row(escape(f"{figure.title} [{figure.units(systems)}]"), *(_shown(figure.of(a)) for a in accounts))
+    Console().print(table)
+    return STOPPED if stopped else DONE
+
+
+def export(
+    run: tyro.conf.Positional[str],
+    /,
+    *,
+    out: Path,
+    to: tuple[Kind, ...] = ("pdf",),
+    plots: str = ALL_PLOTS,
+    start: float = 0.0,
+    end: float = math.inf,
+    settings: Settings = (),
+) -> int:
+    """Make what the page's Export tab makes, from a recording or a scenario, which is simulated first.
+
+    Args:
+        run: a recording.npz of `vsmrc run` or of the page, a shipped scenario or a .toml file
+        out: folder for the files
+        to: svg, pdf, png: figures; csv, npz: data; html: 3-D playback; toml: scenario
+        plots: the plots of a figure: a tab of the page by its title, or all of them
+        start: first instant, s
+        end: last instant, s
+    """
+    plots_of(plots)  # before the simulation, which would be in vain
+    status = DONE
+    if run.endswith(".npz"):
+        if settings:
+            raise ScenarioError("--set: a recording cannot be changed any more; allowed: with a scenario")
+        scenario, recording = read_npz(Path(run))
+    else:
+        scenario = _configured(run, settings)
+        loop, _ = headless.simulate(scenario, show_progress=True)
+        recording = loop.recording
+        if loop.stopped:
+            print(f"stopped: {loop.stopped}")
+            status = STOPPED
+    try:
+        for path in write(Stretch(scenario, recording, start, end), to, plots, out):
+            print(f"written: {path}")
+    except OSError as error:
+        raise ScenarioError(f"--out {out}: cannot be written: {error.strerror}") from error
+    return status
+
+
+def figures(*, out: Path, only: tuple[str, ...] = (), thin: int = 1) -> int:
+    """Compute the evidence anew: evidence.md with every figure and number of docs/evidence.md, on all cores.
+
+    Args:
+        out: folder for the files
+        only: sections, by name, instead of all
+        thin: one in so many of the cases, to look quickly
+    """
+    from app.evidence.make import make  # here: `vsmrc serve` need not wait for it
+    from app.evidence.sections import SECTIONS
+
+    names = [section.name for section in SECTIONS]
+    if unknown := [name for name in only if name not in names]:
+        raise ScenarioError(f"--only {unknown[0]}: allowed: {', '.join(names)}")
+    if thin < 1:
+        raise ScenarioError(f"--thin {thin}: allowed: 1 or more")
+    try:
+        page = make([section for section in SECTIONS if not only or section.name in only], thin, out)
+    except OSError as error:
+        raise ScenarioError(f"--out {out}: cannot be written: {error.strerror}") from error
+    print(f"written: {page}")
+    return DONE
+
+
+def list_() -> int:
+    """Show the robots and the scenarios."""
+    print("robots")
+    for name, entry in CATALOGUE.items():
+        print(f"  {name:34s} {entry.title}")
+    print("scenarios")
+    for name, scenario in shipped().items():
+        print(f"  {name:34s} {scenario.title}")
+    return DONE
+
+
+def _configured(name_or_file: str, settings: Settings, duration: float | None = None) -> Scenario:
+    scenario = load(name_or_file)
+    changes = [_setting(setting) for group in settings for setting in group]
+    # the arm as a whole, and first: everything else may depend on it
+    if robot := {path.removeprefix("robot."): value for path, value in changes if path.startswith("robot.")}:
+        scenario = with_robot(scenario, robot)
+    for path, value in changes:
+        if not path.startswith("robot."):
+            scenario = edited(scenario, path, value)
+    return scenario if duration is None else edited(scenario, "simulation.duration", duration)
+
+
+def _setting(text: str) -> tuple[str, object]:
+    path, equals, value = text.partition("=")
+    if not equals:
+        raise ScenarioError(f"--set {text}: no '='; allowed: KEY=VALUE")
+    return path.strip(), _value(value.strip())
+
+
+def _value(text: str) -> object:
+    """A TOML value; anything else is taken as text."""
+    try:
+        return tomllib.loads(f"value = {text}")["value"]
+    except (ValueError, RecursionError):
+        return text
+
+
+def _shown(value: object) -> str:
+    if isinstance(value, list):
+        return "  ".join(_shown(v) for v in value)
+    return f"{value:.4g}" if isinstance(value, float) else "-" if value is None else str(value)
+
+
+def execute(arguments: list[str]) -> int:
+    """The exit status, as `app.__main__` has it. Raises KeyboardInterrupt."""
+    log.configure_as_parent()
+    commands = {"serve": serve, "run": run, "compare": compare, "export": export, "figures": figures, "list": list_}
+    if not arguments or (arguments[0].startswith("-") and arguments[0] not in ("-h", "--help")):
+        arguments = ["serve", *arguments]
+    try:
+        return tyro.extras.subcommand_cli_from_dict(commands, args=arguments, prog="vsmrc")
+    except (ScenarioError, PortBusy, PortTaken) as error:
+        print(f"vsmrc: {printable(str(error))}", file=sys.stderr)
+        return BAD_INPUT
+    except Exception as error:
+        events.info("fault", stage=arguments[0], exc_info=error)
+        print(f"vsmrc: internal error: {type(error).__name__}: {error}", file=sys.stderr)
+        return FAULT

@@ -1,0 +1,20 @@
+"""Waiting for something to be so."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from typing import TypeVar
+
+PATIENCE = 60.0  # s, for a machine that has other things to do
+
+T = TypeVar("T")
+
+
+def until(condition: Callable[[], T | None], what: object = "") -> T:
+    """What the condition gives, as soon as that is something; `what`, or what it gives, is said if it never is."""
+    deadline = time.monotonic() + PATIENCE
+    while not (met := condition()):
+        assert time.monotonic() < deadline, what() if callable(what) else what
+        time.sleep(0.01)
+    return met
