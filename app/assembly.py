@@ -177,8 +177,14 @@ def _assemble(scenario: Scenario, previous: System | None) -> System:
     shift = spread_over("shift.by", scenario.shift.by, mode, layout)
 
     observer = Observer(nominal, charted.shape, layout)
+    try:
+        start = observer.at(q_0, np.zeros(robot.n), 0.0)[1].r
+    except ValueError as error:
+        raise ScenarioError(
+            f"robot.posture: {np.round(q_0, 4).tolist()} rad; allowed: one at which J_q is not singular"
+        ) from error
     plan = ReferencePlan(
-        start=observer.at(q_0, np.zeros(robot.n), 0.0)[1].r,
+        start=start,
         compliance=0.0 if mode.name == "constrained" else 1.0 / scenario.controller.K_e_hat,
         m=mode.m(),
         motion=motion.course,
@@ -189,7 +195,8 @@ def _assemble(scenario: Scenario, previous: System | None) -> System:
     if previous is not None and all(getattr(previous.scenario, f) == getattr(scenario, f) for f in shaping):
         constants = previous.constants
     else:
-        unshifted = Planned(plan._replace(shift=trajectories.Shift.fresh(0.0 * shift, 1.0)))
+        # on the surface, not where (33) puts r_fd within it: that moves with the force and K_e_hat, and Omega does not
+        unshifted = Planned(plan._replace(compliance=0.0, shift=trajectories.Shift.fresh(0.0 * shift, 1.0)))
         along = centres(observer.at, unshifted, shift, q_0, scenario.simulation.duration)
         constants = constants_over(along, scenario, uncertainty_of(scenario, 0.0), nominal, observer.at)
     if previous is not None and previous.constants is constants and previous.scenario.truth == scenario.truth:

@@ -56,8 +56,8 @@ class View:
 class LoopState:
     """Where a run stands between two control periods: all that the next ones depend on, nothing that they change, and
     small, so that it can be kept or sent to another process. t, t_0, s_since s; steps counted from t_0; arm, period:
-    the memory of the records of these names; along: of `ReferenceEstimates`, None without. A fork without the hand:
-    `replace(state, grip=None)`."""
+    the memory of the records of these names; along: of `ReferenceEstimates`, None without; sampled_badly, flagged: see
+    `ClosedLoop.warning`. A fork without the hand: `replace(state, grip=None)`."""
 
     scenario: Scenario
     t: float
@@ -73,7 +73,8 @@ class LoopState:
     s_since: float
     reaching_time: float | None
     stopped: str | None
-    warning: str | None
+    sampled_badly: str | None
+    flagged: str | None
 
 
 class ClosedLoop:
@@ -107,7 +108,7 @@ class ClosedLoop:
         loop.system, loop.grip = loop.system.with_shift(state.shift), state.grip
         loop._along = loop._reference_estimates(state.along)
         loop.certificate, loop.s_since, loop.reaching_time = state.certificate, state.s_since, state.reaching_time
-        loop.stopped, loop.warning = state.stopped, state.warning
+        loop.stopped, loop._sampled_badly, loop._flagged = state.stopped, state.sampled_badly, state.flagged
         loop._settings = Record(loop._setting_of(loop.system))
         reached = None if state.reaching_time is None else state.s_since + state.reaching_time
         loop.recording.epochs[-1] = replace(
@@ -121,7 +122,8 @@ class ClosedLoop:
         return LoopState(
             self.system.scenario, self.t, self._t_0, self._steps, self._arm.copy().data, self._period.copy().data,
             self._reader.memory(), self.system.plan.shift, None if self._along is None else self._along.start,
-            self.grip, self.certificate, self.s_since, self.reaching_time, self.stopped, self.warning,
+            self.grip, self.certificate, self.s_since, self.reaching_time, self.stopped,
+            self._sampled_badly, self._flagged,
         )  # fmt: skip
 
     def _begin(self, system: System, history: int) -> None:
@@ -141,14 +143,13 @@ class ClosedLoop:
         A blend is only planned by it: `step` carries it out. Raises ScenarioError, and then the running one goes on;
         so where a blend is under way that the scenario would lead elsewhere, and whatever else fails.
         """
-        before, z, epochs = vars(self).copy(), self._period.views.z.copy(), tuple(self.recording.epochs)
+        before, z, epochs = vars(self).copy(), self._period.views.z.copy(), self.recording.epochs.copy()
         try:
             self._go_on_with(scenario)
         except Exception:
             vars(self).update(before)
             self._period.views.z[:] = z
-            self.recording.epochs.clear()
-            self.recording.epochs.extend(epochs)
+            self.recording.epochs = epochs  # at once: others read them meanwhile
             raise
 
     def _go_on_with(self, scenario: Scenario) -> None:
@@ -170,11 +171,18 @@ class ClosedLoop:
         if old.sensor != scenario.sensor:
             self._reader = ForceReader(new.sensor, scenario.simulation.seed)
         self._take_up(new.after(self.system, self.t))
+        if old.contact != scenario.contact:
+            new.plant.find_load(self._arm, self.t)
 
     @property
     def period(self) -> float:
         """The control period, s."""
         return self._h
+
+    @property
+    def warning(self) -> str | None:
+        """What is wrong with the sampled loop, or else what was flagged first since the last change."""
+        return self._sampled_badly or self._flagged
 
     @property
     def blending(self) -> bool:
@@ -301,6 +309,7 @@ class ClosedLoop:
     def _take_up(self, system: System) -> None:
         """Go on with this system from the present state; s jumps where gains or references do."""
         self.system = system
+        self._flagged: str | None = None
         self._h = system.scenario.controller.period
         self._ideal = system.scenario.sensor.ideal and system.plant.heavy
         self._along = self._reference_estimates(Start(round(self.t / self._h), self._arm.views.q.copy()))
@@ -335,7 +344,7 @@ class ClosedLoop:
             V_0=float(0.5 * s @ H_high @ s),
         )
         self.recording.epochs.append(Epoch(self.t, system.scenario, law.model, self.certificate, blend=system.blend))
-        self.warning = sampled_loop_warning(system, self._arm.views.q, self.t)
+        self._sampled_badly = sampled_loop_warning(system, self._arm.views.q, self.t)
         self.s_since = self.t
         self._period.data["reached"] = self._period.data["saturated"] = False
         self._settings = Record(self._setting_of(system))
@@ -386,7 +395,7 @@ class ClosedLoop:
             self._left(rules.leaving_domain, f"J_q is nearly singular (σ_min = {sigma_min:.4g} m)")
         elif Alarm.FAST in alarms:
             self._left(rules.leaving_domain, f"the arm diverges (‖q̇‖ = {np.linalg.norm(arm.q_dot):.4g} rad/s)")
-        elif Alarm.OVER_BOUND in alarms:
+        if Alarm.OVER_BOUND in alarms:
             self._left(
                 rules.bound_violation,
                 f"‖s‖ = {period.output.s_norm:.4g} m/s is over its bound (20), {period.bound + period.band:.4g} m/s "
@@ -407,15 +416,18 @@ class ClosedLoop:
         return "the state is no longer finite: the loop diverged"
 
     def _left(self, choice: str, reason: str) -> None:
+        # what came first explains what follows
         if choice == "stop":
-            self.stopped = f"t = {self.t:.3f} s: {reason}"
-        elif self.warning is None:  # what came first explains what follows
-            self.warning = f"t = {self.t:.3f} s: {reason}"
+            self.stopped = self.stopped or f"t = {self.t:.3f} s: {reason}"
+        else:
+            self._flagged = self._flagged or f"t = {self.t:.3f} s: {reason}"
 
     def view(self) -> View:
         """The present state as the screen shows it."""
         system, arm, law, t = self.system, self._arm.views, self.system.law, self.t
         twin, row = self._period.copy(), np.empty(self.recording.width)
+        if self._along is not None:
+            twin.write("believed", self._along.at(arm.q, arm.q_dot, t))
         terms = system.nominal.update(arm.q, arm.q_dot)
         self._control_period(
             self._settings.data, twin.data, *terms, self._arm.data, arm.load.force - self._push, t, row
@@ -437,7 +449,7 @@ class ClosedLoop:
             "reaching_time_bound": self.certificate.t_r,
             "reaching_time": np.nan if self.reaching_time is None else self.reaching_time,
             "layer_loop_factor": np.nan,
-            "force_loop_factor": sampled_force_loop_factor(system, estimate, task),
+            "force_loop_factor": sampled_force_loop_factor(system, estimate, task, t),
         }
         if law.switching is not Switching.DISCONTINUOUS:
             live["layer_loop_factor"] = layer_loop_factor(H_hat, law.K_s, output.d, law.phi, self._h)

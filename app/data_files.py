@@ -61,7 +61,7 @@ def write_csv(data: Table, file: BinaryIO, limit: float = math.inf, tell: Tell =
     Numbers read back to the very same bits. Raises TooLarge when the file would have more than `limit` bytes.
     """
     file.write("".join(f"# {line}\n" for line in to_toml(data.scenario).rstrip("\n").split("\n")).encode())
-    file.write((",".join(csv_header(data.n)) + "\n").encode())
+    file.write((",".join(csv_header(data)) + "\n").encode())
     begin, done = file.tell(), 0
     for piece in data.pieces:
         for start in range(0, len(piece), LINES):
@@ -73,13 +73,13 @@ def write_csv(data: Table, file: BinaryIO, limit: float = math.inf, tell: Tell =
             tell(done / data.length)
 
 
-def csv_header(n: int) -> list[str]:
+def csv_header(data: Table) -> list[str]:
     """The names of the columns: "t [s]", "q[0] [rad]", ..."""
     names = []
     for signal in SIGNALS:
-        width = n if isinstance(signal.width, str) else signal.width
+        width = data.n if isinstance(signal.width, str) else signal.width
         parts = [signal.name] if width == 1 else [f"{signal.name}[{i}]" for i in range(width)]
-        names += [f"{part} [{signal.unit}]" for part in parts]
+        names += [f"{part} [{signal.unit_in(data.scenario.task_space.kind)}]" for part in parts]
     return names
 
 
@@ -94,7 +94,7 @@ def write_npz(data: Table, file: BinaryIO, limit: float = math.inf, tell: Tell =
     width = sum(where.stop - where.start for where in columns.values())
     about = {
         "scenario": np.array(to_toml(data.scenario)),
-        "units": np.array([f"{s.name}: {s.unit}" for s in SIGNALS]),
+        "units": np.array([f"{s.name}: {s.unit_in(data.scenario.task_space.kind)}" for s in SIGNALS]),
         "docs": np.array([f"{s.name}: {s.doc}" for s in SIGNALS]),
     }
     # level 6 takes three times as long for 1 % less

@@ -25,7 +25,7 @@ class Metrics(Struct, frozen=True):
     motion_error_tail: float  # max ||e|| of the position coordinates that are not force-controlled, m
     force_error_tail: float | None  # max |f_n - f_nd|, N
     constraint_violation: float | None  # max |phi| on a rigid surface, m
-    reaching_time: float | None  # s; None while s has not been reached
+    reaching_time: float | None  # s, of the run's beginning; None while s has not been reached
     reaching_time_bound: float  # s, (18)
     envelope_violation: float  # max of ||s|| beyond (20) and the sampling band, m/s
     gain_condition_margin: float  # min of d minus what (17) needs, N
@@ -45,7 +45,7 @@ def measure(loop: ClosedLoop, realtime_factor: float | None = None) -> Metrics:
         raise ValueError("metrics: nothing recorded yet")
     tail = tail_of(t)
     last = {name: values[tail] for name, values in record.items()}
-    system = loop.system
+    system, begun = loop.system, loop.recording.epochs[0]
     rigid = system.scenario.contact.kind == "rigid"
     tau = record["tau"]
     duration = max(float(t[-1] - t[0]), system.scenario.controller.period)
@@ -54,8 +54,8 @@ def measure(loop: ClosedLoop, realtime_factor: float | None = None) -> Metrics:
         motion_error_tail=float(np.linalg.norm(motion_error(system, last), axis=1).max()),
         force_error_tail=float(np.abs(force_error(last)).max()) if system.m else None,
         constraint_violation=float(np.abs(record["phi"]).max()) if rigid else None,
-        reaching_time=loop.reaching_time,
-        reaching_time_bound=loop.certificate.t_r,
+        reaching_time=None if begun.reached is None else begun.reached - begun.t,
+        reaching_time_bound=begun.certificate.t_r,
         envelope_violation=max(float(excess.max()), 0.0),
         gain_condition_margin=float((record["d"] - record["d_required"]).min()),
         target_model_residual_tail=float(np.sqrt(np.mean(record["residual"][tail] ** 2))),

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 
@@ -20,12 +21,18 @@ EPOCHS = 2000
 
 @dataclass(frozen=True)
 class Signal:
-    """A column group of the table. width: "n" for one per task coordinate or joint, otherwise a number."""
+    """A column group of the table. width: "n" for one per task coordinate or joint, otherwise a number; joint_unit:
+    where the task coordinates are the joints' angles, if that is another one."""
 
     name: str
     width: int | str
     unit: str
     doc: str
+    joint_unit: str = ""
+
+    def unit_in(self, kind: Literal["cartesian", "joint"]) -> str:
+        """In a task space of this kind."""
+        return self.joint_unit or self.unit if kind == "joint" else self.unit
 
 
 # in the order in which `app.control_period` fills a row; the last ones are known when the plant has answered
@@ -33,18 +40,18 @@ SIGNALS = (
     Signal("t", 1, "s", "simulated time"),
     Signal("q", "n", "rad", "joint angles"),
     Signal("q_dot", "n", "rad/s", "joint rates"),
-    Signal("r", "n", "m", "task coordinates, (3)"),
-    Signal("r_dot", "n", "m/s", "their rates"),
-    Signal("r_d", "n", "m", "desired task coordinates"),
-    Signal("e_r", "n", "m", "r - r_d"),
-    Signal("e_r_dot", "n", "m/s", "its rate"),
+    Signal("r", "n", "m", "task coordinates, (3)", "rad"),
+    Signal("r_dot", "n", "m/s", "their rates", "rad/s"),
+    Signal("r_d", "n", "m", "desired task coordinates", "rad"),
+    Signal("e_r", "n", "m", "r - r_d", "rad"),
+    Signal("e_r_dot", "n", "m/s", "its rate", "rad/s"),
     Signal("tool", 3, "m", "tool point in the world"),
     Signal("F", 3, "N", "measured force of the tool on what touches it, surface and hand, world axes"),
     Signal("F_push", 3, "N", "force of a hand, or of truth.push, on the tool"),
-    Signal("F_c", "n", "N", "controlled force, from the measured one"),
-    Signal("F_cd", "n", "N", "desired controlled force"),
-    Signal("z", "n", "m/s", "state of the compensator, (9)"),
-    Signal("s", "n", "m/s", "switching function, (10)"),
+    Signal("F_c", "n", "N", "controlled force, from the measured one", "N·m"),
+    Signal("F_cd", "n", "N", "desired controlled force", "N·m"),
+    Signal("z", "n", "m/s", "state of the compensator, (9)", "rad/s"),
+    Signal("s", "n", "m/s", "switching function, (10)", "rad/s"),
     Signal("tau_inertia", "n", "N·m", "M_hat q_eq_ddot, (25)"),
     Signal("tau_coriolis", "n", "N·m", "C_hat q_eq_dot, (25)"),
     Signal("tau_gravity", "n", "N·m", "G_hat, (25)"),
@@ -54,14 +61,14 @@ SIGNALS = (
     Signal("tau", "n", "N·m", "their sum"),
     Signal("tau_applied", "n", "N·m", "what the drives make of it: tau, within truth.torque_limit"),
     Signal("q_eq_ddot", "n", "rad/s^2", "joint acceleration that the law prescribes, (25)"),
-    Signal("needed", 6, "N", "terms of (17): inertia, Coriolis, gravity, moving task, disturbance, epsilon"),
-    Signal("d", 1, "N", "gain of the switching term"),
-    Signal("d_required", 1, "N", "what (17) needs: the sum of `needed`"),
-    Signal("s_norm", 1, "m/s", "||s||"),
-    Signal("s_bound", 1, "m/s", "envelope of ||s||, (20)"),
-    Signal("s_band", 1, "m/s", "what sampling and the boundary layer add to it"),
-    Signal("sigma_min", 1, "m", "smallest singular value of J_q, at most 3 % too small"),
-    Signal("residual", "n", "N", "left side of (8) minus its right side"),
+    Signal("needed", 6, "N", "terms of (17): inertia, Coriolis, gravity, moving task, disturbance, epsilon", "N·m"),
+    Signal("d", 1, "N", "gain of the switching term", "N·m"),
+    Signal("d_required", 1, "N", "what (17) needs: the sum of `needed`", "N·m"),
+    Signal("s_norm", 1, "m/s", "||s||", "rad/s"),
+    Signal("s_bound", 1, "m/s", "envelope of ||s||, (20)", "rad/s"),
+    Signal("s_band", 1, "m/s", "what sampling and the boundary layer add to it", "rad/s"),
+    Signal("sigma_min", 1, "m", "smallest singular value of J_q, at most 3 % too small", "1"),
+    Signal("residual", "n", "N", "left side of (8) minus its right side", "N·m"),
     Signal("F_true", 3, "N", "the force on the surface itself; F is the reading of F_true - F_push"),
     Signal("multiplier", 1, "N", "true normal force per gradient of phi, (32) or (39)"),
     Signal("phi", 1, "m", "penetration of the tool into the surface"),
@@ -162,7 +169,8 @@ class Recording:
         if not self._blocks or self._blocks[-1].filled == BLOCK:
             self._blocks.append(_Block(np.empty((BLOCK, self.width))))
             if len(self._blocks) > self._most:
-                self._thinned.append(self._blocks.popleft().rows[::THINNING].copy())
+                self._thinned.append(self._blocks[0].rows[::THINNING].copy())  # first: readers never miss a row
+                self._blocks.popleft()
         last = self._blocks[-1]
         return last.rows[last.filled]
 
@@ -197,7 +205,9 @@ class Recording:
         return [kept for piece in self._every_piece() if len(kept := _between(piece, t_from, t_to))]
 
     def _every_piece(self) -> list[np.ndarray]:
-        return [*tuple(self._thinned), *(block.rows[: block.filled] for block in tuple(self._blocks))]
+        full = [block.rows[: block.filled] for block in tuple(self._blocks)]  # first, see `new_row`
+        begin = full[0][0, 0] if full and len(full[0]) else np.inf
+        return [*(piece for piece in tuple(self._thinned) if len(piece) and piece[0, 0] < begin), *full]
 
     def rows(self, t_from: float = -np.inf, t_to: float = np.inf) -> np.ndarray:
         """The same in one piece: (N, width), a copy."""

@@ -29,11 +29,11 @@ LONGEST_LINE = 100  # periods of delay, beyond which the matrix becomes too larg
 
 def sampled_loop_warning(system: System, q: np.ndarray, t: float) -> str | None:
     """One sentence where the loop through the contact diverges at the posture q (n,) rad, with what helps."""
-    factor = sampled_force_loop_factor(system, *system.observe(q, np.zeros_like(q), t))
+    factor = sampled_force_loop_factor(system, *system.observe(q, np.zeros_like(q), t), t)
     if abs(factor) >= 1.0:
         return (
             f"the sampled force loop diverges: its factor is {factor:.3g}, allowed: between -1 and 1; "
-            "raise M_m1, or set sensor.ideal"
+            "raise M_m along the normal, or set sensor.ideal"
         )
     growth = contact_loop_radius(system, q, t)
     if growth > 1.0 + ROUNDING:
@@ -44,14 +44,20 @@ def sampled_loop_warning(system: System, q: np.ndarray, t: float) -> str | None:
     return None
 
 
-def sampled_force_loop_factor(system: System, estimate: Estimate, task: TaskSpace) -> float:
+def sampled_force_loop_factor(system: System, estimate: Estimate, task: TaskSpace, t: float) -> float:
     """See `controllers.force_loop`; nan where no force is fed back through a loop that sampling closes."""
     scenario, law = system.scenario, system.law
-    if not (system.m and system.plant.heavy) or scenario.sensor.ideal or law.law is Law.PD_GRAVITY:
+    if not system.plant.heavy or scenario.sensor.ideal or law.law is Law.PD_GRAVITY:
         return math.nan
     H_hat = task.J_q_inv.T @ estimate.M_hat @ task.J_q_inv
     M_e = math.inf if scenario.contact.kind == "rigid" else scenario.contact.M_e
-    return force_loop_factor(H_hat, H_hat, law.model, M_e)
+    normal = _across(system, estimate, task, t)
+    return force_loop_factor(H_hat, H_hat, law.model, normal, law.controlled * normal, M_e)
+
+
+def _across(system: System, estimate: Estimate, task: TaskSpace, t: float) -> np.ndarray:
+    """F_r per unit of lambda, (n,)."""
+    return task.J_q_inv.T @ (estimate.J_v.T @ system.surface.chart(estimate.p, t).G[0])
 
 
 def contact_loop_radius(system: System, q: np.ndarray, t: float) -> float:
@@ -69,7 +75,7 @@ def contact_loop_radius(system: System, q: np.ndarray, t: float) -> float:
     J_inv, c = task.J_q_inv, law.compensator
     H_hat = J_inv.T @ estimate.M_hat @ J_inv
     H_inv = np.linalg.inv(J_inv.T @ pin.crba(system.plant.model, system.plant.model.createData(), q) @ J_inv)
-    across = J_inv.T @ (estimate.J_v.T @ system.surface.chart(estimate.p, t).G[0])  # F_r per unit of lambda
+    across = _across(system, estimate, task, t)
     contact, simulation, period = scenario.contact, scenario.simulation, scenario.controller.period
     q_eq_dot = -J_inv @ task.v_t  # (16) and (25) where all errors and all rates of the reference are zero
     q_eq_ddot = -J_inv @ (task.J_q_dot @ q_eq_dot + task.v_t_dot)
@@ -80,7 +86,7 @@ def contact_loop_radius(system: System, q: np.ndarray, t: float) -> float:
     passed = 1.0 if sensor.cutoff == 0.0 else 1.0 - np.exp(-2 * np.pi * sensor.cutoff * period)
 
     def push(x: np.ndarray, v: np.ndarray) -> float:
-        return across @ (contact.K_e * x + contact.B_e * v)
+        return float(across @ (contact.K_e * x + contact.B_e * v))
 
     def after_a_period(state: np.ndarray) -> np.ndarray:
         x, v, z = state[: 3 * n].reshape(3, n)

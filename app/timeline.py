@@ -18,6 +18,7 @@ from app.scenario import Scenario, ScenarioError
 from environments.push import Grip
 
 SPACING = 0.25  # s, between two states that are kept
+MOST = 6000  # states that are kept; a run of which all is known has 4800, and one for every change
 PINNED = 60.0  # s, of a run that a pin keeps
 PINS = 3
 
@@ -127,10 +128,11 @@ class Timeline:
         if back is not None:
             back.recording = self._so_far(back)
         before = loop.recording
+        left = self._pinned() if len(self.recording) and (back is not None or loop.stopped is not None) else None
         loop.edit(scenario)
         if loop.recording is not before:
-            if back is not None:
-                self.pin()
+            if left is not None:  # what followed the instant looked at, or a run that has stopped
+                self._add(left)
             self._end = loop
             self._begin()
             return True
@@ -153,11 +155,16 @@ class Timeline:
 
     def pin(self) -> None:
         """Keep the run as it is now, for comparison; the oldest of more than `PINS` goes."""
-        end = self._end
-        if not len(end.recording):
+        if not len(self.recording):
             raise ScenarioError("pin: nothing is recorded yet; allowed: after the first control period")
-        self._pins += 1
-        pinned = Pinned(self._pins, end.system, end.recording.branch(end.t - PINNED, np.inf), end.t)
+        self._add(self._pinned())
+
+    def _pinned(self) -> Pinned:
+        end = self._end
+        return Pinned(self._pins + 1, end.system, end.recording.branch(end.t - PINNED, np.inf), end.t)
+
+    def _add(self, pinned: Pinned) -> None:
+        self._pins = pinned.number
         self.pinned = (*self.pinned, pinned)[-PINS:]
 
     def unpin(self, number: int) -> None:
@@ -173,21 +180,29 @@ class Timeline:
         self._pins = max((run.number for run in self.pinned), default=self._pins)
 
     def _so_far(self, loop: ClosedLoop) -> Recording:
-        """The run's recording up to where that loop stands."""
-        return self.recording.branch(-np.inf, loop.t - 0.5 * loop.period)
+        """The run's recording up to where that loop stands, in the epoch that it is in."""
+        recording, now = self.recording.branch(-np.inf, loop.t - 0.5 * loop.period), loop.recording.epochs[-1]
+        if not recording.epochs or recording.epochs[-1].t < now.t:  # it has begun just here
+            recording.epochs.append(now)
+        return recording
 
     def _go_on(self, loop: ClosedLoop) -> None:
         """Make this loop, which looks back, the end; no hand holds its tool."""
         self.pin()
         loop.grip = None
-        while self._keys[-1].state.t > loop.t - 0.5 * loop.period:
+        while self._keys and self._keys[-1].state.t > loop.t - 0.5 * loop.period:
             self._keys.pop()
         self._end, self._back = loop, None
         self._keep(changed=True)
 
     def _keep(self, *, changed: bool) -> None:
-        self._keys.append(_Key(self._end.state(), self._end.system, changed))
-        while len(self._keys) > 1 and self._keys[1].state.t <= self.recording.first:
+        key = _Key(self._end.state(), self._end.system, changed)
+        if (
+            self._keys and self._keys[-1].state.t == key.state.t
+        ):  # of several changes of one instant only the last counts
+            self._keys.pop()
+        self._keys.append(key)
+        while len(self._keys) > MOST or (len(self._keys) > 1 and self._keys[1].state.t <= self.recording.first):
             del self._keys[0]
 
     def _key_at(self, t: float) -> _Key:

@@ -5,6 +5,7 @@ No browser: the page's controls, its plots and its drawing rate are there, and n
 
 from __future__ import annotations
 
+import contextlib
 import math
 import time
 from dataclasses import dataclass
@@ -112,7 +113,7 @@ def dragged(scenario: str, seconds: float, horizon: float = HORIZON) -> PreviewF
     server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
     runner, previewer = Runner(load(scenario)), Previewer()
     viewing = Viewing()
-    page = _Page(runner, WhatIf(previewer), Plots(server.gui, Lookers(), viewing), viewing)
+    page = _Page(runner, WhatIf(previewer), Plots(server.gui, Lookers(), viewing, contextlib.nullcontext()), viewing)
     page.whatif.horizon = horizon
     try:
         runner.start()

@@ -23,6 +23,8 @@ from kernels import kernel, part
 from kernels.algebra import congruence, multiply, norm, norm_of_product, quadratic, spectral_norm
 from kernels.records import Record
 
+GRAVITY = 9.81  # m/s^2, as in Pinocchio's models
+
 
 class Uncertainty(NamedTuple):
     """What the controller is told of its ignorance.
@@ -94,7 +96,7 @@ def paper_bound(u, deviation, estimate, task, q_dot, eq, work, needed):
         weight += norm(estimate.G_links[i])
     delta_M = u.rho * spectral_norm(estimate.M_links, work.S, work.T) + u.payload_mass * reach**2 + deviation.delta_M
     delta_C_q = u.rho * u.k_C * norm(q_dot) + u.payload_mass * reach * reach_dot + deviation.delta_C
-    delta_G_q = u.rho * weight + u.payload_mass * 9.81 * reach + deviation.delta_G
+    delta_G_q = u.rho * weight + u.payload_mass * GRAVITY * reach + deviation.delta_G
     delta_f = u.coulomb * np.sqrt(q_dot.shape[0]) + u.viscous * norm(q_dot) + u.disturbance + u.force_error * J_v
     multiply(task.J_q_inv, task.J_q_dot, work.S)
     multiply(work.S, task.J_q_inv, work.T)
@@ -134,7 +136,7 @@ def tight_bound(u, deviation, estimate, task, q_dot, eq, work, needed):
         turning += norm_of_product(estimate.J_w, q_dot) * norm_of_product(estimate.J_w, eq.q_dot)
         inertia += load * (norm_of_product(estimate.J_v, eq.q_ddot) + c * norm_of_product(estimate.J_w, eq.q_ddot))
         coriolis += load * (norm_of_product(estimate.J_v_dot, eq.q_dot) + c * turning)
-        gravity += load * 9.81
+        gravity += load * GRAVITY
     torque = u.coulomb * np.sqrt(q_dot.shape[0]) + u.viscous * norm(q_dot) + u.disturbance
     needed.inertia, needed.coriolis, needed.gravity, needed.task_motion = inertia, coriolis, gravity, 0.0
     needed.disturbance = J_inv * torque + u.force_error * carry

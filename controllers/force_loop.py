@@ -7,18 +7,28 @@ import numpy as np
 from controllers.target_model import TargetModel
 
 
-def force_loop_factor(H: np.ndarray, H_hat: np.ndarray, model: TargetModel, M_e: float = np.inf) -> float:
+def force_loop_factor(
+    H: np.ndarray,
+    H_hat: np.ndarray,
+    model: TargetModel,
+    normal: np.ndarray,
+    felt: np.ndarray,
+    M_e: float = np.inf,
+) -> float:
     """What one sample makes of an error in the normal force that the law feeds back; it must stay within (-1, 1).
 
-    With r_ddot = ... + H^-1 [(I - H_hat M_m^-1 K_f) e_1 lambda_measured - e_1 lambda] and lambda = M_e phi_ddot + ...:
-    M_e e_1^T H^-1 (I - H_hat M_m^-1 K_f) e_1 / (1 + M_e e_1^T H^-1 e_1); a rigid surface is M_e -> infinity, where
-    for H = H_hat it is 1 - h / M_m1 with the effective mass h = 1 / (H^-1)_11 (for one axis, 1 - H_ff M_m1^-1).
+    normal (n,): F_r per unit of lambda, a, which is e_1 in the task coordinates of a surface; felt (n,): of it what
+    enters F_c, a_F. With r_ddot = ... + H^-1 [(a - H_hat M_m^-1 K_f a_F) lambda_measured - a lambda],
+    phi_ddot = a^T r_ddot + ... and lambda = M_e phi_ddot + ... that is
+    M_e a^T H^-1 (a - H_hat M_m^-1 K_f a_F) / (1 + M_e a^T H^-1 a). A rigid surface is M_e -> infinity, where for
+    H = H_hat and a = a_F = e_1 it is 1 - h / M_m1 with the effective mass h = 1 / (H^-1)_11 (for one axis,
+    1 - H_ff M_m1^-1).
     """
-    Y = np.linalg.inv(H)[0]
-    fed_back = np.eye(len(H))[:, 0] - H_hat @ np.linalg.solve(model.M_m, model.K_f[:, 0])
+    Y = np.linalg.solve(H, normal)
+    fed_back = Y @ (normal - H_hat @ np.linalg.solve(model.M_m, model.K_f @ felt))
     if np.isinf(M_e):
-        return float(Y @ fed_back / Y[0])
-    return float(M_e * (Y @ fed_back) / (1.0 + M_e * Y[0]))
+        return float(fed_back / (Y @ normal))
+    return float(M_e * fed_back / (1.0 + M_e * (Y @ normal)))
 
 
 def layer_loop_factor(H: np.ndarray, K_s: np.ndarray, d: float, phi: float, period: float) -> float:

@@ -40,7 +40,7 @@ class Mode:
         return mask
 
     def fixed(self, n: int) -> dict[str, np.ndarray]:
-        """Entries (n, n), bool, of each matrix that the mode fixes: at zero, but for K_f on F_c's directions at 1."""
+        """Entries (n, n), bool, of each matrix that the mode fixes, all at zero."""
         m, inside = self.m(), np.ones((n, n), dtype=bool)
         coupling = inside.copy()
         coupling[:m, :m] = coupling[m:, m:] = False

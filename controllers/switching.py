@@ -30,7 +30,7 @@ def layer_width(kind, phi, d, epsilon):
         return 0.0
     if kind == 1:
         return phi
-    given_up = 0.5 * epsilon / d
+    given_up = min(0.5 * epsilon / d, 1.0)  # a d below half of epsilon keeps it nowhere, and promises nothing
     if kind == 2:
         return phi * (1.0 - given_up) / given_up
     return phi * np.arctanh(1.0 - given_up)

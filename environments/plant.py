@@ -320,13 +320,21 @@ class Plant:
         """One control period from time t with the torque tau (n,) N m; the state is the next one then."""
         h = period / self.substeps
         self._integrate(state, tau, t, h)
-        self._find_load(state, t + h)
+        self.find_load(state, t + h)
         if self.substeps > 1:
             first = state.views.q_ddot.copy()
             for i in range(1, self.substeps):
                 self._integrate(state, tau, t + i * h, h)
-                self._find_load(state, t + (i + 1) * h)
+                self.find_load(state, t + (i + 1) * h)
             state.views.q_ddot[:] = first
+
+    def find_load(self, state: PlantState, t: float) -> None:
+        """The contact's load at a state at time t (s); a heavy contact keeps the one of the torque that led there, but
+        for phi."""
+        if self.kind not in FINDERS:
+            return
+        pin.computeJointJacobians(self.model, self.data, state.views.q)
+        self._find(self._around, *self._tool, state.data, t)
 
     def respond(self, state: PlantState, tau: np.ndarray, t: float) -> Load:
         """The contact's load that the torque tau (n,) N m causes at a state, without going on."""
@@ -347,13 +355,6 @@ class Plant:
         pin.computeJointJacobians(self.model, self.data, state.views.q)
         p = translation + rotation @ self._lever
         return Tool(p, J[:3] - pin.skew(p) @ J[3:])
-
-    def _find_load(self, state: PlantState, t: float) -> None:
-        """The contact's load at a state; a heavy contact keeps the one of the torque that led there, but for phi."""
-        if self.kind not in FINDERS:
-            return
-        pin.computeJointJacobians(self.model, self.data, state.views.q)
-        self._find(self._around, *self._tool, state.data, t)
 
     def _accelerate(self, state: PlantState, tau: np.ndarray, t: float) -> np.ndarray:
         """q_ddot (n,) under the torque tau; of a heavy contact also the load that goes with it."""
@@ -376,7 +377,7 @@ class Plant:
 
         def acceleration(q: np.ndarray, q_dot: np.ndarray, t: float) -> np.ndarray:
             stage.views.q[:], stage.views.q_dot[:] = q, q_dot
-            self._find_load(stage, t)
+            self.find_load(stage, t)
             return self._accelerate(stage, tau, t).copy()
 
         a_1 = self._accelerate(state, tau, t).copy()

@@ -153,10 +153,10 @@ def test_error_along_the_surface_yields_to_friction() -> None:
     assert_first_order(error, at_most=1e-4)
 
 
-def on_a_mass(factor: float, M_e: float, *, ideal: bool) -> tuple[ClosedLoop, float]:
+def on_a_mass(mode: str, factor: float, M_e: float, *, ideal: bool) -> tuple[ClosedLoop, float]:
     """A loop in which sampling the force of a heavy surface has the given factor; the last error of the force, N."""
     base = changed(
-        scenario_of("ur5", "hybrid", "mass-damper-spring", "plane"),
+        scenario_of("ur5", mode, "mass-damper-spring", "plane"),
         **EXACT,
         contact={"M_e": M_e, "B_e": 50.0, "K_e": 5000.0, "friction_coulomb": 0.0, "unilateral": False},
         controller=FREE,
@@ -166,15 +166,19 @@ def on_a_mass(factor: float, M_e: float, *, ideal: bool) -> tuple[ClosedLoop, fl
     system = ClosedLoop(base).system
     estimate, task = system.observe(system.q_0, np.zeros(6), 0.0)
     H = task.J_q_inv.T @ estimate.M_hat @ task.J_q_inv
-    Y = np.linalg.inv(H)[0, 0]
+    normal = np.linalg.solve(task.J_q.T, estimate.J_v.T @ system.surface.chart(estimate.p, 0.0).G[0])
+    Y = normal @ np.linalg.solve(H, normal)
     M_m1 = float(1.0 / (Y - factor * (1.0 + M_e * Y) / M_e))  # factor = M_e (Y - 1/M_m1) / (1 + M_e Y)
+    inert = [M_m1] + [10.0] * 5 if mode == "hybrid" else [M_m1] * 3 + [10.0] * 3
     scenario = changed(
         base,
-        target_model={"M_m": [M_m1] + [10.0] * 5, "B_m": [100.0] + [400.0] * 5},
+        target_model={"M_m": inert, "B_m": [100.0 if m == M_m1 else 400.0 for m in inert]},
         sensor={"ideal": ideal},
-    )  # fmt: skip
+    )
     loop = ClosedLoop(scenario)
-    assert force_loop_factor(H, H, loop.system.law.model, M_e) == pytest.approx(factor, rel=1e-6)
+    felt = loop.system.law.controlled * normal
+    assert force_loop_factor(H, H, loop.system.law.model, normal, felt, M_e) == pytest.approx(factor, rel=1e-6)
+    assert loop.view().live["force_loop_factor"] == pytest.approx(np.nan if ideal else factor, rel=1e-6, nan_ok=True)
     for _ in range(400):
         if loop.stopped is None:
             loop.step()
@@ -183,13 +187,14 @@ def on_a_mass(factor: float, M_e: float, *, ideal: bool) -> tuple[ClosedLoop, fl
 
 
 @pytest.mark.parametrize("M_e", [5.0, 40.0])
-def test_sampled_force_of_a_heavy_surface_diverges_where_its_factor_says(M_e: float) -> None:
-    _, ripple = on_a_mass(-0.93, M_e, ideal=False)
+@pytest.mark.parametrize("mode", ["hybrid", "impedance"])
+def test_sampled_force_of_a_heavy_surface_diverges_where_its_factor_says(mode: str, M_e: float) -> None:
+    _, ripple = on_a_mass(mode, -0.93, M_e, ideal=False)
     assert ripple < 0.1
-    loop, ripple = on_a_mass(-1.07, M_e, ideal=False)
+    loop, ripple = on_a_mass(mode, -1.07, M_e, ideal=False)
     assert "sampled force loop diverges" in (loop.warning or "")
     assert ripple > 10.0
-    loop, ripple = on_a_mass(-1.07, M_e, ideal=True)
+    loop, ripple = on_a_mass(mode, -1.07, M_e, ideal=True)
     assert loop.stopped is None
     assert ripple < 0.1
 

@@ -235,6 +235,18 @@ def test_types_refuse_what_the_theory_does_not_admit() -> None:
         Compensator.design(TargetModel(*[np.eye(2)] * 4), np.zeros(2), np.ones((2, 2)), np.ones(2))
 
 
+@pytest.mark.parametrize("kind", [Switching.RATIONAL, Switching.TANH])
+def test_a_gain_below_half_of_the_margin_has_no_layer(kind: Switching) -> None:
+    """Outside of which it would keep anything: the band is that of ||s|| = 0, a number."""
+    assert layer_width(int(kind), 0.01, 0.5, 2.0) == 0.0
+
+
+def test_a_singular_start_is_refused() -> None:
+    straight = edited(edited(shipped()["planar2r-semicircle"], "robot.posture", [0.0, 0.0]), "mode", "motion")
+    with pytest.raises(ScenarioError, match=r"robot.posture: \[0.0, 0.0\] rad; allowed: one at which J_q"):
+        assemble(edited(edited(straight, "contact.kind", "free"), "target_model", {}))
+
+
 def test_unstable_target_model_is_refused() -> None:
     data = to_plain(shipped()["ur5-hybrid"])
     model = [[10.0 if i == j else 0.0 for j in range(6)] for i in range(6)]

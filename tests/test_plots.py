@@ -246,10 +246,14 @@ def test_rotations_are_shown_as_angles(hybrid: ClosedLoop):
     setup, rows = setup_of(hybrid), hybrid.recording.stretch()
     rotations = TABS["Tracking"].plots[1].draw(setup)
     assert rotations is not None
-    np.testing.assert_allclose(rotations.lines[0].values(rows), 1e3 * rows["e_r"][:, 3] / setup.length)
+    np.testing.assert_allclose(
+        rotations.lines[0].values(rows), 1e3 * rows["e_r"][:, 3] / hybrid.system.coordinates[3].per_radian
+    )
     followed = TABS["Tracking"].plots[2].draw(replace(setup, coordinate=4))
     assert followed is not None
-    np.testing.assert_allclose(followed.lines[1].values(rows), 1e3 * rows["r"][:, 4] / setup.length)
+    np.testing.assert_allclose(
+        followed.lines[1].values(rows), 1e3 * rows["r"][:, 4] / hybrid.system.coordinates[3].per_radian
+    )
 
 
 def test_a_pinned_run_is_laid_on_the_shown_ones_time_and_hides_where_it_has_no_values(hybrid: ClosedLoop):

@@ -92,7 +92,8 @@ def test_sampled_force_loop_diverges_where_its_factor_says() -> None:
     H = task.J_q_inv.T @ e.M_hat @ task.J_q_inv
     h = float(1.0 / np.linalg.inv(H)[0, 0])
     assert H[0, 0] > 1.1 * h
-    assert force_loop_factor(H, H, system.law.model) == pytest.approx(1 - h / system.law.model.M_m[0, 0])
+    model, normal = system.law.model, np.eye(6)[0]
+    assert force_loop_factor(H, H, model, normal, normal) == pytest.approx(1 - h / model.M_m[0, 0])
     stable, error = on_rigid(h / 1.9)
     assert stable.warning is None
     assert error < 1e-3

@@ -316,3 +316,15 @@ def test_export_command_writes_every_kind_and_goes_on_from_a_recording(tmp_path:
         refused = vsmrc("export", *arguments)
         assert (refused.returncode, refused.stderr.count("\n")) == (2, 1)
         assert said in refused.stderr
+
+
+def test_units_of_files_are_those_of_the_task_space() -> None:
+    loop = ClosedLoop(edited(load("ur5-motion"), "task_space.kind", "joint"), 10)
+    loop.step()
+    text, archive = io.BytesIO(), io.BytesIO()
+    write_csv(table(loop.system.scenario, loop.recording), text)
+    write_npz(table(loop.system.scenario, loop.recording), archive)
+    assert b"e_r[0] [rad],e_r[1] [rad]" in text.getvalue()
+    archive.seek(0)
+    units = dict(line.split(": ") for line in np.load(archive)["units"].tolist())
+    assert (units["s"], units["d"], units["q"], units["tool"], units["F"]) == ("rad/s", "N·m", "rad", "m", "N")

@@ -11,12 +11,13 @@ from app.changes import in_mode
 from app.closed_loop import ClosedLoop
 from app.dashboard import pinned_arms
 from app.dashboard.pinned_arms import posture
-from app.metrics import account
+from app.metrics import account, measure
 from app.recording import BLOCK
 from app.scenario import Scenario, ScenarioError
 from app.scenario_data import differences, edited, shipped
 from app.snapshot import Snapshot
 from app.timeline import PINS, Timeline
+from environments.push import Grip
 from environments.robots import Robot
 
 
@@ -90,6 +91,48 @@ def test_an_edit_of_the_past_forks_and_pins_what_was(noisy: Timeline) -> None:
     assert [(epoch.t, epoch.scenario.force.value) for epoch in line.recording.epochs] == [(0.0, 20.0), (0.3, 10.0)]
     line.seek(0.1)
     assert line.loop.system.scenario.force.value == 20.0
+
+
+@pytest.mark.parametrize("t", [0.0, 0.7])
+@pytest.mark.parametrize("how", ["fork", "edit", "plan"])
+def test_a_fork_at_a_change_is_in_the_epoch_that_begins_there(noisy: Timeline, t: float, how: str) -> None:
+    line, then = noisy, noisy.recording.epochs[1 if t else 0]
+    line.seek(t)
+    before = line.loop.system.scenario
+    match how:
+        case "fork":
+            line.fork()
+        case "edit":
+            assert line.edit(edited(before, "force.value", 10.0))
+        case "plan":  # a blend to come is no epoch yet
+            assert line.edit(edited(before, "blend", {"to": {"B_m": [900.0] * 6}, "at": t + 0.5, "over": 1.0}))
+    assert line.first == 0.0
+    assert line.end == pytest.approx(t)
+    run(line, 100)
+    last = line.recording.epochs[-1]
+    assert last.t == then.t
+    assert last.scenario == (line.loop.system.scenario if how == "edit" else then.scenario)
+    assert last.certificate == line.loop.certificate
+    line.seek(line.first)
+    line.to_end()
+
+
+def test_changes_of_one_instant_take_no_more_room_than_one(noisy: Timeline) -> None:
+    keys = len(noisy._keys)
+    for value in range(50):
+        noisy.edit(edited(noisy.loop.system.scenario, "force.value", 20.0 + value))
+        noisy.hold(Grip((0.5, 0.0, 1e-3 * value)))
+    assert len(noisy._keys) <= keys + 1
+
+
+def test_an_edit_of_a_run_that_has_stopped_begins_anew_and_pins_it() -> None:
+    line = run(line_of(edited(shipped()["ur5-constrained"], "force.value", -5.0)), 50)
+    stopped, rows = line.loop.stopped, line.recording.rows()
+    assert "contact lost" in (stopped or "")
+    assert line.edit(edited(line.loop.system.scenario, "force.value", 20.0))
+    assert line.end == 0.0
+    assert line.loop.stopped is None
+    np.testing.assert_array_equal(line.pinned[0].recording.rows(), rows)
 
 
 def test_a_refused_edit_of_the_past_changes_nothing(noisy: Timeline) -> None:
@@ -220,11 +263,13 @@ def test_the_arm_of_another_run_with_the_same_number_is_another_arm(monkeypatch:
 
 
 def test_a_run_that_is_begun_anew_is_the_one_that_begins_so(shifted: Scenario) -> None:
-    """A moved target has moved from t = 0 on, and a blend is still to come."""
+    """A moved target has moved from t = 0 on, a blend is still to come, and bounds are those of what runs."""
     model = {"K_m": [0.0, 6000.0, 5000.0, 5000.0, 5000.0, 5000.0]}
     line = run(line_of(shipped()["ur5-hybrid"]), 300)
     line.edit(shifted)
-    line.edit(edited(shifted, "blend", {"to": model, "at": 0.4, "over": 0.4}))
+    pressing = edited(edited(shifted, "force.value", 35.0), "controller.K_e_hat", 2000.0)
+    line.edit(pressing)
+    line.edit(edited(pressing, "blend", {"to": model, "at": 0.4, "over": 0.4}))
     run(line, 300)
     assert line.loop.blending
     scenario = line.loop.system.scenario
@@ -279,3 +324,30 @@ def test_estimates_along_the_reference_are_a_block_at_a_time_and_the_same_again(
         line.step()
         twin.step()
     assert np.array_equal(line.recording.rows(0.8505), twin.recording.rows(0.8505))
+
+
+def test_a_contact_that_is_changed_pushes_as_it_is_now(noisy: Timeline) -> None:
+    force = noisy.loop.view().force
+    noisy.edit(edited(noisy.loop.system.scenario, "contact.K_e", 5000.0))
+    np.testing.assert_allclose(noisy.loop.view().force, 0.5 * force, rtol=1e-9)
+
+
+def test_live_numbers_are_those_of_the_estimates_in_use() -> None:
+    line = run(line_of(edited(shipped()["ur5-hybrid"], "controller.estimates", "along-reference")), 100)
+    live = line.loop.view().live
+    line.step()
+    last = line.recording.at(line.end)
+    assert live["d_required"] == last["d_required"][0]
+    assert live["s_norm"] == last["s_norm"][0]
+
+
+def test_a_blend_takes_nothing_from_what_was_flagged_or_reached() -> None:
+    limited = edited(edited(shipped()["ur5-hybrid"], "truth.torque_limit", 0.1), "controller.on_change", "watch")
+    to = {"to": {"B_m": [900.0] + [400.0] * 5}, "at": 0.2, "over": 0.1}
+    plain, blended = (run(line_of(scenario), 500).loop for scenario in (limited, edited(limited, "blend", to)))
+    assert "saturates" in (plain.warning or "")
+    assert blended.warning == plain.warning
+    assert len(blended.recording.epochs) > len(plain.recording.epochs) == 1
+    figures = measure(plain), measure(blended)
+    assert figures[0].reaching_time == figures[1].reaching_time
+    assert figures[0].reaching_time_bound == figures[1].reaching_time_bound > 0.0

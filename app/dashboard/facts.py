@@ -86,7 +86,9 @@ def _facts(snapshot: Snapshot) -> list[tuple[str, str, str, str]]:
         ("residual of (8)", f"{number('residual')} {units.force}", "", "left side minus right side of the target model")
     )
     if robust:
-        rows.append(("V = ½ sᵀHs", f"{number('V')} J", "", "the Lyapunov function of the proof"))
+        rows.append(
+            ("V = ½ sᵀĤs", f"{number('V')} J", "", "the proof's Lyapunov function, with the controller's estimate of H")
+        )
     rows.append(("σ_min(J_q)", f"{number('sigma_min')} m", "", "smallest singular value; Ω ends where it vanishes"))
     return rows
 

@@ -202,7 +202,7 @@ class _View:
         self._turns = Turns(server)
         self._lookers = Lookers()
         self._lookers.add_field(server.gui)
-        self._plots = Plots(server.gui, self._lookers, self._viewing)
+        self._plots = Plots(server.gui, self._lookers, self._viewing, self._turns.drawing)
         self._plots_due = 0.0
         tabs = server.gui.add_tab_group()
         self._panels: list[Panel] = []

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
 
 import numpy as np
@@ -38,15 +39,17 @@ class Shown:
 
 
 class Plots:
-    """What is chosen above the plots goes into `viewing`."""
+    """What is chosen above the plots goes into `viewing`. turn: is taken while choices are shown, see `turns`."""
 
-    def __init__(self, gui: viser.GuiApi, lookers: Lookers, viewing: Viewing) -> None:
+    def __init__(
+        self, gui: viser.GuiApi, lookers: Lookers, viewing: Viewing, turn: AbstractContextManager[object]
+    ) -> None:
         self._viewing = viewing
         panel = gui.add_panel()
         self._tabs: dict[str, _TabView] = {}
         for title, tab in TABS.items():
             with panel.add_tab(title):
-                self._tabs[title] = _TabView(gui, title, tab, viewing)
+                self._tabs[title] = _TabView(gui, title, tab, viewing, turn)
                 lookers.add_field(gui)
         panel.dock_left()
         panel.expand()  # on a phone too
@@ -102,8 +105,9 @@ class _TabView:
         title: str,
         tab: Tab,
         viewing: Viewing,
+        turn: AbstractContextManager[object],
     ) -> None:
-        self._title, self._tab, self._viewing = title, tab, viewing
+        self._title, self._tab, self._viewing, self._turn = title, tab, viewing, turn
         with gui.add_form(None):
             self._window = gui.add_dropdown(
                 "window", tuple(WINDOWS), initial_value=WINDOW, hint="How far back to look."
@@ -129,12 +133,8 @@ class _TabView:
                 setattr(self._viewing, chooser, widget.options.index(widget.value))
 
     def show(self, snapshot: Snapshot, setup: Setup, shown: Shown, frame: Frame) -> None:
-        self._window.value = next(name for name, seconds in WINDOWS.items() if seconds == shown.window)
-        for chooser, widget in self._choosers.items():
-            names, number = _choices(chooser, setup)
-            if widget.options != names:
-                widget.options = names
-            widget.value = names[number]
+        with self._turn:
+            self._show_choices(setup)
         ahead = 0.0 if shown.outlook is None else shown.horizon
         self._note.content = marker_html(
             self._title, shown.window, ahead, self._tab.note(snapshot) if self._tab.note else ""
@@ -142,6 +142,15 @@ class _TabView:
         for chart in self._charts:
             chart.draw(setup, [p.name for p in shown.pinned], frame)
         self._share()
+
+    def _show_choices(self, setup: Setup) -> None:
+        """As they are now: somebody may have chosen while the plots were being drawn."""
+        self._window.value = next(name for name, seconds in WINDOWS.items() if seconds == self._viewing.window)
+        for chooser, widget in self._choosers.items():
+            names, chosen = _choices(chooser, setup), getattr(self._viewing, chooser)
+            if widget.options != names:
+                widget.options = names
+            widget.value = names[chosen if chosen < len(names) else 0]
 
     def fit(self, page_height: int) -> None:
         self._page_height = page_height
@@ -154,11 +163,11 @@ class _TabView:
             chart.set_height(min(max(rest // max(len(rows), 1), LEAST), MOST))
 
 
-def _choices(chooser: Chooser, setup: Setup) -> tuple[tuple[str, ...], int]:
-    """What there is to choose from, and the number of what is chosen."""
+def _choices(chooser: Chooser, setup: Setup) -> tuple[str, ...]:
+    """What there is to choose from."""
     if chooser == "coordinate":
-        return tuple(symbol(coordinate.name) for coordinate in setup.coordinates), setup.coordinate
-    return tuple(f"{i + 1}  {name}" for i, name in enumerate(setup.joints)), setup.joint
+        return tuple(symbol(coordinate.name) for coordinate in setup.coordinates)
+    return tuple(f"{i + 1}  {name}" for i, name in enumerate(setup.joints))
 
 
 class _Laid(Mapping[str, np.ndarray]):

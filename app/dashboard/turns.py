@@ -14,23 +14,32 @@ from typing import Any
 import viser
 from viser._messages import GuiUpdateMessage
 
+PATIENCE = 1.0  # s
+
 
 class Turns:
     """Between viser's event loop and the thread that draws: `with turns.drawing` no page's value is on its way.
 
-    So a callback of a widget must not wait for anything: what takes longer is a task of its own.
+    So a callback of a widget must not wait for anything: what takes longer is a task of its own. A drawing that hangs
+    is waited for once; meanwhile pages, whose messages all come through one event loop, are heard all the same.
     """
 
     def __init__(self, server: viser.ViserServer) -> None:
         self.drawing = threading.RLock()
+        self._hangs = False
         handlers = server._websock_server._incoming_handlers
         handlers[GuiUpdateMessage] = [self._in_turn(handler) for handler in handlers[GuiUpdateMessage]]
 
     def _in_turn(self, handler: Callable[..., Any]) -> Callable[..., Any]:
         async def handle(client: int, message: GuiUpdateMessage) -> None:
-            with self.drawing:
+            turn = self.drawing.acquire(timeout=0.0 if self._hangs else PATIENCE)
+            self._hangs = not turn
+            try:
                 outcome = handler(client, message)
                 if isawaitable(outcome):
                     await outcome
+            finally:
+                if turn:
+                    self.drawing.release()
 
         return handle
