@@ -101,7 +101,7 @@ class Tokens:
 
     def opens(self, shown: str) -> Pass | None:
         """What this token allows, None for one that is not ours."""
-        given = shown.encode()
+        given = shown.encode(errors="surrogateescape")  # a header may hold any bytes
         if secrets.compare_digest(given, self.steer.encode()):
             return "steer"
         return "watch" if secrets.compare_digest(given, self.watch.encode()) else None

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import signal
 import threading
 import time
@@ -16,12 +15,12 @@ from tqdm import tqdm
 from app import warm
 from app.dashboard import Dashboard
 from app.dashboard.last_session import left_by
+from app.ending import end_within
 from app.printable import say
 from app.recovery import Keeper, StateError, StateFolder, default_folder
 from app.runner import Runner
 from app.scenario import Scenario, ScenarioError
 
-ENDING = 1.8  # s that it takes to end, whatever hangs
 events = structlog.get_logger()
 
 
@@ -54,22 +53,15 @@ def serve(scenario: Scenario, dashboard: Dashboard, *, state_dir: Path | None, s
     finally:
         for ending in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
             signal.signal(ending, signal.SIG_IGN)  # an impatient second Ctrl-C must not interrupt the ending
-        _end_within(ENDING)
+        end_within()
+        if keeper is not None:  # first: what hangs may use up the time
+            keeper.close()
         dashboard.close()
         if warming is not None:
             warming.terminate()
         if runner is not None:
             runner.close()
-        if keeper is not None:
-            keeper.close()
         events.info("session closed")
-
-
-def _end_within(seconds: float) -> None:
-    """End the process then, if it has not ended by itself: nothing that hangs may keep it."""
-    timer = threading.Timer(seconds, os._exit, (0,))
-    timer.daemon = True
-    timer.start()
 
 
 def _state_folder(chosen: Path | None) -> StateFolder | None:

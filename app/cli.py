@@ -299,5 +299,5 @@ def execute(arguments: list[str]) -> int:
         return BAD_INPUT
     except Exception as error:
         events.info("fault", stage=arguments[0], exc_info=error)
-        print(f"vsmrc: internal error: {type(error).__name__}: {error}", file=sys.stderr)
+        print(f"vsmrc: internal error: {printable(f'{type(error).__name__}: {error}')}", file=sys.stderr)
         return FAULT

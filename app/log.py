@@ -174,11 +174,11 @@ def _formatter(exceptions: structlog.types.Processor) -> logging.Formatter:
 
 
 def _described(_: object, __: str, event: Event) -> Event:
-    """When, how grave, what, then the fields, then who says it."""
+    """When, how grave, what, then the fields, then who says it, in which process."""
     record = event["_record"]
     stamp = structlog.processors.TimeStamper(fmt="iso", utc=True)(None, "", {})["timestamp"]
     first = {"time": stamp, "level": record.levelname.lower(), "event": event.pop("event")}
-    return first | dict(event) | {"by": record.name}
+    return first | dict(event) | {"by": record.name, "process": record.process}
 
 
 def _without_traceback(_: object, __: str, event: Event) -> Event:

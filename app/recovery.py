@@ -225,7 +225,8 @@ class Keeper:
 
     def __init__(self, folder: StateFolder, look: Callable[[], Snapshot], complain: Callable[[str], None]) -> None:
         self._folder, self._look, self._complain = folder, look, complain
-        self._saved = self._seen = _subject(look())
+        self._saved: _Subject | None = _subject(look())
+        self._seen = self._saved
         self._since = 0.0
         self._failing = False
         self._closing = threading.Event()
@@ -247,6 +248,8 @@ class Keeper:
         """Save what has not been saved yet, and leave the folder."""
         self._closing.set()
         self._thread.join()
+        if self._failing:  # by now there may be room again
+            self._saved = None
         self._keep(_subject(self._look()))
         self._folder.close()
 
@@ -292,7 +295,9 @@ def _subject(snapshot: Snapshot) -> _Subject:
     return snapshot.scenario, snapshot.pinned
 
 
-def _same(subject: _Subject, other: _Subject) -> bool:
+def _same(subject: _Subject, other: _Subject | None) -> bool:
+    if other is None:
+        return False
     runs, others = subject[1], other[1]
     same_runs = len(runs) == len(others) and all(a is b for a, b in zip(runs, others, strict=True))
     return same_runs and subject[0] == other[0]

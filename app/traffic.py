@@ -24,7 +24,7 @@ class Limits:
     in the long run and at once, bytes of a file and of all files not yet complete. Of the server: connections per
     session and in total."""
 
-    message: int = 32 * MEGABYTE
+    message: int = 12 * MEGABYTE
     watchers_message: int = 64 * 1024
     rate: float = 300.0
     burst: float = 3000.0
@@ -91,14 +91,23 @@ class Meter:
         self._left, self._counted = limits.burst, clock()
         self._files: dict[str, int] = {}
 
-    def admits(self, raw: bytes | str) -> bool:
-        """Whether to pass this message on; False for one to leave out. Raises Overrun, to close the connection."""
-        limits = self._limits
-        now = self._clock()
+    @property
+    def largest(self) -> int:
+        """Bytes of the largest message."""
+        return self._limits.message
+
+    def count(self) -> None:
+        """One message more. Raises Overrun, to close the connection."""
+        limits, now = self._limits, self._clock()
         self._left = min(self._left + (now - self._counted) * limits.rate, limits.burst) - 1.0
         self._counted = now
         if self._left < 0.0:
             raise Overrun(f"too many messages; allowed: {limits.rate:g} per second")
+
+    def admits(self, raw: bytes | str) -> bool:
+        """Whether to pass this message on; False for one to leave out; it is counted. Raises Overrun."""
+        self.count()
+        limits = self._limits
         if len(raw) > limits.message:
             raise Overrun(f"a message of {len(raw) / MEGABYTE:.1f} MB; allowed: {_megabytes(limits.message)}")
         envelope = _opened(raw, _envelope)

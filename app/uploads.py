@@ -1,10 +1,12 @@
 """Where uploaded URDFs are kept: below the user's data folder, each in a folder named after its contents.
 
-A scenario names such a file by its path, so it can be saved, loaded and run headless; nothing here is ever deleted.
+A scenario names such a file by its path, so it can be saved, loaded and run headless. Where they become too many, those
+uploaded longest ago go.
 """
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import os
 import re
@@ -14,7 +16,7 @@ from app.scenario import ScenarioError
 from app.whole_file import write_whole
 from environments import urdf
 
-MOST_KEPT = 500_000_000  # bytes: a page that uploads for ever must not fill the disk
+MOST_KEPT, MOST_BYTES = 1000, 500_000_000  # files: a page that uploads for ever must not fill the disk
 
 
 def folder() -> Path:
@@ -33,21 +35,26 @@ def keep(name: str, content: bytes) -> Path:
         raise ScenarioError(str(error)) from error
     path = folder() / hashlib.sha256(content).hexdigest()[:16] / _plain(name)
     try:
-        if not path.is_file() and (kept := _size(folder())) + len(content) > MOST_KEPT:
-            raise ScenarioError(
-                f"robot.urdf: {name:.60} has {len(content) / 1e6:.3g} MB, and {kept / 1e6:.3g} MB of uploads are kept "
-                f"in {folder()}; allowed: {MOST_KEPT / 1e6:g} MB in all"
-            )
         path.parent.mkdir(parents=True, exist_ok=True)
         write_whole(path, lambda file: file.write(content))
+        _make_room(path)
     except OSError as error:
         raise ScenarioError(f"robot.urdf: {name:.60} cannot be kept in {path.parent}: {error.strerror}") from error
     return path
 
 
-def _size(folder: Path) -> int:
-    """Bytes of all files below a folder."""
-    return sum(file.stat().st_size for file in folder.rglob("*") if file.is_file())
+def _make_room(newest: Path) -> None:
+    """Remove what was uploaded longest ago, but never the newest, until the rest is not too much."""
+    found = [(file.stat(), file) for file in folder().glob("*/*.urdf") if file != newest]
+    found.sort(key=lambda each: each[0].st_mtime)
+    count, size = len(found) + 1, sum(status.st_size for status, _ in found) + newest.stat().st_size
+    for status, file in found:
+        if count <= MOST_KEPT and size <= MOST_BYTES:
+            return
+        file.unlink(missing_ok=True)
+        with contextlib.suppress(OSError):  # another file is in it
+            file.parent.rmdir()
+        count, size = count - 1, size - status.st_size
 
 
 def _plain(name: str) -> str:

@@ -18,7 +18,6 @@ from hypothesis import strategies as st
 
 from app import uploads, visuals
 from app.dashboard.robot_view import RobotView
-from app.scenario import ScenarioError
 from environments import robots, urdf
 from environments.urdf import RobotError
 from tests.sentences import one_sentence
@@ -138,15 +137,24 @@ def test_whatever_is_uploaded_is_a_urdf_or_is_refused(content: bytes) -> None:
 
 def test_uploads_do_not_fill_the_disk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path))
-    kept = uploads.keep("one.urdf", BENT.encode())
-    monkeypatch.setattr(uploads, "MOST_KEPT", len(BENT) + 10)
-    assert uploads.keep("one.urdf", BENT.encode()) == kept
-    with pytest.raises(
-        ScenarioError, match=r"two.urdf has .* MB, and .* MB of uploads are kept .*; allowed: "
-    ) as caught:
-        uploads.keep("two.urdf", BENT.replace("3.0", "3.1").encode())
-    one_sentence(caught.value)
-    assert [file for file in tmp_path.rglob("*") if file.is_file()] == [kept]
+
+    def left() -> set[Path]:
+        return {file for file in tmp_path.rglob("*") if file.is_file()}
+
+    def another(number: int) -> Path:
+        path = uploads.keep(f"arm{number}.urdf", BENT.replace("3.0", f"3.{number}").encode())
+        os.utime(path, (number, number))
+        return path
+
+    one, two = another(1), another(2)
+    assert left() == {one, two}
+    monkeypatch.setattr(uploads, "MOST_BYTES", int(2.5 * len(BENT)))
+    three = another(3)
+    assert left() == {two, three}  # the one uploaded longest ago has gone
+    monkeypatch.setattr(uploads, "MOST_KEPT", 1)
+    four = another(4)
+    assert left() == {four}
+    assert not one.parent.exists()
 
 
 # meshes

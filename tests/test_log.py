@@ -78,7 +78,7 @@ events.info("refused", i="last")
     file, _ = logged(tmp_path / "log", body)
     assert len(file) < 100
     assert any("client left" in line for line in file)  # which it does not hide
-    assert re.search(r"i=last by=__main__ left_out=\d+$", file[-1])
+    assert re.search(r"i=last by=__main__ process=\d+ left_out=\d+$", file[-1])
 
 
 def test_a_disk_that_is_full_is_said_once_and_survived() -> None:

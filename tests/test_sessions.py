@@ -97,7 +97,7 @@ async def test_who_comes_too_late_queues_moves_up_and_is_forgotten_when_gone() -
     assert [await town.wanted(s) for s in (a, b, c, d)] == ["running", "running", "waiting", "waiting"]
     assert [town.house.place(s) for s in (a, c, d)] == [0, 1, 2]
     with town.house.viewing(a):
-        for _ in range(20):  # c goes away, d keeps asking; b is looked at by nobody
+        for _ in range(30):  # c goes away, d keeps asking; b is looked at by nobody
             await town.pass_time(5.0)
             town.house.want(d)
             town.house.want(a)
@@ -105,6 +105,30 @@ async def test_who_comes_too_late_queues_moves_up_and_is_forgotten_when_gone() -
     assert len(town.made) == 3
     await town.house.close()
     assert not any(process.alive for process in town.made)
+
+
+@in_a_loop
+async def test_a_page_that_sleeps_keeps_its_number_and_is_passed_over() -> None:
+    town = Town(places=1)
+    a, b, c, d = (town.house.new() for _ in range(4))
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr(sessions, "MOST_WAITING", 2)
+        assert [await town.wanted(s) for s in (a, b, c, d)] == ["running", "waiting", "waiting", "resting"]
+        assert town.house.full
+    await town.pass_time(sessions.SILENT + 1)
+    town.house.want(c)
+    town.made[0].fall()
+    a._closing = True
+    await town.pass_time()
+    await town.pass_time()
+    assert (b.phase, c.phase) == ("waiting", "running")
+    assert town.house.place(b) == 1
+    assert await town.wanted(d) == "waiting"
+    await town.pass_time(sessions.FORGOTTEN + 1)
+    assert b.phase == "resting"
+    await town.house.close()
+    assert await town.wanted(b) == "waiting"  # nothing begins any more
+    assert len(town.made) == 2
 
 
 @in_a_loop
@@ -196,13 +220,18 @@ async def test_links_are_told_apart_and_only_resting_sessions_are_forgotten() ->
     town = Town(places=1)
     kept = town.house.new()
     await town.wanted(kept)
-    loaded = town.house.new()
-    town.house.want(loaded)
+    town.made[0].fall()
+    kept._closing = True
+    await town.pass_time()
+    assert kept.phase == "resting"
+    await town.wanted(town.house.new())
+    asked = town.house.new()
+    assert await town.wanted(asked) == "waiting"
     await town.pass_time(sessions.FORGOTTEN + 1)
-    assert loaded.phase == "resting"
+    assert asked.phase == "resting"
     others = [town.house.new() for _ in range(sessions.MOST_KEPT + 5)]
-    assert town.house.named(kept.name) is kept is town.house.watched(kept.watch)
-    assert town.house.named(loaded.name) is loaded  # whose page somebody has looked at, unlike those that came later
+    assert town.house.named(kept.name) is kept is town.house.watched(kept.watch)  # which ran, unlike all others
+    assert town.house.named(asked.name) is None
     assert town.house.named(others[0].name) is None
     assert town.house.named(others[-1].name) is others[-1]
     assert town.house.named(kept.watch) is None is town.house.watched(kept.name)
@@ -258,9 +287,16 @@ def test_a_house_that_is_opened_again_knows_its_sessions_and_their_links(tmp_pat
             await town.house.close()
 
             for _ in range(MOST):
-                house.new().asked = 2000.0
-            await house.close()
-            assert not any((tmp_path / watch).exists() for _, watch in links)
+                house.new()
+            assert [house.named(name) for name, _ in links] == known  # nobody loses anything by calls at the door
+            crowded = Town(places=MOST, register=register)
+            ran = [s for name, _ in links if (s := crowded.house.named(name))]
+            for _ in range(MOST - len(ran)):
+                crowded.house._add(Session(USUAL, ran=True, seen=2000.0))
+            await crowded.wanted(crowded.house.new())
+            assert [crowded.house.named(s.name) for s in ran] != ran  # but one that runs takes the oldest one's room
+            assert sum((tmp_path / watch).exists() for _, watch in links) == len(ran) - 1
+            await crowded.house.close()
 
     before()
     after()

@@ -17,6 +17,7 @@ import viser
 from viser._gui_handles import GuiFormHandle
 from viser.infra import WebsockClientConnection
 from websockets.asyncio.server import ServerConnection
+from websockets.exceptions import ConnectionClosed
 
 from app.dashboard.messages import (
     CommandTriggerMessage,
@@ -80,7 +81,11 @@ class Gate:
 
         async def recv(decode: bool | None = None) -> Any:
             while True:
-                raw = await receive(decode)
+                try:
+                    raw = await receive(decode)
+                except ConnectionClosed:
+                    self._forget(visitor.finished | visitor.begun)
+                    raise
                 # 0, too: other pages have their turn after every message of this one
                 await asyncio.sleep(meter.wait(1.0 + len(raw) / WEIGHT, time.monotonic()))
                 try:
@@ -92,7 +97,7 @@ class Gate:
                     meter.credit -= STEERING - 1.0  # the next one waits for it
                 if isinstance(message, FileTransferStartUpload):
                     self._forget(visitor.finished - {message.transfer_uuid})
-                    visitor.finished.clear()
+                    visitor.finished &= {message.transfer_uuid}
                 return raw
 
         connection.recv = recv

@@ -6,16 +6,20 @@ Only what the pages of this program send is admitted: another kind of message th
 
 from __future__ import annotations
 
+import io
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Annotated, Any, Literal, Protocol
 
 import msgspec
 from msgspec import Meta, Struct
+from PIL import Image
 
 LONGEST_TEXT = 20_000  # characters: a matrix of eight rows has 2000
 LARGEST_UPLOAD = 8_000_000  # bytes, over what any reader of an upload takes
 LARGEST_PART = 1_000_000  # bytes: the page sends half a megabyte at a time
+LARGEST_PAGE = 16_384  # px
+LARGEST_PICTURE = 100_000_000  # pixels of a picture of the scene; viser decodes it, and one of nothing is small
 MOST_UPLOADS = 4  # of one page at the same time
 SLACK = 1e-9  # of a range: a slider's steps do not add up exactly
 
@@ -62,8 +66,8 @@ class ViewerCameraMessage(_Message, frozen=True):
     fov: Number
     near: Number
     far: Number
-    image_height: Annotated[int, Meta(ge=0, le=100_000)]
-    image_width: Annotated[int, Meta(ge=0, le=100_000)]
+    image_height: Annotated[int, Meta(ge=0, le=LARGEST_PAGE)]
+    image_width: Annotated[int, Meta(ge=0, le=LARGEST_PAGE)]
     look_at: Point
     up_direction: Point
 
@@ -143,12 +147,16 @@ class _Upload:
 class Visitor:
     """One connection: what it may send depends on what it has begun to upload. Used by one thread.
 
-    finished: its uploads that are complete, by name.
+    finished: its uploads that are complete, by name; begun: those that are not.
     """
 
     page: Page
     finished: set[str] = field(default_factory=set)
     _uploads: dict[str, _Upload] = field(default_factory=dict)
+
+    @property
+    def begun(self) -> set[str]:
+        return set(self._uploads)
 
     def admit(self, raw: bytes | str) -> Message:
         """The message, if a page may send it here and now. Raises Refused."""
@@ -167,6 +175,8 @@ class Visitor:
                 self._begin(message)
             case FileTransferPart():
                 self._take(message)
+            case GetRenderResponseMessage(payload=payload):
+                _require_picture(payload)
         return message
 
     def _require_value(self, uuid: str, value: object) -> None:
@@ -185,6 +195,8 @@ class Visitor:
             raise Refused(f"upload to {message.source_component_uuid!r:.60}; allowed: an upload button of the page")
         if message.size_bytes > LARGEST_UPLOAD:
             raise Refused(f"upload: {message.size_bytes} bytes; allowed: at most {LARGEST_UPLOAD}")
+        if (message.part_count == 0) != (message.size_bytes == 0):
+            raise Refused(f"upload: {message.size_bytes} bytes in {message.part_count} parts; allowed: all in parts")
         if message.transfer_uuid in self._uploads or len(self._uploads) >= MOST_UPLOADS:
             raise Refused(f"upload {message.transfer_uuid!r:.60}: allowed: a new one, and {MOST_UPLOADS} at a time")
         self._uploads[message.transfer_uuid] = _Upload(set(range(message.part_count)), message.size_bytes)
@@ -205,6 +217,16 @@ class Visitor:
         if not self._uploads[name].parts:
             del self._uploads[name]
             self.finished.add(name)
+
+
+def _require_picture(content: bytes) -> None:
+    try:
+        with Image.open(io.BytesIO(content), formats=("PNG", "JPEG")) as picture:  # only its head is read
+            width, height = picture.size
+    except (OSError, ValueError, SyntaxError, Image.DecompressionBombError) as error:
+        raise Refused(f"picture of {len(content)} bytes; allowed: PNG or JPEG") from error
+    if width * height > LARGEST_PICTURE:
+        raise Refused(f"picture of {width} x {height}; allowed: at most {LARGEST_PICTURE} pixels")
 
 
 @dataclass(frozen=True)

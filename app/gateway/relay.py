@@ -11,23 +11,24 @@ import contextlib
 from collections.abc import Callable
 
 import aiohttp
+import structlog
 from aiohttp import WSCloseCode, WSMsgType, web
 
 from app.access import KEY_HEADER
 from app.gateway.sessions import Process
-from app.traffic import Limits, Overrun
+from app.traffic import Limits, Meter, Overrun
+
+log = structlog.get_logger()
 
 BEAT = 30.0  # s between two signs of life asked of a page
-Judge = Callable[[bytes | str], bytes | None]
+Judge = Callable[[bytes], bytes | None]
 
 
 async def relay(
-    request: web.Request, client: aiohttp.ClientSession, process: Process, judge: Judge, limit: int
+    request: web.Request, client: aiohttp.ClientSession, process: Process, meter: Meter, judge: Judge
 ) -> web.WebSocketResponse:
-    """Until either side ends. judge: what of a page's message goes on, None for nothing; raises Overrun to close.
-
-    limit: bytes of a page's message that `judge` allows. Where there is no process, the page is closed with code 1012
-    and will come again.
+    """Until either side ends, or the page sends more than `meter` allows. judge: what of a page's message goes on, None
+    for nothing. Where there is no process, the page is closed with code 1012 and will come again.
     """
     try:
         session = await client.ws_connect(
@@ -42,12 +43,13 @@ async def relay(
     async with session:
         page = web.WebSocketResponse(
             protocols=[session.protocol] if session.protocol else [],
-            max_msg_size=2 * limit,  # of what is beyond that, no more is read, not even to say so
+            max_msg_size=meter.largest * 5 // 4,  # of what is beyond that, no more is read, not even to say so
             compress=False,
             heartbeat=BEAT,
+            autoping=False,  # pings are counted, too
         )
         await page.prepare(request)
-        there = asyncio.create_task(_heard(page, session, judge))
+        there = asyncio.create_task(_heard(page, session, meter, judge))
         back = asyncio.create_task(_shown(session, page))
         done, pending = await asyncio.wait((there, back), return_when=asyncio.FIRST_COMPLETED)
         for task in pending:
@@ -56,11 +58,14 @@ async def relay(
                 await task
         overrun = next((e for task in done if isinstance(e := task.exception(), Overrun)), None)
         if overrun is not None:
+            log.warning("page closed", reason=str(overrun))
             await page.close(code=WSCloseCode.POLICY_VIOLATION, message=str(overrun).encode()[:120])
         elif not page.closed:
             code = session.close_code or WSCloseCode.SERVICE_RESTART
             ended = code in (WSCloseCode.ABNORMAL_CLOSURE, 1005)
             await page.close(code=WSCloseCode.SERVICE_RESTART if ended else code, message=b"the session has ended")
+        if request.transport is not None and page.close_code == WSCloseCode.ABNORMAL_CLOSURE:
+            request.transport.abort()  # who does not read would else keep the connection, and what is to be sent
     return page
 
 
@@ -77,14 +82,20 @@ def _offered(request: web.Request) -> list[str]:
     return [name.strip() for name in request.headers.get("Sec-WebSocket-Protocol", "").split(",") if name.strip()]
 
 
-async def _heard(page: web.WebSocketResponse, session: aiohttp.ClientWebSocketResponse, judge: Judge) -> None:
+async def _heard(
+    page: web.WebSocketResponse, session: aiohttp.ClientWebSocketResponse, meter: Meter, judge: Judge
+) -> None:
     """Raises Overrun."""
     with contextlib.suppress(ConnectionError):
         async for message in page:
-            if message.type not in (WSMsgType.BINARY, WSMsgType.TEXT):
+            if message.type is WSMsgType.PING:
+                meter.count()
+                await page.pong(message.data)
+            elif message.type in (WSMsgType.BINARY, WSMsgType.TEXT):
+                if meter.admits(message.data) and (passed := judge(message.data)) is not None:
+                    await session.send_bytes(passed)
+            elif message.type is not WSMsgType.PONG:
                 return
-            if (passed := judge(message.data)) is not None:
-                await session.send_bytes(passed)
 
 
 async def _shown(session: aiohttp.ClientWebSocketResponse, page: web.WebSocketResponse) -> None:

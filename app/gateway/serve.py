@@ -10,8 +10,11 @@ import signal
 import socket
 from pathlib import Path
 
+import structlog
+
 from app import warm
 from app.access import Names, OriginError, Tokens
+from app.ending import end_within
 from app.gateway.invitation import Invitation, Look
 from app.gateway.register import Register
 from app.gateway.server import Doors, Gateway, serving
@@ -21,6 +24,8 @@ from app.printable import say
 from app.recovery import StateError
 from app.scenario import Scenario, ScenarioError
 from app.scenario_data import to_toml
+
+log = structlog.get_logger()
 
 SESSIONS_PER_CORE = 2.0  # at 1 kHz, each looked at by one page: docs/performance.md
 
@@ -107,7 +112,9 @@ async def _serve(
             else:
                 listening = f", listening at {invitation.host}:{port}" if invitation.origins else ""
                 say(f"{house.places} sessions at once (--max-sessions){listening}")
+            log.info("listening", url=address)
             await stop.wait()
+            end_within()
             say("\nended")
     finally:
         if warming is not None:

@@ -19,6 +19,7 @@ from collections.abc import AsyncIterator, Awaitable, Callable
 from dataclasses import dataclass, field, replace
 
 import aiohttp
+import structlog
 from aiohttp import WSCloseCode, web
 
 from app.access import KEY_HEADER, PAGE_HEADERS, Names, Pass, Tokens
@@ -27,6 +28,8 @@ from app.gateway.invitation import PortTaken
 from app.gateway.relay import closed, relay
 from app.gateway.sessions import HURRIED, House, Session
 from app.traffic import Limits, Meter, harmless
+
+log = structlog.get_logger()
 
 TICK = 1.0  # s
 WAITS = 0.5  # s that a page is kept waiting for its session, rather than being told to wait
@@ -54,6 +57,7 @@ class Gateway:
         self._client: aiohttp.ClientSession | None = None
         self.app = web.Application(middlewares=[self._guard], client_max_size=64 * 1024)
         self.app.cleanup_ctx.append(self._living)
+        self.app.on_shutdown.append(self._end)
         self.app.add_routes(
             [
                 web.get("/", self._front),
@@ -71,7 +75,10 @@ class Gateway:
             ticking = asyncio.create_task(self._tick())
             yield
             ticking.cancel()
-            await self._house.close()
+
+    async def _end(self, _: web.Application) -> None:
+        """Before anybody waits for the pages: they end with their sessions."""
+        await self._house.close()
 
     async def _tick(self) -> None:
         while True:
@@ -87,6 +94,7 @@ class Gateway:
         socket = _is_socket(request)
         refusal = self._doors.names.refusal(request.headers, acting=socket or request.method not in ("GET", "HEAD"))
         if refusal:
+            log.warning("request refused", reason=refusal.sentence)
             return _notice("This request is refused", refusal.sentence, refusal.status)
         response = self._without_token(request)
         if response is None and request.query_string and not socket and not request.path.endswith("/about"):
@@ -112,6 +120,7 @@ class Gateway:
         known, shown = tokens.opens(request.cookies.get(cookie, "")), tokens.opens(request.query.get("token", ""))
         kind: Pass | None = "steer" if "steer" in (known, shown) else known or shown
         if kind is None:
+            log.warning("request refused", reason="no token, or a wrong one")
             sentence = "This server needs the link with its token, as it was printed when the server was started."
             return _notice("Please come in by the link", sentence, 403)
         request["pass"] = kind
@@ -180,15 +189,12 @@ class Gateway:
         limits = replace(limits, message=limits.watchers_message) if watches else limits
         meter = Meter(limits)
 
-        def steering(raw: bytes | str) -> bytes | None:
-            return raw if meter.admits(raw) and isinstance(raw, bytes) else None
-
-        def watching(raw: bytes | str) -> bytes | None:
-            return harmless(raw, process.looking) if meter.admits(raw) and isinstance(raw, bytes) else None
+        def watching(raw: bytes) -> bytes | None:
+            return harmless(raw, process.looking)
 
         with self._house.viewing(session):
-            judge = watching if watches else steering
-            return await relay(request, self._client, process, judge, limits.message)
+            judge = watching if watches else bytes
+            return await relay(request, self._client, process, meter, judge)
 
     async def _about(self, request: web.Request) -> web.StreamResponse:
         session = self._meant(request)
@@ -197,6 +203,7 @@ class Gateway:
         about = {
             "phase": session.phase,
             "place": self._house.place(session),
+            "full": session.phase == "resting" and self._house.full,
             "rest": round(HURRIED),
             "told": session.told,
             "crashes": session.crashes,
@@ -259,7 +266,7 @@ def _port(request: web.Request) -> int:
 
 def _to_clean(request: web.Request) -> web.Response:
     """To the same page, without what the address says behind the '?'."""
-    return web.Response(status=303, headers={"Location": f"./{request.path.rpartition('/')[2]}"})
+    return web.Response(status=303, headers={"Location": f"./{request.rel_url.raw_path.rpartition('/')[2]}"})
 
 
 def _html(text: str, status: int = 200) -> web.Response:

@@ -20,12 +20,14 @@ log = structlog.get_logger()
 
 Phase = Literal["resting", "waiting", "starting", "running", "failed"]
 
-FORGOTTEN = 15.0  # s: who waits for a place and does not ask so long has gone
+SILENT = 15.0  # s: who waits for a place and has not asked for so long is passed over
+FORGOTTEN = 120.0  # s: and has gone after so long; a locked phone asks for nothing
+MOST_WAITING = 500
 UNSEEN = 60.0  # s: a process that nobody ever looked at is closed
 HURRIED = 120.0  # s: while others wait, a place that nobody looks at is free so soon
 CRASHES, WITHIN = 3, 60.0  # so many ends of a process within so many s, and it is not begun again
 SPARE_AFTER = 2.0  # s after a start, for the page that is just being loaded has the processor first
-MOST_KEPT = 2000  # sessions that rest; of more, the one not seen for longest is forgotten
+MOST_KEPT = 2000  # sessions that rest; of more, the one not seen for longest is forgotten, see `_forget`
 
 
 class Process(Protocol):
@@ -48,7 +50,7 @@ class Session:
 
     name, watch: parts of the links to steer and to watch, neither to be guessed, nor one from the other. scenario:
     TOML, as it was last. offers: what is kept of it on disk is something else, to be offered. viewers: open pages.
-    told: what happened to its process last, "" while nothing did; crashes counts that.
+    told: what happened to its process last, "" while nothing did; crashes counts that. ran: it had a place once.
     """
 
     scenario: str
@@ -60,6 +62,7 @@ class Session:
     viewers: int = 0
     told: str = ""
     crashes: int = 0
+    ran: bool = False
     asked: float = 0.0
     seen: float = 0.0
     _falls: list[float] = field(default_factory=list)
@@ -67,6 +70,11 @@ class Session:
     _runs: asyncio.Event = field(default_factory=asyncio.Event)
     _life: asyncio.Task[None] | None = None
     _closing: bool = False
+
+    @property
+    def called(self) -> str:
+        """What the log calls it: neither of its links can be made of that."""
+        return self.watch[:6]
 
 
 class House:
@@ -95,9 +103,10 @@ class House:
         self._queue: list[Session] = []
         self._spare: asyncio.Task[Process] | None = None
         self._doing: set[asyncio.Task[object]] = set()
+        self._closed = False
         self._started = clock() - SPARE_AFTER
         for name, watch, last in register.known() if register is not None else ():
-            self._add(Session(last, name, watch, asked=clock(), seen=clock()))
+            self._add(Session(last, name, watch, ran=True, seen=clock()))
 
     @property
     def taken(self) -> int:
@@ -117,7 +126,7 @@ class House:
 
     def new(self, scenario: str | None = None) -> Session:
         """A session that rests; scenario: TOML, None for the usual one."""
-        self._forget()
+        self._forget(MOST_KEPT, ran=False)
         return self._add(Session(scenario or self._scenario, seen=self._clock()))
 
     def everyone(self) -> Session:
@@ -126,10 +135,15 @@ class House:
         session.scenario, session.offers = self._scenario, True
         return session
 
+    @property
+    def full(self) -> bool:
+        """Whether nobody else can wait."""
+        return len(self._queue) >= MOST_WAITING
+
     def want(self, session: Session) -> None:
-        """Somebody looks for this session: run it, or keep its place in the queue."""
+        """Somebody looks for this session: run it, or keep its place in the queue, unless that is full."""
         session.asked = session.seen = self._clock()
-        if session.phase == "resting":
+        if session.phase == "resting" and not self.full:
             session.phase = "waiting"
             self._queue.append(session)
             self._advance()
@@ -167,7 +181,7 @@ class House:
         """What time brings: places fall free, who waits moves on, a spare is ordered. To be called each second."""
         for session in self._by_name.values():
             if session.phase == "running" and not session.viewers and self._unseen(session) and session.process:
-                log.info("session closed", reason="nobody looks at it")
+                log.info("session closed", session=session.called, reason="nobody looks at it")
                 session._closing = True
                 session.phase = "resting"
                 session.process, process = None, session.process
@@ -175,13 +189,14 @@ class House:
         self._advance()
         if self._spare is not None and self._spare.done() and not _of_use(self._spare):
             self._spare = None
-        wanted = self._wants_spare and self._spare is None and self.taken < self.places
+        wanted = self._wants_spare and not self._closed and self._spare is None and self.taken < self.places
         if wanted and self._clock() - self._started >= SPARE_AFTER:
             self._started = self._clock()  # a launch that fails is not tried again at once either
             self._spare = asyncio.create_task(self._launch(self._scenario))
 
     async def close(self) -> None:
-        """End every process; returns when they have ended."""
+        """End every process, and begin no other one; returns when they have ended."""
+        self._closed = True
         lives = [session._life for session in self._by_name.values() if session._life is not None]
         if self._spare is not None:
             lives.append(asyncio.create_task(_end(self._spare)))
@@ -208,16 +223,19 @@ class House:
         task.add_done_callback(self._doing.discard)
 
     def _advance(self) -> None:
-        now = self._clock()
-        for session in [s for s in self._queue if now - s.asked > FORGOTTEN]:
-            self._queue.remove(session)
-            session.phase = "resting"
-        for session in list(self._queue):
+        now, free = self._clock(), 0 if self._closed else self.places - self.taken
+        waiting = list[Session]()
+        for session in self._queue:
+            if now - session.asked > FORGOTTEN:
+                session.phase = "resting"
             # one that is just being closed comes back when it has been
-            if self.taken < self.places and session._life is None:
-                self._queue.remove(session)
+            elif free > 0 and session._life is None and now - session.asked <= SILENT:
+                free -= 1
                 session.phase, session._closing, session._ever_seen = "starting", False, False
                 session._life = asyncio.create_task(self._live(session))
+            else:
+                waiting.append(session)
+        self._queue = waiting
 
     async def _live(self, session: Session) -> None:
         """From its place in the house to its end, over as many processes as it takes."""
@@ -227,7 +245,7 @@ class House:
                 process = await self._process(session)
                 session.process, session.phase, session.seen = process, "running", self._clock()
                 session._runs.set()
-                log.info("session opened", sessions=self.taken)
+                log.info("session opened", session=session.called, sessions=self.taken)
                 async for scenario in process.changes():
                     session.scenario, session.offers = scenario, False
                 session._runs.clear()
@@ -237,7 +255,13 @@ class House:
                     self._fallen(session, how)
         except WorkerError as error:
             session.phase, session.told = "failed", str(error)
-            log.warning("session given up", reason=str(error))
+            log.warning("session given up", session=session.called, reason=str(error))
+        except Exception as error:  # a fault of ours ends this session, and is told
+            session.phase, session.told = "failed", f"the server could not look after it ({type(error).__name__})"
+            log.error("fault", stage="a session", session=session.called, exc_info=error)
+            if session.process is not None:
+                self._do(session.process.end())
+                session.process = None
         finally:
             session._life = None
             session._runs.clear()
@@ -248,7 +272,7 @@ class House:
         now = self._clock()
         session._falls = [fall for fall in session._falls if now - fall < WITHIN] + [now]
         session.crashes += 1
-        log.warning("session crashed", how=how)
+        log.warning("session crashed", session=session.called, how=how)
         if len(session._falls) >= CRASHES:
             raise WorkerError(f"its process has ended unexpectedly {CRASHES} times within a minute ({how})")
         session.told = f"its process ended unexpectedly ({how}); another one has begun its last scenario anew"
@@ -256,6 +280,9 @@ class House:
     async def _process(self, session: Session) -> Process:
         """The spare, or a new one; it has begun the session's scenario."""
         scenario, kept = session.scenario, None
+        if not session.ran:
+            self._forget(MOST_KEPT if self._register is None else MOST, ran=True)
+            session.ran = True
         if self._register is not None:
             known = Known(session.name, session.watch, scenario)
             folder = await asyncio.to_thread(self._register.entered, known)
@@ -277,13 +304,16 @@ class House:
         self._by_name[session.name] = self._by_watch[session.watch] = session
         return session
 
-    def _forget(self) -> None:
-        resting = [session for session in self._by_name.values() if session._life is None and not self.place(session)]
-        if len(resting) >= (MOST_KEPT if self._register is None else MOST):
-            # one whose page was never loaded first: calling again and again at the door costs nobody a session
-            oldest = min(resting, key=lambda session: (session.asked > 0.0, session.seen))
+    def _forget(self, most: int, *, ran: bool) -> None:
+        """Make room for one more beside `most` that rest: those that ran make room for one that runs only, so that
+        calling again and again at the door costs nobody a session."""
+        waiting = set(self._queue)
+        every = self._by_name.values()
+        resting = [s for s in every if s.ran == ran and s._life is None and s not in waiting]
+        if len(resting) >= most:
+            oldest = min(resting, key=lambda session: session.seen)
             del self._by_name[oldest.name], self._by_watch[oldest.watch]
-            if self._register is not None:
+            if self._register is not None and ran:
                 self._do(asyncio.to_thread(self._register.forget, oldest.watch))
 
 

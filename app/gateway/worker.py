@@ -18,7 +18,7 @@ from app.session_messages import LONGEST, Begin, Changed, Failed, Prepare, Ready
 
 log = structlog.get_logger()
 
-PATIENCE = 2.0  # s that a process has to end by itself
+PATIENCE = 1.0  # s that a process has to end by itself
 
 
 class WorkerError(RuntimeError):
@@ -46,7 +46,10 @@ class Worker:
     @classmethod
     async def prepared(cls, scenario: str, look: Look) -> Worker:
         """A process with its dashboard up and this scenario (TOML) compiled. Raises WorkerError."""
-        ours, theirs = socket.socketpair()
+        try:
+            ours, theirs = socket.socketpair()
+        except OSError as error:
+            raise WorkerError(f"the session's process cannot be reached: {error.strerror}") from error
         with theirs:
             file = theirs.fileno()
             try:
@@ -109,7 +112,8 @@ class Worker:
 
     async def _messages(self) -> AsyncIterator[Ready | Changed | Failed]:
         with contextlib.suppress(ConnectionError, asyncio.IncompleteReadError):
-            while text := await self._reader.readline():
+            # the last words of a process that is killed have no end
+            while (text := await self._reader.readline()).endswith(b"\n"):
                 message = from_session.decode(text)
                 if isinstance(message, Failed):
                     self._failure = message.reason

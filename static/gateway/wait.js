@@ -4,9 +4,9 @@ const ask = async () => {
   try {
     const answer = await fetch("about?wait", { cache: "no-store" });
     if (answer.status === 403 || answer.status === 404) return location.reload();
-    const { phase, place, told, rest } = await answer.json();
+    const { phase, place, full, told, rest } = await answer.json();
     if (phase === "running") return location.reload();
-    show(place > 0 ? "waiting" : phase === "failed" ? "failed" : "starting");
+    show(full ? "full" : place > 0 ? "waiting" : phase === "failed" ? "failed" : "starting");
     document.getElementById("place").textContent = place;
     document.getElementById("rest").textContent = rest;
     document.getElementById("told").textContent = told ? told[0].toUpperCase() + told.slice(1) + "." : "";
