@@ -163,6 +163,7 @@ def on_a_mass(mode: str, factor: float, M_e: float, *, ideal: bool) -> tuple[Clo
         motion={"kind": "hold"},
         force={"kind": "constant", "value": 10.0},
     )
+    base = changed(base, truth={"push": [0.0, 0.0, -5.0], "push_start": 0.0})  # at rest nothing would grow
     system = ClosedLoop(base).system
     estimate, task = system.observe(system.q_0, np.zeros(6), 0.0)
     H = task.J_q_inv.T @ estimate.M_hat @ task.J_q_inv

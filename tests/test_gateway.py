@@ -164,11 +164,16 @@ def test_a_foreign_page_and_a_foreign_name_reach_nothing(shared: Server, link: L
         page.wait(lambda: bool(page.status))
 
 
+def test_a_path_with_a_line_in_it_leads_to_itself(shared: Server) -> None:
+    answer = ask(shared.port, "/%0aSet-Cookie:a?x")
+    assert (answer.status, answer.headers["Location"], answer.headers["Set-Cookie"]) == (303, "./%0aSet-Cookie:a", None)
+
+
 @pytest.mark.parametrize(
     ("what", "reason"),
     [
         (b"garbage", "not a message of the page"),
-        (b"\x00" * (Limits().message + 1), "a message of 32.0 MB; allowed: 32 MB"),
+        (b"\x00" * (Limits().message + 1), "a message of 12.0 MB; allowed: 12 MB"),
         ({"type": "FileTransferStartUpload", "size_bytes": 10**9, "part_count": 1, "transfer_uuid": "x"}, "a file of"),
         ([CAMERA] * 4000, "too many messages"),
     ],
@@ -182,8 +187,9 @@ def test_each_limit_closes_the_connection_with_its_reason(link: Link, what: Any,
             page.lose()
 
 
-def test_without_the_token_nothing_answers_and_each_link_opens_its_own() -> None:
-    with serving("planar2r-semicircle", "--token", "always", lines=2) as server:
+def test_without_the_token_nothing_answers_and_each_link_opens_its_own(tmp_path: Path) -> None:
+    log = tmp_path / "log"
+    with serving("planar2r-semicircle", "--token", "always", "--log-file", str(log), lines=2) as server:
         port, token = server.port, re.search(r"token=(\S+)", server.lines[0])
         watch = re.search(r"(/watch/\S+/)\?token=(\S+)", server.lines[1])
         assert token
@@ -194,6 +200,10 @@ def test_without_the_token_nothing_answers_and_each_link_opens_its_own() -> None
             assert "the link with its token" in answer.body
         with pytest.raises(InvalidStatus, match="403"), visiting(f"http://127.0.0.1:{port}{watch[1]}"):
             pass
+        assert ask(port, "/", Cookie=f"vsmrc-token-{port}=\xff").status == 403
+        lines = log.read_text().splitlines()
+        assert len([line for line in lines if 'event="request refused" reason="no token, or a wrong one"' in line]) == 7
+        assert not [line for line in lines if "wrong&" in line or token[1] in line]
         steering = ask(port, f"/?token={token[1]}").headers
         watching = ask(port, f"{watch[1]}?token={watch[2]}").headers
         cookies = [headers["Set-Cookie"].split(";")[0] for headers in (steering, watching)]
