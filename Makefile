@@ -4,6 +4,7 @@
 # make bench        measure speed, pacing and memory, write docs/performance.md; ARGS="--quick", ARGS="--only step"
 # make evidence     every number and figure of docs/evidence.md anew
 # make soak         an hour in company, written to docs/reliability.md; ARGS="--minutes 10 --no-write"
+# make soak-shared  the same for a server with sessions behind its gateway
 # make mutations    planted mistakes, and which of them the tests see; ARGS="--only task_space"
 # make fuzz         every parser fed with what breaks parsers; ARGS="--seconds 60 --only formula urdf"
 # make screenshots  docs/screenshots/ anew
@@ -18,7 +19,7 @@ BIN := .venv/bin
 # The matrices are small: BLAS threads only take the cores from the loop and the page.
 export OMP_NUM_THREADS = 1
 
-.PHONY: run test check bench evidence soak mutations fuzz screenshots constraints clean
+.PHONY: run test check bench evidence soak soak-shared mutations fuzz screenshots constraints clean
 
 run: .venv/run.stamp
 	@$(BIN)/vsmrc serve $(ARGS)
@@ -43,6 +44,9 @@ evidence: .venv/dev.stamp
 
 soak: .venv/dev.stamp
 	@$(BIN)/python -m benchmarks.soak $(ARGS)
+
+soak-shared: .venv/dev.stamp
+	@$(BIN)/python -m benchmarks.soak_shared $(ARGS)
 
 mutations: .venv/dev.stamp
 	@$(BIN)/python -m benchmarks.mutations $(ARGS)

@@ -102,7 +102,7 @@ def _fared(number: int, count: int, seconds: float) -> Fared:
         pages, waits = [], []
         for _ in range(count):
             began = time.perf_counter()
-            url = _arrived(server.port)
+            url = arrived(server.port)
             pages.append(page := stack.enter_context(visiting(url)))
             page.wait(lambda page=page: RUNNING in page.status)
             waits.append(time.perf_counter() - began)
@@ -115,7 +115,7 @@ def _fared(number: int, count: int, seconds: float) -> Fared:
         realtime = [(page.t - t) / passed for page, t in zip(pages, since, strict=True)]
         return Fared(
             realtime=min(realtime),
-            late=max(map(_late, pages)),
+            late=max(map(late, pages)),
             session=sum(shares[1:]) / count,
             gateway=shares[0],
             memory=sum(map(_memory, everyone[1:])) / count,
@@ -124,7 +124,7 @@ def _fared(number: int, count: int, seconds: float) -> Fared:
         )
 
 
-def _arrived(port: int) -> str:
+def arrived(port: int) -> str:
     """The link of a new session, once its page is there."""
     connection = http.client.HTTPConnection("127.0.0.1", port, timeout=PATIENCE)
     connection.request("GET", "/")
@@ -138,7 +138,7 @@ def _arrived(port: int) -> str:
         time.sleep(0.05)
 
 
-def _late(page: Visitor) -> float:
+def late(page: Visitor) -> float:
     """Median lateness of its control steps, ms, as the status line has it."""
     found = [re.search(r"late by ([\d.]+) ms", html) for html in page.html.values() if "vs-status" in html]
     return max((float(match[1]) for match in found if match), default=float("nan"))

@@ -16,6 +16,7 @@ import random
 import sys
 import threading
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
@@ -64,10 +65,10 @@ class Look:
 class Crowd:
     """Visitors in threads of their own, each coming again and again until the crowd is dismissed."""
 
-    def __init__(self, url: str, count: int, seed: int) -> None:
+    def __init__(self, urls: Sequence[str], count: int, seed: int) -> None:
         self.visits = 0
         self.failures: list[str] = []
-        self._url, self._over = url, threading.Event()
+        self._urls, self._over = urls, threading.Event()
         self._threads = [
             threading.Thread(target=self._come_and_go, args=(random.Random(f"{seed} {number}"),), daemon=True)
             for number in range(count)
@@ -84,7 +85,7 @@ class Crowd:
         while not self._over.wait(chance.uniform(0.0, 10.0)):
             self.visits += 1
             try:
-                with visit(self._url) as visitor:
+                with visit(chance.choice(self._urls)) as visitor:
                     visitor.play()
                     leaving = time.monotonic() + chance.uniform(5.0, LONGEST_VISIT)
                     while time.monotonic() < leaving and not self._over.wait(chance.uniform(0.5, 6.0)):
@@ -122,7 +123,7 @@ def soak(minutes: float, clients: int, every: float, seed: int) -> tuple[list[Lo
     """What was seen every so many minutes, and what went wrong with a visitor."""
     looks = []
     with served(SCENARIO) as dashboard:
-        crowd = Crowd(dashboard.url, clients, seed)
+        crowd = Crowd([dashboard.url], clients, seed)
         for number in tqdm(range(1, math.ceil(minutes / every) + 1), desc="looks", disable=None):
             began = time.perf_counter()
             time.sleep(60.0 * every)
@@ -147,12 +148,12 @@ def _look(dashboard: Served, minute: float, since: float, visits: int) -> Look:
     )
 
 
-def grown(looks: list[Look]) -> list[str]:
-    """What was clearly more at the end than in the middle: memory, threads, files, each at the quietest look."""
+def grown(looks: Sequence[object], names: Sequence[str] = ("resident", "threads", "files")) -> list[str]:
+    """What was clearly more at the end than in the middle, each at the quietest look."""
     half = len(looks) // 2
     middle, end = looks[half // 2 : half + 1], looks[half + (len(looks) - half) // 2 :]
     found = []
-    for name in ("resident", "threads", "files"):
+    for name in names:
         before, after = (min(getattr(look, name) for look in part) for part in (middle, end))
         if after > GROWTH * before + 2:
             found.append(f"{name}: {before:g} in the middle, {after:g} at the end")

@@ -1,0 +1,170 @@
+"""Visitors come and go for hours at a server for an audience: what its gateway and its sessions hold meanwhile.
+
+    python -m benchmarks.soak_shared                 an hour; writes its part of docs/reliability.md
+    python -m benchmarks.soak_shared --minutes 10    what the weekly checks run; exit status 1 when something grows
+
+The server is `vsmrc serve --shared`, each session is watched by one page that stays, and the visitors are those of
+`benchmarks.soak`, each time with one of the sessions.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import math
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+from urllib.parse import urljoin
+from urllib.request import urlopen
+
+import tyro
+from tqdm import tqdm
+
+from app.markdown import Table
+from benchmarks import machine
+from benchmarks.sessions import RUNNING, arrived, late
+from benchmarks.soak import PAGE, PLACE, Crowd, grown
+from tests.visitors import Visitor, serving, visiting
+
+SHARED = "<!-- soak shared -->"
+HELD = ("gateway", "sessions", "threads", "files", "processes")
+
+
+@dataclass(frozen=True)
+class Look:
+    """At `minute`: resident memory of the gateway and of all processes of sessions, bytes; threads, files and
+    processes of all; median lateness of control steps by the status lines, s, worst; how many visits have begun."""
+
+    minute: float
+    gateway: int
+    sessions: int
+    threads: int
+    files: int
+    processes: int
+    late: float
+    visits: int
+
+
+def soak(minutes: float, sessions: int, clients: int, every: float, seed: int) -> tuple[list[Look], list[str]]:
+    """What was seen every so many minutes, and what went wrong with a visitor."""
+    looks = []
+    with serving("--shared", "--max-sessions", str(sessions), lines=2, fps=30) as server, ExitStack() as stack:
+        urls, watchers = [], list[Visitor]()
+        for _ in range(sessions):
+            urls.append(url := arrived(server.port))
+            watchers.append(watcher := stack.enter_context(visiting(_watched(url))))
+            watcher.wait(lambda watcher=watcher: RUNNING in watcher.status)
+        crowd = Crowd(urls, clients, seed)
+        for number in tqdm(range(1, math.ceil(minutes / every) + 1), desc="looks", disable=None):
+            time.sleep(60.0 * every)
+            looks.append(_look(server.process.pid, watchers, number * every, crowd.visits))
+        crowd.dismiss()
+    return looks, crowd.failures
+
+
+def _watched(url: str) -> str:
+    """The link to watch a session, of which this is the one to steer."""
+    with urlopen(f"{url}about") as about:
+        return urljoin(url, json.load(about)["links"]["watch"])
+
+
+def _look(gateway: int, watchers: list[Visitor], minute: float, visits: int) -> Look:
+    processes = [gateway, *_descendants(gateway)]
+    held = [(_resident(pid), _entries(pid, "task"), _entries(pid, "fd")) for pid in processes]
+    return Look(
+        minute,
+        held[0][0],
+        sum(resident for resident, _, _ in held[1:]),
+        sum(threads for _, threads, _ in held),
+        sum(files for _, _, files in held),
+        len(processes),
+        max((1e-3 * ms for ms in map(late, watchers) if not math.isnan(ms)), default=math.nan),
+        visits,
+    )
+
+
+def _descendants(pid: int) -> Iterator[int]:
+    with contextlib.suppress(OSError):  # it may just have ended
+        for children in Path(f"/proc/{pid}/task").glob("*/children"):
+            for child in map(int, children.read_text(encoding="ascii").split()):
+                yield child
+                yield from _descendants(child)
+
+
+def _resident(pid: int) -> int:
+    """Bytes, what it shares with others divided among them; 0 for a process that has just ended."""
+    with contextlib.suppress(OSError):
+        for line in Path(f"/proc/{pid}/smaps_rollup").read_text(encoding="ascii").splitlines():
+            if line.startswith("Pss:"):
+                return int(line.split()[1]) * 1024
+    return 0
+
+
+def _entries(pid: int, folder: str) -> int:
+    with contextlib.suppress(OSError):
+        return sum(1 for _ in Path(f"/proc/{pid}/{folder}").iterdir())
+    return 0
+
+
+def page(looks: list[Look], failures: list[str], sessions: int, clients: int, described: str) -> str:
+    """The part of docs/reliability.md."""
+    last = looks[-1]
+    rows = [
+        (
+            f"{look.minute:g}",
+            f"{look.visits}",
+            f"{look.gateway / 1e6:.0f}",
+            f"{look.sessions / 1e6:.0f}",
+            f"{look.processes}",
+            f"{look.threads}",
+            f"{look.files}",
+            f"{1e3 * look.late:.2f}",
+        )
+        for look in looks[:: max(1, len(looks) // 12)]
+    ]
+    sizes = ("gateway, MB", "sessions, MB", "processes", "threads", "files")
+    header = ("minute", "visits so far", *sizes, "late p50, ms, worst")
+    growth = "; ".join(grown(looks, HELD)) or "nothing grew"
+    broken = f"{len(failures)} visits were broken off" + (f" (first: {failures[0]})" if failures else "")
+    return f"""## In company, through the gateway
+
+Written by `python -m benchmarks.soak_shared --minutes {last.minute:g} --sessions {sessions} --clients {clients}`.
+{described}
+
+{sessions} sessions of `vsmrc serve --shared`, each watched by a page that stays; {clients} visitors at a time,
+{last.visits} visits in {last.minute:g} minutes, each with one of the sessions: they do what those below do. Judged by the
+quietest looks of the second half: {growth}. {broken}. Memory is the proportional share of the processes; those of the
+sessions count their previews. What a session has recorded grows for twenty simulated minutes and no further.
+
+{Table(header, rows).markdown()}
+"""
+
+
+def main(
+    minutes: float = 60.0,
+    sessions: int = 3,
+    clients: int = 8,
+    every: float = 0.5,
+    seed: int = 0,
+    write: Annotated[bool, tyro.conf.arg(help="docs/reliability.md")] = True,
+) -> None:
+    """Exit status 1 when memory, threads, files or processes grew, or a visitor was thrown out."""
+    described = machine.describe()
+    looks, failures = soak(minutes, sessions, clients, every, seed)
+    text = page(looks, failures, sessions, clients, described)
+    print(text)
+    if write:
+        before, _, rest = PAGE.read_text(encoding="utf-8").partition(SHARED)
+        PAGE.write_text(f"{before}{SHARED}\n\n{text}\n{PLACE}{rest.partition(PLACE)[2]}", encoding="utf-8")
+        print(f"written to {PAGE}")
+    sys.exit(1 if grown(looks, HELD) or failures else 0)
+
+
+if __name__ == "__main__":
+    with contextlib.suppress(KeyboardInterrupt):
+        tyro.cli(main)
