@@ -137,9 +137,9 @@ Written by `python -m benchmarks.soak_shared --minutes {last.minute:g} --session
 {described}
 
 {sessions} sessions of `vsmrc serve --shared`, each watched by a page that stays; {clients} visitors at a time,
-{last.visits} visits in {last.minute:g} minutes, each with one of the sessions: they do what those below do. Judged by the
-quietest looks of the second half: {growth}. {broken}. Memory is the proportional share of the processes; those of the
-sessions count their previews. What a session has recorded grows for twenty simulated minutes and no further.
+{last.visits} visits in {last.minute:g} minutes, each with one of the sessions: they do what those below do. Judged by
+the quietest looks of the second half: {growth}. {broken}. Memory is the proportional share of the processes, previews
+with their sessions. What a session has recorded grows for twenty simulated minutes and no further.
 
 {Table(header, rows).markdown()}
 """
