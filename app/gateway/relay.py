@@ -58,7 +58,7 @@ async def relay(
                 await task
         overrun = next((e for task in done if isinstance(e := task.exception(), Overrun)), None)
         if overrun is not None:
-            log.warning("page closed", reason=str(overrun))
+            log.info("page closed", reason=str(overrun))
             await page.close(code=WSCloseCode.POLICY_VIOLATION, message=str(overrun).encode()[:120])
         elif not page.closed:
             code = session.close_code or WSCloseCode.SERVICE_RESTART

@@ -94,7 +94,7 @@ class Gateway:
         socket = _is_socket(request)
         refusal = self._doors.names.refusal(request.headers, acting=socket or request.method not in ("GET", "HEAD"))
         if refusal:
-            log.warning("request refused", reason=refusal.sentence)
+            log.info("request refused", reason=refusal.sentence)
             return _notice("This request is refused", refusal.sentence, refusal.status)
         response = self._without_token(request)
         if response is None and request.query_string and not socket and not request.path.endswith("/about"):
@@ -120,7 +120,7 @@ class Gateway:
         known, shown = tokens.opens(request.cookies.get(cookie, "")), tokens.opens(request.query.get("token", ""))
         kind: Pass | None = "steer" if "steer" in (known, shown) else known or shown
         if kind is None:
-            log.warning("request refused", reason="no token, or a wrong one")
+            log.info("request refused", reason="no token, or a wrong one")
             sentence = "This server needs the link with its token, as it was printed when the server was started."
             return _notice("Please come in by the link", sentence, 403)
         request["pass"] = kind
