@@ -197,10 +197,8 @@ class Timeline:
 
     def _keep(self, *, changed: bool) -> None:
         key = _Key(self._end.state(), self._end.system, changed)
-        if (
-            self._keys and self._keys[-1].state.t == key.state.t
-        ):  # of several changes of one instant only the last counts
-            self._keys.pop()
+        if self._keys and self._keys[-1].state.t == key.state.t:
+            self._keys.pop()  # of several changes of one instant only the last counts
         self._keys.append(key)
         while len(self._keys) > MOST or (len(self._keys) > 1 and self._keys[1].state.t <= self.recording.first):
             del self._keys[0]
