@@ -21,6 +21,7 @@ from aiohttp import web
 from websockets.exceptions import InvalidStatus
 
 from app.gateway.relay import relay
+from app.traffic import Limits, Meter
 from tests import nginx
 from tests.visitors import PATIENCE, Server, serving, visiting
 
@@ -138,7 +139,7 @@ def test_a_page_that_does_not_read_is_sent_no_more_and_holds_up_nobody() -> None
 
         async def through(request: web.Request) -> web.WebSocketResponse:
             process: Any = SimpleNamespace(port=inner, key="key")
-            return await relay(request, client, process, lambda raw: raw if isinstance(raw, bytes) else None, 1000)
+            return await relay(request, client, process, Meter(Limits()), bytes)
 
         async with aiohttp.ClientSession() as client, _at(endless) as inner, _at(through) as outer:
             reader, writer = await asyncio.open_connection("127.0.0.1", outer, limit=2**16)
