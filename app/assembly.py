@@ -191,12 +191,12 @@ def _assemble(scenario: Scenario, previous: System | None) -> System:
         shift=trajectories.Shift.fresh(shift, scenario.shift.duration),
         force=force.course,
     )
-    shaping = ("robot", "task_space", "declared", "surface", "mode", "motion", "shift", "simulation")
-    if previous is not None and all(getattr(previous.scenario, f) == getattr(scenario, f) for f in shaping):
+    if previous is not None and _shaping(previous.scenario) == _shaping(scenario):
         constants = previous.constants
     else:
-        # on the surface, not where (33) puts r_fd within it: that moves with the force and K_e_hat, and Omega does not
-        unshifted = Planned(plan._replace(compliance=0.0, shift=trajectories.Shift.fresh(0.0 * shift, 1.0)))
+        # the arm is on the surface, not where (33) puts r_fd within it; only estimates taken along r_d are there, too
+        compliance = plan.compliance if scenario.controller.estimates == "along-reference" else 0.0
+        unshifted = Planned(plan._replace(compliance=compliance, shift=trajectories.Shift.fresh(0.0 * shift, 1.0)))
         along = centres(observer.at, unshifted, shift, q_0, scenario.simulation.duration)
         constants = constants_over(along, scenario, uncertainty_of(scenario, 0.0), nominal, observer.at)
     if previous is not None and previous.constants is constants and previous.scenario.truth == scenario.truth:
@@ -280,6 +280,15 @@ def _layout(scenario: Scenario, robot: robots.Robot, nominal: NominalModel, q_0:
         l=scenario.task_space.characteristic_length,
         R_ref=estimate.R,
     )
+
+
+def _shaping(scenario: Scenario) -> tuple[object, ...]:
+    """What Omega and the constants over it depend on."""
+    names = ("robot", "task_space", "declared", "surface", "mode", "motion", "shift", "simulation")
+    where = tuple(getattr(scenario, name) for name in names)
+    if scenario.controller.estimates == "along-reference":
+        return (*where, scenario.force, scenario.controller.K_e_hat)
+    return where
 
 
 def _coordinates(layout: TaskLayout, mode: Mode, robot: robots.Robot) -> tuple[Coordinate, ...]:

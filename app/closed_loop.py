@@ -396,10 +396,11 @@ class ClosedLoop:
         elif Alarm.FAST in alarms:
             self._left(rules.leaving_domain, f"the arm diverges (‖q̇‖ = {np.linalg.norm(arm.q_dot):.4g} rad/s)")
         if Alarm.OVER_BOUND in alarms:
+            rate = self.system.units.rate
             self._left(
                 rules.bound_violation,
-                f"‖s‖ = {period.output.s_norm:.4g} m/s is over its bound (20), {period.bound + period.band:.4g} m/s "
-                "with the sampling band",
+                f"‖s‖ = {1e3 * period.output.s_norm:.4g} {rate} is over its bound (20), "
+                f"{1e3 * (period.bound + period.band):.4g} {rate} with the sampling band",
             )
 
     def _saturation(self, tau: np.ndarray, applied: np.ndarray) -> str:

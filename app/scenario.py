@@ -1,4 +1,4 @@
-"""Scenario: one frozen tree that says everything about a run, to and from TOML.
+"""Scenario: one frozen tree that says everything about a run.
 
 Every field has its bounds, unit and meaning beside it; `field_info` hands them to the screen and the documentation.
 Lengths of vectors depend on the robot and are checked where the objects are built (`app.assembly`).

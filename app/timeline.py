@@ -128,7 +128,8 @@ class Timeline:
         if back is not None:
             back.recording = self._so_far(back)
         before = loop.recording
-        left = self._pinned() if len(self.recording) and (back is not None or loop.stopped is not None) else None
+        over = loop.stopped is not None and len(self.pinned) < PINS  # which takes no other's place
+        left = self._pinned() if len(self.recording) and (back is not None or over) else None
         loop.edit(scenario)
         if loop.recording is not before:
             if left is not None:  # what followed the instant looked at, or a run that has stopped

@@ -1,7 +1,7 @@
 """Where uploaded URDFs are kept: below the user's data folder, each in a folder named after its contents.
 
-A scenario names such a file by its path, so it can be saved, loaded and run headless. Where they become too many, those
-uploaded longest ago go.
+A scenario names such a file by its path, so it can be saved, loaded and run headless. One that nobody has used for long
+makes room when there are too many.
 """
 
 from __future__ import annotations
@@ -10,6 +10,7 @@ import contextlib
 import hashlib
 import os
 import re
+import time
 from pathlib import Path
 
 from app.scenario import ScenarioError
@@ -17,6 +18,7 @@ from app.whole_file import write_whole
 from environments import urdf
 
 MOST_KEPT, MOST_BYTES = 1000, 500_000_000  # files: a page that uploads for ever must not fill the disk
+UNUSED = 30 * 86_400.0  # s
 
 
 def folder() -> Path:
@@ -35,26 +37,37 @@ def keep(name: str, content: bytes) -> Path:
         raise ScenarioError(str(error)) from error
     path = folder() / hashlib.sha256(content).hexdigest()[:16] / _plain(name)
     try:
+        if not path.is_file():
+            _require_room(name, len(content))
         path.parent.mkdir(parents=True, exist_ok=True)
         write_whole(path, lambda file: file.write(content))
-        _make_room(path)
     except OSError as error:
         raise ScenarioError(f"robot.urdf: {name:.60} cannot be kept in {path.parent}: {error.strerror}") from error
     return path
 
 
-def _make_room(newest: Path) -> None:
-    """Remove what was uploaded longest ago, but never the newest, until the rest is not too much."""
-    found = [(file.stat(), file) for file in folder().glob("*/*.urdf") if file != newest]
-    found.sort(key=lambda each: each[0].st_mtime)
-    count, size = len(found) + 1, sum(status.st_size for status, _ in found) + newest.stat().st_size
-    for status, file in found:
-        if count <= MOST_KEPT and size <= MOST_BYTES:
-            return
-        file.unlink(missing_ok=True)
-        with contextlib.suppress(OSError):  # another file is in it
-            file.parent.rmdir()
-        count, size = count - 1, size - status.st_size
+def note_use(path: str | None) -> None:
+    """An uploaded file is in use now; any other is left alone."""
+    if path is not None and Path(path).parents[1:2] == (folder(),):
+        with contextlib.suppress(OSError):  # it may have gone: whoever reads it will say so
+            os.utime(path)
+
+
+def _require_room(name: str, size: int) -> None:
+    """Remove what nobody has used for long. Raises ScenarioError where the rest is still too much."""
+    count, kept, now = 0, 0, time.time()
+    for file in folder().glob("*/*.urdf"):
+        with contextlib.suppress(FileNotFoundError):  # another process removes, too
+            status = file.stat()
+            if now - status.st_mtime > UNUSED:
+                file.unlink()
+            else:
+                count, kept = count + 1, kept + status.st_size
+    if count >= MOST_KEPT or kept + size > MOST_BYTES:
+        raise ScenarioError(
+            f"robot.urdf: {name:.60} has {size / 1e6:.3g} MB, and {count} uploads of {kept / 1e6:.3g} MB are kept in "
+            f"{folder()}; allowed: {MOST_KEPT} of {MOST_BYTES / 1e6:g} MB in all"
+        )
 
 
 def _plain(name: str) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from app import uploads
 from app.scenario import (
     Circle,
     ConstantForce,
@@ -33,6 +34,7 @@ UNLIMITED = 1e6  # N m: a URDF's effort limit beyond this says that there is non
 def robot_of(scenario: Scenario) -> robots.Robot:
     """The arm as the controller believes it to be. Raises RobotError."""
     r = scenario.robot
+    uploads.note_use(r.urdf)
     return robots.load(
         r.name,
         urdf=r.urdf,

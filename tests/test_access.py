@@ -81,6 +81,8 @@ def test_more_messages_than_allowed_end_the_connection_and_the_usual_ones_do_not
         assert meter.admits(message)
     with pytest.raises(Overrun, match="too many messages; allowed: 100 per second"):
         all(meter.admits(message) for _ in range(100))
+    with pytest.raises(Overrun, match="too many messages"):  # pings count as well
+        meter.count()
 
 
 def test_files_are_bounded_alone_together_and_by_what_was_announced() -> None:

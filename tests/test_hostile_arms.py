@@ -18,6 +18,9 @@ from hypothesis import strategies as st
 
 from app import uploads, visuals
 from app.dashboard.robot_view import RobotView
+from app.scenario import ScenarioError
+from app.scenario_data import edited, load
+from app.world import robot_of
 from environments import robots, urdf
 from environments.urdf import RobotError
 from tests.sentences import one_sentence
@@ -142,19 +145,27 @@ def test_uploads_do_not_fill_the_disk(tmp_path: Path, monkeypatch: pytest.Monkey
         return {file for file in tmp_path.rglob("*") if file.is_file()}
 
     def another(number: int) -> Path:
-        path = uploads.keep(f"arm{number}.urdf", BENT.replace("3.0", f"3.{number}").encode())
-        os.utime(path, (number, number))
-        return path
+        return uploads.keep(f"arm{number}.urdf", BENT.replace("3.0", f"3.{number}").encode())
 
     one, two = another(1), another(2)
-    assert left() == {one, two}
     monkeypatch.setattr(uploads, "MOST_BYTES", int(2.5 * len(BENT)))
+    with pytest.raises(ScenarioError, match=r"arm3.urdf has .* MB, and 2 uploads of .* are kept in .*; allowed: ") as e:
+        another(3)
+    one_sentence(e.value)
+    assert another(2) == two  # what is kept already is no more
+    assert left() == {one, two}
+    foreign = tmp_path / "foreign.urdf"
+    foreign.write_text(BENT)
+    for file in (one, two, foreign):
+        os.utime(file, (0, 0))  # long ago
+    for file in (two, foreign):
+        robot_of(edited(load("ur5-motion"), "robot", {"urdf": str(file)}))
+    assert foreign.stat().st_mtime == 0
     three = another(3)
-    assert left() == {two, three}  # the one uploaded longest ago has gone
-    monkeypatch.setattr(uploads, "MOST_KEPT", 1)
-    four = another(4)
-    assert left() == {four}
-    assert not one.parent.exists()
+    assert left() == {two, three, foreign}  # the one that nobody has used has gone
+    monkeypatch.setattr(uploads, "MOST_KEPT", 2)
+    with pytest.raises(ScenarioError, match="2 uploads"):
+        another(4)
 
 
 # meshes

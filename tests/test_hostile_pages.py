@@ -5,7 +5,9 @@ from __future__ import annotations
 import asyncio
 import logging
 import resource
+import struct
 import time
+import zlib
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass
@@ -84,11 +86,25 @@ def part(index: int, content: bytes = b"ab", name: str = "t") -> dict[str, Any]:
     return {"type": "FileTransferPart", "source_component_uuid": "file", "transfer_uuid": name} | told
 
 
+def png(width: int, height: int) -> bytes:
+    """All of a picture but what is on it."""
+
+    def chunk(kind: bytes, data: bytes) -> bytes:
+        return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
+
+    head = struct.pack(">IIBBBBB", width, height, 8, 2, 0, 0, 0)
+    return b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", head) + chunk(b"IDAT", b"") + chunk(b"IEND", b"")
+
+
+def picture(content: bytes) -> dict[str, Any]:
+    return {"type": "GetRenderResponseMessage", "payload": content, "render_uuid": "r"}
+
+
 @pytest.mark.parametrize(
     "message",
     [
         CAMERA, DRAG, update("slider", 1), update("slider", 0.0), update("text", "<b>"), update("box", True),
-        update("row", [1, 2.5, 3]), update("choice", "b"), upload(parts=0, size=0),
+        update("row", [1, 2.5, 3]), update("choice", "b"), upload(parts=0, size=0), picture(png(30, 20)),
         {"type": "GuiFormDirtyMessage", "uuid": "form"}, {"type": "CommandTriggerMessage", "uuid": "k"},
     ],
 )  # fmt: skip
@@ -136,6 +152,11 @@ def test_what_pages_send_is_admitted(message: dict[str, Any]) -> None:
         (pack(upload(to="text")), "allowed: an upload button"),
         (pack(upload(size=LARGEST_UPLOAD + 1)), "bytes; allowed: at most"),
         (pack(upload(parts=10**9)), r"\$.part_count"),
+        (pack(upload(parts=0, size=10)), "10 bytes in 0 parts; allowed: all in parts"),
+        (pack(upload(parts=1, size=0)), "0 bytes in 1 parts; allowed: all in parts"),
+        (pack(picture(b"<svg/>")), "picture of 6 bytes; allowed: PNG or JPEG"),
+        (pack(picture(png(9_000, 9_000))), "picture of 9000 x 9000; allowed: PNG or JPEG of at most 80000000 pixels"),
+        (pack(picture(png(90_000, 90_000))), "allowed: PNG or JPEG of at most 80000000 pixels"),
         (pack(part(0)), "parts that this page has announced"),
     ],
 )  # fmt: skip

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from app.commands import Edit
+from app.commands import Edit, SetSpeed
 from app.dashboard import Dashboard, playback
 from app.dashboard.laggards import Laggards
 from app.runner import Runner
@@ -144,7 +144,12 @@ def test_drawing_that_hangs_for_seconds_costs_the_run_nothing(server: Server, mo
         now = until(lambda: server.runner.snapshot.t > before.t + 3.0 and server.runner.snapshot)
         t = now.recording.signals(("t",))["t"]
         assert np.allclose(np.diff(t), now.scenario.controller.period)  # no control step is missing
+        handles = view._server.gui._gui_input_handle_from_uuid
+        speed = next(h for h in handles.values() if getattr(h, "label", "") == "Speed")
+        client.send({"type": "GuiUpdateMessage", "uuid": speed._impl.uuid, "updates": {"value": "1/2×"}})
+        until(lambda: server.runner.snapshot.speed == 0.5)  # it is heard meanwhile
         goes_on.set()
+        server.runner.post(SetSpeed(1.0))
     until(lambda: view._drawn is not None and view._drawn.t > now.t)
     client.vanish()
 

@@ -209,6 +209,26 @@ def test_changes_are_saved_as_they_come_and_at_the_end(tmp_path: Path) -> None:
     folder.close()
 
 
+def test_what_could_not_be_saved_is_saved_at_the_end_when_there_is_room_again(tmp_path: Path) -> None:
+    runner, said = Runner(SCENARIO), list[str]()
+    runner.start()
+    keeper = Keeper(StateFolder(tmp_path), lambda: runner.snapshot, said.append)
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (100, hard))
+    try:
+        runner.post(Edit("controller.layer", 0.02))
+        until(lambda: said)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+    runner.close()
+    keeper.close()
+    folder = StateFolder(tmp_path)
+    offer = folder.offer()
+    assert offer is not None
+    assert offer.scenario == changed(0.02)
+    folder.close()
+
+
 KILLED = """
 import os, random, signal, sys, time
 from pathlib import Path

@@ -7,6 +7,7 @@ import math
 import viser
 
 from app.snapshot import Snapshot
+from app.units import JOINT
 
 
 class Facts:
@@ -89,7 +90,14 @@ def _facts(snapshot: Snapshot) -> list[tuple[str, str, str, str]]:
         rows.append(
             ("V = ½ sᵀĤs", f"{number('V')} J", "", "the proof's Lyapunov function, with the controller's estimate of H")
         )
-    rows.append(("σ_min(J_q)", f"{number('sigma_min')} m", "", "smallest singular value; Ω ends where it vanishes"))
+    rows.append(
+        (
+            "σ_min(J_q)",
+            f"{number('sigma_min')} {'' if units == JOINT else 'm'}",
+            "",
+            "smallest singular value; Ω ends where it vanishes",
+        )
+    )
     return rows
 
 

@@ -19,7 +19,7 @@ LONGEST_TEXT = 20_000  # characters: a matrix of eight rows has 2000
 LARGEST_UPLOAD = 8_000_000  # bytes, over what any reader of an upload takes
 LARGEST_PART = 1_000_000  # bytes: the page sends half a megabyte at a time
 LARGEST_PAGE = 16_384  # px
-LARGEST_PICTURE = 100_000_000  # pixels of a picture of the scene; viser decodes it, and one of nothing is small
+LARGEST_PICTURE = 80_000_000  # pixels of a picture of the scene; viser decodes it, and one of nothing is small
 MOST_UPLOADS = 4  # of one page at the same time
 SLACK = 1e-9  # of a range: a slider's steps do not add up exactly
 
@@ -220,13 +220,14 @@ class Visitor:
 
 
 def _require_picture(content: bytes) -> None:
+    allowed = f"allowed: PNG or JPEG of at most {LARGEST_PICTURE} pixels"
     try:
         with Image.open(io.BytesIO(content), formats=("PNG", "JPEG")) as picture:  # only its head is read
             width, height = picture.size
     except (OSError, ValueError, SyntaxError, Image.DecompressionBombError) as error:
-        raise Refused(f"picture of {len(content)} bytes; allowed: PNG or JPEG") from error
+        raise Refused(f"picture of {len(content)} bytes; {allowed}") from error
     if width * height > LARGEST_PICTURE:
-        raise Refused(f"picture of {width} x {height}; allowed: at most {LARGEST_PICTURE} pixels")
+        raise Refused(f"picture of {width} x {height}; {allowed}")
 
 
 @dataclass(frozen=True)

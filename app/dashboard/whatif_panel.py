@@ -11,6 +11,7 @@ import viser
 from app.dashboard.controls import Desk
 from app.preview import Figures
 from app.snapshot import Snapshot
+from app.units import Units
 
 _SHOWN = 20.0  # s, how long an applied value can be taken back at a click
 
@@ -57,7 +58,7 @@ class WhatIfPanel:
         if held is not None:
             self._until = now + _SHOWN
             self._told = f"<span>{escape(held.label)} = <b>{escape(held.value)}</b></span>"
-            self._html.content = _html(self._told, "let go: apply · Esc: revert", self._body())
+            self._html.content = _html(self._told, "let go: apply · Esc: revert", self._body(snapshot.system.units))
         elif whatif.undo(snapshot) is None:
             self._until = -math.inf
         else:
@@ -66,14 +67,14 @@ class WhatIfPanel:
         if self._window.visible != visible:
             self._window.visible = visible
 
-    def _body(self) -> str:
+    def _body(self, units: Units) -> str:
         whatif = self._desk.whatif
         if whatif.refusal:
             return f'<div class="vs-message vs-bad">{escape(whatif.refusal)}</div>'
         if whatif.outlook is None:
             return '<div class="vs-dim">…</div>'
         figures = whatif.outlook.figures
-        rows = "".join(f"<tr><td>{what}</td><td>{value}</td></tr>" for what, value in _rows(figures))
+        rows = "".join(f"<tr><td>{what}</td><td>{value}</td></tr>" for what, value in _rows(figures, units))
         notes = [f'<div class="vs-message vs-warn">{escape(figures.left)}</div>'] if figures.left else []
         if whatif.outlook.restarts:
             notes.append('<div class="vs-message vs-warn">This edit begins the scenario anew.</div>')
@@ -86,7 +87,7 @@ def _html(head: str, hint: str, body: str) -> str:
     return f'<div class="vs-held">{row}{body}</div>'
 
 
-def _rows(figures: Figures) -> list[tuple[str, str]]:
+def _rows(figures: Figures, units: Units) -> list[tuple[str, str]]:
     rows = []
     if figures.force_error is not None and figures.force_settling is not None:
         predicted = figures.force_error_predicted
@@ -95,10 +96,10 @@ def _rows(figures: Figures) -> list[tuple[str, str]]:
         rows.append(("force within 2 % after", _seconds(figures.force_settling)))
     promised = f"≤ {figures.reaching_time_promised:.3g} s"
     rows += [
-        ("path error at the end", f"<b>{_small(figures.motion_error * 1e3, 1e-4)}</b> mm"),
+        ("path error at the end", f"<b>{_small(figures.motion_error * 1e3, 1e-4)}</b> {units.error}"),
         ("path within 2 % after", _seconds(figures.motion_settling)),
         ("s = 0 reached after, by (18)", f"{_seconds(figures.reaching_time)}, {promised}"),
-        ("least margin of (17)", f"{_small(figures.gain_margin, 1e-9)} N"),
+        ("least margin of (17)", f"{_small(figures.gain_margin, 1e-9)} {units.force}"),
     ]
     return rows
 

@@ -88,13 +88,14 @@ async def _heard(
     """Raises Overrun."""
     with contextlib.suppress(ConnectionError):
         async for message in page:
-            if message.type is WSMsgType.PING:
+            if message.type in (WSMsgType.PING, WSMsgType.PONG):
                 meter.count()
-                await page.pong(message.data)
+                if message.type is WSMsgType.PING:
+                    await page.pong(message.data)
             elif message.type in (WSMsgType.BINARY, WSMsgType.TEXT):
                 if meter.admits(message.data) and (passed := judge(message.data)) is not None:
                     await session.send_bytes(passed)
-            elif message.type is not WSMsgType.PONG:
+            else:
                 return
 
 

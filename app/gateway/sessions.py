@@ -137,8 +137,8 @@ class House:
 
     @property
     def full(self) -> bool:
-        """Whether nobody else can wait."""
-        return len(self._queue) >= MOST_WAITING
+        """Whether nobody else can come or wait."""
+        return self.taken >= self.places and len(self._queue) >= MOST_WAITING
 
     def want(self, session: Session) -> None:
         """Somebody looks for this session: run it, or keep its place in the queue, unless that is full."""

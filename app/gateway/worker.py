@@ -77,7 +77,7 @@ class Worker:
         return self._process.poll() is None
 
     def begin(self, begin: Begin) -> None:
-        """Let the spare become a session. Raises OSError where its process has ended."""
+        """Let the spare become a session; one whose process has just ended is known by the end of `changes`."""
         self._tell(begin)
 
     async def changes(self) -> AsyncIterator[str]:
@@ -96,7 +96,7 @@ class Worker:
                 while self.alive:  # no thread waits for it: that would have to be waited for at the end in turn
                     await asyncio.sleep(0.02)
         if self.alive:
-            log.warning("session killed", process=self.process_id, reason="it did not end by itself")
+            log.warning("session killed", killed=self.process_id, reason="it did not end by itself")
             self._process.kill()
         status = self._process.wait()
         if self._failure:

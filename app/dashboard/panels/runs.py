@@ -70,7 +70,7 @@ def _note(snapshot: Snapshot, window: float) -> str:
     if not snapshot.pinned:
         return (
             f"Pin up to {PINS} runs, change something, and see both: pinned runs are the grey lines in the plots, and "
-            "stand beside the running one in a table here. Fork pins what it leaves."
+            "stand beside the running one in a table here. A fork pins what it leaves, an edit a run that has stopped."
         )
     start = max(snapshot.t - window, 0.0)
     return f"Every run from t = {start:.2f} to {snapshot.t:.2f} s, where it has come that far."
