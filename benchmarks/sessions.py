@@ -22,6 +22,7 @@ from app import warm
 from app.gateway.serve import cores
 from app.markdown import Table
 from benchmarks.effort import Effort
+from benchmarks.processes import memory
 from tests.visitors import PATIENCE, Server, Visitor, serving, visiting
 
 COUNTS = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32)
@@ -118,7 +119,7 @@ def _fared(number: int, count: int, seconds: float) -> Fared:
             late=max(map(late, pages)),
             session=sum(shares[1:]) / count,
             gateway=shares[0],
-            memory=sum(map(_memory, everyone[1:])) / count,
+            memory=sum(map(memory, everyone[1:])) / count / 1e6,
             spared=waits[0],
             started=median(waits[1:]) if count > 1 else None,
         )
@@ -162,10 +163,3 @@ def _used(pid: int) -> float:
     """Processor time of a process so far, s."""
     fields = Path(f"/proc/{pid}/stat").read_text(encoding="ascii").rpartition(")")[2].split()
     return (int(fields[11]) + int(fields[12])) / _TICKS
-
-
-def _memory(pid: int) -> float:
-    """Of a process, MB, what it shares with others divided among them."""
-    text = Path(f"/proc/{pid}/smaps_rollup").read_text(encoding="ascii")
-    found = re.search(r"^Pss:\s+(\d+) kB", text, re.MULTILINE)
-    return int(found[1]) / 1e3 if found else float("nan")

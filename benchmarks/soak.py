@@ -29,7 +29,7 @@ from websockets.exceptions import ConnectionClosed
 from app.dashboard.status import MODE_TITLES
 from app.figures import Chart, Curve, Figure, render
 from app.markdown import Table
-from benchmarks import machine
+from benchmarks import machine, processes
 from benchmarks.served import Served, served
 from benchmarks.visitor import Visitor, visit
 from environments.robots import CATALOGUE
@@ -135,12 +135,11 @@ def soak(minutes: float, clients: int, every: float, seed: int) -> tuple[list[Lo
 def _look(dashboard: Served, minute: float, since: float, visits: int) -> Look:
     state, late = dashboard.state(), dashboard.lateness(since)
     p50, p99 = np.percentile(late, (50, 99)) if len(late) else (math.nan, math.nan)
-    process = Path(f"/proc/{dashboard.pid}")
     return Look(
         minute,
         state.resident,
-        sum(1 for _ in (process / "task").iterdir()),
-        sum(1 for _ in (process / "fd").iterdir()),
+        processes.threads(dashboard.pid),
+        processes.files(dashboard.pid),
         len(late) / (time.perf_counter() - since),
         (float(p50), float(p99), float(late.max()) if len(late) else math.nan),
         visits,

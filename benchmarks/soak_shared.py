@@ -14,10 +14,8 @@ import json
 import math
 import sys
 import time
-from collections.abc import Iterator
 from contextlib import ExitStack
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Annotated
 from urllib.parse import urljoin
 from urllib.request import urlopen
@@ -26,7 +24,7 @@ import tyro
 from tqdm import tqdm
 
 from app.markdown import Table
-from benchmarks import machine
+from benchmarks import machine, processes
 from benchmarks.sessions import RUNNING, arrived, late
 from benchmarks.soak import PAGE, PLACE, Crowd, grown
 from tests.visitors import Visitor, serving, visiting
@@ -74,41 +72,25 @@ def _watched(url: str) -> str:
 
 
 def _look(gateway: int, watchers: list[Visitor], minute: float, visits: int) -> Look:
-    processes = [gateway, *_descendants(gateway)]
-    held = [(_resident(pid), _entries(pid, "task"), _entries(pid, "fd")) for pid in processes]
+    held = [of_one for pid in (gateway, *processes.descendants(gateway)) if (of_one := _held(pid)) is not None]
     return Look(
         minute,
         held[0][0],
-        sum(resident for resident, _, _ in held[1:]),
+        sum(memory for memory, _, _ in held[1:]),
         sum(threads for _, threads, _ in held),
         sum(files for _, _, files in held),
-        len(processes),
+        len(held),
         max((1e-3 * ms for ms in map(late, watchers) if not math.isnan(ms)), default=math.nan),
         visits,
     )
 
 
-def _descendants(pid: int) -> Iterator[int]:
-    with contextlib.suppress(OSError):  # it may just have ended
-        for children in Path(f"/proc/{pid}/task").glob("*/children"):
-            for child in map(int, children.read_text(encoding="ascii").split()):
-                yield child
-                yield from _descendants(child)
-
-
-def _resident(pid: int) -> int:
-    """Bytes, what it shares with others divided among them; 0 for a process that has just ended."""
-    with contextlib.suppress(OSError):
-        for line in Path(f"/proc/{pid}/smaps_rollup").read_text(encoding="ascii").splitlines():
-            if line.startswith("Pss:"):
-                return int(line.split()[1]) * 1024
-    return 0
-
-
-def _entries(pid: int, folder: str) -> int:
-    with contextlib.suppress(OSError):
-        return sum(1 for _ in Path(f"/proc/{pid}/{folder}").iterdir())
-    return 0
+def _held(pid: int) -> tuple[int, int, int] | None:
+    """Memory (bytes), threads and files of a process; None for one that has just ended."""
+    try:
+        return processes.memory(pid), processes.threads(pid), processes.files(pid)
+    except OSError:
+        return None
 
 
 def page(looks: list[Look], failures: list[str], sessions: int, clients: int, described: str) -> str:
