@@ -293,7 +293,7 @@ def _shaping(scenario: Scenario) -> tuple[object, ...]:
 
 def _coordinates(layout: TaskLayout, mode: Mode, robot: robots.Robot) -> tuple[Coordinate, ...]:
     if layout.joint:
-        return tuple(Coordinate(name, "rad") for name in robot.joint_names)
+        return tuple(Coordinate(f"q{joint + 1}", "rad") for joint in range(robot.n))
     places = ["φ", "ψ₁", "ψ₂"] if mode.on_surface else (["x", "z"] if layout.positions == 2 else ["x", "y", "z"])
     angles = {0: [], 1: ["ℓ·θ"], 3: ["ℓ·α", "ℓ·β", "ℓ·γ"]}[layout.angles]
     extra = [f"ℓ·q{joint + 1}" for joint in robot.supplemental]
