@@ -24,14 +24,14 @@ from app.dashboard.printed import ALL_PLOTS, plots_of
 from app.dashboard.theme import Theme
 from app.data_files import read_npz
 from app.gateway.invitation import Invitation, Look, PortTaken, Token
-from app.metrics import FIGURES, account
+from app.metrics import FIGURES, Metrics, account
 from app.printable import printable
 from app.scenario import Scenario, ScenarioError
 from app.scenario_data import edited, load, shipped
 from app.truth import outside
 from environments.robots import CATALOGUE
 
-DONE, FAULT, BAD_INPUT, STOPPED = 0, 1, 2, 3
+DONE, FAULT, BAD_INPUT, STOPPED, BROKEN, UNPROMISED = 0, 1, 2, 3, 4, 5
 events = structlog.get_logger()
 Settings = Annotated[
     tyro.conf.UseAppendAction[tuple[tuple[str, ...], ...]],
@@ -111,6 +111,7 @@ def run(
     blend_to: str | None = None,
     blend_at: float = 0.0,
     blend_over: float = 2.0,
+    strict: bool = False,
     settings: Settings = (),
 ) -> int:
     """Simulate a scenario without a screen; writes recording.npz, metrics.json and scenario.toml.
@@ -122,6 +123,7 @@ def run(
         blend_to: go over to the target model of this scenario; see also the fields of `blend`
         blend_at: when that begins, s
         blend_over: how long it takes, s
+        strict: end with status 4 when what the theorem promises is broken, 5 when it promises nothing
     """
     chosen = _configured(scenario, settings, duration)
     if blend_to is not None:
@@ -132,13 +134,30 @@ def run(
     except OSError as error:
         raise ScenarioError(f"--out {out}: cannot be written: {error.strerror}") from error
     for name, value in msgspec.to_builtins(metrics).items():
-        print(f"{name:28s} {_shown(value)}")
+        if name not in ("promise", "premises"):
+            print(f"{name:28s} {_shown(value)}")
+    _print_promise(metrics)
     for violation in outside(loop.system.scenario):
         print(f"the truth is outside what was declared: {violation}")
     if loop.warning:
         print(f"flagged: {loop.warning}")
     print(f"written to {out}")
+    if strict and metrics.promise.verdict != "holds":
+        return BROKEN if metrics.promise.verdict == "broken" else UNPROMISED
     return STOPPED if loop.stopped else DONE
+
+
+def _print_promise(metrics: Metrics) -> None:
+    """The verdict on the theorem's promise, and each premise that failed."""
+    promise = metrics.promise
+    print(f"{'promise':28s} {promise.verdict}: {promise.because}")
+    print(f"{'promised share of the run':28s} {100 * promise.share:.4g} %")
+    for finding in metrics.premises:
+        if finding.failed is not None:
+            print(
+                f"premise failed at {finding.failed:.4g} s: {finding.title}, least margin {_shown(finding.margin)} "
+                f"{finding.unit}".rstrip()
+            )
 
 
 def compare(

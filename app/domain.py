@@ -37,9 +37,13 @@ class Constants:
     centres: np.ndarray
     radius: float
 
+    def distance(self, q: np.ndarray) -> float:
+        """Of q (n,) rad from the nearest of the centres, rad; Omega ends at `radius`."""
+        return float(np.sqrt(np.square(self.centres - q).sum(axis=1).min()))
+
     def holds_at(self, q: np.ndarray) -> bool:
         """Whether q (n,) rad lies in Omega."""
-        return bool((np.square(self.centres - q).sum(axis=1) <= self.radius**2).any())
+        return self.distance(q) <= self.radius
 
 
 def posture_at(observe: Observe, q: np.ndarray, reference: Reference, t: float) -> tuple[np.ndarray, np.ndarray]:

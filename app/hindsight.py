@@ -121,8 +121,8 @@ class Hindsight:
 
 class Known(Mapping[str, np.ndarray]):
     """Recorded signals, and by name, (N,) each: those of `Instant`; steady_force N: where the target model would settle
-    if the reference stood still; V_bound, V_band J: (24), and with what sampling adds; reaching: 1 until s is reached;
-    promised, measured: 1 in the row of t_r, by (18) and as it was."""
+    if the reference stood still; V_bound, V_limit J: (24), and with what sampling and layer add; reaching: 1 until s is
+    reached; promised, measured: 1 in the row of t_r, by (18) and as it was."""
 
     def __init__(
         self,
@@ -138,7 +138,7 @@ class Known(Mapping[str, np.ndarray]):
             **dict.fromkeys(Instant._fields, self._examine),
             "steady_force": self._steady_force,
             "V_bound": lambda: self._V(self._rows["s_bound"]),
-            "V_band": lambda: self._V(self._rows["s_bound"] + self._rows["s_band"]),
+            "V_limit": lambda: np.square(np.sqrt(self["V_bound"]) + np.sqrt(self._rows["V_band"])),
             "reaching": self._mark,
             "promised": self._mark,
             "measured": self._mark,

@@ -11,7 +11,8 @@ from msgspec import Struct
 
 from app.assembly import System
 from app.closed_loop import ClosedLoop
-from app.recording import Recording
+from app.premises import Finding, Promise
+from app.recording import Epoch, Recording
 from app.units import Units
 
 TAIL = 0.2  # share of the run that "tail" figures look at
@@ -25,9 +26,16 @@ class Metrics(Struct, frozen=True):
     motion_error_tail: float  # max ||e|| of the position coordinates that are not force-controlled, m
     force_error_tail: float | None  # max |f_n - f_nd|, N
     constraint_violation: float | None  # max |phi| on a rigid surface, m
-    reaching_time: float | None  # s, of the run's beginning; None while s has not been reached
-    reaching_time_bound: float  # s, (18)
-    envelope_violation: float  # max of ||s|| beyond (20) and the sampling band, m/s
+    promise: Promise
+    premises: tuple[Finding, ...]
+    reaching_time: (
+        float | None
+    )  # s, of the run's beginning until ||s|| is within the boundary layer; None while it is not
+    reaching_time_bound: float  # s, (18): until s = 0 in continuous time, and so until the layer
+    layer_time_bound: float | None  # s, until the boundary layer; None for a law that has none
+    band_time: float | None  # s, until ||s|| is within its band
+    band_time_bound: float | None  # s
+    envelope_violation: float | None  # max of ||s|| beyond (20) and the band where they are promised, m/s
     gain_condition_margin: float  # min of d minus what (17) needs, N
     target_model_residual_tail: float  # RMS of the left side of (8) minus its right side, N
     torque_total_variation: list[float]  # sum of |changes| per second, N m/s, per joint
@@ -50,13 +58,20 @@ def measure(loop: ClosedLoop, realtime_factor: float | None = None) -> Metrics:
     tau = record["tau"]
     duration = max(float(t[-1] - t[0]), system.scenario.controller.period)
     excess = record["s_norm"] - record["s_bound"] - record["s_band"]
+    promised = excess[np.isfinite(excess)]
+    standing = loop.standing
     return Metrics(
         motion_error_tail=float(np.linalg.norm(motion_error(system, last), axis=1).max()),
         force_error_tail=float(np.abs(force_error(last)).max()) if system.m else None,
         constraint_violation=float(np.abs(record["phi"]).max()) if rigid else None,
-        reaching_time=None if begun.reached is None else begun.reached - begun.t,
+        promise=standing.run,
+        premises=standing.findings,
+        reaching_time=since(begun, begun.reached),
         reaching_time_bound=begun.certificate.t_r,
-        envelope_violation=max(float(excess.max()), 0.0),
+        layer_time_bound=since(begun, begun.reached_by),
+        band_time=since(begun, begun.banded),
+        band_time_bound=since(begun, begun.banded_by),
+        envelope_violation=max(float(promised.max()), 0.0) if len(promised) else None,
         gain_condition_margin=float((record["d"] - record["d_required"]).min()),
         target_model_residual_tail=float(np.sqrt(np.mean(record["residual"][tail] ** 2))),
         torque_total_variation=[float(v) / duration for v in np.abs(np.diff(tau, axis=0)).sum(axis=0)],
@@ -65,6 +80,11 @@ def measure(loop: ClosedLoop, realtime_factor: float | None = None) -> Metrics:
         realtime_factor=realtime_factor,
         stopped=loop.stopped,
     )
+
+
+def since(epoch: Epoch, instant: float | None) -> float | None:
+    """An instant (s) counted from the epoch's beginning."""
+    return None if instant is None else instant - epoch.t
 
 
 def tail_of(t: np.ndarray) -> np.ndarray:

@@ -143,8 +143,14 @@ class Foresight:
             reaching_time=np.inf if loop.reaching_time is None else loop.reaching_time,
             reaching_time_promised=loop.certificate.t_r,
             gain_margin=float((record["d"] - record["d_required"]).min()),
-            left=loop.stopped or loop.warning,
+            left=loop.stopped or loop.warning or _unpromised(loop),
         )
+
+
+def _unpromised(loop: ClosedLoop) -> str | None:
+    """That nothing is promised in the end, and why; None where something is."""
+    promise = loop.standing.now
+    return None if promise.verdict == "holds" else f"{promise.verdict}: {promise.because}"
 
 
 def _points(rows: int) -> np.ndarray:

@@ -284,7 +284,7 @@ class Simulation(_Section, frozen=True, forbid_unknown_fields=True):
 
     duration: Annotated[float, _number("simulated time of a headless run", "s", gt=0, le=36000)] = 10.0
     seed: Annotated[int, _number("of the sensor's noise", "", ge=0, le=2**63 - 1)] = 0
-    integrator: Annotated[Literal["semi-implicit-euler", "rk4"], _number("of the plant", "")] = "semi-implicit-euler"
+    integrator: Annotated[Literal["leapfrog", "semi-implicit-euler", "rk4"], _number("of the plant", "")] = "leapfrog"
     substeps: Annotated[int, _number("plant steps in a control period", "", ge=1, le=1000)] = 1
     domain_radius: Annotated[float, _number("Omega: postures within this of the reference", "rad", gt=0, le=3)] = 0.15
     sigma_min: Annotated[float, _number("J_q counts as singular below this singular value", "m", ge=0, le=1)] = 0.01

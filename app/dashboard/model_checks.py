@@ -14,6 +14,7 @@ from app.dashboard.matrix_text import short
 from app.dashboard.model_places import pressed_on
 from app.dashboard.pole_map import grouped, pole_map_html
 from app.law import target_model
+from app.sampled_loop import oscillations
 from app.scenario import ScenarioError
 from app.scenario_data import edited
 from app.snapshot import Snapshot
@@ -138,4 +139,23 @@ def loops_html(snapshot: Snapshot) -> str:
     if math.isfinite(factor := live.get("layer_loop_factor", math.nan)):
         rows.append(("boundary layer, loop factor &lt; 2", judged(factor, high=2.0)))
     body = "".join(f"<tr><td>{what}</td><td>{value}</td></tr>" for what, value in rows)
-    return f'<table class="vs-facts">{body}</table>' if rows else ""
+    return (f'<table class="vs-facts">{body}</table>' if rows else "") + _sampled_poles(snapshot)
+
+
+def _sampled_poles(snapshot: Snapshot) -> str:
+    """ω and ζ of the target model's poles, and what the sampled loop makes of them with the torque held exactly."""
+    found = oscillations(snapshot.sampled)
+    if not found:
+        return ""
+    rate = 1e-3 / snapshot.scenario.controller.period
+    head = f"<tr><td>poles</td><td>model ω, ζ</td><td>sampled at {rate:.3g} kHz</td></tr>"
+    rows = "".join(
+        f"<tr><td>{f'{o.count} ×' if o.count > 1 else ''}</td><td>{o.omega:.3g} 1/s, {_ratio(o.zeta)}</td>"
+        f"<td>{o.sampled_omega:.3g} 1/s, {_ratio(o.sampled_zeta)}</td></tr>"
+        for o in found
+    )
+    return f'<table class="vs-facts">{head}{rows}</table>'
+
+
+def _ratio(zeta: float) -> str:
+    return f"{zeta:.3f}".replace("-", "−")

@@ -1,4 +1,4 @@
-"""The status line: what runs, how far, how fast, and whether the theorem's bound holds now."""
+"""The status line: what runs, how far, how fast, and the verdict on what the theorem promises."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def status_html(snapshot: Snapshot, complaint: str) -> str:
         f'<span class="vs-right"><span class="vs-dim">t</span> <b class="vs-number">{snapshot.t:.2f}</b> s</span>'
         "</div>",
         '<div class="vs-row">'
-        f'{_bound(snapshot)}<span class="vs-right" title="{_kept(pace)}"><span class="vs-dim">real time</span> '
+        f'{_promise(snapshot)}<span class="vs-right" title="{_kept(pace)}"><span class="vs-dim">real time</span> '
         f'<b class="vs-number">{f"{snapshot.realtime_factor:.2f}×" if pace else "—"}</b></span></div>',
     ]
     if violated := outside(scenario):
@@ -65,15 +65,17 @@ def _phase(snapshot: Snapshot) -> str:
     return _chip(snapshot.phase, look)
 
 
-def _bound(snapshot: Snapshot) -> str:
-    if snapshot.scenario.controller.law != "vsmrc":
-        return _chip("no bound on ‖s‖", "vs-dim")
-    names = ("s_norm", "s_bound", "s_band")
-    rows = snapshot.recording.signals(names, snapshot.t - _LATELY, snapshot.t)
-    if not len(rows["s_norm"]):
-        return _chip("‖s‖ ≤ bound: —", "vs-dim")
-    holds = bool(np.all(rows["s_norm"] <= rows["s_bound"] + rows["s_band"]))
-    return _chip("‖s‖ ≤ bound: holds", "vs-good") if holds else _chip("‖s‖ ≤ bound: violated", "vs-bad")
+def _promise(snapshot: Snapshot) -> str:
+    """The verdict on the theorem's promise, and in a few words why."""
+    promise = snapshot.standing.now
+    look = {"holds": "vs-good", "broken": "vs-bad", "nothing promised": "vs-warn"}[promise.verdict]
+    sign = {"holds": "✓ ", "broken": "✗ ", "nothing promised": "– "}[promise.verdict]
+    text = {"holds": "promise holds", "broken": "promise broken"}.get(promise.verdict, promise.verdict)
+    why = snapshot.standing.reason
+    return (
+        f'<span title="{escape(promise.because)}">{_chip(sign + text, look)}</span>'
+        f'<span class="vs-dim">{escape(why)}</span>'
+    )
 
 
 def _saturating(snapshot: Snapshot) -> str:

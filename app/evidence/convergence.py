@@ -37,8 +37,8 @@ BANDS = (
     ("planar2r-semicircle-discontinuous", 20.0),
 )  # scenario, d N
 
-ORDERS: Mapping[Integrator, float] = {"semi-implicit-euler": 1.0, "rk4": 4.0}
-NAMES: Mapping[Integrator, str] = {"semi-implicit-euler": "Euler", "rk4": "RK4"}
+ORDERS: Mapping[Integrator, float] = {"leapfrog": 1.0, "semi-implicit-euler": 1.0, "rk4": 4.0}
+NAMES: Mapping[Integrator, str] = {"leapfrog": "leapfrog", "semi-implicit-euler": "Euler", "rk4": "RK4"}
 Subject = Literal["plant", "loop", "band"]
 SUBJECTS: Mapping[Subject, str] = {
     "plant": "plant: error of (q, q̇) [rad, rad/s]",
