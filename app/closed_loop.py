@@ -350,7 +350,8 @@ class ClosedLoop:
         """Begin pressing: before its first period the sensor reads what the law's own torque makes of the contact."""
         before, row = self._period.data.copy(), np.empty(self.recording.width)
         if self._solve_for_force(row):
-            self._arm.write("load", self.system.plant.respond(self._arm, self._applied, self.t, self._h))
+            load = self.system.plant.respond(self._arm, self._applied, self.t, self._h)
+            self._arm.write("load", load._replace(phi=self._arm.read().load.phi))
         self._period.data[:] = before
 
     def _take_up(self, system: System) -> None:

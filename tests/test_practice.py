@@ -200,7 +200,8 @@ def test_baselines_lose_on_uncertain_arms_and_win_where_it_is_said() -> None:
         for worse in (inverse, simple):
             assert worse.figures.path_rms > 5.0 * robust.figures.path_rms
             assert (worse.figures.force_rms or 0.0) > 20.0 * (robust.figures.force_rms or np.inf)
-    assert baselines.on_exact(fast).figures.path_rms < baselines.on_exact(ours).figures.path_rms
+    assert (baselines.on_exact(ours).figures.force_rms or 0.0) < 1e-3  # on an exact arm nobody errs by much
+    assert baselines.on_exact(fast).figures.path_rms < 1e-6
     loud = {who: baselines.on_uncertain(who, seeds[:1], 1.0)[0].figures for who in (ours, computed, pd)}
     assert loud[pd].variation == pytest.approx(quiet[pd][0].figures.variation, rel=1e-9)
     assert loud[computed].variation < 0.7 * loud[ours].variation

@@ -157,7 +157,7 @@ def run(scenario: Scenario, duration: float) -> ClosedLoop:
 @pytest.mark.parametrize("integrator", INTEGRATORS)
 @pytest.mark.parametrize(("robot", "K_e", "period"), [("planar3r", 1e6, 0.005), ("ur5", 1e6, 0.01)])
 def test_stiff_contact_is_refused_with_a_remedy(robot: str, K_e: float, period: float, integrator: str) -> None:
-    """The sentence names the field, its value and the substeps; one fewer is refused too, and with them the force
+    """The sentence names the field, its value and the substeps; half of them are refused too, and with them the force
     settles to f_nd (36), whatever the estimate of the stiffness."""
     scenario = pressing(robot, K_e, period, simulation__integrator=integrator, controller__layer=0.2)
     with pytest.raises(ScenarioError) as refusal:
@@ -166,9 +166,9 @@ def test_stiff_contact_is_refused_with_a_remedy(robot: str, K_e: float, period: 
     assert said.startswith(f"contact.K_e: 1e+06 N/m is too stiff for 1 step(s) of {integrator}")
     enough = int(said.split("simulation.substeps >= ")[1].split(",")[0])
     assert enough > 1
-    if enough > 2:
+    if enough > 3:
         with pytest.raises(ScenarioError, match=r"contact\.K_e"):
-            ClosedLoop(edited(scenario, "simulation.substeps", enough - 1))
+            ClosedLoop(edited(scenario, "simulation.substeps", enough // 2))
     remedied = changed(
         scenario, simulation__substeps=enough, target_model={"B_m": [2000.0] + [400.0] * (2 if robot != "ur5" else 5)}
     )
@@ -234,7 +234,7 @@ def test_growth_on_the_surface_is_what_the_loop_does(robot: str, fields: dict[st
     growth = radius(system)
     f_nd = 1e-5 if growth > 1.0 else 0.1
     loop = ClosedLoop(edited(scenario, "force.value", f_nd))
-    for _ in range(round(math.log(1e5) / abs(math.log(growth)))):
+    for _ in range(round(math.log(1e5 if growth > 1.0 else 1e3) / abs(math.log(growth)))):
         loop.step()
     error = np.abs(loop.recording.signals(("multiplier",))["multiplier"] - f_nd)
     fifth = len(error) // 5
@@ -301,14 +301,14 @@ def test_the_leapfrog_shows_what_a_held_torque_costs_of_damping(mass: float) -> 
         return float((-poles.real / np.abs(poles)).min())
 
     x, v = np.eye(2)
-    torque = (
-        mass * -(B_m * v + K_m * x + K_f * K_e * x) / M_m + K_e * x
-    )  # and the force that the arm feels is given back
+    torque = mass * -(B_m * v + K_m * x + K_f * K_e * x) / M_m + K_e * x  # and what the arm feels is given back
     rates = np.array([[0.0, 1.0, 0.0], [-K_e / mass, 0.0, 1.0 / mass], [0.0, 0.0, 0.0]])
     exact = damping((expm(rates * T) @ np.vstack([x, v, torque]))[:2])
-    found = {
-        name: damping(np.array(step(lambda x, v: (torque - K_e * x) / mass, x, v, T))) for name, step in STEPS.items()
-    }
+
+    def acceleration(x: np.ndarray, _: np.ndarray) -> np.ndarray:
+        return (torque - K_e * x) / mass
+
+    found = {name: damping(np.array(step(acceleration, x, v, T))) for name, step in STEPS.items()}
     assert exact == pytest.approx(0.098, abs=0.003)
     assert found["leapfrog"] == pytest.approx(exact, abs=1e-4)
     assert found["rk4"] == pytest.approx(exact, abs=1e-4)

@@ -124,6 +124,11 @@ def free(robot: str, duration: float) -> Free:
     return Free(robot, apart("semi-implicit-euler"), apart("rk4"), exact["t"], rungs, moved)
 
 
+def _by_euler(scenario: Scenario) -> Scenario:
+    """With the integrator that MuJoCo has, too."""
+    return edited(scenario, "simulation.integrator", "semi-implicit-euler")
+
+
 def _touching(scenario: Scenario, stiffness: float, mass: float, duration: float) -> Scenario:
     damping = float(np.sqrt(stiffness))
     fields = {"kind": "mass-damper-spring", "K_e": stiffness, "B_e": damping, "M_e": mass}
@@ -134,7 +139,7 @@ def _touching(scenario: Scenario, stiffness: float, mass: float, duration: float
 
 def steady(stiffness: float, duration: float) -> Steady:
     """An impedance K_m pressed by `INTO` towards a surface K_e: F = K_e K_m depth / (K_m + K_e)."""
-    scenario = _touching(shipped()["ur5-hybrid"], stiffness, MASSES[0], duration)
+    scenario = _touching(_by_euler(shipped()["ur5-hybrid"]), stiffness, MASSES[0], duration)
     scenario = edited(edited(scenario, "mode", "impedance"), "motion", "hold")
     scenario = edited(scenario, "shift", {"by": [0.0, 0.0, -INTO], "duration": 0.5})
     system = assemble(scenario)
@@ -147,7 +152,7 @@ def steady(stiffness: float, duration: float) -> Steady:
 
 def touch(name: str, motion: str, mass: float, duration: float) -> Touch:
     """Force control at 20 N, from the air, while the tool rests or draws its circle."""
-    scenario = _touching(shipped()["ur5-hybrid"], 1e4, mass, duration)
+    scenario = _touching(_by_euler(shipped()["ur5-hybrid"]), 1e4, mass, duration)
     if motion == "hold":
         scenario = edited(scenario, "motion", "hold")
     ours, theirs = (run(scenario, mujoco=mujoco) for mujoco in (False, True))
