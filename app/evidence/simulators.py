@@ -12,9 +12,10 @@ import pinocchio as pin
 from app.assembly import System, assemble
 from app.changes import on_robot
 from app.closed_loop import ClosedLoop
+from app.evidence.drawing import charts_in_columns
 from app.evidence.pinocchio_constraint import Ground, Kind, by_jacobian, by_slider
 from app.evidence.section import Findings, Job, Section
-from app.figures import Chart, Curve, Figure, render, thinned
+from app.figures import Chart, Curve, thinned
 from app.markdown import Table
 from app.scenario import Scenario
 from app.scenario_data import edited, shipped
@@ -372,7 +373,7 @@ def _figure(found: Free, touched: Sequence[Touch]) -> bytes:
         Chart("forces apart", "N", apart, logarithmic=True),
     )
     told = f"Top: {found.robot} in free space, our Euler from MuJoCo's Runge-Kutta at {1.0 / FINE:g} ms."
-    return render(Figure(charts, f"{told} Below: from the first touch on."), "svg")
+    return charts_in_columns(charts, f"{told} Below: from the first touch on.")
 
 
 def _above_zero(t: np.ndarray, values: np.ndarray, floor: float = 1e-9) -> tuple[np.ndarray, np.ndarray]:
