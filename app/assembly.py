@@ -12,7 +12,16 @@ from app.domain import Constants, centres, constants_over, mobility_over, postur
 from app.law import blend_of, law_of, uncertainty_of
 from app.scenario import Scenario, ScenarioError, field_info
 from app.units import CARTESIAN, JOINT, Units
-from app.world import force_of, motion_of, robot_of, spread_over, surface_of, tool_at_start, truth_of
+from app.world import (
+    force_of,
+    motion_of,
+    require_pushing,
+    robot_of,
+    spread_over,
+    surface_of,
+    tool_at_start,
+    truth_of,
+)
 from controllers import modes
 from controllers.blend import ModelBlend
 from controllers.modes import Mode
@@ -31,6 +40,7 @@ from environments.typed_surface import TypedSurface
 from environments.urdf import RobotError
 
 EASE = 1.5  # times as many substeps as keep the plant from exploding let it settle, too
+ON_SURFACE = 1e-6  # m, of where the tool begins
 
 
 @dataclass(frozen=True)
@@ -175,6 +185,7 @@ def _assemble(scenario: Scenario, previous: System | None) -> System:
     q_0 = _start(plant, robot)
     layout = _layout(scenario, robot, nominal, q_0)
     charted = surface if mode.on_surface else surfaces.Cartesian.along(_axes(robot))
+    require_pushing(scenario, mode)
     motion, force = motion_of(scenario, mode, layout), force_of(scenario)
     shift = spread_over("shift.by", scenario.shift.by, mode, layout)
 
@@ -199,6 +210,8 @@ def _assemble(scenario: Scenario, previous: System | None) -> System:
         # the arm is on the surface, not where (33) puts r_fd within it; only estimates taken along r_d are there, too
         compliance = plan.compliance if scenario.controller.estimates == "along-reference" else 0.0
         unshifted = Planned(plan._replace(compliance=compliance, shift=trajectories.Shift.fresh(0.0 * shift, 1.0)))
+        if mode.on_surface:
+            _require_within_reach(observer, unshifted.at(0.0), q_0)
         along = centres(observer.at, unshifted, shift, q_0, scenario.simulation.duration)
         constants = constants_over(along, scenario, uncertainty_of(scenario, 0.0), nominal, observer.at)
     if previous is not None and previous.constants is constants and previous.scenario.truth == scenario.truth:
@@ -219,7 +232,7 @@ def _assemble(scenario: Scenario, previous: System | None) -> System:
         constants=constants,
         mobility=mobility,
         law=law_of(scenario, mode, layout, constants),
-        blend=blend_of(scenario, mode, layout.n),
+        blend=blend_of(scenario, mode, layout),
         motion=motion,
         force=force,
         sensor=ForceSensor(
@@ -260,6 +273,23 @@ def _start(plant: Plant, robot: robots.Robot) -> np.ndarray:
         return plant.start(robot.posture, np.zeros(robot.n), 0.0).views.q
     except ValueError as error:
         raise ScenarioError(str(error)) from error
+
+
+def _require_within_reach(observer: Observer, reference: Reference, q_0: np.ndarray) -> None:
+    """Raises ScenarioError where Newton's method does not bring the tool from q_0 (n,) rad to where it begins on the
+    surface."""
+    estimate, task = observer.at(q_0, np.zeros_like(q_0), 0.0)
+    try:
+        q, _ = posture_at(observer.at, q_0, reference, 0.0)
+        away = float(np.abs(observer.at(q, np.zeros_like(q), 0.0)[1].r - reference.r_d).max())
+    except ValueError:  # J_q exactly singular on the way
+        away = np.inf
+    if not away < ON_SURFACE:
+        depth, tool = float(task.r[0]), np.round(estimate.p, 3).tolist()
+        raise ScenarioError(
+            f"surface: out of the arm's reach, {abs(depth):.3g} m {'behind' if depth > 0.0 else 'ahead of'} the tool "
+            f"at {tool} m; allowed: one that the arm reaches, by surface.origin or robot.posture"
+        )
 
 
 def _axes(robot: robots.Robot) -> np.ndarray:

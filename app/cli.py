@@ -24,7 +24,7 @@ from app.dashboard.printed import ALL_PLOTS, plots_of
 from app.dashboard.theme import Theme
 from app.data_files import read_npz
 from app.gateway.invitation import Invitation, Look, PortTaken, Token
-from app.metrics import FIGURES, Metrics, account
+from app.metrics import FIGURES, Metrics, account, unit_of
 from app.printable import printable
 from app.scenario import Scenario, ScenarioError
 from app.scenario_data import edited, load, shipped
@@ -135,7 +135,8 @@ def run(
         raise ScenarioError(f"--out {out}: cannot be written: {error.strerror}") from error
     for name, value in msgspec.to_builtins(metrics).items():
         if name not in ("promise", "premises"):
-            print(f"{name:28s} {_shown(value)}")
+            unit = "" if value is None else unit_of(name, loop.system.units)
+            print(f"{name:28s} {_shown(value)} {unit}".rstrip())
     _print_promise(metrics)
     for violation in outside(loop.system.scenario):
         print(f"the truth is outside what was declared: {violation}")

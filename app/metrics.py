@@ -11,6 +11,7 @@ from msgspec import Struct
 
 from app.assembly import System
 from app.closed_loop import ClosedLoop
+from app.law import compensation
 from app.premises import Finding, Promise
 from app.recording import Epoch, Recording
 from app.units import Units
@@ -43,6 +44,25 @@ class Metrics(Struct, frozen=True):
     simulated_time: float  # s
     realtime_factor: float | None
     stopped: str | None
+
+
+def unit_of(field: str, units: Units) -> str:
+    """The unit of a figure of `Metrics` in a task space with these units, "" of those without."""
+    return {
+        "motion_error_tail": units.coordinate,
+        "force_error_tail": "N",
+        "constraint_violation": "m",
+        "reaching_time": "s",
+        "reaching_time_bound": "s",
+        "layer_time_bound": "s",
+        "band_time": "s",
+        "band_time_bound": "s",
+        "envelope_violation": units.speed,
+        "gain_condition_margin": units.force,
+        "target_model_residual_tail": units.force,
+        "torque_total_variation": "N·m/s",
+        "simulated_time": "s",
+    }.get(field, "")
 
 
 def measure(loop: ClosedLoop, realtime_factor: float | None = None) -> Metrics:
@@ -118,17 +138,20 @@ def motion_error(system: System, record: Mapping[str, np.ndarray]) -> np.ndarray
     return error - normals * np.sum(error * normals, axis=1, keepdims=True)
 
 
-def steady_force_error(system: System, f_nd: float) -> float | None:
-    """What (37) says of f_n - f_nd (N) in the end, for a constant desired force (N); None where no force is controlled.
+def steady_force_error(system: System, f_nd: float, s: np.ndarray) -> float | None:
+    """What (37) says of f_n - f_nd (N) in the end, for a constant desired force (N), with what an s (n,) m/s that rests
+    within the boundary layer adds where A is not 0, (14); None where no force is controlled.
 
-    On a rigid surface r_fd = 0 and (41) leaves none.
+    On a rigid surface r_fd = 0 and (41) leaves none but for s.
     """
     if not system.m:
         return None
+    law = system.law
+    rest = float(law.model.left_by_layer(compensation(system.scenario, system.layout.n), s)[0])
     if system.scenario.contact.kind == "rigid":
-        return 0.0
+        return rest / float(law.model.K_f[0, 0])
     r_fd = f_nd * system.plan.compliance
-    return float(system.law.model.steady_force(0, system.scenario.contact.K_e, 0.0, r_fd, f_nd)) - f_nd
+    return float(law.model.steady_force(0, system.scenario.contact.K_e, 0.0, r_fd, f_nd, rest)) - f_nd
 
 
 def settling_time(t: np.ndarray, signal: np.ndarray, resolution: float) -> float:

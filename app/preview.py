@@ -131,7 +131,8 @@ class Foresight:
         if system.m:
             deviation, f_nd = force_error(record), record["F_cd"][tail, 0]
             error = float(deviation[tail].mean())
-            predicted = steady_force_error(system, float(f_nd[-1])) if np.ptp(f_nd) < STEADY else None
+            s = record["s"][tail].mean(axis=0)
+            predicted = steady_force_error(system, float(f_nd[-1]), s) if np.ptp(f_nd) < STEADY else None
             settling = settling_time(t, deviation, FORCE_RESOLUTION)
         return Figures(
             span=float(t[-1] - self._start) + system.scenario.controller.period,

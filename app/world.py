@@ -168,6 +168,28 @@ def motion_of(scenario: Scenario, mode: Mode, layout: TaskLayout) -> trajectorie
             return trajectories.Circle(u, v, p.radius, p.period, p.ramp)
 
 
+def require_pushing(scenario: Scenario, mode: Mode) -> None:
+    """Raises ScenarioError where the desired force is below zero at times and the surface only pushes.
+
+    A rigid surface is left to the run, which stops when contact is lost.
+    """
+    contact, f = scenario.contact, scenario.force
+    if not (mode.m() and contact.unilateral) or contact.kind == "rigid":
+        return
+    otherwise = "contact.unilateral = false"
+    if isinstance(f, ForceSinusoid) and f.amplitude > f.value >= 0.0:
+        raise ScenarioError(
+            f"force.amplitude: {f.amplitude:g} N around {f.value:g} N, but the surface only pushes "
+            f"(contact.unilateral); allowed: at most the mean, or {otherwise}"
+        )
+    for name in ("value", "start"):
+        if (force := getattr(f, name, 0.0)) < 0.0:
+            raise ScenarioError(
+                f"force.{name}: {force:g} N, but the surface only pushes (contact.unilateral); "
+                f"allowed: at least 0 N, or {otherwise}"
+            )
+
+
 def force_of(scenario: Scenario) -> trajectories.ForceProfile:
     """The desired normal force, N."""
     match scenario.force:

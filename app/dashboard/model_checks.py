@@ -13,14 +13,15 @@ from app.dashboard.facts import judged
 from app.dashboard.matrix_text import short
 from app.dashboard.model_places import pressed_on
 from app.dashboard.pole_map import grouped, pole_map_html
-from app.law import target_model
+from app.law import surfaces_met, target_model
 from app.sampled_loop import oscillations
-from app.scenario import ScenarioError
+from app.scenario import Scenario, ScenarioError
 from app.scenario_data import edited
 from app.snapshot import Snapshot
 from controllers.blend import BlendCertificate, certify
 from controllers.modes import MODES
 from controllers.target_model import InvalidGain, TargetModel
+from controllers.task_space import TaskLayout
 
 _UNITS = {"M_m": "kg", "B_m": "N·s/m", "K_m": "N/m", "K_f": ""}
 
@@ -41,20 +42,20 @@ class Judgement:
 
 def judge_running(snapshot: Snapshot) -> Judgement:
     """The model in force."""
-    return _judge(TargetModel(**snapshot.matrices), snapshot.scenario.mode, snapshot.scenario.controller.K_e_hat)
+    return _judge(TargetModel(**snapshot.matrices), snapshot.scenario, snapshot.system.layout)
 
 
 def judge_asked(snapshot: Snapshot, edit: Edit) -> Judgement:
     """The model that an edit would bring. Raises ScenarioError or InvalidGain where there is none at all."""
     scenario = edited(snapshot.scenario, edit.path, edit.value)
     model = target_model(scenario, len(snapshot.coordinates))
-    return _judge(model, scenario.mode, scenario.controller.K_e_hat)
+    return _judge(model, scenario, snapshot.system.layout)
 
 
-def _judge(model: TargetModel, mode_name: str, K_e_hat: float) -> Judgement:
-    mode = MODES[mode_name]
+def _judge(model: TargetModel, scenario: Scenario, layout: TaskLayout) -> Judgement:
+    mode, K_e_hat = MODES[scenario.mode], scenario.controller.K_e_hat
     try:
-        mode.check(model, K_e_hat)
+        mode.check(model, K_e_hat, surfaces_met(scenario, mode, layout))
         refusal = ""
     except InvalidGain as error:
         refusal = str(error)
@@ -69,7 +70,9 @@ def judge_blend(snapshot: Snapshot, edit: Edit) -> BlendCertificate | None:
         return None
     if asked.refusal:
         return None
-    return certify(TargetModel(**snapshot.matrices), asked.model, pressed_on(snapshot))
+    scenario = snapshot.scenario
+    surfaces = surfaces_met(scenario, MODES[scenario.mode], snapshot.system.layout)
+    return certify(TargetModel(**snapshot.matrices), asked.model, pressed_on(snapshot), surfaces)
 
 
 def blend_html(snapshot: Snapshot, edit: Edit | None) -> str:
