@@ -107,6 +107,7 @@ class ClosedLoop:
         loop = cls(state.scenario, history, previous)
         loop.t, loop._t_0, loop._steps = state.t, state.t_0, state.steps
         loop._arm.data[:], loop._period.data[:] = state.arm, state.period
+        loop._touching = loop._multiplier[0] != 0.0
         loop._reader.recall(state.reader)
         loop.system, loop.grip = loop.system.with_shift(state.shift), state.grip
         loop._along = loop._reference_estimates(state.along)
@@ -249,6 +250,8 @@ class ClosedLoop:
             self._watch_posture(self._settings.data, self._period.data)
         self._stage = "the plant"
         plant.advance(arm, self._applied + self._push_torque if pushed else self._applied, t, self._h)
+        if self._presses and (self._multiplier[0] != 0.0) != self._touching:
+            self._touch_or_leave()
         self._stage = "the record"
         alarms = self._complete_row(self._settings.data, self._period.data, arm.data, row)
         self.recording.commit()
@@ -303,6 +306,11 @@ class ClosedLoop:
         law = self.system.law.following(blend.at(self.t))
         self.system = replace(self.system, law=law)
         self._settings.write("gains", law.gains)
+
+    def _touch_or_leave(self) -> None:
+        self._touching = not self._touching
+        if not self._touching:
+            self._left("flag", "contact lost: the tool has left the surface, so no force is controlled")
 
     def _push_tool(self) -> bool:
         """Find what hand and script do to the tool over this period; False, as fast as can be, when they do nothing."""
@@ -365,6 +373,10 @@ class ClosedLoop:
         self._applied, self._push = self._period.views.applied, self._period.views.push
         self._push_torque, self._pushed = np.zeros(system.robot.n), True
         self._timed = system.push if any(system.push.force) else None
+        contact = system.scenario.contact
+        self._presses = bool(system.m) and contact.unilateral and contact.kind in ("elastic", "mass-damper-spring")
+        self._multiplier = self._arm.data["load"]["multiplier"]
+        self._touching = self._multiplier[0] != 0.0
         if system.scenario.controller.on_change == "remove":
             _, _, e_r, e_r_dot = self._errors()
             self._period.views.z[:] = system.law.compensator.without_reaching(e_r, e_r_dot)

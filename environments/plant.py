@@ -36,8 +36,8 @@ class Truth:
     """How the true arm differs from the nominal one.
 
     link_scaling (n,): factor on each link's inertia; payload_mass kg, a point at payload_offset (3,) m in the tool
-    frame; coulomb N m and viscous N m s/rad per joint; disturbance: a torque of this norm (N m) turning through the
-    joints with disturbance_frequency Hz; torque_limit (n,) N m: what the drives give at most, see `limited`.
+    frame; coulomb N m and viscous N m s/rad per joint; disturbance: a torque of this norm (N m) at all times, turning
+    through the joints with disturbance_frequency Hz; torque_limit (n,) N m: of the drives, see `limited`.
     """
 
     link_scaling: np.ndarray
@@ -118,17 +118,16 @@ def limited(limits, tau, applied):
 @part
 def _resistance(resistance, q_dot, t, torque):
     n = q_dot.shape[0]
-    square = 0.0
     for i in range(n):
         torque[i] = resistance.viscous * q_dot[i]
         if resistance.coulomb > 0.0:
             torque[i] += resistance.coulomb * np.tanh(q_dot[i] / SLIP_RATE)
-        if resistance.disturbance > 0.0:
-            square += np.sin(resistance.omega * t + 2 * np.pi * i / n) ** 2
     if resistance.disturbance > 0.0:
-        size = resistance.disturbance / max(np.sqrt(square), 1.0)
+        # squares of n sines that are 2 pi/n apart add up to n/2 at all times if n > 2; of two joints they would agree
+        apart = 2 * np.pi / n if n > 2 else np.pi / 2
+        size = resistance.disturbance * np.sqrt(2 / n)
         for i in range(n):
-            torque[i] += size * np.sin(resistance.omega * t + 2 * np.pi * i / n)
+            torque[i] += size * np.sin(resistance.omega * t + apart * i)
 
 
 @kernel
