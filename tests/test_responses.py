@@ -178,10 +178,9 @@ def test_lost_contact_and_singular_postures_stop_with_their_reason() -> None:
         assemble(changed(stretched, motion={"kind": "point-to-point", "displacement": [0.5]}))
 
 
-@pytest.mark.parametrize("robot", ["planar2r", "planar3r", "ur5", "panda"])
+@pytest.mark.parametrize("n", [2, 3, 6, 7])
 @pytest.mark.parametrize("frequency", [0.0, 0.5])
-def test_the_disturbance_has_its_norm_at_all_times(robot: str, frequency: float) -> None:
-    n = assemble(changed(Scenario(), robot={"name": robot})).robot.n
+def test_the_disturbance_has_its_norm_at_all_times(n: int, frequency: float) -> None:
     truth = Truth(np.ones(n), 0.0, np.zeros(3), 0.0, 0.0, 3.0, frequency)
     torques = np.array([truth.torque(np.zeros(n), t) for t in np.linspace(0.0, 2.0, 41)])
     np.testing.assert_allclose(np.linalg.norm(torques, axis=1), 3.0)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import io
 import textwrap
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -37,7 +37,7 @@ class HeatMap:
     theory: tuple[np.ndarray, float] | None = None
 
 
-def charts_in_columns(charts: Sequence[Chart], caption: str) -> bytes:
+def charts_in_columns(charts: Iterable[Chart], caption: str) -> bytes:
     """Charts beside each other, as SVG."""
     return render(Figure(tuple(charts), caption, one_column=1), "svg")
 
