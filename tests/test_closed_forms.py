@@ -211,6 +211,7 @@ def test_multiplier_on_a_moving_rigid_surface(robot: str, surface: str) -> None:
         controller=FREE,
         force={"kind": "sinusoid", "value": 30.0, "amplitude": 5.0, "frequency": 1.0},
         motion={"kind": "line", "displacement": [0.05], "period": 1.0, "ramp": 0.2},
+        simulation={"integrator": "semi-implicit-euler"},  # the plant takes the force at the instant of the law
     )
     seen = record(steps(ClosedLoop(scenario), 0.5))
     assert np.abs(seen["phi"]).max() < 1e-11
@@ -257,7 +258,7 @@ def test_theorem_in_every_variant_of_the_law(
     })  # fmt: skip
     loop = moved_aside(scenario, [0.03, -0.02])
     s_0, s_since = float(loop.view().live["s_norm"]), loop.s_since
-    seen = record(steps(loop, 0.4), since=s_since)
+    seen = record(steps(loop, 0.7 if robot == "panda" else 0.4), since=s_since)
     assert s_0 == pytest.approx(F_1 * np.hypot(0.03, 0.02), rel=0.1)
     assert s_0 > 2.0 * seen["s_band"][0]
     assert np.all(seen["s_norm"] <= seen["s_bound"] + seen["s_band"])
