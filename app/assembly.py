@@ -8,8 +8,10 @@ from functools import cached_property
 import numpy as np
 
 from app.control_period import Observer, Planned, ReferencePlan
-from app.domain import Constants, centres, constants_over, mobility_over, posture_at
+from app.domain import Constants, centres, constants_over, mobility_over, posture_at, span_of
+from app.extremes import Omega
 from app.law import blend_of, law_of, uncertainty_of
+from app.memory import Memory
 from app.scenario import Scenario, ScenarioError, field_info
 from app.units import CARTESIAN, JOINT, Units
 from app.world import (
@@ -66,7 +68,7 @@ class Coordinate:
 class System:
     """A scenario's objects. `charted` gives the task coordinates: the surface, or Cartesian axes; `mobility` is the
     true arm's largest over Omega; law: with the target model in force, from which `blend`, if there is one, leads to
-    another; q_0 (n,) rad."""
+    another; q_0 (n,) rad; memory: of what was searched for."""
 
     scenario: Scenario
     robot: robots.Robot
@@ -87,6 +89,7 @@ class System:
     push: TimedPush
     plan: ReferencePlan
     q_0: np.ndarray
+    memory: Memory
 
     @property
     def m(self) -> int:
@@ -144,18 +147,20 @@ class System:
         return self.charted.point(g, t)
 
 
-def assemble(scenario: Scenario, previous: System | None = None) -> System:
-    """All objects of a scenario; parts of `previous` that are the same are used again.
+def assemble(scenario: Scenario, previous: System | None = None, memory: Memory | None = None) -> System:
+    """All objects of a scenario; parts of `previous` that are the same are used again, and what `memory` knows, by
+    default that of `previous`.
 
     Raises ScenarioError with one sentence that names the field, its value and what is allowed.
     """
     try:
-        return _assemble(scenario, previous)
+        known = memory or (previous.memory if previous is not None else Memory())
+        return _assemble(scenario, previous, known)
     except (InvalidGain, RobotError) as error:
         raise ScenarioError(str(error)) from error
 
 
-def _assemble(scenario: Scenario, previous: System | None) -> System:
+def _assemble(scenario: Scenario, previous: System | None, memory: Memory) -> System:
     mode = modes.MODES[scenario.mode]
     if scenario.contact.kind not in mode.contacts:
         raise ScenarioError(
@@ -210,14 +215,18 @@ def _assemble(scenario: Scenario, previous: System | None) -> System:
         # the arm is on the surface, not where (33) puts r_fd within it; only estimates taken along r_d are there, too
         compliance = plan.compliance if scenario.controller.estimates == "along-reference" else 0.0
         unshifted = Planned(plan._replace(compliance=compliance, shift=trajectories.Shift.fresh(0.0 * shift, 1.0)))
+        rules = scenario.simulation
         if mode.on_surface:
             _require_within_reach(observer, unshifted.at(0.0), q_0)
-        along = centres(observer.at, unshifted, shift, q_0, scenario.simulation.duration)
-        constants = constants_over(along, scenario, uncertainty_of(scenario, 0.0), nominal, observer.at)
+        along = centres(observer.at, unshifted, shift, q_0, rules.duration)
+        omega = Omega(along, rules.domain_radius, span_of(charted, rules.duration))
+        uncertainty = uncertainty_of(scenario, 0.0)
+        constants = constants_over(omega, rules.sigma_min, uncertainty, nominal, observer, memory)
     if previous is not None and previous.constants is constants and previous.scenario.truth == scenario.truth:
         mobility = previous.mobility
     else:
-        mobility = mobility_over(constants, plant, nominal)
+        touched = replace(constants.omega, span=span_of(surface, scenario.simulation.duration))
+        mobility = mobility_over(touched, plant, nominal, memory)
     _require_resolved(scenario, plant, mobility)
     return System(
         scenario=scenario,
@@ -245,6 +254,7 @@ def _assemble(scenario: Scenario, previous: System | None) -> System:
         push=TimedPush(scenario.truth.push, scenario.truth.push_start, scenario.truth.push_duration),
         plan=plan,
         q_0=q_0,
+        memory=memory,
     )
 
 

@@ -18,12 +18,14 @@ from rich.table import Table
 
 from app import alone, headless, log
 from app.changes import blending_to, with_robot
+from app.constants_shelf import ConstantsShelf
 from app.dashboard import Dashboard, PortBusy, check_fps
 from app.dashboard.export import Kind, Stretch, write
 from app.dashboard.printed import ALL_PLOTS, plots_of
 from app.dashboard.theme import Theme
 from app.data_files import read_npz
 from app.gateway.invitation import Invitation, Look, PortTaken, Token
+from app.memory import Memory
 from app.metrics import FIGURES, Metrics, account, unit_of
 from app.printable import printable
 from app.scenario import Scenario, ScenarioError
@@ -128,7 +130,7 @@ def run(
     chosen = _configured(scenario, settings, duration)
     if blend_to is not None:
         chosen = blending_to(chosen, load(blend_to), blend_at, blend_over)
-    loop, metrics = headless.simulate(chosen, show_progress=True)
+    loop, metrics = headless.simulate(chosen, show_progress=True, memory=Memory(ConstantsShelf()))
     try:
         headless.write(loop, metrics, out)
     except OSError as error:
@@ -182,7 +184,7 @@ def compare(
         raise ScenarioError("compare: no scenario; allowed: one or more (see `vsmrc list`)")
     systems, accounts, stopped = [], [], False
     for name, scenario in [(name, _configured(name, settings, duration)) for name in scenarios]:
-        loop, _ = headless.simulate(scenario, show_progress=True)
+        loop, _ = headless.simulate(scenario, show_progress=True, memory=Memory(ConstantsShelf()))
         since = -math.inf if last is None else loop.t - last
         systems.append(loop.system)
         accounts.append(account(loop.system, loop.recording, since, loop.t))
@@ -225,7 +227,7 @@ def export(
         scenario, recording = read_npz(Path(run))
     else:
         scenario = _configured(run, settings)
-        loop, _ = headless.simulate(scenario, show_progress=True)
+        loop, _ = headless.simulate(scenario, show_progress=True, memory=Memory(ConstantsShelf()))
         recording = loop.recording
         if loop.stopped:
             print(f"stopped: {loop.stopped}")

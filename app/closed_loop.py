@@ -10,6 +10,7 @@ import structlog
 
 from app.assembly import System, assemble
 from app.control_period import Alarm, Limits, Period, Setting, complete_row, control_period, watch_posture
+from app.memory import Memory
 from app.premises import Standing, sentence
 from app.recording import Epoch, Recording
 from app.sampled_loop import SampledLoop, judge_posture
@@ -88,8 +89,14 @@ class ClosedLoop:
     Raises ScenarioError when the scenario cannot be built.
     """
 
-    def __init__(self, scenario: Scenario, history: int = 600_000, previous: System | None = None) -> None:
-        self._begin(assemble(scenario, previous), history)
+    def __init__(
+        self,
+        scenario: Scenario,
+        history: int = 600_000,
+        previous: System | None = None,
+        memory: Memory | None = None,
+    ) -> None:
+        self._begin(assemble(scenario, previous, memory), history)
 
     @classmethod
     def of(cls, system: System, history: int = 600_000) -> ClosedLoop:
@@ -99,12 +106,18 @@ class ClosedLoop:
         return loop
 
     @classmethod
-    def resume(cls, state: LoopState, history: int = 600_000, previous: System | None = None) -> ClosedLoop:
+    def resume(
+        cls,
+        state: LoopState,
+        history: int = 600_000,
+        previous: System | None = None,
+        memory: Memory | None = None,
+    ) -> ClosedLoop:
         """A run that goes on from `state` exactly as the one that was there; `edit` takes it elsewhere.
 
         It shares the parts of `previous` that are the same, so the two must not step in different threads.
         """
-        loop = cls(state.scenario, history, previous)
+        loop = cls(state.scenario, history, previous, memory)
         loop.t, loop._t_0, loop._steps = state.t, state.t_0, state.steps
         loop._arm.data[:], loop._period.data[:] = state.arm, state.period
         loop._touching = loop._multiplier[0] != 0.0

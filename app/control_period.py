@@ -385,6 +385,11 @@ class Observer:
         self._model, self._record = model, Record(self.sight)
         self._blank = Record(Observation.zeros(layout.n))
 
+    @property
+    def fingerprint(self) -> bytes:
+        """All of `sight`: observers that share it, and the arm, see the same."""
+        return self._record.data.tobytes()
+
     def at(self, q: np.ndarray, q_dot: np.ndarray, t: float) -> tuple[Estimate, TaskSpace]:
         """Estimates and task coordinates at q (n,) rad, q_dot (n,) rad/s, time t (s).
 

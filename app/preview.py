@@ -9,6 +9,7 @@ from msgspec import Struct
 
 from app.assembly import System
 from app.closed_loop import ClosedLoop, LoopState
+from app.memory import Memory
 from app.metrics import force_error, motion_error, settling_time, steady_force_error, tail_of
 from app.recording import Epoch
 from app.scenario import Scenario
@@ -81,13 +82,14 @@ class Done:
 class Foresight:
     """A run of its own that answers a question, piece by piece.
 
-    Takes over what is the same from `previous`. Raises ScenarioError when the edited scenario cannot be built.
+    Takes over what is the same from `previous`, and what `memory` knows. Raises ScenarioError when the edited scenario
+    cannot be built.
     """
 
-    def __init__(self, question: Question, previous: System | None = None) -> None:
+    def __init__(self, question: Question, previous: System | None = None, memory: Memory | None = None) -> None:
         self.question = question
         rows = max(1, round(question.horizon / question.scenario.controller.period))
-        self._loop = ClosedLoop.resume(question.state, rows, previous)
+        self._loop = ClosedLoop.resume(question.state, rows, previous, memory)
         self.base = self._loop.system  # of the running scenario: a good `previous` for the next question
         if question.scenario != question.state.scenario:
             self._loop.edit(question.scenario)

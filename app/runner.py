@@ -35,6 +35,8 @@ from app.commands import (
     ToEnd,
     Unpin,
 )
+from app.constants_shelf import ConstantsShelf
+from app.memory import Memory
 from app.pacing import Pace, PaceMeter, Schedule
 from app.scenario import Scenario, ScenarioError
 from app.scenario_data import edited
@@ -58,7 +60,7 @@ class Runner:
     """Owns the loop. `post` and `snapshot` may be used from any thread; nothing else touches the loop."""
 
     def __init__(self, scenario: Scenario) -> None:
-        loop = ClosedLoop(scenario)
+        loop = ClosedLoop(scenario, memory=Memory(ConstantsShelf()))
         loop.step()  # compiles, where no cache has it yet, what must not delay the loop
         loop.reset()
         self._line = Timeline(loop)
