@@ -12,7 +12,17 @@ from app.domain import Constants, centres, constants_over, mobility_over, postur
 from app.law import blend_of, law_of, uncertainty_of
 from app.scenario import Scenario, ScenarioError, field_info
 from app.units import CARTESIAN, JOINT, Units
-from app.world import force_of, motion_of, robot_of, spread_over, surface_of, tool_at_start, truth_of
+from app.world import (
+    force_of,
+    motion_of,
+    positions_of,
+    robot_of,
+    spread_over,
+    surface_of,
+    task_axes,
+    tool_at_start,
+    truth_of,
+)
 from controllers import modes
 from controllers.blend import ModelBlend
 from controllers.modes import Mode
@@ -172,7 +182,7 @@ def _assemble(scenario: Scenario, previous: System | None) -> System:
     )
     q_0 = _start(plant, robot)
     layout = _layout(scenario, robot, nominal, q_0)
-    charted = surface if mode.on_surface else surfaces.Cartesian.along(_axes(robot))
+    charted = surface if mode.on_surface else surfaces.Cartesian.along(task_axes(robot))
     motion, force = motion_of(scenario, mode, layout), force_of(scenario)
     shift = spread_over("shift.by", scenario.shift.by, mode, layout)
 
@@ -260,13 +270,7 @@ def _start(plant: Plant, robot: robots.Robot) -> np.ndarray:
         raise ScenarioError(str(error)) from error
 
 
-def _axes(robot: robots.Robot) -> np.ndarray:
-    """Rows: the Cartesian coordinates in their order; a planar arm uses the first two, x and z."""
-    return np.eye(3)[[0, 2, 1]] if robot.geometry == "planar" else np.eye(3)
-
-
 def _layout(scenario: Scenario, robot: robots.Robot, nominal: NominalModel, q_0: np.ndarray) -> TaskLayout:
-    positions = 2 if robot.geometry == "planar" else 3
     angles = {"planar": min(robot.n - 2, 1), "pose": 3, "position": 0}[robot.geometry]
     estimate = nominal.evaluate(q_0, np.zeros(robot.n))
     supplemental = np.zeros(robot.n, dtype=np.int64)
@@ -274,7 +278,7 @@ def _layout(scenario: Scenario, robot: robots.Robot, nominal: NominalModel, q_0:
     return TaskLayout(
         n=robot.n,
         joint=scenario.task_space.kind == "joint",
-        positions=positions,
+        positions=positions_of(robot),
         angles=angles,
         supplemental=supplemental,
         l=scenario.task_space.characteristic_length,
