@@ -118,7 +118,7 @@ def on_surface(scenario: Scenario, kind: str) -> Scenario:
     Raises ScenarioError for an unknown kind.
     """
     changed = edited(scenario, "surface", {"kind": kind, "motion": to_plain(scenario)["surface"]["motion"]})
-    robot, p = _start(scenario)
+    _, p = _start(scenario)
     phi = float(np.clip(surface_of(scenario, p).chart(p, 0.0).g[0], -NEAR, NEAR))
     if kind == "formula":
         height = p[2] + phi - 0.015 * np.sin(15 * p[0])
