@@ -90,7 +90,9 @@ def test_the_crosshair_tells_values_and_a_plot_can_be_enlarged(session: Session)
     plot.get_by_role("button").click()
     page.wait_for_function(f"{SHOWN}[1].height > 400")
     enlarged = plot.bounding_box()
-    assert small and enlarged and enlarged["width"] > 1.5 * small["width"]
+    assert small
+    assert enlarged
+    assert enlarged["width"] > 1.5 * small["width"]
     # nothing lies over it
     for share in (0.1, 0.5, 0.9):
         x, y = enlarged["x"] + share * enlarged["width"], enlarged["y"] + share * enlarged["height"]
