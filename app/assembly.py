@@ -17,10 +17,12 @@ from app.units import CARTESIAN, JOINT, Units
 from app.world import (
     force_of,
     motion_of,
+    positions_of,
     require_pushing,
     robot_of,
     spread_over,
     surface_of,
+    task_axes,
     tool_at_start,
     truth_of,
 )
@@ -189,7 +191,7 @@ def _assemble(scenario: Scenario, previous: System | None, memory: Memory) -> Sy
     )
     q_0 = _start(plant, robot)
     layout = _layout(scenario, robot, nominal, q_0)
-    charted = surface if mode.on_surface else surfaces.Cartesian.along(_axes(robot))
+    charted = surface if mode.on_surface else surfaces.Cartesian.along(task_axes(robot))
     require_pushing(scenario, mode)
     motion, force = motion_of(scenario, mode, layout), force_of(scenario)
     shift = spread_over("shift.by", scenario.shift.by, mode, layout)
@@ -302,13 +304,7 @@ def _require_within_reach(observer: Observer, reference: Reference, q_0: np.ndar
         )
 
 
-def _axes(robot: robots.Robot) -> np.ndarray:
-    """Rows: the Cartesian coordinates in their order; a planar arm uses the first two, x and z."""
-    return np.eye(3)[[0, 2, 1]] if robot.geometry == "planar" else np.eye(3)
-
-
 def _layout(scenario: Scenario, robot: robots.Robot, nominal: NominalModel, q_0: np.ndarray) -> TaskLayout:
-    positions = 2 if robot.geometry == "planar" else 3
     angles = {"planar": min(robot.n - 2, 1), "pose": 3, "position": 0}[robot.geometry]
     estimate = nominal.evaluate(q_0, np.zeros(robot.n))
     supplemental = np.zeros(robot.n, dtype=np.int64)
@@ -316,7 +312,7 @@ def _layout(scenario: Scenario, robot: robots.Robot, nominal: NominalModel, q_0:
     return TaskLayout(
         n=robot.n,
         joint=scenario.task_space.kind == "joint",
-        positions=positions,
+        positions=positions_of(robot),
         angles=angles,
         supplemental=supplemental,
         l=scenario.task_space.characteristic_length,

@@ -128,7 +128,7 @@ class Foresight:
     def _figures(self, record: dict[str, np.ndarray], thinned: dict[str, np.ndarray]) -> Figures:
         loop, system, t = self._loop, self._loop.system, record["t"]
         tail = tail_of(t)
-        path = np.linalg.norm(motion_error(system, thinned), axis=1)
+        path = np.linalg.norm(_path_error(system, thinned), axis=1)
         error = predicted = settling = None
         if system.m:
             deviation, f_nd = force_error(record), record["F_cd"][tail, 0]
@@ -154,6 +154,13 @@ def _unpromised(loop: ClosedLoop) -> str | None:
     """That nothing is promised in the end, and why; None where something is."""
     promise = loop.standing.now
     return None if promise.verdict == "holds" else f"{promise.verdict}: {promise.because}"
+
+
+def _path_error(system: System, record: dict[str, np.ndarray]) -> np.ndarray:
+    """The position errors (N, k) m as plots have them: where no force is controlled, those into a surface, too."""
+    if system.m or system.layout.joint:
+        return motion_error(system, record)
+    return record["e_r"][:, : system.layout.positions]
 
 
 def _points(rows: int) -> np.ndarray:

@@ -71,6 +71,7 @@ class Runner:
         self._speed = 1.0
         self._revision = self._runs = self._refusals = 0
         self._refusal: str | None = None
+        self._told = ""
         self._slowed = False
         self.meter = PaceMeter()
         self._pace_now: Pace | None = None
@@ -254,7 +255,9 @@ class Runner:
             case Edit("mode", value) if value == scenario_now.mode:
                 pass  # the mode that runs is not begun anew
             case Edit("mode", value):
-                self._edit(changes.in_mode(scenario_now, str(value)))
+                changed = changes.in_mode(scenario_now, str(value))
+                self._edit(changed)
+                self._told = changes.told(scenario_now, changed)
             case Edit(path, value) if path.startswith("robot."):
                 self._edit(changes.with_robot(scenario_now, {path.removeprefix("robot."): value}))
             case Edit("surface", str() as kind):
@@ -264,6 +267,7 @@ class Runner:
 
     def _edit(self, scenario: Scenario) -> None:
         self._runs += self._line.edit(scenario)
+        self._told = ""
         self._revision += 1
 
     def _publish(self) -> Snapshot:
@@ -285,6 +289,7 @@ class Runner:
         line, loop = self._line, self._loop
         return replace(
             seen,
+            notice=seen.notice or self._told,
             revision=self._revision,
             run=self._runs,
             first=line.first,

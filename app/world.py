@@ -128,6 +128,16 @@ def _direction(path: str, vector: tuple[float, float, float]) -> np.ndarray:
     return np.array(vector) / length
 
 
+def task_axes(robot: robots.Robot) -> np.ndarray:
+    """Rows: the Cartesian coordinates in their order; a planar arm uses the first two, x and z."""
+    return np.eye(3)[[0, 2, 1]] if robot.geometry == "planar" else np.eye(3)
+
+
+def positions_of(robot: robots.Robot) -> int:
+    """How many of a Cartesian task's coordinates are positions."""
+    return 2 if robot.geometry == "planar" else 3
+
+
 def _free(mode: Mode, layout: TaskLayout) -> int:
     """How many coordinates a trajectory may move."""
     return layout.n if layout.joint else layout.positions - mode.m()

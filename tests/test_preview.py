@@ -136,6 +136,17 @@ def test_settling_of_the_force_is_that_of_the_target_model() -> None:
     np.testing.assert_allclose(outlook.ahead[[0, -1]], [1e-3, 1.999], rtol=1e-9)
 
 
+def test_under_impedance_the_path_error_is_that_of_the_plots() -> None:
+    loop = running(shipped()["ur5-impedance"], 3000)
+    foresight = Foresight(Question(0, loop.state(), loop.system.scenario, 1.0))
+    foresight.advance(1000)
+    outlook = foresight.outlook()
+    assert isinstance(outlook, Outlook)
+    drawn = np.linalg.norm(outlook.signals["e_r"][:, :3], axis=1)
+    assert drawn[-1] > 5e-3  # the wall holds it off its path
+    assert outlook.figures.motion_error == pytest.approx(drawn[outlook.ahead > 0.8].max(), rel=1e-3)
+
+
 @pytest.mark.parametrize("periods", [1, 2, 3, 1000])
 def test_a_horizon_of_any_length_is_answered(periods: int) -> None:
     loop = running(shipped()["planar2r-semicircle"], 5)

@@ -22,7 +22,8 @@ MODE_TITLES = {
 
 
 def status_html(snapshot: Snapshot, complaint: str) -> str:
-    """Two lines of chips and numbers; below them why the run stopped, the complaint, what to notice."""
+    """Lines of chips and numbers; in a strip over the scene, where they move nothing, why the run stopped, the
+    complaint and what to notice."""
     scenario = snapshot.scenario
     pace = snapshot.pace
     lines = [
@@ -42,15 +43,17 @@ def status_html(snapshot: Snapshot, complaint: str) -> str:
         )
     if saturating := _saturating(snapshot):
         lines.append(f'<div class="vs-row">{_chip(saturating, "vs-bad")}</div>')
+    messages = []
     if snapshot.phase == "stopped":
-        lines.append(_message("vs-bad", f"Stopped: {snapshot.reason}"))
+        messages.append(_message("vs-bad", f"Stopped: {snapshot.reason}"))
     if pace and pace.slowed:
-        lines.append(_message("vs-warn", _slowed(snapshot)))
+        messages.append(_message("vs-warn", _slowed(snapshot)))
     if complaint:
-        lines.append(_message("vs-bad", complaint))
+        messages.append(_message("vs-bad", complaint))
     if snapshot.notice:
-        lines.append(_message("vs-warn", snapshot.notice))
-    return f'<div class="vs-status">{"".join(lines)}</div>'
+        messages.append(_message("vs-warn", snapshot.notice))
+    strip = f'<div class="vs-strip">{"".join(messages)}</div>'
+    return f'<div class="vs-status">{"".join(lines)}{strip}</div>'
 
 
 def splash_html(text: str) -> str:
