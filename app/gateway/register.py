@@ -44,8 +44,7 @@ class Register:
     """
 
     def __init__(self, path: Path) -> None:
-        self._path = path
-        self._lock = occupied(path)
+        self._path, self._lock = occupied(path)
 
     def close(self) -> None:
         """Leave the folder to others."""
