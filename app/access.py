@@ -19,13 +19,29 @@ from urllib.parse import urlsplit
 Pass = Literal["steer", "watch"]
 
 KEY_HEADER = "X-Vsmrc-Key"
-# Our pages are nobody's frame (a click there would be a click here), and links, which are secrets, are not passed on
-# to other servers.
+# Our pages are nobody's frame (a click there would be a click here), share no window with the pages that open them, and
+# links, which are secrets, are not passed on to other servers. Scripts are in the page itself, as viser's client is
+# made, and as its decoder in WebAssembly; none is loaded from elsewhere nor made of text, and nothing is asked of or
+# sent to another server, be it a picture's address.
 PAGE_HEADERS = {
-    "Content-Security-Policy": "frame-ancestors 'self'; connect-src 'self' data: blob:; object-src 'none'",
+    "Content-Security-Policy": "; ".join(
+        (
+            "default-src 'self' data: blob:",
+            "script-src 'self' 'unsafe-inline' 'wasm-unsafe-eval' blob:",
+            "style-src 'self' 'unsafe-inline'",
+            "object-src 'none'",
+            "base-uri 'none'",
+            "form-action 'self'",
+            "frame-ancestors 'self'",
+        )
+    ),
+    "Cross-Origin-Opener-Policy": "same-origin",
     "Referrer-Policy": "same-origin",
+    "Server": "vsmrc-lab",
     "X-Content-Type-Options": "nosniff",
+    "X-Frame-Options": "SAMEORIGIN",
 }
+_PORTS = {"http": 80, "https": 443}
 _LOOPBACK = frozenset({"localhost", "127.0.0.1", "::1"})
 
 
@@ -81,6 +97,10 @@ class Names:
             )
         return None
 
+    def encrypted(self, host: str) -> bool:
+        """Whether who asks for this `Host` has come through a proxy with TLS."""
+        return _origin(f"https://{host}") in self.public
+
     def _ours(self, name: str | None) -> bool:
         if name is None:
             return False
@@ -88,8 +108,10 @@ class Names:
         return name in self._known or (not self.local and _is_address(name))
 
     def _from_here(self, origin: str, host: str) -> bool:
-        plain = _origin(origin)
-        return plain is not None and (plain.partition("://")[2] == host.lower() or plain in self.public)
+        """Scheme, name and port are those of the page itself: of a public name as --origin has them, else http."""
+        plain, own = _origin(origin), _origin(f"http://{host}")
+        public = {_hostname(known) for known in self.public}
+        return plain is not None and (plain in self.public or (plain == own and _hostname(plain) not in public))
 
 
 @dataclass(frozen=True)
@@ -129,14 +151,19 @@ def _is_address(name: str) -> bool:
 
 
 def _origin(text: str) -> str | None:
-    """Scheme and name in lower case, without a "/" at the end; None for what is no such thing."""
+    """Scheme, name and port as a browser writes them: in lower case, without the scheme's usual port or a "/" at the
+    end; None for what is no such thing."""
     try:
         parts = urlsplit(text)
+        port = parts.port
     except ValueError:
         return None
-    named = parts.scheme in ("http", "https") and bool(parts.hostname)
-    more = parts.path.strip("/") or parts.query or parts.fragment
-    return f"{parts.scheme}://{parts.netloc.lower()}" if named and not more else None
+    if parts.scheme not in _PORTS or not parts.hostname or "@" in parts.netloc:
+        return None
+    if parts.path.strip("/") or parts.query or parts.fragment:
+        return None
+    name = f"[{parts.hostname}]" if ":" in parts.hostname else parts.hostname
+    return f"{parts.scheme}://{name}" + (f":{port}" if port not in (None, _PORTS[parts.scheme]) else "")
 
 
 def _hostname(url: str) -> str | None:

@@ -65,7 +65,7 @@ class _Guarded(library.serve):
                 response.headers.update(PAGE_HEADERS)
             return response
 
-        settings |= {"max_size": _LIMITS.message}
+        settings |= {"max_size": _LIMITS.message, "server_header": PAGE_HEADERS["Server"]}
         super().__init__(*args, process_request=judged, **settings)
 
 

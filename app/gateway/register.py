@@ -81,9 +81,9 @@ def _known(link: Path) -> Known | None:
     try:
         read = msgspec.json.decode(link.read_bytes(), type=_Link)
     except (OSError, msgspec.MsgspecError, UnicodeDecodeError) as error:
-        log.warning("saved session unreadable", file=str(link), reason=str(error))
+        log.warning("saved session unreadable", session=watch[:6], reason=str(error))
         return None
     if not (_WORD.fullmatch(read.name) and _WORD.fullmatch(watch)):
-        log.warning("saved session unreadable", file=str(link), reason="its name is none of this program's")
+        log.warning("saved session unreadable", session=watch[:6], reason="its name is none of this program's")
         return None
     return Known(read.name, watch, last_scenario(link.parent) or read.scenario)

@@ -22,8 +22,9 @@ import aiohttp
 import structlog
 from aiohttp import WSCloseCode, web
 
-from app.access import KEY_HEADER, PAGE_HEADERS, Names, Pass, Tokens
+from app.access import KEY_HEADER, Names, Pass, Tokens
 from app.gateway import pages
+from app.gateway.answers import Runner, with_headers
 from app.gateway.invitation import PortTaken
 from app.gateway.relay import closed, relay
 from app.gateway.sessions import HURRIED, House, Session
@@ -58,6 +59,7 @@ class Gateway:
         self.app = web.Application(middlewares=[self._guard], client_max_size=64 * 1024)
         self.app.cleanup_ctx.append(self._living)
         self.app.on_shutdown.append(self._end)
+        self.app.on_response_prepare.append(with_headers)
         self.app.add_routes(
             [
                 web.get("/", self._front),
@@ -105,9 +107,6 @@ class Gateway:
                 response = await handler(request)
             except web.HTTPException as error:
                 response = _notice("There is nothing here", "Perhaps the link is not complete.", error.status)
-        if not response.prepared:
-            response.headers.update(PAGE_HEADERS)
-            response.headers.setdefault("Cache-Control", "no-store")
         return response
 
     def _without_token(self, request: web.Request) -> web.StreamResponse | None:
@@ -131,10 +130,8 @@ class Gateway:
         return response
 
     def _remember(self, response: web.Response, request: web.Request, cookie: str, value: str) -> None:
-        public = f"https://{request.host.lower()}" in self._doors.names.public
-        response.set_cookie(
-            cookie, value, max_age=_YEAR, httponly=True, samesite="Lax", secure=public or request.secure, path="/"
-        )
+        secure = request.secure or self._doors.names.encrypted(request.host)
+        response.set_cookie(cookie, value, max_age=_YEAR, httponly=True, samesite="Lax", secure=secure, path="/")
 
     # what there is
 
@@ -290,7 +287,7 @@ def _sent(document: pages.Document, request: web.Request) -> web.Response:
 @contextlib.asynccontextmanager
 async def serving(gateway: Gateway, host: str, port: int) -> AsyncIterator[int]:
     """While it lasts, the gateway answers at the port that is yielded; port 0 takes any. Raises PortTaken."""
-    runner = web.AppRunner(gateway.app, access_log=None, shutdown_timeout=0.5, handler_cancellation=True)
+    runner = Runner(gateway.app, access_log=None, shutdown_timeout=0.5, handler_cancellation=True)
     await runner.setup()
     try:
         site = web.TCPSite(runner, host, port)
