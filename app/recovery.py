@@ -30,6 +30,7 @@ from app.scenario_data import from_toml, to_toml
 from app.snapshot import Snapshot
 from app.timeline import PINS, Pinned
 from app.whole_file import write_whole
+from environments.regular_file import read_regular
 
 log = structlog.get_logger()
 
@@ -316,8 +317,7 @@ def _read(path: Path) -> _Index:
 def _decoded(path: Path) -> _Index:
     """Its scenario may be none. Raises FileNotFoundError and StateError."""
     try:
-        with path.open("rb") as file:
-            content = file.read(LARGEST + 1)
+        content = read_regular(path, LARGEST + 1)
     except FileNotFoundError:
         raise
     except OSError as error:
