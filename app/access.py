@@ -8,6 +8,8 @@ a position to be misled, and pass.
 
 from __future__ import annotations
 
+import base64
+import hmac
 import ipaddress
 import secrets
 import socket
@@ -18,6 +20,7 @@ from urllib.parse import urlsplit
 
 Pass = Literal["steer", "watch"]
 
+YEAR = 365 * 24 * 3600  # s that a browser keeps a cookie
 KEY_HEADER = "X-Vsmrc-Key"
 # Our pages are nobody's frame (a click there would be a click here), share no window with the pages that open them, and
 # links, which are secrets, are not passed on to other servers. Scripts are in the page itself, as viser's client is
@@ -118,8 +121,14 @@ class Names:
 class Tokens:
     """What a visitor shows at the door, each by a link of its own; made at the start and never written to a file."""
 
-    steer: str = field(default_factory=secrets.token_urlsafe)
-    watch: str = field(default_factory=secrets.token_urlsafe)
+    steer: str = field(default_factory=secrets.token_urlsafe, repr=False)
+    watch: str = field(default_factory=secrets.token_urlsafe, repr=False)
+
+    @classmethod
+    def given(cls, steer: str) -> Tokens:
+        """With this one to steer; the other one follows from it, and it not from the other one."""
+        watch = hmac.digest(steer.encode(), b"watch", "sha256")
+        return cls(steer, base64.urlsafe_b64encode(watch).decode().rstrip("="))
 
     def opens(self, shown: str) -> Pass | None:
         """What this token allows, None for one that is not ours."""
@@ -130,6 +139,11 @@ class Tokens:
 
     def of(self, kind: Pass) -> str:
         return self.steer if kind == "steer" else self.watch
+
+
+def token_cookie(port: int) -> str:
+    """The name of the cookie that holds a token: browsers keep those of all ports of a host together."""
+    return f"vsmrc-token-{port}"
 
 
 def is_loopback(host: str) -> bool:

@@ -9,13 +9,17 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from websockets import Subprotocol
+from websockets.exceptions import ConnectionClosed, InvalidStatus
+from websockets.sync.client import connect
 
 from app.access import PAGE_HEADERS
+from app.dashboard import Dashboard
 from app.gateway.register import LINK, Register
 from app.redaction import redacted
 from tests.raw_requests import answer_to
 from tests.test_gateway import ask
-from tests.visitors import Server, serving
+from tests.visitors import PATIENCE, Server, serving
 
 HOST = b"Host: 127.0.0.1\r\nConnection: close\r\n"
 
@@ -119,3 +123,23 @@ def test_what_is_secret_is_told_from_names() -> None:
             assert secret not in redacted(f"ValueError: b'Cookie: {secret * 2}'")
     for name in ("planar2r-semicircle-discontinuous", "WebsockClientConnection", "run-0f" + "a1" * 15 + ".npz"):
         assert redacted(f"file={name}:") == f"file={name}:"
+
+
+def test_what_a_page_calls_its_version_is_not_printed(capfd: pytest.CaptureFixture[str]) -> None:
+    dashboard = Dashboard(port=0)
+    try:
+        address = f"ws://127.0.0.1:{dashboard.port}"
+        for asked in ("viser-v0.my-own", "viser-v1.1.1my-own", f"viser-v{'9' * 5000}", "my-own"):
+            with pytest.raises(InvalidStatus, match="400"), connect(address, subprotocols=[Subprotocol(asked)]):
+                pass
+        # a page of another version is told so, as viser does it
+        with (
+            connect(address, subprotocols=[Subprotocol("viser-v0.0.1")]) as socket,
+            pytest.raises(ConnectionClosed, match="Version mismatch"),
+        ):
+            socket.recv(timeout=PATIENCE)
+    finally:
+        dashboard.close()
+    said = capfd.readouterr()
+    assert "my-own" not in said.out + said.err
+    assert "99999" not in said.out + said.err

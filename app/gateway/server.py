@@ -22,7 +22,7 @@ import aiohttp
 import structlog
 from aiohttp import WSCloseCode, web
 
-from app.access import KEY_HEADER, Names, Pass, Tokens
+from app.access import KEY_HEADER, YEAR, Names, Pass, Tokens, token_cookie
 from app.gateway import pages
 from app.gateway.answers import Runner, with_headers
 from app.gateway.invitation import PortTaken
@@ -34,7 +34,6 @@ log = structlog.get_logger()
 
 TICK = 1.0  # s
 WAITS = 0.5  # s that a page is kept waiting for its session, rather than being told to wait
-_YEAR = 365 * 24 * 3600
 Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
 
 
@@ -115,7 +114,7 @@ class Gateway:
         if tokens is None:
             request["pass"] = "steer"
             return None
-        cookie = f"vsmrc-token-{_port(request)}"
+        cookie = token_cookie(_port(request))
         known, shown = tokens.opens(request.cookies.get(cookie, "")), tokens.opens(request.query.get("token", ""))
         kind: Pass | None = "steer" if "steer" in (known, shown) else known or shown
         if kind is None:
@@ -131,7 +130,7 @@ class Gateway:
 
     def _remember(self, response: web.Response, request: web.Request, cookie: str, value: str) -> None:
         secure = request.secure or self._doors.names.encrypted(request.host)
-        response.set_cookie(cookie, value, max_age=_YEAR, httponly=True, samesite="Lax", secure=secure, path="/")
+        response.set_cookie(cookie, value, max_age=YEAR, httponly=True, samesite="Lax", secure=secure, path="/")
 
     # what there is
 
