@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 import signal
 import sys
 import tomllib
@@ -17,6 +18,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from app import alone, headless, log
+from app.access import Names
 from app.changes import blending_to, with_robot
 from app.constants_shelf import ConstantsShelf
 from app.dashboard import Dashboard, PortBusy, check_fps
@@ -25,9 +27,11 @@ from app.dashboard.printed import ALL_PLOTS, plots_of
 from app.dashboard.theme import Theme
 from app.data_files import read_npz
 from app.gateway.invitation import Invitation, Look, PortTaken, Token
+from app.given_token import given_token
 from app.memory import Memory
 from app.metrics import FIGURES, Metrics, account, unit_of
-from app.printable import printable
+from app.other_people import other_people
+from app.printable import printable, say
 from app.scenario import Scenario, ScenarioError
 from app.scenario_data import edited, load, shipped
 from app.truth import outside
@@ -55,6 +59,7 @@ def serve(
     log_file: Path | None = None,
     shared: bool = False,
     token: Token = "auto",
+    token_file: Path | None = None,
     origin: tuple[str, ...] = (),
     max_sessions: int | None = None,
     idle_minutes: float = 30.0,
@@ -74,7 +79,8 @@ def serve(
         log_level: what is logged; by default warnings, and what is of interest afterwards to the file, too
         log_file: a file to log to as well
         shared: a session for every visitor, each in a process of its own, with links to watch and to steer it
-        token: ask for a token: unless only this machine can come (auto), always, or never, as a proxy asks
+        token: ask for a token: unless only your own programs can come (auto), always, or never, as a proxy asks
+        token_file: where the token to steer is, which else is VSMRC_TOKEN of the environment or made at the start
         origin: public addresses behind a proxy, such as https://lab.example.org
         max_sessions: with --shared, how many run at once, instead of what this machine holds; the others queue
         idle_minutes: with --shared, a session that nobody looks at so long is closed; its link brings it back
@@ -89,17 +95,23 @@ def serve(
     if not 0 <= port <= 65535:
         raise ScenarioError(f"--port {port}; allowed: 0 to 65535")
     chosen = _configured(scenario, settings)
-    invitation = Invitation(host, port, shared, token, origin, max_sessions, idle_minutes)
+    people = other_people() if token == "auto" else []
+    invitation = Invitation(
+        host, port, shared, token, origin, max_sessions, idle_minutes,
+        given=given_token(token_file, os.environ), crowded=bool(people),
+    )  # fmt: skip
     try:
         check_fps(fps)
     except ValueError as error:
         raise ScenarioError(f"--{error}") from error
+    if people and Names(host).local and not origin:
+        say(f"{', '.join(people[:3])} can use this machine, too: the link has a token (--token never: none)")
     if invitation.open:
         from app.gateway.serve import serve as serve_others  # here: who is alone need not wait for it
 
         serve_others(chosen, Look(theme, fps), invitation, None if stateless else state_dir)
         return DONE
-    dashboard = Dashboard(host=host, port=port, theme=theme, fps=fps)
+    dashboard = Dashboard(host=host, port=port, theme=theme, fps=fps, tokens=invitation.tokens)
     alone.serve(chosen, dashboard, state_dir=state_dir, stateless=stateless)
     return DONE
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -168,6 +168,18 @@ class Recording:
         self._blocks: deque[_Block] = deque()
         self._thinned: deque[np.ndarray] = deque(maxlen=self._most)
         self.epochs: deque[Epoch] = deque(maxlen=EPOCHS)
+
+    @classmethod
+    def of(cls, n: int, length: int, signals: Iterable[tuple[slice, np.ndarray]]) -> Recording:
+        """A recording of so many rows. signals: where each one stands in a row, and its values, (length, width); they
+        are taken one after the other."""
+        recording = cls(n, history=length)
+        starts = range(0, length, BLOCK)
+        recording._blocks.extend(_Block(np.empty((BLOCK, recording.width)), min(BLOCK, length - at)) for at in starts)
+        for where, values in signals:
+            for at, block in zip(starts, recording._blocks, strict=True):
+                block.rows[: block.filled, where] = values[at : at + BLOCK]
+        return recording
 
     def __len__(self) -> int:
         return sum(block.filled for block in tuple(self._blocks))

@@ -42,6 +42,7 @@ from app.scenario import Scenario, ScenarioError
 from app.scenario_data import edited
 from app.snapshot import Snapshot, snapshot_of
 from app.timeline import Timeline
+from app.uploads import Reach
 
 log = structlog.get_logger()
 
@@ -57,9 +58,13 @@ SLOWEST, FASTEST = 0.01, 100.0
 
 
 class Runner:
-    """Owns the loop. `post` and `snapshot` may be used from any thread; nothing else touches the loop."""
+    """Owns the loop. `post` and `snapshot` may be used from any thread; nothing else touches the loop.
 
-    def __init__(self, scenario: Scenario) -> None:
+
+    reach: which files commands may name, None for any.
+    """
+
+    def __init__(self, scenario: Scenario, reach: Reach | None = None) -> None:
         loop = ClosedLoop(scenario, memory=Memory(ConstantsShelf()))
         loop.step()  # compiles, where no cache has it yet, what must not delay the loop
         loop.reset()
@@ -67,6 +72,7 @@ class Runner:
         self._commands: queue.SimpleQueue[Command] = queue.SimpleQueue()
         self._closing = threading.Event()
         self._thread = threading.Thread(target=self._run, name="closed-loop", daemon=True)
+        self._reach = reach
         self._playing = True
         self._speed = 1.0
         self._revision = self._runs = self._refusals = 0
@@ -198,6 +204,7 @@ class Runner:
             ):
                 self.snapshot = replace(self.snapshot, notice=PREPARING)
             try:
+                self._require_reach(command)
                 self._carry_out(command)
             except (ScenarioError, ArithmeticError, ValueError) as error:
                 self._refuse(str(error), command)
@@ -205,6 +212,16 @@ class Runner:
                 log.error("fault", stage="a command", command=type(command).__name__, exc_info=error)
                 self._refuse(f"{type(command).__name__} failed ({type(error).__name__}: {error})", command)
         return self._runs != runs or not all(isinstance(command, Edit | Blend | Push) for command in queued)
+
+    def _require_reach(self, command: Command) -> None:
+        """Raises ScenarioError for a file that this loop's pages may not name."""
+        match command:
+            case Load(scenario) if self._reach is not None:
+                self._reach.require(scenario.robot.urdf)
+            case Edit("robot.urdf", path) if self._reach is not None:
+                self._reach.require(path)
+            case _:
+                pass
 
     def _refuse(self, sentence: str, command: Command) -> None:
         self._refusal = sentence

@@ -29,6 +29,7 @@ from app.scenario import Scenario, ScenarioError
 from app.scenario_data import from_toml, to_toml
 from app.session_messages import Begin, Changed, Failed, FromSession, Kept, Prepare, Ready, ToSession, line, to_session
 from app.timeline import Pinned
+from app.uploads import Reach
 
 events = structlog.get_logger()
 
@@ -60,7 +61,8 @@ def serve(gateway: Gateway) -> None:
     scenario = from_toml(prepare.scenario)
     with contextlib.redirect_stdout(io.StringIO()):  # viser would print an address where nobody is answered
         dashboard = Dashboard(port=0, theme=cast(Theme, prepare.theme), fps=prepare.fps, key=prepare.key)
-    runner = Runner(scenario)
+    given = scenario.robot.urdf
+    runner = Runner(scenario, Reach((given,) if given else ()))
     dashboard.attach(runner)
     gateway.tell(Ready(dashboard.port, dashboard.looking_fields))
     begin = gateway.next()

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import weakref
+
 import numpy as np
 
 from app import uploads
@@ -34,8 +36,8 @@ UNLIMITED = 1e6  # N m: a URDF's effort limit beyond this says that there is non
 def robot_of(scenario: Scenario) -> robots.Robot:
     """The arm as the controller believes it to be. Raises RobotError."""
     r = scenario.robot
-    uploads.note_use(r.urdf)
-    return robots.load(
+    held = uploads.in_use(r.urdf)
+    robot = robots.load(
         r.name,
         urdf=r.urdf,
         tool_frame=r.tool_frame,
@@ -43,6 +45,9 @@ def robot_of(scenario: Scenario) -> robots.Robot:
         posture=r.posture,
         rotor_inertia=r.rotor_inertia,
     )
+    if held is not None:
+        weakref.finalize(robot, held.close)  # used as long as anything knows the arm
+    return robot
 
 
 def truth_of(scenario: Scenario, robot: robots.Robot) -> Truth:

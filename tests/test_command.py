@@ -163,6 +163,7 @@ def test_toml_keeps_every_field() -> None:
 
 def test_serve_says_its_address_and_a_busy_port_and_ends_on_ctrl_c() -> None:
     command = [sys.executable, "-m", "app", "serve", "planar2r-semicircle", "--port", "8137", "--stateless"]
+    command += ["--token", "never"]
     server = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     try:
         assert server.stdout is not None

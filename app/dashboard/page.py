@@ -10,7 +10,7 @@ import time
 import structlog
 import viser
 
-from app.access import Names
+from app.access import Names, Tokens
 from app.dashboard.appearance import Appearance
 from app.dashboard.charts import Pinned
 from app.dashboard.controls import Desk
@@ -74,14 +74,16 @@ class Dashboard:
         theme: Theme = "dark",
         fps: float = FPS,
         key: str | None = None,
+        tokens: Tokens | None = None,
     ) -> None:
         check_fps(fps)
         self._frame = 1.0 / fps
         if port and (reason := _unusable(host, port)):
             raise PortBusy(f"port {port} of {host} cannot be used: {reason}; choose another one with --port")
-        with behind_doors(Names(host), key):
+        with behind_doors(Names(host), key, tokens):
             self._server = viser.ViserServer(host=host, port=port, label="VSMRC Lab", verbose=False)
         Gate(self._server)
+        self._tokens = tokens
         self.host, self.port = host, self._server.get_port()
         if port and self.port != port:
             self._server.stop()
@@ -106,6 +108,11 @@ class Dashboard:
     @property
     def url(self) -> str:
         return f"http://[{self.host}]:{self.port}" if ":" in self.host else f"http://{self.host}:{self.port}"
+
+    @property
+    def link(self) -> str:
+        """The address with the token, where one is asked for."""
+        return self.url if self._tokens is None else f"{self.url}/?token={self._tokens.steer}"
 
     @property
     def clients(self) -> dict[int, viser.ClientHandle]:

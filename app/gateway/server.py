@@ -22,8 +22,9 @@ import aiohttp
 import structlog
 from aiohttp import WSCloseCode, web
 
-from app.access import KEY_HEADER, PAGE_HEADERS, Names, Pass, Tokens
+from app.access import KEY_HEADER, YEAR, Names, Pass, Tokens, token_cookie
 from app.gateway import pages
+from app.gateway.answers import Runner, with_headers
 from app.gateway.invitation import PortTaken
 from app.gateway.relay import closed, relay
 from app.gateway.sessions import HURRIED, House, Session
@@ -33,7 +34,6 @@ log = structlog.get_logger()
 
 TICK = 1.0  # s
 WAITS = 0.5  # s that a page is kept waiting for its session, rather than being told to wait
-_YEAR = 365 * 24 * 3600
 Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
 
 
@@ -58,6 +58,7 @@ class Gateway:
         self.app = web.Application(middlewares=[self._guard], client_max_size=64 * 1024)
         self.app.cleanup_ctx.append(self._living)
         self.app.on_shutdown.append(self._end)
+        self.app.on_response_prepare.append(with_headers)
         self.app.add_routes(
             [
                 web.get("/", self._front),
@@ -105,9 +106,6 @@ class Gateway:
                 response = await handler(request)
             except web.HTTPException as error:
                 response = _notice("There is nothing here", "Perhaps the link is not complete.", error.status)
-        if not response.prepared:
-            response.headers.update(PAGE_HEADERS)
-            response.headers.setdefault("Cache-Control", "no-store")
         return response
 
     def _without_token(self, request: web.Request) -> web.StreamResponse | None:
@@ -116,7 +114,7 @@ class Gateway:
         if tokens is None:
             request["pass"] = "steer"
             return None
-        cookie = f"vsmrc-token-{_port(request)}"
+        cookie = token_cookie(_port(request))
         known, shown = tokens.opens(request.cookies.get(cookie, "")), tokens.opens(request.query.get("token", ""))
         kind: Pass | None = "steer" if "steer" in (known, shown) else known or shown
         if kind is None:
@@ -131,10 +129,8 @@ class Gateway:
         return response
 
     def _remember(self, response: web.Response, request: web.Request, cookie: str, value: str) -> None:
-        public = f"https://{request.host.lower()}" in self._doors.names.public
-        response.set_cookie(
-            cookie, value, max_age=_YEAR, httponly=True, samesite="Lax", secure=public or request.secure, path="/"
-        )
+        secure = request.secure or self._doors.names.encrypted(request.host)
+        response.set_cookie(cookie, value, max_age=YEAR, httponly=True, samesite="Lax", secure=secure, path="/")
 
     # what there is
 
@@ -290,7 +286,7 @@ def _sent(document: pages.Document, request: web.Request) -> web.Response:
 @contextlib.asynccontextmanager
 async def serving(gateway: Gateway, host: str, port: int) -> AsyncIterator[int]:
     """While it lasts, the gateway answers at the port that is yielded; port 0 takes any. Raises PortTaken."""
-    runner = web.AppRunner(gateway.app, access_log=None, shutdown_timeout=0.5, handler_cancellation=True)
+    runner = Runner(gateway.app, access_log=None, shutdown_timeout=0.5, handler_cancellation=True)
     await runner.setup()
     try:
         site = web.TCPSite(runner, host, port)
