@@ -62,7 +62,8 @@ class LoopState:
     small, so that it can be kept or sent to another process. t, t_0 s; steps counted from t_0; arm, period: the memory
     of the records of these names; along: of `ReferenceEstimates`, None without; epoch: what was begun at the last
     change; loop: the sampled loop as it was judged at the posture judged_at (n,) rad; looked: where Omega was looked at
-    last (n,) rad, and the room about it; flagged: see `ClosedLoop.warning`. A fork without the hand: `replace(state, grip=None)`."""
+    last (n,) rad, and the room about it; flagged: see `ClosedLoop.warning`. A fork without the hand:
+    `replace(state, grip=None)`."""
 
     scenario: Scenario
     t: float
@@ -138,8 +139,8 @@ class ClosedLoop:
         return LoopState(
             self.system.scenario, self.t, self._t_0, self._steps, self._arm.copy().data, self._period.copy().data,
             self._reader.memory(), self.system.plan.shift, None if self._along is None else self._along.start,
-            self.grip, self.recording.epochs[-1], self.sampled, self._judged_at, (self._looked_at, self._room), self.stopped,
-            self._flagged,
+            self.grip, self.recording.epochs[-1], self.sampled, self._judged_at, (self._looked_at, self._room),
+            self.stopped, self._flagged,
         )  # fmt: skip
 
     def _begin(self, system: System, history: int) -> None:
