@@ -102,3 +102,4 @@ def test_fonts_come_through_the_gateway_under_its_rules(open_page):
         page.get_by_text("real time").wait_for(timeout=PATIENCE * 1e3)
         page.wait_for_function(LOADED, arg=[face.family for face in FACES])
         assert [url for url in asked if "127.0.0.1" not in url and not url.startswith(("data:", "blob:"))] == []
+        page.close()  # before its server ends
