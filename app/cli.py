@@ -55,6 +55,8 @@ def serve(
     token: Token = "auto",
     origin: tuple[str, ...] = (),
     max_sessions: int | None = None,
+    per_address: int | None = None,
+    copies: bool = True,
     idle_minutes: float = 30.0,
     settings: Settings = (),
 ) -> int:
@@ -75,6 +77,8 @@ def serve(
         token: ask for a token: unless only this machine can come (auto), always, or never, as a proxy asks
         origin: public addresses behind a proxy, such as https://lab.example.org
         max_sessions: with --shared, how many run at once, instead of what this machine holds; the others queue
+        per_address: with --shared, how many of them one address may have, instead of all but a quarter
+        copies: with --shared, whether who watches may take a private copy of the session
         idle_minutes: with --shared, a session that nobody looks at so long is closed; its link brings it back
     """
     try:
@@ -87,7 +91,7 @@ def serve(
     if not 0 <= port <= 65535:
         raise ScenarioError(f"--port {port}; allowed: 0 to 65535")
     chosen = _configured(scenario, settings)
-    invitation = Invitation(host, port, shared, token, origin, max_sessions, idle_minutes)
+    invitation = Invitation(host, port, shared, token, origin, max_sessions, per_address, copies, idle_minutes)
     try:
         check_fps(fps)
     except ValueError as error:

@@ -6,8 +6,10 @@ import os
 import struct
 import subprocess
 import sys
+import time
 import zipfile
 from contextlib import suppress
+from itertools import count
 from pathlib import Path
 from unittest.mock import MagicMock
 
@@ -166,6 +168,32 @@ def test_uploads_do_not_fill_the_disk(tmp_path: Path, monkeypatch: pytest.Monkey
     monkeypatch.setattr(uploads, "MOST_KEPT", 2)
     with pytest.raises(ScenarioError, match="2 uploads"):
         another(4)
+
+
+def test_one_visitor_does_not_take_all_uploads(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path))
+    monkeypatch.setattr(uploads, "MOST_OF_ONE", 4)
+    monkeypatch.setattr(uploads, "MOST_KEPT", 7)
+    numbers = count()
+
+    def another(*marks: str) -> Path:
+        number = next(numbers)
+        return uploads.keep(f"arm{number}.urdf", BENT.replace("3.0", f"3.{number}").encode(), marks)
+
+    oldest = another()
+    greedy = [another(f"browser{number}", "address") for number in range(4)]
+    with pytest.raises(ScenarioError, match=r"and 4 uploads .*; allowed: 4 of 100 MB of one visitor") as e:
+        another("browser9", "address")
+    one_sentence(e.value)
+    others = [another("other"), another("other")]
+    with pytest.raises(ScenarioError, match=r"and 7 uploads .* in all"):
+        another("other")  # all of them are in use
+    for number, path in enumerate([oldest, *others, *greedy]):
+        os.utime(path, (time.time() - 2 * uploads.IDLE + number,) * 2)
+    new = another("other")
+    assert [path.exists() for path in (oldest, *others, *greedy, new)] == [True] * 3 + [False] + [True] * 4
+    another("browser9", "address")  # makes room of its own first
+    assert [path.exists() for path in greedy] == [False, False, True, True]
 
 
 # meshes

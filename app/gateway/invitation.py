@@ -26,7 +26,8 @@ class Look:
 class Invitation:
     """To whom a server is open. shared: a session for each visitor, else one for all; token: asked for where others
     than this machine's programs can come (auto); origins: public addresses behind a proxy; places: sessions that run at
-    once, None for what this machine holds; idle_minutes: after which a session that nobody looks at is closed."""
+    once, None for what this machine holds; of_one_address: how many of them, None for all but a quarter; copies:
+    whether who watches may take a private one; idle_minutes: after which a session that nobody looks at is closed."""
 
     host: str = "127.0.0.1"
     port: int = 8080
@@ -34,6 +35,8 @@ class Invitation:
     token: Token = "auto"
     origins: tuple[str, ...] = ()
     places: int | None = None
+    of_one_address: int | None = None
+    copies: bool = True
     idle_minutes: float = 30.0
 
     @property
