@@ -85,6 +85,7 @@ def serve(
         log.configure(log_level, log_file)
     except OSError as error:
         raise ScenarioError(f"--log-file {log_file}: cannot be written: {error.strerror}") from error
+    signal.signal(signal.SIGINT, signal.default_int_handler)  # a script that begins us with & hands it on ignored
     for ending in (signal.SIGTERM, signal.SIGHUP):
         if signal.getsignal(ending) is not signal.SIG_IGN:  # nohup
             signal.signal(ending, signal.default_int_handler)

@@ -9,6 +9,7 @@ from __future__ import annotations
 import contextlib
 import io
 import os
+import resource
 import socket
 import sys
 import threading
@@ -48,6 +49,7 @@ from app.timeline import Pinned
 
 events = structlog.get_logger()
 
+MEMORY, FILES = 4_000_000_000, 512  # bytes of data, open files: a fresh session has 0.3 GB, its 64 pages one file each
 BEAT = 1.0  # s between two signs of life
 IN_USE = 600.0  # s between two notes that an upload is in use
 LOOK = 0.05  # s between two looks whether the scenario has changed: a copy may be so much older
@@ -179,8 +181,17 @@ def _report(gateway: Gateway, runner: Runner, told: Scenario) -> None:
                 gateway.tell(Changed(to_toml(told), pinned))
 
 
+def _limit(what: int, most: int) -> None:
+    """Of this process and those that it begins; less stays less."""
+    hard = resource.getrlimit(what)[1]
+    least = most if hard == resource.RLIM_INFINITY else min(most, hard)
+    resource.setrlimit(what, (least, least))
+
+
 def main() -> None:
     log.configure_as_parent()
+    _limit(resource.RLIMIT_DATA, MEMORY)
+    _limit(resource.RLIMIT_NOFILE, FILES)
     with socket.socket(fileno=int(sys.argv[1])) as connection:
         gateway = Gateway(connection)
         try:

@@ -210,3 +210,36 @@ def test_a_server_that_may_open_too_few_files_says_how_many_it_needs() -> None:
     assert done.returncode == 2
     assert "open files: 64 (ulimit -n); allowed: 716 or more, for 2 sessions and their pages" in done.stderr
     assert "Traceback" not in done.stderr
+
+
+# what whoever runs it sees, and nobody else
+
+
+@in_a_loop
+async def test_health_and_metrics_are_for_whoever_runs_the_server() -> None:
+    tokens = Tokens()
+    async with town(names=PUBLIC, tokens=tokens) as lab:
+        steers, watches = (f"vsmrc-token-{lab.port}={token}" for token in (tokens.steer, tokens.watch))
+        link = await lab.arrive(Cookie=steers)
+        page = await lab.looked_at(link, Cookie=steers)
+        for path in ("/healthz", "/metrics"):
+            assert (await lab.ask(path)).status == 200  # by a program of this machine
+            assert (await lab.ask(path, **at("203.0.113.7"))).status == 403
+            assert (await lab.ask(path, Host="lab.example.org")).status == 403
+            assert (await lab.ask(path, Cookie=watches, **at("203.0.113.7"))).status == 403
+            assert (await lab.ask(path, Authorization=f"Bearer {tokens.steer}", **at("203.0.113.7"))).status == 200
+        assert (await lab.ask("/", Authorization=f"Bearer {tokens.steer}")).status == 403  # it opens nothing else
+        answer = await lab.ask("/metrics")
+        assert answer.headers["Content-Type"] == "text/plain; version=0.0.4"
+        text = await answer.text()
+        assert text.splitlines()[:2] == ["# HELP vsmrc_sessions Sessions by phase.", "# TYPE vsmrc_sessions gauge"]
+        values = dict(line.rsplit(" ", 1) for line in text.splitlines() if not line.startswith("#"))
+        assert values['vsmrc_sessions{phase="running"}'] == "1"
+        assert values['vsmrc_pages{kind="steer"}'] == "1"
+        assert values["vsmrc_places"] == "2"
+        assert values['vsmrc_refusals_total{reason="no token"}'] == "5"
+        assert link.split("/")[-2] not in text
+        await page.close()
+    async with town() as lab:
+        assert (await lab.ask("/metrics")).status == 200
+        assert (await lab.ask("/metrics", **at("203.0.113.7"))).status == 403

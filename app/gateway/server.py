@@ -7,6 +7,7 @@
     /s/NAME/again        POST: begin a session anew that has failed
     /watch/NAME/copy     POST: a session of one's own with the same scenario
     /assets/...          what the gateway's own pages load
+    /healthz, /metrics   how the server stands, for whoever runs it
 
 All links within are relative, so that a proxy may put the whole below any path.
 """
@@ -15,9 +16,8 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-import ipaddress
-import re
 import secrets
+from collections import Counter
 from collections.abc import AsyncIterator, Awaitable, Callable
 from dataclasses import dataclass, field, replace
 
@@ -25,14 +25,16 @@ import aiohttp
 import structlog
 from aiohttp import WSCloseCode, web
 
-from app.access import KEY_HEADER, PAGE_HEADERS, Names, Pass, Tokens, is_loopback
+from app.access import KEY_HEADER, PAGE_HEADERS, Names, Pass, Tokens
 from app.gateway import pages
 from app.gateway.door import ARRIVING, DEADLINE, Door
 from app.gateway.invitation import PortTaken
+from app.gateway.metrics import TYPE, metrics
 from app.gateway.relay import ANSWER, closed, relay
 from app.gateway.session import Session
 from app.gateway.sessions import HURRIED, Excess, House
 from app.gateway.visitors import Viewer, Visitor
+from app.gateway.whence import asks_status, is_local, port_of, visitor_cookie, visitor_of
 from app.traffic import Limits, Meter, harmless
 
 log = structlog.get_logger()
@@ -40,7 +42,6 @@ log = structlog.get_logger()
 TICK = 1.0  # s
 WAITS = 0.5  # s that a page is kept waiting for its session, rather than being told to wait
 _YEAR = 365 * 24 * 3600
-_WORD = re.compile(r"[A-Za-z0-9_-]{22}")  # 128 bits, as `secrets.token_urlsafe` writes them
 _PASS = web.RequestKey("pass", str)
 _GREETING = web.RequestKey("greeting", str)
 Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
@@ -65,6 +66,7 @@ class Gateway:
     def __init__(self, house: House, doors: Doors) -> None:
         self._house, self._doors = house, doors
         self._copies = doors.copies and doors.everyone is None
+        self._refusals = Counter[str]()
         self.answered = set[asyncio.BaseTransport]()
         self._document: pages.Document | None = None
         self._client: aiohttp.ClientSession | None = None
@@ -75,6 +77,8 @@ class Gateway:
             [
                 web.get("/", self._front),
                 web.get("/assets/{name}", self._asset),
+                web.get("/healthz", self._health),
+                web.get("/metrics", self._metrics),
                 web.get("/{kind:s|watch}/{name}", self._session),
                 web.get("/{kind:s|watch}/{name}/", self._session),
                 web.get("/{kind:s|watch}/{name}/about", self._about),
@@ -122,6 +126,7 @@ class Gateway:
         socket = _is_socket(request)
         refusal = self._doors.names.refusal(request.headers, acting=socket or request.method not in ("GET", "HEAD"))
         if refusal:
+            self._refusals["foreign name or page"] += 1
             log.info("request refused", reason=refusal.sentence)
             return _notice("This request is refused", refusal.sentence, refusal.status)
         response = self._without_token(request)
@@ -137,7 +142,7 @@ class Gateway:
                 response = _notice("There is nothing here", "Perhaps the link is not complete.", error.status)
         if not response.prepared:
             if greeting := request.get(_GREETING):
-                self._remember(response, request, _visitor_cookie(request), greeting)
+                self._remember(response, request, visitor_cookie(request), greeting)
             response.headers.update(PAGE_HEADERS)
             response.headers.setdefault("Cache-Control", "no-store")
         return response
@@ -148,10 +153,15 @@ class Gateway:
         if tokens is None:
             request[_PASS] = "steer"
             return None
-        cookie = f"vsmrc-token-{_port(request)}"
+        cookie = f"vsmrc-token-{port_of(request)}"
         known, shown = tokens.opens(request.cookies.get(cookie, "")), tokens.opens(request.query.get("token", ""))
+        if asks_status(request):  # as Prometheus shows it
+            known = known or tokens.opens(request.headers.get("Authorization", "").removeprefix("Bearer "))
         kind: Pass | None = "steer" if "steer" in (known, shown) else known or shown
+        if kind is None and asks_status(request) and is_local(request):
+            kind = "steer"  # whoever runs the server, on its machine
         if kind is None:
+            self._refusals["no token"] += 1
             log.info("request refused", reason="no token, or a wrong one")
             sentence = "This server needs the link with its token, as it was printed when the server was started."
             return _notice("Please come in by the link", sentence, 403)
@@ -166,19 +176,16 @@ class Gateway:
         """None for who may steer, where steering is asked for: with the pass for it, or the owner of a copy."""
         if request[_PASS] == "steer" or request.match_info.get("kind") != "s":
             return None
-        session, browser = self._house.named(request.match_info["name"]), self._visitor(request).browser
+        session, browser = self._house.named(request.match_info["name"]), visitor_of(request, self._doors.names).browser
         if session is not None and browser and browser == session.owner.browser:
             return None
+        self._refusals["pass to watch"] += 1
         log.info("request refused", reason="steering asked for with the pass to watch")
         return _notice("This link is for steering", "To steer, ask for the link with the token to steer.", 403)
 
-    def _visitor(self, request: web.Request) -> Visitor:
-        browser = request.cookies.get(_visitor_cookie(request), "")
-        return Visitor(browser if _WORD.fullmatch(browser) else "", _address(request, self._doors.names))
-
     def _greeted(self, request: web.Request) -> Visitor:
         """The visitor; the answer brings a word by which to know the browser again, unless it has one."""
-        visitor = self._visitor(request)
+        visitor = visitor_of(request, self._doors.names)
         if not visitor.browser:
             visitor = visitor._replace(browser=secrets.token_urlsafe(16))
             request[_GREETING] = visitor.browser
@@ -198,7 +205,7 @@ class Gateway:
             return _notice("This link is for watching", "To steer, ask for the other link.", 403)
         if request.headers.get("Sec-Fetch-Dest", "document") != "document":  # a picture on a foreign page, say
             return _notice("This request is refused", "Sec-Fetch-Dest is not a page; allowed: document", 403)
-        cookie = f"vsmrc-session-{_port(request)}"
+        cookie = f"vsmrc-session-{port_of(request)}"
         visitor = self._greeted(request)
         session = self._doors.everyone or self._house.named(request.cookies.get(cookie, "")) or self._house.new(visitor)
         response = web.Response(status=303, headers={"Location": f"s/{session.name}/"})
@@ -236,8 +243,9 @@ class Gateway:
         if (process := session.process) is None or self._client is None:
             return await closed(request, WSCloseCode.SERVICE_RESTART, "the session is being started")
         watches = _watches(request)
-        viewer = Viewer(self._visitor(request), "watch" if watches else "steer")
+        viewer = Viewer(visitor_of(request, self._doors.names), "watch" if watches else "steer")
         if reason := self._house.crowded(session, viewer):
+            self._refusals["too many pages"] += 1
             log.info("page refused", reason=reason)
             return await closed(request, WSCloseCode.TRY_AGAIN_LATER, reason)
         limits = replace(limits, message=limits.watchers_message) if watches else limits
@@ -287,10 +295,11 @@ class Gateway:
         try:
             session = self._house.copy(watched, self._greeted(request))
         except Excess as error:
+            self._refusals["too many copies"] += 1
             log.info("request refused", reason=str(error))
             return _notice("No private copy now", f"{str(error)[0].upper()}{str(error)[1:]}.", 429)
         response = web.Response(status=303, headers={"Location": f"../../s/{session.name}/"})
-        self._remember(response, request, f"vsmrc-session-{_port(request)}", session.name)
+        self._remember(response, request, f"vsmrc-session-{port_of(request)}", session.name)
         return response
 
     async def _asset(self, request: web.Request) -> web.StreamResponse:
@@ -303,6 +312,17 @@ class Gateway:
             body=body, content_type=pages.ASSETS[name], charset="utf-8", headers={"Cache-Control": "no-cache"}
         )
 
+    async def _health(self, request: web.Request) -> web.StreamResponse:
+        return self._status(request, "ok\n", "text/plain")
+
+    async def _metrics(self, request: web.Request) -> web.StreamResponse:
+        return self._status(request, metrics(self._house, self._refusals), TYPE)
+
+    def _status(self, request: web.Request, text: str, kind: str) -> web.StreamResponse:
+        if request[_PASS] != "steer" or not (self._doors.tokens is not None or is_local(request)):
+            return _notice("This page is for whoever runs the server", "It wants the token to steer.", 403)
+        return web.Response(body=text.encode(), headers={"Content-Type": kind})
+
     def _meant(self, request: web.Request) -> Session:
         """Raises HTTPNotFound."""
         name = request.match_info["name"]
@@ -312,35 +332,12 @@ class Gateway:
         return session
 
 
-def _visitor_cookie(request: web.Request) -> str:
-    return f"vsmrc-visitor-{_port(request)}"
-
-
-def _address(request: web.Request, names: Names) -> str:
-    """Where a request comes from: a machine's address, of IPv6 its network; "" for programs of this machine and for
-    what comes through a proxy that does not say."""
-    address = request.remote or ""
-    if is_loopback(address):
-        address = request.headers.get("X-Forwarded-For", "").rpartition(",")[2].strip() if names.public else ""
-    try:
-        known = ipaddress.ip_address(address)
-    except ValueError:
-        return ""
-    return str(ipaddress.ip_network((known, 64), strict=False)) if known.version == 6 else address
-
-
 def _watches(request: web.Request) -> bool:
     return request.match_info.get("kind", "watch") == "watch"
 
 
 def _is_socket(request: web.Request) -> bool:
     return request.headers.get("Upgrade", "").lower() == "websocket"
-
-
-def _port(request: web.Request) -> int:
-    """Browsers keep the cookies of all ports of a host together."""
-    address = request.get_extra_info("sockname")
-    return address[1] if address else 0
 
 
 def _to_clean(request: web.Request) -> web.Response:

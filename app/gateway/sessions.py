@@ -63,6 +63,7 @@ class House:
         self._spare: asyncio.Task[Process] | None = None
         self._doing: set[asyncio.Task[object]] = set()
         self._closed = False
+        self.crashes = 0
         self._started = clock() - SPARE_AFTER
         for known in register.known() if register is not None else ():
             session = Session(known.scenario, known.name, known.watch, known.pinned, owner=Visitor(known.owner))
@@ -74,6 +75,11 @@ class House:
     def taken(self) -> int:
         """How many places are."""
         return sum(session._life is not None for session in self._by_name.values())
+
+    @property
+    def sessions(self) -> list[Session]:
+        """All that are known."""
+        return list(self._by_name.values())
 
     def crowded(self, session: Session, viewer: Viewer) -> str:
         """Why this page cannot be opened as well; "" where it can."""
@@ -270,6 +276,7 @@ class House:
         now = self._clock()
         session._falls = [fall for fall in session._falls if now - fall < WITHIN] + [now]
         session.crashes += 1
+        self.crashes += 1
         log.warning("session crashed", session=session.called, how=how)
         if len(session._falls) >= CRASHES:
             raise WorkerError(f"its process has ended unexpectedly {CRASHES} times within a minute ({how})")
