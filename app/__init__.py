@@ -2,9 +2,9 @@
 
 import os
 
-from app.kernel_cache import cache_folder
+from app import kernel_cache
 
 # before numpy loads its BLAS: threads cost more than they bring for 6 x 6 matrices, and take cores from the loop
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 # before numba is imported: it looks only at a function's own file when it asks whether a cached kernel is still valid
-os.environ.setdefault("NUMBA_CACHE_DIR", str(cache_folder()))
+kernel_cache.choose()

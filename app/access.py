@@ -8,6 +8,8 @@ a position to be misled, and pass.
 
 from __future__ import annotations
 
+import base64
+import hmac
 import ipaddress
 import secrets
 import socket
@@ -18,14 +20,31 @@ from urllib.parse import urlsplit
 
 Pass = Literal["steer", "watch"]
 
+YEAR = 365 * 24 * 3600  # s that a browser keeps a cookie
 KEY_HEADER = "X-Vsmrc-Key"
-# Our pages are nobody's frame (a click there would be a click here), and links, which are secrets, are not passed on
-# to other servers.
+# Our pages are nobody's frame (a click there would be a click here), share no window with the pages that open them, and
+# links, which are secrets, are not passed on to other servers. Scripts are in the page itself, as viser's client is
+# made, and as its decoder in WebAssembly; none is loaded from elsewhere nor made of text, and nothing is asked of or
+# sent to another server, be it a picture's address.
 PAGE_HEADERS = {
-    "Content-Security-Policy": "frame-ancestors 'self'; connect-src 'self' data: blob:; object-src 'none'",
+    "Content-Security-Policy": "; ".join(
+        (
+            "default-src 'self' data: blob:",
+            "script-src 'self' 'unsafe-inline' 'wasm-unsafe-eval' blob:",
+            "style-src 'self' 'unsafe-inline'",
+            "object-src 'none'",
+            "base-uri 'none'",
+            "form-action 'self'",
+            "frame-ancestors 'self'",
+        )
+    ),
+    "Cross-Origin-Opener-Policy": "same-origin",
     "Referrer-Policy": "same-origin",
+    "Server": "vsmrc-lab",
     "X-Content-Type-Options": "nosniff",
+    "X-Frame-Options": "SAMEORIGIN",
 }
+_PORTS = {"http": 80, "https": 443}
 _LOOPBACK = frozenset({"localhost", "127.0.0.1", "::1"})
 
 
@@ -81,6 +100,10 @@ class Names:
             )
         return None
 
+    def encrypted(self, host: str) -> bool:
+        """Whether who asks for this `Host` has come through a proxy with TLS."""
+        return _origin(f"https://{host}") in self.public
+
     def _ours(self, name: str | None) -> bool:
         if name is None:
             return False
@@ -88,16 +111,24 @@ class Names:
         return name in self._known or (not self.local and _is_address(name))
 
     def _from_here(self, origin: str, host: str) -> bool:
-        plain = _origin(origin)
-        return plain is not None and (plain.partition("://")[2] == host.lower() or plain in self.public)
+        """Scheme, name and port are those of the page itself: of a public name as --origin has them, else http."""
+        plain, own = _origin(origin), _origin(f"http://{host}")
+        public = {_hostname(known) for known in self.public}
+        return plain is not None and (plain in self.public or (plain == own and _hostname(plain) not in public))
 
 
 @dataclass(frozen=True)
 class Tokens:
     """What a visitor shows at the door, each by a link of its own; made at the start and never written to a file."""
 
-    steer: str = field(default_factory=secrets.token_urlsafe)
-    watch: str = field(default_factory=secrets.token_urlsafe)
+    steer: str = field(default_factory=secrets.token_urlsafe, repr=False)
+    watch: str = field(default_factory=secrets.token_urlsafe, repr=False)
+
+    @classmethod
+    def given(cls, steer: str) -> Tokens:
+        """With this one to steer; the other one follows from it, and it not from the other one."""
+        watch = hmac.digest(steer.encode(), b"watch", "sha256")
+        return cls(steer, base64.urlsafe_b64encode(watch).decode().rstrip("="))
 
     def opens(self, shown: str) -> Pass | None:
         """What this token allows, None for one that is not ours."""
@@ -108,6 +139,11 @@ class Tokens:
 
     def of(self, kind: Pass) -> str:
         return self.steer if kind == "steer" else self.watch
+
+
+def token_cookie(port: int) -> str:
+    """The name of the cookie that holds a token: browsers keep those of all ports of a host together."""
+    return f"vsmrc-token-{port}"
 
 
 def is_loopback(host: str) -> bool:
@@ -129,14 +165,19 @@ def _is_address(name: str) -> bool:
 
 
 def _origin(text: str) -> str | None:
-    """Scheme and name in lower case, without a "/" at the end; None for what is no such thing."""
+    """Scheme, name and port as a browser writes them: in lower case, without the scheme's usual port or a "/" at the
+    end; None for what is no such thing."""
     try:
         parts = urlsplit(text)
+        port = parts.port
     except ValueError:
         return None
-    named = parts.scheme in ("http", "https") and bool(parts.hostname)
-    more = parts.path.strip("/") or parts.query or parts.fragment
-    return f"{parts.scheme}://{parts.netloc.lower()}" if named and not more else None
+    if parts.scheme not in _PORTS or not parts.hostname or "@" in parts.netloc:
+        return None
+    if parts.path.strip("/") or parts.query or parts.fragment:
+        return None
+    name = f"[{parts.hostname}]" if ":" in parts.hostname else parts.hostname
+    return f"{parts.scheme}://{name}" + (f":{port}" if port not in (None, _PORTS[parts.scheme]) else "")
 
 
 def _hostname(url: str) -> str | None:

@@ -29,7 +29,7 @@ def serve(scenario: Scenario, dashboard: Dashboard, *, state_dir: Path | None, s
 
     state_dir: keeps the session, None for the usual one; stateless: none does.
     """
-    say(f"VSMRC Lab: {dashboard.url}  (Ctrl-C ends it)")
+    say(f"VSMRC Lab: {dashboard.link}  (Ctrl-C ends it)")
     events.info("listening", url=dashboard.url)
     runner: Runner | None = None
     warming: Popen[bytes] | None = None

@@ -8,11 +8,24 @@ from functools import cached_property
 import numpy as np
 
 from app.control_period import Observer, Planned, ReferencePlan
-from app.domain import Constants, centres, constants_over, mobility_over, posture_at
+from app.domain import Constants, centres, constants_over, mobility_over, posture_at, span_of
+from app.extremes import Omega
 from app.law import blend_of, law_of, uncertainty_of
+from app.memory import Memory
 from app.scenario import Scenario, ScenarioError, field_info
 from app.units import CARTESIAN, JOINT, Units
-from app.world import force_of, motion_of, robot_of, spread_over, surface_of, tool_at_start, truth_of
+from app.world import (
+    force_of,
+    motion_of,
+    positions_of,
+    require_pushing,
+    robot_of,
+    spread_over,
+    surface_of,
+    task_axes,
+    tool_at_start,
+    truth_of,
+)
 from controllers import modes
 from controllers.blend import ModelBlend
 from controllers.modes import Mode
@@ -29,6 +42,9 @@ from environments.sensors import ForceSensor
 from environments.stiffness import Mobility, oscillators, resolved, substeps_needed
 from environments.typed_surface import TypedSurface
 from environments.urdf import RobotError
+
+EASE = 1.5  # times as many substeps as keep the plant from exploding let it settle, too
+ON_SURFACE = 1e-6  # m, of where the tool begins
 
 
 @dataclass(frozen=True)
@@ -54,7 +70,7 @@ class Coordinate:
 class System:
     """A scenario's objects. `charted` gives the task coordinates: the surface, or Cartesian axes; `mobility` is the
     true arm's largest over Omega; law: with the target model in force, from which `blend`, if there is one, leads to
-    another; q_0 (n,) rad."""
+    another; q_0 (n,) rad; memory: of what was searched for."""
 
     scenario: Scenario
     robot: robots.Robot
@@ -75,6 +91,7 @@ class System:
     push: TimedPush
     plan: ReferencePlan
     q_0: np.ndarray
+    memory: Memory
 
     @property
     def m(self) -> int:
@@ -132,18 +149,20 @@ class System:
         return self.charted.point(g, t)
 
 
-def assemble(scenario: Scenario, previous: System | None = None) -> System:
-    """All objects of a scenario; parts of `previous` that are the same are used again.
+def assemble(scenario: Scenario, previous: System | None = None, memory: Memory | None = None) -> System:
+    """All objects of a scenario; parts of `previous` that are the same are used again, and what `memory` knows, by
+    default that of `previous`.
 
     Raises ScenarioError with one sentence that names the field, its value and what is allowed.
     """
     try:
-        return _assemble(scenario, previous)
+        known = memory or (previous.memory if previous is not None else Memory())
+        return _assemble(scenario, previous, known)
     except (InvalidGain, RobotError) as error:
         raise ScenarioError(str(error)) from error
 
 
-def _assemble(scenario: Scenario, previous: System | None) -> System:
+def _assemble(scenario: Scenario, previous: System | None, memory: Memory) -> System:
     mode = modes.MODES[scenario.mode]
     if scenario.contact.kind not in mode.contacts:
         raise ScenarioError(
@@ -172,7 +191,8 @@ def _assemble(scenario: Scenario, previous: System | None) -> System:
     )
     q_0 = _start(plant, robot)
     layout = _layout(scenario, robot, nominal, q_0)
-    charted = surface if mode.on_surface else surfaces.Cartesian.along(_axes(robot))
+    charted = surface if mode.on_surface else surfaces.Cartesian.along(task_axes(robot))
+    require_pushing(scenario, mode)
     motion, force = motion_of(scenario, mode, layout), force_of(scenario)
     shift = spread_over("shift.by", scenario.shift.by, mode, layout)
 
@@ -197,12 +217,18 @@ def _assemble(scenario: Scenario, previous: System | None) -> System:
         # the arm is on the surface, not where (33) puts r_fd within it; only estimates taken along r_d are there, too
         compliance = plan.compliance if scenario.controller.estimates == "along-reference" else 0.0
         unshifted = Planned(plan._replace(compliance=compliance, shift=trajectories.Shift.fresh(0.0 * shift, 1.0)))
-        along = centres(observer.at, unshifted, shift, q_0, scenario.simulation.duration)
-        constants = constants_over(along, scenario, uncertainty_of(scenario, 0.0), nominal, observer.at)
+        rules = scenario.simulation
+        if mode.on_surface:
+            _require_within_reach(observer, unshifted.at(0.0), q_0)
+        along = centres(observer.at, unshifted, shift, q_0, rules.duration)
+        omega = Omega(along, rules.domain_radius, span_of(charted, rules.duration))
+        uncertainty = uncertainty_of(scenario, 0.0)
+        constants = constants_over(omega, rules.sigma_min, uncertainty, nominal, observer, memory)
     if previous is not None and previous.constants is constants and previous.scenario.truth == scenario.truth:
         mobility = previous.mobility
     else:
-        mobility = mobility_over(constants, plant, nominal)
+        touched = replace(constants.omega, span=span_of(surface, scenario.simulation.duration))
+        mobility = mobility_over(touched, plant, nominal, memory)
     _require_resolved(scenario, plant, mobility)
     return System(
         scenario=scenario,
@@ -217,7 +243,7 @@ def _assemble(scenario: Scenario, previous: System | None) -> System:
         constants=constants,
         mobility=mobility,
         law=law_of(scenario, mode, layout, constants),
-        blend=blend_of(scenario, mode, layout.n),
+        blend=blend_of(scenario, mode, layout),
         motion=motion,
         force=force,
         sensor=ForceSensor(
@@ -230,6 +256,7 @@ def _assemble(scenario: Scenario, previous: System | None) -> System:
         push=TimedPush(scenario.truth.push, scenario.truth.push_start, scenario.truth.push_duration),
         plan=plan,
         q_0=q_0,
+        memory=memory,
     )
 
 
@@ -260,13 +287,24 @@ def _start(plant: Plant, robot: robots.Robot) -> np.ndarray:
         raise ScenarioError(str(error)) from error
 
 
-def _axes(robot: robots.Robot) -> np.ndarray:
-    """Rows: the Cartesian coordinates in their order; a planar arm uses the first two, x and z."""
-    return np.eye(3)[[0, 2, 1]] if robot.geometry == "planar" else np.eye(3)
+def _require_within_reach(observer: Observer, reference: Reference, q_0: np.ndarray) -> None:
+    """Raises ScenarioError where Newton's method does not bring the tool from q_0 (n,) rad to where it begins on the
+    surface."""
+    estimate, task = observer.at(q_0, np.zeros_like(q_0), 0.0)
+    try:
+        q, _ = posture_at(observer.at, q_0, reference, 0.0)
+        away = float(np.abs(observer.at(q, np.zeros_like(q), 0.0)[1].r - reference.r_d).max())
+    except ValueError:  # J_q exactly singular on the way
+        away = np.inf
+    if not away < ON_SURFACE:
+        depth, tool = float(task.r[0]), np.round(estimate.p, 3).tolist()
+        raise ScenarioError(
+            f"surface: out of the arm's reach, {abs(depth):.3g} m {'behind' if depth > 0.0 else 'ahead of'} the tool "
+            f"at {tool} m; allowed: one that the arm reaches, by surface.origin or robot.posture"
+        )
 
 
 def _layout(scenario: Scenario, robot: robots.Robot, nominal: NominalModel, q_0: np.ndarray) -> TaskLayout:
-    positions = 2 if robot.geometry == "planar" else 3
     angles = {"planar": min(robot.n - 2, 1), "pose": 3, "position": 0}[robot.geometry]
     estimate = nominal.evaluate(q_0, np.zeros(robot.n))
     supplemental = np.zeros(robot.n, dtype=np.int64)
@@ -274,7 +312,7 @@ def _layout(scenario: Scenario, robot: robots.Robot, nominal: NominalModel, q_0:
     return TaskLayout(
         n=robot.n,
         joint=scenario.task_space.kind == "joint",
-        positions=positions,
+        positions=positions_of(robot),
         angles=angles,
         supplemental=supplemental,
         l=scenario.task_space.characteristic_length,
@@ -308,7 +346,7 @@ def _require_resolved(scenario: Scenario, plant: Plant, mobility: Mobility) -> N
     for o in oscillators(scenario.contact.kind, plant.contact, plant.truth, mobility):
         if resolved(integrator, o, period / plant.substeps):
             continue
-        enough = substeps_needed(integrator, o, period, int(field_info("simulation.substeps").largest or 1))
+        enough = substeps_needed(integrator, o, EASE * period, int(field_info("simulation.substeps").largest or 1))
         raise ScenarioError(
             f"{o.field}: {o.value:g} {o.unit} is too stiff for {plant.substeps} step(s) of {integrator} per control "
             f"period of {period:g} s, the plant would explode; allowed: "

@@ -10,9 +10,9 @@ import msgspec
 import numpy as np
 
 from app.law import target_model
-from app.scenario import Circle, Robot, Scenario, ScenarioError, TargetModel
+from app.scenario import Circle, Line, PointToPoint, Robot, Scenario, ScenarioError, TargetModel
 from app.scenario_data import edited, from_plain, to_plain
-from app.world import robot_of, surface_of, tool_at_start
+from app.world import positions_of, robot_of, surface_of, task_axes, tool_at_start
 from controllers import modes
 from controllers.nominal_model import NominalModel
 from controllers.target_model import InvalidGain
@@ -25,10 +25,11 @@ NEAR = 0.03  # m
 def in_mode(scenario: Scenario, mode_name: str) -> Scenario:
     """The scenario in another mode, with what that mode cannot keep (target model, contact) set to its defaults.
 
-    Raises ScenarioError for an unknown mode.
+    Of a path in space a mode on a surface keeps what lies along the surface. Raises ScenarioError for an unknown mode.
     """
     changed = edited(scenario, "mode", mode_name)
     mode = modes.MODES[mode_name]
+    changed = _along_surface(scenario, changed)
     data = to_plain(changed)
     data["target_model"] = data["blend"] = data["shift"] = {}
     if scenario.contact.kind not in mode.contacts:
@@ -36,6 +37,37 @@ def in_mode(scenario: Scenario, mode_name: str) -> Scenario:
     if mode_name != "motion":
         data["task_space"]["kind"] = "cartesian"
     return _adapted(from_plain(data))
+
+
+def _along_surface(scenario: Scenario, changed: Scenario) -> Scenario:
+    """`changed` with a path that its mode can follow: on a surface the displacement's part along the tangents where it
+    has more values than there are tangents, and a circle in the first two coordinates."""
+    path, mode = scenario.motion, modes.MODES[changed.mode]
+    if not mode.on_surface or modes.MODES[scenario.mode].on_surface:
+        return changed
+    robot, p = _start(scenario)
+    tangents = positions_of(robot) - mode.m()
+    if isinstance(path, PointToPoint | Line) and len(path.displacement) > tangents:
+        if scenario.task_space.kind == "joint":  # angles, which say nothing of the surface
+            return edited(changed, "motion", {"kind": "hold"})
+        axes = task_axes(robot)[: len(path.displacement)]
+        along = surface_of(scenario, p).chart(p, 0.0).G[mode.m() :][:tangents]
+        kept = along @ axes.T @ np.array(path.displacement[: len(axes)])
+        return edited(changed, "motion.displacement", kept.round(6).tolist())
+    if isinstance(path, Circle) and max(path.axes) >= tangents > 1:
+        return edited(changed, "motion.axes", [0, 1])
+    return changed
+
+
+def told(before: Scenario, after: Scenario) -> str:
+    """What of the path a change of mode has not kept: one sentence, "" where it has kept all."""
+    if before.mode == after.mode or before.motion == after.motion:
+        return ""
+    kind, old, new = after.motion.__struct_config__.tag, to_plain(before)["motion"], to_plain(after)["motion"]
+    if old["kind"] != kind:
+        return f"motion.kind: {kind} instead of {old['kind']}, which this mode cannot follow with this arm."
+    changes = ", ".join(f"motion.{name} {new[name]} instead of {old[name]}" for name in new if new[name] != old[name])
+    return f"The path keeps what lies along the surface: {changes}."
 
 
 def on_robot(scenario: Scenario, name: str) -> Scenario:
@@ -86,11 +118,7 @@ def on_surface(scenario: Scenario, kind: str) -> Scenario:
     Raises ScenarioError for an unknown kind.
     """
     changed = edited(scenario, "surface", {"kind": kind, "motion": to_plain(scenario)["surface"]["motion"]})
-    try:
-        robot = robot_of(scenario)
-    except RobotError as error:
-        raise ScenarioError(str(error)) from error
-    p = tool_at_start(robot, NominalModel(robot.model, robot.tool_joint, robot.tool_placement))
+    _, p = _start(scenario)
     phi = float(np.clip(surface_of(scenario, p).chart(p, 0.0).g[0], -NEAR, NEAR))
     if kind == "formula":
         height = p[2] + phi - 0.015 * np.sin(15 * p[0])
@@ -104,11 +132,7 @@ def _adapted(scenario: Scenario) -> Scenario:
     flattened to a line where an arm has only one direction along the surface."""
     if not modes.MODES[scenario.mode].on_surface:
         return scenario
-    try:
-        robot = robot_of(scenario)
-    except RobotError as error:
-        raise ScenarioError(str(error)) from error
-    p = tool_at_start(robot, NominalModel(robot.model, robot.tool_joint, robot.tool_placement))
+    robot, p = _start(scenario)
     for _ in range(3):  # far from a typed surface the distance is known only roughly
         chart = surface_of(scenario, p).chart(p, 0.0)
         if abs(chart.g[0]) > NEAR:
@@ -119,6 +143,15 @@ def _adapted(scenario: Scenario) -> Scenario:
         line = {"kind": "line", "displacement": [2 * path.radius], "period": path.period, "ramp": path.ramp}
         scenario = edited(scenario, "motion", line)
     return scenario
+
+
+def _start(scenario: Scenario) -> tuple[robots.Robot, np.ndarray]:
+    """The arm, and where its tool begins, (3,) m. Raises ScenarioError for an arm that cannot be had."""
+    try:
+        robot = robot_of(scenario)
+    except RobotError as error:
+        raise ScenarioError(str(error)) from error
+    return robot, tool_at_start(robot, NominalModel(robot.model, robot.tool_joint, robot.tool_placement))
 
 
 def blending_to(scenario: Scenario, other: Scenario, at: float, over: float) -> Scenario:

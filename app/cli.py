@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 import signal
 import sys
 import tomllib
@@ -17,21 +18,26 @@ from rich.markup import escape
 from rich.table import Table
 
 from app import alone, headless, log
+from app.access import Names
 from app.changes import blending_to, with_robot
+from app.constants_shelf import ConstantsShelf
 from app.dashboard import Dashboard, PortBusy, check_fps
 from app.dashboard.export import Kind, Stretch, write
 from app.dashboard.printed import ALL_PLOTS, plots_of
 from app.dashboard.theme import Theme
 from app.data_files import read_npz
 from app.gateway.invitation import Invitation, Look, PortTaken, Token
-from app.metrics import FIGURES, account
-from app.printable import printable
+from app.given_token import given_token
+from app.memory import Memory
+from app.metrics import FIGURES, Metrics, account, unit_of
+from app.other_people import other_people
+from app.printable import printable, say
 from app.scenario import Scenario, ScenarioError
 from app.scenario_data import edited, load, shipped
 from app.truth import outside
 from environments.robots import CATALOGUE
 
-DONE, FAULT, BAD_INPUT, STOPPED = 0, 1, 2, 3
+DONE, FAULT, BAD_INPUT, STOPPED, BROKEN, UNPROMISED = 0, 1, 2, 3, 4, 5
 events = structlog.get_logger()
 Settings = Annotated[
     tyro.conf.UseAppendAction[tuple[tuple[str, ...], ...]],
@@ -53,6 +59,7 @@ def serve(
     log_file: Path | None = None,
     shared: bool = False,
     token: Token = "auto",
+    token_file: Path | None = None,
     origin: tuple[str, ...] = (),
     max_sessions: int | None = None,
     per_address: int | None = None,
@@ -74,7 +81,8 @@ def serve(
         log_level: what is logged; by default warnings, and what is of interest afterwards to the file, too
         log_file: a file to log to as well
         shared: a session for every visitor, each in a process of its own, with links to watch and to steer it
-        token: ask for a token: unless only this machine can come (auto), always, or never, as a proxy asks
+        token: ask for a token: unless only your own programs can come (auto), always, or never, as a proxy asks
+        token_file: where the token to steer is, which else is VSMRC_TOKEN of the environment or made at the start
         origin: public addresses behind a proxy, such as https://lab.example.org
         max_sessions: with --shared, how many run at once, instead of what this machine holds; the others queue
         per_address: with --shared, how many of them one address may have, instead of all but a quarter
@@ -92,17 +100,32 @@ def serve(
     if not 0 <= port <= 65535:
         raise ScenarioError(f"--port {port}; allowed: 0 to 65535")
     chosen = _configured(scenario, settings)
-    invitation = Invitation(host, port, shared, token, origin, max_sessions, per_address, copies, idle_minutes)
+    people = other_people() if token == "auto" else []
+    invitation = Invitation(
+        host=host,
+        port=port,
+        shared=shared,
+        token=token,
+        origins=origin,
+        places=max_sessions,
+        of_one_address=per_address,
+        copies=copies,
+        idle_minutes=idle_minutes,
+        given=given_token(token_file, os.environ),
+        crowded=bool(people),
+    )
     try:
         check_fps(fps)
     except ValueError as error:
         raise ScenarioError(f"--{error}") from error
+    if people and Names(host).local and not origin:
+        say(f"{', '.join(people[:3])} can use this machine, too: the link has a token (--token never: none)")
     if invitation.open:
         from app.gateway.serve import serve as serve_others  # here: who is alone need not wait for it
 
         serve_others(chosen, Look(theme, fps), invitation, None if stateless else state_dir)
         return DONE
-    dashboard = Dashboard(host=host, port=port, theme=theme, fps=fps)
+    dashboard = Dashboard(host=host, port=port, theme=theme, fps=fps, tokens=invitation.tokens)
     alone.serve(chosen, dashboard, state_dir=state_dir, stateless=stateless)
     return DONE
 
@@ -116,6 +139,7 @@ def run(
     blend_to: str | None = None,
     blend_at: float = 0.0,
     blend_over: float = 2.0,
+    strict: bool = False,
     settings: Settings = (),
 ) -> int:
     """Simulate a scenario without a screen; writes recording.npz, metrics.json and scenario.toml.
@@ -127,23 +151,42 @@ def run(
         blend_to: go over to the target model of this scenario; see also the fields of `blend`
         blend_at: when that begins, s
         blend_over: how long it takes, s
+        strict: end with status 4 when what the theorem promises is broken, 5 when it promises nothing
     """
     chosen = _configured(scenario, settings, duration)
     if blend_to is not None:
         chosen = blending_to(chosen, load(blend_to), blend_at, blend_over)
-    loop, metrics = headless.simulate(chosen, show_progress=True)
+    loop, metrics = headless.simulate(chosen, show_progress=True, memory=Memory(ConstantsShelf()))
     try:
         headless.write(loop, metrics, out)
     except OSError as error:
         raise ScenarioError(f"--out {out}: cannot be written: {error.strerror}") from error
     for name, value in msgspec.to_builtins(metrics).items():
-        print(f"{name:28s} {_shown(value)}")
+        if name not in ("promise", "premises"):
+            unit = "" if value is None else unit_of(name, loop.system.units)
+            print(f"{name:28s} {_shown(value)} {unit}".rstrip())
+    _print_promise(metrics)
     for violation in outside(loop.system.scenario):
         print(f"the truth is outside what was declared: {violation}")
     if loop.warning:
         print(f"flagged: {loop.warning}")
     print(f"written to {out}")
+    if strict and metrics.promise.verdict != "holds":
+        return BROKEN if metrics.promise.verdict == "broken" else UNPROMISED
     return STOPPED if loop.stopped else DONE
+
+
+def _print_promise(metrics: Metrics) -> None:
+    """The verdict on the theorem's promise, and each premise that failed."""
+    promise = metrics.promise
+    print(f"{'promise':28s} {promise.verdict}: {promise.because}")
+    print(f"{'promised share of the run':28s} {100 * promise.share:.4g} %")
+    for finding in metrics.premises:
+        if finding.failed is not None:
+            print(
+                f"premise failed at {finding.failed:.4g} s: {finding.title}, least margin {_shown(finding.margin)} "
+                f"{finding.unit}".rstrip()
+            )
 
 
 def compare(
@@ -167,7 +210,7 @@ def compare(
         raise ScenarioError("compare: no scenario; allowed: one or more (see `vsmrc list`)")
     systems, accounts, stopped = [], [], False
     for name, scenario in [(name, _configured(name, settings, duration)) for name in scenarios]:
-        loop, _ = headless.simulate(scenario, show_progress=True)
+        loop, _ = headless.simulate(scenario, show_progress=True, memory=Memory(ConstantsShelf()))
         since = -math.inf if last is None else loop.t - last
         systems.append(loop.system)
         accounts.append(account(loop.system, loop.recording, since, loop.t))
@@ -210,7 +253,7 @@ def export(
         scenario, recording = read_npz(Path(run))
     else:
         scenario = _configured(run, settings)
-        loop, _ = headless.simulate(scenario, show_progress=True)
+        loop, _ = headless.simulate(scenario, show_progress=True, memory=Memory(ConstantsShelf()))
         recording = loop.recording
         if loop.stopped:
             print(f"stopped: {loop.stopped}")

@@ -9,17 +9,20 @@ import numpy as np
 import structlog
 
 from app.assembly import System, assemble
-from app.control_period import Alarm, Limits, Period, Setting, complete_row, control_period
+from app.control_period import Alarm, Limits, Period, Setting, complete_row, control_period, watch_posture
+from app.memory import Memory
+from app.premises import Standing, sentence
 from app.recording import Epoch, Recording
-from app.sampled_loop import sampled_force_loop_factor, sampled_loop_warning
+from app.sampled_loop import SampledLoop, judge_posture
 from app.scenario import Scenario, ScenarioError, after_blend
+from app.truth import outside
 from controllers.blend import ModelBlend
 from controllers.bounds import InertiaRange
-from controllers.force_loop import layer_loop_factor
 from controllers.nominal_model import Estimate
+from controllers.premises import WATCH, Kept, Premise
 from controllers.reaching import ReachingCertificate
 from controllers.reference_estimates import ReferenceEstimates, Start
-from controllers.switching import Switching
+from controllers.switching import SAMPLING_SHARE, Switching
 from controllers.task_space import TaskSpace
 from controllers.vsmrc import Law
 from environments.push import Grip
@@ -33,6 +36,7 @@ log = structlog.get_logger()
 SPEED_LIMIT = 20.0  # rad/s, beyond which a run counts as diverging
 FORCE_ITERATIONS = 30
 DOMAIN_CHECK = 50  # periods between two looks whether q is still in Omega
+MOVED = 0.1  # rad, of a joint, after which the sampled loops are judged again
 # a change of one of these begins a new run; everything else takes effect in the running one
 RESTARTING = ("mode", "robot", "task_space", "surface", "simulation")
 
@@ -55,8 +59,9 @@ class View:
 @dataclass(frozen=True)
 class LoopState:
     """Where a run stands between two control periods: all that the next ones depend on, nothing that they change, and
-    small, so that it can be kept or sent to another process. t, t_0, s_since s; steps counted from t_0; arm, period:
-    the memory of the records of these names; along: of `ReferenceEstimates`, None without; sampled_badly, flagged: see
+    small, so that it can be kept or sent to another process. t, t_0 s; steps counted from t_0; arm, period: the memory
+    of the records of these names; along: of `ReferenceEstimates`, None without; epoch: what was begun at the last
+    change; loop: the sampled loop as it was judged at the posture judged_at (n,) rad; flagged: see
     `ClosedLoop.warning`. A fork without the hand: `replace(state, grip=None)`."""
 
     scenario: Scenario
@@ -69,24 +74,29 @@ class LoopState:
     shift: Shift
     along: Start | None
     grip: Grip | None
-    certificate: ReachingCertificate
-    s_since: float
-    reaching_time: float | None
+    epoch: Epoch
+    loop: SampledLoop
+    judged_at: np.ndarray
     stopped: str | None
-    sampled_badly: str | None
     flagged: str | None
 
 
 class ClosedLoop:
     """One run of a scenario: no thread, no screen, no file.
 
-    `stopped` says why the run has ended, None while it goes; `warning` what was only flagged. `reaching_time` (s) is
-    None until s is reached. `grip`: the hand that holds the tool, None for none; an input, to be set between steps.
+    `stopped` says why the run has ended, None while it goes; `warning` what was only flagged. `grip`: the hand that
+    holds the tool, None for none; an input, to be set between steps.
     Raises ScenarioError when the scenario cannot be built.
     """
 
-    def __init__(self, scenario: Scenario, history: int = 600_000, previous: System | None = None) -> None:
-        self._begin(assemble(scenario, previous), history)
+    def __init__(
+        self,
+        scenario: Scenario,
+        history: int = 600_000,
+        previous: System | None = None,
+        memory: Memory | None = None,
+    ) -> None:
+        self._begin(assemble(scenario, previous, memory), history)
 
     @classmethod
     def of(cls, system: System, history: int = 600_000) -> ClosedLoop:
@@ -96,24 +106,29 @@ class ClosedLoop:
         return loop
 
     @classmethod
-    def resume(cls, state: LoopState, history: int = 600_000, previous: System | None = None) -> ClosedLoop:
+    def resume(
+        cls,
+        state: LoopState,
+        history: int = 600_000,
+        previous: System | None = None,
+        memory: Memory | None = None,
+    ) -> ClosedLoop:
         """A run that goes on from `state` exactly as the one that was there; `edit` takes it elsewhere.
 
         It shares the parts of `previous` that are the same, so the two must not step in different threads.
         """
-        loop = cls(state.scenario, history, previous)
+        loop = cls(state.scenario, history, previous, memory)
         loop.t, loop._t_0, loop._steps = state.t, state.t_0, state.steps
         loop._arm.data[:], loop._period.data[:] = state.arm, state.period
+        loop._touching = loop._multiplier[0] != 0.0
         loop._reader.recall(state.reader)
         loop.system, loop.grip = loop.system.with_shift(state.shift), state.grip
         loop._along = loop._reference_estimates(state.along)
-        loop.certificate, loop.s_since, loop.reaching_time = state.certificate, state.s_since, state.reaching_time
-        loop.stopped, loop._sampled_badly, loop._flagged = state.stopped, state.sampled_badly, state.flagged
+        loop.certificate, loop.s_since = state.epoch.certificate, state.epoch.t
+        loop.sampled, loop._judged_at = state.loop, state.judged_at
+        loop.stopped, loop._flagged = state.stopped, state.flagged
         loop._settings = Record(loop._setting_of(loop.system))
-        reached = None if state.reaching_time is None else state.s_since + state.reaching_time
-        loop.recording.epochs[-1] = replace(
-            loop.recording.epochs[-1], t=state.s_since, certificate=state.certificate, reached=reached
-        )
+        loop.recording.epochs[-1] = state.epoch
         loop._follow_if_blending()
         return loop
 
@@ -122,8 +137,7 @@ class ClosedLoop:
         return LoopState(
             self.system.scenario, self.t, self._t_0, self._steps, self._arm.copy().data, self._period.copy().data,
             self._reader.memory(), self.system.plan.shift, None if self._along is None else self._along.start,
-            self.grip, self.certificate, self.s_since, self.reaching_time, self.stopped,
-            self._sampled_badly, self._flagged,
+            self.grip, self.recording.epochs[-1], self.sampled, self._judged_at, self.stopped, self._flagged,
         )  # fmt: skip
 
     def _begin(self, system: System, history: int) -> None:
@@ -136,6 +150,8 @@ class ClosedLoop:
         self._arm = system.plant.start(system.robot.posture, np.zeros(system.robot.n), 0.0)
         self._period = Record(Period.zeros(system.layout.n))
         self._take_up(system)
+        if system.plant.kind == "rigid":
+            self._grip_surface()
 
     def edit(self, scenario: Scenario) -> None:
         """Go on with a changed scenario, or begin anew where the change does not allow it.
@@ -143,12 +159,12 @@ class ClosedLoop:
         A blend is only planned by it: `step` carries it out. Raises ScenarioError, and then the running one goes on;
         so where a blend is under way that the scenario would lead elsewhere, and whatever else fails.
         """
-        before, z, epochs = vars(self).copy(), self._period.views.z.copy(), self.recording.epochs.copy()
+        before, period, epochs = vars(self).copy(), self._period.data.copy(), self.recording.epochs.copy()
         try:
             self._go_on_with(scenario)
         except Exception:
             vars(self).update(before)
-            self._period.views.z[:] = z
+            self._period.data[:] = period
             self.recording.epochs = epochs  # at once: others read them meanwhile
             raise
 
@@ -181,8 +197,43 @@ class ClosedLoop:
 
     @property
     def warning(self) -> str | None:
-        """What is wrong with the sampled loop, or else what was flagged first since the last change."""
-        return self._sampled_badly or self._flagged
+        """What was flagged first since the last change."""
+        return self._flagged
+
+    @property
+    def kept(self) -> Kept:
+        """What is promised now, and how it has been kept."""
+        return self._period.part("kept")
+
+    @property
+    def standing(self) -> Standing:
+        """The premises of the theorem and the verdict."""
+        system = self.system
+        return Standing(
+            self._period.copy().part("table"), self.kept, self.stopped, outside(system.scenario), system.units
+        )
+
+    @property
+    def band_time(self) -> float | None:
+        """After the last change: when ||s|| was first within its band, s; None while it was not."""
+        banded = self._banded_at()
+        return None if banded is None else banded - self.s_since
+
+    def _banded_at(self) -> float | None:
+        reached = self.kept.reached
+        return None if np.isnan(reached) else reached
+
+    @property
+    def reaching_time(self) -> float | None:
+        """After the last change: when ||s|| was first within the boundary layer, or within the band of a law that has
+        none, s; None while it was not."""
+        reached = self._reached_at()
+        return None if reached is None else reached - self.s_since
+
+    def _reached_at(self) -> float | None:
+        kept, layered = self.kept, self.system.law.switching is not Switching.DISCONTINUOUS
+        reached = kept.entered if layered else kept.reached
+        return None if np.isnan(reached) else reached
 
     @property
     def blending(self) -> bool:
@@ -206,10 +257,14 @@ class ClosedLoop:
         F = self._reader.read(arm.views.load.force - self._push if pushed else arm.views.load.force)
         self._stage = "the control law"
         self._control(F, row)
-        if self._ideal:
-            self._solve_for_force(row)
+        if self._ideal and not self._solve_for_force(row):
+            self._left("stop", "the loop through the multiplier has no solution")
+        if self._steps % WATCH == 0:
+            self._watch_posture(self._settings.data, self._period.data)
         self._stage = "the plant"
         plant.advance(arm, self._applied + self._push_torque if pushed else self._applied, t, self._h)
+        if self._presses and (self._multiplier[0] != 0.0) != self._touching:
+            self._touch_or_leave()
         self._stage = "the record"
         alarms = self._complete_row(self._settings.data, self._period.data, arm.data, row)
         self.recording.commit()
@@ -217,8 +272,8 @@ class ClosedLoop:
             self._heed(Alarm(alarms))
         self._steps += 1
         self.t = self._t_0 + self._steps * self._h
-        if self._steps % DOMAIN_CHECK == 0 and not self.system.constants.holds_at(arm.views.q):
-            self._left("flag", "q has left Ω, over which the constants of (19) were computed")
+        if self._steps % DOMAIN_CHECK == 0:
+            self._look_at_posture()
 
     def advance(self) -> None:
         """One control period, if the run has not stopped; whatever fails in it stops it, and what is recorded stays."""
@@ -265,6 +320,11 @@ class ClosedLoop:
         self.system = replace(self.system, law=law)
         self._settings.write("gains", law.gains)
 
+    def _touch_or_leave(self) -> None:
+        self._touching = not self._touching
+        if not self._touching:
+            self._left("flag", "contact lost: the tool has left the surface, so no force is controlled")
+
     def _push_tool(self) -> bool:
         """Find what hand and script do to the tool over this period; False, as fast as can be, when they do nothing."""
         timed = self._timed is not None and self._timed.acts(self.t)
@@ -289,37 +349,52 @@ class ClosedLoop:
         terms = self.system.nominal.update(q, q_dot)
         self._control_period(self._settings.data, self._period.data, *terms, arm.data, F, t, row)
 
-    def _solve_for_force(self, row: np.ndarray) -> None:
-        """The law fed with the force that its own torque causes: secant iteration on the multiplier."""
-        plant, arm, t = self.system.plant, self._arm, self.t
+    def _solve_for_force(self, row: np.ndarray) -> bool:
+        """The law fed with the force that its own torque causes: secant iteration on the multiplier; whether it is
+        found."""
+        plant, arm, t, h = self.system.plant, self._arm, self.t, self._h
         guess = arm.read().load.multiplier
-        self._control(plant.force_of(arm, guess, t) - self._push, row)
-        error = plant.respond(arm, self._applied + self._push_torque, t).multiplier - guess
+        self._control(plant.force_of(arm, guess, t, h) - self._push, row)
+        error = plant.respond(arm, self._applied + self._push_torque, t, h).multiplier - guess
         slope = -1.0
         for _ in range(FORCE_ITERATIONS):
             if abs(error) <= 1e-10 * (1.0 + abs(guess)):
-                return
+                return True
             change = -error / slope if slope != 0.0 else error
             guess += change
-            self._control(plant.force_of(arm, guess, t) - self._push, row)
-            before, error = error, plant.respond(arm, self._applied + self._push_torque, t).multiplier - guess
+            self._control(plant.force_of(arm, guess, t, h) - self._push, row)
+            before, error = error, plant.respond(arm, self._applied + self._push_torque, t, h).multiplier - guess
             slope = (error - before) / change
-        self._left("stop", f"the loop through the multiplier has no solution near {guess:.4g} N")
+        return False
+
+    def _grip_surface(self) -> None:
+        """Begin pressing: before its first period the sensor reads what the law's own torque makes of the contact."""
+        before, row = self._period.data.copy(), np.empty(self.recording.width)
+        if self._solve_for_force(row):
+            load = self.system.plant.respond(self._arm, self._applied, self.t, self._h)
+            self._arm.write("load", load._replace(phi=self._arm.read().load.phi))
+        self._period.data[:] = before
 
     def _take_up(self, system: System) -> None:
         """Go on with this system from the present state; s jumps where gains or references do."""
         self.system = system
         self._flagged: str | None = None
+        self._judged_at = np.full(system.robot.n, np.nan)
         self._h = system.scenario.controller.period
         self._ideal = system.scenario.sensor.ideal and system.plant.heavy
         self._along = self._reference_estimates(Start(round(self.t / self._h), self._arm.views.q.copy()))
         self._applied, self._push = self._period.views.applied, self._period.views.push
         self._push_torque, self._pushed = np.zeros(system.robot.n), True
         self._timed = system.push if any(system.push.force) else None
+        contact = system.scenario.contact
+        self._presses = bool(system.m) and contact.unilateral and contact.kind in ("elastic", "mass-damper-spring")
+        self._multiplier = self._arm.data["load"]["multiplier"]
+        self._touching = self._multiplier[0] != 0.0
         if system.scenario.controller.on_change == "remove":
             _, _, e_r, e_r_dot = self._errors()
             self._period.views.z[:] = system.law.compensator.without_reaching(e_r, e_r_dot)
         self._new_epoch()
+        self._require_bounded_gain()
         self._follow_if_blending()
 
     def _errors(self) -> tuple[Estimate, TaskSpace, np.ndarray, np.ndarray]:
@@ -339,21 +414,97 @@ class ClosedLoop:
         self.certificate = ReachingCertificate(
             system.constants.k_r_low,
             system.constants.k_r_high,
-            float(np.linalg.eigvalsh(law.K_s)[0]),
+            float(np.linalg.eigvalsh(law.K_s)[0]) * (1.0 - SAMPLING_SHARE),
             law.epsilon * law.switching.kept,
             V_0=float(0.5 * s @ H_high @ s),
         )
         self.recording.epochs.append(Epoch(self.t, system.scenario, law.model, self.certificate, blend=system.blend))
-        self._sampled_badly = sampled_loop_warning(system, self._arm.views.q, self.t)
         self.s_since = self.t
-        self._period.data["reached"] = self._period.data["saturated"] = False
+        self._promise_anew()
         self._settings = Record(self._setting_of(system))
         arm, row, data = self._arm.views, np.empty(self.recording.width), (self._settings.data, self._period.data)
         self._complete_row = resolved(complete_row, *data, self._arm.data, row)
         self._control_period = resolved(
             control_period, *data, *system.nominal.terms, self._arm.data, arm.load.force, self.t, row
         )
-        self.reaching_time: float | None = None
+        self._watch_posture = resolved(watch_posture, *data)
+        begun = self._evaluated()
+        self._watch_posture(self._settings.data, begun.data)
+        self._period.data["watched"] = begun.data["watched"]
+        table = begun.views.table
+        for premise in (Premise.LAYER, Premise.GAIN_BY_CHATTER):
+            self._state_premise(premise, table.value[premise], table.limit[premise])
+        if not table.now.any():
+            self._promise_reaching()
+
+    def _promise_reaching(self) -> None:
+        """By when ||s|| is promised to be within the boundary layer and within the band."""
+        watched, certificate, epochs = self._period.part("watched"), self.certificate, self.recording.epochs
+        banded = self.t + certificate.time_to(float(np.sqrt(2.0 * watched.V_band / watched.low)))
+        layered = watched.width > 0.0 and watched.radius <= watched.width  # V falls down to the layer
+        reached = self.t + certificate.time_to(watched.width) if layered else None
+        if self.system.law.switching is Switching.DISCONTINUOUS:
+            reached = banded
+        epochs[-1] = replace(epochs[-1], reached_by=reached, banded_by=banded)
+
+    def _promise_anew(self) -> None:
+        """Forget what was promised; how it was kept so far is the run's."""
+        period, system, before = self._period, self.system, self.kept
+        period.data["saturated"] = period.data["held"]["known"] = False
+        period.data["watched"]["V_band"] = 0.0
+        anew = Kept.fresh()._replace(promise=self.certificate.promise, broken=before.broken, begun=self.t)
+        period.write("kept", anew._replace(periods=before.periods, lost=before.lost))
+        outsiders = len(outside(system.scenario))
+        self._state_premise(Premise.LAW, float(system.law.law is not Law.VSMRC), 0.0)
+        self._state_premise(Premise.DECLARED, float(outsiders), 0.0)
+        self._look_at_posture()
+
+    def _state_premise(self, premise: Premise, value: float, limit: float) -> None:
+        """Give a premise that the compiled period does not compute its value; one of nan does not apply."""
+        table = self._period.views.table
+        table.value[premise], table.limit[premise] = value, np.nan if np.isnan(value) else limit
+
+    def _look_at_posture(self) -> None:
+        """Judge the premises that depend on where the arm is: Omega, and the sampled loops when it has moved."""
+        system, q = self.system, self._arm.views.q
+        constants = system.constants
+        self._state_premise(Premise.DOMAIN, constants.distance(q), constants.radius)
+        if not np.abs(q - self._judged_at).max() <= MOVED:
+            self._judge_loops()
+        failing = self._period.views.table
+        if failing.value[Premise.DOMAIN] > failing.limit[Premise.DOMAIN]:
+            self._left("flag", "q has left Ω, over which the constants of (19) were computed")
+
+    def _judge_loops(self) -> None:
+        """Judge the sampled loops at the posture of now; where one diverges, flag it."""
+        self._judged_at = self._arm.views.q.copy()
+        try:
+            values, self.sampled = judge_posture(self.system, self._judged_at, self.t)
+        except (ValueError, np.linalg.LinAlgError):  # J_q is singular: `Premise.REGULAR` says so
+            return
+        for premise, value in values.items():
+            self._state_premise(premise, value, 1.0)
+            if value > 1.0:
+                self._left("flag", sentence(premise, value, 1.0, self.system.units))
+
+    def _require_bounded_gain(self) -> None:
+        """Raises ScenarioError where the gain by (17) feeds itself: it would grow without bound whatever else is
+        chosen."""
+        table, law = self._period.views.table, self.system.law
+        chatter, force = table.value[Premise.GAIN_BY_CHATTER], table.value[Premise.GAIN_BY_FORCE]
+        others = "bounds = 'tight', " if law.bounds == "paper" else ""
+        others += "controller.gain = 'constant', or a smaller declared.link_scaling"
+        if law.d is None and chatter >= 1.0:
+            raise ScenarioError(
+                f"controller.bounds: with {law.bounds!r} the gain (17) runs away at this control period, chattering "
+                f"feeds {chatter:.3g} of it back (δ_H ‖M_m⁻¹B_m‖ T / λ_min(H)), allowed below 1; allowed: "
+                f"controller.period <= {0.95 * self._h / chatter:.2g} s, {others}"
+            )
+        if law.d is None and force >= 1.0:
+            raise ScenarioError(
+                f"controller.bounds: with {law.bounds!r} the gain (17) and the force on the surface raise each other, "
+                f"by {force:.3g} of each change, allowed below 1, and no control period helps; allowed: {others}"
+            )
 
     def _setting_of(self, system: System) -> Setting:
         contact = system.scenario.contact
@@ -362,13 +513,11 @@ class ClosedLoop:
             sight=system.observer.sight,
             plan=system.plan,
             gains=system.law.gains,
-            promise=self.certificate.promise,
-            since=self.s_since,
             period=self._h,
             online=self._along is None,
             heavy=system.plant.heavy,
             torque_limit=np.broadcast_to(system.plant.truth.torque_limit, system.robot.n),
-            limits=Limits(system.scenario.simulation.sigma_min, SPEED_LIMIT, pushes_only, system.law.law is Law.VSMRC),
+            limits=Limits(system.scenario.simulation.sigma_min, SPEED_LIMIT, pushes_only),
         )
 
     def _reference_estimates(self, start: Start | None) -> ReferenceEstimates | None:
@@ -380,10 +529,9 @@ class ClosedLoop:
     def _heed(self, alarms: Alarm) -> None:
         """Has the run left the theorem's domain? Say which way and when; stop, or flag where the user chose so."""
         period, rules, arm = self._period.read(), self.system.scenario.simulation, self._arm.read()
-        if Alarm.REACHED in alarms:
-            self.reaching_time = self.t - self.s_since
+        if Alarm.ENTERED in alarms or Alarm.REACHED in alarms:
             epochs = self.recording.epochs
-            epochs[-1] = replace(epochs[-1], reached=self.t)
+            epochs[-1] = replace(epochs[-1], reached=self._reached_at(), banded=self._banded_at())
         if Alarm.SATURATED in alarms and Alarm.NOT_FINITE not in alarms:
             self._left("flag", self._saturation(period.output.tau, period.applied))
         if Alarm.NOT_FINITE in alarms:
@@ -400,7 +548,8 @@ class ClosedLoop:
             self._left(
                 rules.bound_violation,
                 f"‖s‖ = {1e3 * period.output.s_norm:.4g} {rate} is over its bound (20), "
-                f"{1e3 * (period.bound + period.band):.4g} {rate} with the sampling band",
+                f"{1e3 * (period.kept.bound + period.kept.band):.4g} {rate} with the band of sampling and layer, "
+                "though all premises hold",
             )
 
     def _saturation(self, tau: np.ndarray, applied: np.ndarray) -> str:
@@ -423,24 +572,27 @@ class ClosedLoop:
         else:
             self._flagged = self._flagged or f"t = {self.t:.3f} s: {reason}"
 
+    def _evaluated(self) -> Record[Period]:
+        """A period that begins now, but for its consequences."""
+        arm, twin, row = self._arm.views, self._period.copy(), np.empty(self.recording.width)
+        if self._along is not None:
+            twin.write("believed", self._along.at(arm.q, arm.q_dot, self.t))
+        terms = self.system.nominal.update(arm.q, arm.q_dot)
+        force = arm.load.force - self._push
+        self._control_period(self._settings.data, twin.data, *terms, self._arm.data, force, self.t, row)
+        return twin
+
     def view(self) -> View:
         """The present state as the screen shows it."""
-        system, arm, law, t = self.system, self._arm.views, self.system.law, self.t
-        twin, row = self._period.copy(), np.empty(self.recording.width)
-        if self._along is not None:
-            twin.write("believed", self._along.at(arm.q, arm.q_dot, t))
-        terms = system.nominal.update(arm.q, arm.q_dot)
-        self._control_period(
-            self._settings.data, twin.data, *terms, self._arm.data, arm.load.force - self._push, t, row
-        )
-        period = twin.read()
+        system, arm, t = self.system, self._arm.views, self.t
+        period = self._evaluated().read()
         estimate, task, reference, output = period.seen.estimate, period.seen.task, period.reference, period.output
         required = float(sum(output.needed))
         H_hat = task.J_q_inv.T @ estimate.M_hat @ task.J_q_inv
         live = {
             "s_norm": output.s_norm,
-            "s_bound": period.bound,
-            "s_band": period.band,
+            "s_bound": period.kept.bound,
+            "s_band": period.kept.band,
             "d": output.d,
             "d_required": required,
             "gain_margin": output.d - required,
@@ -449,11 +601,9 @@ class ClosedLoop:
             "residual": float(np.linalg.norm(self._period.views.residual)),
             "reaching_time_bound": self.certificate.t_r,
             "reaching_time": np.nan if self.reaching_time is None else self.reaching_time,
-            "layer_loop_factor": np.nan,
-            "force_loop_factor": sampled_force_loop_factor(system, estimate, task, t),
+            "layer_loop_factor": period.table.value[Premise.LAYER],
+            "force_loop_factor": self.sampled.force_factor,
         }
-        if law.switching is not Switching.DISCONTINUOUS:
-            live["layer_loop_factor"] = layer_loop_factor(H_hat, law.K_s, output.d, law.phi, self._h)
         return View(
             arm.q.copy(),
             estimate.p,

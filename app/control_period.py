@@ -9,8 +9,23 @@ import numpy as np
 
 from controllers.bounds import sum_of
 from controllers.nominal_model import ON_LINE, Estimate, LinkConstants, NominalModel, estimates
-from controllers.reaching import Promise, envelope, sampling_band
+from controllers.premises import (
+    DRIVES,
+    GAIN,
+    HELD,
+    REGULAR,
+    Held,
+    Kept,
+    PremiseTable,
+    Room,
+    Watched,
+    held_error,
+    judge,
+    keep_promise,
+    watch,
+)
 from controllers.reference_estimates import Believed, believe
+from controllers.switching import SAMPLING_SHARE
 from controllers.task_space import TaskLayout, TaskSpace, Work, task_space
 from controllers.vsmrc import ControlOutput, Gains, Reference, control_law
 from environments.plant import limited
@@ -61,38 +76,34 @@ class Observation(NamedTuple):
 class Alarm(IntFlag):
     """What a control period has to report."""
 
-    REACHED = 1  # ||s|| is within its sampling band for the first time
+    ENTERED = 1  # ||s|| is within the boundary layer for the first time
     NOT_FINITE = 2  # the state
     PULLING = 4  # a rigid unilateral surface would have to
     SINGULAR = 8  # J_q nearly is
     FAST = 16  # the joints are
-    OVER_BOUND = 32  # ||s|| is
+    OVER_BOUND = 32  # ||s|| is, though all premises hold
     SATURATED = 64  # a drive's limit begins to cut the torque
+    REACHED = 128  # ||s|| is within the band for the first time
 
 
-REACHED, NOT_FINITE, PULLING, SINGULAR, FAST, OVER_BOUND, SATURATED = (int(alarm) for alarm in Alarm)
+ENTERED, NOT_FINITE, PULLING, SINGULAR, FAST, OVER_BOUND, SATURATED, REACHED = (int(alarm) for alarm in Alarm)
 
 
 class Limits(NamedTuple):
-    """When a period gives alarm: sigma_min m; speed rad/s; pushes_only: the surface is rigid and unilateral; bounded:
-    the theorem holds for this law."""
+    """When a period gives alarm: sigma_min m; speed rad/s; pushes_only: the surface is rigid and unilateral."""
 
     sigma_min: float
     speed: float
     pushes_only: bool
-    bounded: bool
 
 
 class Setting(NamedTuple):
-    """What stays the same between two edits. promise: `ReachingCertificate`'s, counted from `since` (s); period s;
-    online: whether estimates are taken at q, not beforehand (Remark 3); heavy: the contact's force depends on tau;
-    torque_limit (n,) N m: of the drives."""
+    """What stays the same between two edits. period s; online: whether estimates are taken at q, not beforehand
+    (Remark 3); heavy: the contact's force depends on tau; torque_limit (n,) N m: of the drives."""
 
     sight: Sight
     plan: ReferencePlan
     gains: Gains
-    promise: Promise
-    since: float
     period: float
     online: bool
     heavy: bool
@@ -103,8 +114,9 @@ class Setting(NamedTuple):
 class Period(NamedTuple):
     """What one control period works with and leaves: z (n,) m/s is that of its beginning; F (3,) N as measured;
     push (3,) N of a hand on the tool; applied (n,) N m: what the drives make of tau; residual (n,) N once q_ddot is
-    known; bound, band: what ||s|| is allowed, m/s; reached: whether s ever was; saturated: whether applied is not tau,
-    in the period before."""
+    known; saturated: whether applied is not tau, in the period before; news: `Alarm` flags of
+    the promise; table, watched, held, kept: what the theorem's
+    promise rests on, and what became of it."""
 
     z: np.ndarray
     F: np.ndarray
@@ -115,10 +127,13 @@ class Period(NamedTuple):
     output: ControlOutput
     applied: np.ndarray
     residual: np.ndarray
-    bound: float
-    band: float
-    reached: bool
     saturated: bool
+    news: int
+    table: PremiseTable
+    watched: Watched
+    held: Held
+    kept: Kept
+    room: Room
 
     @classmethod
     def zeros(cls, n: int) -> Period:
@@ -126,7 +141,9 @@ class Period(NamedTuple):
         v, seen, reference = np.zeros(n), Observation.zeros(n), Reference.zeros(n)
         believed = Believed(np.zeros((n, n)), np.zeros((n, n)), v, ON_LINE)
         output, f = ControlOutput.zeros(n), np.zeros(3)
-        return cls(v, f, f, seen, reference, believed, output, v, v, 0.0, 0.0, False, False)
+        watched = Watched(1.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+        law = (v, f, f, seen, reference, believed, output, v, v, False, 0)
+        return cls(*law, PremiseTable.fresh(), watched, Held.zeros(n), Kept.fresh(), Room.zeros(n))
 
 
 @part
@@ -173,19 +190,48 @@ def control_period(setting, period, M, C, J, J_dot, placements, arm, F, t, row):
     limited(setting.torque_limit, output.tau, period.applied)
     _prepare_residual(gains.model, seen, reference, output, period.residual)
 
-    promise = setting.promise
-    period.bound = envelope(promise, t - setting.since)
-    period.band = sampling_band(
-        promise.k_r_low,
-        promise.k_r_high,
-        gains.K_s_largest,
-        gains.switching,
-        gains.phi,
-        output.d,
-        gains.epsilon,
-        setting.period,
-    )
+    _judge_premises(setting, period, arm, t)
     _write_row(row, t, arm, period)
+
+
+@part
+def _judge_premises(setting, period, arm, t):
+    """Do the premises of Theorem 1 hold now, and is ||s|| where it is promised to be?"""
+    gains, output, table, watched, held = setting.gains, period.output, period.table, period.watched, period.held
+    task, estimate, believed, room = period.seen.task, period.seen.estimate, period.believed, period.room
+    table.value[REGULAR], table.limit[REGULAR] = 1.0 / task.J_q_inv_norm, setting.limits.sigma_min
+    table.value[DRIVES], table.limit[DRIVES] = _share_of_drives(setting.torque_limit, output.tau), 1.0
+    table.value[GAIN], table.limit[GAIN] = sum_of(output.needed), output.d
+    spared = SAMPLING_SHARE * gains.K_s_smallest * output.s_norm
+    table.value[HELD], table.limit[HELD] = 0.0, watched.allowed + spared
+    if held.known:
+        F = room.F
+        for a in range(3):
+            F[a] = arm.load.force[a] - held.push[a]
+        table.value[HELD] = held_error(gains, believed, task, estimate, F, output, held, room)
+    terms = output.terms
+    for i in range(held.model.shape[0]):
+        held.model[i] = terms.inertia[i] + terms.coriolis[i] + terms.gravity[i] + terms.force[i]
+    copy(output.z_dot, held.z_dot)
+    copy(period.push, held.push)
+    held.known = True
+
+    entered, reached = np.isnan(period.kept.entered), np.isnan(period.kept.reached)
+    over = keep_promise(judge(table, t), output.s_norm, watched, t, period.kept)
+    period.news = OVER_BOUND if over else 0
+    if entered and not np.isnan(period.kept.entered):
+        period.news += ENTERED
+    if reached and not np.isnan(period.kept.reached):
+        period.news += REACHED
+
+
+@part
+def _share_of_drives(limits, tau):
+    """Largest |tau| over its limit, 1."""
+    largest = 0.0
+    for i in range(tau.shape[0]):
+        largest = max(largest, abs(tau[i]) / limits[i])
+    return largest
 
 
 @part
@@ -239,9 +285,13 @@ def _write_row(row, t, arm, period):
     for cause in causes:
         row[i] = cause
         i += 1
-    for value in (output.d, sum_of(needed), output.s_norm, period.bound, period.band, 1.0 / task.J_q_inv_norm):
+    kept, held_error_now = period.kept, period.table.value[HELD]
+    V_band = period.watched.V_band if kept.standing else np.nan
+    for value in (output.d, sum_of(needed), output.s_norm, kept.bound, kept.band, V_band, held_error_now):
         row[i] = value
         i += 1
+    row[i] = 1.0 / task.J_q_inv_norm
+    i += 1
     i = _put(row, i, period.residual)
     _put_load(row, i, arm.load)
 
@@ -284,10 +334,7 @@ def _saturation(period):
 
 @part
 def _alarms(limits, period, speed, multiplier):
-    s_norm, flags = period.output.s_norm, 0
-    if not period.reached and s_norm <= period.band:
-        period.reached = True
-        flags += REACHED
+    s_norm, flags = period.output.s_norm, period.news
     if not np.isfinite(speed + s_norm):
         flags += NOT_FINITE
     if limits.pushes_only and multiplier < 0.0:
@@ -296,9 +343,28 @@ def _alarms(limits, period, speed, multiplier):
         flags += SINGULAR
     if speed > limits.speed:
         flags += FAST
-    if limits.bounded and s_norm > period.bound + period.band:
-        flags += OVER_BOUND
     return flags
+
+
+@kernel
+def watch_posture(setting, period):
+    """Look at the inertia at the posture of the period that has been evaluated last: see `premises.Watched`."""
+    setting, period = setting[0], period[0]
+    watch(
+        setting.gains,
+        period.z,
+        period.reference,
+        period.seen.task,
+        period.seen.estimate,
+        period.believed,
+        period.seen.q_dot,
+        period.output,
+        period.room,
+        period.kept.promise,
+        setting.period,
+        period.table,
+        period.watched,
+    )
 
 
 @kernel
@@ -318,6 +384,11 @@ class Observer:
         self.sight = Sight(model.constants, shape, layout)
         self._model, self._record = model, Record(self.sight)
         self._blank = Record(Observation.zeros(layout.n))
+
+    @property
+    def fingerprint(self) -> bytes:
+        """All of `sight`: observers that share it, and the arm, see the same."""
+        return self._record.data.tobytes()
 
     def at(self, q: np.ndarray, q_dot: np.ndarray, t: float) -> tuple[Estimate, TaskSpace]:
         """Estimates and task coordinates at q (n,) rad, q_dot (n,) rad/s, time t (s).

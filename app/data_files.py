@@ -19,8 +19,9 @@ from app.scenario import Scenario, ScenarioError
 from app.scenario_data import from_toml, to_toml
 
 LINES = 512  # of a CSV, between two looks at how far it has got
-LARGEST_SIGNAL = 100_000_000  # bytes: 34 min at 1 kHz with six joints; the page keeps twenty
+LARGEST_RECORDING = 1_200_000_000  # bytes, unpacked: 16 min at 1 kHz with six joints; the page keeps ten in full
 LARGEST_TEXT = 4_000_000  # bytes of a scenario, which numpy writes with four for a character
+LARGEST_HEADER = 70_000  # bytes of what numpy writes before an array
 MOST_JOINTS = 8
 # what zipfile, zlib and numpy raise for archives that are broken, encrypted or packed in a way of their own
 _UNREADABLE = (ValueError, KeyError, IndexError, EOFError, RuntimeError, zipfile.BadZipFile, zlib.error, struct.error)
@@ -133,30 +134,47 @@ def read_npz(path: Path) -> tuple[Scenario, Recording]:
         if path.exists() and not path.is_file():  # a folder, or a pipe that would never end
             raise refuse("no file")
         with zipfile.ZipFile(path) as archive:
+            size = sum(entry.file_size for entry in archive.infolist())
+            if size > LARGEST_RECORDING:
+                raise refuse(f"{size / 1e6:.3g} MB when unpacked; allowed: {LARGEST_RECORDING / 1e6:g} MB")
             scenario = from_toml(str(_array(archive, "scenario", LARGEST_TEXT)))
-            columns = {s.name: _array(archive, s.name, LARGEST_SIGNAL) for s in SIGNALS}
+            return scenario, _recording(archive)
     except OSError as error:
         raise ScenarioError(f"recording {str(path)!r:.200}: cannot be read: {error.strerror or error}") from error
     except ScenarioError:
         raise
     except (*_UNREADABLE, MemoryError) as error:
         raise refuse(error or type(error).__name__) from error
-    rows, n = len(np.atleast_1d(columns["t"])), columns["q"].shape[-1] if columns["q"].ndim == 2 else 0
+
+
+def _recording(archive: zipfile.ZipFile) -> Recording:
+    """Its signals, one after the other, so that memory holds them once. Raises ValueError and what a broken archive
+    raises."""
+    # of the fewest joints: no memory is spent on instants whose other signals would be too many
+    instants = LARGEST_RECORDING // max(where.stop for where in columns_of(1).values())
+    times, q = _array(archive, "t", instants), _array(archive, "q", MOST_JOINTS * instants)
+    rows, n = len(np.atleast_1d(times)), q.shape[-1] if q.ndim == 2 else 0
     if not 1 <= n <= MOST_JOINTS:
-        raise refuse(f"q of shape {columns['q'].shape}; allowed: 1 to {MOST_JOINTS} joints")
-    for signal in SIGNALS:
-        values, width = columns[signal.name], n if isinstance(signal.width, str) else signal.width
+        raise ValueError(f"q of shape {q.shape}; allowed: 1 to {MOST_JOINTS} joints")
+    del q
+    columns = columns_of(n)
+    claimed = 8 * rows * max(where.stop for where in columns.values())
+    if claimed > LARGEST_RECORDING:
+        raise ValueError(f"{rows} rows of {n} joints; allowed: {LARGEST_RECORDING / 1e6:g} MB")
+
+    def checked(name: str, where: slice) -> np.ndarray:
+        width = where.stop - where.start
+        values = _array(archive, name, 8 * rows * width + LARGEST_HEADER)
         wanted = (rows,) if width == 1 and values.ndim == 1 else (rows, width)
         if values.shape != wanted or values.dtype != float:
-            raise refuse(f"{signal.name} holds {values.dtype} of shape {values.shape}; allowed: float64 of {wanted}")
-    times = columns["t"].reshape(rows)
+            raise ValueError(f"{name} holds {values.dtype} of shape {values.shape}; allowed: float64 of {wanted}")
+        return values.reshape(rows, width)
+
+    recording = Recording.of(n, rows, ((where, checked(name, where)) for name, where in columns.items()))
+    times = times.reshape(rows)
     if not rows or not (np.isfinite(times).all() and (np.diff(times) > 0.0).all()):
-        raise refuse("t does not grow; allowed: finite times, each later than the one before")
-    recording = Recording(n, history=rows)
-    for row in np.hstack([column.reshape(rows, -1) for column in columns.values()]):
-        recording.new_row()[:] = row
-        recording.commit()
-    return scenario, recording
+        raise ValueError("t does not grow; allowed: finite times, each later than the one before")
+    return recording
 
 
 def _array(archive: zipfile.ZipFile, name: str, limit: int) -> np.ndarray:

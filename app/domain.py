@@ -8,38 +8,54 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
-from app.control_period import Planned
-from app.scenario import Formula, Scenario, ScenarioError
+from app.control_period import Observer, Planned
+from app.extremes import OUTSIDE, Effort, Look, Looker, Omega, Place, largest
+from app.memory import Memory, Numbers, key_of
+from app.scenario import ScenarioError
 from controllers.bounds import InertiaRange, Uncertainty
-from controllers.nominal_model import Estimate, Lipschitz, NominalModel, lipschitz_constants
+from controllers.nominal_model import Estimate, Lipschitz, NominalModel, Steepness
 from controllers.task_space import TaskSpace
 from controllers.vsmrc import Reference
 from environments.plant import Plant
 from environments.stiffness import Mobility
+from environments.surfaces import Surface
 
-SAMPLES = 240  # postures drawn from Omega for the constants over it
 CENTRES = 192  # postures along the reference, around which Omega lies
 SWEEPS = 4  # how often they go over from the reference to the shifted one and back
-MARGIN = 1.1  # on k_r_low and k_r_high, for what lies between the samples
+INERTIA, OTHERS = Effort(120, 3), Effort(40, 2)  # of the search; the others change less over Omega
+MARGIN = 1.02  # on all that is found: another search, longer and otherwise, finds no more than that
+SLOWEST = 1e-3  # Hz: of a surface that moves more slowly only the first 1000 s count
 
 Observe = Callable[[np.ndarray, np.ndarray, float], tuple[Estimate, TaskSpace]]
 
 
 @dataclass(frozen=True)
 class Constants:
-    """What holds over Omega, the postures within `radius` (rad) of one that the reference passes through, `centres`
-    (N, n), as far as J_q is regular there: Property 1's k_r_low and k_r_high (kg) for every arm inside the declared
-    set, and the Lipschitz constants of the estimates."""
+    """What holds over Omega as far as J_q is regular there: Property 1's k_r_low and k_r_high (kg) for every arm inside
+    the declared set, and the Lipschitz constants of the estimates."""
 
     k_r_low: float
     k_r_high: float
     lipschitz: Lipschitz
-    centres: np.ndarray
-    radius: float
+    omega: Omega
+
+    @property
+    def centres(self) -> np.ndarray:
+        """Of Omega, (N, n) rad."""
+        return self.omega.centres
+
+    @property
+    def radius(self) -> float:
+        """Of Omega, rad."""
+        return self.omega.radius
+
+    def distance(self, q: np.ndarray) -> float:
+        """Of q (n,) rad from the nearest of the centres, rad; Omega ends at `radius`."""
+        return float(np.sqrt(np.square(self.centres - q).sum(axis=1).min()))
 
     def holds_at(self, q: np.ndarray) -> bool:
         """Whether q (n,) rad lies in Omega."""
-        return bool((np.square(self.centres - q).sum(axis=1) <= self.radius**2).any())
+        return self.distance(q) <= self.radius
 
 
 def posture_at(observe: Observe, q: np.ndarray, reference: Reference, t: float) -> tuple[np.ndarray, np.ndarray]:
@@ -81,49 +97,78 @@ def centres(
     return np.array(found)
 
 
-def _postures(along: np.ndarray, radius: float, random: np.random.Generator) -> np.ndarray:
-    """Samples of Omega, (N, n) rad: some of its centres and postures drawn around them."""
-    n = along.shape[1]
-    directions = random.standard_normal((SAMPLES, n))
-    directions *= radius / np.linalg.norm(directions, axis=1, keepdims=True)
-    spread = np.linspace(0, len(along) - 1, SAMPLES).astype(int)
-    around = along[spread] + directions * random.uniform(size=(SAMPLES, 1)) ** (1 / n)
-    return np.vstack([along[::8], around])
+def span_of(surface: Surface, duration: float) -> float:
+    """How long it takes until all places and forms of a surface have been seen, s: the run's duration (s) where its
+    form changes, 0 where it rests."""
+    if surface.changing:
+        return duration
+    motion = surface.motion
+    return 1.0 / max(motion.frequency, SLOWEST) if motion.amplitude > 0.0 and motion.frequency > 0.0 else 0.0
 
 
 def constants_over(
-    along: np.ndarray, scenario: Scenario, uncertainty: Uncertainty, nominal: NominalModel, observe: Observe
+    omega: Omega, sigma_min: float, uncertainty: Uncertainty, nominal: NominalModel, observer: Observer, memory: Memory
 ) -> Constants:
-    """What holds over Omega around the postures `along` (N, n) rad. Raises ScenarioError where J_q is singular."""
-    random = np.random.default_rng(1)
-    n, radius = along.shape[1], scenario.simulation.domain_radius
-    samples = _postures(along, radius, random)
-    typed = isinstance(scenario.surface, Formula)  # it may change all the time, not only with its motion's period
-    period = scenario.simulation.duration if typed else 1.0 / max(scenario.surface.motion.frequency, 1e-3)
-    low, high = np.inf, 0.0
-    for q in samples:
+    """What holds over Omega, where J_q's smallest singular value is at least `sigma_min` m.
+
+    Raises ScenarioError where J_q is singular.
+    """
+    looker, steepness = _inertia_looker(sigma_min, uncertainty, observer), Steepness(nominal.model)
+    arm, where = nominal.fingerprint, (omega.centres, omega.radius)
+
+    def find_inertia() -> Numbers:
+        lightness, heaviness = largest(omega, looker, INERTIA)
+        if not lightness > 0.0:
+            raise ScenarioError("robot.posture: J_q is singular around it; allowed: a posture away from singularities")
+        return 1.0 / (MARGIN * lightness), MARGIN * heaviness
+
+    def find_lipschitz() -> Numbers:
+        each = (steepness.k_C, steepness.k_M, steepness.k_Cq, steepness.k_G)
+        still = Omega(*where)
+        return tuple(MARGIN * largest(still, lambda p, k=k: (Look(k(p.q)),), OTHERS)[0] for k in each)
+
+    seen = ("inertia", arm, observer.fingerprint, *where, omega.span, sigma_min, *uncertainty)
+    k_r_low, k_r_high = memory.recall(key_of(*seen), 2, find_inertia)
+    lipschitz = Lipschitz(*memory.recall(key_of("lipschitz", arm, *where), 4, find_lipschitz))
+    return Constants(k_r_low, k_r_high, lipschitz, omega)
+
+
+def _inertia_looker(sigma_min: float, uncertainty: Uncertainty, observer: Observer) -> Looker:
+    """Sees 1/lambda_min(H_low) and lambda_max(H_high), for the whole declared set."""
+
+    def looks(place: Place) -> tuple[Look, Look]:
         try:
-            estimate, task = observe(q, np.zeros(n), period * random.uniform())
+            estimate, task = observer.at(place.q, np.zeros_like(place.q), place.t)
         except ValueError:
-            continue  # J_q exactly singular: not in Omega
-        if np.linalg.norm(task.J_q_inv, 2) * scenario.simulation.sigma_min > 1.0:
-            continue
-        inertia = InertiaRange.at(uncertainty, estimate, task)
-        low = min(low, float(np.linalg.eigvalsh(inertia.H_low)[0]))
-        high = max(high, float(np.linalg.eigvalsh(inertia.H_high)[-1]))
-    if not low < np.inf:
-        raise ScenarioError("robot.posture: J_q is singular around it; allowed: a posture away from singularities")
-    lipschitz = lipschitz_constants(nominal.model, samples[:: len(samples) // 50])
-    return Constants(low / MARGIN, high * MARGIN, lipschitz, along, radius)
+            return OUTSIDE, OUTSIDE  # J_q exactly singular
+        inertia, J_inv = InertiaRange.at(uncertainty, estimate, task), task.J_q_inv
+        matrices = np.array([inertia.H_low, inertia.H_high, J_inv.T @ J_inv])
+        if not np.isfinite(matrices).all():
+            return OUTSIDE, OUTSIDE
+        eigenvalues = np.linalg.eigvalsh(matrices)
+        low, high, sigma = eigenvalues[0, 0], eigenvalues[1, -1], 1.0 / np.sqrt(eigenvalues[2, -1])
+        if not low > 0.0:
+            return OUTSIDE, OUTSIDE
+        room = sigma / sigma_min - 1.0 if sigma_min > 0.0 else np.inf
+        return Look(1.0 / low, room), Look(high, room)
+
+    return looks
 
 
-def mobility_over(constants: Constants, plant: Plant, nominal: NominalModel) -> Mobility:
-    """How mobile the true arm is at most over Omega; the surface at rest."""
-    postures = _postures(constants.centres, constants.radius, np.random.default_rng(1))
+def mobility_over(omega: Omega, plant: Plant, nominal: NominalModel, memory: Memory) -> Mobility:
+    """How mobile the true arm is at most over Omega, near singularities too."""
     data = plant.model.createData()
-    tools = [nominal.evaluate(q, np.zeros_like(q)) for q in postures]
-    return Mobility.largest(
-        np.array([pin.crba(plant.model, data, q).copy() for q in postures]),
-        np.array([tool.J_v for tool in tools]),
-        np.array([plant.surface.chart(tool.p, 0.0).G[0] for tool in tools]),
-    )
+
+    def looks(place: Place) -> tuple[Look, ...]:
+        tool = nominal.evaluate(place.q, np.zeros_like(place.q))
+        normal = plant.surface.chart(tool.p, place.t).G[0]
+        M = pin.crba(plant.model, data, place.q)
+        mobility = Mobility.largest(M[None], tool.J_v[None], normal[None])
+        return tuple(Look(value) if np.isfinite(value) else OUTSIDE for value in mobility)
+
+    def find() -> Numbers:
+        return tuple(MARGIN * value for value in largest(omega, looks, OTHERS))
+
+    known = (plant.model.saveToString(), nominal.fingerprint, plant.surface.fingerprint)
+    key = key_of("mobility", *known, omega.centres, omega.radius, omega.span)
+    return Mobility(*memory.recall(key, 3, find))

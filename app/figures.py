@@ -24,7 +24,7 @@ Format = Literal["svg", "pdf", "png"]
 
 TIME, FREQUENCY = "t [s]", "frequency [Hz]"
 SINGLE, DOUBLE = 3.5, 7.16  # in, a journal's column and its page
-ONE_COLUMN = 4  # charts, more of which stand in two columns
+ONE_COLUMN = 4  # charts, more of which stand in two columns on paper
 AXES_HEIGHT, LEFT, RIGHT, BELOW, GAP, MARGIN = 0.95, 0.52, 0.08, 0.2, 0.05, 0.06  # in
 X_LABEL = 0.16  # in
 ROW = 0.125  # in, of a title, of a row of the legend, of a line of the caption
@@ -100,10 +100,12 @@ class Chart:
 
 @dataclass(frozen=True)
 class Figure:
-    """Charts one below the other, and what stands under them."""
+    """Charts one below the other, in two columns when there are more of them than `one_column`, and what stands under
+    them."""
 
     charts: tuple[Chart, ...]
     caption: str
+    one_column: int = ONE_COLUMN
 
 
 def render(figure: Figure, form: Format) -> bytes:
@@ -153,7 +155,7 @@ def _drawn(figure: Figure) -> Canvas:
     from matplotlib.figure import Figure as Canvas
 
     count = len(figure.charts)
-    columns = 1 if count <= ONE_COLUMN else 2
+    columns = 1 if count <= figure.one_column else 2
     width = (SINGLE, DOUBLE)[columns - 1]
     rows = -(-count // columns)
     stacks = [figure.charts[rows * c : rows * (c + 1)] for c in range(columns)]
@@ -253,22 +255,22 @@ def _scale(axes: Axes, chart: Chart) -> None:
     """The axes' ranges, and few ticks with plain numbers."""
     if chart.logarithmic_x:
         axes.set_xscale("log")
-        _plain_decades(axes.xaxis)
+        plain_decades(axes.xaxis)
     if chart.logarithmic:
         axes.set_yscale("log")
     low, high = axes.get_ylim()
     if chart.at_least is not None:
         axes.set_ylim(min(low, chart.at_least[0]), max(high, chart.at_least[1]))
     if chart.logarithmic:
-        _plain_decades(axes.yaxis)
+        plain_decades(axes.yaxis)
     else:
         from matplotlib.ticker import MaxNLocator
 
         axes.yaxis.set_major_locator(MaxNLocator(4))
-        axes.yaxis.set_major_formatter(_plain)
+        axes.yaxis.set_major_formatter(plain_number)
 
 
-def _plain_decades(axis: Axis) -> None:
+def plain_decades(axis: Axis) -> None:
     """Ticks of a logarithmic axis."""
     from matplotlib.ticker import LogLocator, NullFormatter
 
@@ -276,10 +278,11 @@ def _plain_decades(axis: Axis) -> None:
     within_decades = high > 30 * low
     axis.set_major_locator(LogLocator(subs=(1.0,) if within_decades else (1.0, 2.0, 5.0), numticks=6))
     axis.set_minor_formatter(NullFormatter())
-    axis.set_major_formatter(_plain)
+    axis.set_major_formatter(plain_number)
 
 
-def _plain(value: float, _: object) -> str:
+def plain_number(value: float, _: object) -> str:
+    """A tick's number without markup, such as 2·10⁻³."""
     mantissa, _, exponent = f"{value:.6g}".partition("e")
     power = "10" + str(int(exponent)).translate(RAISED) if exponent else ""
     return "·".join(part for part in (mantissa, power) if part and (part, bool(power)) != ("1", True)).replace("-", "−")

@@ -11,6 +11,7 @@ from tqdm import tqdm
 from app.assembly import System
 from app.closed_loop import ClosedLoop
 from app.data_files import table, write_npz
+from app.memory import Memory
 from app.metrics import Metrics, measure
 from app.scenario import Scenario
 from app.scenario_data import to_toml
@@ -18,14 +19,15 @@ from app.whole_file import write_whole
 
 
 def simulate(
-    scenario: Scenario, *, show_progress: bool = False, previous: System | None = None
+    scenario: Scenario, *, show_progress: bool = False, previous: System | None = None, memory: Memory | None = None
 ) -> tuple[ClosedLoop, Metrics]:
-    """The whole duration of a scenario, or until it stops; parts of `previous` that are the same are used again.
+    """The whole duration of a scenario, or until it stops; parts of `previous` that are the same are used again,
+    and what `memory` knows.
 
     Raises ScenarioError.
     """
     steps = max(1, round(scenario.simulation.duration / scenario.controller.period))
-    loop = ClosedLoop(scenario, steps + 1, previous)
+    loop = ClosedLoop(scenario, steps + 1, previous, memory)
     batch = max(1, steps // 200)
     started = time.perf_counter()
     with tqdm(total=steps, unit=" steps", disable=not show_progress, desc=scenario.name) as bar:

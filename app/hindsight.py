@@ -11,6 +11,7 @@ import pinocchio as pin
 
 from app.assembly import System
 from app.control_period import Observer
+from app.law import compensation
 from app.recording import Epoch
 from app.scenario import Scenario
 from app.world import truth_of
@@ -100,7 +101,7 @@ class Hindsight:
 
     def _yielding_force(self, row: Signals, epoch: Epoch) -> float:
         """Of an impedance (27) against a surface K_e: with r_d at depth phi_d, along the normal n there, phi = phi_d -
-        n^T K_m^-1 K_f n K_e phi."""
+        n^T K_m^-1 (K_f n K_e phi + M_m A s), (14)."""
         system, K_e = self.system, epoch.scenario.contact.K_e
         if system.m or system.layout.joint or system.plant.kind not in ("elastic", "mass-damper-spring"):
             return np.nan
@@ -113,16 +114,19 @@ class Hindsight:
         try:
             model = epoch.model_at(t)
             yielding = float(normal @ np.linalg.solve(model.K_m, model.K_f @ normal))
+            rest = model.left_by_layer(compensation(epoch.scenario, model.n), row["s"])
+            deeper = float(normal @ np.linalg.solve(model.K_m, rest))
         except np.linalg.LinAlgError:
             return np.nan
-        depth = chart.g[0] if not epoch.scenario.contact.unilateral else max(chart.g[0], 0.0)
+        depth = chart.g[0] + deeper
+        depth = max(depth, 0.0) if epoch.scenario.contact.unilateral else depth
         return K_e * float(depth) / (1.0 + yielding * K_e)
 
 
 class Known(Mapping[str, np.ndarray]):
     """Recorded signals, and by name, (N,) each: those of `Instant`; steady_force N: where the target model would settle
-    if the reference stood still; V_bound, V_band J: (24), and with what sampling adds; reaching: 1 until s is reached;
-    promised, measured: 1 in the row of t_r, by (18) and as it was."""
+    if the reference stood still; V_bound, V_limit J: (24), and with what sampling and layer add; reaching: 1 until s is
+    reached; promised, measured: 1 in the row of t_r, by (18) and as it was."""
 
     def __init__(
         self,
@@ -138,7 +142,7 @@ class Known(Mapping[str, np.ndarray]):
             **dict.fromkeys(Instant._fields, self._examine),
             "steady_force": self._steady_force,
             "V_bound": lambda: self._V(self._rows["s_bound"]),
-            "V_band": lambda: self._V(self._rows["s_bound"] + self._rows["s_band"]),
+            "V_limit": lambda: np.square(np.sqrt(self["V_bound"]) + np.sqrt(self._rows["V_band"])),
             "reaching": self._mark,
             "promised": self._mark,
             "measured": self._mark,
@@ -176,19 +180,22 @@ class Known(Mapping[str, np.ndarray]):
         return dict(zip(Instant._fields, found.T, strict=True))
 
     def _steady_force(self) -> np.ndarray:
-        """Where a mode controls the force (37) for what is desired now, or (42)."""
-        system, f_nd = self._hindsight.system, self._rows["F_cd"][:, 0]
+        """Where a mode controls the force (37) for what is desired now, or (42), with what the s of now leaves (14)."""
+        system, f_nd, s = self._hindsight.system, self._rows["F_cd"][:, 0], self._rows["s"]
         if not system.m:
             return self["yielding_force"]
-        if system.plant.kind == "rigid":
-            return f_nd
         numbers, settled = self._numbers(), np.empty_like(f_nd)
         for number in np.unique(numbers):
             epoch, rows = self._epochs[number], np.flatnonzero(numbers == number)
             K_e, compliance = epoch.scenario.contact.K_e, 1.0 / epoch.scenario.controller.K_e_hat
             for piece in [rows] if epoch.blend is None else rows[:, None]:
                 model = epoch.model_at(float(self._rows["t"][piece[0]]))
-                settled[piece] = f_nd[piece] * model.steady_force(0, K_e, 0.0, compliance, 1.0)
+                rest = model.left_by_layer(compensation(epoch.scenario, model.n), s[piece].T)[0]
+                if system.plant.kind == "rigid":
+                    settled[piece] = f_nd[piece] + rest / model.K_f[0, 0]
+                else:
+                    settled[piece] = f_nd[piece] * model.steady_force(0, K_e, 0.0, compliance, 1.0)
+                    settled[piece] += model.steady_force(0, K_e, 0.0, 0.0, 0.0, 1.0) * rest
         return settled
 
     def _V(self, s_norm: np.ndarray) -> np.ndarray:
@@ -200,7 +207,7 @@ class Known(Mapping[str, np.ndarray]):
         found = {name: np.zeros(len(t)) for name in ("reaching", "promised", "measured")}
         for epoch, following in zip(self._epochs, (*self._epochs[1:], None), strict=True):
             end = np.inf if following is None else following.t
-            if end < t[0]:
+            if end < t[0] or epoch.scenario.controller.law != "vsmrc":
                 continue
             reached = np.inf if epoch.reached is None else epoch.reached
             found["reaching"][(t >= epoch.t) & (t < min(reached, end) - SAME)] = 1.0

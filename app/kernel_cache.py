@@ -1,18 +1,66 @@
-"""Where compiled kernels are kept: one folder per state of the sources, so that no stale one is ever used."""
+"""Where compiled kernels are kept: one folder per state of the sources, so that no stale one is ever used.
+
+Numba reads them back as pickles, and whoever can write a pickle runs code. So it is a folder that no other user can
+have a hand in, or none that lasts.
+"""
 
 from __future__ import annotations
 
+import atexit
 import hashlib
 import os
 import shutil
+import sys
 import tempfile
 from pathlib import Path
 
+from app.own_folder import NotOwnError, private
+
 KEPT = 8  # folders of earlier states
+VARIABLE = "NUMBA_CACHE_DIR"  # read by numba; the processes beside this one inherit it
+
+
+def choose() -> None:
+    """Let numba keep kernels where this program does, unless the user or the process that started this one has said
+    where. Before numba is imported."""
+    if VARIABLE not in os.environ:
+        os.environ[VARIABLE] = str(_lasting() or _passing())
 
 
 def cache_folder() -> Path:
-    """A writable folder named after the contents of every source file that holds kernels."""
+    """The one that has been chosen."""
+    return Path(os.environ[VARIABLE])
+
+
+def _lasting() -> Path | None:
+    """A private folder below the user's cache, named after the contents of every source file that holds kernels; None,
+    with a sentence on the terminal, where there can be none."""
+    shelf = "the user's cache"
+    try:
+        shelf = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "vsmrc-lab"
+        folder = private(private(shelf) / _digest())
+        folder.touch()  # the most recently used ones are kept
+        _forget_old(folder.parent)
+    except (OSError, RuntimeError, NotOwnError) as error:  # RuntimeError: the user has no home
+        reason = f"cannot be written: {error.strerror}" if isinstance(error, OSError) else error
+        print(f"vsmrc: {shelf} {reason}; compiled kernels are not kept for the next start", file=sys.stderr)
+        return None
+    return folder
+
+
+def _passing() -> Path:
+    """A folder that nobody can foresee, only for this process and those that it starts."""
+    folder, maker = Path(tempfile.mkdtemp(prefix="vsmrc-kernels-")), os.getpid()
+
+    def remove() -> None:
+        if os.getpid() == maker:  # and no fork of it
+            shutil.rmtree(folder, ignore_errors=True)
+
+    atexit.register(remove)
+    return folder
+
+
+def _digest() -> str:
     root = Path(__file__).parents[1]
     digest = hashlib.sha256()
     for package in ("app", "controllers", "environments", "kernels"):
@@ -20,18 +68,7 @@ def cache_folder() -> Path:
             source = file.read_bytes()
             if b"kernel" in source:
                 digest.update(file.name.encode() + source)
-    for base in (os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache", tempfile.gettempdir()):
-        shelf = Path(base) / "vsmrc-lab"
-        folder = shelf / digest.hexdigest()[:16]
-        try:
-            folder.mkdir(parents=True, exist_ok=True)
-            folder.touch()  # the most recently used ones are kept
-        except OSError:
-            continue
-        if os.access(folder, os.W_OK):
-            _forget_old(shelf)
-            return folder
-    raise OSError("no folder for compiled kernels: neither ~/.cache nor the temporary folder can be written")
+    return digest.hexdigest()[:16]
 
 
 def _forget_old(shelf: Path) -> None:

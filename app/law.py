@@ -12,6 +12,7 @@ from controllers.blend import ModelBlend, certify
 from controllers.bounds import Uncertainty
 from controllers.compensator import Compensator
 from controllers.modes import Mode
+from controllers.surface_stability import SurfaceRange
 from controllers.switching import Switching
 from controllers.target_model import InvalidGain
 from controllers.target_model import TargetModel as Model
@@ -30,7 +31,8 @@ def uncertainty_of(scenario: Scenario, k_C: float) -> Uncertainty:
 
 
 def default_target_model(mode: Mode, n: int, K_e_hat: float) -> dict[str, np.ndarray]:
-    """Diagonals for a mode: critically damped at 20 rad/s; softer where it meets forces."""
+    """Diagonals for a mode: critically damped at 20 rad/s; softer where it meets forces. K_m1 = 0 in all that control a
+    force, also where (38) has it s.p.d.: so (37) leaves no force error."""
     M = np.full(n, 10.0)
     K = np.full(n, 1000.0 if mode.name == "impedance" else 4000.0)
     B = 2.0 * np.sqrt(K * M)
@@ -43,7 +45,8 @@ def default_target_model(mode: Mode, n: int, K_e_hat: float) -> dict[str, np.nda
     return {"M_m": M, "B_m": B, "K_m": K, "K_f": mode.controlled(n)}
 
 
-def _square(path: str, value: Matrix | float, n: int) -> np.ndarray:
+def square(path: str, value: Matrix | float, n: int) -> np.ndarray:
+    """A field's matrix (n, n), given as one number, n diagonal entries or n rows. Raises ScenarioError."""
     if isinstance(value, int | float):
         return np.eye(n) * value
     rows = [np.atleast_1d(np.array(row, dtype=float)) for row in value]
@@ -55,6 +58,11 @@ def _square(path: str, value: Matrix | float, n: int) -> np.ndarray:
     raise ScenarioError(f"{path}: {shape}; allowed: {n} diagonal entries or a {n} x {n} matrix")
 
 
+def compensation(scenario: Scenario, n: int) -> np.ndarray:
+    """A (n, n) of the compensator (9), 1/s; zero under a law that does without it."""
+    return square("controller.A", scenario.controller.A, n) if scenario.controller.law == "vsmrc" else np.zeros((n, n))
+
+
 def target_model(scenario: Scenario, n: int) -> Model:
     """The scenario's (8) for n coordinates, missing matrices at the mode's defaults; not yet judged by the mode.
 
@@ -63,23 +71,41 @@ def target_model(scenario: Scenario, n: int) -> Model:
     default = default_target_model(modes.MODES[scenario.mode], n, scenario.controller.K_e_hat)
     given = {f: getattr(scenario.target_model, f) for f in TargetModel.__struct_fields__}
     matrices = {
-        f: np.diag(default[f]) if value is None else _square(f"target_model.{f}", value, n)
-        for f, value in given.items()
+        f: np.diag(default[f]) if value is None else square(f"target_model.{f}", value, n) for f, value in given.items()
     }
     return Model(**matrices)
 
 
-def blend_of(scenario: Scenario, mode: Mode, n: int) -> ModelBlend | None:
+def surfaces_met(scenario: Scenario, mode: Mode, layout: TaskLayout) -> SurfaceRange | None:
+    """The surfaces on which the target model has to be stable: as stiff as the scenario's or as believed, if any."""
+    contact, m = scenario.contact, mode.m()
+    if contact.kind not in ("elastic", "mass-damper-spring") or mode.feedback != "all":
+        return None
+    if m:  # the normal has its coordinate to itself
+        return SurfaceRange(0.0, 0.0, 0.0, contact.friction_viscous, m, layout.positions - m, normal=False)
+    return SurfaceRange(
+        K_e=max(contact.K_e, scenario.controller.K_e_hat),
+        B_e=contact.B_e,
+        M_e=contact.M_e if contact.kind == "mass-damper-spring" else 0.0,
+        friction=contact.friction_viscous,
+        first=0,
+        directions=layout.positions,
+        normal=True,
+    )
+
+
+def blend_of(scenario: Scenario, mode: Mode, layout: TaskLayout) -> ModelBlend | None:
     """What the scenario plans; refused unless every model on the way is stable."""
     if not scenario.blend.planned:
         return None
+    n, surfaces = layout.n, surfaces_met(scenario, mode, layout)
     start = target_model(scenario, n)
     try:
         end = target_model(after_blend(scenario), n)
-        mode.check(end, scenario.controller.K_e_hat)
+        mode.check(end, scenario.controller.K_e_hat, surfaces)
     except (InvalidGain, ScenarioError) as error:
         raise ScenarioError(f"blend.to: {error}") from error
-    certificate = certify(start, end, mode.environment(n, scenario.controller.K_e_hat))
+    certificate = certify(start, end, mode.environment(n, scenario.controller.K_e_hat), surfaces)
     if not certificate.stable:
         raise ScenarioError(
             f"blend.to: {certificate.sentence}; allowed: a model to which the way has its poles left of 0"
@@ -91,8 +117,8 @@ def law_of(scenario: Scenario, mode: Mode, layout: TaskLayout, constants: Consta
     """The law (25), or a baseline in its place. Raises ScenarioError and InvalidGain."""
     n, c = layout.n, scenario.controller
     model = target_model(scenario, n)
-    mode.check(model, c.K_e_hat)
-    gains = {f: _square(f"controller.{f}", getattr(c, f), n) for f in ("A", "F_1", "F_2", "K_s")}
+    mode.check(model, c.K_e_hat, surfaces_met(scenario, mode, layout))
+    gains = {f: square(f"controller.{f}", getattr(c, f), n) for f in ("A", "F_1", "F_2", "K_s")}
     return LAWS[c.law](
         model=model,
         compensator=Compensator.design(model, gains["A"], gains["F_1"], gains["F_2"]),

@@ -19,11 +19,15 @@ from typing import Any, Literal
 
 import structlog
 
+from app.log_file import LogFile
+from app.redaction import redacted
+
 Level = Literal["debug", "info", "warning", "error"]
 Event = MutableMapping[str, Any]
 
 TERMINAL, FILE = "warning", "info"  # levels, unless the user says otherwise
-MOST = 20  # lines of one event in one second
+MOST = 20  # lines of one event, or of one library, in one second
+LONGEST, LONGEST_TRACEBACK = 1000, 8000  # characters of a value; with a few fields, a line stays below 50 kB
 OURS = ("app", "__main__")
 
 _LEVEL, _FILE = "VSMRC_LOG_LEVEL", "VSMRC_LOG_FILE"  # how the processes beside this one know
@@ -52,10 +56,8 @@ def configure(level: Level | None = None, file: Path | None = None) -> None:
     terminal.addFilter(_is_ours)
     handlers = [terminal]
     if file is not None:
-        # append, so that several processes can share it: a line is one write
-        opened = os.open(file, os.O_WRONLY | os.O_APPEND | os.O_CREAT, 0o600)
-        keep = level == "debug"
-        handlers.append(_Lines(_Appending(opened, file), level or FILE, _formatter(_with_traceback(keep))))
+        opened, keep = LogFile(file), level == "debug"
+        handlers.append(_Lines(opened.write, level or FILE, _formatter(_with_traceback(keep)), opened.close))
     root = logging.getLogger()
     for old in root.handlers[:]:
         if isinstance(old, _Lines):
@@ -83,13 +85,19 @@ def configure_as_parent() -> None:
 
 
 class _Lines(logging.Handler):
-    """Writes lines; of a flood of one event `MOST` a second, and how many were left out before. `write` raises OSError
-    where it cannot, which is said once."""
+    """Writes lines; of a flood of one event, or of one library, `MOST` a second, and how many were left out before.
+    `write` raises OSError where it cannot, which is said once; `end` is called at the end."""
 
-    def __init__(self, write: Callable[[str], None], level: str, formatter: logging.Formatter) -> None:
+    def __init__(
+        self,
+        write: Callable[[str], None],
+        level: str,
+        formatter: logging.Formatter,
+        end: Callable[[], None] = lambda: None,
+    ) -> None:
         super().__init__(level.upper())
         self.setFormatter(formatter)
-        self._write = write
+        self._write, self._end = write, end
         self._seen: dict[object, tuple[int, int]] = {}  # by event: the second, and how many there were in it
         self._complained = False
 
@@ -113,38 +121,22 @@ class _Lines(logging.Handler):
 
     def _left_out(self, record: logging.LogRecord) -> int | None:
         """How many of this event were left out before it; None when it is to be left out itself."""
-        event = record.msg["event"] if isinstance(record.msg, dict) else record.msg
+        # libraries may put anything into a message
+        event = record.msg["event"] if isinstance(record.msg, dict) else ""
         key, second = (record.name, event), int(record.created)
         began, count = self._seen.get(key, (second, 0))
         if began != second:
             began, left_out, count = second, max(count - MOST, 0), 0
         else:
             left_out = 0
-        if len(self._seen) > 1000:  # libraries may put anything into a message
+        if len(self._seen) > 1000:
             self._seen.clear()
         self._seen[key] = (began, count + 1)
         return left_out if count < MOST else None
 
     def close(self) -> None:
-        if isinstance(self._write, _Appending):
-            self._write.close()
+        self._end()
         super().close()
-
-
-class _Appending:
-    """To a file: each line by one call of the system, so that lines of several processes do not mix. Raises OSError,
-    also for a line that does not fit on the disk as a whole."""
-
-    def __init__(self, descriptor: int, path: Path) -> None:
-        self._descriptor, self._path = descriptor, path
-
-    def __call__(self, line: str) -> None:
-        data = line.encode(errors="backslashreplace")
-        if (written := os.write(self._descriptor, data)) < len(data):
-            raise OSError(f"{self._path}: {written} of {len(data)} bytes of a line fit")
-
-    def close(self) -> None:
-        os.close(self._descriptor)
 
 
 def _say(sentence: str) -> None:
@@ -211,12 +203,23 @@ def _exception(exc_info: object) -> BaseException | None:
 
 
 def _escaped(_: object, __: str, event: Event) -> Event:
-    """Nothing in a value can begin a line or reach the terminal as a command; keys are ours."""
-    return {key: _plain(value) for key, value in event.items()}
+    """Nothing in a value can begin a line or reach the terminal as a command, none is long, and none is secret; keys
+    are ours."""
+    return {key: _plain(value, LONGEST_TRACEBACK if key == "traceback" else LONGEST) for key, value in event.items()}
 
 
-def _plain(value: object) -> object:
-    return value if isinstance(value, bool | int | float | None) else str(value).translate(_CONTROLS)
+def _plain(value: object, longest: int) -> object:
+    if isinstance(value, bool | float | None) or (isinstance(value, int) and abs(value) < 2**64):
+        return value
+    # cut twice: what the first cut leaves of a secret is at the middle, which the second one takes
+    text = redacted(_cut(str(value), 2 * longest))
+    return _cut(text, longest).translate(_CONTROLS)
+
+
+def _cut(text: str, longest: int) -> str:
+    """Its beginning and its end, where it is longer."""
+    half = longest // 2
+    return text if len(text) <= longest else f"{text[:half]} … {text[-half:]}"
 
 
 def _thread_failed(failure: threading.ExceptHookArgs) -> None:

@@ -11,7 +11,9 @@ from msgspec import Struct
 
 from app.assembly import System
 from app.closed_loop import ClosedLoop
-from app.recording import Recording
+from app.law import compensation
+from app.premises import Finding, Promise
+from app.recording import Epoch, Recording
 from app.units import Units
 
 TAIL = 0.2  # share of the run that "tail" figures look at
@@ -25,9 +27,16 @@ class Metrics(Struct, frozen=True):
     motion_error_tail: float  # max ||e|| of the position coordinates that are not force-controlled, m
     force_error_tail: float | None  # max |f_n - f_nd|, N
     constraint_violation: float | None  # max |phi| on a rigid surface, m
-    reaching_time: float | None  # s, of the run's beginning; None while s has not been reached
-    reaching_time_bound: float  # s, (18)
-    envelope_violation: float  # max of ||s|| beyond (20) and the sampling band, m/s
+    promise: Promise
+    premises: tuple[Finding, ...]
+    reaching_time: (
+        float | None
+    )  # s, of the run's beginning until ||s|| is within the boundary layer; None while it is not
+    reaching_time_bound: float  # s, (18): until s = 0 in continuous time, and so until the layer
+    layer_time_bound: float | None  # s, until the boundary layer; None for a law that has none
+    band_time: float | None  # s, until ||s|| is within its band
+    band_time_bound: float | None  # s
+    envelope_violation: float | None  # max of ||s|| beyond (20) and the band where they are promised, m/s
     gain_condition_margin: float  # min of d minus what (17) needs, N
     target_model_residual_tail: float  # RMS of the left side of (8) minus its right side, N
     torque_total_variation: list[float]  # sum of |changes| per second, N m/s, per joint
@@ -35,6 +44,25 @@ class Metrics(Struct, frozen=True):
     simulated_time: float  # s
     realtime_factor: float | None
     stopped: str | None
+
+
+def unit_of(field: str, units: Units) -> str:
+    """The unit of a figure of `Metrics` in a task space with these units, "" of those without."""
+    return {
+        "motion_error_tail": units.coordinate,
+        "force_error_tail": "N",
+        "constraint_violation": "m",
+        "reaching_time": "s",
+        "reaching_time_bound": "s",
+        "layer_time_bound": "s",
+        "band_time": "s",
+        "band_time_bound": "s",
+        "envelope_violation": units.speed,
+        "gain_condition_margin": units.force,
+        "target_model_residual_tail": units.force,
+        "torque_total_variation": "N·m/s",
+        "simulated_time": "s",
+    }.get(field, "")
 
 
 def measure(loop: ClosedLoop, realtime_factor: float | None = None) -> Metrics:
@@ -50,13 +78,20 @@ def measure(loop: ClosedLoop, realtime_factor: float | None = None) -> Metrics:
     tau = record["tau"]
     duration = max(float(t[-1] - t[0]), system.scenario.controller.period)
     excess = record["s_norm"] - record["s_bound"] - record["s_band"]
+    promised = excess[np.isfinite(excess)]
+    standing = loop.standing
     return Metrics(
         motion_error_tail=float(np.linalg.norm(motion_error(system, last), axis=1).max()),
         force_error_tail=float(np.abs(force_error(last)).max()) if system.m else None,
         constraint_violation=float(np.abs(record["phi"]).max()) if rigid else None,
-        reaching_time=None if begun.reached is None else begun.reached - begun.t,
+        promise=standing.run,
+        premises=standing.findings,
+        reaching_time=since(begun, begun.reached),
         reaching_time_bound=begun.certificate.t_r,
-        envelope_violation=max(float(excess.max()), 0.0),
+        layer_time_bound=since(begun, begun.reached_by),
+        band_time=since(begun, begun.banded),
+        band_time_bound=since(begun, begun.banded_by),
+        envelope_violation=max(float(promised.max()), 0.0) if len(promised) else None,
         gain_condition_margin=float((record["d"] - record["d_required"]).min()),
         target_model_residual_tail=float(np.sqrt(np.mean(record["residual"][tail] ** 2))),
         torque_total_variation=[float(v) / duration for v in np.abs(np.diff(tau, axis=0)).sum(axis=0)],
@@ -65,6 +100,11 @@ def measure(loop: ClosedLoop, realtime_factor: float | None = None) -> Metrics:
         realtime_factor=realtime_factor,
         stopped=loop.stopped,
     )
+
+
+def since(epoch: Epoch, instant: float | None) -> float | None:
+    """An instant (s) counted from the epoch's beginning."""
+    return None if instant is None else instant - epoch.t
 
 
 def tail_of(t: np.ndarray) -> np.ndarray:
@@ -98,17 +138,20 @@ def motion_error(system: System, record: Mapping[str, np.ndarray]) -> np.ndarray
     return error - normals * np.sum(error * normals, axis=1, keepdims=True)
 
 
-def steady_force_error(system: System, f_nd: float) -> float | None:
-    """What (37) says of f_n - f_nd (N) in the end, for a constant desired force (N); None where no force is controlled.
+def steady_force_error(system: System, f_nd: float, s: np.ndarray) -> float | None:
+    """What (37) says of f_n - f_nd (N) in the end, for a constant desired force (N), with what an s (n,) m/s that rests
+    within the boundary layer adds where A is not 0, (14); None where no force is controlled.
 
-    On a rigid surface r_fd = 0 and (41) leaves none.
+    On a rigid surface r_fd = 0 and (41) leaves none but for s.
     """
     if not system.m:
         return None
+    law = system.law
+    rest = float(law.model.left_by_layer(compensation(system.scenario, system.layout.n), s)[0])
     if system.scenario.contact.kind == "rigid":
-        return 0.0
+        return rest / float(law.model.K_f[0, 0])
     r_fd = f_nd * system.plan.compliance
-    return float(system.law.model.steady_force(0, system.scenario.contact.K_e, 0.0, r_fd, f_nd)) - f_nd
+    return float(law.model.steady_force(0, system.scenario.contact.K_e, 0.0, r_fd, f_nd, rest)) - f_nd
 
 
 def settling_time(t: np.ndarray, signal: np.ndarray, resolution: float) -> float:

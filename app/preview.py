@@ -9,6 +9,7 @@ from msgspec import Struct
 
 from app.assembly import System
 from app.closed_loop import ClosedLoop, LoopState
+from app.memory import Memory
 from app.metrics import force_error, motion_error, settling_time, steady_force_error, tail_of
 from app.recording import Epoch
 from app.scenario import Scenario
@@ -81,13 +82,14 @@ class Done:
 class Foresight:
     """A run of its own that answers a question, piece by piece.
 
-    Takes over what is the same from `previous`. Raises ScenarioError when the edited scenario cannot be built.
+    Takes over what is the same from `previous`, and what `memory` knows. Raises ScenarioError when the edited scenario
+    cannot be built.
     """
 
-    def __init__(self, question: Question, previous: System | None = None) -> None:
+    def __init__(self, question: Question, previous: System | None = None, memory: Memory | None = None) -> None:
         self.question = question
         rows = max(1, round(question.horizon / question.scenario.controller.period))
-        self._loop = ClosedLoop.resume(question.state, rows, previous)
+        self._loop = ClosedLoop.resume(question.state, rows, previous, memory)
         self.base = self._loop.system  # of the running scenario: a good `previous` for the next question
         if question.scenario != question.state.scenario:
             self._loop.edit(question.scenario)
@@ -126,12 +128,13 @@ class Foresight:
     def _figures(self, record: dict[str, np.ndarray], thinned: dict[str, np.ndarray]) -> Figures:
         loop, system, t = self._loop, self._loop.system, record["t"]
         tail = tail_of(t)
-        path = np.linalg.norm(motion_error(system, thinned), axis=1)
+        path = np.linalg.norm(_path_error(system, thinned), axis=1)
         error = predicted = settling = None
         if system.m:
             deviation, f_nd = force_error(record), record["F_cd"][tail, 0]
             error = float(deviation[tail].mean())
-            predicted = steady_force_error(system, float(f_nd[-1])) if np.ptp(f_nd) < STEADY else None
+            s = record["s"][tail].mean(axis=0)
+            predicted = steady_force_error(system, float(f_nd[-1]), s) if np.ptp(f_nd) < STEADY else None
             settling = settling_time(t, deviation, FORCE_RESOLUTION)
         return Figures(
             span=float(t[-1] - self._start) + system.scenario.controller.period,
@@ -143,8 +146,21 @@ class Foresight:
             reaching_time=np.inf if loop.reaching_time is None else loop.reaching_time,
             reaching_time_promised=loop.certificate.t_r,
             gain_margin=float((record["d"] - record["d_required"]).min()),
-            left=loop.stopped or loop.warning,
+            left=loop.stopped or loop.warning or _unpromised(loop),
         )
+
+
+def _unpromised(loop: ClosedLoop) -> str | None:
+    """That nothing is promised in the end, and why; None where something is."""
+    promise = loop.standing.now
+    return None if promise.verdict == "holds" else f"{promise.verdict}: {promise.because}"
+
+
+def _path_error(system: System, record: dict[str, np.ndarray]) -> np.ndarray:
+    """The position errors (N, k) m as plots have them: where no force is controlled, those into a surface, too."""
+    if system.m or system.layout.joint:
+        return motion_error(system, record)
+    return record["e_r"][:, : system.layout.positions]
 
 
 def _points(rows: int) -> np.ndarray:

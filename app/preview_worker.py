@@ -13,7 +13,9 @@ from multiprocessing.connection import Connection
 import structlog
 
 from app.assembly import System
+from app.constants_shelf import ConstantsShelf
 from app.log import configure_as_parent
+from app.memory import Memory
 from app.preview import Done, Foresight, Question, Refusal
 from app.scenario import ScenarioError
 
@@ -28,17 +30,18 @@ NICENESS = 10  # the running loop comes first
 def serve(asker: Connection) -> None:
     """Answer one question at a time. Raises EOFError when nobody asks any more."""
     previous: System | None = None
+    memory = Memory(ConstantsShelf())
     while True:
         question = asker.recv()
         if isinstance(question, Question):  # a Hurry here was meant for the question before
-            previous = _answer(question, asker, previous)
+            previous = _answer(question, asker, previous, memory)
             asker.send(Done())
 
 
-def _answer(question: Question, asker: Connection, previous: System | None) -> System | None:
+def _answer(question: Question, asker: Connection, previous: System | None, memory: Memory) -> System | None:
     """Returns what the next answer may take over."""
     try:
-        foresight = Foresight(question, previous)
+        foresight = Foresight(question, previous, memory)
         _look_ahead(foresight, asker)
     except (ScenarioError, ArithmeticError, ValueError) as error:
         asker.send(Refusal(question.number, str(error)))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -65,8 +65,10 @@ SIGNALS = (
     Signal("d", 1, "N", "gain of the switching term", "N·m"),
     Signal("d_required", 1, "N", "what (17) needs: the sum of `needed`", "N·m"),
     Signal("s_norm", 1, "m/s", "||s||", "rad/s"),
-    Signal("s_bound", 1, "m/s", "envelope of ||s||, (20)", "rad/s"),
+    Signal("s_bound", 1, "m/s", "envelope of ||s||, (20); not a number where nothing is promised", "rad/s"),
     Signal("s_band", 1, "m/s", "what sampling and the boundary layer add to it", "rad/s"),
+    Signal("V_band", 1, "J", "what they add to sqrt(V) of (24), squared"),
+    Signal("held_error", 1, "N", "what (25) without its robust terms changed within the period before", "N·m"),
     Signal("sigma_min", 1, "m", "smallest singular value of J_q, at most 3 % too small", "1"),
     Signal("residual", "n", "N", "left side of (8) minus its right side", "N·m"),
     Signal("F_true", 3, "N", "the force on the surface itself; F is the reading of F_true - F_push"),
@@ -94,13 +96,17 @@ def columns_of(n: int) -> dict[str, slice]:
 @dataclass(frozen=True)
 class Epoch:
     """What the rows from t (s) on were computed under, until the next epoch begins: model, or on the way of `blend`.
-    reached: when s was first within its sampling band (s), None while it was not."""
+    reached: when ||s|| was first within the boundary layer, or the band of a law without one, and banded: within the
+    band, s, None while it was not; reached_by, banded_by: by when that is promised, s, None where it is not."""
 
     t: float
     scenario: Scenario
     model: TargetModel
     certificate: ReachingCertificate
     reached: float | None = None
+    banded: float | None = None
+    reached_by: float | None = None
+    banded_by: float | None = None
     blend: ModelBlend | None = None
 
     def model_at(self, t: float) -> TargetModel:
@@ -109,7 +115,9 @@ class Epoch:
 
     def until(self, t: float) -> Epoch:
         """As it was known at t (s)."""
-        return self if self.reached is None or self.reached <= t else replace(self, reached=None)
+        known = (None if instant is None or instant > t else instant for instant in (self.reached, self.banded))
+        reached, banded = known
+        return replace(self, reached=reached, banded=banded)
 
 
 class Stretch(Mapping[str, np.ndarray]):
@@ -160,6 +168,18 @@ class Recording:
         self._blocks: deque[_Block] = deque()
         self._thinned: deque[np.ndarray] = deque(maxlen=self._most)
         self.epochs: deque[Epoch] = deque(maxlen=EPOCHS)
+
+    @classmethod
+    def of(cls, n: int, length: int, signals: Iterable[tuple[slice, np.ndarray]]) -> Recording:
+        """A recording of so many rows. signals: where each one stands in a row, and its values, (length, width); they
+        are taken one after the other."""
+        recording = cls(n, history=length)
+        starts = range(0, length, BLOCK)
+        recording._blocks.extend(_Block(np.empty((BLOCK, recording.width)), min(BLOCK, length - at)) for at in starts)
+        for where, values in signals:
+            for at, block in zip(starts, recording._blocks, strict=True):
+                block.rows[: block.filled, where] = values[at : at + BLOCK]
+        return recording
 
     def __len__(self) -> int:
         return sum(block.filled for block in tuple(self._blocks))

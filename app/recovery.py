@@ -25,11 +25,13 @@ import structlog
 
 from app.closed_loop import ClosedLoop
 from app.data_files import read_npz, table, write_npz
+from app.own_folder import NotOwnError, own
 from app.scenario import Scenario, ScenarioError
 from app.scenario_data import from_toml, to_toml
 from app.snapshot import Snapshot
 from app.timeline import PINS, Pinned
 from app.whole_file import write_whole
+from environments.regular_file import read_regular
 
 log = structlog.get_logger()
 
@@ -74,14 +76,17 @@ class Offer:
     saved: float
 
 
-def occupied(path: Path) -> int:
-    """Make the folder, and have it alone: until the file that is returned is closed, or this process ends.
+def occupied(path: Path) -> tuple[Path, int]:
+    """Make the folder, and have it alone: until the file that is returned is closed, or this process ends. With it
+    comes the path, links above the folder resolved.
 
-    Raises StateError when another process has it or it cannot be written.
+    Raises StateError when another process has it, it cannot be written, or another user has a hand in it.
     """
     try:
-        path.mkdir(parents=True, exist_ok=True, mode=0o700)
+        path = own(path)
         lock = os.open(path / LOCK, os.O_RDWR | os.O_CREAT, _PRIVATE)
+    except NotOwnError as error:
+        raise StateError(f"--state-dir {path}: {error}; allowed: a folder that only its owner can write") from error
     except OSError as error:
         raise StateError(f"--state-dir {path}: cannot be written: {error.strerror}") from error
     try:
@@ -89,7 +94,7 @@ def occupied(path: Path) -> int:
     except OSError as error:
         os.close(lock)
         raise StateError(f"--state-dir {path}: another server uses it; allowed: a folder of its own") from error
-    return lock
+    return path, lock
 
 
 class Last(NamedTuple):
@@ -116,14 +121,13 @@ class StateFolder:
     """
 
     def __init__(self, path: Path) -> None:
-        self.path = path
+        self.path, self._lock = occupied(path)
         self.problem = ""
-        self._lock = occupied(path)
         self._kept: tuple[tuple[Pinned, str], ...] = ()
         self._answered = False
         try:
             if self._readable(SESSION) is not None:
-                os.replace(path / SESSION, path / OFFER)
+                os.replace(self.path / SESSION, self.path / OFFER)
             self._tidy()
         except OSError as error:
             self.close()
@@ -325,8 +329,7 @@ def _read(path: Path) -> _Index:
 def _decoded(path: Path) -> _Index:
     """Its scenario may be none. Raises FileNotFoundError and StateError."""
     try:
-        with path.open("rb") as file:
-            content = file.read(LARGEST + 1)
+        content = read_regular(path, LARGEST + 1)
     except FileNotFoundError:
         raise
     except OSError as error:

@@ -35,11 +35,14 @@ from app.commands import (
     ToEnd,
     Unpin,
 )
+from app.constants_shelf import ConstantsShelf
+from app.memory import Memory
 from app.pacing import Pace, PaceMeter, Schedule
 from app.scenario import Scenario, ScenarioError
 from app.scenario_data import edited
 from app.snapshot import Snapshot, snapshot_of
 from app.timeline import Timeline
+from app.uploads import Reach
 
 log = structlog.get_logger()
 
@@ -55,20 +58,25 @@ SLOWEST, FASTEST = 0.01, 100.0
 
 
 class Runner:
-    """Owns the loop. `post` and `snapshot` may be used from any thread; nothing else touches the loop."""
+    """Owns the loop. `post` and `snapshot` may be used from any thread; nothing else touches the loop.
 
-    def __init__(self, scenario: Scenario) -> None:
-        loop = ClosedLoop(scenario)
+    reach: which files commands may name, None for any.
+    """
+
+    def __init__(self, scenario: Scenario, reach: Reach | None = None) -> None:
+        loop = ClosedLoop(scenario, memory=Memory(ConstantsShelf()))
         loop.step()  # compiles, where no cache has it yet, what must not delay the loop
         loop.reset()
         self._line = Timeline(loop)
         self._commands: queue.SimpleQueue[Command] = queue.SimpleQueue()
         self._closing = threading.Event()
         self._thread = threading.Thread(target=self._run, name="closed-loop", daemon=True)
+        self._reach = reach
         self._playing = True
         self._speed = 1.0
         self._revision = self._runs = self._refusals = 0
         self._refusal: str | None = None
+        self._told = ""
         self._slowed = False
         self.meter = PaceMeter()
         self._pace_now: Pace | None = None
@@ -195,6 +203,7 @@ class Runner:
             ):
                 self.snapshot = replace(self.snapshot, notice=PREPARING)
             try:
+                self._require_reach(command)
                 self._carry_out(command)
             except (ScenarioError, ArithmeticError, ValueError) as error:
                 self._refuse(str(error), command)
@@ -202,6 +211,16 @@ class Runner:
                 log.error("fault", stage="a command", command=type(command).__name__, exc_info=error)
                 self._refuse(f"{type(command).__name__} failed ({type(error).__name__}: {error})", command)
         return self._runs != runs or not all(isinstance(command, Edit | Blend | Push) for command in queued)
+
+    def _require_reach(self, command: Command) -> None:
+        """Raises ScenarioError for a file that this loop's pages may not name."""
+        match command:
+            case Load(scenario) if self._reach is not None:
+                self._reach.require(scenario.robot.urdf)
+            case Edit("robot.urdf", path) if self._reach is not None:
+                self._reach.require(path)
+            case _:
+                pass
 
     def _refuse(self, sentence: str, command: Command) -> None:
         self._refusal = sentence
@@ -252,7 +271,9 @@ class Runner:
             case Edit("mode", value) if value == scenario_now.mode:
                 pass  # the mode that runs is not begun anew
             case Edit("mode", value):
-                self._edit(changes.in_mode(scenario_now, str(value)))
+                changed = changes.in_mode(scenario_now, str(value))
+                self._edit(changed)
+                self._told = changes.told(scenario_now, changed)
             case Edit(path, value) if path.startswith("robot."):
                 self._edit(changes.with_robot(scenario_now, {path.removeprefix("robot."): value}))
             case Edit("surface", str() as kind):
@@ -262,6 +283,7 @@ class Runner:
 
     def _edit(self, scenario: Scenario) -> None:
         self._runs += self._line.edit(scenario)
+        self._told = ""
         self._revision += 1
 
     def _publish(self) -> Snapshot:
@@ -283,6 +305,7 @@ class Runner:
         line, loop = self._line, self._loop
         return replace(
             seen,
+            notice=seen.notice or self._told,
             revision=self._revision,
             run=self._runs,
             first=line.first,

@@ -7,7 +7,8 @@ Lengths of vectors depend on the robot and are checked where the objects are bui
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated, Any, Literal
+from functools import cache
+from typing import Annotated, Any, Literal, cast
 
 import msgspec
 from msgspec import Meta, Struct, field
@@ -284,7 +285,7 @@ class Simulation(_Section, frozen=True, forbid_unknown_fields=True):
 
     duration: Annotated[float, _number("simulated time of a headless run", "s", gt=0, le=36000)] = 10.0
     seed: Annotated[int, _number("of the sensor's noise", "", ge=0, le=2**63 - 1)] = 0
-    integrator: Annotated[Literal["semi-implicit-euler", "rk4"], _number("of the plant", "")] = "semi-implicit-euler"
+    integrator: Annotated[Literal["leapfrog", "semi-implicit-euler", "rk4"], _number("of the plant", "")] = "leapfrog"
     substeps: Annotated[int, _number("plant steps in a control period", "", ge=1, le=1000)] = 1
     domain_radius: Annotated[float, _number("Omega: postures within this of the reference", "rad", gt=0, le=3)] = 0.15
     sigma_min: Annotated[float, _number("J_q counts as singular below this singular value", "m", ge=0, le=1)] = 0.01
@@ -344,7 +345,7 @@ def field_info(path: str) -> FieldInfo:
     for section in sections:
         candidates = [t for c in candidates for t in types_of(c, section)]
     for candidate in candidates:
-        for f in msgspec.inspect.type_info(candidate).fields:  # type: ignore[attr-defined]
+        for f in _schema(candidate).fields:
             if f.name == last and isinstance(f.type, msgspec.inspect.Metadata):
                 return _info(f.type)
     raise KeyError(path)
@@ -367,7 +368,13 @@ def _info(metadata: msgspec.inspect.Metadata) -> FieldInfo:
 
 
 def types_of(struct: type[Struct], name: str) -> list[type[Struct]]:
-    info: Any = msgspec.inspect.type_info(struct)
-    kind = next((f.type for f in info.fields if f.name == name), None)
+    """The structs that a field may hold: one for a section, several for a section of several kinds, else none."""
+    kind = next((f.type for f in _schema(struct).fields if f.name == name), None)
     kinds = kind.types if isinstance(kind, msgspec.inspect.UnionType) else [kind]
     return [k.cls for k in kinds if isinstance(k, msgspec.inspect.StructType)]
+
+
+@cache
+def _schema(struct: type[Struct]) -> msgspec.inspect.StructType:
+    """What msgspec says of a struct; it translates all that lies below, which is worth doing once."""
+    return cast(msgspec.inspect.StructType, msgspec.inspect.type_info(struct))

@@ -46,6 +46,7 @@ from app.session_messages import (
     to_session,
 )
 from app.timeline import Pinned
+from app.uploads import Reach
 
 events = structlog.get_logger()
 
@@ -101,8 +102,9 @@ def serve(gateway: Gateway) -> None:
     scenario = from_toml(prepare.scenario)
     with contextlib.redirect_stdout(io.StringIO()):  # viser would print an address where nobody is answered
         dashboard = Dashboard(port=0, theme=cast(Theme, prepare.theme), fps=prepare.fps, key=prepare.key)
+    given = scenario.robot.urdf
     preparing = Pulse(gateway, dashboard, lambda: None)  # the very first arm of its kind takes half a minute
-    runner = Runner(scenario)
+    runner = Runner(scenario, Reach((given,) if given else ()))
     dashboard.attach(runner)
     preparing.stop()  # a spare is silent: nobody listens to it
     gateway.tell(Ready(dashboard.port, dashboard.looking_fields))

@@ -10,7 +10,9 @@ import numpy as np
 from app.assembly import Coordinate, System
 from app.closed_loop import ClosedLoop, LoopState
 from app.pacing import Pace
+from app.premises import Standing
 from app.recording import Recording
+from app.sampled_loop import SampledLoop
 from app.scenario import Scenario
 from app.timeline import Pinned
 from environments.robots import Robot
@@ -27,7 +29,8 @@ class Snapshot:
     blending: how much of a blend of the target model is done, 0 to 1, None without one under way.
     push (3,) N: of a hand, or of truth.push, on the tool.
     live: numbers by name, SI units: s_norm, s_bound, s_band, d, d_required, gain_margin, sigma_min, V, residual,
-    layer_loop_factor, force_loop_factor, reaching_time_bound, reaching_time.
+    layer_loop_factor, force_loop_factor, reaching_time_bound, reaching_time; standing: premises and verdict;
+    sampled: what the sampled loop makes of the target model's poles.
     """
 
     scenario: Scenario
@@ -58,6 +61,8 @@ class Snapshot:
     surface: Surface | None
     surface_offset: np.ndarray
     live: dict[str, float]
+    standing: Standing
+    sampled: SampledLoop
     recording: Recording
     pinned: tuple[Pinned, ...]
     state: LoopState
@@ -105,6 +110,8 @@ def snapshot_of(loop: ClosedLoop) -> Snapshot:
         surface=None if scenario.contact.kind == "free" and not system.m else system.surface,
         surface_offset=system.surface.motion.offset(loop.t),
         live=view.live,
+        standing=loop.standing,
+        sampled=loop.sampled,
         recording=loop.recording,
         pinned=(),
         system=system,

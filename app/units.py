@@ -12,6 +12,16 @@ class Units(NamedTuple):
     rate: str
     force: str
 
+    @property
+    def coordinate(self) -> str:
+        """Of r itself."""
+        return self.error.removeprefix("m")
+
+    @property
+    def speed(self) -> str:
+        """Of r_dot and s themselves."""
+        return self.rate.removeprefix("m")
+
 
 CARTESIAN = Units("mm", "mm/s", "N")
 JOINT = Units("mrad", "mrad/s", "N·m")

@@ -1,22 +1,25 @@
 """Where uploaded URDFs are kept: below the user's data folder, each in a folder named after its contents.
 
-A scenario names such a file by its path, so it can be saved, loaded and run headless. One that nobody has used for long
-makes room when there are too many, first of whoever has most. Beside a file lies an empty one for each mark of
-a visitor who has uploaded it, see `app.gateway.visitors`.
+A scenario names such a file by its path, so it can be saved, loaded and run headless. One that nobody uses, nor has for
+long, makes room when there are too many, first of whoever has most. Beside a file lies an empty one for each mark of a
+visitor who has uploaded it, see `app.gateway.visitors`.
 """
 
 from __future__ import annotations
 
 import contextlib
+import fcntl
 import hashlib
 import os
 import re
 import shutil
 import time
 from collections import Counter
+from dataclasses import dataclass
 from pathlib import Path
-from typing import NamedTuple
+from typing import BinaryIO, NamedTuple
 
+from app.own_folder import PRIVATE, NotOwnError, private
 from app.scenario import ScenarioError
 from app.whole_file import write_whole
 from environments import urdf
@@ -24,14 +27,16 @@ from environments import urdf
 MOST_KEPT, MOST_BYTES = 1000, 500_000_000  # files: a page that uploads for ever must not fill the disk
 MOST_OF_ONE, BYTES_OF_ONE = 100, 100_000_000  # of one browser, and of one address
 UNUSED = 30 * 86_400.0  # s
-IDLE = 3600.0  # s: one that runs is noted more often
+IDLE = 3600.0  # s
 _BY = "by-"
+_PRIVATE = 0o600
 
 
 class _Upload(NamedTuple):
     path: Path
     size: int
     used: float  # s since 1970
+    idle: bool
     marks: frozenset[str]
 
 
@@ -65,13 +70,46 @@ def keep(name: str, content: bytes, marks: tuple[str, ...] = ()) -> Path:
     try:
         if not path.is_file():
             _require_room(name, len(content), marks)
-        path.parent.mkdir(parents=True, exist_ok=True)
-        write_whole(path, lambda file: file.write(content))
+        private(folder())
+        path.parent.mkdir(exist_ok=True, mode=PRIVATE)
+        write_whole(path, lambda file: file.write(content), _PRIVATE)
         for mark in marks:
-            (path.parent / f"{_BY}{mark}").touch()
+            (path.parent / f"{_BY}{mark}").touch(_PRIVATE)
+    except NotOwnError as error:
+        raise ScenarioError(f"robot.urdf: {name:.60} cannot be kept: {folder()} {error}") from error
     except OSError as error:
         raise ScenarioError(f"robot.urdf: {name:.60} cannot be kept in {path.parent}: {error.strerror}") from error
     return path
+
+
+@dataclass(frozen=True)
+class Reach:
+    """Which URDFs a page may name: uploaded ones, and those that are `given`. Whether there is any other file is not
+    looked at, so that nobody learns it."""
+
+    given: tuple[str, ...] = ()
+
+    def require(self, path: object) -> None:
+        """Raises ScenarioError for another one."""
+        if path is None or path in self.given:
+            return
+        if not Path(os.path.abspath(str(path))).is_relative_to(folder()):
+            raise ScenarioError(
+                f"robot.urdf: {str(path)!r:.200}: not on this server; allowed: a URDF that was uploaded"
+            )
+
+
+def in_use(path: str | None) -> BinaryIO | None:
+    """An uploaded file is in use now, and as long as what is returned is open; None for any other."""
+    if path is None or Path(path).parents[1:2] != (folder(),):
+        return None
+    try:
+        file = open(path, "rb")  # noqa: SIM115  # closed by who uses it
+        os.utime(path)
+        fcntl.flock(file, fcntl.LOCK_SH)
+    except OSError:  # it may have gone: whoever reads it will say so
+        return None
+    return file
 
 
 def note_use(path: str | None) -> None:
@@ -82,12 +120,12 @@ def note_use(path: str | None) -> None:
 
 
 def _require_room(name: str, size: int, marks: tuple[str, ...]) -> None:
-    """Remove what nobody has used for long, and what nobody uses now as far as it must be.
+    """Remove what nobody uses, nor has for long, and what nobody uses now as far as it must be.
 
     Raises ScenarioError where the rest is still too much.
     """
     kept = _kept()
-    for upload in [upload for upload in kept if time.time() - upload.used > UNUSED]:
+    for upload in [upload for upload in kept if upload.idle and time.time() - upload.used > UNUSED]:
         _remove(upload)
         kept.remove(upload)
     for mark in marks:
@@ -107,17 +145,18 @@ def _kept() -> list[_Upload]:
         with contextlib.suppress(FileNotFoundError):  # another process removes, too
             status = file.stat()
             marks = frozenset(mark.name.removeprefix(_BY) for mark in file.parent.glob(f"{_BY}*"))
-            found.append(_Upload(file, status.st_size, status.st_mtime, marks))
+            idle = time.time() - status.st_mtime > IDLE and not _held(file)
+            found.append(_Upload(file, status.st_size, status.st_mtime, idle, marks))
     return found
 
 
 def _made_room(uploads: list[_Upload], size: int, marks: tuple[str, ...], most: int, most_bytes: int) -> list[_Upload]:
-    """What was removed of these, which are as many less: none that is used now, and first of whoever has most, counting
-    what is to come."""
+    """What was removed of these, which are as many less: idle ones only, and first of whoever has most, counting what
+    is to come."""
     gone = list[_Upload]()
     while _too_many(uploads, size, most, most_bytes):
         count = Counter([*marks, *(mark for upload in uploads for mark in upload.marks)])
-        idle = [upload for upload in uploads if time.time() - upload.used > IDLE]
+        idle = [upload for upload in uploads if upload.idle]
         if not idle:
             break
         out = max(idle, key=lambda upload: (max((count[mark] for mark in upload.marks), default=0), -upload.used))
@@ -143,6 +182,16 @@ def _refusal(name: str, size: int, uploads: list[_Upload], whose: str, most: int
         f"robot.urdf: {name:.60} has {size / 1e6:.3g} MB, and {len(uploads)} uploads of {kept / 1e6:.3g} MB are kept "
         f"in {folder()}; allowed: {most} of {most_bytes / 1e6:g} MB {whose}"
     )
+
+
+def _held(path: Path) -> bool:
+    """Whether a run uses it, however long since and whatever the clock says."""
+    try:
+        with path.open("rb") as file:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return True
+    return False
 
 
 def _plain(name: str) -> str:

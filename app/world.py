@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import weakref
+
 import numpy as np
 
 from app import uploads
@@ -34,8 +36,8 @@ UNLIMITED = 1e6  # N m: a URDF's effort limit beyond this says that there is non
 def robot_of(scenario: Scenario) -> robots.Robot:
     """The arm as the controller believes it to be. Raises RobotError."""
     r = scenario.robot
-    uploads.note_use(r.urdf)
-    return robots.load(
+    held = uploads.in_use(r.urdf)
+    robot = robots.load(
         r.name,
         urdf=r.urdf,
         tool_frame=r.tool_frame,
@@ -43,6 +45,9 @@ def robot_of(scenario: Scenario) -> robots.Robot:
         posture=r.posture,
         rotor_inertia=r.rotor_inertia,
     )
+    if held is not None:
+        weakref.finalize(robot, held.close)  # used as long as anything knows the arm
+    return robot
 
 
 def truth_of(scenario: Scenario, robot: robots.Robot) -> Truth:
@@ -128,6 +133,16 @@ def _direction(path: str, vector: tuple[float, float, float]) -> np.ndarray:
     return np.array(vector) / length
 
 
+def task_axes(robot: robots.Robot) -> np.ndarray:
+    """Rows: the Cartesian coordinates in their order; a planar arm uses the first two, x and z."""
+    return np.eye(3)[[0, 2, 1]] if robot.geometry == "planar" else np.eye(3)
+
+
+def positions_of(robot: robots.Robot) -> int:
+    """How many of a Cartesian task's coordinates are positions."""
+    return 2 if robot.geometry == "planar" else 3
+
+
 def _free(mode: Mode, layout: TaskLayout) -> int:
     """How many coordinates a trajectory may move."""
     return layout.n if layout.joint else layout.positions - mode.m()
@@ -166,6 +181,28 @@ def motion_of(scenario: Scenario, mode: Mode, layout: TaskLayout) -> trajectorie
                 )
             u, v = np.eye(n)[m + p.axes[0]], np.eye(n)[m + p.axes[1]]
             return trajectories.Circle(u, v, p.radius, p.period, p.ramp)
+
+
+def require_pushing(scenario: Scenario, mode: Mode) -> None:
+    """Raises ScenarioError where the desired force is below zero at times and the surface only pushes.
+
+    A rigid surface is left to the run, which stops when contact is lost.
+    """
+    contact, f = scenario.contact, scenario.force
+    if not (mode.m() and contact.unilateral) or contact.kind == "rigid":
+        return
+    otherwise = "contact.unilateral = false"
+    if isinstance(f, ForceSinusoid) and f.amplitude > f.value >= 0.0:
+        raise ScenarioError(
+            f"force.amplitude: {f.amplitude:g} N around {f.value:g} N, but the surface only pushes "
+            f"(contact.unilateral); allowed: at most the mean, or {otherwise}"
+        )
+    for name in ("value", "start"):
+        if (force := getattr(f, name, 0.0)) < 0.0:
+            raise ScenarioError(
+                f"force.{name}: {force:g} N, but the surface only pushes (contact.unilateral); "
+                f"allowed: at least 0 N, or {otherwise}"
+            )
 
 
 def force_of(scenario: Scenario) -> trajectories.ForceProfile:

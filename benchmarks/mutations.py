@@ -49,6 +49,7 @@ TESTS = (
     "tests/test_stiffness.py",
     "tests/test_practice.py",
     "tests/test_kernels.py",
+    "tests/test_domain.py",
 )
 PATIENCE = 1200.0  # s for one row
 PAGE = ROOT / "docs" / "mutations.md"

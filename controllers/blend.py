@@ -22,6 +22,7 @@ from scipy.sparse.csgraph import connected_components
 
 from controllers.dominance import hurwitz_on_hull
 from controllers.segment import Rightmost, rightmost
+from controllers.surface_stability import SurfaceRange, Unstable, unstable_surface
 from controllers.target_model import TargetModel
 
 PIECES = 500  # of a blend, in each of which the model is constant: alpha rises by 0.0038 at most from one to the next
@@ -68,12 +69,14 @@ class BlendCertificate:
 
     by "theorem 4": stable however fast the blend is; "eigenvalues": each model on the way is stable by itself;
     "nothing": the one at `rightmost.alpha` is not. rightmost: the worst pole on the way, 1/s. sliding (n,) 1/s: of each
-    axis that Theorem 4 certifies the lambda of its coordinates (e, e_dot + lambda e), nan for the others.
+    axis that Theorem 4 certifies the lambda of its coordinates (e, e_dot + lambda e), nan for the others. surface: one
+    on which the model at `rightmost.alpha` is unstable, which is stable without.
     """
 
     by: Literal["theorem 4", "eigenvalues", "nothing"]
     rightmost: Rightmost
     sliding: np.ndarray
+    surface: Unstable | None = None
 
     @property
     def stable(self) -> bool:
@@ -83,6 +86,8 @@ class BlendCertificate:
     def sentence(self) -> str:
         """What it says, with the worst pole and where on the way that is."""
         pole, alpha = self.rightmost.eigenvalue, self.rightmost.alpha
+        if self.surface is not None:
+            return f"refused: at α = {alpha:.3g} {self.surface.sentence}".replace("-", "−")
         imaginary = f" ± {pole.imag:.3g}j" if pole.imag > 1e-6 * abs(pole) else ""
         where = f"at α = {alpha:.3g} a pole at {pole.real:.3g}{imaginary} 1/s".replace("-", "−")
         return {
@@ -92,8 +97,11 @@ class BlendCertificate:
         }[self.by]
 
 
-def certify(start: TargetModel, end: TargetModel, K_e: np.ndarray) -> BlendCertificate:
-    """Does every blend between two stable models stay stable, on a surface of stiffness K_e (n,) N/m per coordinate?
+def certify(
+    start: TargetModel, end: TargetModel, K_e: np.ndarray, surfaces: SurfaceRange | None = None
+) -> BlendCertificate:
+    """Does every blend between two stable models stay stable, on a surface of stiffness K_e (n,) N/m per coordinate,
+    and on all `surfaces` that it may touch otherwise?
 
     Coordinates with infinite K_e are held (42) and take no part. Coordinates that neither model couples are judged
     apart. One that is alone and overdamped in both can be certified by Theorem 4; decisive is the rightmost pole.
@@ -118,6 +126,9 @@ def certify(start: TargetModel, end: TargetModel, K_e: np.ndarray) -> BlendCerti
     rightmost_of_all = max(worst, key=lambda found: found.at_most)
     if rightmost_of_all.at_most >= 0.0:
         return BlendCertificate("nothing", rightmost_of_all, sliding)
+    if surfaces is not None and (surface := unstable_surface(start, end, surfaces)) is not None:
+        touching = Rightmost(surface.alpha, surface.pole, surface.pole.real)
+        return BlendCertificate("nothing", touching, sliding, surface)
     return BlendCertificate("eigenvalues" if open_questions else "theorem 4", rightmost_of_all, sliding)
 
 

@@ -7,6 +7,7 @@ from typing import Literal
 
 import numpy as np
 
+from controllers.surface_stability import SurfaceRange, require_stable_on
 from controllers.target_model import InvalidGain, TargetModel, require_spd, require_spsd
 
 
@@ -66,10 +67,11 @@ class Mode:
         moving = TargetModel(*(X[np.ix_(free, free)] for X in (model.M_m, model.B_m, model.K_m, model.K_f)))
         return moving.poles(np.diag(stiffness[free]))
 
-    def check(self, model: TargetModel, K_e_hat: float) -> None:
+    def check(self, model: TargetModel, K_e_hat: float, surfaces: SurfaceRange | None = None) -> None:
         """Raises InvalidGain, naming matrix and reason, unless the model is one that the mode admits.
 
-        K_e_hat: estimated stiffness (N/m) along the first coordinate, with which the model must be stable.
+        K_e_hat: estimated stiffness (N/m) along the first coordinate, with which the model must be stable; surfaces:
+        all that it may touch, on which it must be, None for nothing.
         """
         m, n = self.m(), model.n
         for name, entries in self.fixed(n).items():
@@ -95,6 +97,8 @@ class Mode:
             raise InvalidGain(
                 f"target_model: unstable in contact, a pole at {unstable:.4g} 1/s; allowed: all poles left of 0, (8)"
             )
+        if surfaces is not None and self.feedback == "all":
+            require_stable_on(model, surfaces)
 
 
 MODES: dict[str, Mode] = {

@@ -189,6 +189,11 @@ class NominalModel:
         d = self.data
         self.terms = Terms(d.M, d.C, d.J, d.dJ, d.staticRegressor)
 
+    @property
+    def fingerprint(self) -> bytes:
+        """All that it knows of the arm: models that share it give the same estimates."""
+        return self.model.saveToString().encode() + self._links.data.tobytes()
+
     def update(self, q: np.ndarray, q_dot: np.ndarray) -> Terms:
         """Pinocchio's terms at q (n,) rad, q_dot (n,) rad/s; they are overwritten by the next call."""
         pin.computeCoriolisMatrix(self.model, self.data, q, q_dot)
@@ -220,36 +225,49 @@ class Lipschitz(NamedTuple):
         return Deviation(self.k_M * away, self.k_C * slower + self.k_Cq * away * speed, self.k_G * away)
 
 
-def _largest(T: np.ndarray) -> float:
-    """At least ||T(., u, ...)|| for unit vectors u, ... in all axes but one: the least of the flattenings' norms."""
-    flat = (np.moveaxis(T, axis, 0).reshape(T.shape[axis], -1) for axis in range(T.ndim))
-    return float(min(np.linalg.norm(A, 2) for A in flat))
+def _largest(T: np.ndarray) -> np.ndarray:
+    """At least ||T(., u, ...)|| for unit vectors u, ... in all axes but one, of each T (N, n, ..., n): the least of the
+    flattenings' norms, (N,)."""
+    flat = (T.swapaxes(1, axis).reshape(len(T), T.shape[1], -1) for axis in range(1, T.ndim))
+    grams = np.array([A @ A.swapaxes(1, 2) for A in flat])
+    return np.sqrt(np.linalg.eigvalsh(grams)[..., -1].clip(min=0.0)).min(axis=0)
 
 
-def lipschitz_constants(model: pin.Model, samples: np.ndarray, margin: float = 1.25) -> Lipschitz:
-    """From above over all directions at the sampled postures (N, n) rad, times `margin` for what lies between them."""
-    n, step = model.nv, 1e-5
-    data = model.createData()
-    links = []
-    for link in range(1, n + 1):
-        alone = model.copy()
-        for other in range(1, n + 1):
-            if other != link:
-                alone.inertias[other] = pin.Inertia.Zero()
-        links.append((alone, alone.createData()))
+class Steepness:
+    """How fast the estimates change at one posture q (n,) rad, from above over all directions: what `Lipschitz` has
+    over all of Omega, by the same names."""
 
-    def C(m: pin.Model, d: pin.Data, q: np.ndarray) -> np.ndarray:
+    def __init__(self, model: pin.Model) -> None:
+        self._whole = (model, model.createData())
+        self._links = []
+        for link in range(1, model.nv + 1):
+            alone = model.copy()
+            for other in range(1, model.nv + 1):
+                if other != link:
+                    alone.inertias[other] = pin.Inertia.Zero()
+            self._links.append((alone, alone.createData()))
+        self._units = np.eye(model.nv)
+
+    def _coriolis(self, arm: tuple[pin.Model, pin.Data], q: np.ndarray) -> np.ndarray:
         """C is linear in q_dot: (n, n, n), one C for each joint at 1 rad/s."""
-        return np.array([pin.computeCoriolisMatrix(m, d, q, one) for one in np.eye(n)])
+        return np.array([pin.computeCoriolisMatrix(*arm, q, one) for one in self._units])
 
-    def terms(q: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        M, G = pin.crba(model, data, q).copy(), pin.computeGeneralizedGravity(model, data, q).copy()
-        return M, C(model, data, q), G
+    def k_C(self, q: np.ndarray) -> float:
+        """Of C_hat over ||q_dot||, link by link, kg m^2/rad."""
+        return float(_largest(np.array([self._coriolis(link, q) for link in self._links])).sum())
 
-    largest = np.zeros(4)
-    for q in samples:
-        here, beside = terms(q), [terms(q + h) for h in step * np.eye(n)]
-        k_M, k_Cq, k_G = (_largest(np.array([b[k] - here[k] for b in beside]) / step) for k in range(3))
-        k_C = sum(_largest(C(m, d, q)) for m, d in links)
-        largest = np.maximum(largest, np.array([k_C, k_M, k_Cq, k_G]))
-    return Lipschitz(*(float(v) for v in margin * largest))
+    def k_M(self, q: np.ndarray) -> float:
+        """Of M_hat, kg m^2/rad; M_dot = C + C^T."""
+        C = self._coriolis(self._whole, q)
+        return float(_largest((C + C.swapaxes(1, 2))[None])[0])
+
+    def k_Cq(self, q: np.ndarray) -> float:
+        """Of C_hat / ||q_dot||, kg m^2/rad^2."""
+        step = 1e-5
+        here = self._coriolis(self._whole, q)
+        beside = np.array([self._coriolis(self._whole, q + h) for h in step * self._units])
+        return float(_largest((beside - here)[None] / step)[0])
+
+    def k_G(self, q: np.ndarray) -> float:
+        """Of G_hat, N m/rad."""
+        return float(_largest(pin.computeGeneralizedGravityDerivatives(*self._whole, q)[None])[0])

@@ -7,7 +7,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from controllers.switching import layer_width
 from kernels import kernel
 
 
@@ -35,6 +34,12 @@ class ReachingCertificate:
     def t_r(self) -> float:
         """Upper bound of the reaching time, s, (18)."""
         return 2.0 / self.c_1 * float(np.log1p(self.c_1 / self.c_2 * np.sqrt(self.V_0)))
+
+    def time_to(self, radius: float) -> float:
+        """After which ||s|| has been within `radius` (m/s) at least once, s: when (20) has come down to it."""
+        rest, begun = np.sqrt(0.5 * self.k_r_low) * radius, np.sqrt(self.V_0)
+        ratio = self.c_2 / self.c_1
+        return 2.0 / self.c_1 * max(float(np.log((begun + ratio) / (rest + ratio))), 0.0)
 
     @property
     def promise(self) -> Promise:
@@ -68,17 +73,3 @@ def lyapunov_bound(promise, t):
 def envelope(promise, t):
     """Bound of ||s|| (m/s) at t s after s(0), (20)."""
     return np.sqrt(2.0 / promise.k_r_low * lyapunov_bound(promise, t))
-
-
-@kernel
-def sampling_band(k_r_low, k_r_high, lambda_max_K_s, kind, phi, d, epsilon, period):
-    """||s|| (m/s) that the sampled, smoothed law may keep, where the theorem has s = 0
-    (docs/symbols.md, boundary layer and sampling).
-
-    Outside the boundary layer V falls; within one period s leaves it by at most period * ||s_dot||, where
-    ||s_dot|| <= (2 d + lambda_max(K_s) ||s||) / k_r_low since the perturbation is below d; and V turns a radius into
-    at most sqrt(k_r_high / k_r_low) times it.
-    """
-    width = layer_width(kind, phi, d, epsilon)
-    drift = period * (2.0 * d + lambda_max_K_s * width) / k_r_low
-    return np.sqrt(k_r_high / k_r_low) * (width + drift)

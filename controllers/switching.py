@@ -8,6 +8,8 @@ import numpy as np
 
 from kernels import kernel
 
+SAMPLING_SHARE = 0.25  # of epsilon in (17) and of K_s s: kept for what the law does not know of within a period
+
 
 class Switching(IntEnum):
     """How the unit vector s/||s|| is smoothed around s = 0."""
@@ -19,8 +21,10 @@ class Switching(IntEnum):
 
     @property
     def kept(self) -> float:
-        """Share of epsilon left for reaching outside `layer_width`; the versions that only approach 1 give up half."""
-        return 1.0 if self in (Switching.DISCONTINUOUS, Switching.SATURATION) else 0.5
+        """Share of epsilon left for reaching outside `layer_width`: sampling has its share, and the versions that only
+        approach 1 give up half."""
+        given_up = 0.0 if self in (Switching.DISCONTINUOUS, Switching.SATURATION) else 0.5
+        return 1.0 - SAMPLING_SHARE - given_up
 
 
 @kernel

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -71,21 +71,28 @@ class TargetModel:
     def n(self) -> int:
         return len(self.M_m)
 
+    def companion(self) -> np.ndarray:
+        """Of M_m e_ddot + B_m e_dot + K_m e = 0, (2n, 2n) for (e, e_dot), 1/s."""
+        M_inv = np.linalg.inv(self.M_m)
+        return np.block([[np.zeros((self.n, self.n)), np.eye(self.n)], [-M_inv @ self.K_m, -M_inv @ self.B_m]])
+
     def poles(self, K_e: np.ndarray | None = None) -> np.ndarray:
         """The 2n poles (1/s) of (8), interacting with a stiffness K_e (n, n) of the environment if one is given."""
-        n = self.n
-        stiffness = self.K_m if K_e is None else self.K_m + self.K_f @ K_e
-        M_inv = np.linalg.inv(self.M_m)
-        companion = np.block([[np.zeros((n, n)), np.eye(n)], [-M_inv @ stiffness, -M_inv @ self.B_m]])
-        return np.linalg.eigvals(companion)
+        pressing = self if K_e is None else replace(self, K_m=self.K_m + self.K_f @ K_e)
+        return np.linalg.eigvals(pressing.companion())
 
-    def steady_force(self, axis: int, K_e: float, x_e: float, x_d: float, F_d: float) -> float:
+    def steady_force(self, axis: int, K_e: float, x_e: float, x_d: float, F_d: float, rest: float = 0.0) -> float:
         """Steady force (N) of one decoupled axis pressing on a wall K_e (r - x_e), with constant x_d and F_d.
 
-        F_ss = K_e [K_f F_d + K_m (x_d - x_e)] / (K_m + K_f K_e); both references act, as in (8).
+        F_ss = K_e [K_f F_d + K_m (x_d - x_e) + rest] / (K_m + K_f K_e); both references act, as in (8). rest: what else
+        is on the right of (8), N, see `left_by_layer`.
         """
         K_m, K_f = self.K_m[axis, axis], self.K_f[axis, axis]
-        return K_e * (K_f * F_d + K_m * (x_d - x_e)) / (K_m + K_f * K_e)
+        return K_e * (K_f * F_d + K_m * (x_d - x_e) + rest) / (K_m + K_f * K_e)
+
+    def left_by_layer(self, A: np.ndarray, s: np.ndarray) -> np.ndarray:
+        """-M_m A s (n,) N, which (14) has on the right of (8) while s (n,) m/s rests within the boundary layer."""
+        return -self.M_m @ A @ s
 
     def residual(self, e_r: np.ndarray, e_r_dot: np.ndarray, e_r_ddot: np.ndarray, e_Fc: np.ndarray) -> np.ndarray:
         """Left side of (8) minus its right side, (..., n) N; errors (..., n)."""

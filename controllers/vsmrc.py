@@ -94,7 +94,7 @@ class ModelMatrices(NamedTuple):
 
 class Gains(NamedTuple):
     """What the kernel needs of the law's parameters: see `Compensator` and `Vsmrc`; of the diagonal A, F_1, F_2 the
-    diagonals (n,). law: a `Law`."""
+    diagonals (n,). law: a `Law`; damping_rate: ||M_m^-1 B_m + A|| (1/s), by which r_eq_ddot feeds e_r_dot back."""
 
     law: int
     model: ModelMatrices
@@ -107,6 +107,8 @@ class Gains(NamedTuple):
     K_s: np.ndarray
     controlled: np.ndarray
     K_s_largest: float
+    K_s_smallest: float
+    damping_rate: float
     m: int
     by_theorem: bool
     d: float
@@ -318,6 +320,8 @@ class Vsmrc:
             K_s=self.K_s,
             controlled=np.array(self.controlled, dtype=float),
             K_s_largest=float(np.linalg.eigvalsh(self.K_s)[-1]),
+            K_s_smallest=float(np.linalg.eigvalsh(self.K_s)[0]),
+            damping_rate=float(np.linalg.norm(np.linalg.solve(model.M_m, model.B_m) + c.A, 2)),
             m=self.m,
             by_theorem=self.d is None,
             d=float(self.d or 0.0),

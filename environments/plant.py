@@ -26,7 +26,7 @@ from kernels.algebra import copy, dot, solve_spd, transposed_times
 from kernels.records import Record
 
 ContactKind = Literal["free", "elastic", "mass-damper-spring", "rigid"]
-Integrator = Literal["semi-implicit-euler", "rk4"]
+Integrator = Literal["leapfrog", "semi-implicit-euler", "rk4"]
 ON_SURFACE = 1e-12  # m
 SLIP_RATE = 0.01  # rad/s, the smooth transition of Coulomb friction in the joints
 
@@ -36,8 +36,8 @@ class Truth:
     """How the true arm differs from the nominal one.
 
     link_scaling (n,): factor on each link's inertia; payload_mass kg, a point at payload_offset (3,) m in the tool
-    frame; coulomb N m and viscous N m s/rad per joint; disturbance: a torque of this norm (N m) turning through the
-    joints with disturbance_frequency Hz; torque_limit (n,) N m: what the drives give at most, see `limited`.
+    frame; coulomb N m and viscous N m s/rad per joint; disturbance: a torque of this norm (N m) at all times, turning
+    through the joints with disturbance_frequency Hz; torque_limit (n,) N m: of the drives, see `limited`.
     """
 
     link_scaling: np.ndarray
@@ -83,8 +83,9 @@ class Resistance(NamedTuple):
 
 
 class Arm(NamedTuple):
-    """q (n,), q_dot (n,) and the contact's `Load` there; q_ddot (n,) at the beginning of the period that led here.
-    With a rigid or heavy environment the load is that of the last substep, since it depends on the torque."""
+    """q (n,), q_dot (n,) and the contact's `Load` there; q_ddot (n,) of the period that led here: of its first
+    integration step. With a rigid or heavy environment the load is that of the last step, since it depends on the
+    torque."""
 
     q: np.ndarray
     q_dot: np.ndarray
@@ -117,17 +118,16 @@ def limited(limits, tau, applied):
 @part
 def _resistance(resistance, q_dot, t, torque):
     n = q_dot.shape[0]
-    square = 0.0
     for i in range(n):
         torque[i] = resistance.viscous * q_dot[i]
         if resistance.coulomb > 0.0:
             torque[i] += resistance.coulomb * np.tanh(q_dot[i] / SLIP_RATE)
-        if resistance.disturbance > 0.0:
-            square += np.sin(resistance.omega * t + 2 * np.pi * i / n) ** 2
     if resistance.disturbance > 0.0:
-        size = resistance.disturbance / max(np.sqrt(square), 1.0)
+        # squares of n sines that are 2 pi/n apart add up to n/2 at all times if n > 2; of two joints they would agree
+        apart = 2 * np.pi / n if n > 2 else np.pi / 2
+        size = resistance.disturbance * np.sqrt(2 / n)
         for i in range(n):
-            torque[i] += size * np.sin(resistance.omega * t + 2 * np.pi * i / n)
+            torque[i] += size * np.sin(resistance.omega * t + apart * i)
 
 
 @kernel
@@ -251,6 +251,24 @@ def _onto_surface(around, J, rotation, translation, M, arm, t):
 
 
 @kernel
+def _drift(arm, h):
+    """Move q along q_dot for h s."""
+    arm = arm[0]
+    for i in range(arm.q.shape[0]):
+        arm.q[i] += h * arm.q_dot[i]
+
+
+@kernel
+def _kick_and_drift(arm, q_ddot, h):
+    """Change q_dot by h s of q_ddot (n,), then move q along it for half as long."""
+    arm = arm[0]
+    copy(q_ddot, arm.q_ddot)
+    for i in range(arm.q.shape[0]):
+        arm.q_dot[i] += h * arm.q_ddot[i]
+        arm.q[i] += 0.5 * h * arm.q_dot[i]
+
+
+@kernel
 def _semi_implicit_euler(arm, q_ddot, h):
     arm = arm[0]
     copy(q_ddot, arm.q_ddot)
@@ -272,7 +290,7 @@ class Plant:
         surface: Surface,
         kind: ContactKind,
         contact: Contact,
-        integrator: Integrator = "semi-implicit-euler",
+        integrator: Integrator = "leapfrog",
         substeps: int = 1,
     ) -> None:
         self.truth, self.surface, self.kind, self.contact = truth, surface, kind, contact
@@ -288,12 +306,15 @@ class Plant:
         carrier = self.data.oMi[robot.tool_joint]
         self._tool = (self.data.J, carrier.rotation, carrier.translation)
         self._tool_moving = (self.data.J, self.data.dJ, carrier.rotation, carrier.translation)
-        self._integrate = {"semi-implicit-euler": self._euler, "rk4": self._rk4}[integrator]
+        self._integrator = integrator
+        self._integrate = {"leapfrog": self._leapfrog, "semi-implicit-euler": self._euler, "rk4": self._rk4}[integrator]
         self._resolve_kernels(robot.n)
 
     def _resolve_kernels(self, n: int) -> None:
         q = np.zeros(n)
         around, arm, tau, M = self._around, Record(Arm.zeros(n)).data, q, pin.crba(self.model, self.data, q)
+        self._drift = resolved(_drift, arm, 0.0)
+        self._kick_and_drift = resolved(_kick_and_drift, arm, q, 0.0)
         self._step_of_euler = resolved(_semi_implicit_euler, arm, q, 0.0)
         if self.kind in FINDERS:
             self._find = resolved(FINDERS[self.kind], around, *self._tool, arm, 0.0)
@@ -336,18 +357,29 @@ class Plant:
         pin.computeJointJacobians(self.model, self.data, state.views.q)
         self._find(self._around, *self._tool, state.data, t)
 
-    def respond(self, state: PlantState, tau: np.ndarray, t: float) -> Load:
-        """The contact's load that the torque tau (n,) N m causes at a state, without going on."""
-        twin = state.copy()
-        self._accelerate(twin, tau, t)
-        return twin.read().load
+    def respond(self, state: PlantState, tau: np.ndarray, t: float, period: float) -> Load:
+        """The contact's load that the torque tau (n,) N m will cause in the period (s) from time t on."""
+        acting, at = self._evaluated_at(state, t, period / self.substeps)
+        self._accelerate(acting, tau, at)
+        return acting.read().load
 
-    def force_of(self, state: PlantState, multiplier: float, t: float) -> np.ndarray:
-        """Force (3,) N of the tool on the environment when the multiplier of a heavy contact is the given one."""
+    def force_of(self, state: PlantState, multiplier: float, t: float, period: float) -> np.ndarray:
+        """Force (3,) N of the tool on the environment in the period (s) from time t on, when the multiplier of a heavy
+        contact is the given one."""
         force = np.zeros(3)
-        pin.computeJointJacobians(self.model, self.data, state.views.q)
-        _force_of(self._around, *self._tool, state.data, multiplier, t, force)
+        acting, at = self._evaluated_at(state, t, period / self.substeps)
+        pin.computeJointJacobians(self.model, self.data, acting.views.q)
+        _force_of(self._around, *self._tool, acting.data, multiplier, at, force)
         return force
+
+    def _evaluated_at(self, state: PlantState, t: float, h: float) -> tuple[PlantState, float]:
+        """A copy of the state, and the time, at which a step of h s evaluates the acceleration first."""
+        twin = state.copy()
+        if self._integrator != "leapfrog":
+            return twin, t
+        self._drift(twin.data, 0.5 * h)
+        self.find_load(twin, t + 0.5 * h)
+        return twin, t + 0.5 * h
 
     def tool(self, state: PlantState) -> Tool:
         """The tool point at a state."""
@@ -367,6 +399,18 @@ class Plant:
         free = pin.aba(self.model, self.data, q, q_dot, self._torque)
         self._answer(self._around, pin.crba(self.model, self.data, q), free, state.data)
         return state.views.q_ddot
+
+    def _leapfrog(self, state: PlantState, tau: np.ndarray, t: float, h: float) -> None:
+        """Half a step of q, one evaluation of the acceleration there, the whole step of q_dot, half a step of q.
+
+        A held torque acts as if at the middle of its period, as it truly does: of second order in all that depends
+        on q and t, of first order in what depends on q_dot (friction, damping, Coriolis), which it takes at the
+        step's beginning.
+        """
+        self._drift(state.data, 0.5 * h)
+        self.find_load(state, t + 0.5 * h)
+        self._kick_and_drift(state.data, self._accelerate(state, tau, t + 0.5 * h), h)
+        self._constrain(state, t + h)
 
     def _euler(self, state: PlantState, tau: np.ndarray, t: float, h: float) -> None:
         self._step_of_euler(state.data, self._accelerate(state, tau, t), h)

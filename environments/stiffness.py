@@ -69,6 +69,12 @@ Acceleration = Callable[[np.ndarray, np.ndarray], np.ndarray]
 Step = Callable[[Acceleration, np.ndarray, np.ndarray, float], tuple[np.ndarray, np.ndarray]]
 
 
+def _leapfrog(acceleration: Acceleration, x: np.ndarray, v: np.ndarray, h: float) -> tuple[np.ndarray, np.ndarray]:
+    x = x + 0.5 * h * v
+    v = v + h * acceleration(x, v)
+    return x + 0.5 * h * v, v
+
+
 def _semi_implicit_euler(
     acceleration: Acceleration, x: np.ndarray, v: np.ndarray, h: float
 ) -> tuple[np.ndarray, np.ndarray]:
@@ -87,7 +93,7 @@ def _rk4(acceleration: Acceleration, x: np.ndarray, v: np.ndarray, h: float) -> 
     return x + (h / 6) * (v + 2 * v_2 + 2 * v_3 + v_4), v + (h / 6) * (a_1 + 2 * a_2 + 2 * a_3 + a_4)
 
 
-STEPS: dict[Integrator, Step] = {"semi-implicit-euler": _semi_implicit_euler, "rk4": _rk4}
+STEPS: dict[Integrator, Step] = {"leapfrog": _leapfrog, "semi-implicit-euler": _semi_implicit_euler, "rk4": _rk4}
 
 
 def spectral_radius(integrator: Integrator, stiffness: float, damping: float, h: float) -> float:

@@ -14,6 +14,8 @@ from xml.etree.ElementTree import Element
 
 import numpy as np
 
+from environments.regular_file import read_regular
+
 LARGEST = 5_000_000  # bytes
 MOST_ELEMENTS = 50_000
 DEEPEST = 32
@@ -23,6 +25,7 @@ JOINT_TYPES = ("revolute", "continuous", "prismatic", "fixed")
 FULL_TURN = 2 * np.pi  # rad, either way: what a continuous joint is given
 MESHES = (".stl", ".dae", ".obj")
 SHAPES = {"box": {"size": 3}, "sphere": {"radius": 1}, "cylinder": {"radius": 1, "length": 1}, "mesh": {"scale": 3}}
+WORLD = "universe"  # Pinocchio's name for where the arm stands
 DEFAULT_SIZES = {1: "1", 3: "1 1 1"}
 LONGEST_NAME = 200  # characters
 NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?", re.ASCII)  # what C++ reads as Python does
@@ -39,18 +42,21 @@ def read(path: Path) -> Element:
     """The root of a URDF file. Raises RobotError for what cannot be read and for what `parse` refuses."""
     shown = f"{path!s:.200}"
     try:
-        if not path.is_file():  # neither a folder nor a pipe that would never end
-            raise RobotError(f"robot.urdf: cannot read {shown}: no such file")
-        with path.open("rb") as file:
-            content = file.read(LARGEST + 1)
-    except OSError as error:  # a name too long, a folder that is closed to us
-        raise RobotError(f"robot.urdf: cannot read {shown}: {error.strerror}") from error
+        content = read_regular(path, LARGEST + 1)
+    except FileNotFoundError as error:
+        raise RobotError(f"robot.urdf: cannot read {shown}: no such file") from error
+    except (
+        OSError,
+        ValueError,
+    ) as error:  # a name too long or with a zero in it, a closed folder, a pipe
+        reason = error.strerror if isinstance(error, OSError) else error
+        raise RobotError(f"robot.urdf: cannot read {shown}: {reason}") from error
     return parse(content, path.name)
 
 
 def parse(content: bytes, name: str) -> Element:
     """The root of a URDF's XML. Continuous joints have become revolute ones, so that each has one coordinate; joints
-    with the name of a link have another one, since Pinocchio knows both by one table of names.
+    with the name of a link or of the world have another one, since Pinocchio knows both by one table of names.
 
     Raises RobotError, with `name` in it, for what is no URDF, too large, not self-contained, no tree, or no body.
     """
@@ -78,7 +84,7 @@ def parse(content: bytes, name: str) -> Element:
         raise refuse(str(error)) from error
     links = {_name(link) for link in root.findall("link")}
     for joint in root.findall("joint"):
-        while _name(joint) in links:
+        while _name(joint) in links or _name(joint) == WORLD:
             joint.set("name", f"{_name(joint)}_joint")
         if joint.get("type") == "continuous":
             joint.set("type", "revolute")
@@ -151,6 +157,8 @@ def _require_urdf(root: Element) -> None:
 def _require_tree(root: Element) -> None:
     links = [_name(link) for link in root.findall("link")]
     joints = root.findall("joint")
+    if WORLD in links:
+        raise _Refusal(f"a link is called {WORLD!r}, as the world is; allowed: another name")
     for kind, names in (("links", links), ("joints", [_name(joint) for joint in joints])):
         name, times = Counter(names).most_common(1)[0] if names else ("", 0)
         if times > 1:

@@ -40,6 +40,14 @@ def packed(**message: Any) -> bytes:
         (PUBLIC, {"Host": "127.0.0.1:80", "Origin": "https://lab.example.org"}, None),
         (PUBLIC, {"Host": "lab.example.org", "Origin": "https://evil.example"}, 403),
         (PUBLIC, {"Host": "127.0.0.1:80", "Origin": "https://[x"}, 403),
+        (PUBLIC, {"Host": "lab.example.org", "Origin": "http://lab.example.org"}, 403),
+        (PUBLIC, {"Host": "lab.example.org", "Origin": "https://lab.example.org:8443"}, 403),
+        (PUBLIC, {"Host": "lab.example.org:8443", "Origin": "http://lab.example.org:8443"}, 403),
+        (PUBLIC, {"Host": "lab.example.org", "Origin": "https://lab.example.org:443"}, None),
+        (PUBLIC, {"Host": "lab.example.org", "Origin": "https://me@lab.example.org"}, 403),
+        (PUBLIC, {"Host": "localhost:8080", "Origin": "http://localhost:8080"}, None),  # beside the proxy
+        (Names(), {"Host": "127.0.0.1:8080", "Origin": "https://127.0.0.1:8080"}, 403),
+        (Names(), {"Host": "127.0.0.1:80", "Origin": "http://127.0.0.1"}, None),
         (Names(public=("https://Lab.example.org/",)), {"Host": "localhost", "Origin": "https://lab.example.org"}, None),
     ],
 )  # fmt: skip

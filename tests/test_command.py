@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from app.cli import run
 from app.metrics import FIGURES
 from app.scenario import Scenario, ScenarioError
 from app.scenario_data import edited, from_toml, load, to_toml
@@ -47,6 +48,20 @@ def test_stopped_run_keeps_its_files_and_says_why(tmp_path: Path) -> None:
     assert done.returncode == 3
     assert "contact lost" in json.loads((tmp_path / "metrics.json").read_text())["stopped"]
     assert (tmp_path / "recording.npz").exists()
+
+
+@pytest.mark.parametrize(("space", "length", "force"), [("joint", "rad", "N·m"), ("cartesian", "m", "N")])
+def test_run_says_in_which_units_its_figures_are(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], space: str, length: str, force: str
+) -> None:
+    assert run("ur5-motion", out=tmp_path, duration=0.05, settings=((f"task_space.kind={space}",),)) == 0
+    units = {line.split()[0]: line.split()[-1] for line in capsys.readouterr().out.splitlines()}
+    assert units["motion_error_tail"] == length
+    assert units["envelope_violation"] == f"{length}/s"
+    assert units["gain_condition_margin"] == units["target_model_residual_tail"] == force
+    assert units["reaching_time_bound"] == units["simulated_time"] == "s"
+    assert units["torque_total_variation"] == "N·m/s"
+    assert units["force_error_tail"] == "-"
 
 
 def test_runs_are_compared_side_by_side() -> None:
@@ -148,6 +163,7 @@ def test_toml_keeps_every_field() -> None:
 
 def test_serve_says_its_address_and_a_busy_port_and_ends_on_ctrl_c() -> None:
     command = [sys.executable, "-m", "app", "serve", "planar2r-semicircle", "--port", "8137", "--stateless"]
+    command += ["--token", "never"]
     server = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     try:
         assert server.stdout is not None

@@ -72,7 +72,7 @@ def test_dashboard_has_the_numbers_of_a_headless_run(name: str) -> None:
     for _ in range(len(live)):
         loop.step()
     assert len(live) > 250
-    assert np.array_equal(live, loop.recording.rows())
+    np.testing.assert_array_equal(live, loop.recording.rows())
 
 
 def test_edits_while_running_equal_edits_headless() -> None:

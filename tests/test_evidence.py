@@ -10,12 +10,15 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from app.cli import figures
+from app.evidence.drawing import HeatMap, charts_in_columns, heat_maps
 from app.evidence.make import make
 from app.evidence.section import Findings, Job, Section
 from app.evidence.sections import SECTIONS
+from app.figures import Chart, Curve
 from app.markdown import Table
 from app.scenario import ScenarioError
 
@@ -83,6 +86,41 @@ def _is_worker(pid: str) -> bool:
         return b"spawn_main" in Path(f"/proc/{pid}/cmdline").read_bytes()
     except FileNotFoundError:
         return False
+
+
+def words_of(svg: str) -> str:
+    return " ".join(re.findall(r"<text[^>]*>(.*?)</text>", svg, flags=re.DOTALL))
+
+
+def test_no_figure_shows_markup_as_text() -> None:
+    """Neither what is drawn now, maps as well as charts, over few and many decades, nor what is committed."""
+    words = ("error", "N", "delay [ms]", "low-pass [Hz]", ("1", "2"), ("a", "b"))
+    maps = [
+        HeatMap(*words, np.array([[low, 1.0], [2.0, high]]), (low, high), 1.0)
+        for low, high in ((0.01, 100.0), (1e-4, 2.0), (10.0, 1e5), (0.5, 8.0))
+    ]
+    x = np.geomspace(1e-6, 1e4, 50)
+    curve = Curve("one", (10, 20, 30), x, x)
+    charts = [Chart("of x", "m", (curve,), logarithmic=log, logarithmic_x=not log) for log in (True, False)]
+    drawn = [*(heat_maps([each], "caption") for each in maps), charts_in_columns(charts, "caption")]
+    drawn += [path.read_bytes() for path in (ROOT / "docs" / "evidence").glob("*.svg")]
+    for svg in drawn:
+        words = words_of(svg.decode())
+        assert words
+        assert not set("$\\") & set(words)
+    assert {"0.01", "0.1", "1", "10", "100"} <= set(words_of(drawn[0].decode()).split())
+
+
+def test_charts_of_the_evidence_stand_in_two_columns() -> None:
+    curve, sizes = Curve("one", (10, 20, 30), np.arange(5.0), np.arange(5.0)), []
+    for count in (1, 2, 3, 4):
+        svg = charts_in_columns([Chart("of x", "m", (curve,))] * count, "caption").decode()
+        found = re.search(r'viewBox="0 0 ([\d.]+) ([\d.]+)"', svg)
+        assert found is not None
+        sizes.append((float(found[1]), float(found[2])))
+    (alone, _), (beside, low), (_, high), (_, full) = sizes
+    assert beside > 1.9 * alone
+    assert low < high == full
 
 
 def test_the_committed_page_has_every_section_whole() -> None:

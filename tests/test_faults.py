@@ -137,5 +137,5 @@ def test_an_edit_that_fails_half_way_leaves_the_loop_as_it_was(monkeypatch: pyte
     for _ in range(50):
         loop.step()
         twin.step()
-    assert np.array_equal(loop.recording.rows(), twin.recording.rows())
+    np.testing.assert_array_equal(loop.recording.rows(), twin.recording.rows())
     assert len(loop.recording.epochs) == len(twin.recording.epochs)

@@ -19,14 +19,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from app import uploads, visuals
+from app.commands import Command, Edit, Load
 from app.dashboard.robot_view import RobotView
+from app.runner import Runner
 from app.scenario import ScenarioError
 from app.scenario_data import edited, load
 from app.world import robot_of
 from environments import robots, urdf
 from environments.urdf import RobotError
 from tests.sentences import one_sentence
-from tests.visitors import gone
+from tests.visitors import PATIENCE, gone
 
 BENT = (Path(__file__).parent / "robots" / "bent3r.urdf").read_text(encoding="utf-8")
 UPPER = '<link name="upper">'
@@ -65,16 +67,32 @@ def test_urdfs_that_are_refused(content: str, said: str) -> None:
     assert one_sentence(caught.value).startswith("robot.urdf: evil.urdf: ")
 
 
+def test_what_is_called_like_the_world_is_not_taken_for_it(tmp_path: Path) -> None:
+    (path := tmp_path / "arm.urdf").write_text(BENT.replace('"shoulder"', '"universe"'))
+    assert robots.load("", urdf=str(path)).n == 3
+    with pytest.raises(RobotError, match="a link is called 'universe', as the world is; allowed: another name"):
+        urdf.parse(BENT.replace('"flange"', '"universe"').encode(), "arm.urdf")
+
+
 def test_paths_that_are_no_urdf_are_refused(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "pipe.urdf")
     closed = tmp_path / "closed"
     closed.mkdir()
     closed.chmod(0)
-    for path in ("/dev/zero", str(tmp_path), str(tmp_path / "pipe.urdf"), "a" * 5000, "a\0b", f"{closed}/a.urdf"):
+    for path in (
+        "/dev/zero",
+        str(tmp_path),
+        str(tmp_path / "pipe.urdf"),
+        "a" * 5000,
+        "a\0b",
+        f"{closed}/a.urdf",
+    ):
         with pytest.raises(RobotError, match=r"robot.urdf: cannot read .*: ") as caught:
             robots.load("", urdf=path)
         one_sentence(caught.value)
     closed.chmod(0o700)
+    with pytest.raises(RobotError):  # which is called a regular file, and says something when the system does
+        robots.load("", urdf="/proc/kmsg")
 
 
 def test_no_picture_and_no_mesh_elsewhere_is_left_to_be_read(tmp_path: Path) -> None:
@@ -165,9 +183,49 @@ def test_uploads_do_not_fill_the_disk(tmp_path: Path, monkeypatch: pytest.Monkey
     assert foreign.stat().st_mtime == 0
     three = another(3)
     assert left() == {two, three, foreign}  # the one that nobody has used has gone
-    monkeypatch.setattr(uploads, "MOST_KEPT", 2)
-    with pytest.raises(ScenarioError, match="2 uploads"):
-        another(4)
+    running = robot_of(edited(load("ur5-motion"), "robot", {"urdf": str(two)}))
+    os.utime(two, (0, 0))  # the clock was put right, or the run goes on for months
+    monkeypatch.setattr(uploads, "MOST_BYTES", int(3.5 * len(BENT)))
+    four = another(4)
+    assert left() == {two, three, four, foreign}
+    del running
+    os.utime(two, (0, 0))
+    five = another(5)
+    assert left() == {three, four, five, foreign}
+    assert all(file.stat().st_mode & 0o777 == 0o600 for file in (three, four, five))
+    assert all(at.stat().st_mode & 0o777 == 0o700 for at in (three.parent, uploads.folder()))
+    monkeypatch.setattr(uploads, "MOST_KEPT", 3)
+    with pytest.raises(ScenarioError, match="3 uploads"):
+        another(6)
+
+
+def test_who_comes_over_the_network_learns_of_no_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path))
+    (given := tmp_path / "given.urdf").write_text(BENT)
+    (other := tmp_path / "other.urdf").write_text(BENT)
+    uploaded = uploads.keep("arm.urdf", BENT.encode())
+    runner = Runner(edited(load("ur5-motion"), "motion", {"kind": "hold"}), uploads.Reach((str(given),)))
+    runner.start()
+
+    def answer(command: Command) -> str | None:
+        before = runner.snapshot.revision, runner.snapshot.refusal_number
+        runner.post(command)
+        until = time.monotonic() + PATIENCE
+        while (runner.snapshot.revision, runner.snapshot.refusal_number) == before:
+            assert time.monotonic() < until
+            time.sleep(0.01)
+        return runner.snapshot.refusal
+
+    try:
+        for there in (str(given), str(uploaded)):
+            assert answer(Edit("robot.urdf", there)) is None
+        for elsewhere in (str(other), str(tmp_path / "none"), f"{uploads.folder()}/../../other.urdf", "/dev/tty", "~"):
+            for command in (Edit("robot.urdf", elsewhere), Load(edited(load("ur5-motion"), "robot.urdf", elsewhere))):
+                said = answer(command)
+                assert said is not None
+                assert said.endswith(": not on this server; allowed: a URDF that was uploaded"), said
+    finally:
+        runner.close()
 
 
 def test_one_visitor_does_not_take_all_uploads(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -52,7 +52,7 @@ def test_each_term_at_random_states(twin: Twin) -> None:
         np.testing.assert_allclose(out.tau, answer.tau, atol=1e-7 * np.abs(answer.tau).max())
 
         lam, q_ddot = paper.contact(m, q, q_dot, lambda _, tau=answer.tau: tau)
-        assert system.plant.respond(state, answer.tau, t).multiplier == pytest.approx(lam, rel=1e-6, abs=1e-6)
+        assert system.plant.respond(state, answer.tau, t, 1e-3).multiplier == pytest.approx(lam, rel=1e-6, abs=1e-6)
         system.plant.advance(state, answer.tau, t, 1e-3)
         np.testing.assert_allclose(state.views.q_ddot, q_ddot, atol=1e-7 * np.abs(q_ddot).max())
 

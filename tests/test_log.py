@@ -9,6 +9,8 @@ from pathlib import Path
 
 import pytest
 
+from app import log_file
+
 PROGRAM = """
 import logging, os, sys, threading, warnings
 from pathlib import Path
@@ -106,3 +108,49 @@ def test_a_log_file_that_cannot_be_opened_is_refused_in_a_sentence(tmp_path: Pat
     assert (
         done.stderr == f"vsmrc: --log-file {tmp_path / 'none' / 'log'}: cannot be written: No such file or directory\n"
     )
+
+
+def test_a_value_has_no_end_but_a_line_has(tmp_path: Path) -> None:
+    body = """
+events.info("refused", reason="x" * 5_000_000 + "end")
+logging.getLogger("library").warning("y" * 5_000_000)
+try:
+    raise ValueError("z" * 5_000_000)
+except ValueError:
+    events.error("fault", exc_info=True)
+"""
+    file, terminal = logged(tmp_path / "log", body)
+    assert len(file) == 3
+    assert max(map(len, file + terminal)) < 25_000
+    assert " … xxx" in file[0]
+    assert 'xxxend" by=' in file[0]
+    assert "Traceback (most recent call last)" in file[2]
+
+
+def test_a_library_that_never_says_the_same_is_cut_as_well(tmp_path: Path) -> None:
+    file, _ = logged(
+        tmp_path / "log", "for i in range(5000): logging.getLogger('aiohttp.server').warning(f'bad request {i}')"
+    )
+    assert 20 <= len(file) < 100
+
+
+def test_a_file_that_is_full_gets_a_number_whoever_of_its_writers_finds_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(log_file, "LARGEST", 1000)
+    path = tmp_path / "log"
+    writers = [log_file.LogFile(path), log_file.LogFile(path)]
+    lines = [f"line {number:04d}\n" for number in range(1000)]
+    for number, line in enumerate(lines):
+        writers[number % 3 == 0].write(line)
+    files = [tmp_path / "log.3", tmp_path / "log.2", tmp_path / "log.1", path]
+    assert set(tmp_path.iterdir()) == set(files)
+    assert all(file.stat().st_size <= 1000 and file.stat().st_mode & 0o777 == 0o600 for file in files)
+    kept = "".join(file.read_text() for file in files)
+    assert len(kept) > 3000
+    assert "".join(lines).endswith(kept)
+    path.rename(tmp_path / "moved by another program")
+    writers[0].write("goes on\n")
+    assert path.read_text() == "goes on\n"
+    for writer in writers:
+        writer.close()

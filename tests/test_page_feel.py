@@ -2,7 +2,7 @@
 
 import re
 
-from app.commands import Pause, Play
+from app.commands import Edit, Pause, Play
 from app.dashboard.help import KEYS
 from app.scenario_data import shipped
 from tests.layout import faults, walk
@@ -18,6 +18,13 @@ _FAINT_LINES = """
     .filter((rgb) => 1.05 / (light(rgb) + 0.05) < 3).map(String));
 }
 """
+# the equation's window leaves the docks free
+WITHIN = """() => {
+  const box = (part) => document.querySelector(part).getBoundingClientRect();
+  const scene = box("canvas[data-engine]"), model = box("[data-floating-window]:has(.vs-equation)");
+  if (scene.width < 180) return !document.querySelector(".vs-equation").checkVisibility({ visibilityProperty: true });
+  return scene.left - 1 <= model.left && model.right <= scene.right + 1;
+}"""
 
 
 def test_keys_act_in_the_loop_but_not_while_typing(session: Session):
@@ -130,3 +137,39 @@ def test_first_steps_come_once_and_a_reload_in_the_middle_of_a_run_is_harmless(s
     assert not page.locator(".vs-hints").count()
     assert runner.snapshot.phase == "running"
     assert runner.snapshot.t > t
+
+
+def test_a_field_gives_the_keys_back_on_enter_and_on_escape(session: Session):
+    page, text = session.page, session.number("radius [m]")
+    for key, radius in (("Enter", 0.03), ("Escape", 0.03)):
+        text.fill("0.03" if key == "Enter" else "0.04")
+        text.press(key)
+        session.wait(lambda now, radius=radius: now.scenario.motion.radius == radius)
+        phase = session.now.phase
+        page.keyboard.press("Space")
+        session.wait(lambda now, phase=phase: now.phase != phase)
+        page.keyboard.press("Space")
+        session.wait(lambda now, phase=phase: now.phase == phase)
+
+
+def test_a_message_moves_nothing(session: Session):
+    page = session.page
+    buttons = page.get_by_role("button", name="play / pause")
+    buttons.wait_for()
+    page.locator(".vs-strip .vs-message").wait_for(state="detached")
+    before = buttons.bounding_box()
+    session.runner.post(Edit("controller.period", -1.0))
+    page.locator(".vs-strip .vs-message", has_text="controller.period").wait_for()
+    assert buttons.bounding_box() == before
+    page.wait_for_function("""() => {
+      const box = (part) => document.querySelector(part).getBoundingClientRect();
+      const strip = box(".vs-strip"), scene = box("canvas[data-engine]");
+      return strip.height > 10 && scene.left <= strip.left && strip.right <= scene.right;
+    }""")
+
+
+def test_the_target_model_stays_within_the_scene_of_a_small_window(session: Session):
+    session.runner.post(Pause())
+    for width, height in ((1024, 768), (853, 480), (1024, 768)):  # the second is 1280 x 720 at 150 %
+        session.page.set_viewport_size({"width": width, "height": height})
+        session.wait(lambda _: session.page.evaluate(WITHIN) and not faults(session.page))

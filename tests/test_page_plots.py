@@ -72,3 +72,31 @@ def test_nothing_is_drawn_for_a_page_that_nobody_sees(session: Session):
     assert page.evaluate(DRAWN, 1500) == [0, 0]
     page.evaluate("delete document.hidden; document.dispatchEvent(new Event('visibilitychange'))")
     page.wait_for_function(f"(window.vsOld ??= {SHOWN}[0].data) !== {SHOWN}[0].data")
+
+
+def test_the_crosshair_tells_values_and_a_plot_can_be_enlarged(session: Session):
+    page = session.page
+    page.wait_for_function(FULL)
+    session.runner.post(Pause())
+    session.wait(lambda now: now.phase == "paused")
+    plot = page.locator(".uplot-container:visible").nth(1)
+    small, values = plot.bounding_box(), page.locator(".vs-values")
+    plot.locator(".u-over").hover()
+    values.get_by_text("measured normal").wait_for()
+    idx = page.evaluate(f"{SHOWN}[1].cursor.idx")
+    told = page.evaluate(f"String(+{SHOWN}[1].data[2][{idx}].toPrecision(4))")
+    assert told in values.inner_text().split("\n")
+
+    plot.get_by_role("button").click()
+    page.wait_for_function(f"{SHOWN}[1].height > 400")
+    enlarged = plot.bounding_box()
+    assert small
+    assert enlarged
+    assert enlarged["width"] > 1.5 * small["width"]
+    # nothing lies over it
+    for share in (0.1, 0.5, 0.9):
+        x, y = enlarged["x"] + share * enlarged["width"], enlarged["y"] + share * enlarged["height"]
+        assert page.evaluate("([x, y]) => !!document.elementFromPoint(x, y).closest('[data-large]')", [x, y])
+    page.keyboard.press("Escape")
+    page.wait_for_function(f"{SHOWN}[1].height < 200")
+    assert plot.bounding_box() == small

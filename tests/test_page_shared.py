@@ -23,9 +23,12 @@ def shared() -> Iterator[Server]:
 
 
 def test_a_lecture(shared: Server, open_page: Callable[..., Page]) -> None:
+    refused = list[str]()
+
     def opened(url: str, **options) -> Page:
         # where a session has died, the browser notes that the web socket could not be opened
         page = open_page(url, viewport=VIEWPORT, console_errors_allowed=True, **options)
+        page.on("console", lambda message: "Security Policy" in message.text and refused.append(message.text))
         page.set_default_timeout(PATIENCE * 1e3)
         page.get_by_text(RUNNING).wait_for()
         page.locator("#webgl-software-rendering button").click()
@@ -58,3 +61,24 @@ def test_a_lecture(shared: Server, open_page: Callable[..., Page]) -> None:
     expect(student.get_by_text("This session was interrupted")).to_be_visible(timeout=PATIENCE * 1e3)
     expect(student.locator(".vs-status")).to_contain_text("Motion", timeout=PATIENCE * 1e3)
     assert lecturer.get_by_text("This session was interrupted").count() == 0
+    assert not refused
+
+
+def test_a_page_loads_and_sends_nothing_from_or_to_elsewhere(shared: Server, open_page: Callable[..., Page]) -> None:
+    """On a page that only says that there is nothing: every answer has the same policy (test_hostile_requests.py)."""
+    page = open_page(f"{shared.url}/s/guessed/", console_errors_allowed=True)
+    violated = page.evaluate("""async () => {
+        const seen = new Set();
+        document.addEventListener("securitypolicyviolation", (e) => seen.add(e.effectiveDirective));
+        const elsewhere = "http://127.0.0.1:9/";
+        for (const tag of ["script", "img", "iframe"])
+            document.body.append(Object.assign(document.createElement(tag), { src: elsewhere }));
+        document.head.append(Object.assign(document.createElement("base"), { href: elsewhere }));
+        const form = Object.assign(document.createElement("form"), { action: elsewhere, method: "post" });
+        document.body.append(form);
+        form.submit();
+        try { await fetch(elsewhere); } catch { /* refused */ }
+        while (seen.size < 6) await new Promise((then) => setTimeout(then, 20));
+        return [...seen].sort();
+    }""")
+    assert violated == ["base-uri", "connect-src", "form-action", "frame-src", "img-src", "script-src-elem"]

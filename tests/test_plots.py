@@ -12,8 +12,9 @@ from app.chattering import amplitude_spectrum, variation_rate
 from app.closed_loop import ClosedLoop
 from app.dashboard.charts import BUCKETS, Frame, Line, Setup
 from app.dashboard.plot_table import TABS, column, needed_stack, torque_stack
+from app.dashboard.printed import figure_of, plots_of
 from app.hindsight import Hindsight, Known
-from app.metrics import FIGURES
+from app.metrics import FIGURES, steady_force_error
 from app.scenario import Scenario
 from app.scenario_data import edited, load, shipped
 from app.snapshot import snapshot_of
@@ -119,6 +120,26 @@ def test_stacks_add_up_to_what_they_are_of(hybrid: ClosedLoop):
     assert areas[-1].upper == len(lines) - 1
 
 
+def test_nothing_bounds_s_under_a_law_without_a_sliding_surface():
+    """Before and after a change of the law in one run; on the page and in an exported figure."""
+    loop = ran(shipped()["ur5-hybrid"], 0.1)
+    loop.edit(edited(loop.system.scenario, "controller.law", "pd-gravity"))
+    while loop.t < 0.2:
+        loop.step()
+    seen = known(loop)
+    baseline = seen["t"] > 0.1 - 1e-9
+    for name in ("s_bound", "s_band", "V_bound", "V_limit"):
+        assert np.isnan(seen[name][baseline]).all()
+        assert np.isfinite(seen[name][~baseline]).all()
+    assert not seen["reaching"][baseline].any()
+    snapshot = snapshot_of(loop)
+    figure = figure_of(plots_of("Sliding"), snapshot, Setup.of(snapshot, 0, 0), 0.0, 0.2)
+    bounds = [curve for chart in figure.charts for curve in chart.curves if "(2" in curve.name]
+    assert bounds
+    assert all(curve.x.max() < 0.1 for curve in bounds if len(curve.x))
+    assert "it has no bound" in TABS["Sliding"].note(snapshot)  # pyright: ignore[reportOptionalCall]
+
+
 @pytest.mark.parametrize("name", ["ur5-hybrid", "ur5-constrained"])
 def test_the_perturbation_is_what_moves_s_besides_the_law(name: str):
     """(22) in joint space, by the acceleration that the true arm had: an independent way to the same vector."""
@@ -181,6 +202,25 @@ def test_predicted_steady_force_is_where_the_force_settles():
         steady = seen["steady_force"][np.isfinite(seen["steady_force"])][-1]
         assert seen["multiplier"][-1] == pytest.approx(steady, abs=error)
     assert abs(known(hybrid, 2.5)["steady_force"][-1] - 20.0) > 1.0  # (37) leaves an error here
+
+
+@pytest.mark.parametrize("name", ["ur5-hybrid", "ur5-constrained", "ur5-impedance"])
+def test_predicted_steady_force_has_what_the_boundary_layer_leaves_where_a_is_not_zero(name: str):
+    """(14): -M_m A s on the right of (8)."""
+    still = edited(edited(shipped()[name], "motion", "hold"), "controller.A", -50.0)
+    if name == "ur5-impedance":
+        x, y, z = still.surface.origin
+        still = edited(still, "surface.origin", [x, y, z + 0.02])
+    loop = ran(edited(still, "sensor.ideal", True) if name == "ur5-constrained" else still, 2.0)
+    seen = known(loop, loop.t - 0.2)
+    steady = seen["steady_force"][np.isfinite(seen["steady_force"])][-1]
+    without = loop.system.law.model.M_m @ loop.system.law.compensator.A @ seen["s"][-1]
+    assert np.abs(without).max() > 0.5
+    assert seen["multiplier"][-1] == pytest.approx(steady, abs=0.01)
+    if loop.system.m:
+        assert abs(steady - 20.0) > 0.5
+        predicted = steady_force_error(loop.system, 20.0, seen["s"][-1])
+        assert predicted == pytest.approx(seen["multiplier"][-1] - 20.0, abs=0.01)
 
 
 def test_reaching_and_sliding_phases_and_their_marks():
@@ -256,7 +296,7 @@ def test_rotations_are_shown_as_angles(hybrid: ClosedLoop):
     )
 
 
-def test_a_pinned_run_is_laid_on_the_shown_ones_time_and_hides_where_it_has_no_values(hybrid: ClosedLoop):
+def test_a_pinned_run_is_laid_on_the_shown_ones_time_and_has_gaps_where_it_has_no_values(hybrid: ClosedLoop):
     rows = hybrid.recording.stretch()
     late = {"t": rows["t"][:400] + 0.3, "sigma_min": 7.0 + rows["t"][:400]}
     line = Line("", (0, 0, 0), column("sigma_min"), compared=True)
@@ -265,7 +305,8 @@ def test_a_pinned_run_is_laid_on_the_shown_ones_time_and_hides_where_it_has_no_v
     inside = (x > -0.69) & (x < -0.31)
     np.testing.assert_allclose(pinned[inside], 7.0 + 0.7 + x[inside], atol=0.01)
     outside = (x < -0.71) | (x > -0.29)
-    np.testing.assert_array_equal(pinned[outside], shown[outside])
+    assert np.isnan(pinned[outside]).all()
+    assert np.isfinite(shown).all()
 
 
 def test_a_preview_goes_on_where_every_line_knows_what_lies_ahead(hybrid: ClosedLoop):

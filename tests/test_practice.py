@@ -27,6 +27,8 @@ from tests.arms import charted, random_law, random_reference, random_state
 
 SPEEDY = {"motion.period": 0.8, "motion.ramp": 0.5, "truth.torque_limit": 0.3}  # asks for 40 % of what the drives have
 
+AT_THE_STATE = {"simulation.integrator": "semi-implicit-euler"}  # the acceleration is that at the recorded state
+
 
 def changed(scenario: Scenario, fields: dict[str, Any]) -> Scenario:
     for path, value in fields.items():
@@ -73,7 +75,7 @@ def test_pd_presses_as_asked_without_a_sensor() -> None:
 
 
 def test_the_arm_moves_by_the_torque_that_the_drives_give() -> None:
-    loop = run(changed(shipped()["ur5-motion"], SPEEDY), 0.7)
+    loop = run(changed(shipped()["ur5-motion"], SPEEDY | AT_THE_STATE), 0.7)
     record = loop.recording.signals(("q", "q_dot", "tau", "tau_applied", "t"))
     limit = 0.3 * loop.system.robot.model.effortLimit
     tau, applied = record["tau"], record["tau_applied"]
@@ -92,7 +94,7 @@ def test_the_arm_moves_by_the_torque_that_the_drives_give() -> None:
 
 def test_what_the_drives_withhold_is_part_of_the_perturbation() -> None:
     """H s_dot + C s + K_s s + d sigma = perturbation, (23): its norm from the run against that of hindsight."""
-    loop = run(changed(shipped()["ur5-motion"], SPEEDY), 0.7)
+    loop = run(changed(shipped()["ur5-motion"], SPEEDY | AT_THE_STATE), 0.7)
     recording = loop.recording
     rows = recording.signals(tuple(recording.columns))
     k = int(np.flatnonzero((rows["tau"] != rows["tau_applied"]).any(axis=1))[3])
@@ -198,7 +200,8 @@ def test_baselines_lose_on_uncertain_arms_and_win_where_it_is_said() -> None:
         for worse in (inverse, simple):
             assert worse.figures.path_rms > 5.0 * robust.figures.path_rms
             assert (worse.figures.force_rms or 0.0) > 20.0 * (robust.figures.force_rms or np.inf)
-    assert baselines.on_exact(fast).figures.path_rms < baselines.on_exact(ours).figures.path_rms
+    assert (baselines.on_exact(ours).figures.force_rms or 0.0) < 1e-3  # on an exact arm nobody errs by much
+    assert baselines.on_exact(fast).figures.path_rms < 1e-6
     loud = {who: baselines.on_uncertain(who, seeds[:1], 1.0)[0].figures for who in (ours, computed, pd)}
     assert loud[pd].variation == pytest.approx(quiet[pd][0].figures.variation, rel=1e-9)
     assert loud[computed].variation < 0.7 * loud[ours].variation

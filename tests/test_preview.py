@@ -119,7 +119,7 @@ def test_final_force_error_is_that_of_37(K_m1: float, K_e: float) -> None:
     assert figures.force_error_predicted == pytest.approx(expected, abs=1e-9)
     assert figures.force_error == pytest.approx(expected, abs=0.02)
     assert figures.left is None
-    assert steady_force_error(running(shipped()["ur5-motion"], 1).system, 20.0) is None
+    assert steady_force_error(running(shipped()["ur5-motion"], 1).system, 20.0, np.zeros(6)) is None
 
 
 def test_settling_of_the_force_is_that_of_the_target_model() -> None:
@@ -134,6 +134,17 @@ def test_settling_of_the_force_is_that_of_the_target_model() -> None:
     assert outlook.figures.force_settling == pytest.approx(5.834 / np.sqrt(1e4 / 10.0), rel=0.02)
     assert outlook.figures.motion_settling == 0.0
     np.testing.assert_allclose(outlook.ahead[[0, -1]], [1e-3, 1.999], rtol=1e-9)
+
+
+def test_under_impedance_the_path_error_is_that_of_the_plots() -> None:
+    loop = running(shipped()["ur5-impedance"], 3000)
+    foresight = Foresight(Question(0, loop.state(), loop.system.scenario, 1.0))
+    foresight.advance(1000)
+    outlook = foresight.outlook()
+    assert isinstance(outlook, Outlook)
+    drawn = np.linalg.norm(outlook.signals["e_r"][:, :3], axis=1)
+    assert drawn[-1] > 5e-3  # the wall holds it off its path
+    assert outlook.figures.motion_error == pytest.approx(drawn[outlook.ahead > 0.8].max(), rel=1e-3)
 
 
 @pytest.mark.parametrize("periods", [1, 2, 3, 1000])

@@ -95,7 +95,7 @@ def children(process: int) -> list[int]:
 def test_a_server_ended_in_the_middle_of_everything_leaves_nothing_behind(tmp_path: Path) -> None:
     """By SIGTERM; see `test_command` for Ctrl-C. A page that reads, one that does not, the process that previews."""
     log = tmp_path / "log"
-    places = ("--port", "0", "--state-dir", str(tmp_path / "state"), "--log-file", str(log))
+    places = ("--port", "0", "--token", "never", "--state-dir", str(tmp_path / "state"), "--log-file", str(log))
     command = [sys.executable, "-m", "app", "serve", "ur5-hybrid", *places]
     server = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     try:

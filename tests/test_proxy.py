@@ -93,6 +93,7 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Site]:
 def test_pages_and_web_sockets_come_through_and_nobody_else_does(site: Site) -> None:
     assert site.server.url.startswith(f"{site.origin}/?token=")
     assert site.ask("/").status == 403
+    assert site.ask("/").headers["Strict-Transport-Security"] == "max-age=31536000"
     token = site.server.url.rpartition("=")[2]
     cookie = site.ask(f"/?token={token}").headers["Set-Cookie"]
     assert "Secure" in cookie
@@ -104,11 +105,12 @@ def test_pages_and_web_sockets_come_through_and_nobody_else_does(site: Site) -> 
         time.sleep(0.1)
     with pytest.raises(InvalidStatus, match="403"), site.visiting(path, origin=site.origin):
         pass  # no token
-    with (
-        pytest.raises(InvalidStatus, match="403"),
-        site.visiting(path, origin="https://evil.example", additional_headers=shown),
-    ):
-        pass
+    for foreign in ("https://evil.example", site.origin.replace("https", "http")):
+        with (
+            pytest.raises(InvalidStatus, match="403"),
+            site.visiting(path, origin=foreign, additional_headers=shown),
+        ):
+            pass
     with site.visiting(path, origin=site.origin, additional_headers=shown) as page:
         page.wait(lambda: "running" in page.status)
         began = page.t

@@ -66,7 +66,7 @@ def test_what_was_saved_is_offered_to_the_next_server_bit_for_bit(tmp_path: Path
     runs, problem = second.taken_up(offer)
     assert (problem, [run.number for run in runs]) == ("", [2, 3])
     for run, known in zip(runs, pinned[1:], strict=True):
-        assert np.array_equal(run.recording.rows(), known.recording.rows())
+        np.testing.assert_array_equal(run.recording.rows(), known.recording.rows())
         assert (run.scenario, run.t, run.system.layout.n) == (known.scenario, known.t, 2)
     files = left(second.path)
     second.save(offer.scenario, runs)  # which writes no run anew

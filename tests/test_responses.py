@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 
 import numpy as np
 import pytest
@@ -15,6 +16,7 @@ from app.headless import simulate
 from app.scenario import Scenario, ScenarioError
 from app.scenario_data import edited, from_plain, shipped, to_plain
 from controllers.force_loop import force_loop_factor
+from environments.plant import Truth
 from tests.cases import scenario_of
 
 
@@ -76,6 +78,7 @@ def on_rigid(M_m1: float, **sensor: object) -> tuple[ClosedLoop, float]:
         base,
         motion={"kind": "hold"},
         contact={"unilateral": False},
+        force={"kind": "sinusoid", "value": 20.0, "amplitude": 0.01, "frequency": 2.0},  # something to grow from
         target_model={"M_m": [M_m1, 10, 10, 10, 10, 10]},
         sensor=sensor,
         simulation={"duration": 0.3},
@@ -99,7 +102,7 @@ def test_sampled_force_loop_diverges_where_its_factor_says() -> None:
     assert error < 1e-3
     unstable, error = on_rigid(h / 2.1)
     assert "sampled force loop diverges" in (unstable.warning or "")
-    assert error > 1.0
+    assert error > 1.0 or unstable.stopped is not None
     ideal, error = on_rigid(h / 2.1, ideal=True)
     assert ideal.stopped is None
     assert error < 1e-3
@@ -129,13 +132,14 @@ def test_contact_acceleration_obeys_the_law_of_the_surface(kind: str) -> None:
     mode = "constrained" if kind == "rigid" else "hybrid"
     data = to_plain(scenario_of("ur5", mode, kind, "moving sphere"))
     data["contact"] |= {"unilateral": False, "M_e": 2.0, "B_e": 5.0, "K_e": 3000.0}
+    data["simulation"]["integrator"] = "semi-implicit-euler"  # which evaluates the acceleration at the state itself
     data["surface"]["motion"] = {"direction": [0.5, 0.3, 1.0], "amplitude": 0.1, "frequency": 1.0}
     system = assemble(from_plain(data))
     random, t = np.random.default_rng(0), 0.05
     q_dot = random.uniform(-1.0, 1.0, 6)
     state = system.plant.start(system.q_0 + 0.02, q_dot, t)
     tau = 20.0 * random.standard_normal(6)
-    load = system.plant.respond(state, tau, t)
+    load = system.plant.respond(state, tau, t, 1e-3)
     before, after = state.copy().views, state.copy()
     system.plant.advance(after, tau, t, 1e-3)
     q_ddot = after.views.q_ddot
@@ -172,6 +176,59 @@ def test_lost_contact_and_singular_postures_stop_with_their_reason() -> None:
     assert "nearly singular" in (flagged.warning or "")
     with pytest.raises(ScenarioError, match="cannot follow the reference"):
         assemble(changed(stretched, motion={"kind": "point-to-point", "displacement": [0.5]}))
+
+
+@pytest.mark.parametrize("n", [2, 3, 6, 7])
+@pytest.mark.parametrize("frequency", [0.0, 0.5])
+def test_the_disturbance_has_its_norm_at_all_times(n: int, frequency: float) -> None:
+    truth = Truth(np.ones(n), 0.0, np.zeros(3), 0.0, 0.0, 3.0, frequency)
+    torques = np.array([truth.torque(np.zeros(n), t) for t in np.linspace(0.0, 2.0, 41)])
+    np.testing.assert_allclose(np.linalg.norm(torques, axis=1), 3.0)
+
+
+@pytest.mark.parametrize(
+    ("force", "said"),
+    [
+        ({"kind": "constant", "value": -10.0}, "force.value: -10 N, but the surface only pushes"),
+        ({"kind": "step", "value": 5.0, "start": -1.0}, "force.start: -1 N, but the surface only pushes"),
+        ({"kind": "sinusoid", "value": 5.0, "amplitude": 20.0}, "force.amplitude: 20 N around 5 N"),
+        ({"kind": "sinusoid", "value": -5.0, "amplitude": 2.0}, "force.value: -5 N"),
+    ],
+)
+@pytest.mark.parametrize("kind", ["elastic", "mass-damper-spring"])
+def test_a_force_that_a_pushing_surface_cannot_have_is_refused(kind: str, force: dict[str, object], said: str) -> None:
+    pulling = changed(shipped()["ur5-hybrid"], contact={"kind": kind, "unilateral": True}, force=force)
+    with pytest.raises(ScenarioError, match=said) as refused:
+        assemble(pulling)
+    assert str(refused.value).endswith("or contact.unilateral = false")
+    assemble(edited(pulling, "contact.unilateral", False))
+
+
+def test_lost_contact_with_an_elastic_surface_is_said_with_its_instant() -> None:
+    """The tool is pulled off by a hand."""
+    pulled = changed(
+        shipped()["ur5-hybrid"], truth={"push": [0.0, 0.0, 200.0], "push_start": 0.5, "push_duration": 0.2}
+    )
+    loop = ClosedLoop(pulled)
+    while loop.t < 0.5:
+        loop.step()
+    assert loop.warning is None
+    resumed = ClosedLoop.resume(loop.state())
+    for each in (loop, resumed):
+        while each.t < 0.7:
+            each.step()
+        said = re.match(r"t = ([\d.]+) s: contact lost", each.warning or "")
+        assert said is not None, each.warning
+        rows = each.recording.signals(("t", "multiplier"))
+        first = rows["t"][(rows["multiplier"] == 0.0) & (rows["t"] >= 0.5)][0]
+        assert float(said[1]) == pytest.approx(first, abs=1.5e-3)
+
+
+def test_a_surface_out_of_reach_is_what_is_blamed() -> None:
+    x, y, _ = shipped()["ur5-hybrid"].surface.origin
+    far = changed(shipped()["ur5-hybrid"], surface={"kind": "plane", "origin": [x, y, -3.0]})
+    with pytest.raises(ScenarioError, match=r"^surface: out of the arm's reach, 3\.\d+ m ahead of the tool at "):
+        assemble(far)
 
 
 def test_unilateral_surface_only_pushes_and_friction_only_opposes() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import os
 from collections.abc import AsyncIterator, Awaitable, Callable
 from contextlib import closing
 from functools import wraps
@@ -290,9 +291,12 @@ def test_a_house_that_is_opened_again_knows_its_sessions_and_their_links(tmp_pat
 
     @in_a_loop
     async def after() -> None:
-        for number, content in enumerate((b"", b"{}", b'{"name": "../..", "scenario": ""}')):
+        deep = b'{"name": "a", "scenario": "", "more": ' + b"[" * 100_000
+        for number, content in enumerate((b"", b"{}", b'{"name": "../..", "scenario": ""}', deep)):
             (tmp_path / f"broken{number}").mkdir()
             (tmp_path / f"broken{number}" / LINK).write_bytes(content)
+        (tmp_path / "pipe").mkdir()
+        os.mkfifo(tmp_path / "pipe" / LINK)
         with closing(Register(tmp_path)) as register:
             house = Town(places=3, register=register).house
             known = [house.named(name) for name, _ in links]

@@ -10,6 +10,7 @@ import pytest
 from app.changes import in_mode
 from app.closed_loop import ClosedLoop
 from app.dashboard import pinned_arms
+from app.dashboard.panels.runs import table_html
 from app.dashboard.pinned_arms import posture
 from app.metrics import account, measure
 from app.recording import BLOCK
@@ -171,7 +172,7 @@ def test_the_way_to_a_stop_is_shown_again() -> None:
     line = run(line_of(edited(scenario, "simulation.bound_violation", "stop")), 3000)
     reason = line.loop.stopped
     assert reason is not None
-    assert "bound" in reason
+    assert "the arm diverges" in reason
     line.seek(max(line.end - 0.05, 0.0))
     assert line.loop.stopped is None
     run(line, 200)
@@ -243,6 +244,21 @@ def test_the_arm_of_a_pinned_run_stands_where_it_stood(noisy: Timeline) -> None:
     assert posture(pinned, -0.1) is None
 
 
+def test_figures_of_a_pinned_run_stay_when_the_running_one_goes_on_beyond_it(noisy: Timeline) -> None:
+    noisy.pin()
+    run(noisy, 600)
+    pinned = noisy.pinned[-1]
+    seen = SimpleNamespace(
+        t=noisy.loop.t, system=noisy.loop.system, recording=noisy.recording,
+        scenario=noisy.loop.system.scenario, pinned=noisy.pinned,
+    )  # fmt: skip
+    html = table_html(cast(Snapshot, seen), 0.4)
+    figures = account(pinned.system, pinned.recording, pinned.t - 0.4, pinned.t)
+    assert figures is not None
+    assert f"<td>{1e3 * figures.path_rms:.3g}</td>" in html
+    assert "<td>—</td>" not in html
+
+
 def test_the_arm_of_another_run_with_the_same_number_is_another_arm(monkeypatch: pytest.MonkeyPatch) -> None:
     views: list[MagicMock] = []
 
@@ -255,8 +271,13 @@ def test_the_arm_of_another_run_with_the_same_number_is_another_arm(monkeypatch:
     for name in ("ur5-hybrid", "planar2r-semicircle"):
         line = run(line_of(shipped()[name]), 5)
         line.pin()
+        seen = SimpleNamespace(pinned=line.pinned, t=0.002, scenario=shipped()[name])
         for _ in range(2):
-            shown.show(cast(Snapshot, SimpleNamespace(pinned=line.pinned, t=0.002)), wanted=True)
+            shown.show(cast(Snapshot, seen), wanted=True)
+        views[-1].set_visible.assert_called_with(True)
+    seen.scenario = shipped()["panda-hybrid"]
+    shown.show(cast(Snapshot, seen), wanted=True)
+    views[-1].set_visible.assert_called_with(False)  # an arm of another kind has no place beside this one
     assert [view.robot.n for view in views] == [6, 2]
     assert [view.remove.call_count for view in views] == [1, 0]
     assert [len(view.show.call_args.args[0]) for view in views] == [6, 2]
@@ -276,7 +297,7 @@ def test_a_run_that_is_begun_anew_is_the_one_that_begins_so(shifted: Scenario) -
     line.reset()
     again, fresh = run(line, 900), run(line_of(scenario), 900)
     assert again.loop.stopped is None
-    assert np.array_equal(again.recording.rows(), fresh.recording.rows())
+    np.testing.assert_array_equal(again.recording.rows(), fresh.recording.rows())
     assert again.loop.system.scenario == fresh.loop.system.scenario != scenario  # the blend is over
 
 

@@ -14,7 +14,7 @@ from app.closed_loop import ClosedLoop
 from app.headless import simulate
 from app.scenario import Scenario
 from app.scenario_data import edited, from_plain
-from environments.plant import Plant
+from environments.plant import Integrator, Plant
 from tests.arms import arm, random_spd
 from tests.independent import Gains, PaperLoop, Surface, Wish, World, integrate
 
@@ -34,7 +34,7 @@ class Twin:
     M_e: float = 0.0
     moving: bool = True
     unknown: bool = True
-    integrator: Literal["semi-implicit-euler", "rk4"] = "semi-implicit-euler"
+    integrator: Integrator = "leapfrog"
     ideal: bool = False
 
     @property

@@ -133,8 +133,11 @@ class Server(NamedTuple):
 
 @contextmanager
 def serving(*arguments: str, lines: int, fps: int = 8) -> Iterator[Server]:
-    """`vsmrc serve` with these arguments at a free port, once it has printed so many lines."""
+    """`vsmrc serve` with these arguments at a free port, once it has printed so many lines; without a token, whoever
+    is on this machine, unless the arguments speak of one."""
+    asks = any(name in arguments for name in ("--token", "--token-file", "--origin", "--host"))
     command = [sys.executable, "-m", "app", "serve", "--port", "0", "--fps", str(fps), *arguments]
+    command += [] if asks else ["--token", "never"]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
         try:
             assert process.stdout is not None

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from html import escape
 from typing import Any
 
+import numpy as np
 import viser
 
 from app.commands import Edit
@@ -146,4 +147,14 @@ class Verdict:
         look, word = ("vs-bad", "outside") if violated else ("vs-good", "within")
         chip = f'<span class="vs-chip {look}">truth {word} the declared bounds</span>'
         lines = "".join(f'<div class="vs-message vs-bad">{escape(violation)}</div>' for violation in violated)
-        self._html.content = f'<div class="vs-verdict">{chip}{lines}</div>'
+        self._html.content = f'<div class="vs-verdict">{chip} {_drives(snapshot)}{lines}</div>'
+
+
+def _drives(snapshot: Snapshot) -> str:
+    """Whether the drives are limited, which the declared bounds say nothing of."""
+    limits = np.broadcast_to(snapshot.system.plant.truth.torque_limit, snapshot.robot.n)
+    if not np.isfinite(limits).any():
+        return '<div class="vs-note">torque limit × 0: drives without a limit</div>'
+    told = ", ".join(f"{limit:.3g}" for limit in limits)
+    note = f'<div class="vs-note">at most {told} N·m, whatever the law asks for</div>'
+    return f'<span class="vs-chip vs-warn">drives limited</span>{note}'

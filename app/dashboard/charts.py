@@ -2,7 +2,8 @@
 
 Time runs to the right and ends at now; ahead of it stands the preview, which the page's script makes lighter. The
 script also gives the axis its ends, which stand in the tab's marker (`looking.py`): new scales would build the chart
-anew and lose the user's zoom. uPlot takes no gaps from viser: what has no values must not be in the data.
+anew and lose the user's zoom. A line has gaps (nan) only where a pinned run has no values: canvases
+leave those out.
 """
 
 from __future__ import annotations
@@ -162,10 +163,9 @@ class Frame:
     foreseen: Signals | None = None
 
     def courses(self, lines: Sequence[Line]) -> tuple[np.ndarray, ...]:
-        """x (N,) s from now, then (N,) of each compared line of each pinned run, then of each line; no gaps in them.
+        """x (N,) s from now, then (N,) of each compared line of each pinned run, then of each line, without gaps.
 
-        The preview is there if every line knows what lies ahead. Where a pinned run is not, its line hides behind the
-        shown run's.
+        The preview is there if every line knows what lies ahead. Where a pinned run is not, its line is nan.
         """
         begins, past = _past(self.grid, self.rows, lines)
         x = [np.clip(self.grid.times[begins:] - self.now, -self.window, 0.0), [0.0]]
@@ -176,14 +176,12 @@ class Frame:
                 x.append(self.ahead)
                 columns.append(_bridged(future))
         shown = np.concatenate(columns)
-        compared = [i for i, line in enumerate(lines) if line.compared]
-        grey = [
-            self._behind(pinned, [lines[i] for i in compared], shown[:, compared], begins) for pinned in self.pinned
-        ]
+        compared = [line for line in lines if line.compared]
+        grey = [self._behind(pinned, compared, len(shown), begins) for pinned in self.pinned]
         return np.concatenate(x), *(column for block in (*grey, shown) for column in block.T)
 
-    def _behind(self, rows: Signals | None, lines: Sequence[Line], shown: np.ndarray, begins: int) -> np.ndarray:
-        behind = np.full_like(shown, np.nan)
+    def _behind(self, rows: Signals | None, lines: Sequence[Line], count: int, begins: int) -> np.ndarray:
+        behind = np.full((count, len(lines)), np.nan)
         if rows is not None and len(rows["t"]):
             own_begin, past = _past(self.grid, rows, lines)
             first = max(own_begin, begins)
@@ -192,7 +190,7 @@ class Frame:
             filled = int(np.flatnonzero(ends[:-1] < ends[1:])[-1]) if (ends[:-1] < ends[1:]).any() else -1
             if filled < self.grid.count - 1:
                 behind[max(2 * (filled + 1) - begins, 0) :] = np.nan
-        return np.where(np.isnan(behind), shown, behind)
+        return behind
 
 
 def _past(grid: Grid, rows: Signals, lines: Sequence[Line]) -> tuple[int, np.ndarray]:

@@ -8,20 +8,22 @@ from __future__ import annotations
 
 import contextlib
 import http
+import re
 import secrets
 from collections.abc import Callable, Iterator
 from typing import Any
-from urllib.parse import urlsplit
+from urllib.parse import parse_qs, urlsplit
 
 import websockets.asyncio.server as library
 from websockets.asyncio.server import ServerConnection
 from websockets.datastructures import Headers
 from websockets.http11 import Request, Response
 
-from app.access import KEY_HEADER, PAGE_HEADERS, Names
+from app.access import KEY_HEADER, PAGE_HEADERS, YEAR, Names, Tokens, token_cookie
 from app.traffic import Limits
 
 _LIMITS = Limits()
+_PROTOCOL = re.compile(r"viser-v\d{1,4}\.\d{1,4}\.\d{1,4}")
 
 
 class UnguardedError(RuntimeError):
@@ -29,14 +31,17 @@ class UnguardedError(RuntimeError):
 
 
 @contextlib.contextmanager
-def behind_doors(names: Names, key: str | None = None) -> Iterator[None]:
+def behind_doors(names: Names, key: str | None = None, tokens: Tokens | None = None) -> Iterator[None]:
     """A viser server made within answers only requests under its own names and from its own pages, keeps to Limits,
-    and, when a key is given, wants it in the header KEY_HEADER. Raises UnguardedError when it would not."""
+    and wants the key in the header KEY_HEADER and the token to steer from who comes, if there are any.
+
+    Raises UnguardedError when it would not.
+    """
     opened: list[_Guarded] = []
 
     class Guarded(_Guarded):
         def __init__(self, *args: Any, **settings: Any) -> None:
-            super().__init__(*args, names=names, key=key, **settings)
+            super().__init__(*args, names=names, key=key, tokens=tokens, **settings)
             opened.append(self)
 
     plain, library.serve = library.serve, Guarded
@@ -54,18 +59,23 @@ class _Guarded(library.serve):
         *args: Any,
         names: Names,
         key: str | None,
+        tokens: Tokens | None,
         process_request: Callable[[ServerConnection, Request], Response | None],
         **settings: Any,
     ) -> None:
         def judged(connection: ServerConnection, request: Request) -> Response | None:
             response = (
-                _refused(names, key, request) or _full(connection, request) or process_request(connection, request)
+                _refused(names, key, request)
+                or _without_token(tokens, connection, request)
+                or _with_parameters(request)
+                or _full(connection, request)
+                or process_request(connection, request)
             )
             if response is not None:
                 response.headers.update(PAGE_HEADERS)
             return response
 
-        settings |= {"max_size": _LIMITS.message}
+        settings |= {"max_size": _LIMITS.message, "server_header": PAGE_HEADERS["Server"]}
         super().__init__(*args, process_request=judged, **settings)
 
 
@@ -76,13 +86,40 @@ def _refused(names: Names, key: str | None, request: Request) -> Response | None
     acting = "Upgrade" in headers
     if refusal := names.refusal(headers, acting=acting):
         return _answer(http.HTTPStatus(refusal.status), refusal.sentence)
-    path = urlsplit(request.path)
-    if path.query and not acting:
-        # viser's page would take another server's address from there, and run the scripts that it sends
-        response = _answer(http.HTTPStatus.SEE_OTHER, "this page takes no parameters")
-        response.headers["Location"] = "/"
-        return response
+    protocols = (part.strip() for line in headers.get_all("Sec-WebSocket-Protocol") for part in line.split(","))
+    if not all(
+        _PROTOCOL.fullmatch(protocol) for protocol in protocols
+    ):  # viser prints on the terminal what else is asked
+        return _answer(http.HTTPStatus.BAD_REQUEST, "no protocol of viser's pages; allowed: viser-v and a version")
     return None
+
+
+def _without_token(tokens: Tokens | None, connection: ServerConnection, request: Request) -> Response | None:
+    """None for who has shown the token before, or need not; who shows it now gets it as a cookie."""
+    if tokens is None:
+        return None
+    name = token_cookie(connection.local_address[1])
+    cookies = (part.strip().partition("=") for line in request.headers.get_all("Cookie") for part in line.split(";"))
+    if any(key == name and tokens.opens(value) == "steer" for key, _, value in cookies):
+        return None
+    shown = parse_qs(urlsplit(request.path).query).get("token", [""])[0]
+    if tokens.opens(shown) != "steer":
+        return _answer(http.HTTPStatus.FORBIDDEN, "come in by the link with its token, as it was printed at the start")
+    response = _to_page("the token is known now")
+    response.headers["Set-Cookie"] = f"{name}={tokens.steer}; Max-Age={YEAR}; Path=/; HttpOnly; SameSite=Lax"
+    return response
+
+
+def _with_parameters(request: Request) -> Response | None:
+    # viser's page would take another server's address from there, and run the scripts that it sends
+    asked = urlsplit(request.path).query and "Upgrade" not in request.headers
+    return _to_page("this page takes no parameters") if asked else None
+
+
+def _to_page(sentence: str) -> Response:
+    response = _answer(http.HTTPStatus.SEE_OTHER, sentence)
+    response.headers["Location"] = "/"
+    return response
 
 
 def _full(connection: ServerConnection, request: Request) -> Response | None:

@@ -44,7 +44,8 @@ def _facts(snapshot: Snapshot) -> list[tuple[str, str, str, str]]:
     robust = snapshot.scenario.controller.law == "vsmrc"
     rows = []
     if robust:
-        sliding = live["s_bound"] + live["s_band"] - live["s_norm"]
+        allowed = live["s_bound"] + live["s_band"]
+        epoch = snapshot.state.epoch
         rows += [
             (
                 "gain d (17)",
@@ -54,26 +55,23 @@ def _facts(snapshot: Snapshot) -> list[tuple[str, str, str, str]]:
             ),
             (
                 "‖s‖ (20)",
-                f"{number('s_norm', 1e3)} ≤ {(live['s_bound'] + live['s_band']) * 1e3:.3g} {units.rate}",
-                verdict(sliding >= 0.0),
-                "the sliding variable and its bound, with the band that sampling leaves",
+                f"{number('s_norm', 1e3)} ≤ {f'{allowed * 1e3:.3g}' if math.isfinite(allowed) else '—'} {units.rate}",
+                verdict(live["s_norm"] <= allowed) if math.isfinite(allowed) else "",
+                "the sliding variable and its bound, with the band of sampling and boundary layer; — where nothing is "
+                "promised",
             ),
-            (
-                "reached (18)",
-                against("reaching_time", "≤", "reaching_time_bound", "s"),
-                _reached(live["reaching_time"], live["reaching_time_bound"]),
-                "the measured reaching time and the promised one, since the last change",
-            ),
+            ("band reached", *_reached(epoch.t, epoch.banded, epoch.banded_by)),
         ]
         if math.isfinite(live["layer_loop_factor"]):
-            rows.append(
+            rows += [
+                ("layer reached", *_reached(epoch.t, epoch.reached, epoch.reached_by)),
                 (
                     "layer, sampled",
                     f"{number('layer_loop_factor')} &lt; 2",
                     verdict(live["layer_loop_factor"] < 2.0),
                     "(λ_max(K_s) + d/φ) T / λ_min(H): the boundary layer stops the chattering only below 2",
-                )
-            )
+                ),
+            ]
     if math.isfinite(live["force_loop_factor"]):
         rows.append(
             (
@@ -101,8 +99,12 @@ def _facts(snapshot: Snapshot) -> list[tuple[str, str, str, str]]:
     return rows
 
 
-def _reached(measured: float, promised: float) -> str:
-    return verdict(measured <= promised + 1e-9) if math.isfinite(measured) else ""
+def _reached(since: float, measured: float | None, promised: float | None) -> tuple[str, str, str]:
+    """Measured against promised time, verdict and explanation."""
+    after = "not yet" if measured is None else f"<b>{measured - since:.3g}</b>"
+    by = "—" if promised is None else f"{promised - since:.3g}"
+    held = "" if measured is None or promised is None else verdict(measured <= promised + 1e-9)
+    return f"{after} ≤ {by} s", held, "the measured time and the promised one, since the last change"
 
 
 def verdict(holds: bool) -> str:

@@ -116,7 +116,7 @@ def tools_html() -> str:
     hints = "".join(f"<p>{hint}</p>" for hint in HINTS)
     return (
         '<div class="vs-tools">'
-        '<button data-key="t" title="dark or light (T)" aria-label="dark or light">◐</button>'
+        '<button data-key="t" title="dark or light (T)" aria-label="dark or light"><i class="vs-half"></i></button>'
         '<button data-key="h" title="help (?)" aria-label="help">?</button></div>'
         '<template id="vs-hints"><aside class="vs-hints" role="note" aria-label="first steps">'
         f"{hints}<button>Got it</button></aside></template>"

@@ -13,13 +13,15 @@ from app.dashboard.facts import judged
 from app.dashboard.matrix_text import short
 from app.dashboard.model_places import pressed_on
 from app.dashboard.pole_map import grouped, pole_map_html
-from app.law import target_model
-from app.scenario import ScenarioError
+from app.law import surfaces_met, target_model
+from app.sampled_loop import oscillations
+from app.scenario import Scenario, ScenarioError
 from app.scenario_data import edited
 from app.snapshot import Snapshot
 from controllers.blend import BlendCertificate, certify
 from controllers.modes import MODES
 from controllers.target_model import InvalidGain, TargetModel
+from controllers.task_space import TaskLayout
 
 _UNITS = {"M_m": "kg", "B_m": "N·s/m", "K_m": "N/m", "K_f": ""}
 
@@ -40,20 +42,20 @@ class Judgement:
 
 def judge_running(snapshot: Snapshot) -> Judgement:
     """The model in force."""
-    return _judge(TargetModel(**snapshot.matrices), snapshot.scenario.mode, snapshot.scenario.controller.K_e_hat)
+    return _judge(TargetModel(**snapshot.matrices), snapshot.scenario, snapshot.system.layout)
 
 
 def judge_asked(snapshot: Snapshot, edit: Edit) -> Judgement:
     """The model that an edit would bring. Raises ScenarioError or InvalidGain where there is none at all."""
     scenario = edited(snapshot.scenario, edit.path, edit.value)
     model = target_model(scenario, len(snapshot.coordinates))
-    return _judge(model, scenario.mode, scenario.controller.K_e_hat)
+    return _judge(model, scenario, snapshot.system.layout)
 
 
-def _judge(model: TargetModel, mode_name: str, K_e_hat: float) -> Judgement:
-    mode = MODES[mode_name]
+def _judge(model: TargetModel, scenario: Scenario, layout: TaskLayout) -> Judgement:
+    mode, K_e_hat = MODES[scenario.mode], scenario.controller.K_e_hat
     try:
-        mode.check(model, K_e_hat)
+        mode.check(model, K_e_hat, surfaces_met(scenario, mode, layout))
         refusal = ""
     except InvalidGain as error:
         refusal = str(error)
@@ -68,7 +70,9 @@ def judge_blend(snapshot: Snapshot, edit: Edit) -> BlendCertificate | None:
         return None
     if asked.refusal:
         return None
-    return certify(TargetModel(**snapshot.matrices), asked.model, pressed_on(snapshot))
+    scenario = snapshot.scenario
+    surfaces = surfaces_met(scenario, MODES[scenario.mode], snapshot.system.layout)
+    return certify(TargetModel(**snapshot.matrices), asked.model, pressed_on(snapshot), surfaces)
 
 
 def blend_html(snapshot: Snapshot, edit: Edit | None) -> str:
@@ -138,4 +142,23 @@ def loops_html(snapshot: Snapshot) -> str:
     if math.isfinite(factor := live.get("layer_loop_factor", math.nan)):
         rows.append(("boundary layer, loop factor &lt; 2", judged(factor, high=2.0)))
     body = "".join(f"<tr><td>{what}</td><td>{value}</td></tr>" for what, value in rows)
-    return f'<table class="vs-facts">{body}</table>' if rows else ""
+    return (f'<table class="vs-facts">{body}</table>' if rows else "") + _sampled_poles(snapshot)
+
+
+def _sampled_poles(snapshot: Snapshot) -> str:
+    """ω and ζ of the target model's poles, and what the sampled loop makes of them with the torque held exactly."""
+    found = oscillations(snapshot.sampled)
+    if not found:
+        return ""
+    rate = 1e-3 / snapshot.scenario.controller.period
+    head = f"<tr><td>poles</td><td>model ω, ζ</td><td>sampled at {rate:.3g} kHz</td></tr>"
+    rows = "".join(
+        f"<tr><td>{f'{o.count} ×' if o.count > 1 else ''}</td><td>{o.omega:.3g} 1/s, {_ratio(o.zeta)}</td>"
+        f"<td>{o.sampled_omega:.3g} 1/s, {_ratio(o.sampled_zeta)}</td></tr>"
+        for o in found
+    )
+    return f'<table class="vs-facts">{head}{rows}</table>'
+
+
+def _ratio(zeta: float) -> str:
+    return f"{zeta:.3f}".replace("-", "−")

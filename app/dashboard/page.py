@@ -11,7 +11,7 @@ import time
 import structlog
 import viser
 
-from app.access import Names
+from app.access import Names, Tokens
 from app.dashboard.appearance import Appearance
 from app.dashboard.charts import Pinned
 from app.dashboard.controls import Desk
@@ -53,6 +53,7 @@ COMPLAINT_SHOWN = 12.0  # s
 COMPLAINTS_APART = 0.5  # s, between two notifications: the status line has every one
 SLOW = 2.0  # s, a drawing that is worth a line in the log
 ENDING = 0.7  # s that viser's server is waited for
+FRAME_ENDING = 0.7  # s that a frame is waited for
 
 
 class PortBusy(OSError):
@@ -75,14 +76,16 @@ class Dashboard:
         theme: Theme = "dark",
         fps: float = FPS,
         key: str | None = None,
+        tokens: Tokens | None = None,
     ) -> None:
         check_fps(fps)
         self._frame = 1.0 / fps
         if port and (reason := _unusable(host, port)):
             raise PortBusy(f"port {port} of {host} cannot be used: {reason}; choose another one with --port")
-        with behind_doors(Names(host), key):
+        with behind_doors(Names(host), key, tokens):
             self._server = viser.ViserServer(host=host, port=port, label="VSMRC Lab", verbose=False)
         Gate(self._server)
+        self._tokens = tokens
         self.host, self.port = host, self._server.get_port()
         if port and self.port != port:
             self._server.stop()
@@ -95,7 +98,7 @@ class Dashboard:
         self._scene = SceneView(self._server)
         self._appearance = Appearance(gui, self._scene, theme)
         self._help = Help(self._server)
-        self._closed = threading.Event()
+        self._closed, self._drawing = threading.Event(), threading.RLock()
         self._view: _View | None = None
         self.shelf = Shelf()
         self._laggards = Laggards(self._server)
@@ -112,6 +115,11 @@ class Dashboard:
     def come_round(self) -> None:
         """Returns when the page's web sockets have had their turn, which is soon unless they hang."""
         asyncio.run_coroutine_threadsafe(asyncio.sleep(0), self._server.get_event_loop()).result()
+
+    @property
+    def link(self) -> str:
+        """The address with the token, where one is asked for."""
+        return self.url if self._tokens is None else f"{self.url}/?token={self._tokens.steer}"
 
     @property
     def clients(self) -> dict[int, viser.ClientHandle]:
@@ -145,17 +153,27 @@ class Dashboard:
         """Draw until `close`; nothing while nobody looks."""
         while not self._closed.is_set():
             started = time.monotonic()
-            self._laggards.drop()
-            if self._view is not None and self._server.get_clients():
-                self._draw(self._view, started)
+            with self._drawing:
+                self._laggards.drop()
+                if self._view is not None and self._server.get_clients() and not self._closed.is_set():
+                    self._draw(self._view, started)
             self._closed.wait(max(self._frame - (time.monotonic() - started), 0.002))
 
     def close(self) -> None:
         """End `run_forever` and stop the server. The runner is the caller's."""
         self._closed.set()
-        if self._view is not None:
-            self._view.close()
-        self._laggards.drop_all()
+        # a server that has stopped takes nothing any more of the frame that is being drawn
+        drawn = self._drawing.acquire(timeout=FRAME_ENDING)
+        try:
+            if self._view is not None:
+                self._view.close()
+            self._laggards.drop_all()
+            self._stop()
+        finally:
+            if drawn:
+                self._drawing.release()
+
+    def _stop(self) -> None:
         # viser may still wait for seconds for a client that does not answer; its threads then end without us
         stopping = threading.Thread(target=self._server.stop, name="stopping", daemon=True)
         stopping.start()

@@ -17,7 +17,8 @@ _COAT = 0.0045  # m, beyond that of the ghost
 
 
 class PinnedArms:
-    """One translucent arm for each pinned run that was recorded at that instant, later pins lighter."""
+    """One translucent arm for each pinned run of the arm that is shown, at the instants at which it was recorded, later
+    pins lighter."""
 
     def __init__(self, scene: viser.SceneApi, new_root: Callable[[], str]) -> None:
         self._scene, self._new_root = scene, new_root
@@ -31,7 +32,7 @@ class PinnedArms:
                 arm.remove()
                 del self._arms[number]
         for place, pinned in enumerate(snapshot.pinned):
-            q = posture(pinned, snapshot.t) if wanted else None
+            q = posture(pinned, snapshot.t) if wanted and _same_arm(pinned, snapshot) else None
             if q is not None and pinned.number not in self._arms:
                 paint = Paint(PINNED_ARMS[place % len(PINNED_ARMS)], opacity=0.3, coat=_COAT)
                 view = RobotView(self._scene, pinned.system.robot, self._new_root(), _CELL, paint)
@@ -41,6 +42,11 @@ class PinnedArms:
                 arm.set_visible(q is not None)
                 if q is not None:
                     arm.show(q)
+
+
+def _same_arm(pinned: Pinned, snapshot: Snapshot) -> bool:
+    one, other = pinned.scenario.robot, snapshot.scenario.robot
+    return (one.name, one.urdf) == (other.name, other.urdf)
 
 
 def posture(pinned: Pinned, t: float) -> np.ndarray | None:

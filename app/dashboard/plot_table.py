@@ -12,6 +12,7 @@ from app.assembly import Coordinate
 from app.chattering import variation_rate
 from app.dashboard.charts import Area, Drawing, Line, Plot, Setup, Signals
 from app.dashboard.equation import symbol
+from app.dashboard.premises import premises_html
 from app.dashboard.theme import ACCENT, BOUND, DESIRED, MEASURED, PUSH, SERIES, Rgb
 from app.snapshot import Snapshot
 from app.units import JOINT
@@ -152,7 +153,7 @@ def _force_error(setup: Setup) -> Drawing | None:
 
 def _sliding(setup: Setup) -> Drawing:
     lines = [
-        Line("bound (20) + sampling", BOUND, total(column("s_bound", 0, 1e3), column("s_band", 0, 1e3)), True, 2.0),
+        Line("bound (20) + band", BOUND, total(column("s_bound", 0, 1e3), column("s_band", 0, 1e3)), True, 2.0),
         Line("‖s‖", color(0), column("s_norm", 0, 1e3), compared=True),
     ]
     return Drawing(f"sliding variable  ‖s‖  [{setup.units.rate}]", lines, floor=1e-2)
@@ -176,8 +177,8 @@ def _reaching(setup: Setup) -> Drawing:
     bound, band = column("s_bound", 0, 1e3), column("s_band", 0, 1e3)
     lines = [
         *_phases(),
-        Line("(20)", BOUND, bound, width=2.0),
-        Line("(20) + sampling", BOUND, total(bound, band), dashed=True, width=1.4),
+        Line("(20)", DESIRED, bound, width=2.0),
+        Line("(20) + band", BOUND, total(bound, band), dashed=True, width=1.4),
         Line("‖s‖", color(0), column("s_norm", 0, 1e3), compared=True),
     ]
     return Drawing(f"sliding variable  ‖s‖  [{setup.units.rate}]", lines, floor=0.1)
@@ -186,7 +187,7 @@ def _reaching(setup: Setup) -> Drawing:
 def _lyapunov(_: Setup) -> Drawing:
     lines = [
         Line("(24)", BOUND, column("V_bound", 0, 1e3), width=2.0),
-        Line("(24) + sampling", BOUND, column("V_band", 0, 1e3), dashed=True, width=1.4),
+        Line("(24) + sampling", BOUND, column("V_limit", 0, 1e3), dashed=True, width=1.4),
         Line("V", color(0), column("V", 0, 1e3)),
     ]
     return Drawing("Lyapunov function  V = ½ sᵀH s  [mJ]", lines, floor=1e-3)
@@ -297,14 +298,22 @@ def _residual(setup: Setup) -> Drawing:
 
 
 def _reaching_note(snapshot: Snapshot) -> str:
-    live, since = snapshot.live, snapshot.state.s_since
-    promised, reached = live["reaching_time_bound"], live["reaching_time"]
-    if promised < snapshot.scenario.controller.period:
-        told = "s(0) = 0: nothing to reach (Remark 2)"
-    else:
-        measured = f"<b>{reached:.3g} s</b>" if np.isfinite(reached) else "not yet"
-        told = f"t_r: promised ≤ <b>{promised:.3g} s</b> by (18), measured {measured}"
-    return f"{told}, from t = {since:.2f} s on"
+    epoch = snapshot.state.epoch
+    if snapshot.scenario.controller.law != "vsmrc":
+        return "s means nothing under this law: it has no bound and nothing to reach"
+    if epoch.certificate.t_r < snapshot.scenario.controller.period:
+        return f"s(0) = 0: nothing to reach (Remark 2), from t = {epoch.t:.2f} s on"
+    stages = [("band", epoch.banded, epoch.banded_by)]
+    if snapshot.scenario.controller.switching != "discontinuous":
+        stages.append(("layer", epoch.reached, epoch.reached_by))
+
+    def told(name: str, measured: float | None, promised: float | None) -> str:
+        after = "not yet" if measured is None else f"<b>{measured - epoch.t:.3g} s</b>"
+        by = "not promised" if promised is None else f"promised ≤ <b>{promised - epoch.t:.3g} s</b>"
+        return f"{name} reached after {after} ({by})"
+
+    stated = "; ".join(told(*stage) for stage in stages)
+    return f"{stated}; s = 0 by (18) ≤ {epoch.certificate.t_r:.3g} s; from t = {epoch.t:.2f} s on"
 
 
 TABS: dict[str, Tab] = {
@@ -312,7 +321,7 @@ TABS: dict[str, Tab] = {
     "Tracking": Tab((Plot(_positions), Plot(_rotations), Plot(_followed)), ("coordinate",)),
     "Force": Tab((Plot(_normal_force), Plot(_force_error), Plot(_force_axes))),
     "Sliding": Tab((Plot(_reaching), Plot(_lyapunov), Plot(_components)), note=_reaching_note),
-    "Guarantee": Tab((Plot(_guarantee), Plot(_perturbation), Plot(_margins))),
+    "Guarantee": Tab((Plot(_guarantee), Plot(_perturbation), Plot(_margins)), note=premises_html),
     "Torque": Tab((Plot(_torques), Plot(_terms), Plot(_robust_terms)), ("joint",)),
     "Chattering": Tab((Plot(_spectrum, spectral=True), Plot(_variation))),
     "Residual": Tab((Plot(_residuals), Plot(_residual))),

@@ -49,7 +49,15 @@ def _chart(plot: Plot, drawing: Drawing, signals: Signals) -> Chart:
     floor = -np.inf if drawing.floor is None else drawing.floor
     courses = [_course(line.values(signals), signals["t"], spectral=plot.spectral) for line in lines]
     curves = tuple(
-        Curve(line.name, line.color, x, np.maximum(y, floor), line.dashed, WIDTH * line.width, line.listed)
+        Curve(
+            line.name,
+            line.color,
+            x,
+            np.maximum(y, floor),
+            line.dashed,
+            WIDTH * line.width,
+            line.listed and bool(len(x)),
+        )
         for line, (x, y) in zip(lines, courses, strict=True)
     )
     shift = len(drawing.lines) - len(lines)  # backdrops come first

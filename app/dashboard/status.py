@@ -1,4 +1,4 @@
-"""The status line: what runs, how far, how fast, and whether the theorem's bound holds now."""
+"""The status line: what runs, how far, how fast, and the verdict on what the theorem promises."""
 
 from __future__ import annotations
 
@@ -22,7 +22,8 @@ MODE_TITLES = {
 
 
 def status_html(snapshot: Snapshot, complaint: str) -> str:
-    """Two lines of chips and numbers; below them why the run stopped, the complaint, what to notice."""
+    """Lines of chips and numbers; in a strip over the scene, where they move nothing, why the run stopped, the
+    complaint and what to notice."""
     scenario = snapshot.scenario
     pace = snapshot.pace
     lines = [
@@ -32,7 +33,7 @@ def status_html(snapshot: Snapshot, complaint: str) -> str:
         f'<span class="vs-right"><span class="vs-dim">t</span> <b class="vs-number">{snapshot.t:.2f}</b> s</span>'
         "</div>",
         '<div class="vs-row">'
-        f'{_bound(snapshot)}<span class="vs-right" title="{_kept(pace)}"><span class="vs-dim">real time</span> '
+        f'{_promise(snapshot)}<span class="vs-right" title="{_kept(pace)}"><span class="vs-dim">real time</span> '
         f'<b class="vs-number">{f"{snapshot.realtime_factor:.2f}×" if pace else "—"}</b></span></div>',
     ]
     if violated := outside(scenario):
@@ -42,15 +43,17 @@ def status_html(snapshot: Snapshot, complaint: str) -> str:
         )
     if saturating := _saturating(snapshot):
         lines.append(f'<div class="vs-row">{_chip(saturating, "vs-bad")}</div>')
+    messages = []
     if snapshot.phase == "stopped":
-        lines.append(_message("vs-bad", f"Stopped: {snapshot.reason}"))
+        messages.append(_message("vs-bad", f"Stopped: {snapshot.reason}"))
     if pace and pace.slowed:
-        lines.append(_message("vs-warn", _slowed(snapshot)))
+        messages.append(_message("vs-warn", _slowed(snapshot)))
     if complaint:
-        lines.append(_message("vs-bad", complaint))
+        messages.append(_message("vs-bad", complaint))
     if snapshot.notice:
-        lines.append(_message("vs-warn", snapshot.notice))
-    return f'<div class="vs-status">{"".join(lines)}</div>'
+        messages.append(_message("vs-warn", snapshot.notice))
+    strip = f'<div class="vs-strip">{"".join(messages)}</div>'
+    return f'<div class="vs-status">{"".join(lines)}{strip}</div>'
 
 
 def splash_html(text: str) -> str:
@@ -65,15 +68,17 @@ def _phase(snapshot: Snapshot) -> str:
     return _chip(snapshot.phase, look)
 
 
-def _bound(snapshot: Snapshot) -> str:
-    if snapshot.scenario.controller.law != "vsmrc":
-        return _chip("no bound on ‖s‖", "vs-dim")
-    names = ("s_norm", "s_bound", "s_band")
-    rows = snapshot.recording.signals(names, snapshot.t - _LATELY, snapshot.t)
-    if not len(rows["s_norm"]):
-        return _chip("‖s‖ ≤ bound: —", "vs-dim")
-    holds = bool(np.all(rows["s_norm"] <= rows["s_bound"] + rows["s_band"]))
-    return _chip("‖s‖ ≤ bound: holds", "vs-good") if holds else _chip("‖s‖ ≤ bound: violated", "vs-bad")
+def _promise(snapshot: Snapshot) -> str:
+    """The verdict on the theorem's promise, and in a few words why."""
+    promise = snapshot.standing.now
+    look = {"holds": "vs-good", "broken": "vs-bad", "nothing promised": "vs-warn"}[promise.verdict]
+    sign = {"holds": "✓ ", "broken": "✗ ", "nothing promised": "– "}[promise.verdict]
+    text = {"holds": "promise holds", "broken": "promise broken"}.get(promise.verdict, promise.verdict)
+    why = snapshot.standing.reason
+    return (
+        f'<span title="{escape(promise.because)}">{_chip(sign + text, look)}</span>'
+        f'<span class="vs-dim">{escape(why)}</span>'
+    )
 
 
 def _saturating(snapshot: Snapshot) -> str:

@@ -1,4 +1,4 @@
-"""The style sheet and the script of the page, injected as HTML; they lie in `static/page`.
+"""The style sheet and the script of the page, injected as HTML; they lie in `static/page`, fonts in `static/fonts`.
 
 viser's text field sends every keystroke and knows no "Enter or leaving the field". `rows.js` tells the two apart:
 it appends the character COMMIT to the text when the user is done, so a commit is an ordinary change of the value.
@@ -14,13 +14,14 @@ from __future__ import annotations
 
 from importlib import resources
 
+from app.dashboard.fonts import font_faces
 from app.dashboard.theme import css_variables
 
 # zero width: never typed, never seen
 COMMIT, RELEASED, ESCAPED = MARKS = "\u200b", "\u200c", "\u200d"
 
 _SHEETS = ("page.css", "phone.css")
-_SCRIPTS = ("rows.js", "plots.js", "looking.js", "keys.js", "hints.js")
+_SCRIPTS = ("fonts.js", "rows.js", "plots.js", "reading.js", "scene.js", "looking.js", "keys.js", "hints.js")
 
 # Scripts in innerHTML do not run; the load event of an image that is part of the page does, and needs no request.
 _PIXEL = "data:image/gif;base64,R0lGODlhAQABAAAAACH5BAEKAAEALAAAAAABAAEAAAICTAEAOw=="
@@ -32,7 +33,7 @@ def injected_html() -> str:
     blocks = "".join(f"{{\n{_read(name)}}}\n" for name in _SCRIPTS)
     script = f"if (!window.vsmrcLab) {{\nwindow.vsmrcLab = true;\n{blocks}}}"
     script = script.replace("&", "&amp;").replace('"', "&quot;")
-    sheet = css_variables() + "".join(_read(name) for name in _SHEETS)
+    sheet = font_faces() + css_variables() + "".join(_read(name) for name in _SHEETS)
     return f'<style>{sheet}</style><img src="{_PIXEL}" style="display:none" onload="{script}">'
 
 

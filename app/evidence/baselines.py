@@ -9,8 +9,9 @@ import numpy as np
 
 from app.assembly import System, assemble
 from app.closed_loop import ClosedLoop
+from app.evidence.drawing import charts_in_columns
 from app.evidence.section import Findings, Job, Section
-from app.figures import Chart, Curve, Figure, Rgb, render
+from app.figures import Chart, Curve, Rgb
 from app.markdown import Table
 from app.metrics import Account, account
 from app.scenario import Scenario
@@ -236,7 +237,7 @@ def _figure(main: dict[Contestant, list[Outcome]], noisy: dict[Contestant, list[
             "variation of the torque, against noise", "N·m/s", over_noise("variation"), x_label=sigma, logarithmic=True
         ),
     )
-    return render(Figure(charts, "Left: each law's runs in the order of its own figure. Right: medians."), "svg")
+    return charts_in_columns(charts, "Left: each law's runs in the order of its own figure. Right: medians.")
 
 
 def _curve(who: Contestant, x: np.ndarray, y: np.ndarray, *, listed: bool) -> Curve:

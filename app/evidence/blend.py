@@ -11,9 +11,10 @@ import numpy as np
 from scipy.linalg import expm
 
 from app.closed_loop import ClosedLoop
+from app.evidence.drawing import charts_in_columns
 from app.evidence.regions import Region, Spot, render_regions
 from app.evidence.section import Findings, Job, Section
-from app.figures import Chart, Curve, Figure, render, thinned
+from app.figures import Chart, Curve, thinned
 from app.markdown import Table
 from app.scenario_data import edited, from_plain, shipped, to_plain
 from controllers.blend import PIECES, axis_matrix, certify, shared_sliding
@@ -306,7 +307,7 @@ def _refused_figure() -> bytes:
         Curve("0", GREY, SHARES, 0.0 * SHARES, dashed=True, listed=False),
     )
     chart = Chart("Two stable models, not so between them", "1/s", curves, x_label="α")
-    return render(Figure((chart,), "The real part of the rightmost pole of (8) on the way between the two."), "svg")
+    return charts_in_columns((chart,), "The real part of the rightmost pole of (8) on the way between the two.")
 
 
 def _loop_figure(runs: dict[str, Blended]) -> bytes:
@@ -323,7 +324,7 @@ def _loop_figure(runs: dict[str, Blended]) -> bytes:
         )
         charts.append(Chart(title, unit, curves, logarithmic=least > 0.0))
     caption = "UR5 pushed with 20 N; from t = 2 s on its stiffness falls to a quarter."
-    return render(Figure(tuple(charts), caption), "svg")
+    return charts_in_columns(charts, caption)
 
 
 SECTION = Section("blend", jobs, conclude)

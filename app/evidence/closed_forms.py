@@ -13,8 +13,9 @@ from scipy.optimize import curve_fit
 
 from app.assembly import System, assemble
 from app.closed_loop import ClosedLoop
+from app.evidence.drawing import charts_in_columns
 from app.evidence.section import Findings, Job, Section, of_kind
-from app.figures import Chart, Curve, Figure, render
+from app.figures import Chart, Curve
 from app.headless import simulate
 from app.markdown import Table
 from app.scenario import Controller, Scenario
@@ -357,10 +358,9 @@ def conclude(results: Sequence[Any]) -> Findings:
             ),
         },
         figures={
-            "steady": render(Figure((_steady_chart(rests),), STEADY_CAPTION), "svg"),
-            "responses": render(
-                Figure((_response_chart(responses), _oscillation_chart(oscillations), _loop_chart(loops)), CAPTION),
-                "svg",
+            "steady": charts_in_columns((_steady_chart(rests),), STEADY_CAPTION),
+            "responses": charts_in_columns(
+                (_response_chart(responses), _oscillation_chart(oscillations), _loop_chart(loops)), CAPTION
             ),
         },
     )

@@ -12,8 +12,9 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
+from app.evidence.drawing import charts_in_columns
 from app.evidence.section import Findings, Job, Section
-from app.figures import Chart, Curve, Figure, render
+from app.figures import Chart, Curve
 from app.markdown import Table
 from app.scenario_data import edited, shipped
 from environments.plant import Integrator
@@ -37,8 +38,8 @@ BANDS = (
     ("planar2r-semicircle-discontinuous", 20.0),
 )  # scenario, d N
 
-ORDERS: Mapping[Integrator, float] = {"semi-implicit-euler": 1.0, "rk4": 4.0}
-NAMES: Mapping[Integrator, str] = {"semi-implicit-euler": "Euler", "rk4": "RK4"}
+ORDERS: Mapping[Integrator, float] = {"leapfrog": 1.0, "semi-implicit-euler": 1.0, "rk4": 4.0}
+NAMES: Mapping[Integrator, str] = {"leapfrog": "leapfrog", "semi-implicit-euler": "Euler", "rk4": "RK4"}
 Subject = Literal["plant", "loop", "band"]
 SUBJECTS: Mapping[Subject, str] = {
     "plant": "plant: error of (q, q̇) [rad, rad/s]",
@@ -127,7 +128,7 @@ def conclude(results: Sequence[Decline]) -> Findings:
             for subject, declines in of.items()
         },
         tables={subject: _table(SUBJECTS[subject], declines) for subject, declines in of.items()},
-        figures={"orders": render(Figure(tuple(map(_chart, SUBJECTS, of.values())), CAPTION), "svg")},
+        figures={"orders": charts_in_columns(tuple(map(_chart, SUBJECTS, of.values())), CAPTION)},
     )
 
 

@@ -1,16 +1,16 @@
-"""Drawings that are no charts of curves: maps of a figure over two parameters, in the style of `app.figures`."""
+"""The drawings of the evidence: charts in two columns, and maps of a figure over two parameters."""
 
 from __future__ import annotations
 
 import io
 import textwrap
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from app.figures import CAPTION_LETTERS, DOUBLE, MARGIN, ROW, STYLE
+from app.figures import CAPTION_LETTERS, DOUBLE, MARGIN, ROW, STYLE, Chart, Figure, plain_number, render
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -37,17 +37,22 @@ class HeatMap:
     theory: tuple[np.ndarray, float] | None = None
 
 
+def charts_in_columns(charts: Iterable[Chart], caption: str) -> bytes:
+    """Charts beside each other, as SVG."""
+    return render(Figure(tuple(charts), caption, one_column=1), "svg")
+
+
 def heat_maps(maps: Sequence[HeatMap], caption: str) -> bytes:
     """Maps beside each other, as SVG; the same maps always make the same bytes."""
     from matplotlib import rc_context
-    from matplotlib.figure import Figure
+    from matplotlib.figure import Figure as Canvas
 
     lines = textwrap.wrap(caption, int((DOUBLE - 2 * MARGIN) * CAPTION_LETTERS))
     height = MARGIN + 2 * ROW + TALL + BELOW + ROW * (len(lines) + 1)
     wide = (DOUBLE - LEFT - GAP * len(maps) + 0.3) / len(maps)
     file = io.BytesIO()
     with rc_context(STYLE):
-        canvas = Figure(figsize=(DOUBLE, height))
+        canvas = Canvas(figsize=(DOUBLE, height))
         bottom = (height - MARGIN - 2 * ROW - TALL) / height
         for number, each in enumerate(maps):
             left = LEFT + number * (wide + GAP)
@@ -63,6 +68,7 @@ def heat_maps(maps: Sequence[HeatMap], caption: str) -> bytes:
 
 def _draw(axes: Axes, bar: Axes, each: HeatMap) -> None:
     from matplotlib.colors import LogNorm
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
     k, l = len(each.x), len(each.y)
     axes.set_facecolor("0.75")
@@ -83,7 +89,8 @@ def _draw(axes: Axes, bar: Axes, each: HeatMap) -> None:
     axes.set_xlabel(each.x_label, labelpad=2)
     axes.set_ylabel(each.y_label, labelpad=2)
     axes.set_title(f"{each.title} [{each.unit}]", loc="left", fontsize=7.5, fontweight="bold", pad=4)
-    axes.figure.colorbar(mesh, cax=bar)
+    axes.figure.colorbar(mesh, cax=bar, ticks=LogLocator(subs=(1.0,), numticks=6), format=FuncFormatter(plain_number))
+    bar.yaxis.set_minor_formatter(NullFormatter())
     bar.tick_params(pad=1, length=2)
     bar.axhline(each.good, color=GOOD, linewidth=1.5)
 

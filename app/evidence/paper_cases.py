@@ -8,8 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from app.chattering import amplitude_spectrum
+from app.evidence.drawing import charts_in_columns
 from app.evidence.section import Findings, Job, Section
-from app.figures import FREQUENCY, TIME, Chart, Curve, Figure, render, thinned
+from app.figures import FREQUENCY, TIME, Chart, Curve, thinned
 from app.headless import simulate
 from app.markdown import Table
 from app.metrics import Account, account, force_error, motion_error
@@ -74,7 +75,7 @@ def conclude(results: Sequence[Run]) -> Findings:
     for case, (title, scenario) in CASES.items():
         of_law = {law: next(runs) for law in LAWS}
         rows += [(f"{title}, {law}", *_figures(found)) for law, found in of_law.items()]
-        figures[case] = render(Figure(_charts(of_law), f"{title[0].upper()}{title[1:]}: scenario {scenario}."), "svg")
+        figures[case] = charts_in_columns(_charts(of_law), f"{title[0].upper()}{title[1:]}: scenario {scenario}.")
     header = (
         f"from t = {SETTLED:g} s on",
         "path error, largest [mm]",

@@ -14,7 +14,7 @@ from app.evidence.drawing import HeatMap, heat_maps
 from app.evidence.section import Findings, Job, Section
 from app.markdown import Table
 from app.metrics import account, saturated
-from app.sampled_loop import contact_loop_radius
+from app.sampled_loop import judge_posture
 from app.scenario import Scenario
 from app.scenario_data import edited, shipped
 
@@ -28,7 +28,7 @@ Changes = Mapping[str, Any]
 @dataclass(frozen=True)
 class Cell:
     """One run, figures from `SETTLED` on, nan when it stopped: RMS force error N, RMS path error m, variation of the
-    torques N m/s, share of control periods with a torque cut; growth per period that `contact_loop_radius` foresees,
+    torques N m/s, share of control periods with a torque cut; growth per period that `sampled_loop` foresees,
     nan where it foresees nothing; factor of the sampled boundary layer; load: the largest torque as a share of its
     joint's limit in the URDF."""
 
@@ -118,7 +118,7 @@ def row(name: str, y: float, xs: Sequence[float]) -> list[Cell]:
 def _cell(scenario: Scenario, previous: System | None) -> tuple[Cell, System]:
     substeps = max(1, round(scenario.controller.period / STEP))
     loop = ClosedLoop(edited(scenario, "simulation.substeps", substeps), previous=previous)
-    growth = contact_loop_radius(loop.system, loop.system.robot.posture, 0.0)
+    growth = judge_posture(loop.system, loop.system.robot.posture, 0.0)[1].radius
     layer_factor = loop.view().live["layer_loop_factor"]
     while loop.t < DURATION and not loop.stopped:
         loop.advance()

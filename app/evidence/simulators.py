@@ -12,9 +12,10 @@ import pinocchio as pin
 from app.assembly import System, assemble
 from app.changes import on_robot
 from app.closed_loop import ClosedLoop
+from app.evidence.drawing import charts_in_columns
 from app.evidence.pinocchio_constraint import Ground, Kind, by_jacobian, by_slider
 from app.evidence.section import Findings, Job, Section
-from app.figures import Chart, Curve, Figure, render, thinned
+from app.figures import Chart, Curve, thinned
 from app.markdown import Table
 from app.scenario import Scenario
 from app.scenario_data import edited, shipped
@@ -124,6 +125,11 @@ def free(robot: str, duration: float) -> Free:
     return Free(robot, apart("semi-implicit-euler"), apart("rk4"), exact["t"], rungs, moved)
 
 
+def _by_euler(scenario: Scenario) -> Scenario:
+    """With the integrator that MuJoCo has, too."""
+    return edited(scenario, "simulation.integrator", "semi-implicit-euler")
+
+
 def _touching(scenario: Scenario, stiffness: float, mass: float, duration: float) -> Scenario:
     damping = float(np.sqrt(stiffness))
     fields = {"kind": "mass-damper-spring", "K_e": stiffness, "B_e": damping, "M_e": mass}
@@ -134,7 +140,7 @@ def _touching(scenario: Scenario, stiffness: float, mass: float, duration: float
 
 def steady(stiffness: float, duration: float) -> Steady:
     """An impedance K_m pressed by `INTO` towards a surface K_e: F = K_e K_m depth / (K_m + K_e)."""
-    scenario = _touching(shipped()["ur5-hybrid"], stiffness, MASSES[0], duration)
+    scenario = _touching(_by_euler(shipped()["ur5-hybrid"]), stiffness, MASSES[0], duration)
     scenario = edited(edited(scenario, "mode", "impedance"), "motion", "hold")
     scenario = edited(scenario, "shift", {"by": [0.0, 0.0, -INTO], "duration": 0.5})
     system = assemble(scenario)
@@ -147,7 +153,7 @@ def steady(stiffness: float, duration: float) -> Steady:
 
 def touch(name: str, motion: str, mass: float, duration: float) -> Touch:
     """Force control at 20 N, from the air, while the tool rests or draws its circle."""
-    scenario = _touching(shipped()["ur5-hybrid"], 1e4, mass, duration)
+    scenario = _touching(_by_euler(shipped()["ur5-hybrid"]), 1e4, mass, duration)
     if motion == "hold":
         scenario = edited(scenario, "motion", "hold")
     ours, theirs = (run(scenario, mujoco=mujoco) for mujoco in (False, True))
@@ -366,8 +372,8 @@ def _figure(found: Free, touched: Sequence[Touch]) -> bytes:
         Chart(f"force, surface of {circle.mass:g} kg, 10 kN/m", "N", forces),
         Chart("forces apart", "N", apart, logarithmic=True),
     )
-    told = f"Top: {found.robot} in free space, our Euler from MuJoCo's Runge-Kutta at {1.0 / FINE:g} ms."
-    return render(Figure(charts, f"{told} Below: from the first touch on."), "svg")
+    told = f"Joint angles: {found.robot} in free space, our Euler from MuJoCo's Runge-Kutta at {1.0 / FINE:g} ms."
+    return charts_in_columns(charts, f"{told} Forces: from the first touch on.")
 
 
 def _above_zero(t: np.ndarray, values: np.ndarray, floor: float = 1e-9) -> tuple[np.ndarray, np.ndarray]:

@@ -9,9 +9,10 @@ import msgspec
 import numpy as np
 
 from app.closed_loop import ClosedLoop
+from app.evidence.drawing import charts_in_columns
 from app.evidence.plants import Departure, drawn, random_of, situation, with_gains
 from app.evidence.section import Findings, Job, Section
-from app.figures import Chart, Curve, Figure, render
+from app.figures import Chart, Curve
 from app.headless import simulate
 from app.hindsight import Hindsight
 from app.markdown import Table
@@ -231,16 +232,20 @@ def conclude(results: Sequence[Example | Outcome]) -> Findings:
         "stopped": f"{sum(one.stopped for one in away)}",
     }
     figures = {
-        "example": Figure(
+        "example": charts_in_columns(
             (_run_chart(shown),), "A UR5 that presses, first of its plants: drawn('ur5', 'hybrid', 0, 0)."
         ),
-        "spread": Figure(tuple(_spread_charts(plants)), "Share of the plants that stay below the value on the axis."),
-        "outside": Figure(tuple(_outside_charts(away)), "Corners of the declared set moved away from the nominal arm."),
+        "spread": charts_in_columns(
+            _spread_charts(plants), "Share of the plants that stay below the value on the axis."
+        ),
+        "outside": charts_in_columns(
+            _outside_charts(away), "Corners of the declared set moved away from the nominal arm."
+        ),
     }
     return Findings(
         numbers=numbers,
         tables={"cells": _cells(plants), "shares": _shares(plants)},
-        figures={name: render(figure, "svg") for name, figure in figures.items()},
+        figures=figures,
     )
 
 

@@ -11,8 +11,9 @@ from typing import NamedTuple
 import msgspec
 import structlog
 
-from app.recovery import StateError, last_state, occupied
+from app.recovery import LARGEST, StateError, last_state, occupied
 from app.whole_file import write_whole
+from environments.regular_file import read_regular
 
 log = structlog.get_logger()
 
@@ -48,8 +49,7 @@ class Register:
     """
 
     def __init__(self, path: Path) -> None:
-        self._path = path
-        self._lock = occupied(path)
+        self._path, self._lock = occupied(path)
 
     def close(self) -> None:
         """Leave the folder to others."""
@@ -84,12 +84,13 @@ class Register:
 def _known(link: Path) -> Known | None:
     watch = link.parent.name
     try:
-        read = msgspec.json.decode(link.read_bytes(), type=_Link)
-    except (OSError, msgspec.MsgspecError, UnicodeDecodeError) as error:
-        log.warning("saved session unreadable", file=str(link), reason=str(error))
+        read = msgspec.json.decode(read_regular(link, LARGEST), type=_Link)
+    except (OSError, msgspec.MsgspecError, UnicodeDecodeError, RecursionError) as error:
+        reason = error.strerror if isinstance(error, OSError) else error
+        log.warning("saved session unreadable", session=watch[:6], reason=str(reason))
         return None
     if not (_WORD.fullmatch(read.name) and _WORD.fullmatch(watch)):
-        log.warning("saved session unreadable", file=str(link), reason="its name is none of this program's")
+        log.warning("saved session unreadable", session=watch[:6], reason="its name is none of this program's")
         return None
     last = last_state(link.parent)
     return Known(read.name, watch, last.scenario or read.scenario, last.pinned, read.owner)

@@ -80,12 +80,13 @@ def _names(invitation: Invitation) -> Names:
 
 
 def _tokens(invitation: Invitation) -> Tokens | None:
-    local = Names(invitation.host).local
+    """Raises ScenarioError where none is wanted and one is needed or given."""
     if invitation.token == "never":
-        if not local:
+        if not Names(invitation.host).local:
             raise ScenarioError(f"--token: never, with --host {invitation.host}; allowed: only with 127.0.0.1")
-        return None
-    return None if local and not invitation.origins and invitation.token == "auto" else Tokens()
+        if invitation.given is not None:
+            raise ScenarioError("--token: never, with a token given; allowed: auto, always")
+    return invitation.tokens
 
 
 async def _serve(
@@ -119,10 +120,12 @@ async def _serve(
         async with serving(gateway, invitation.host, invitation.port) as port:
             warming = warm.start()
             address = _address(invitation, port)
-            say(f"VSMRC Lab: {_link(address, tokens, '')}  (Ctrl-C ends it)")
+            # a token that was given is known to who is to have it, and need not be in the journal
+            shown = tokens if invitation.given is None else Tokens("TOKEN", "WATCH-TOKEN")
+            say(f"VSMRC Lab: {_link(address, shown, '')}  (Ctrl-C ends it)")
             if everyone is not None:
                 watch = f"watch/{everyone.watch}/"
-                say(f"to watch:  {address}/{watch}" + (f"?token={tokens.watch}" if tokens else ""))
+                say(f"to watch:  {address}/{watch}" + (f"?token={shown.watch}" if shown else ""))
             else:
                 listening = f", listening at {invitation.host}:{port}" if invitation.origins else ""
                 say(f"{house.places} sessions at once (--max-sessions){listening}")

@@ -25,8 +25,9 @@ import aiohttp
 import structlog
 from aiohttp import WSCloseCode, web
 
-from app.access import KEY_HEADER, PAGE_HEADERS, Names, Pass, Tokens
+from app.access import KEY_HEADER, YEAR, Names, Pass, Tokens, token_cookie
 from app.gateway import pages
+from app.gateway.answers import Runner, with_headers
 from app.gateway.door import ARRIVING, DEADLINE, Door
 from app.gateway.invitation import PortTaken
 from app.gateway.metrics import TYPE, metrics
@@ -41,7 +42,6 @@ log = structlog.get_logger()
 
 TICK = 1.0  # s
 WAITS = 0.5  # s that a page is kept waiting for its session, rather than being told to wait
-_YEAR = 365 * 24 * 3600
 _PASS = web.RequestKey("pass", str)
 _GREETING = web.RequestKey("greeting", str)
 Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
@@ -73,6 +73,7 @@ class Gateway:
         self.app = web.Application(middlewares=[self._guard], client_max_size=64 * 1024)
         self.app.cleanup_ctx.append(self._living)
         self.app.on_shutdown.append(self._end)
+        self.app.on_response_prepare.append(with_headers)
         self.app.add_routes(
             [
                 web.get("/", self._front),
@@ -140,11 +141,8 @@ class Gateway:
                 response = await handler(request)
             except web.HTTPException as error:
                 response = _notice("There is nothing here", "Perhaps the link is not complete.", error.status)
-        if not response.prepared:
-            if greeting := request.get(_GREETING):
-                self._remember(response, request, visitor_cookie(request), greeting)
-            response.headers.update(PAGE_HEADERS)
-            response.headers.setdefault("Cache-Control", "no-store")
+        if not response.prepared and (greeting := request.get(_GREETING)):
+            self._remember(response, request, visitor_cookie(request), greeting)
         return response
 
     def _without_token(self, request: web.Request) -> web.StreamResponse | None:
@@ -153,7 +151,7 @@ class Gateway:
         if tokens is None:
             request[_PASS] = "steer"
             return None
-        cookie = f"vsmrc-token-{port_of(request)}"
+        cookie = token_cookie(port_of(request))
         known, shown = tokens.opens(request.cookies.get(cookie, "")), tokens.opens(request.query.get("token", ""))
         if asks_status(request):  # as Prometheus shows it
             known = known or tokens.opens(request.headers.get("Authorization", "").removeprefix("Bearer "))
@@ -192,10 +190,8 @@ class Gateway:
         return visitor
 
     def _remember(self, response: web.StreamResponse, request: web.Request, cookie: str, value: str) -> None:
-        public = f"https://{request.host.lower()}" in self._doors.names.public
-        response.set_cookie(
-            cookie, value, max_age=_YEAR, httponly=True, samesite="Lax", secure=public or request.secure, path="/"
-        )
+        secure = request.secure or self._doors.names.encrypted(request.host)
+        response.set_cookie(cookie, value, max_age=YEAR, httponly=True, samesite="Lax", secure=secure, path="/")
 
     # what there is
 
@@ -371,7 +367,7 @@ async def serving(
 
     deadline: s for a request to be complete; connections: at most, None for all pages and who is just arriving.
     """
-    runner = web.AppRunner(
+    runner = Runner(
         gateway.app, access_log=None, shutdown_timeout=0.5, handler_cancellation=True, keepalive_timeout=deadline
     )
     await runner.setup()

@@ -39,7 +39,7 @@ document.addEventListener("keydown", (e) => {
   if (!input || (e.key !== "Enter" && e.key !== "Escape")) return;
   e.preventDefault();
   commit(input, e.key === "Enter" ? input.vsmrcDraft : "");
-  if (e.key === "Enter") input.select();
+  if (input.matches(".mantine-TextInput-input")) input.blur(); // keys are commands again
 }, true);
 document.addEventListener("focusout", (e) => { const i = field(e); if (i) commit(i, i.vsmrcDraft); }, true);
 

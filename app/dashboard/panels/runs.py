@@ -22,7 +22,8 @@ _TOLD = 4  # differences of a pinned run that are told
 
 
 class RunsPanel:
-    """Pin and forget; a table over the last seconds up to the instant looked at, the same instants of every run."""
+    """Pin and forget; a table over the last seconds up to the instant looked at, the same instants of every run that
+    has come that far, the last ones of every other."""
 
     def __init__(self, desk: Desk) -> None:
         self._desk = desk
@@ -63,7 +64,7 @@ class RunsPanel:
             if button.visible != (number is not None):
                 button.visible = number is not None
         self._note.content = f'<div class="vs-note">{_note(snapshot, window)}</div>'
-        self._table.content = _table(snapshot, window) if snapshot.pinned else ""
+        self._table.content = table_html(snapshot, window) if snapshot.pinned else ""
 
 
 def _note(snapshot: Snapshot, window: float) -> str:
@@ -73,13 +74,19 @@ def _note(snapshot: Snapshot, window: float) -> str:
             "stand beside the running one in a table here. A fork pins what it leaves, an edit a run that has stopped."
         )
     start = max(snapshot.t - window, 0.0)
-    return f"Every run from t = {start:.2f} to {snapshot.t:.2f} s, where it has come that far."
+    told = f"Every run from t = {start:.2f} to {snapshot.t:.2f} s."
+    ended = any(pinned.t < snapshot.t for pinned in snapshot.pinned)
+    return f"{told} One that ended before: its own last {window:g} s." if ended else told
 
 
-def _table(snapshot: Snapshot, window: float) -> str:
-    start = snapshot.t - window
-    runs = [(snapshot.system, snapshot.recording), *((p.system, p.recording) for p in snapshot.pinned)]
-    systems, accounts = zip(*((system, account(system, rows, start, snapshot.t)) for system, rows in runs), strict=True)
+def table_html(snapshot: Snapshot, window: float) -> str:
+    """Figures over the last `window` s, a column for each run; what differs in each pinned one's scenario."""
+    runs = [
+        (snapshot.system, snapshot.recording, snapshot.t),
+        *((p.system, p.recording, min(p.t, snapshot.t)) for p in snapshot.pinned),
+    ]
+    systems = tuple(system for system, _, _ in runs)
+    accounts = tuple(account(system, rows, end - window, end) for system, rows, end in runs)
     heads = "".join(f"<th>{head}</th>" for head in ("now", *(str(p.number) for p in snapshot.pinned)))
     rows = "".join(_row(figure, figure.units(systems), accounts) for figure in FIGURES)
     told = "".join(_told(pinned, snapshot) for pinned in snapshot.pinned)

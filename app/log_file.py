@@ -1,0 +1,66 @@
+"""The file of a log that several processes write to and that grows only so far."""
+
+from __future__ import annotations
+
+import fcntl
+import os
+import stat
+from pathlib import Path
+
+LARGEST = 10_000_000  # bytes; then the file gets a number, and another one is begun
+OLDER = 3  # of those are kept: FILE.1 is the newest
+
+
+class LogFile:
+    """Appends lines: each by one call of the system, so that those of several processes do not mix.
+
+    Whoever finds the file too large moves it on, and the others follow; so they do when another program has moved it.
+    Raises OSError where it cannot be opened.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._path = path.absolute()
+        self._descriptor = _opened(self._path)
+
+    def write(self, line: str) -> None:
+        """Raises OSError, also for a line that does not fit on the disk as a whole."""
+        data = line.encode(errors="backslashreplace")
+        self._follow()
+        status = os.fstat(self._descriptor)
+        if stat.S_ISREG(status.st_mode) and status.st_size + len(data) > LARGEST:
+            self._move_on()
+        if (written := os.write(self._descriptor, data)) < len(data):
+            raise OSError(f"{self._path}: {written} of {len(data)} bytes of a line fit")
+
+    def close(self) -> None:
+        os.close(self._descriptor)
+
+    def _follow(self) -> None:
+        """Have the file that is at the path now."""
+        try:
+            same = os.path.samestat(os.stat(self._path), os.fstat(self._descriptor))
+        except FileNotFoundError:
+            same = False
+        if not same:
+            another = _opened(self._path)
+            os.close(self._descriptor)
+            self._descriptor = another
+
+    def _move_on(self) -> None:
+        """One process does: those that come too late find another file at the path."""
+        fcntl.flock(self._descriptor, fcntl.LOCK_EX)
+        try:
+            if os.path.samestat(os.stat(self._path), os.fstat(self._descriptor)):
+                for number in range(OLDER, 0, -1):
+                    if (newer := self._numbered(number - 1)).exists():
+                        newer.replace(self._numbered(number))
+        finally:
+            fcntl.flock(self._descriptor, fcntl.LOCK_UN)
+        self._follow()
+
+    def _numbered(self, number: int) -> Path:
+        return self._path.with_name(f"{self._path.name}.{number}") if number else self._path
+
+
+def _opened(path: Path) -> int:
+    return os.open(path, os.O_WRONLY | os.O_APPEND | os.O_CREAT | os.O_CLOEXEC, 0o600)

@@ -1,0 +1,62 @@
+"""What has been found by searching, so that it is searched for once."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable
+from typing import Protocol
+
+import numpy as np
+
+MOST = 256  # answers in memory
+
+Numbers = tuple[float, ...]
+Part = str | bytes | float | np.ndarray
+
+
+class Shelf(Protocol):
+    """Where answers outlive the process."""
+
+    def read(self, key: str, count: int) -> Numbers | None:
+        """The answer of `count` numbers of this key; None where there is none that can be trusted."""
+        ...
+
+    def write(self, key: str, numbers: Numbers) -> None:
+        """Keep an answer, if that is possible."""
+        ...
+
+
+class Memory:
+    """Answers by what they depend on: in this process, and on a shelf where there is one."""
+
+    def __init__(self, shelf: Shelf | None = None) -> None:
+        self._shelf = shelf
+        self._known: dict[str, Numbers] = {}
+
+    def recall(self, key: str, count: int, find: Callable[[], Numbers]) -> Numbers:
+        """The answer of `count` numbers of this key, found where it is not known yet. Raises what `find` raises."""
+        known = self._known.get(key)
+        if known is None:
+            known = self._shelf.read(key, count) if self._shelf is not None else None
+            if known is None:
+                known = tuple(float(number) for number in find())  # numpy's are written otherwise
+                if self._shelf is not None:
+                    self._shelf.write(key, known)
+            if len(self._known) >= MOST:
+                self._known.clear()
+            self._known[key] = known
+        return known
+
+
+def key_of(*parts: Part) -> str:
+    """One name for all that an answer depends on."""
+    digest = hashlib.sha256()
+    for part in parts:
+        if isinstance(part, np.ndarray):
+            content = f"{part.dtype.str}{part.shape}".encode() + np.ascontiguousarray(part).tobytes()
+        elif isinstance(part, bytes):
+            content = part
+        else:
+            content = repr(part).encode()
+        digest.update(f"{type(part).__name__} {len(content)} ".encode() + content)
+    return digest.hexdigest()

@@ -1,0 +1,425 @@
+"""The premises of Theorem 1 in a sampled loop, what it promises while they hold, and whether that is kept.
+
+`docs/theory.md` derives each limit and the band. A promise begins anew, from the s of that instant, whenever all
+premises hold again; while one fails there is none, and the bound is NaN.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import IntEnum
+from typing import NamedTuple
+
+import numpy as np
+
+from controllers.bounds import Equivalent, RequiredGain, paper_bound, sum_of, tight_bound
+from controllers.reaching import Promise, envelope
+from controllers.switching import SAMPLING_SHARE, layer_width
+from controllers.task_space import Work
+from controllers.vsmrc import joint_motion
+from kernels import kernel, part
+from kernels.algebra import (
+    congruence,
+    copy,
+    invert,
+    multiply,
+    norm,
+    row_times,
+    spectral_norm,
+    times,
+    transposed_times,
+)
+
+WATCH = 20  # periods between two looks at the posture's inertia
+NEVER = np.nan
+ROUNDING = 1e-9
+
+
+class Premise(IntEnum):
+    """What must be true for the theorem to promise anything of a sampled loop."""
+
+    LAW = 0
+    DECLARED = 1
+    DOMAIN = 2
+    REGULAR = 3
+    DRIVES = 4
+    GAIN = 5
+    HELD = 6
+    LAYER = 7
+    GAIN_BY_CHATTER = 8
+    GAIN_BY_FORCE = 9
+    FORCE_LOOP = 10
+    SAMPLED_LOOP = 11
+
+
+REGULAR, DRIVES, GAIN, HELD = (int(p) for p in (Premise.REGULAR, Premise.DRIVES, Premise.GAIN, Premise.HELD))
+LAYER, GAIN_BY_CHATTER = int(Premise.LAYER), int(Premise.GAIN_BY_CHATTER)
+
+
+@dataclass(frozen=True)
+class Statement:
+    """A premise in words. title: what is compared; sign: how value and limit must compare; unit: "N" stands for the
+    unit of a task force; failed: what is wrong when it fails, with {value} and {limit}; why: what it is for."""
+
+    title: str
+    sign: str
+    unit: str
+    failed: str
+    why: str
+
+
+STATEMENTS: dict[Premise, Statement] = {
+    Premise.LAW: Statement(
+        "robust law (25)", "≤", "", "the law is not the robust one (25)", "Theorem 1 is about (25) and no other law"
+    ),
+    Premise.DECLARED: Statement(
+        "true arm inside the declared set",
+        "≤",
+        "",
+        "the true arm is outside the declared set, {value} inequalities violated",
+        "number of inequalities between truth and declaration that are violated; the bounds (6) are for that set",
+    ),
+    Premise.DOMAIN: Statement(
+        "q in Ω",
+        "≤",
+        "rad",
+        "q has left Ω: {value} rad from the postures along the reference, allowed {limit} rad",
+        "distance to the nearest posture along the reference; k_r′ and k_r″ of (19) hold within it",
+    ),
+    Premise.REGULAR: Statement(
+        "σ_min(J_q)", "≥", "m", "J_q is nearly singular: σ_min {value}, allowed from {limit}", "Ω ends where J_q does"
+    ),
+    Premise.DRIVES: Statement(
+        "torque of the drives",
+        "≤",
+        "",
+        "a drive saturates: the law asks for {value} times its limit",
+        "largest ratio of a commanded torque to its drive's limit; what is cut off is missing in (25)",
+    ),
+    Premise.GAIN: Statement(
+        "d covers (17)", "≤", "N", "the gain d = {limit} {unit} is below what (17) asks for, {value} {unit}", "(17)"
+    ),
+    Premise.HELD: Statement(
+        "held over a period",
+        "≤",
+        "N",
+        "within one period the model's torque and the force change by {value} {unit}, allowed {limit} {unit}",
+        "what (25) without its robust terms changes from one sample to the next, in task space: over the period the "
+        "torque is constant; a quarter of ε and of K_s s, and the declared error of the force sensor, are kept for it",
+    ),
+    Premise.LAYER: Statement(
+        "boundary layer, sampled",
+        "<",
+        "",
+        "the boundary layer is too thin for the control period: (K_s + d/φ)T/H = {value}, allowed below 2",
+        "(λ_max(K_s) + d/φ) T / λ_min(H): inside the layer s chatters from 2 on",
+    ),
+    Premise.GAIN_BY_CHATTER: Statement(
+        "d fed back by chattering",
+        "<",
+        "",
+        "the gain (17) runs away: chattering in ė_r raises d by {value} of itself each period, allowed below 1",
+        "δ_H ‖M_m⁻¹B_m‖ T / λ_min(H): d by (17) grows with r̈_eq, which chatters with ė_r",
+    ),
+    Premise.GAIN_BY_FORCE: Statement(
+        "d fed back by the force",
+        "<",
+        "",
+        "the gain (17) and the contact force raise each other: by {value} of the change, allowed below 1",
+        "against a rigid or heavy surface the force depends on the torque, d by (17) on the force; from 1 on that loop "
+        "has no solution, at any control period",
+    ),
+    Premise.FORCE_LOOP: Statement(
+        "force loop, sampled",
+        "<",
+        "",
+        "the sampled force loop diverges: its factor is {value}, allowed below 1; raise M_m along the normal, or set "
+        "sensor.ideal",
+        "what one sample makes of an error in the force that is fed back, with what d by (17) adds",
+    ),
+    Premise.SAMPLED_LOOP: Statement(
+        "closed loop, sampled",
+        "<",
+        "",
+        "the sampled loop swings up: a deviation grows {value} times each control period, allowed below 1",
+        "largest growth of a small deviation over one control period with the torque held, for the model in force and "
+        "the posture of now",
+    ),
+}
+
+
+class PremiseTable(NamedTuple):
+    """Each (P,), one entry per `Premise`. value is compared with limit; a limit of NaN: the premise does not apply.
+    margin: the least distance to the limit so far; failed: when it first failed, s, NaN for never; now: 1 while it
+    fails."""
+
+    value: np.ndarray
+    limit: np.ndarray
+    margin: np.ndarray
+    failed: np.ndarray
+    now: np.ndarray
+
+    @classmethod
+    def fresh(cls) -> PremiseTable:
+        """Of a run that has not begun."""
+        empty = np.full(len(Premise), np.nan)
+        return cls(empty, empty, np.full(len(Premise), np.inf), empty, np.zeros(len(Premise)))
+
+
+class Watched(NamedTuple):
+    """What is found every `WATCH` periods. low, high: H of every declared arm lies between them at the posture of
+    now, kg; d: on the sliding surface, N; width: of the boundary layer, m/s; radius m/s: V falls
+    while ||s|| is beyond it; V_band J: V stays below it once it is;
+    allowed: of `Premise.HELD`, N."""
+
+    low: float
+    high: float
+    d: float
+    width: float
+    radius: float
+    V_band: float
+    allowed: float
+
+
+class Kept(NamedTuple):
+    """What is promised now and how it has been kept. promise: (19), with V_0 of the instant `since` (s) when it began;
+    standing: whether there is one; bound, band m/s: (20) and what is added to it, NaN without; entered, reached: when
+    ||s|| was first within the boundary layer and within the band, s; broken: when it was first over bound and band
+    though all premises held, s; periods, lost: of the run so far, and those of them without a promise; before: whether
+    the premises held a period ago; begun: of the last change, s."""
+
+    promise: Promise
+    since: float
+    standing: bool
+    bound: float
+    band: float
+    entered: float
+    reached: float
+    broken: float
+    periods: int
+    lost: int
+    before: bool
+    begun: float
+
+    @classmethod
+    def fresh(cls) -> Kept:
+        """Of a run that has not begun."""
+        return cls(Promise(1.0, 1.0, 1.0, 1.0, 0.0), 0.0, False, NEVER, NEVER, NEVER, NEVER, NEVER, 0, 0, True, NEVER)
+
+
+class Room(NamedTuple):
+    """Room for what is in between; equivalent, needed: of `gain_on_surface`."""
+
+    work: Work
+    equivalent: Equivalent
+    needed: RequiredGain
+    e_dot: np.ndarray
+    torque: np.ndarray
+    F: np.ndarray
+
+    @classmethod
+    def zeros(cls, n: int) -> Room:
+        """Of n coordinates."""
+        return cls(Work.zeros(n), Equivalent.zeros(n), RequiredGain.zeros(), np.zeros(n), np.zeros(n), np.zeros(3))
+
+
+class Held(NamedTuple):
+    """Of the period before: model (n,) N m, the terms of (25) without the robust ones; z_dot (n,) m/s^2; push (3,) N;
+    known: whether there is one under the same law."""
+
+    model: np.ndarray
+    z_dot: np.ndarray
+    push: np.ndarray
+    known: bool
+
+    @classmethod
+    def zeros(cls, n: int) -> Held:
+        """Of n coordinates, before the first period."""
+        return cls(np.zeros(n), np.zeros(n), np.zeros(3), False)
+
+
+@part
+def inertia_range(u, estimate, task, work):
+    """(low, high): H of every declared arm lies between them at this state, kg, at most 3 % too wide; see
+    `bounds.InertiaRange`."""
+    n = task.r.shape[0]
+    carried, turned = 0.0, 0.0
+    if u.payload_mass > 0.0:
+        multiply(estimate.J_v, task.J_q_inv, work.Y)
+        carried = spectral_norm(work.Y, work.V, work.W)
+        multiply(estimate.J_w, task.J_q_inv, work.Y)
+        turned = u.payload_offset * spectral_norm(work.Y, work.V, work.W)
+    for i in range(n):
+        for j in range(n):
+            work.U[i, j] = estimate.M_hat[i, j] + u.rho * estimate.M_links[i, j]
+    congruence(task.J_q_inv, work.U, work.S, work.T)
+    high = spectral_norm(work.T, work.S, work.U) + u.payload_mass * (carried + turned) ** 2
+    for i in range(n):
+        for j in range(n):
+            work.U[i, j] = estimate.M_hat[i, j] - u.rho * estimate.M_links[i, j]
+    invert(work.U, work.S, work.T)
+    multiply(task.J_q, work.T, work.S)
+    for i in range(n):
+        for j in range(n):
+            work.U[i, j] = row_times(task.J_q, j, work.S[i])
+    return 1.0 / spectral_norm(work.U, work.S, work.T), high
+
+
+@part
+def inertia_error(gains, deviation, estimate, task, work):
+    """delta_H of (6), kg: what (17) takes per m/s^2 of r_eq_ddot, at most."""
+    u, J_inv = gains.uncertainty, task.J_q_inv_norm
+    load = 0.0
+    if u.payload_mass > 0.0 and gains.tight:
+        multiply(estimate.J_v, task.J_q_inv, work.Y)
+        load = spectral_norm(work.Y, work.V, work.W)
+        multiply(estimate.J_w, task.J_q_inv, work.Y)
+        load += u.payload_offset * spectral_norm(work.Y, work.V, work.W)
+    if gains.tight:
+        congruence(task.J_q_inv, estimate.M_links, work.S, work.T)
+        H_links = spectral_norm(work.T, work.S, work.U)
+        return u.rho * H_links + u.payload_mass * load**2 + J_inv**2 * deviation.delta_M
+    if u.payload_mass > 0.0:
+        load = spectral_norm(estimate.J_v, work.V, work.W)
+        load += u.payload_offset * spectral_norm(estimate.J_w, work.V, work.W)
+    delta_M = u.rho * spectral_norm(estimate.M_links, work.S, work.T) + u.payload_mass * load**2 + deviation.delta_M
+    return delta_M * J_inv**2
+
+
+@kernel
+def _gain_of(gains, task, estimate, deviation, q_dot, room):
+    """d by (17) for the r_eq_dot and r_eq_ddot of `room`, N."""
+    work, eq, u, needed = room.work, room.equivalent, gains.uncertainty, room.needed
+    joint_motion(task, eq.r_dot, eq.r_ddot, eq.q_dot, work, eq.q_dot, eq.q_ddot)
+    if gains.tight:
+        tight_bound(u, deviation, estimate, task, q_dot, eq, work, needed)
+    else:
+        paper_bound(u, deviation, estimate, task, q_dot, eq, work, needed)
+    needed.epsilon = gains.epsilon
+    return sum_of(needed)
+
+
+@part
+def gain_at_rest(gains, reference, task, estimate, deviation, q_dot, room):
+    """d where all errors are zero, N."""
+    if not gains.by_theorem:
+        return gains.d
+    copy(reference.r_d_dot, room.equivalent.r_dot)
+    copy(reference.r_d_ddot, room.equivalent.r_ddot)
+    return _gain_of(gains, task, estimate, deviation, q_dot, room)
+
+
+@part
+def gain_on_surface(gains, z, reference, task, estimate, deviation, q_dot, output, room):
+    """d as it is on the sliding surface, N: at the present e_r and z, with the e_r_dot that makes s zero."""
+    if not gains.by_theorem:
+        return gains.d
+    eq, e = room.equivalent, output.e_r
+    for i in range(z.shape[0]):
+        room.e_dot[i] = -gains.F_1[i] * e[i] - gains.F_2[i] * z[i]  # (10) with s = 0
+    for i in range(z.shape[0]):
+        fed_back = row_times(gains.K_pz, i, e) + row_times(gains.K_vz, i, room.e_dot)
+        z_dot = gains.A[i] * z[i] + fed_back + row_times(gains.K_fz, i, output.e_Fc)
+        eq.r_dot[i] = reference.r_d_dot[i] + room.e_dot[i]
+        eq.r_ddot[i] = reference.r_d_ddot[i] - gains.F_1[i] * room.e_dot[i] - gains.F_2[i] * z_dot
+    return _gain_of(gains, task, estimate, deviation, q_dot, room)
+
+
+@part
+def watch(gains, z, reference, task, estimate, believed, q_dot, output, room, promise, period, table, watched):
+    """Look at the posture's inertia: the band, and the premises that depend on it."""
+    u, work, deviation = gains.uncertainty, room.work, believed.deviation
+    watched.low, watched.high = inertia_range(u, estimate, task, work)
+    growth = inertia_error(gains, deviation, estimate, task, work) * gains.damping_rate * period / watched.low
+    table.limit[GAIN_BY_CHATTER] = 1.0 if gains.by_theorem else NEVER
+    table.value[GAIN_BY_CHATTER] = growth
+    raised = 1.0 / max(1.0 - growth, 1e-3) if gains.by_theorem else 1.0  # what chattering makes of d, at most
+
+    at_rest = raised * gain_at_rest(gains, reference, task, estimate, deviation, q_dot, room)
+    table.limit[LAYER] = 2.0 if gains.switching > 0 else NEVER
+    table.value[LAYER] = (gains.K_s_largest + at_rest / gains.phi) * period / watched.low
+
+    # outside of `radius` one period makes V smaller; from within it V can rise to `V` (docs/theory.md)
+    watched.d = raised * gain_on_surface(gains, z, reference, task, estimate, deviation, q_dot, output, room)
+    watched.width = layer_width(gains.switching, gains.phi, watched.d, gains.epsilon)
+    stopping = watched.low - 0.5 * period * gains.K_s_largest
+    chatter = period * watched.d / stopping if stopping > 0.0 else np.inf
+    watched.radius = max(watched.width, chatter)
+    heaviest = max(watched.high, 4.0 * watched.low) if chatter > 0.5 * watched.width else watched.high
+    V = 0.5 * heaviest * watched.radius**2
+    watched.V_band = max(V, watched.V_band * np.exp(-promise.c_1 * period * WATCH))
+
+    watched.allowed = SAMPLING_SHARE * gains.epsilon
+    if u.force_error > 0.0:
+        multiply(estimate.J_v, task.J_q_inv, work.Y)
+        watched.allowed += u.force_error * spectral_norm(work.Y, work.V, work.W)
+
+
+@part
+def held_error(gains, believed, task, estimate, F_true, output, held, room):
+    """What (25) without its robust terms would have changed during the period before, in task space, N.
+
+    F_true (3,) N: the force at its end. F_2 z_dot is not among it: z goes on evenly within a period, so that r_eq_ddot
+    has just that part.
+    """
+    work, n = room.work, task.r.shape[0]
+    for i in range(n):
+        work.u[i] = gains.F_2[i] * (output.z_dot[i] - held.z_dot[i])
+    times(task.J_q_inv, work.u, room.e_dot)
+    transposed_times(estimate.J_v, F_true, room.torque)
+    terms = output.terms
+    for i in range(n):
+        model = terms.inertia[i] + row_times(believed.M_hat, i, room.e_dot) + terms.coriolis[i] + terms.gravity[i]
+        room.torque[i] += model - held.model[i]
+    transposed_times(task.J_q_inv, room.torque, work.u)
+    return norm(work.u)
+
+
+@part
+def judge(table, t):
+    """Compare each value with its limit; returns whether all premises hold."""
+    all_hold = True
+    for i in range(table.value.shape[0]):
+        value, limit = table.value[i], table.limit[i]
+        if np.isnan(limit):
+            table.now[i] = 0.0
+            continue
+        margin = value - limit if i == REGULAR else limit - value
+        fails = not margin >= -ROUNDING * max(1.0, abs(limit))  # a value that is no number fails
+        table.now[i] = 1.0 if fails else 0.0
+        if fails:
+            all_hold = False
+            if np.isnan(table.failed[i]):
+                table.failed[i] = t
+        if not margin >= table.margin[i]:
+            table.margin[i] = margin
+    return all_hold
+
+
+@part
+def keep_promise(all_hold, s_norm, watched, t, kept):
+    """Begin, go on with or end the promise, and see whether ||s|| (m/s) is where it is promised to be.
+
+    Returns whether it is broken. What a period did is known at its end: a premise must have held then and before.
+    """
+    standing = all_hold and kept.before
+    kept.periods += 1
+    kept.before = all_hold
+    if not standing:
+        kept.standing, kept.bound, kept.band = False, NEVER, NEVER
+        kept.lost += 1
+        return False
+    if not kept.standing:
+        kept.standing, kept.since = True, t
+        if t != kept.begun:  # otherwise the V_0 of the change is known better
+            kept.promise.V_0 = 0.5 * watched.high * s_norm**2
+    kept.bound = envelope(kept.promise, t - kept.since)
+    kept.band = np.sqrt(2.0 * watched.V_band / watched.low)
+    if np.isnan(kept.entered) and s_norm <= watched.width:
+        kept.entered = t
+    if np.isnan(kept.reached) and s_norm <= kept.band:
+        kept.reached = t
+    over = s_norm > kept.bound + kept.band
+    if over and np.isnan(kept.broken):
+        kept.broken = t
+    return over
