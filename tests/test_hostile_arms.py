@@ -254,6 +254,32 @@ def test_one_visitor_does_not_take_all_uploads(tmp_path: Path, monkeypatch: pyte
     assert [path.exists() for path in greedy] == [False, False, True, True]
 
 
+def test_an_upload_in_use_stays_also_where_its_visitor_has_too_many(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path))
+    monkeypatch.setattr(uploads, "MOST_OF_ONE", 2)
+    monkeypatch.setattr(uploads, "UNUSED", 2 * uploads.IDLE)
+
+    def another(number: int) -> Path:
+        return uploads.keep(f"arm{number}.urdf", BENT.replace("3.0", f"3.{number}").encode(), ("browser",))
+
+    one, two = another(1), another(2)
+    running = robot_of(edited(load("ur5-motion"), "robot", {"urdf": str(one)}))
+    for path in (one, two):
+        os.utime(path, (0, 0))  # the clock was put right
+    three = another(3)
+    assert [path.exists() for path in (one, two, three)] == [True, False, True]
+    assert {file.stat().st_mode & 0o777 for file in tmp_path.glob("vsmrc-lab/urdf/*/*")} == {0o600}  # marks, too
+    assert {file.stat().st_mode & 0o777 for file in tmp_path.glob("vsmrc-lab/urdf/*")} == {0o700}
+    with pytest.raises(ScenarioError, match="allowed: 2 of 100 MB of one visitor"):
+        another(4)
+    del running
+    os.utime(one, (0, 0))
+    four = another(4)
+    assert [path.exists() for path in (one, three, four)] == [False, True, True]
+
+
 # meshes
 
 
