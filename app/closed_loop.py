@@ -61,8 +61,9 @@ class LoopState:
     """Where a run stands between two control periods: all that the next ones depend on, nothing that they change, and
     small, so that it can be kept or sent to another process. t, t_0 s; steps counted from t_0; arm, period: the memory
     of the records of these names; along: of `ReferenceEstimates`, None without; epoch: what was begun at the last
-    change; loop: the sampled loop as it was judged at the posture judged_at (n,) rad; flagged: see
-    `ClosedLoop.warning`. A fork without the hand: `replace(state, grip=None)`."""
+    change; loop: the sampled loop as it was judged at the posture judged_at (n,) rad; looked: where Omega was looked at
+    last (n,) rad, and the room about it; flagged: see `ClosedLoop.warning`. A fork without the hand:
+    `replace(state, grip=None)`."""
 
     scenario: Scenario
     t: float
@@ -77,6 +78,7 @@ class LoopState:
     epoch: Epoch
     loop: SampledLoop
     judged_at: np.ndarray
+    looked: tuple[np.ndarray, float]
     stopped: str | None
     flagged: str | None
 
@@ -125,7 +127,7 @@ class ClosedLoop:
         loop.system, loop.grip = loop.system.with_shift(state.shift), state.grip
         loop._along = loop._reference_estimates(state.along)
         loop.certificate, loop.s_since = state.epoch.certificate, state.epoch.t
-        loop.sampled, loop._judged_at = state.loop, state.judged_at
+        loop.sampled, loop._judged_at, (loop._looked_at, loop._room) = state.loop, state.judged_at, state.looked
         loop.stopped, loop._flagged = state.stopped, state.flagged
         loop._settings = Record(loop._setting_of(loop.system))
         loop.recording.epochs[-1] = state.epoch
@@ -137,7 +139,8 @@ class ClosedLoop:
         return LoopState(
             self.system.scenario, self.t, self._t_0, self._steps, self._arm.copy().data, self._period.copy().data,
             self._reader.memory(), self.system.plan.shift, None if self._along is None else self._along.start,
-            self.grip, self.recording.epochs[-1], self.sampled, self._judged_at, self.stopped, self._flagged,
+            self.grip, self.recording.epochs[-1], self.sampled, self._judged_at, (self._looked_at, self._room),
+            self.stopped, self._flagged,
         )  # fmt: skip
 
     def _begin(self, system: System, history: int) -> None:
@@ -379,7 +382,8 @@ class ClosedLoop:
         """Go on with this system from the present state; s jumps where gains or references do."""
         self.system = system
         self._flagged: str | None = None
-        self._judged_at = np.full(system.robot.n, np.nan)
+        self._judged_at = self._looked_at = np.full(system.robot.n, np.nan)
+        self._room = 0.0  # rad, about the posture looked at last, in which nothing need be looked at again
         self._h = system.scenario.controller.period
         self._ideal = system.scenario.sensor.ideal and system.plant.heavy
         self._along = self._reference_estimates(Start(round(self.t / self._h), self._arm.views.q.copy()))
@@ -466,13 +470,15 @@ class ClosedLoop:
 
     def _look_at_posture(self) -> None:
         """Judge the premises that depend on where the arm is: Omega, and the sampled loops when it has moved."""
-        system, q = self.system, self._arm.views.q
-        constants = system.constants
-        self._state_premise(Premise.DOMAIN, constants.distance(q), constants.radius)
+        constants, q = self.system.constants, self._arm.views.q
+        if np.linalg.norm(q - self._looked_at) < self._room:
+            return  # from where it was seen last it cannot have come out of Omega, nor far
+        distance = constants.distance(q)
+        self._looked_at, self._room = q.copy(), min(constants.radius - distance, MOVED / 4)
+        self._state_premise(Premise.DOMAIN, distance, constants.radius)
         if not np.abs(q - self._judged_at).max() <= MOVED:
             self._judge_loops()
-        failing = self._period.views.table
-        if failing.value[Premise.DOMAIN] > failing.limit[Premise.DOMAIN]:
+        if distance > constants.radius:
             self._left("flag", "q has left Ω, over which the constants of (19) were computed")
 
     def _judge_loops(self) -> None:

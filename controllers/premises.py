@@ -30,7 +30,7 @@ from kernels.algebra import (
     transposed_times,
 )
 
-WATCH = 20  # periods between two looks at the posture's inertia
+WATCH = 40  # periods between two looks at the posture's inertia
 NEVER = np.nan
 ROUNDING = 1e-9
 
