@@ -62,6 +62,8 @@ def serve(
     token_file: Path | None = None,
     origin: tuple[str, ...] = (),
     max_sessions: int | None = None,
+    per_address: int | None = None,
+    copies: bool = True,
     idle_minutes: float = 30.0,
     settings: Settings = (),
 ) -> int:
@@ -83,12 +85,15 @@ def serve(
         token_file: where the token to steer is, which else is VSMRC_TOKEN of the environment or made at the start
         origin: public addresses behind a proxy, such as https://lab.example.org
         max_sessions: with --shared, how many run at once, instead of what this machine holds; the others queue
+        per_address: with --shared, how many of them one address may have, instead of all but a quarter
+        copies: with --shared, whether who watches may take a private copy of the session
         idle_minutes: with --shared, a session that nobody looks at so long is closed; its link brings it back
     """
     try:
         log.configure(log_level, log_file)
     except OSError as error:
         raise ScenarioError(f"--log-file {log_file}: cannot be written: {error.strerror}") from error
+    signal.signal(signal.SIGINT, signal.default_int_handler)  # a script that begins us with & hands it on ignored
     for ending in (signal.SIGTERM, signal.SIGHUP):
         if signal.getsignal(ending) is not signal.SIG_IGN:  # nohup
             signal.signal(ending, signal.default_int_handler)
@@ -97,9 +102,18 @@ def serve(
     chosen = _configured(scenario, settings)
     people = other_people() if token == "auto" else []
     invitation = Invitation(
-        host, port, shared, token, origin, max_sessions, idle_minutes,
-        given=given_token(token_file, os.environ), crowded=bool(people),
-    )  # fmt: skip
+        host=host,
+        port=port,
+        shared=shared,
+        token=token,
+        origins=origin,
+        places=max_sessions,
+        of_one_address=per_address,
+        copies=copies,
+        idle_minutes=idle_minutes,
+        given=given_token(token_file, os.environ),
+        crowded=bool(people),
+    )
     try:
         check_fps(fps)
     except ValueError as error:

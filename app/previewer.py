@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import subprocess
 import threading
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from multiprocessing import Pipe
 from multiprocessing.connection import Connection
@@ -44,6 +45,7 @@ class Previewer:
         self._waiting: Question | None = None
         self._number = self._dropped = 0
         self._closed = False
+        self._starter = ThreadPoolExecutor(1, "starter")  # its thread lives as long: the process ends with it
         self.newest: Outlook | Refusal | None = None
         self.failure: str | None = None
 
@@ -84,6 +86,7 @@ class Previewer:
             worker, self._worker, self._waiting = self._worker, None, None
         if worker is not None:
             _end(worker)
+        self._starter.shutdown()
 
     def _put(self, question: Question) -> None:
         if self._closed:
@@ -99,7 +102,9 @@ class Previewer:
         ours, theirs = Pipe()
         with theirs:
             file = theirs.fileno()
-            process = child.start("app.preview_worker", str(file), stdin=subprocess.DEVNULL, pass_fds=(file,))
+            process = self._starter.submit(
+                child.start, "app.preview_worker", str(file), stdin=subprocess.DEVNULL, pass_fds=(file,)
+            ).result()
         worker = _Worker(process, ours)
         threading.Thread(target=self._listen, args=(worker,), name="previews", daemon=True).start()
         return worker

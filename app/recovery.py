@@ -18,6 +18,7 @@ import uuid
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import NamedTuple
 
 import msgspec
 import structlog
@@ -96,12 +97,20 @@ def occupied(path: Path) -> tuple[Path, int]:
     return path, lock
 
 
-def last_scenario(path: Path) -> str | None:
-    """What the session of this folder was at (TOML, not judged), without using the folder; None where it is unknown."""
+class Last(NamedTuple):
+    """What a session was at: TOML, not judged, None where it is unknown; and how many pinned runs are kept of it."""
+
+    scenario: str | None
+    pinned: int
+
+
+def last_state(path: Path) -> Last:
+    """Of this folder's session, without using the folder."""
+    found = list[_Index]()
     for name in (SESSION, OFFER):
         with contextlib.suppress(FileNotFoundError, StateError):
-            return _decoded(path / name).scenario
-    return None
+            found.append(_decoded(path / name))
+    return Last(found[0].scenario if found else None, sum(len(index.pinned) for index in found))
 
 
 class StateFolder:
@@ -224,13 +233,16 @@ class StateFolder:
 class Keeper:
     """Saves scenario and pinned runs as they change, in a thread of its own. What a run begins with is no change.
 
-    complain: is told in a sentence, once until it goes well again, that it cannot be saved.
+    complain: is told in a sentence, once until it goes well again, that it cannot be saved. begun: the run has begun
+    before, so that it is saved as it is.
     """
 
-    def __init__(self, folder: StateFolder, look: Callable[[], Snapshot], complain: Callable[[str], None]) -> None:
+    def __init__(
+        self, folder: StateFolder, look: Callable[[], Snapshot], complain: Callable[[str], None], *, begun: bool = False
+    ) -> None:
         self._folder, self._look, self._complain = folder, look, complain
-        self._saved: _Subject | None = _subject(look())
-        self._seen = self._saved
+        self._seen = _subject(look())
+        self._saved: _Subject | None = None if begun else self._seen
         self._since = 0.0
         self._failing = False
         self._closing = threading.Event()

@@ -60,7 +60,6 @@ SLOWEST, FASTEST = 0.01, 100.0
 class Runner:
     """Owns the loop. `post` and `snapshot` may be used from any thread; nothing else touches the loop.
 
-
     reach: which files commands may name, None for any.
     """
 

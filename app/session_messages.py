@@ -25,10 +25,24 @@ class Kept(msgspec.Struct, frozen=True):
 
 
 class Begin(msgspec.Struct, frozen=True, tag=True):
-    """To the process: run. scenario: TOML, None for the one prepared; kept: where, None for nowhere."""
+    """To the process: run. scenario: TOML, None for the one prepared; kept: where, None for nowhere; marks: of the
+    visitor that it is for, see `Visitor.marks`."""
 
     scenario: str | None
     kept: Kept | None
+    marks: tuple[str, ...] = ()
+
+
+class Keep(msgspec.Struct, frozen=True, tag=True):
+    """To the process, which runs: keep the session there from now on, where nothing is kept of it yet."""
+
+    kept: Kept
+
+
+class Remark(msgspec.Struct, frozen=True, tag=True):
+    """To the process, which runs: say this on the page."""
+
+    sentence: str
 
 
 class Ready(msgspec.Struct, frozen=True, tag=True):
@@ -39,9 +53,18 @@ class Ready(msgspec.Struct, frozen=True, tag=True):
 
 
 class Changed(msgspec.Struct, frozen=True, tag=True):
-    """From the process: the scenario (TOML) that runs from now on, so that it can be begun again elsewhere."""
+    """From the process: the scenario (TOML) that runs from now on, so that it can be begun again elsewhere, and how
+    many runs are pinned."""
 
     scenario: str
+    pinned: int = 0
+
+
+class Alive(msgspec.Struct, frozen=True, tag=True):
+    """From the process, while it prepares and while it runs, every second: its pages are answered. late: how late the
+    steps of its loop were lately, their median in s; None where none is computed."""
+
+    late: float | None = None
 
 
 class Failed(msgspec.Struct, frozen=True, tag=True):
@@ -50,8 +73,8 @@ class Failed(msgspec.Struct, frozen=True, tag=True):
     reason: str
 
 
-ToSession = Prepare | Begin
-FromSession = Ready | Changed | Failed
+ToSession = Prepare | Begin | Keep | Remark
+FromSession = Ready | Changed | Alive | Failed
 
 to_session = msgspec.json.Decoder(ToSession)
 from_session = msgspec.json.Decoder(FromSession)

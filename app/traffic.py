@@ -21,8 +21,8 @@ NARROW = 576  # px: pages up to this wide, phones, take no part in how high the 
 @dataclass(frozen=True)
 class Limits:
     """Of one connection: the size of a message in bytes (the largest are pictures of the scene), messages per second
-    in the long run and at once, bytes of a file and of all files not yet complete. Of the server: connections per
-    session and in total."""
+    in the long run and at once, bytes of a file and of all files not yet complete. Of a session's process:
+    connections."""
 
     message: int = 12 * MEGABYTE
     watchers_message: int = 64 * 1024
@@ -31,7 +31,6 @@ class Limits:
     upload: int = 8 * MEGABYTE
     uploads: int = 16 * MEGABYTE
     per_session: int = 64
-    total: int = 256
 
 
 class Overrun(ValueError):

@@ -185,6 +185,26 @@ def test_serve_says_its_address_and_a_busy_port_and_ends_on_ctrl_c() -> None:
         server.wait()
 
 
+def test_ctrl_c_ends_a_server_that_a_script_has_begun_in_the_background() -> None:
+    """A shell without job control hands SIGINT on ignored."""
+    command = [sys.executable, "-m", "app", "serve", "planar2r-semicircle", "--port", "0", "--stateless"]
+    ignoring = (
+        "import os, signal, sys; signal.signal(signal.SIGINT, signal.SIG_IGN); os.execv(sys.argv[1], sys.argv[1:])"
+    )
+    server = subprocess.Popen(
+        [sys.executable, "-c", ignoring, *command], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
+    try:
+        assert server.stdout is not None
+        assert next(line for line in server.stdout if line.startswith("VSMRC Lab"))
+        server.send_signal(signal.SIGINT)
+        server.communicate(timeout=60)
+        assert server.returncode == 0
+    finally:
+        server.kill()
+        server.wait()
+
+
 def test_any_urdf_runs_and_a_truth_outside_its_declaration_is_said(tmp_path: Path) -> None:
     done = vsmrc(
         "run", "ur5-hybrid", "--duration", "0.1", "--out", str(tmp_path),

@@ -9,6 +9,7 @@ import sys
 import time
 import zipfile
 from contextlib import suppress
+from itertools import count
 from pathlib import Path
 from unittest.mock import MagicMock
 
@@ -225,6 +226,58 @@ def test_who_comes_over_the_network_learns_of_no_file(tmp_path: Path, monkeypatc
                 assert said.endswith(": not on this server; allowed: a URDF that was uploaded"), said
     finally:
         runner.close()
+
+
+def test_one_visitor_does_not_take_all_uploads(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path))
+    monkeypatch.setattr(uploads, "MOST_OF_ONE", 4)
+    monkeypatch.setattr(uploads, "MOST_KEPT", 7)
+    numbers = count()
+
+    def another(*marks: str) -> Path:
+        number = next(numbers)
+        return uploads.keep(f"arm{number}.urdf", BENT.replace("3.0", f"3.{number}").encode(), marks)
+
+    oldest = another()
+    greedy = [another(f"browser{number}", "address") for number in range(4)]
+    with pytest.raises(ScenarioError, match=r"and 4 uploads .*; allowed: 4 of 100 MB of one visitor") as e:
+        another("browser9", "address")
+    one_sentence(e.value)
+    others = [another("other"), another("other")]
+    with pytest.raises(ScenarioError, match=r"and 7 uploads .* in all"):
+        another("other")  # all of them are in use
+    for number, path in enumerate([oldest, *others, *greedy]):
+        os.utime(path, (time.time() - 2 * uploads.IDLE + number,) * 2)
+    new = another("other")
+    assert [path.exists() for path in (oldest, *others, *greedy, new)] == [True] * 3 + [False] + [True] * 4
+    another("browser9", "address")  # makes room of its own first
+    assert [path.exists() for path in greedy] == [False, False, True, True]
+
+
+def test_an_upload_in_use_stays_also_where_its_visitor_has_too_many(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path))
+    monkeypatch.setattr(uploads, "MOST_OF_ONE", 2)
+    monkeypatch.setattr(uploads, "UNUSED", 2 * uploads.IDLE)
+
+    def another(number: int) -> Path:
+        return uploads.keep(f"arm{number}.urdf", BENT.replace("3.0", f"3.{number}").encode(), ("browser",))
+
+    one, two = another(1), another(2)
+    running = robot_of(edited(load("ur5-motion"), "robot", {"urdf": str(one)}))
+    for path in (one, two):
+        os.utime(path, (0, 0))  # the clock was put right
+    three = another(3)
+    assert [path.exists() for path in (one, two, three)] == [True, False, True]
+    assert {file.stat().st_mode & 0o777 for file in tmp_path.glob("vsmrc-lab/urdf/*/*")} == {0o600}  # marks, too
+    assert {file.stat().st_mode & 0o777 for file in tmp_path.glob("vsmrc-lab/urdf/*")} == {0o700}
+    with pytest.raises(ScenarioError, match="allowed: 2 of 100 MB of one visitor"):
+        another(4)
+    del running
+    os.utime(one, (0, 0))
+    four = another(4)
+    assert [path.exists() for path in (one, three, four)] == [False, True, True]
 
 
 # meshes

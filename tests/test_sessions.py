@@ -13,29 +13,39 @@ import pytest
 
 from app.gateway import sessions
 from app.gateway.register import LINK, MOST, Register
-from app.gateway.sessions import House, Session
+from app.gateway.session import Session
+from app.gateway.sessions import House
+from app.gateway.visitors import NOBODY, Share, Shares, Viewer, Visitor
 from app.gateway.worker import WorkerError
 from app.recovery import StateError, StateFolder
 from app.scenario_data import from_toml, load, to_toml
-from app.session_messages import Begin, Kept
+from app.session_messages import Begin, Changed, Kept
 
 USUAL = "usual"
+PAGE = Viewer(NOBODY, "steer")
 
 
 class Fake:
     """A process: what it was told, and a handle to make it speak or fall."""
 
-    port, key, looking = 0, "", frozenset[str]()
+    port, key, looking, late = 0, "", frozenset[str](), None
 
     def __init__(self, prepared: str) -> None:
         self.prepared, self.begun, self.alive = prepared, "", True
         self.kept: Kept | None = None
-        self._says: asyncio.Queue[str | None] = asyncio.Queue()
+        self.remarks = list[str]()
+        self._says: asyncio.Queue[Changed | None] = asyncio.Queue()
 
     def begin(self, begin: Begin) -> None:
         self.begun, self.kept = begin.scenario or self.prepared, begin.kept
 
-    async def changes(self) -> AsyncIterator[str]:
+    def keep(self, kept: Kept) -> None:
+        self.kept = kept
+
+    def remark(self, sentence: str) -> None:
+        self.remarks.append(sentence)
+
+    async def changes(self) -> AsyncIterator[Changed]:
         while (said := await self._says.get()) is not None:
             yield said
 
@@ -43,8 +53,8 @@ class Fake:
         self.fall()
         return "ended by SIGKILL"
 
-    def say(self, scenario: str) -> None:
-        self._says.put_nowait(scenario)
+    def say(self, scenario: str, pinned: int = 0) -> None:
+        self._says.put_nowait(Changed(scenario, pinned))
 
     def fall(self) -> None:
         self.alive = False
@@ -55,11 +65,19 @@ class Town:
     """A house, its processes in the order of their making, and the time."""
 
     def __init__(
-        self, places: int, idle: float | None = 600.0, *, register: Register | None = None, spare: bool = False
+        self,
+        places: int,
+        idle: float | None = 600.0,
+        *,
+        register: Register | None = None,
+        spare: bool = False,
+        shares: Shares | None = None,
     ) -> None:
         self.now, self.made, self.broken = 1000.0, list[Fake](), False
         self._beat = 0.0 if register is None else 0.005  # s: what is on disk takes real time
-        self.house = House(USUAL, self._launch, places, idle, register=register, spare=spare, clock=lambda: self.now)
+        self.house = House(
+            USUAL, self._launch, places, idle, register=register, spare=spare, shares=shares, clock=lambda: self.now
+        )
 
     async def _launch(self, scenario: str) -> Fake:
         if self.broken:
@@ -79,12 +97,19 @@ class Town:
         await self.pass_time()
         return session.phase
 
+    async def looked_at(self, session: Session, seconds: float = 0.0) -> None:
+        """A page of it is open meanwhile."""
+        self.house.want(session)
+        await self.pass_time()
+        with self.house.viewing(session, PAGE):
+            await self.pass_time(seconds)
 
-def in_a_loop(test: Callable[[], Awaitable[None]]) -> Callable[[], None]:
+
+def in_a_loop(test: Callable[..., Awaitable[None]]) -> Callable[..., None]:
     @wraps(test)
-    def run() -> None:
+    def run(*fixtures: object) -> None:
         async def within() -> None:
-            await test()
+            await test(*fixtures)
 
         asyncio.run(within())
 
@@ -97,7 +122,7 @@ async def test_who_comes_too_late_queues_moves_up_and_is_forgotten_when_gone() -
     a, b, c, d = (town.house.new() for _ in range(4))
     assert [await town.wanted(s) for s in (a, b, c, d)] == ["running", "running", "waiting", "waiting"]
     assert [town.house.place(s) for s in (a, c, d)] == [0, 1, 2]
-    with town.house.viewing(a):
+    with town.house.viewing(a, PAGE):
         for _ in range(30):  # c goes away, d keeps asking; b is looked at by nobody
             await town.pass_time(5.0)
             town.house.want(d)
@@ -110,12 +135,10 @@ async def test_who_comes_too_late_queues_moves_up_and_is_forgotten_when_gone() -
 
 @in_a_loop
 async def test_a_page_that_sleeps_keeps_its_number_and_is_passed_over() -> None:
-    town = Town(places=1)
+    town = Town(places=1, shares=Shares(waiting=Share("sessions that wait", 2, 2, 2)))
     a, b, c, d = (town.house.new() for _ in range(4))
-    with pytest.MonkeyPatch.context() as patched:
-        patched.setattr(sessions, "MOST_WAITING", 2)
-        assert [await town.wanted(s) for s in (a, b, c, d)] == ["running", "waiting", "waiting", "resting"]
-        assert town.house.full
+    assert [await town.wanted(s) for s in (a, b, c, d)] == ["running", "waiting", "waiting", "resting"]
+    assert town.house.refusal(d) == "2 sessions that wait; allowed: no more"
     await town.pass_time(sessions.SILENT + 1)
     town.house.want(c)
     town.made[0].fall()
@@ -137,7 +160,7 @@ async def test_a_session_that_nobody_looks_at_rests_with_its_scenario_and_comes_
     town = Town(places=1, idle=600.0)
     session = town.house.new()
     await town.wanted(session)
-    with town.house.viewing(session):
+    with town.house.viewing(session, PAGE):
         town.made[0].say("changed")
         await town.pass_time(10_000.0)
         assert session.phase == "running"
@@ -169,7 +192,8 @@ async def test_a_fall_is_told_and_mended_without_touching_the_others() -> None:
 @in_a_loop
 async def test_what_falls_again_and_again_is_given_up_and_begun_anew_on_request() -> None:
     town = Town(places=1)
-    session, waiting = town.house.new("falls"), town.house.new()
+    session, waiting = town.house.new(), town.house.new()
+    session.scenario = "falls"
     await town.wanted(session)
     for _ in range(sessions.CRASHES):
         town.made[-1].fall()
@@ -191,7 +215,8 @@ async def test_a_spare_is_ready_beforehand_and_takes_no_place() -> None:
     town = Town(places=2, spare=True)
     await town.pass_time()
     assert [process.begun for process in town.made] == [""]
-    a = town.house.new("another")
+    a = town.house.new()
+    a.scenario = "another"
     assert await town.wanted(a) == "running"
     assert town.made[0].begun == "another"
     await town.pass_time(sessions.SPARE_AFTER)
@@ -221,6 +246,7 @@ async def test_links_are_told_apart_and_only_resting_sessions_are_forgotten() ->
     town = Town(places=1)
     kept = town.house.new()
     await town.wanted(kept)
+    await town.looked_at(kept)
     town.made[0].fall()
     kept._closing = True
     await town.pass_time()
@@ -231,7 +257,7 @@ async def test_links_are_told_apart_and_only_resting_sessions_are_forgotten() ->
     await town.pass_time(sessions.FORGOTTEN + 1)
     assert asked.phase == "resting"
     others = [town.house.new() for _ in range(sessions.MOST_KEPT + 5)]
-    assert town.house.named(kept.name) is kept is town.house.watched(kept.watch)  # which ran, unlike all others
+    assert town.house.named(kept.name) is kept is town.house.watched(kept.watch)  # somebody looked at it
     assert town.house.named(asked.name) is None
     assert town.house.named(others[0].name) is None
     assert town.house.named(others[-1].name) is others[-1]
@@ -248,10 +274,13 @@ def test_a_house_that_is_opened_again_knows_its_sessions_and_their_links(tmp_pat
             with pytest.raises(StateError, match="another server uses it"):
                 Register(tmp_path)
             town = Town(places=3, register=register)
-            left = [town.house.new(scenario) for scenario in (None, "a copy", None)]
+            left = [town.house.new() for _ in range(3)]
+            left[1].scenario = "a copy"
             links.extend((session.name, session.watch) for session in left)
             for session in left[:2]:
-                await town.wanted(session)
+                assert await town.wanted(session) == "running"
+                assert not (tmp_path / session.watch).exists()
+                await town.looked_at(session)
             for process, session in zip(town.made, left, strict=False):
                 assert process.kept is not None
                 assert process.kept.earlier == "shown"
@@ -279,7 +308,7 @@ def test_a_house_that_is_opened_again_knows_its_sessions_and_their_links(tmp_pat
             town = Town(places=1, register=register)
             everyone = town.house.everyone()
             assert everyone.watch in dict(links).values()
-            await town.wanted(everyone)
+            await town.looked_at(everyone)
             town.made[0].fall()
             await town.pass_time()
             town.made[1].say("another")
@@ -296,11 +325,41 @@ def test_a_house_that_is_opened_again_knows_its_sessions_and_their_links(tmp_pat
             crowded = Town(places=MOST, register=register)
             ran = [s for name, _ in links if (s := crowded.house.named(name))]
             for _ in range(MOST - len(ran)):
-                crowded.house._add(Session(USUAL, ran=True, seen=2000.0))
-            await crowded.wanted(crowded.house.new())
-            assert [crowded.house.named(s.name) for s in ran] != ran  # but one that runs takes the oldest one's room
+                crowded.house._add(Session(USUAL, kept=True, looked_at=True, seen=2000.0))
+            new = crowded.house.new()
+            await crowded.wanted(new)
+            assert [crowded.house.named(s.name) for s in ran] == ran  # nor by a session that nobody looks at
+            await crowded.looked_at(new)
+            assert [
+                crowded.house.named(s.name) for s in ran
+            ] != ran  # but one that is looked at takes the oldest's room
             assert sum((tmp_path / watch).exists() for _, watch in links) == len(ran) - 1
             await crowded.house.close()
 
     before()
     after()
+
+
+def test_sessions_with_pinned_runs_stay_for_those_without(tmp_path: Path) -> None:
+    @in_a_loop
+    async def check(register: Register) -> None:
+        town = Town(places=4, register=register)
+        house, mine, theirs = town.house, Visitor("b" * 22, "203.0.113.1"), Visitor("c" * 22, "203.0.113.2")
+        for owner in (mine, *(theirs,) * (MOST - 1)):
+            house._add(Session(USUAL, owner=owner, pinned=1, kept=True, looked_at=True, seen=house._clock()))
+            town.now += 1.0
+        oldest = next(iter(house._by_name.values()))
+        new = house.new(theirs)
+        await town.looked_at(new)
+        assert "none of them may go for it" in town.made[0].remarks[0]
+        assert (new.kept, town.made[0].kept) == (False, None)
+        town.made[0].say(USUAL, pinned=1)
+        await town.pass_time()
+        assert new.kept  # with pinned runs of its own it takes the room of one of who has most, not of the oldest
+        assert town.made[0].kept is not None
+        assert house.named(oldest.name) is oldest
+        assert len([session for session in house._by_name.values() if session.kept]) == MOST
+        await house.close()
+
+    with closing(Register(tmp_path)) as register:
+        check(register)

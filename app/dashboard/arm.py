@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 import viser
 
-from app import uploads
 from app.commands import Edit
 from app.dashboard.controls import Answer, Desk, Place
 from app.dashboard.style import COMMIT, MARKS
@@ -77,7 +76,7 @@ class Upload:
     async def _on_upload(self, event: viser.GuiEvent[viser.GuiUploadButtonHandle]) -> None:
         file = event.target.value
         try:
-            path = await asyncio.to_thread(uploads.keep, file.name, file.content)
+            path = await asyncio.to_thread(self._desk.shelf.keep, file.name, file.content)
         except ScenarioError as error:
             self._desk.complain(str(error))
         else:

@@ -24,12 +24,13 @@ from app.dashboard.whatif import Held, WhatIf
 from app.scenario import Scenario, field_info
 from app.snapshot import Snapshot
 from app.takeaway import Maker
+from app.uploads import Shelf
 
 
 @dataclass(frozen=True)
 class Desk:
     """What a panel works with: where widgets are made, where commands go, the newest snapshot, what-if questions, how
-    the scene is drawn, complaints, and who makes files."""
+    the scene is drawn, complaints, who makes files, and where uploads go."""
 
     gui: viser.GuiApi
     post: Callable[[Command], None]
@@ -38,6 +39,7 @@ class Desk:
     viewing: Viewing
     complain: Callable[[str], None]
     maker: Maker
+    shelf: Shelf
 
 
 class Control(Protocol):

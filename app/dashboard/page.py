@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import math
 import socket
 import threading
@@ -40,6 +41,7 @@ from app.runner import Runner
 from app.snapshot import Snapshot
 from app.takeaway import Maker
 from app.traffic import NARROW
+from app.uploads import Shelf
 
 log = structlog.get_logger()
 
@@ -98,6 +100,7 @@ class Dashboard:
         self._help = Help(self._server)
         self._closed, self._drawing = threading.Event(), threading.RLock()
         self._view: _View | None = None
+        self.shelf = Shelf()
         self._laggards = Laggards(self._server)
         watch(self._server.get_event_loop(), self.fail)
         self._server.on_client_connect(self._on_connect)
@@ -108,6 +111,10 @@ class Dashboard:
     @property
     def url(self) -> str:
         return f"http://[{self.host}]:{self.port}" if ":" in self.host else f"http://{self.host}:{self.port}"
+
+    def come_round(self) -> None:
+        """Returns when the page's web sockets have had their turn, which is soon unless they hang."""
+        asyncio.run_coroutine_threadsafe(asyncio.sleep(0), self._server.get_event_loop()).result()
 
     @property
     def link(self) -> str:
@@ -130,7 +137,7 @@ class Dashboard:
 
     def attach(self, runner: Runner) -> None:
         """Build the controls for this runner and show it from now on."""
-        self._view = _View(self._server, self._status, self._scene, runner)
+        self._view = _View(self._server, self._status, self._scene, runner, self.shelf)
 
     def offer(self, last_session: LastSession) -> None:
         """Ask whether to go on with it, above the controls; nothing before `attach`."""
@@ -201,6 +208,7 @@ class _View:
         status: viser.GuiHtmlHandle,
         scene: SceneView,
         runner: Runner,
+        shelf: Shelf,
     ) -> None:
         self._server, self._status, self._scene, self._runner = server, status, scene, runner
         self._complaint, self._complaint_until, self._complaint_revision = "", 0.0, -1
@@ -211,7 +219,14 @@ class _View:
         self._viewing = Viewing()
         self._maker = Maker()
         desk = Desk(
-            server.gui, runner.post, lambda: runner.snapshot, self._whatif, self._viewing, self.complain, self._maker
+            server.gui,
+            runner.post,
+            lambda: runner.snapshot,
+            self._whatif,
+            self._viewing,
+            self.complain,
+            self._maker,
+            shelf,
         )
         self._hand = Hand(server.scene, desk, lambda client: client in server.get_clients())
         self._playback = Playback(desk)

@@ -27,7 +27,8 @@ class Invitation:
     """To whom a server is open. shared: a session for each visitor, else one for all; token: asked for where others
     than this user's programs can come (auto); given: the token to steer, None for a fresh one; crowded: other people
     are on this machine; origins: public addresses behind a proxy; places: sessions that run at once, None for what this
-    machine holds; idle_minutes: after which a session that nobody looks at is closed."""
+    machine holds; of_one_address: how many of them, None for all but a quarter; copies: whether who watches may take a
+    private one; idle_minutes: after which a session that nobody looks at is closed."""
 
     host: str = "127.0.0.1"
     port: int = 8080
@@ -35,6 +36,8 @@ class Invitation:
     token: Token = "auto"
     origins: tuple[str, ...] = ()
     places: int | None = None
+    of_one_address: int | None = None
+    copies: bool = True
     idle_minutes: float = 30.0
     given: str | None = field(default=None, repr=False)
     crowded: bool = False

@@ -16,11 +16,11 @@ _WAITING = """
 <div data-phase="waiting" hidden><h1>All places are taken</h1><p>You are number <b class="number" id="place"></b>
 in the queue.</p><p class="dim">Leave this page open: it goes on by itself as soon as a place is free. A place that
 nobody looks at is given away after <span id="rest"></span> s.</p></div>
-<div data-phase="full" hidden><h1>All places are taken</h1><p>And so many people wait for one that nobody else can. This
-page tries again.</p></div>
+<div data-phase="full" hidden><h1>All places are taken</h1><p class="dim">This page tries again.</p></div>
 <div data-phase="failed" hidden><h1>This session has stopped</h1>
 <p><button id="again">Begin anew</button></p></div>
 <div data-phase="lost" hidden><h1>The server does not answer</h1><p class="dim">This page tries again.</p></div>
+<p id="why"></p>
 <p id="told"></p>
 <script src="../../assets/wait.js"></script>
 """

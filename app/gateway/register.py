@@ -11,7 +11,7 @@ from typing import NamedTuple
 import msgspec
 import structlog
 
-from app.recovery import LARGEST, StateError, last_scenario, occupied
+from app.recovery import LARGEST, StateError, last_state, occupied
 from app.whole_file import write_whole
 from environments.regular_file import read_regular
 
@@ -26,14 +26,18 @@ _WORD = re.compile(r"[A-Za-z0-9_-]{1,64}")
 class _Link(msgspec.Struct, frozen=True):
     name: str
     scenario: str
+    owner: str = ""
 
 
 class Known(NamedTuple):
-    """A session as it was left: parts of its links, and its scenario (TOML, not judged yet)."""
+    """A session as it was left: parts of its links, its scenario (TOML, not judged yet), how many runs were pinned, and
+    the browser of its owner, see `Visitor`."""
 
     name: str
     watch: str
     scenario: str
+    pinned: int
+    owner: str
 
 
 class Register:
@@ -66,7 +70,7 @@ class Register:
         folder = self._path / known.watch
         try:
             folder.mkdir(exist_ok=True, mode=0o700)
-            text = msgspec.json.encode(_Link(known.name, known.scenario))
+            text = msgspec.json.encode(_Link(known.name, known.scenario, known.owner))
             write_whole(folder / LINK, lambda file: file.write(text), _PRIVATE)
         except OSError as error:
             log.warning("session not saved", reason=error.strerror)
@@ -88,4 +92,5 @@ def _known(link: Path) -> Known | None:
     if not (_WORD.fullmatch(read.name) and _WORD.fullmatch(watch)):
         log.warning("saved session unreadable", session=watch[:6], reason="its name is none of this program's")
         return None
-    return Known(read.name, watch, last_scenario(link.parent) or read.scenario)
+    last = last_state(link.parent)
+    return Known(read.name, watch, last.scenario or read.scenario, last.pinned, read.owner)

@@ -20,6 +20,7 @@ from app.traffic import Limits, Meter, Overrun
 
 log = structlog.get_logger()
 
+ANSWER = 10.0  # s that a session has to answer a page
 BEAT = 30.0  # s between two signs of life asked of a page
 Judge = Callable[[bytes], bytes | None]
 
@@ -31,13 +32,14 @@ async def relay(
     for nothing. Where there is no process, the page is closed with code 1012 and will come again.
     """
     try:
-        session = await client.ws_connect(
-            f"http://127.0.0.1:{process.port}/",
-            protocols=_offered(request),
-            headers={KEY_HEADER: process.key},
-            max_msg_size=0,
-            compress=0,
-        )
+        async with asyncio.timeout(ANSWER):
+            session = await client.ws_connect(
+                f"http://127.0.0.1:{process.port}/",
+                protocols=_offered(request),
+                headers={KEY_HEADER: process.key},
+                max_msg_size=0,
+                compress=0,
+            )
     except (aiohttp.ClientError, OSError):
         return await closed(request, WSCloseCode.SERVICE_RESTART, "the session is not there; it is being started anew")
     async with session:

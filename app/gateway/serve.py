@@ -12,13 +12,15 @@ from pathlib import Path
 
 import structlog
 
-from app import warm
+from app import descriptors, warm
 from app.access import Names, OriginError, Tokens
 from app.ending import end_within
+from app.gateway.door import ARRIVING
 from app.gateway.invitation import Invitation, Look
 from app.gateway.register import Register
 from app.gateway.server import Doors, Gateway, serving
 from app.gateway.sessions import House
+from app.gateway.visitors import Shares
 from app.gateway.worker import Worker
 from app.printable import say
 from app.recovery import StateError
@@ -38,8 +40,14 @@ def serve(scenario: Scenario, look: Look, invitation: Invitation, state_dir: Pat
     names, tokens = _names(invitation), _tokens(invitation)
     if invitation.places is not None and invitation.places < 1:
         raise ScenarioError(f"--max-sessions: {invitation.places}; allowed: 1 or more")
+    if invitation.of_one_address is not None and invitation.of_one_address < 1:
+        raise ScenarioError(f"--per-address: {invitation.of_one_address}; allowed: 1 or more")
     if not 0 < invitation.idle_minutes < math.inf:
         raise ScenarioError(f"--idle-minutes: {invitation.idle_minutes:g}; allowed: more than 0")
+    sessions = (invitation.places or places()) if invitation.shared else 1
+    descriptors.require(
+        _files(sessions), f"for {sessions} {'session' if sessions == 1 else 'sessions'} and their pages"
+    )
     try:
         # apart from each other, and from what a server for its own user keeps there
         register = Register(state_dir / ("shared" if invitation.shared else "everyone")) if state_dir else None
@@ -57,6 +65,11 @@ def cores() -> int:
 def places() -> int:
     """How many sessions this machine holds."""
     return max(1, math.floor(cores() * SESSIONS_PER_CORE))
+
+
+def _files(sessions: int) -> int:
+    """That may be open at once: each page has two, its own and the one to its session."""
+    return 64 + 2 * Shares().pages.total + ARRIVING + 4 * (sessions + 1)
 
 
 def _names(invitation: Invitation) -> Names:
@@ -92,6 +105,7 @@ async def _serve(
         60.0 * invitation.idle_minutes if shared else None,
         register=register,
         spare=shared,
+        of_one_address=invitation.of_one_address,
     )
     everyone = None if shared else house.everyone()
     stop = asyncio.Event()
@@ -100,7 +114,7 @@ async def _serve(
         endings.append(signal.SIGHUP)
     for number in endings:
         asyncio.get_running_loop().add_signal_handler(number, stop.set)
-    gateway = Gateway(house, Doors(names, tokens, everyone))
+    gateway = Gateway(house, Doors(names, tokens, everyone, copies=invitation.copies))
     warming = None
     try:
         async with serving(gateway, invitation.host, invitation.port) as port:

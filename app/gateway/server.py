@@ -7,6 +7,7 @@
     /s/NAME/again        POST: begin a session anew that has failed
     /watch/NAME/copy     POST: a session of one's own with the same scenario
     /assets/...          what the gateway's own pages load
+    /healthz, /metrics   how the server stands, for whoever runs it
 
 All links within are relative, so that a proxy may put the whole below any path.
 """
@@ -15,6 +16,8 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import secrets
+from collections import Counter
 from collections.abc import AsyncIterator, Awaitable, Callable
 from dataclasses import dataclass, field, replace
 
@@ -25,34 +28,46 @@ from aiohttp import WSCloseCode, web
 from app.access import KEY_HEADER, YEAR, Names, Pass, Tokens, token_cookie
 from app.gateway import pages
 from app.gateway.answers import Runner, with_headers
+from app.gateway.door import ARRIVING, DEADLINE, Door
 from app.gateway.invitation import PortTaken
-from app.gateway.relay import closed, relay
-from app.gateway.sessions import HURRIED, House, Session
+from app.gateway.metrics import TYPE, metrics
+from app.gateway.relay import ANSWER, closed, relay
+from app.gateway.session import Session
+from app.gateway.sessions import HURRIED, Excess, House
+from app.gateway.visitors import Viewer, Visitor
+from app.gateway.whence import asks_status, is_local, port_of, visitor_cookie, visitor_of
 from app.traffic import Limits, Meter, harmless
 
 log = structlog.get_logger()
 
 TICK = 1.0  # s
 WAITS = 0.5  # s that a page is kept waiting for its session, rather than being told to wait
+_PASS = web.RequestKey("pass", str)
+_GREETING = web.RequestKey("greeting", str)
 Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
 
 
 @dataclass(frozen=True)
 class Doors:
     """names: what the server may be called; tokens: what visitors have to show, None for nothing; everyone: the session
-    that all who may steer share, None when each has one of their own; limits: see there."""
+    that all who may steer share, None when each has one of their own; limits: see there; copies: whether who watches
+    may take a private one."""
 
     names: Names
     tokens: Tokens | None = None
     everyone: Session | None = None
     limits: Limits = field(default_factory=Limits)
+    copies: bool = True
 
 
 class Gateway:
-    """The web application, for `aiohttp.web`."""
+    """The web application, for `aiohttp.web`. answered: the connections whose request is being answered."""
 
     def __init__(self, house: House, doors: Doors) -> None:
         self._house, self._doors = house, doors
+        self._copies = doors.copies and doors.everyone is None
+        self._refusals = Counter[str]()
+        self.answered = set[asyncio.BaseTransport]()
         self._document: pages.Document | None = None
         self._client: aiohttp.ClientSession | None = None
         self.app = web.Application(middlewares=[self._guard], client_max_size=64 * 1024)
@@ -63,6 +78,8 @@ class Gateway:
             [
                 web.get("/", self._front),
                 web.get("/assets/{name}", self._asset),
+                web.get("/healthz", self._health),
+                web.get("/metrics", self._metrics),
                 web.get("/{kind:s|watch}/{name}", self._session),
                 web.get("/{kind:s|watch}/{name}/", self._session),
                 web.get("/{kind:s|watch}/{name}/about", self._about),
@@ -70,6 +87,11 @@ class Gateway:
                 web.post("/watch/{name}/copy", self._copy),
             ]
         )
+
+    @property
+    def most_pages(self) -> int:
+        """Open at once."""
+        return self._house.shares.pages.total
 
     async def _living(self, _: web.Application) -> AsyncIterator[None]:
         async with aiohttp.ClientSession(connector=aiohttp.TCPConnector(limit=0)) as self._client:
@@ -92,9 +114,20 @@ class Gateway:
 
     @web.middleware
     async def _guard(self, request: web.Request, handler: Handler) -> web.StreamResponse:
+        transport = request.transport
+        if transport is None:
+            raise web.HTTPBadRequest  # nobody is there any more
+        self.answered.add(transport)
+        try:
+            return await self._answer(request, handler)
+        finally:
+            self.answered.discard(transport)
+
+    async def _answer(self, request: web.Request, handler: Handler) -> web.StreamResponse:
         socket = _is_socket(request)
         refusal = self._doors.names.refusal(request.headers, acting=socket or request.method not in ("GET", "HEAD"))
         if refusal:
+            self._refusals["foreign name or page"] += 1
             log.info("request refused", reason=refusal.sentence)
             return _notice("This request is refused", refusal.sentence, refusal.status)
         response = self._without_token(request)
@@ -102,33 +135,61 @@ class Gateway:
             # viser's page would take another server's address from there, and run the scripts that it sends
             response = _to_clean(request)
         if response is None:
+            response = self._not_steered(request)
+        if response is None:
             try:
                 response = await handler(request)
             except web.HTTPException as error:
                 response = _notice("There is nothing here", "Perhaps the link is not complete.", error.status)
+        if not response.prepared and (greeting := request.get(_GREETING)):
+            self._remember(response, request, visitor_cookie(request), greeting)
         return response
 
     def _without_token(self, request: web.Request) -> web.StreamResponse | None:
         """None for who has shown a token, now or before, or need not."""
         tokens = self._doors.tokens
         if tokens is None:
-            request["pass"] = "steer"
+            request[_PASS] = "steer"
             return None
-        cookie = token_cookie(_port(request))
+        cookie = token_cookie(port_of(request))
         known, shown = tokens.opens(request.cookies.get(cookie, "")), tokens.opens(request.query.get("token", ""))
+        if asks_status(request):  # as Prometheus shows it
+            known = known or tokens.opens(request.headers.get("Authorization", "").removeprefix("Bearer "))
         kind: Pass | None = "steer" if "steer" in (known, shown) else known or shown
+        if kind is None and asks_status(request) and is_local(request):
+            kind = "steer"  # whoever runs the server, on its machine
         if kind is None:
+            self._refusals["no token"] += 1
             log.info("request refused", reason="no token, or a wrong one")
             sentence = "This server needs the link with its token, as it was printed when the server was started."
             return _notice("Please come in by the link", sentence, 403)
-        request["pass"] = kind
+        request[_PASS] = kind
         if shown is None or _is_socket(request):
             return None
         response = _to_clean(request)
         self._remember(response, request, cookie, tokens.of(kind))
         return response
 
-    def _remember(self, response: web.Response, request: web.Request, cookie: str, value: str) -> None:
+    def _not_steered(self, request: web.Request) -> web.StreamResponse | None:
+        """None for who may steer, where steering is asked for: with the pass for it, or the owner of a copy."""
+        if request[_PASS] == "steer" or request.match_info.get("kind") != "s":
+            return None
+        session, browser = self._house.named(request.match_info["name"]), visitor_of(request, self._doors.names).browser
+        if session is not None and browser and browser == session.owner.browser:
+            return None
+        self._refusals["pass to watch"] += 1
+        log.info("request refused", reason="steering asked for with the pass to watch")
+        return _notice("This link is for steering", "To steer, ask for the link with the token to steer.", 403)
+
+    def _greeted(self, request: web.Request) -> Visitor:
+        """The visitor; the answer brings a word by which to know the browser again, unless it has one."""
+        visitor = visitor_of(request, self._doors.names)
+        if not visitor.browser:
+            visitor = visitor._replace(browser=secrets.token_urlsafe(16))
+            request[_GREETING] = visitor.browser
+        return visitor
+
+    def _remember(self, response: web.StreamResponse, request: web.Request, cookie: str, value: str) -> None:
         secure = request.secure or self._doors.names.encrypted(request.host)
         response.set_cookie(cookie, value, max_age=YEAR, httponly=True, samesite="Lax", secure=secure, path="/")
 
@@ -136,12 +197,13 @@ class Gateway:
 
     async def _front(self, request: web.Request) -> web.StreamResponse:
         """To the visitor's session; a new one takes no place before its page is loaded."""
-        if request["pass"] != "steer":
+        if request[_PASS] != "steer":
             return _notice("This link is for watching", "To steer, ask for the other link.", 403)
         if request.headers.get("Sec-Fetch-Dest", "document") != "document":  # a picture on a foreign page, say
             return _notice("This request is refused", "Sec-Fetch-Dest is not a page; allowed: document", 403)
-        cookie = f"vsmrc-session-{_port(request)}"
-        session = self._doors.everyone or self._house.named(request.cookies.get(cookie, "")) or self._house.new()
+        cookie = f"vsmrc-session-{port_of(request)}"
+        visitor = self._greeted(request)
+        session = self._doors.everyone or self._house.named(request.cookies.get(cookie, "")) or self._house.new(visitor)
         response = web.Response(status=303, headers={"Location": f"s/{session.name}/"})
         self._remember(response, request, cookie, session.name)
         return response
@@ -152,6 +214,7 @@ class Gateway:
         session = self._meant(request)
         if not request.path.endswith("/"):
             return web.Response(status=303, headers={"Location": f"{request.match_info['name']}/"})
+        self._greeted(request)
         self._house.want(session)
         if await self._house.soon(session, WAITS) and (document := await self._page(session)):
             return _sent(document, request)
@@ -162,7 +225,7 @@ class Gateway:
         if self._document is None and session.process is not None and self._client is not None:
             address, headers = f"http://127.0.0.1:{session.process.port}/", {KEY_HEADER: session.process.key}
             try:
-                async with self._client.get(address, headers=headers) as response:
+                async with asyncio.timeout(ANSWER), self._client.get(address, headers=headers) as response:
                     response.raise_for_status()
                     page = await response.read()
             except (aiohttp.ClientError, OSError):
@@ -175,20 +238,19 @@ class Gateway:
         self._house.want(session)
         if (process := session.process) is None or self._client is None:
             return await closed(request, WSCloseCode.SERVICE_RESTART, "the session is being started")
-        if session.viewers >= limits.per_session:
-            reason = f"{session.viewers} pages of this session are open; allowed: no more"
-            return await closed(request, WSCloseCode.TRY_AGAIN_LATER, reason)
-        if self._house.viewers >= limits.total:
-            reason = f"{limits.total} pages of this server are open; allowed: no more"
-            return await closed(request, WSCloseCode.TRY_AGAIN_LATER, reason)
         watches = _watches(request)
+        viewer = Viewer(visitor_of(request, self._doors.names), "watch" if watches else "steer")
+        if reason := self._house.crowded(session, viewer):
+            self._refusals["too many pages"] += 1
+            log.info("page refused", reason=reason)
+            return await closed(request, WSCloseCode.TRY_AGAIN_LATER, reason)
         limits = replace(limits, message=limits.watchers_message) if watches else limits
         meter = Meter(limits)
 
         def watching(raw: bytes) -> bytes | None:
             return harmless(raw, process.looking)
 
-        with self._house.viewing(session):
+        with self._house.viewing(session, viewer):
             judge = watching if watches else bytes
             return await relay(request, self._client, process, meter, judge)
 
@@ -196,22 +258,24 @@ class Gateway:
         session = self._meant(request)
         if "wait" in request.query:
             self._house.want(session)
+        refusal = self._house.refusal(session)
         about = {
             "phase": session.phase,
             "place": self._house.place(session),
-            "full": session.phase == "resting" and self._house.full,
+            "full": session.phase == "resting" and bool(refusal),
+            "why": refusal,
             "rest": round(HURRIED),
             "told": session.told,
             "crashes": session.crashes,
-            "viewers": session.viewers,
-            "copy": self._doors.everyone is None,
+            "viewers": len(session.pages),
+            "copy": self._copies,
         }
         if not _watches(request):
-            tokens, kind = self._doors.tokens, request["pass"]
-            about["links"] = {
-                "watch": f"../../watch/{session.watch}/" + (f"?token={tokens.watch}" if tokens else ""),
-                "steer": f"../../s/{session.name}/" + (f"?token={tokens.of(kind)}" if tokens else ""),
-            }
+            tokens, kind = self._doors.tokens, request[_PASS]
+            links = {"watch": f"../../watch/{session.watch}/" + (f"?token={tokens.watch}" if tokens else "")}
+            if kind == "steer":  # with another pass, only its owner may
+                links["steer"] = f"../../s/{session.name}/" + (f"?token={tokens.steer}" if tokens else "")
+            about["links"] = links
         return web.json_response(about)
 
     async def _again(self, request: web.Request) -> web.StreamResponse:
@@ -222,9 +286,16 @@ class Gateway:
         watched = self._meant(request)
         if self._doors.everyone is not None:
             return _notice("This server has one session only", "Private copies need one started with --shared.", 403)
-        session = self._house.new(watched.scenario)
+        if not self._copies:
+            return _notice("No private copies", "This server was started with --no-copies.", 403)
+        try:
+            session = self._house.copy(watched, self._greeted(request))
+        except Excess as error:
+            self._refusals["too many copies"] += 1
+            log.info("request refused", reason=str(error))
+            return _notice("No private copy now", f"{str(error)[0].upper()}{str(error)[1:]}.", 429)
         response = web.Response(status=303, headers={"Location": f"../../s/{session.name}/"})
-        self._remember(response, request, f"vsmrc-session-{_port(request)}", session.name)
+        self._remember(response, request, f"vsmrc-session-{port_of(request)}", session.name)
         return response
 
     async def _asset(self, request: web.Request) -> web.StreamResponse:
@@ -236,6 +307,17 @@ class Gateway:
         return web.Response(
             body=body, content_type=pages.ASSETS[name], charset="utf-8", headers={"Cache-Control": "no-cache"}
         )
+
+    async def _health(self, request: web.Request) -> web.StreamResponse:
+        return self._status(request, "ok\n", "text/plain")
+
+    async def _metrics(self, request: web.Request) -> web.StreamResponse:
+        return self._status(request, metrics(self._house, self._refusals), TYPE)
+
+    def _status(self, request: web.Request, text: str, kind: str) -> web.StreamResponse:
+        if request[_PASS] != "steer" or not (self._doors.tokens is not None or is_local(request)):
+            return _notice("This page is for whoever runs the server", "It wants the token to steer.", 403)
+        return web.Response(body=text.encode(), headers={"Content-Type": kind})
 
     def _meant(self, request: web.Request) -> Session:
         """Raises HTTPNotFound."""
@@ -252,12 +334,6 @@ def _watches(request: web.Request) -> bool:
 
 def _is_socket(request: web.Request) -> bool:
     return request.headers.get("Upgrade", "").lower() == "websocket"
-
-
-def _port(request: web.Request) -> int:
-    """Browsers keep the cookies of all ports of a host together."""
-    address = request.get_extra_info("sockname")
-    return address[1] if address else 0
 
 
 def _to_clean(request: web.Request) -> web.Response:
@@ -284,16 +360,27 @@ def _sent(document: pages.Document, request: web.Request) -> web.Response:
 
 
 @contextlib.asynccontextmanager
-async def serving(gateway: Gateway, host: str, port: int) -> AsyncIterator[int]:
-    """While it lasts, the gateway answers at the port that is yielded; port 0 takes any. Raises PortTaken."""
-    runner = Runner(gateway.app, access_log=None, shutdown_timeout=0.5, handler_cancellation=True)
+async def serving(
+    gateway: Gateway, host: str, port: int, *, deadline: float = DEADLINE, connections: int | None = None
+) -> AsyncIterator[int]:
+    """While it lasts, the gateway answers at the port that is yielded; port 0 takes any. Raises PortTaken.
+
+    deadline: s for a request to be complete; connections: at most, None for all pages and who is just arriving.
+    """
+    runner = Runner(
+        gateway.app, access_log=None, shutdown_timeout=0.5, handler_cancellation=True, keepalive_timeout=deadline
+    )
     await runner.setup()
     try:
-        site = web.TCPSite(runner, host, port)
+        assert runner.server is not None
+        door = Door(runner.server, gateway.answered, connections or gateway.most_pages + ARRIVING)
         try:
-            await site.start()
+            listening = await asyncio.get_running_loop().create_server(door, host, port)
         except OSError as error:
             raise PortTaken(f"port {port} of {host} cannot be used: {error.strerror or error}") from error
-        yield runner.addresses[0][1]
+        try:
+            yield listening.sockets[0].getsockname()[1]
+        finally:
+            listening.close()
     finally:
         await runner.cleanup()

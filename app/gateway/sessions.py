@@ -4,77 +4,32 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-import secrets
 import time
-from collections.abc import AsyncIterator, Callable, Coroutine, Iterator
-from dataclasses import dataclass, field
-from typing import Literal, Protocol
+from collections import Counter
+from collections.abc import Callable, Coroutine, Iterator
 
 import structlog
 
 from app.gateway.register import MOST, Known, Register
+from app.gateway.session import Process, Session
+from app.gateway.visitors import NOBODY, Shares, Viewer, Visitor, places_share
 from app.gateway.worker import WorkerError
 from app.session_messages import Begin, Kept
 
 log = structlog.get_logger()
 
-Phase = Literal["resting", "waiting", "starting", "running", "failed"]
-
 SILENT = 15.0  # s: who waits for a place and has not asked for so long is passed over
 FORGOTTEN = 120.0  # s: and has gone after so long; a locked phone asks for nothing
-MOST_WAITING = 500
 UNSEEN = 60.0  # s: a process that nobody ever looked at is closed
 HURRIED = 120.0  # s: while others wait, a place that nobody looks at is free so soon
 CRASHES, WITHIN = 3, 60.0  # so many ends of a process within so many s, and it is not begun again
 SPARE_AFTER = 2.0  # s after a start, for the page that is just being loaded has the processor first
-MOST_KEPT = 2000  # sessions that rest; of more, the one not seen for longest is forgotten, see `_forget`
+MOST_KEPT = 2000  # sessions without a folder; see `House._has_room`
+UNKEPT = f"this session is not kept on disk: {MOST} others are, and none of them may go for it"
 
 
-class Process(Protocol):
-    """What a session needs of `Worker`."""
-
-    port: int
-    key: str
-    looking: frozenset[str]
-
-    @property
-    def alive(self) -> bool: ...
-    def begin(self, begin: Begin) -> None: ...
-    def changes(self) -> AsyncIterator[str]: ...
-    async def end(self) -> str: ...
-
-
-@dataclass(eq=False)
-class Session:
-    """A run that has a link, whether or not a process runs it now.
-
-    name, watch: parts of the links to steer and to watch, neither to be guessed, nor one from the other. scenario:
-    TOML, as it was last. offers: what is kept of it on disk is something else, to be offered. viewers: open pages.
-    told: what happened to its process last, "" while nothing did; crashes counts that. ran: it had a place once.
-    """
-
-    scenario: str
-    name: str = field(default_factory=lambda: secrets.token_urlsafe(16))
-    watch: str = field(default_factory=lambda: secrets.token_urlsafe(16))
-    offers: bool = False
-    phase: Phase = "resting"
-    process: Process | None = None
-    viewers: int = 0
-    told: str = ""
-    crashes: int = 0
-    ran: bool = False
-    asked: float = 0.0
-    seen: float = 0.0
-    _falls: list[float] = field(default_factory=list)
-    _ever_seen: bool = False
-    _runs: asyncio.Event = field(default_factory=asyncio.Event)
-    _life: asyncio.Task[None] | None = None
-    _closing: bool = False
-
-    @property
-    def called(self) -> str:
-        """What the log calls it: neither of its links can be made of that."""
-        return self.watch[:6]
+class Excess(Exception):
+    """More than a visitor may have: one sentence."""
 
 
 class House:
@@ -82,7 +37,8 @@ class House:
 
     scenario: TOML of a new session; launch: makes a process with this scenario ready; idle: s after which a session
     that nobody looks at is closed, its scenario kept, None for never; register: where sessions are kept beyond the
-    life of the house, None for nowhere; spare: have a process ready in advance.
+    life of the house, None for nowhere; spare: have a process ready in advance; shares: what one visitor may have;
+    of_one_address: places, see `places_share`.
     """
 
     def __init__(
@@ -94,19 +50,26 @@ class House:
         *,
         register: Register | None = None,
         spare: bool = True,
+        shares: Shares | None = None,
+        of_one_address: int | None = None,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         self._scenario, self._launch, self.places, self._idle = scenario, launch, places, idle
         self._register, self._wants_spare, self._clock = register, spare, clock
+        self.shares, self._place_share = shares or Shares(), places_share(places, of_one_address)
         self._by_name: dict[str, Session] = {}
         self._by_watch: dict[str, Session] = {}
         self._queue: list[Session] = []
         self._spare: asyncio.Task[Process] | None = None
         self._doing: set[asyncio.Task[object]] = set()
         self._closed = False
+        self.crashes = 0
         self._started = clock() - SPARE_AFTER
-        for name, watch, last in register.known() if register is not None else ():
-            self._add(Session(last, name, watch, ran=True, seen=clock()))
+        for known in register.known() if register is not None else ():
+            session = Session(known.scenario, known.name, known.watch, known.pinned, owner=Visitor(known.owner))
+            session.kept = session.looked_at = True
+            session.seen = clock()
+            self._add(session)
 
     @property
     def taken(self) -> int:
@@ -114,9 +77,20 @@ class House:
         return sum(session._life is not None for session in self._by_name.values())
 
     @property
-    def viewers(self) -> int:
-        """Open pages of all sessions."""
-        return sum(session.viewers for session in self._by_name.values())
+    def sessions(self) -> list[Session]:
+        """All that are known."""
+        return list(self._by_name.values())
+
+    def crowded(self, session: Session, viewer: Viewer) -> str:
+        """Why this page cannot be opened as well; "" where it can."""
+        shares, everywhere = self.shares, self._by_name.values()
+        share = shares.steering if viewer.kind == "steer" else shares.watching
+        refusal = share.refusal(viewer.visitor, session.visitors(viewer.kind))
+        if not refusal and viewer.kind == "watch":
+            watching = [visitor for each in everywhere for visitor in each.visitors("watch")]
+            refusal = shares.all_watching.refusal(viewer.visitor, watching)
+        every = [visitor for each in everywhere for visitor in each.visitors("steer", "watch")]
+        return refusal or shares.pages.refusal(viewer.visitor, every)
 
     def named(self, name: str) -> Session | None:
         return self._by_name.get(name)
@@ -124,10 +98,24 @@ class House:
     def watched(self, name: str) -> Session | None:
         return self._by_watch.get(name)
 
-    def new(self, scenario: str | None = None) -> Session:
-        """A session that rests; scenario: TOML, None for the usual one."""
-        self._forget(MOST_KEPT, ran=False)
-        return self._add(Session(scenario or self._scenario, seen=self._clock()))
+    def new(self, owner: Visitor = NOBODY) -> Session:
+        """A session that rests, with the usual scenario."""
+        return self._entered(Session(self._scenario, owner=owner))
+
+    def copy(self, original: Session, owner: Visitor) -> Session:
+        """A session that rests, with the scenario of this one. Raises Excess."""
+        now, every = self._clock(), self._by_name.values()
+        copies = [s for s in every if s.original is not None and (s.phase in _ASKING or now - s.seen < FORGOTTEN)]
+        of_it = [copy.owner for copy in copies if copy.original is original]
+        refusal = self.shares.link_copies.refusal(owner, of_it)
+        if refusal := refusal or self.shares.copies.refusal(owner, [copy.owner for copy in copies]):
+            raise Excess(refusal)
+        return self._entered(Session(original.scenario, owner=owner, original=original))
+
+    def _entered(self, session: Session) -> Session:
+        session.seen = self._clock()
+        self._has_room(session, MOST_KEPT, kept=False)
+        return self._add(session)
 
     def everyone(self) -> Session:
         """The session of a house that has one for all: its links are the old ones, its scenario is the usual one."""
@@ -135,15 +123,24 @@ class House:
         session.scenario, session.offers = self._scenario, True
         return session
 
+    def refusal(self, session: Session) -> str:
+        """Why this session cannot come nor wait, or goes on waiting although there are places; "" where it may."""
+        if session.phase == "resting" and self.taken >= self.places:
+            return self.shares.waiting.refusal(session.owner, [waiting.owner for waiting in self._queue])
+        if session.phase in ("resting", "waiting") and self.taken < self.places:
+            return self._place_share.refusal(session.owner, self._holders)
+        return ""
+
     @property
-    def full(self) -> bool:
-        """Whether nobody else can come or wait."""
-        return self.taken >= self.places and len(self._queue) >= MOST_WAITING
+    def _holders(self) -> list[Visitor]:
+        """Of the places."""
+        return [session.owner for session in self._by_name.values() if session._life is not None]
 
     def want(self, session: Session) -> None:
-        """Somebody looks for this session: run it, or keep its place in the queue, unless that is full."""
+        """Somebody looks for this session: run it, or keep its place in the queue, unless others are to have that."""
         session.asked = session.seen = self._clock()
-        if session.phase == "resting" and not self.full:
+        waiting = [each.owner for each in self._queue]
+        if session.phase == "resting" and not self.shares.waiting.refusal(session.owner, waiting):
             session.phase = "waiting"
             self._queue.append(session)
             self._advance()
@@ -167,20 +164,22 @@ class House:
             self.want(session)
 
     @contextlib.contextmanager
-    def viewing(self, session: Session) -> Iterator[None]:
-        """While a page is open."""
-        session.viewers += 1
-        session._ever_seen = True
+    def viewing(self, session: Session, viewer: Viewer) -> Iterator[None]:
+        """While a page is open; from the first one on, the session is kept."""
+        session.pages.append(viewer)
+        if not session._ever_seen:
+            session._ever_seen = session.looked_at = True
+            self._do(self._keep(session))
         try:
             yield
         finally:
-            session.viewers -= 1
+            session.pages.remove(viewer)
             session.seen = self._clock()
 
     def tick(self) -> None:
         """What time brings: places fall free, who waits moves on, a spare is ordered. To be called each second."""
         for session in self._by_name.values():
-            if session.phase == "running" and not session.viewers and self._unseen(session) and session.process:
+            if session.phase == "running" and not session.pages and self._unseen(session) and session.process:
                 log.info("session closed", session=session.called, reason="nobody looks at it")
                 session._closing = True
                 session.phase = "resting"
@@ -223,19 +222,22 @@ class House:
         task.add_done_callback(self._doing.discard)
 
     def _advance(self) -> None:
-        now, free = self._clock(), 0 if self._closed else self.places - self.taken
-        waiting = list[Session]()
+        now, waiting = self._clock(), list[Session]()
         for session in self._queue:
             if now - session.asked > FORGOTTEN:
                 session.phase = "resting"
-            # one that is just being closed comes back when it has been
-            elif free > 0 and session._life is None and now - session.asked <= SILENT:
-                free -= 1
+            elif self._may_begin(session, now):
                 session.phase, session._closing, session._ever_seen = "starting", False, False
                 session._life = asyncio.create_task(self._live(session))
             else:
                 waiting.append(session)
         self._queue = waiting
+
+    def _may_begin(self, session: Session, now: float) -> bool:
+        # one that is just being closed comes back when it has been
+        asks = session._life is None and now - session.asked <= SILENT
+        free = not self._closed and self.taken < self.places
+        return asks and free and not self._place_share.refusal(session.owner, self._holders)
 
     async def _live(self, session: Session) -> None:
         """From its place in the house to its end, over as many processes as it takes."""
@@ -246,8 +248,10 @@ class House:
                 session.process, session.phase, session.seen = process, "running", self._clock()
                 session._runs.set()
                 log.info("session opened", session=session.called, sessions=self.taken)
-                async for scenario in process.changes():
-                    session.scenario, session.offers = scenario, False
+                async for changed in process.changes():
+                    session.scenario, session.offers, session.pinned = changed.scenario, False, changed.pinned
+                    if changed.pinned and not session.kept:
+                        self._do(self._keep(session))
                 session._runs.clear()
                 how = await process.end()
                 session.process = None
@@ -272,6 +276,7 @@ class House:
         now = self._clock()
         session._falls = [fall for fall in session._falls if now - fall < WITHIN] + [now]
         session.crashes += 1
+        self.crashes += 1
         log.warning("session crashed", session=session.called, how=how)
         if len(session._falls) >= CRASHES:
             raise WorkerError(f"its process has ended unexpectedly {CRASHES} times within a minute ({how})")
@@ -279,14 +284,7 @@ class House:
 
     async def _process(self, session: Session) -> Process:
         """The spare, or a new one; it has begun the session's scenario."""
-        scenario, kept = session.scenario, None
-        if not session.ran:
-            self._forget(MOST_KEPT if self._register is None else MOST, ran=True)
-            session.ran = True
-        if self._register is not None:
-            known = Known(session.name, session.watch, scenario)
-            folder = await asyncio.to_thread(self._register.entered, known)
-            kept = Kept(str(folder), "offered" if session.offers else "shown")
+        scenario, kept = session.scenario, await self._folder(session) if session.kept else None
         spare, self._spare = self._spare, None
         process = None
         if spare is not None:
@@ -294,27 +292,57 @@ class House:
                 process = await spare
         if process is None or not process.alive:
             process = await self._launch(scenario)
-            process.begin(Begin(None, kept))
+            process.begin(Begin(None, kept, session.owner.marks))
         else:
-            process.begin(Begin(None if scenario == self._scenario else scenario, kept))
+            process.begin(Begin(None if scenario == self._scenario else scenario, kept, session.owner.marks))
         self._started = self._clock()
         return process
+
+    async def _folder(self, session: Session) -> Kept | None:
+        """Where this session is kept, which is made if need be."""
+        if self._register is None:
+            return None
+        known = Known(session.name, session.watch, session.scenario, session.pinned, session.owner.browser)
+        folder = await asyncio.to_thread(self._register.entered, known)
+        return Kept(str(folder), "offered" if session.offers else "shown")
+
+    async def _keep(self, session: Session) -> None:
+        """Have the process keep the session, which somebody looks at, from now on, where there is room."""
+        if self._register is None or session.kept or (process := session.process) is None:
+            return
+        if not self._has_room(session, MOST, kept=True):
+            process.remark(UNKEPT)
+            return
+        session.kept = True
+        kept = await self._folder(session)
+        if kept is not None and session.process is process:  # another one has begun with it
+            process.keep(kept)
 
     def _add(self, session: Session) -> Session:
         self._by_name[session.name] = self._by_watch[session.watch] = session
         return session
 
-    def _forget(self, most: int, *, ran: bool) -> None:
-        """Make room for one more beside `most` that rest: those that ran make room for one that runs only, so that
-        calling again and again at the door costs nobody a session."""
+    def _has_room(self, session: Session, most: int, *, kept: bool) -> bool:
+        """Whether there is room for this one among those that have a folder, or have none. If need be one makes room
+        that rests and is worth no more: of those worth least, one of whoever has most, the one not seen for longest."""
+        held = [other for other in self._by_name.values() if other is not session and other.kept == kept]
+        if len(held) < most:
+            return True
         waiting = set(self._queue)
-        every = self._by_name.values()
-        resting = [s for s in every if s.ran == ran and s._life is None and s not in waiting]
-        if len(resting) >= most:
-            oldest = min(resting, key=lambda session: session.seen)
-            del self._by_name[oldest.name], self._by_watch[oldest.watch]
-            if self._register is not None and ran:
-                self._do(asyncio.to_thread(self._register.forget, oldest.watch))
+        resting = [o for o in held if o._life is None and o not in waiting and o.standing <= session.standing]
+        if not resting:
+            return False
+        count = Counter(other.owner.address or other.owner.browser for other in held)
+        self._forget(min(resting, key=lambda o: (o.standing, -count[o.owner.address or o.owner.browser], o.seen)))
+        return True
+
+    def _forget(self, session: Session) -> None:
+        del self._by_name[session.name], self._by_watch[session.watch]
+        if self._register is not None and session.kept:
+            self._do(asyncio.to_thread(self._register.forget, session.watch))
+
+
+_ASKING = ("waiting", "starting", "running")
 
 
 def _of_use(launch: asyncio.Task[Process]) -> bool:

@@ -14,11 +14,28 @@ import structlog
 
 from app import child
 from app.gateway.invitation import Look
-from app.session_messages import LONGEST, Begin, Changed, Failed, Prepare, Ready, from_session, line
+from app.session_messages import (
+    LONGEST,
+    Alive,
+    Begin,
+    Changed,
+    Failed,
+    FromSession,
+    Keep,
+    Kept,
+    Prepare,
+    Ready,
+    Remark,
+    ToSession,
+    from_session,
+    line,
+)
 
 log = structlog.get_logger()
 
 PATIENCE = 1.0  # s that a process has to end by itself
+STARTING = 120.0  # s until its first sign of life: it imports, on a machine that may be busy
+SILENCE = 10.0  # s without one afterwards, and it hangs
 
 
 class WorkerError(RuntimeError):
@@ -27,7 +44,7 @@ class WorkerError(RuntimeError):
 
 class Worker:
     """A process that is ready, or runs. port, key: where its dashboard answers, and to whom; looking: see
-    `app.traffic.harmless`."""
+    `app.traffic.harmless`; late: see `Alive`. One that gives no sign of life for `silence` s is killed."""
 
     def __init__(
         self,
@@ -35,16 +52,19 @@ class Worker:
         reader: asyncio.StreamReader,
         writer: asyncio.StreamWriter,
         key: str,
+        silence: float,
     ) -> None:
         self._process, self._reader, self._writer = process, reader, writer
         self.key = key
         self.port = 0
         self.looking: frozenset[str] = frozenset()
+        self.late: float | None = None
         self._failure = ""
+        self._silence, self._allowed = silence, STARTING
         self._listens = False
 
     @classmethod
-    async def prepared(cls, scenario: str, look: Look) -> Worker:
+    async def prepared(cls, scenario: str, look: Look, silence: float = SILENCE) -> Worker:
         """A process with its dashboard up and this scenario (TOML) compiled. Raises WorkerError."""
         try:
             ours, theirs = socket.socketpair()
@@ -58,7 +78,7 @@ class Worker:
                 ours.close()
                 raise WorkerError(f"the session's process cannot be started: {error.strerror}") from error
         reader, writer = await asyncio.open_connection(sock=ours, limit=LONGEST)
-        worker = cls(process, reader, writer, secrets.token_urlsafe())
+        worker = cls(process, reader, writer, secrets.token_urlsafe(), silence)
         try:
             worker._tell(Prepare(scenario, look.theme, look.fps, worker.key))
             await worker._ready()
@@ -80,11 +100,19 @@ class Worker:
         """Let the spare become a session; one whose process has just ended is known by the end of `changes`."""
         self._tell(begin)
 
-    async def changes(self) -> AsyncIterator[str]:
-        """The scenario (TOML) whenever it has changed, until the process ends."""
+    def keep(self, kept: Kept) -> None:
+        """Have it keep the session, which it has begun without a folder."""
+        self._tell(Keep(kept))
+
+    def remark(self, sentence: str) -> None:
+        """Have it said on the page."""
+        self._tell(Remark(sentence))
+
+    async def changes(self) -> AsyncIterator[Changed]:
+        """What runs whenever that has changed, until the process ends or is killed because it hangs."""
         async for message in self._messages():
             if isinstance(message, Changed):
-                yield message.scenario
+                yield message
 
     async def end(self) -> str:
         """Have the process end, if it has not; returns in a few words how it did."""
@@ -98,7 +126,8 @@ class Worker:
         if self.alive:
             log.warning("session killed", killed=self.process_id, reason="it did not end by itself")
             self._process.kill()
-        status = self._process.wait()
+        while (status := self._process.poll()) is None:
+            await asyncio.sleep(0.02)
         if self._failure:
             return self._failure
         return f"ended by {signal.Signals(-status).name}" if status < 0 else f"exit status {status}"
@@ -110,14 +139,28 @@ class Worker:
                 return
         raise WorkerError(f"the session's process could not begin: {await self.end()}")
 
-    async def _messages(self) -> AsyncIterator[Ready | Changed | Failed]:
+    async def _messages(self) -> AsyncIterator[FromSession]:
         with contextlib.suppress(ConnectionError, asyncio.IncompleteReadError):
             # the last words of a process that is killed have no end
-            while (text := await self._reader.readline()).endswith(b"\n"):
+            while (text := await self._line()).endswith(b"\n"):
                 message = from_session.decode(text)
+                self._allowed = self._silence
                 if isinstance(message, Failed):
                     self._failure = message.reason
+                elif isinstance(message, Alive):
+                    self.late = message.late
                 yield message
 
-    def _tell(self, message: Prepare | Begin) -> None:
+    async def _line(self) -> bytes:
+        """What it says next; nothing more where it says nothing for too long, and then it is killed."""
+        for _ in range(2):  # a gateway that has been asleep itself finds in the second half what was said meanwhile
+            with contextlib.suppress(TimeoutError):
+                async with asyncio.timeout(0.5 * self._allowed):
+                    return await self._reader.readline()
+        self._failure = f"it gave no sign of life for {self._allowed:g} s"
+        log.warning("session killed", killed=self.process_id, reason=self._failure)
+        self._process.kill()
+        return b""
+
+    def _tell(self, message: ToSession) -> None:
         self._writer.write(line(message))

@@ -46,7 +46,7 @@ const begin = (about) => {
     const card = root.appendChild(make("div", "vg-card"));
     card.hidden = true;
     link(card, "To watch, without steering:", about.links.watch);
-    link(card, "To steer together with you:", about.links.steer);
+    if (about.links.steer) link(card, "To steer together with you:", about.links.steer);
     share.addEventListener("click", () => {
       card.hidden = !card.hidden;
       share.setAttribute("aria-expanded", String(!card.hidden));

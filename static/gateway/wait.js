@@ -1,15 +1,17 @@
 // The page of a session that does not run yet: asks how it stands, and goes on by itself.
 const show = (id) => { for (const part of document.querySelectorAll("[data-phase]")) part.hidden = part.dataset.phase !== id; };
+const sentence = (said) => said ? said[0].toUpperCase() + said.slice(1) + "." : "";
 const ask = async () => {
   try {
     const answer = await fetch("about?wait", { cache: "no-store" });
     if (answer.status === 403 || answer.status === 404) return location.reload();
-    const { phase, place, full, told, rest } = await answer.json();
+    const { phase, place, full, why, told, rest } = await answer.json();
     if (phase === "running") return location.reload();
     show(full ? "full" : place > 0 ? "waiting" : phase === "failed" ? "failed" : "starting");
     document.getElementById("place").textContent = place;
     document.getElementById("rest").textContent = rest;
-    document.getElementById("told").textContent = told ? told[0].toUpperCase() + told.slice(1) + "." : "";
+    document.getElementById("why").textContent = sentence(why);
+    document.getElementById("told").textContent = sentence(told);
   } catch { show("lost"); }
   setTimeout(ask, 1000);
 };

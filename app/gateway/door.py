@@ -1,0 +1,38 @@
+"""How many connections a gateway takes, and who goes when there are too many."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Container
+
+from aiohttp import web
+
+DEADLINE = 10.0  # s that a connection may be silent, or take for a request, before it is closed
+ARRIVING = 128  # connections on which nothing is answered just now, or not yet
+
+
+class Door:
+    """Makes the protocols of a server's connections, at most `most` at once. When there are more, the one goes that has
+    been there for longest without being answered: somebody who says nothing keeps nobody out. answered: the transports
+    of requests and web sockets that are being answered; where all are, the new one goes.
+    """
+
+    def __init__(self, server: web.Server, answered: Container[asyncio.BaseTransport], most: int) -> None:
+        self._server, self._answered, self._most = server, answered, most
+
+    def __call__(self) -> asyncio.Protocol:
+        open_ones = [t for c in self._server.connections if (t := c.transport) is not None and not t.is_closing()]
+        if len(open_ones) < self._most:
+            return self._server()
+        silent = next((transport for transport in open_ones if transport not in self._answered), None)
+        if silent is None:
+            return _Full()
+        silent.abort()
+        return self._server()
+
+
+class _Full(asyncio.Protocol):
+    """A connection that is closed at once."""
+
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        transport.close()

@@ -1,0 +1,80 @@
+"""A session of a gateway: a run that has links, and what its process has to be able to do."""
+
+from __future__ import annotations
+
+import asyncio
+import secrets
+from collections.abc import AsyncIterator
+from dataclasses import dataclass, field
+from typing import Literal, Protocol
+
+from app.access import Pass
+from app.gateway.visitors import NOBODY, Viewer, Visitor
+from app.session_messages import Begin, Changed, Kept
+
+Phase = Literal["resting", "waiting", "starting", "running", "failed"]
+
+
+class Process(Protocol):
+    """What a session needs of `Worker`."""
+
+    port: int
+    key: str
+    looking: frozenset[str]
+    late: float | None
+
+    @property
+    def alive(self) -> bool: ...
+    def begin(self, begin: Begin) -> None: ...
+    def keep(self, kept: Kept) -> None: ...
+    def remark(self, sentence: str) -> None: ...
+    def changes(self) -> AsyncIterator[Changed]: ...
+    async def end(self) -> str: ...
+
+
+@dataclass(eq=False)
+class Session:
+    """A run that has a link, whether or not a process runs it now.
+
+    name, watch: parts of the links to steer and to watch, neither to be guessed, nor one from the other. scenario:
+    TOML, as it was last; pinned: how many runs were. offers: what is kept of it on disk is something else, to be
+    offered. owner: who it was made for; original: the session that it is a copy of. pages: the open ones. told: what
+    happened to its process last, "" while nothing did; crashes counts that. looked_at: a page has been open once;
+    kept: it has a folder.
+    """
+
+    scenario: str
+    name: str = field(default_factory=lambda: secrets.token_urlsafe(16))
+    watch: str = field(default_factory=lambda: secrets.token_urlsafe(16))
+    pinned: int = 0
+    offers: bool = False
+    owner: Visitor = NOBODY
+    original: Session | None = None
+    phase: Phase = "resting"
+    process: Process | None = None
+    pages: list[Viewer] = field(default_factory=list)
+    told: str = ""
+    crashes: int = 0
+    looked_at: bool = False
+    kept: bool = False
+    asked: float = 0.0
+    seen: float = 0.0
+    _falls: list[float] = field(default_factory=list)
+    _ever_seen: bool = False
+    _runs: asyncio.Event = field(default_factory=asyncio.Event)
+    _life: asyncio.Task[None] | None = None
+    _closing: bool = False
+
+    @property
+    def standing(self) -> int:
+        """What it is worth: most with pinned runs, and more when somebody has looked at it than when not."""
+        return 2 if self.pinned else 1 if self.looked_at else 0
+
+    def visitors(self, *kinds: Pass) -> list[Visitor]:
+        """Of the open pages of these kinds, each once a page."""
+        return [page.visitor for page in self.pages if page.kind in kinds]
+
+    @property
+    def called(self) -> str:
+        """What the log calls it: neither of its links can be made of that."""
+        return self.watch[:6]

@@ -1,0 +1,74 @@
+"""Who asks a gateway for something, and how much of it one visitor may have, so that nobody takes what all share."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterable
+from typing import NamedTuple
+
+from app.access import Pass
+
+
+class Visitor(NamedTuple):
+    """A visitor, as far as one can be told from another. browser: the random word of its cookie; address: of its
+    machine, or its network where that has many. Each is "" where it is unknown, and then it is not counted."""
+
+    browser: str = ""
+    address: str = ""
+
+    @property
+    def marks(self) -> tuple[str, ...]:
+        """What files may keep of it: equal for the same browser and for the same address, and neither is in it."""
+        known = (("browser", self.browser), ("address", self.address))
+        return tuple(hashlib.sha256(f"{kind} {word}".encode()).hexdigest()[:16] for kind, word in known if word)
+
+
+NOBODY = Visitor()
+
+
+class Viewer(NamedTuple):
+    """An open page: whose it is, and what it may do."""
+
+    visitor: Visitor
+    kind: Pass
+
+
+class Share(NamedTuple):
+    """How many of `what` there may be: of one browser, of one address, and in all."""
+
+    what: str
+    browser: int
+    address: int
+    total: int
+
+    def refusal(self, asking: Visitor, holders: Iterable[Visitor]) -> str:
+        """Why there may be no more for this visitor beside what the holders have; "" where there may."""
+        every = list(holders)
+        near = sum(holder.address == asking.address for holder in every) if asking.address else 0
+        own = sum(holder.browser == asking.browser for holder in every) if asking.browser else 0
+        if own >= self.browser:
+            return f"{own} {self.what} of one browser; allowed: no more"
+        if near >= self.address:
+            return f"{near} {self.what} of one address; allowed: no more"
+        return f"{len(every)} {self.what}; allowed: no more" if len(every) >= self.total else ""
+
+
+class Shares(NamedTuple):
+    """What a gateway has, and how it is shared out. Pages that steer have a budget of their own, which those that watch
+    cannot use up: of each session, and of the server. link_copies: copies of one session; copies and sessions that wait
+    count as long as somebody asks for them."""
+
+    steering: Share = Share("pages that steer this session", 8, 12, 16)
+    watching: Share = Share("pages that watch this session", 6, 32, 48)
+    all_watching: Share = Share("pages that watch sessions of this server", 24, 96, 192)
+    pages: Share = Share("pages of this server", 32, 192, 256)
+    copies: Share = Share("private copies", 4, 32, 256)
+    link_copies: Share = Share("private copies of this session", 64, 64, 64)
+    waiting: Share = Share("sessions that wait for a place", 3, 64, 500)
+
+
+def places_share(places: int, of_one_address: int | None) -> Share:
+    """Of so many places: one browser has half of them at most, and two anyway; one address leaves a quarter to others,
+    unless it is said how many it may have."""
+    address = of_one_address or max(1, places - max(1, places // 4))
+    return Share("sessions that run", max(2, places // 2), address, places)
