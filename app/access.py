@@ -24,13 +24,13 @@ YEAR = 365 * 24 * 3600  # s that a browser keeps a cookie
 KEY_HEADER = "X-Vsmrc-Key"
 # Our pages are nobody's frame (a click there would be a click here), share no window with the pages that open them, and
 # links, which are secrets, are not passed on to other servers. Scripts are in the page itself, as viser's client is
-# made, and as its decoder in WebAssembly; none is loaded from elsewhere nor made of text, and nothing is asked of or
-# sent to another server, be it a picture's address.
+# made, which makes functions of its own text, too, and a decoder in WebAssembly; none is loaded from elsewhere, and
+# nothing is asked of or sent to another server, be it a picture's address.
 PAGE_HEADERS = {
     "Content-Security-Policy": "; ".join(
         (
             "default-src 'self' data: blob:",
-            "script-src 'self' 'unsafe-inline' 'wasm-unsafe-eval' blob:",
+            "script-src 'self' 'unsafe-inline' 'unsafe-eval' blob:",
             "style-src 'self' 'unsafe-inline'",
             "object-src 'none'",
             "base-uri 'none'",

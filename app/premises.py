@@ -83,7 +83,7 @@ class Standing:
         if not self.kept.standing and self.kept.periods:
             return self._promise("nothing promised", "a premise failed a control period ago")
         return self._promise(
-            "holds", f"all premises hold, ‖s‖ is under (20) and the band since {self.kept.since:.4g} s"
+            "holds", f"all premises hold, and ‖s‖ is under (20) and the band, since t = {self.kept.since:.4g} s"
         )
 
     @property
