@@ -100,6 +100,32 @@ def test_the_band_does_not_grow_with_the_gain_that_it_bounds() -> None:
     assert rows["s_band"][-1] == pytest.approx(0.01 * math.sqrt(watched.high / watched.low), rel=0.05)
 
 
+def test_chattering_raises_d_but_not_the_band() -> None:
+    """Under the discontinuous law the band is T d, with the d of the sliding surface."""
+    scenario = changed("ur5-motion-discontinuous", controller__bounds="paper", controller__period=0.0005)
+    loop, metrics = simulate(scenario)
+    rows = loop.recording.signals(("d", "s_band"), t_from=0.1)
+    assert np.ptp(rows["d"]) > 0.05 * rows["d"].mean()
+    assert np.isfinite(rows["s_band"]).all()
+    assert np.abs(np.diff(rows["s_band"])).max() < 0.005 * rows["s_band"].mean()
+    assert metrics.promise.verdict == "holds"
+
+
+def test_a_promise_from_far_begins_where_s_is() -> None:
+    """s is away from zero, under a premise that fails at first: what is promised later begins from the s of then."""
+    loop = ClosedLoop(changed("ur5-hybrid-reaching", truth__link_scaling=1.3))
+    for _ in range(20):
+        loop.step()
+    assert math.isnan(loop.kept.bound)
+    loop.edit(changed("ur5-hybrid-reaching", controller__on_change="watch"))
+    for _ in range(2):
+        loop.step()
+    s = float(loop.recording.at(loop.t)["s_norm"][0])
+    assert s > 3.0 * loop.kept.band
+    assert loop.kept.bound > s
+    assert loop.standing.now.verdict == "holds"
+
+
 def test_a_run_that_diverges_promises_nothing() -> None:
     """The runaway of (7) at 4 ms is refused before it starts; at a constant gain the same arm may run, unpromised."""
     fields = {"declared__link_scaling": 0.3, "truth__link_scaling": 1.3, "controller__period": 0.004}
