@@ -29,12 +29,12 @@ def serve(scenario: Scenario, dashboard: Dashboard, *, state_dir: Path | None, s
 
     state_dir: keeps the session, None for the usual one; stateless: none does.
     """
-    say(f"VSMRC Lab: {dashboard.link}  (Ctrl-C ends it)")
-    events.info("listening", url=dashboard.url)
     runner: Runner | None = None
     warming: Popen[bytes] | None = None
     keeper: Keeper | None = None
     try:
+        say(f"VSMRC Lab: {dashboard.link}  (Ctrl-C ends it)")
+        events.info("listening", url=dashboard.url)
         folder = None if stateless else _state_folder(state_dir)
         runner = _prepared(scenario, dashboard)
         runner.start()

@@ -251,11 +251,11 @@ def _onto_surface(around, J, rotation, translation, M, arm, t):
 
 
 @kernel
-def _drift(arm, span):
-    """Move q along q_dot for as many seconds."""
+def _drift(arm, h):
+    """Move q along q_dot for h s."""
     arm = arm[0]
     for i in range(arm.q.shape[0]):
-        arm.q[i] += span * arm.q_dot[i]
+        arm.q[i] += h * arm.q_dot[i]
 
 
 @kernel

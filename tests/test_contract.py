@@ -46,8 +46,12 @@ def test_run_is_finite_and_repeats_bit_for_bit(case: tuple[str, str, str, str]) 
     loop = ClosedLoop(scenario)
     first, second = table(loop), table(ClosedLoop(scenario, previous=loop.system))
     assert len(first) == STEPS
-    assert np.isfinite(first).all()
-    assert np.array_equal(first, second)
+    promised = ("s_bound", "s_band", "V_band")  # no numbers where nothing is promised
+    others = np.ones(first.shape[1], dtype=bool)
+    for name in promised:
+        others[loop.recording.columns[name]] = False
+    assert np.isfinite(first[:, others]).all()
+    np.testing.assert_array_equal(first, second)
     assert to_toml(scenario) == before
     assert from_toml(before) == scenario
 

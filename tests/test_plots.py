@@ -143,7 +143,8 @@ def test_nothing_bounds_s_under_a_law_without_a_sliding_surface():
 @pytest.mark.parametrize("name", ["ur5-hybrid", "ur5-constrained"])
 def test_the_perturbation_is_what_moves_s_besides_the_law(name: str):
     """(22) in joint space, by the acceleration that the true arm had: an independent way to the same vector."""
-    loop = ran(edited(edited(shipped()[name], "truth.viscous", 0.4), "truth.payload_mass", 0.3), 0.4)
+    at_the_state = edited(shipped()[name], "simulation.integrator", "semi-implicit-euler")  # is the acceleration
+    loop = ran(edited(edited(at_the_state, "truth.viscous", 0.4), "truth.payload_mass", 0.3), 0.4)
     rows, hindsight = loop.recording.stretch(), Hindsight(loop.system)
     scenario, h = loop.system.scenario, loop.system.scenario.controller.period
     model = loop.system.plant.truth.model(loop.system.robot)
@@ -242,7 +243,10 @@ def test_reaching_and_sliding_phases_and_their_marks():
         assert promised == pytest.approx([began + loop.certificate.t_r], abs=1.1e-3)
     late = t >= began - 1e-9
     promise = [lyapunov_bound(loop.certificate.promise, instant - began) for instant in t[late]]
-    np.testing.assert_allclose(seen["V_bound"][late], promise, atol=1e-12)
+    stands = np.isfinite(seen["V_bound"][late])
+    first = len(stands) if stands.all() else int(np.argmin(stands))  # a promise that begins anew has another V_0
+    assert first > 20
+    np.testing.assert_allclose(seen["V_bound"][late][:first], promise[:first], atol=1e-12)
     grid = Grid.over(0.0, loop.t, BUCKETS)
     assert np.nanmax(grid.thin(t, seen["measured"][:, None])) == 1.0
 
@@ -277,7 +281,10 @@ def test_every_plot_has_finite_lines_of_one_length(name: str):
         for drawing in filter(None, drawings):
             x, *lines = frame.courses(drawing.lines)
             assert len(lines) == len(drawing.lines) + 2 * sum(line.compared for line in drawing.lines)
-            assert all(len(line) == len(x) and np.isfinite(line).all() for line in lines), drawing.title
+            assert all(len(line) == len(x) for line in lines), drawing.title
+            pinned, drawn = lines[: -len(drawing.lines)], lines[-len(drawing.lines) :]
+            assert all(np.isfinite(line).all() for line in drawn), drawing.title
+            assert all(np.isnan(line).all() for line in pinned), drawing.title  # nothing is pinned
             assert np.all(np.diff(x) >= 0)
             assert (x[0] >= -0.5, x[-1]) == (True, 0.0)
 
