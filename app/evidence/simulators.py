@@ -188,7 +188,8 @@ def constraint(kind: Kind, seed: int, states: int) -> Constraint:
     """Accelerations and multipliers of our rigid surface, with random states, torques and a heavy tool, against
     Pinocchio's."""
     random = np.random.default_rng(seed)
-    scenario = edited(edited(_by_euler(shipped()["ur5-constrained"]), "truth.payload_mass", 2.0), "truth.link_scaling", 1.1)
+    heavier = edited(_by_euler(shipped()["ur5-constrained"]), "truth.link_scaling", 1.1)
+    scenario = edited(heavier, "truth.payload_mass", 2.0)
     system = assemble(scenario)
     robot, n = system.robot, system.robot.n
     p = system.plant.tool(system.plant.start(robot.posture, np.zeros(n), 0.0)).p
