@@ -31,6 +31,19 @@ def caption(scenario: Scenario, model: Mapping[str, np.ndarray], t_from: float, 
     return " ".join(f"{sentence}." for sentence in sentences if sentence)
 
 
+def promised(signals: Mapping[str, np.ndarray]) -> str:
+    """What the theorem promised of ||s|| in recorded rows, and whether it was kept: one sentence. signals: s_norm,
+    s_bound, s_band (N,) m/s."""
+    over = signals["s_norm"] - signals["s_bound"] - signals["s_band"]
+    standing = np.isfinite(over)
+    if not standing.any():
+        return "Theorem 1 promises nothing here."
+    if over[standing].max() > 0.0:
+        return "The promise of Theorem 1 is broken here."
+    share = "throughout" if standing.all() else f"in {100 * standing.mean():.4g} % of the time, and nothing otherwise"
+    return f"Theorem 1's promise for the sampled loop holds {share}."
+
+
 def _law(scenario: Scenario) -> str:
     law = scenario.controller
     if law.law in _BASELINES:

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from app.caption import promised
 from app.cli import BROKEN, DONE, UNPROMISED, execute
 from app.closed_loop import ClosedLoop
 from app.dashboard.premises import premises_html
@@ -157,6 +158,21 @@ def test_a_refused_gain_leaves_the_loop_as_it_was() -> None:
     assert after.period.tobytes() == before.period.tobytes()
     loop.step()
     assert loop.stopped is None
+
+
+def test_a_caption_says_what_was_promised() -> None:
+    names = ("s_norm", "s_bound", "s_band")
+    loop = ClosedLoop(changed("ur5-hybrid"))
+    for _ in range(50):
+        loop.step()
+    assert promised(loop.recording.signals(names)).endswith("holds throughout.")
+    loop.edit(changed("ur5-hybrid", truth__link_scaling=1.3))
+    for _ in range(150):
+        loop.step()
+    assert "holds in 25 % of the time" in promised(loop.recording.signals(names))
+    assert promised(loop.recording.signals(names, t_from=0.06)) == "Theorem 1 promises nothing here."
+    one = np.ones(3)
+    assert "is broken" in promised({"s_norm": 3 * one, "s_bound": one, "s_band": one})
 
 
 def test_strict_tells_by_its_status(tmp_path: Path) -> None:

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from app.caption import caption
+from app.caption import caption, promised
 from app.chattering import amplitude_spectrum
 from app.dashboard.charts import Drawing, Plot, Setup, Signals
 from app.dashboard.plot_table import TABS
@@ -39,7 +39,8 @@ def figure_of(plots: Iterable[Plot], snapshot: Snapshot, setup: Setup, t_from: f
     openings = Grid.over(float(t[0]), float(t[-1]), EXAMINED).openings(t)
     known = Hindsight(snapshot.system).recorded(rows, tuple(recording.epochs), openings)
     charts = (_chart(plot, drawing, known) for plot in plots if (drawing := plot.draw(setup)) is not None)
-    return Figure(tuple(charts), caption(snapshot.scenario, snapshot.matrices, float(t[0]), float(t[-1])))
+    told = caption(snapshot.scenario, snapshot.matrices, float(t[0]), float(t[-1]))
+    return Figure(tuple(charts), f"{told} {promised(rows)}")
 
 
 def _chart(plot: Plot, drawing: Drawing, signals: Signals) -> Chart:
