@@ -2,24 +2,31 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any, NamedTuple
 from zlib import crc32
 
 import msgspec
 import numpy as np
 
+from app.assembly import System, assemble
+from app.closed_loop import ClosedLoop
 from app.scenario import Declared, Scenario, Truth
-from app.scenario_data import from_plain
+from app.scenario_data import edited, from_plain
+from app.world import truth_of
 from controllers.nominal_model import NominalModel
 from environments import robots
+from environments.contact import Contact
+from environments.plant import Plant
 
 Random = np.random.Generator
 
 KILOGRAM_ARMS = ("planar2r", "planar3r")  # textbook arms of about 1 kg a link
 HEAVY_LOAD = Declared(0.15, 1.0, 0.05, 0.5, 0.3, 2.0)
 LIGHT_LOAD = Declared(0.15, 0.2, 0.02, 0.1, 0.05, 0.3)
-PERIOD, PERIODS = 0.0002, {"panda": 0.0001, "planar3r": 0.0001}  # s, short where a light wrist makes the band wide
-LAYER = 0.004  # m/s
+PERIOD = 0.001  # s, as shipped
+BOUNDS = ("tight", "paper")
+LAYERS = (0.004, 0.03)  # m/s, around the 0.01 that is shipped
 DURATION, BRIEF = 0.4, 0.12  # s; where the loop through the multiplier is solved, each period takes long to compute
 
 
@@ -94,7 +101,7 @@ def situation(robot: str, mode: str, seed: int) -> Scenario:
         "mode": mode,
         "robot": {"name": robot, "posture": posture.tolist()},
         "declared": msgspec.to_builtins(LIGHT_LOAD if robot in KILOGRAM_ARMS else HEAVY_LOAD),
-        "controller": {"on_change": "watch", "period": PERIODS.get(robot, PERIOD), "layer": LAYER},
+        "controller": {"on_change": "watch", "period": PERIOD},
         "contact": {
             "kind": {"motion": "free", "constrained": "rigid"}.get(mode, "elastic"),
             "K_e": float(10 ** random.uniform(3.0, 4.0)),
@@ -119,19 +126,56 @@ def situation(robot: str, mode: str, seed: int) -> Scenario:
 
 
 def with_gains(scenario: Scenario, random: Random) -> Scenario:
-    """With K_s, epsilon, F_1 and the switching function drawn anew."""
+    """With K_s, epsilon, F_1, the switching function and its layer drawn anew."""
     controller = msgspec.structs.replace(
         scenario.controller,
         K_s=float(10 ** random.uniform(1.3, 2.5)),
         epsilon=float(10 ** random.uniform(0.0, 1.3)),
         F_1=random.uniform(8.0, 20.0),
         switching=str(random.choice(["discontinuous", "saturation"])),
+        layer=float(np.exp(random.uniform(*np.log(LAYERS)))),
     )
     return msgspec.structs.replace(scenario, controller=controller)
 
 
+def built(scenario: Scenario, previous: System | None = None) -> System:
+    """Its objects. What is searched for over Omega of the true arm, to see whether the plant's substeps are short
+    enough, is that of the nominal arm: a search for each plant would take ten times as long as its run.
+
+    Raises ScenarioError.
+    """
+    nominal = assemble(msgspec.structs.replace(scenario, truth=Truth()), previous)
+    return replace(with_arm_of(scenario, nominal), scenario=scenario)
+
+
+def with_arm_of(scenario: Scenario, system: System) -> System:
+    """The same objects about the true arm of `scenario`."""
+    plant = Plant(
+        system.robot,
+        truth_of(scenario, system.robot),
+        system.surface,
+        scenario.contact.kind,
+        Contact(*(getattr(scenario.contact, f) for f in Contact._fields)),
+        scenario.simulation.integrator,
+        scenario.simulation.substeps,
+    )
+    return replace(system, plant=plant)
+
+
+def run(system: System) -> ClosedLoop:
+    """A run of the scenario's duration, or until it stops."""
+    scenario = system.scenario
+    steps = max(1, round(scenario.simulation.duration / scenario.controller.period))
+    loop = ClosedLoop.of(system, steps + 1)
+    for _ in range(steps):
+        loop.advance()
+    return loop
+
+
 def drawn(robot: str, mode: str, seed: int, number: int) -> Scenario:
-    """Plant `number` of a situation, inside what is declared, with gains of its own."""
+    """Plant `number` of a situation, inside what is declared, with gains of its own; every other one, counted over
+    the situations too, has the bounds of (7)."""
     here, random = situation(robot, mode, seed), random_of(robot, mode, seed, number)
+    here = edited(here, "controller.bounds", BOUNDS[(seed + number) % 2])
     truth = Departure.inside(random, len(here.robot.posture or ())).truth(here.declared)
     return with_gains(msgspec.structs.replace(here, truth=truth, name=f"{robot}-{mode}-{seed}-{number}"), random)

@@ -1,0 +1,151 @@
+"""An optimiser that looks for an arm, a start and gains with which ||s|| is not where it is promised to be."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import msgspec
+import numpy as np
+from scipy.optimize import differential_evolution
+
+from app.closed_loop import ClosedLoop
+from app.evidence.plants import BOUNDS, LAYERS, Departure, built, random_of, run, situation
+from app.scenario import Scenario, ScenarioError
+from app.scenario_data import edited, to_toml
+from controllers.switching import Switching
+
+SEED = 1000  # of the situations: none of them is among those of the other runs
+POPULATION, GENERATIONS = 25, 10  # of each hunt: 250 tries
+DURATION = 0.15  # s
+START = 0.03  # rad, of each joint away from where the path begins; on a rigid surface none
+SHARED = 18  # numbers of a try besides two for each joint
+PAPER_FROM = 0.5  # on [-1, 1]: a quarter of the first tries have the bounds of (7)
+KINDS = tuple(kind.name.lower() for kind in Switching)
+
+
+@dataclass(frozen=True)
+class Hunt:
+    """All tries in one situation. reaching: s(0) is not zero; refused: tries whose gain (17) would feed itself;
+    promised, broken: in which something was promised, and in which it was not kept; ratio: largest ||s|| over (20) with
+    its band while promised, 0 where nothing ever was; worst: its scenario as TOML, and off: where its arm started away
+    from the posture there, (n,) rad."""
+
+    robot: str
+    mode: str
+    reaching: bool
+    tries: int
+    refused: int
+    promised: int
+    broken: int
+    ratio: float
+    worst: str
+    off: tuple[float, ...]
+
+
+class Ground:
+    """One situation, built once: nothing that a try changes is in Omega, nor in the constants over it."""
+
+    def __init__(self, robot: str, mode: str, *, reaching: bool) -> None:
+        here = edited(situation(robot, mode, SEED), "simulation.duration", DURATION)
+        self.scenario = edited(here, "controller.on_change", "watch" if reaching else "remove")
+        self.system = built(self.scenario)
+        self.posture, self.n = self.system.robot.posture, self.system.robot.n
+        self.size = 2 * self.n + SHARED
+
+    def scenario_of(self, x: np.ndarray) -> Scenario:
+        """What the numbers x (size,) within [-1, 1] stand for, but for where the arm starts."""
+        n, here = self.n, self.scenario
+        links, shared = _edged(x[:n]), x[n : n + SHARED]
+        payload, offset, coulomb, viscous, disturbance = _share(_edged(shared[:5])).tolist()
+        frequency, towards = _between(shared[5], 0.2, 20.0), shared[6:9] / max(float(np.linalg.norm(shared[6:9])), 1e-9)
+        K_s, epsilon, F_1, layer, kind, bounds, K_e, force, friction = shared[9:]
+        departure = Departure(links, payload, offset, towards, coulomb, viscous, disturbance, frequency)
+        controller = msgspec.structs.replace(
+            here.controller,
+            K_s=10 ** _between(K_s, 1.3, 2.5),
+            epsilon=10 ** _between(epsilon, 0.0, 1.3),
+            F_1=_between(F_1, 8.0, 20.0),
+            layer=float(np.exp(_between(layer, *np.log(LAYERS)))),
+            switching=KINDS[min(int(_share(kind) * len(KINDS)), len(KINDS) - 1)],
+            bounds=BOUNDS[int(bounds > PAPER_FROM)],
+        )
+        contact = msgspec.structs.replace(here.contact, K_e=10 ** _between(K_e, 3.0, 4.0))
+        if contact.kind == "elastic":
+            contact = msgspec.structs.replace(contact, friction_viscous=_between(friction, 0.0, 30.0))
+        return msgspec.structs.replace(
+            here,
+            truth=departure.truth(here.declared),
+            controller=controller,
+            contact=contact,
+            force=msgspec.structs.replace(here.force, value=_between(force, 5.0, 30.0)),
+        )
+
+    def off(self, x: np.ndarray) -> np.ndarray:
+        """Where the arm starts away from its posture, (n,) rad."""
+        return START * x[self.n + SHARED :] * (self.system.plant.kind != "rigid")
+
+    def attempt(self, x: np.ndarray) -> ClosedLoop:
+        """One try. Raises ScenarioError."""
+        system = built(self.scenario_of(x), self.system)
+        started = replace(system.robot, posture=self.posture + self.off(x))
+        return run(replace(system, robot=started))
+
+
+def hunt(robot: str, mode: str, reaching: bool, generations: int = GENERATIONS) -> Hunt:
+    """Differential evolution from corners of the declared set and draws inside, half of each."""
+    ground, random = Ground(robot, mode, reaching=reaching), random_of(robot, mode, SEED, int(reaching))
+    ratios: list[float | None] = []
+    broken = 0
+
+    def away(x: np.ndarray) -> float:
+        nonlocal broken
+        try:
+            loop = ground.attempt(x)
+        except ScenarioError:
+            ratios.append(None)
+            return 1.0
+        ratio = largest_ratio(loop)
+        ratios.append(ratio)
+        broken += loop.standing.run.verdict == "broken"
+        return -ratio
+
+    first = random.uniform(-1.0, 1.0, (POPULATION, ground.size))
+    first[::2, : ground.n + 5] = np.sign(first[::2, : ground.n + 5])
+    rules: dict[str, Any] = {"init": first, "maxiter": generations - 1, "tol": 0.0, "polish": False, "rng": random}
+    found = differential_evolution(away, [(-1.0, 1.0)] * ground.size, **rules)
+    known = [ratio for ratio in ratios if ratio is not None]
+    return Hunt(
+        robot=robot,
+        mode=mode,
+        reaching=reaching,
+        tries=len(ratios),
+        refused=len(ratios) - len(known),
+        promised=sum(ratio > 0.0 for ratio in known),
+        broken=broken,
+        ratio=max(known, default=0.0),
+        worst=to_toml(ground.scenario_of(found.x)),
+        off=tuple(ground.off(found.x).tolist()),
+    )
+
+
+def largest_ratio(loop: ClosedLoop) -> float:
+    """Largest ||s|| over (20) with its band among the periods in which something was promised, 0 without any."""
+    record = loop.recording.signals(("s_norm", "s_bound", "s_band"))
+    limit = record["s_bound"] + record["s_band"]
+    promised = np.isfinite(limit)
+    return float((record["s_norm"][promised] / limit[promised]).max(initial=0.0))
+
+
+def _edged(x: np.ndarray) -> np.ndarray:
+    """Half of [-1, 1] at its ends."""
+    return np.clip(2.0 * x, -1.0, 1.0)
+
+
+def _share(x: Any) -> Any:
+    """Of the way from -1 to 1."""
+    return 0.5 * (x + 1.0)
+
+
+def _between(x: float, low: float, high: float) -> float:
+    return float(low + _share(x) * (high - low))
