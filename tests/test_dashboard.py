@@ -17,7 +17,7 @@ from tests.pages import Session
 def test_the_page_comes_up_and_shows_the_running_loop(session: Session):
     page = session.page
     page.locator("canvas[data-engine]").wait_for()
-    page.get_by_text("‖s‖ ≤ bound: holds").wait_for()
+    page.get_by_text("promise holds").wait_for()
     assert page.locator("math mtr").count() == 1 + len(lines(session.now))
     page.wait_for_function("Object.values(__viserTestpoints.uplots).some((p) => p.chart.data[0].length > 100)")
     assert page.locator(".uplot-container:visible").count() == 4

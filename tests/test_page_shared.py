@@ -13,7 +13,7 @@ from playwright.sync_api import Page, expect
 from tests.pages import PATIENCE, VIEWPORT
 from tests.visitors import Server, serving
 
-RUNNING = "‖s‖ ≤ bound"
+RUNNING = "promise holds"
 
 
 @pytest.fixture(scope="module")

@@ -98,7 +98,7 @@ def _rows(figures: Figures, units: Units) -> list[tuple[str, str]]:
     rows += [
         ("path error at the end", f"<b>{_small(figures.motion_error * 1e3, 1e-4)}</b> {units.error}"),
         ("path within 2 % after", _seconds(figures.motion_settling)),
-        ("s = 0 reached after, by (18)", f"{_seconds(figures.reaching_time)}, {promised}"),
+        ("layer reached after, s = 0 by (18)", f"{_seconds(figures.reaching_time)}, {promised}"),
         ("least margin of (17)", f"{_small(figures.gain_margin, 1e-9)} {units.force}"),
     ]
     return rows
