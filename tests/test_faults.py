@@ -131,7 +131,7 @@ def test_an_edit_that_fails_half_way_leaves_the_loop_as_it_was(monkeypatch: pyte
         loop.step()
         twin.step()
     with monkeypatch.context() as patched:
-        patched.setattr(closed_loop, "sampled_loop_warning", boom)
+        patched.setattr(closed_loop, "judge_posture", boom)
         with pytest.raises(KeyError):
             loop.edit(edited(load("ur5-hybrid"), "force.value", 30.0))
     for _ in range(50):

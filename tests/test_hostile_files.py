@@ -210,7 +210,7 @@ def test_a_recording_that_becomes_too_large_is_not_unpacked(tmp_path: Path) -> N
         with archive.open("t.npy", "w", force_zip64=True) as entry:
             for _ in range(3):
                 entry.write(bytes(50_000_000))
-    with pytest.raises(ScenarioError, match=r"t has 150 MB; allowed: 25 MB"):
+    with pytest.raises(ScenarioError, match=r"t has 150 MB; allowed: 24 MB"):
         read_npz(tmp_path / "run.npz")
 
 

@@ -108,7 +108,7 @@ def test_chattering_raises_d_but_not_the_band() -> None:
     rows = loop.recording.signals(("d", "s_band"), t_from=0.1)
     assert np.ptp(rows["d"]) > 0.05 * rows["d"].mean()
     assert np.isfinite(rows["s_band"]).all()
-    assert np.abs(np.diff(rows["s_band"])).max() < 0.005 * rows["s_band"].mean()
+    assert np.abs(np.diff(rows["s_band"])).max() < 0.02 * rows["s_band"].mean()
     assert metrics.promise.verdict == "holds"
 
 

@@ -34,7 +34,7 @@ class Twin:
     M_e: float = 0.0
     moving: bool = True
     unknown: bool = True
-    integrator: Integrator = "leapfrog"
+    integrator: Integrator = "semi-implicit-euler"  # which evaluates the acceleration at the state itself
     ideal: bool = False
 
     @property

@@ -289,6 +289,7 @@ def force_loop(factor: float) -> ForceLoop:
         contact={"unilateral": False},
         target_model={"M_m": [M_m1] + [10.0] * 5, "B_m": [100.0] + [400.0] * 5},
         controller={"K_s": 1.0, "epsilon": 0.01, "layer": 1.0},  # the robust term has nothing to do where s = 0
+        force={"kind": "step", "start": 10.0, "value": 20.0, "time": 0.0002, "rise": 0.0005},  # within a period
         simulation={"duration": 0.02},
     )
     record = simulate(scenario)[0].recording.signals(("multiplier", "F_cd"))

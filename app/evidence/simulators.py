@@ -195,7 +195,7 @@ def constraint(kind: Kind, seed: int, states: int) -> Constraint:
     p = system.plant.tool(system.plant.start(robot.posture, np.zeros(n), 0.0)).p
     ground, surface = _ground(kind, p, random)
     bilateral = Contact(0.0, 0.0, 0.0, unilateral=False, friction_coulomb=0.0, friction_viscous=0.0)
-    plant = Plant(robot, system.plant.truth, surface, "rigid", bilateral)
+    plant = Plant(robot, system.plant.truth, surface, "rigid", bilateral, "semi-implicit-euler")
     tool, found = _tool(system), []
     for _ in range(states):
         state = plant.start(robot.posture + random.uniform(-0.2, 0.2, n), random.uniform(-1.0, 1.0, n), 0.0)
