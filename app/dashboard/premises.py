@@ -31,7 +31,7 @@ def _row(finding: Finding) -> str:
     value = "—" if finding.value is None else f"{_small(finding.value)}"
     margin = "—" if finding.margin is None else f"{_small(finding.margin)}"
     limit = f"{finding.sign} {_small(finding.limit)} {finding.unit}"
-    chip = "✓" if finding.holds else "✗ fails"
+    chip = "holds" if finding.holds else "fails"
     failed = "—" if finding.failed is None else f"{finding.failed:.3f} s"
     look = "vs-good" if finding.holds else "vs-bad"
     return (

@@ -72,12 +72,10 @@ def _promise(snapshot: Snapshot) -> str:
     """The verdict on the theorem's promise, and in a few words why."""
     promise = snapshot.standing.now
     look = {"holds": "vs-good", "broken": "vs-bad", "nothing promised": "vs-warn"}[promise.verdict]
-    sign = {"holds": "✓ ", "broken": "✗ ", "nothing promised": "– "}[promise.verdict]
     text = {"holds": "promise holds", "broken": "promise broken"}.get(promise.verdict, promise.verdict)
     why = snapshot.standing.reason
     return (
-        f'<span title="{escape(promise.because)}">{_chip(sign + text, look)}</span>'
-        f'<span class="vs-dim">{escape(why)}</span>'
+        f'<span title="{escape(promise.because)}">{_chip(text, look)}</span><span class="vs-dim">{escape(why)}</span>'
     )
 
 
