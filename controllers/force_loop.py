@@ -1,4 +1,4 @@
-"""Loops that sampling closes: through the force reading, and through the boundary layer; see docs/symbols.md."""
+"""The loop that sampling closes through the force reading; see docs/symbols.md."""
 
 from __future__ import annotations
 
@@ -29,8 +29,3 @@ def force_loop_factor(
     if np.isinf(M_e):
         return float(fed_back / (Y @ normal))
     return float(M_e * fed_back / (1.0 + M_e * (Y @ normal)))
-
-
-def layer_loop_factor(H: np.ndarray, K_s: np.ndarray, d: float, phi: float, period: float) -> float:
-    """(lambda_max(K_s) + d/phi) T / lambda_min(H): the boundary layer stops the chattering only below 2."""
-    return float((np.linalg.eigvalsh(K_s)[-1] + d / phi) * period / np.linalg.eigvalsh(H)[0])
