@@ -18,6 +18,8 @@ from dataclasses import dataclass, field
 from typing import Literal, NamedTuple
 from urllib.parse import urlsplit
 
+from app.redaction import new_secret
+
 Pass = Literal["steer", "watch"]
 
 YEAR = 365 * 24 * 3600  # s that a browser keeps a cookie
@@ -121,8 +123,8 @@ class Names:
 class Tokens:
     """What a visitor shows at the door, each by a link of its own; made at the start and never written to a file."""
 
-    steer: str = field(default_factory=secrets.token_urlsafe, repr=False)
-    watch: str = field(default_factory=secrets.token_urlsafe, repr=False)
+    steer: str = field(default_factory=new_secret, repr=False)
+    watch: str = field(default_factory=new_secret, repr=False)
 
     @classmethod
     def given(cls, steer: str) -> Tokens:

@@ -1,12 +1,13 @@
 """What lets others in, taken out of text that is to be written down: tokens, links, cookies, keys.
 
-They are told by where they stand and, wherever they stand, by how they look: `secrets.token_urlsafe` makes runs of 22
-or more characters with capital and small letters mixed as no name mixes them (of 22 random ones, 1 in 50,000 does).
+They are told by where they stand and, wherever they stand, by how they look: runs of 22 or more characters with capital
+and small letters mixed as no name mixes them. `new_secret` draws no others.
 """
 
 from __future__ import annotations
 
 import re
+import secrets
 
 SHORTEST = 22  # characters of a secret: 128 bits
 HIDDEN = "[hidden]"
@@ -19,6 +20,13 @@ _NAMED = re.compile(
 )
 _LONG = re.compile(rf"[A-Za-z0-9_-]{{{SHORTEST},}}")
 _NAME = re.compile(r"[a-z0-9_-]+|[A-Z0-9_-]+|_*(?:[A-Z][a-z]{2,})+")  # of a file, a scenario, a function, a class
+
+
+def new_secret(size: int = 32) -> str:
+    """A secret of `size` random bytes as characters of an address, one that `redacted` cannot take for a name."""
+    while _NAME.fullmatch(secret := secrets.token_urlsafe(size)):
+        pass
+    return secret
 
 
 def redacted(text: str) -> str:

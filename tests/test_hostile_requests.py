@@ -4,7 +4,6 @@ every answer."""
 from __future__ import annotations
 
 import re
-import secrets
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -16,7 +15,7 @@ from websockets.sync.client import connect
 from app.access import PAGE_HEADERS
 from app.dashboard import Dashboard
 from app.gateway.register import LINK, Register
-from app.redaction import redacted
+from app.redaction import new_secret, redacted
 from tests.raw_requests import answer_to
 from tests.test_gateway import ask
 from tests.visitors import PATIENCE, Server, serving
@@ -35,7 +34,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def unreadable(folder: Path) -> str:
     """Part of the link to watch a kept session."""
-    name = secrets.token_urlsafe(16)
+    name = new_secret(16)
     (folder / "everyone" / name).mkdir()
     (folder / "everyone" / name / LINK).write_text("{")
     return name
@@ -115,12 +114,16 @@ def test_every_answer_has_the_same_headers(guarded: Server, request_: bytes) -> 
     assert "python" not in head.lower()
 
 
-def test_what_is_secret_is_told_from_names() -> None:
+def test_what_is_secret_is_told_from_names(monkeypatch: pytest.MonkeyPatch) -> None:
     for _ in range(300):
-        for secret in (secrets.token_urlsafe(16), secrets.token_urlsafe()):
+        for secret in (new_secret(16), new_secret()):
             for text in (f"/s/{secret}/", f"?token={secret}&x=1", f"vsmrc-token-80={secret};", f"x/shared/{secret}/y"):
                 assert secret not in redacted(text)
             assert secret not in redacted(f"ValueError: b'Cookie: {secret * 2}'")
+    like_names, secret = ("JgclEbaekvkUzqvbRnglig", "zqvb-ngligjgclebaekvkuz"), "JgclEbaekvk7zqvbRnglig"
+    drawn = iter([*like_names, secret])
+    monkeypatch.setattr("secrets.token_urlsafe", lambda _size: next(drawn))
+    assert new_secret(16) == secret
     for name in ("planar2r-semicircle-discontinuous", "WebsockClientConnection", "run-0f" + "a1" * 15 + ".npz"):
         assert redacted(f"file={name}:") == f"file={name}:"
 

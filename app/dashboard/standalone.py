@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import io
-import secrets
 from collections.abc import Iterator
 from dataclasses import replace
 from html import escape
@@ -22,6 +21,7 @@ from app.dashboard.look import Look
 from app.dashboard.scene import SceneView
 from app.data_files import Tell, TooLarge
 from app.film import FRAMES_PER_SECOND, Film
+from app.redaction import new_secret
 from app.snapshot import Snapshot, snapshot_of
 from app.visuals import link_meshes
 
@@ -75,7 +75,7 @@ def _html(film: Film, count: int, tell: Tell) -> str:
 @contextlib.contextmanager
 def _server() -> Iterator[viser.ViserServer]:
     with contextlib.redirect_stdout(io.StringIO()):  # it says its address, which is nobody's business here
-        with behind_doors(Names(), secrets.token_urlsafe()):  # nobody is let in
+        with behind_doors(Names(), new_secret()):  # nobody is let in
             server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
         Gate(server)
         try:

@@ -16,7 +16,6 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-import secrets
 from collections import Counter
 from collections.abc import AsyncIterator, Awaitable, Callable
 from dataclasses import dataclass, field, replace
@@ -36,6 +35,7 @@ from app.gateway.session import Session
 from app.gateway.sessions import HURRIED, Excess, House
 from app.gateway.visitors import Viewer, Visitor
 from app.gateway.whence import asks_status, is_local, port_of, visitor_cookie, visitor_of
+from app.redaction import new_secret
 from app.traffic import Limits, Meter, harmless
 
 log = structlog.get_logger()
@@ -185,7 +185,7 @@ class Gateway:
         """The visitor; the answer brings a word by which to know the browser again, unless it has one."""
         visitor = visitor_of(request, self._doors.names)
         if not visitor.browser:
-            visitor = visitor._replace(browser=secrets.token_urlsafe(16))
+            visitor = visitor._replace(browser=new_secret(16))
             request[_GREETING] = visitor.browser
         return visitor
 

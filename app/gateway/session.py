@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import asyncio
-import secrets
 from collections.abc import AsyncIterator
 from dataclasses import dataclass, field
 from typing import Literal, Protocol
 
 from app.access import Pass
 from app.gateway.visitors import NOBODY, Viewer, Visitor
+from app.redaction import new_secret
 from app.session_messages import Begin, Changed, Kept
 
 Phase = Literal["resting", "waiting", "starting", "running", "failed"]
@@ -44,8 +44,8 @@ class Session:
     """
 
     scenario: str
-    name: str = field(default_factory=lambda: secrets.token_urlsafe(16))
-    watch: str = field(default_factory=lambda: secrets.token_urlsafe(16))
+    name: str = field(default_factory=lambda: new_secret(16))
+    watch: str = field(default_factory=lambda: new_secret(16))
     pinned: int = 0
     offers: bool = False
     owner: Visitor = NOBODY

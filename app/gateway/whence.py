@@ -11,7 +11,7 @@ from aiohttp import web
 from app.access import Names, is_loopback
 from app.gateway.visitors import Visitor
 
-_WORD = re.compile(r"[A-Za-z0-9_-]{22}")  # 128 bits, as `secrets.token_urlsafe` writes them
+_WORD = re.compile(r"[A-Za-z0-9_-]{22}")  # 128 bits, as `new_secret(16)` writes them
 _PROXIED = ("X-Forwarded-For", "Forwarded", "Via")
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-import secrets
 import signal
 import socket
 import subprocess
@@ -14,6 +13,7 @@ import structlog
 
 from app import child
 from app.gateway.invitation import Look
+from app.redaction import new_secret
 from app.session_messages import (
     LONGEST,
     Alive,
@@ -78,7 +78,7 @@ class Worker:
                 ours.close()
                 raise WorkerError(f"the session's process cannot be started: {error.strerror}") from error
         reader, writer = await asyncio.open_connection(sock=ours, limit=LONGEST)
-        worker = cls(process, reader, writer, secrets.token_urlsafe(), silence)
+        worker = cls(process, reader, writer, new_secret(), silence)
         try:
             worker._tell(Prepare(scenario, look.theme, look.fps, worker.key))
             await worker._ready()
