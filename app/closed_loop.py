@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import msgspec
 import numpy as np
@@ -13,7 +14,7 @@ from app.control_period import Alarm, Limits, Period, Setting, complete_row, con
 from app.memory import Memory
 from app.premises import Standing, sentence
 from app.recording import Epoch, Recording
-from app.sampled_loop import SampledLoop, judge_posture
+from app.sampled_loop import APART, SampledLoop, Stations, judge_posture, sampled_loop
 from app.scenario import Scenario, ScenarioError, after_blend
 from app.truth import outside
 from controllers.blend import ModelBlend
@@ -35,8 +36,6 @@ log = structlog.get_logger()
 
 SPEED_LIMIT = 20.0  # rad/s, beyond which a run counts as diverging
 FORCE_ITERATIONS = 30
-DOMAIN_CHECK = 50  # periods between two looks whether q is still in Omega
-MOVED = 0.1  # rad, of a joint, after which the sampled loops are judged again
 # a change of one of these begins a new run; everything else takes effect in the running one
 RESTARTING = ("mode", "robot", "task_space", "surface", "simulation")
 
@@ -56,14 +55,21 @@ class View:
     live: dict[str, float]
 
 
+class Judged(NamedTuple):
+    """Where the sampled loops were judged last: at a station along the reference, None off it; q (n,) rad; t s."""
+
+    station: int | None
+    q: np.ndarray
+    t: float
+
+
 @dataclass(frozen=True)
 class LoopState:
     """Where a run stands between two control periods: all that the next ones depend on, nothing that they change, and
     small, so that it can be kept or sent to another process. t, t_0 s; steps counted from t_0; arm, period: the memory
     of the records of these names; along: of `ReferenceEstimates`, None without; epoch: what was begun at the last
-    change; loop: the sampled loop as it was judged at the posture judged_at (n,) rad; looked: where Omega was looked at
-    last (n,) rad, and the room about it; flagged: see `ClosedLoop.warning`. A fork without the hand:
-    `replace(state, grip=None)`."""
+    change; judged: where the sampled loops were judged last; flagged: see `ClosedLoop.warning`. A fork without the
+    hand: `replace(state, grip=None)`."""
 
     scenario: Scenario
     t: float
@@ -76,9 +82,7 @@ class LoopState:
     along: Start | None
     grip: Grip | None
     epoch: Epoch
-    loop: SampledLoop
-    judged_at: np.ndarray
-    looked: tuple[np.ndarray, float]
+    judged: Judged
     stopped: str | None
     flagged: str | None
 
@@ -127,7 +131,7 @@ class ClosedLoop:
         loop.system, loop.grip = loop.system.with_shift(state.shift), state.grip
         loop._along = loop._reference_estimates(state.along)
         loop.certificate, loop.s_since = state.epoch.certificate, state.epoch.t
-        loop.sampled, loop._judged_at, (loop._looked_at, loop._room) = state.loop, state.judged_at, state.looked
+        loop._judged, loop._sampled = state.judged, None
         loop.stopped, loop._flagged = state.stopped, state.flagged
         loop._settings = Record(loop._setting_of(loop.system))
         loop.recording.epochs[-1] = state.epoch
@@ -139,8 +143,7 @@ class ClosedLoop:
         return LoopState(
             self.system.scenario, self.t, self._t_0, self._steps, self._arm.copy().data, self._period.copy().data,
             self._reader.memory(), self.system.plan.shift, None if self._along is None else self._along.start,
-            self.grip, self.recording.epochs[-1], self.sampled, self._judged_at, (self._looked_at, self._room),
-            self.stopped, self._flagged,
+            self.grip, self.recording.epochs[-1], self._judged, self.stopped, self._flagged,
         )  # fmt: skip
 
     def _begin(self, system: System, history: int) -> None:
@@ -152,6 +155,7 @@ class ClosedLoop:
         self._reader = ForceReader(system.sensor, system.scenario.simulation.seed)
         self._arm = system.plant.start(system.robot.posture, np.zeros(system.robot.n), 0.0)
         self._period = Record(Period.zeros(system.layout.n))
+        self._table = self._period.views.table
         self._take_up(system)
         if system.plant.kind == "rigid":
             self._grip_surface()
@@ -263,7 +267,7 @@ class ClosedLoop:
         if self._ideal and not self._solve_for_force(row):
             self._left("stop", "the loop through the multiplier has no solution")
         if self._steps % WATCH == 0:
-            self._watch_posture(self._settings.data, self._period.data)
+            self._look_at_posture()
         self._stage = "the plant"
         plant.advance(arm, self._applied + self._push_torque if pushed else self._applied, t, self._h)
         if self._presses and (self._multiplier[0] != 0.0) != self._touching:
@@ -275,8 +279,6 @@ class ClosedLoop:
             self._heed(Alarm(alarms))
         self._steps += 1
         self.t = self._t_0 + self._steps * self._h
-        if self._steps % DOMAIN_CHECK == 0:
-            self._look_at_posture()
 
     def advance(self) -> None:
         """One control period, if the run has not stopped; whatever fails in it stops it, and what is recorded stays."""
@@ -382,8 +384,7 @@ class ClosedLoop:
         """Go on with this system from the present state; s jumps where gains or references do."""
         self.system = system
         self._flagged: str | None = None
-        self._judged_at = self._looked_at = np.full(system.robot.n, np.nan)
-        self._room = 0.0  # rad, about the posture looked at last, in which nothing need be looked at again
+        self._stations = Stations.along(system.constants.omega, system.scenario.simulation.duration)
         self._h = system.scenario.controller.period
         self._ideal = system.scenario.sensor.ideal and system.plant.heavy
         self._along = self._reference_estimates(Start(round(self.t / self._h), self._arm.views.q.copy()))
@@ -431,9 +432,9 @@ class ClosedLoop:
         self._control_period = resolved(
             control_period, *data, *system.nominal.terms, self._arm.data, arm.load.force, self.t, row
         )
-        self._watch_posture = resolved(watch_posture, *data)
+        self._watch_posture = resolved(watch_posture, *data, system.constants.centres)
         begun = self._evaluated()
-        self._watch_posture(self._settings.data, begun.data)
+        self._watch_posture(self._settings.data, begun.data, system.constants.centres)
         self._period.data["watched"] = begun.data["watched"]
         table = begun.views.table
         for premise in (Premise.LAYER, Premise.GAIN_BY_CHATTER):
@@ -461,42 +462,65 @@ class ClosedLoop:
         outsiders = len(outside(system.scenario))
         self._state_premise(Premise.LAW, float(system.law.law is not Law.VSMRC), 0.0)
         self._state_premise(Premise.DECLARED, float(outsiders), 0.0)
-        self._look_at_posture()
+        nearest, distance = system.constants.omega.centre_near(self._arm.views.q)
+        self._state_premise(Premise.DOMAIN, distance, system.constants.radius)
+        self._known: dict[int, dict[Premise, float]] = {}  # what was judged at a station
+        self._judged = Judged(None, np.full(system.robot.n, np.nan), self.t)
+        self._heed_posture(nearest)
 
     def _state_premise(self, premise: Premise, value: float, limit: float) -> None:
         """Give a premise that the compiled period does not compute its value; one of nan does not apply."""
-        table = self._period.views.table
+        table = self._table
         table.value[premise], table.limit[premise] = value, np.nan if np.isnan(value) else limit
 
     def _look_at_posture(self) -> None:
-        """Judge the premises that depend on where the arm is: Omega, and the sampled loops when it has moved."""
-        constants, q = self.system.constants, self._arm.views.q
-        if np.linalg.norm(q - self._looked_at) < self._room:
-            return  # from where it was seen last it cannot have come out of Omega, nor far
-        distance = constants.distance(q)
-        self._looked_at, self._room = q.copy(), min(constants.radius - distance, MOVED / 4)
-        self._state_premise(Premise.DOMAIN, distance, constants.radius)
-        if not np.abs(q - self._judged_at).max() <= MOVED:
-            self._judge_loops()
-        if distance > constants.radius:
-            self._left("flag", "q has left Ω, over which the constants of (19) were computed")
+        """Judge the premises that depend on where the arm is."""
+        centres = self.system.constants.centres
+        self._heed_posture(self._watch_posture(self._settings.data, self._period.data, centres))
 
-    def _judge_loops(self) -> None:
-        """Judge the sampled loops at the posture of now; where one diverges, flag it."""
-        self._judged_at = self._arm.views.q.copy()
-        try:
-            values, self.sampled = judge_posture(self.system, self._judged_at, self.t)
-        except (ValueError, np.linalg.LinAlgError):  # J_q is singular: `Premise.REGULAR` says so
+    def _heed_posture(self, nearest: int) -> None:
+        """Flag it when q has left Omega, whose centre of this number is the nearest, and judge the sampled loops when
+        the arm has moved: along the reference at a station, off it where the arm is."""
+        if self._table.value[Premise.DOMAIN] > self.system.constants.radius:
+            self._left("flag", "q has left Ω, over which the constants of (19) were computed")
+        station, judged = int(self._stations.of[nearest]), self._judged
+        if self._table.value[Premise.DOMAIN] > APART:
+            if judged.station is None and np.abs(self._arm.views.q - judged.q).max() <= APART:
+                return
+            self._judged = Judged(None, self._arm.views.q.copy(), self.t)
+        elif station == judged.station:
             return
-        for premise, value in values.items():
+        else:
+            self._judged = Judged(station, self._stations.q[station], float(self._stations.t[station]))
+        self._sampled = None
+        for premise, value in self._values_of(self._judged).items():
             self._state_premise(premise, value, 1.0)
             if value > 1.0:
                 self._left("flag", sentence(premise, value, 1.0, self.system.units))
 
+    def _values_of(self, judged: Judged) -> dict[Premise, float]:
+        """Of the premises about sampled loops; none where J_q is singular, as `Premise.REGULAR` says."""
+        if judged.station in self._known and not self.blending:
+            return self._known[judged.station]
+        try:
+            values = judge_posture(self.system, judged.q, judged.t)
+        except (ValueError, np.linalg.LinAlgError):
+            values = {}
+        if judged.station is not None:
+            self._known[judged.station] = values
+        return values
+
+    @property
+    def sampled(self) -> SampledLoop:
+        """The sampled loop where it was judged last."""
+        if self._sampled is None:
+            self._sampled = sampled_loop(self.system, self._judged.q, self._judged.t)
+        return self._sampled
+
     def _require_bounded_gain(self) -> None:
         """Raises ScenarioError where the gain by (17) feeds itself: it would grow without bound whatever else is
         chosen."""
-        table, law = self._period.views.table, self.system.law
+        table, law = self._table, self.system.law
         chatter, force = table.value[Premise.GAIN_BY_CHATTER], table.value[Premise.GAIN_BY_FORCE]
         others = "bounds = 'tight', " if law.bounds == "paper" else ""
         others += "controller.gain = 'constant', or a smaller declared.link_scaling"

@@ -10,6 +10,7 @@ import numpy as np
 from controllers.bounds import sum_of
 from controllers.nominal_model import ON_LINE, Estimate, LinkConstants, NominalModel, estimates
 from controllers.premises import (
+    DOMAIN,
     DRIVES,
     GAIN,
     HELD,
@@ -346,10 +347,25 @@ def _alarms(limits, period, speed, multiplier):
     return flags
 
 
+@part
+def _nearest(rows, x):
+    """Which of the rows (N, n) is nearest to x (n,), and how far it is."""
+    nearest, least = 0, np.inf
+    for k in range(rows.shape[0]):
+        square = 0.0
+        for i in range(x.shape[0]):
+            square += (rows[k, i] - x[i]) ** 2
+        if square < least:
+            nearest, least = k, square
+    return nearest, np.sqrt(least)
+
+
 @kernel
-def watch_posture(setting, period):
-    """Look at the inertia at the posture of the period that has been evaluated last: see `premises.Watched`."""
+def watch_posture(setting, period, centres):
+    """Look at the posture of the period that has been evaluated last: its inertia, see `premises.Watched`, and how far
+    it is from the centres (N, n) rad of Omega. Returns the nearest one's number."""
     setting, period = setting[0], period[0]
+    nearest, period.table.value[DOMAIN] = _nearest(centres, period.seen.q)
     watch(
         setting.gains,
         period.z,
@@ -365,6 +381,7 @@ def watch_posture(setting, period):
         period.table,
         period.watched,
     )
+    return nearest
 
 
 @kernel

@@ -49,13 +49,9 @@ class Constants:
         """Of Omega, rad."""
         return self.omega.radius
 
-    def distance(self, q: np.ndarray) -> float:
-        """Of q (n,) rad from the nearest of the centres, rad; Omega ends at `radius`."""
-        return float(np.sqrt(np.square(self.centres - q).sum(axis=1).min()))
-
     def holds_at(self, q: np.ndarray) -> bool:
         """Whether q (n,) rad lies in Omega."""
-        return self.distance(q) <= self.radius
+        return self.omega.depth(q) >= 0.0
 
 
 def posture_at(observe: Observe, q: np.ndarray, reference: Reference, t: float) -> tuple[np.ndarray, np.ndarray]:

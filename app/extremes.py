@@ -51,16 +51,22 @@ class Omega:
     radius: float
     span: float = 0.0
 
+    def centre_near(self, q: np.ndarray) -> tuple[int, float]:
+        """Number of the centre nearest to q (n,) rad, and how far it is, rad."""
+        squares = np.square(self.centres - q).sum(axis=1)
+        nearest = int(squares.argmin())
+        return nearest, float(np.sqrt(squares[nearest]))
+
     def depth(self, q: np.ndarray) -> float:
         """1 at a centre, 0 on the boundary, negative outside."""
-        return 1.0 - float(np.square(self.centres - q).sum(axis=1).min()) / self.radius**2
+        return 1.0 - (self.centre_near(q)[1] / self.radius) ** 2
 
     def nearest(self, place: Place) -> Place:
         """The place in Omega that is nearest to any."""
-        squares = np.square(self.centres - place.q).sum(axis=1)
-        centre, away = self.centres[squares.argmin()], np.sqrt(squares.min()) / self.radius
-        # a little inside, for rounding
-        q = place.q if away <= 1.0 else centre + (place.q - centre) * ((1.0 - 1e-12) / away)
+        number, away = self.centre_near(place.q)
+        centre, q = self.centres[number], place.q
+        if away > self.radius:
+            q = centre + (q - centre) * (self.radius * (1.0 - 1e-12) / away)  # a little inside, for rounding
         return Place(q, min(max(place.t, 0.0), self.span))
 
     def places(self, count: int) -> list[Place]:

@@ -10,7 +10,7 @@ really gets, `docs/theory.md`.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
@@ -18,6 +18,7 @@ from scipy.linalg import expm
 from scipy.optimize import linear_sum_assignment
 
 from app.assembly import System
+from app.extremes import Omega
 from controllers.bounds import Equivalent, RequiredGain, required_gain
 from controllers.force_loop import force_loop_factor
 from controllers.nominal_model import ON_LINE, Estimate
@@ -29,6 +30,32 @@ from controllers.vsmrc import Law
 from environments.stiffness import ROUNDING
 
 LONGEST_LINE = 100  # periods of delay, beyond which the matrix becomes too large to be judged in passing
+APART = 0.1  # rad, of a joint: from one place to the next
+
+
+@dataclass(frozen=True)
+class Stations:
+    """Postures along the reference, `APART` from each other, at which the loops are judged instead of at every one
+    between them. q (S, n) rad, t (S,) s; of (N,): which of them stands for each centre of Omega."""
+
+    q: np.ndarray
+    t: np.ndarray
+    of: np.ndarray
+
+    @classmethod
+    def along(cls, omega: Omega, duration: float) -> Stations:
+        """Of the centres of Omega along a reference of this duration, s."""
+        centres = omega.centres
+        chosen, of = [0], np.zeros(len(centres), dtype=int)
+        for k, q in enumerate(centres):
+            apart = np.abs(centres[chosen] - q).max(axis=1)
+            if apart.min() > APART:
+                chosen.append(k)
+                of[k] = len(chosen) - 1
+            else:
+                of[k] = apart.argmin()
+        times = np.concatenate([[0.0], np.linspace(0.0, duration, len(centres) - 1)])  # as `domain.centres` goes along
+        return cls(centres[chosen], times[chosen], of)
 
 
 @dataclass(frozen=True)
@@ -71,11 +98,10 @@ def _needed(system: System, estimate: Estimate, task: TaskSpace, r_eq_ddot: np.n
 
 @dataclass(frozen=True)
 class SampledLoop:
-    """The loop at one posture. radius: growth of a deviation per control period, nan where nothing is judged;
-    model (k,) 1/s: poles of (8) against the true contact; sampled (k,) 1/s: what each of them has become;
-    force_factor: what one sample makes of an error in the force of a rigid or heavy surface, nan without one."""
+    """The loop at one posture. model (k,) 1/s: poles of (8) against the true contact; sampled (k,) 1/s: what each of
+    them has become, none where nothing is judged; force_factor: what one sample makes of an error in the force of a
+    rigid or heavy surface, nan without one."""
 
-    radius: float
     model: np.ndarray
     sampled: np.ndarray
     force_factor: float
@@ -111,30 +137,49 @@ def oscillations(loop: SampledLoop) -> list[Oscillation]:
     ]
 
 
-NOTHING = SampledLoop(math.nan, np.zeros(0, dtype=complex), np.zeros(0, dtype=complex), math.nan)
+NO_POLES = np.zeros(0, dtype=complex)
 
 
-def sampled_loop(system: System, at: Posture) -> SampledLoop:
-    """The loop in contact, if the scenario has a contact, otherwise in free motion.
-
-    Nothing is judged under the discontinuous law, which chatters in any case and has no linear part, nor with a very
-    long delay of the sensor.
-    """
-    law, sensor = system.law, system.sensor
-    late = round(sensor.delay / sensor.period)
-    robust = law.law is Law.VSMRC
-    if (robust and law.switching is Switching.DISCONTINUOUS) or late > LONGEST_LINE:
-        return NOTHING
-    values = np.linalg.eigvals(period_matrix(system, at, late))
-    radius = float(np.abs(values).max())
-    if not system.mode.on_surface and system.plant.kind != "free":  # it may leave the surface
-        free = np.linalg.eigvals(period_matrix(system, at, late, touching=False))
-        radius = max(radius, float(np.abs(free).max()))
+def sampled_loop(system: System, q: np.ndarray, t: float) -> SampledLoop:
+    """The loop in contact, if the scenario has a contact, otherwise in free motion, at the posture q (n,) rad at time
+    t (s)."""
+    try:
+        at = Posture.of(system, q, t)
+    except ValueError:  # J_q is singular: `Premise.REGULAR` says so
+        return SampledLoop(NO_POLES, NO_POLES, math.nan)
+    factor = force_factor(system, at)
+    if not _judged(system):
+        return SampledLoop(NO_POLES, NO_POLES, factor)
+    values = np.linalg.eigvals(period_matrix(system, at, _late(system)))
     moving = values[np.abs(values) > 1e-9].astype(complex)  # a reading that is passed on has no pole of its own
     poles, model = np.log(moving) / system.scenario.controller.period, model_poles(system, at)
     apart = np.abs(model[:, None] - poles[None, :]) / np.maximum(np.abs(model), 1e-6)[:, None]
     rows, columns = linear_sum_assignment(apart)
-    return SampledLoop(radius, model[rows], poles[columns], math.nan)
+    return SampledLoop(model[rows], poles[columns], factor)
+
+
+def growth(system: System, at: Posture) -> float:
+    """Of a deviation per control period, in contact and, where the arm may leave the surface, off it; nan where it is
+    not judged."""
+    if not _judged(system):
+        return math.nan
+    loops = [period_matrix(system, at, _late(system))]
+    if not system.mode.on_surface and system.plant.kind != "free":
+        loops.append(period_matrix(system, at, _late(system), touching=False))
+    return max(float(np.abs(np.linalg.eigvals(loop)).max()) for loop in loops)
+
+
+def _late(system: System) -> int:
+    """Periods by which the sensor's reading is."""
+    return round(system.sensor.delay / system.sensor.period)
+
+
+def _judged(system: System) -> bool:
+    """Not under the discontinuous law, which chatters in any case and has no linear part, nor with a very long delay of
+    the sensor."""
+    law = system.law
+    chatters = law.law is Law.VSMRC and law.switching is Switching.DISCONTINUOUS
+    return not chatters and _late(system) <= LONGEST_LINE
 
 
 def model_poles(system: System, at: Posture) -> np.ndarray:
@@ -293,14 +338,13 @@ def _slope_of_gain(system: System, at: Posture, r_eq_ddot: np.ndarray) -> float:
     return float(with_it.inertia - without.inertia)
 
 
-def judge_posture(system: System, q: np.ndarray, t: float) -> tuple[dict[Premise, float], SampledLoop]:
-    """Values of the premises about the sampled loops at the posture q (n,) rad; nan where one does not apply."""
+def judge_posture(system: System, q: np.ndarray, t: float) -> dict[Premise, float]:
+    """Values of the premises about the sampled loops at the posture q (n,) rad at time t (s); nan where one does not
+    apply. Raises ValueError or LinAlgError where J_q is singular."""
     at = Posture.of(system, q, t)
-    factor, (given_back, added) = force_factor(system, at), gain_by_force(system, at)
-    loop = replace(sampled_loop(system, at), force_factor=factor)
-    values = {
-        Premise.FORCE_LOOP: abs(factor) + added,
+    given_back, added = gain_by_force(system, at)
+    return {
+        Premise.FORCE_LOOP: abs(force_factor(system, at)) + added,
         Premise.GAIN_BY_FORCE: given_back,
-        Premise.SAMPLED_LOOP: loop.radius - ROUNDING,
+        Premise.SAMPLED_LOOP: growth(system, at) - ROUNDING,
     }
-    return values, loop

@@ -23,33 +23,37 @@ WARM = 300  # steps before the first round
 
 def bare_calls(loop: ClosedLoop) -> Call:
     """What Pinocchio must do in one period of this loop: Coriolis, mass, gravity and placements for the law; for the
-    plant the forward dynamics, the tool's Jacobian where it touches something, and on a rigid surface the Jacobian's
-    rate, the mass, and both once more at the next posture, which is moved onto the surface and looked at again."""
+    plant mass and bias, the tool's Jacobian where it touches something, and on a rigid surface the Jacobian's rate, and
+    mass and Jacobian once more at the next posture, which is moved onto the surface and looked at again."""
     robot = loop.system.robot
     model, data = robot.model, robot.model.createData()
     true, true_data = loop.system.plant.model, loop.system.plant.model.createData()
     q, v = robot.posture, np.zeros(robot.n)
-    tau = np.zeros(robot.n)
 
     def law() -> None:
         pin.computeCoriolisMatrix(model, data, q, v)
         pin.crba(model, data, q)
         pin.computeStaticRegressor(model, data, q)
 
+    def plant() -> None:
+        pin.crba(true, true_data, q)
+        pin.nonLinearEffects(true, true_data, q, v)
+
     def free() -> None:
         law()
-        pin.aba(true, true_data, q, v, tau)
+        plant()
 
     def elastic() -> None:
-        free()
+        law()
+        plant()
         pin.computeJointJacobians(true, true_data, q)
 
     def rigid() -> None:
-        free()
+        law()
         pin.computeJointJacobiansTimeVariation(true, true_data, q, v)
-        for _ in range(2):
-            pin.crba(true, true_data, q)
-            pin.computeJointJacobians(true, true_data, q)
+        plant()
+        pin.crba(true, true_data, q, pin.Convention.WORLD)
+        pin.computeJointJacobians(true, true_data, q)
 
     return {"free": free, "elastic": elastic, "rigid": rigid}[loop.system.plant.kind]
 

@@ -52,7 +52,7 @@ class Premise(IntEnum):
     SAMPLED_LOOP = 11
 
 
-REGULAR, DRIVES, GAIN, HELD = (int(p) for p in (Premise.REGULAR, Premise.DRIVES, Premise.GAIN, Premise.HELD))
+DOMAIN, REGULAR, DRIVES, GAIN, HELD = (int(p) for p in Premise if Premise.DOMAIN <= p <= Premise.HELD)
 LAYER, GAIN_BY_CHATTER = int(Premise.LAYER), int(Premise.GAIN_BY_CHATTER)
 
 

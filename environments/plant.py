@@ -22,11 +22,12 @@ from environments.contact import (
 from environments.robots import Robot
 from environments.surfaces import Surface
 from kernels import kernel, part, resolved
-from kernels.algebra import copy, dot, solve_spd, transposed_times
+from kernels.algebra import dot, solve_spd, transposed_times
 from kernels.records import Record
 
 ContactKind = Literal["free", "elastic", "mass-damper-spring", "rigid"]
 Integrator = Literal["leapfrog", "semi-implicit-euler", "rk4"]
+WORLD = pin.Convention.WORLD
 ON_SURFACE = 1e-12  # m
 SLIP_RATE = 0.01  # rad/s, the smooth transition of Coulomb friction in the joints
 
@@ -155,28 +156,29 @@ class Surroundings(NamedTuple):
         return cls(world, resistance, Touch.zeros(n), v, np.zeros(3), v, v, np.zeros((n, n)))
 
 
-@kernel
-def _drive(around, arm, tau, t):
-    """The torque that moves the arm against a load that does not depend on it."""
-    around, arm = around[0], arm[0]
+@part
+def _accelerate(around, M, bias, arm, tau, t):
+    """q_ddot under the torque tau and the load at hand."""
     torque = around.torque
     _resistance(around.resistance, arm.q_dot, t, torque)
     for i in range(torque.shape[0]):
-        torque[i] = tau[i] - torque[i] - arm.load.torque[i]
+        torque[i] = tau[i] - bias[i] - torque[i] - arm.load.torque[i]
+    solve_spd(M, torque, around.factor, arm.q_ddot)
 
 
 @kernel
-def _drive_heavy(around, J, J_dot, rotation, translation, arm, tau, t):
-    """The torque that moves the arm but for the multiplier's part, and the contact's geometry."""
+def _accelerate_free(around, M, bias, arm, tau, t):
+    """q_ddot in free space under the torque tau; bias (n,) N m: C q_dot + G."""
+    _accelerate(around[0], M, bias, arm[0], tau, t)
+
+
+@kernel
+def _accelerate_elastic(around, M, bias, J, rotation, translation, arm, tau, t):
+    """The load where the arm is, and q_ddot under the torque tau against it."""
     around, arm = around[0], arm[0]
-    world, touch, torque = around.world, around.touch, around.torque
-    touch_at(world, J, rotation, translation, arm.q_dot, t, touch)
-    add_drift(J, J_dot, arm.q_dot, touch)
-    contact_force(world.contact, 0.0, _touching(world, touch), touch, around.push)
-    transposed_times(touch.J_v, around.push, around.pushed)
-    _resistance(around.resistance, arm.q_dot, t, torque)
-    for i in range(torque.shape[0]):
-        torque[i] = tau[i] - torque[i] - around.pushed[i]
+    touch_at(around.world, J, rotation, translation, arm.q_dot, t, around.touch)
+    elastic_load(around.world.contact, around.touch, arm.load)
+    _accelerate(around, M, bias, arm, tau, t)
 
 
 @part
@@ -185,12 +187,21 @@ def _touching(world, touch):
 
 
 @kernel
-def _answer(around, M, free, arm):
-    """q_ddot and load from the acceleration `free` (n,) that the arm would have without the multiplier."""
+def _accelerate_heavy(around, M, bias, J, J_dot, rotation, translation, arm, tau, t):
+    """q_ddot under the torque tau, and the load, which depends on it."""
     around, arm = around[0], arm[0]
-    world, touch = around.world, around.touch
+    world, touch, torque, n = around.world, around.touch, around.torque, arm.q.shape[0]
     contact = world.contact
-    phi_ddot_free = dot(touch.pull, free) + touch.phi_ddot_bias
+    touch_at(world, J, rotation, translation, arm.q_dot, t, touch)
+    add_drift(J, J_dot, arm.q_dot, touch)
+    touching = _touching(world, touch)
+    contact_force(contact, 0.0, touching, touch, around.push)
+    transposed_times(touch.J_v, around.push, around.pushed)
+    _resistance(around.resistance, arm.q_dot, t, torque)
+    for i in range(n):
+        torque[i] = tau[i] - bias[i] - torque[i] - around.pushed[i]
+    solve_spd(M, torque, around.factor, arm.q_ddot)  # without the multiplier
+    phi_ddot_free = dot(touch.pull, arm.q_ddot) + touch.phi_ddot_bias
     for side in (1.0, -1.0):  # where a bilateral surface pulls, friction opposes the slip all the same
         for a in range(3):
             around.push[a] = touch.chart.G[0, a] + side * touch.drag[a]
@@ -200,10 +211,10 @@ def _answer(around, M, free, arm):
         multiplier = heavy_multiplier(contact, world.rigid, touch, phi_ddot_free, mobility)
         if multiplier >= 0.0 or contact.unilateral:
             break
-    for i in range(free.shape[0]):
-        arm.q_ddot[i] = free[i] - around.response[i] * multiplier
+    for i in range(n):
+        arm.q_ddot[i] -= around.response[i] * multiplier
     arm.load.multiplier, arm.load.phi = multiplier, touch.phi
-    contact_force(contact, multiplier, _touching(world, touch), touch, arm.load.force)
+    contact_force(contact, multiplier, touching, touch, arm.load.force)
     transposed_times(touch.J_v, arm.load.force, arm.load.torque)
 
 
@@ -259,19 +270,17 @@ def _drift(arm, h):
 
 
 @kernel
-def _kick_and_drift(arm, q_ddot, h):
-    """Change q_dot by h s of q_ddot (n,), then move q along it for half as long."""
+def _kick_and_drift(arm, h):
+    """Change q_dot by h s of q_ddot, then move q along it for half as long."""
     arm = arm[0]
-    copy(q_ddot, arm.q_ddot)
     for i in range(arm.q.shape[0]):
         arm.q_dot[i] += h * arm.q_ddot[i]
         arm.q[i] += 0.5 * h * arm.q_dot[i]
 
 
 @kernel
-def _semi_implicit_euler(arm, q_ddot, h):
+def _semi_implicit_euler(arm, h):
     arm = arm[0]
-    copy(q_ddot, arm.q_ddot)
     for i in range(arm.q.shape[0]):
         arm.q_dot[i] += h * arm.q_ddot[i]
         arm.q[i] += h * arm.q_dot[i]
@@ -306,24 +315,28 @@ class Plant:
         carrier = self.data.oMi[robot.tool_joint]
         self._tool = (self.data.J, carrier.rotation, carrier.translation)
         self._tool_moving = (self.data.J, self.data.dJ, carrier.rotation, carrier.translation)
+        self._inertia = (self.data.M, self.data.nle)
         self._integrator = integrator
         self._integrate = {"leapfrog": self._leapfrog, "semi-implicit-euler": self._euler, "rk4": self._rk4}[integrator]
+        light = {"free": self._accelerate_free, "elastic": self._accelerate_elastic}
+        self._accelerate = light.get(kind, self._accelerate_heavy)
         self._resolve_kernels(robot.n)
 
     def _resolve_kernels(self, n: int) -> None:
-        q = np.zeros(n)
-        around, arm, tau, M = self._around, Record(Arm.zeros(n)).data, q, pin.crba(self.model, self.data, q)
+        around, arm, tau = self._around, Record(Arm.zeros(n)).data, np.zeros(n)
         self._drift = resolved(_drift, arm, 0.0)
-        self._kick_and_drift = resolved(_kick_and_drift, arm, q, 0.0)
-        self._step_of_euler = resolved(_semi_implicit_euler, arm, q, 0.0)
+        self._kick_and_drift = resolved(_kick_and_drift, arm, 0.0)
+        self._step_of_euler = resolved(_semi_implicit_euler, arm, 0.0)
         if self.kind in FINDERS:
             self._find = resolved(FINDERS[self.kind], around, *self._tool, arm, 0.0)
-        if not self.heavy:
-            self._drive = resolved(_drive, around, arm, tau, 0.0)
-            return
-        self._drive = resolved(_drive_heavy, around, *self._tool_moving, arm, tau, 0.0)
-        self._answer = resolved(_answer, around, M, q, arm)
-        self._onto_surface = resolved(_onto_surface, around, *self._tool, M, arm, 0.0)
+        inertia, M = self._inertia, self.data.M
+        if self.kind == "free":
+            self._answer = resolved(_accelerate_free, around, *inertia, arm, tau, 0.0)
+        elif self.kind == "elastic":
+            self._answer = resolved(_accelerate_elastic, around, *inertia, *self._tool, arm, tau, 0.0)
+        else:
+            self._answer = resolved(_accelerate_heavy, around, *inertia, *self._tool_moving, arm, tau, 0.0)
+            self._onto_surface = resolved(_onto_surface, around, *self._tool, M, arm, 0.0)
 
     def start(self, q: np.ndarray, q_dot: np.ndarray, t: float) -> PlantState:
         """The state q (n,), q_dot (n,) at time t; on a rigid surface it is moved onto it.
@@ -341,13 +354,12 @@ class Plant:
         """One control period from time t with the torque tau (n,) N m; the state is the next one then."""
         h = period / self.substeps
         self._integrate(state, tau, t, h)
-        self.find_load(state, t + h)
         if self.substeps > 1:
             first = state.views.q_ddot.copy()
             for i in range(1, self.substeps):
                 self._integrate(state, tau, t + i * h, h)
-                self.find_load(state, t + (i + 1) * h)
             state.views.q_ddot[:] = first
+        self.find_load(state, t + period)
 
     def find_load(self, state: PlantState, t: float) -> None:
         """The contact's load at a state at time t (s); a heavy contact keeps the one of the torque that led there, but
@@ -378,7 +390,6 @@ class Plant:
         if self._integrator != "leapfrog":
             return twin, t
         self._drift(twin.data, 0.5 * h)
-        self.find_load(twin, t + 0.5 * h)
         return twin, t + 0.5 * h
 
     def tool(self, state: PlantState) -> Tool:
@@ -388,17 +399,27 @@ class Plant:
         p = translation + rotation @ self._lever
         return Tool(p, J[:3] - pin.skew(p) @ J[3:])
 
-    def _accelerate(self, state: PlantState, tau: np.ndarray, t: float) -> np.ndarray:
-        """q_ddot (n,) under the torque tau; of a heavy contact also the load that goes with it."""
+    # q_ddot under the torque tau (n,) N m at time t (s), and the load that goes with it, are found in place; in world
+    # axes M comes with the tool's Jacobian and placement
+
+    def _accelerate_free(self, state: PlantState, tau: np.ndarray, t: float) -> None:
         q, q_dot = state.views.q, state.views.q_dot
-        if not self.heavy:
-            self._drive(self._around, state.data, tau, t)
-            return pin.aba(self.model, self.data, q, q_dot, self._torque)
+        pin.crba(self.model, self.data, q)
+        pin.nonLinearEffects(self.model, self.data, q, q_dot)
+        self._answer(self._around, *self._inertia, state.data, tau, t)
+
+    def _accelerate_elastic(self, state: PlantState, tau: np.ndarray, t: float) -> None:
+        q, q_dot = state.views.q, state.views.q_dot
+        pin.crba(self.model, self.data, q, WORLD)
+        pin.nonLinearEffects(self.model, self.data, q, q_dot)
+        self._answer(self._around, *self._inertia, *self._tool, state.data, tau, t)
+
+    def _accelerate_heavy(self, state: PlantState, tau: np.ndarray, t: float) -> None:
+        q, q_dot = state.views.q, state.views.q_dot
         pin.computeJointJacobiansTimeVariation(self.model, self.data, q, q_dot)
-        self._drive(self._around, *self._tool_moving, state.data, tau, t)
-        free = pin.aba(self.model, self.data, q, q_dot, self._torque)
-        self._answer(self._around, pin.crba(self.model, self.data, q), free, state.data)
-        return state.views.q_ddot
+        pin.crba(self.model, self.data, q)
+        pin.nonLinearEffects(self.model, self.data, q, q_dot)
+        self._answer(self._around, *self._inertia, *self._tool_moving, state.data, tau, t)
 
     def _leapfrog(self, state: PlantState, tau: np.ndarray, t: float, h: float) -> None:
         """Half a step of q, one evaluation of the acceleration there, the whole step of q_dot, half a step of q.
@@ -408,12 +429,13 @@ class Plant:
         step's beginning.
         """
         self._drift(state.data, 0.5 * h)
-        self.find_load(state, t + 0.5 * h)
-        self._kick_and_drift(state.data, self._accelerate(state, tau, t + 0.5 * h), h)
+        self._accelerate(state, tau, t + 0.5 * h)
+        self._kick_and_drift(state.data, h)
         self._constrain(state, t + h)
 
     def _euler(self, state: PlantState, tau: np.ndarray, t: float, h: float) -> None:
-        self._step_of_euler(state.data, self._accelerate(state, tau, t), h)
+        self._accelerate(state, tau, t)
+        self._step_of_euler(state.data, h)
         self._constrain(state, t + h)
 
     def _rk4(self, state: PlantState, tau: np.ndarray, t: float, h: float) -> None:
@@ -421,10 +443,11 @@ class Plant:
 
         def acceleration(q: np.ndarray, q_dot: np.ndarray, t: float) -> np.ndarray:
             stage.views.q[:], stage.views.q_dot[:] = q, q_dot
-            self.find_load(stage, t)
-            return self._accelerate(stage, tau, t).copy()
+            self._accelerate(stage, tau, t)
+            return stage.views.q_ddot.copy()
 
-        a_1 = self._accelerate(state, tau, t).copy()
+        self._accelerate(state, tau, t)
+        a_1 = state.views.q_ddot
         v_2 = q_dot + 0.5 * h * a_1
         a_2 = acceleration(q + 0.5 * h * q_dot, v_2, t + 0.5 * h)
         v_3 = q_dot + 0.5 * h * a_2
@@ -433,7 +456,6 @@ class Plant:
         a_4 = acceleration(q + h * v_3, v_4, t + h)
         state.views.q[:] = q + (h / 6) * (q_dot + 2 * v_2 + 2 * v_3 + v_4)
         state.views.q_dot[:] = q_dot + (h / 6) * (a_1 + 2 * a_2 + 2 * a_3 + a_4)
-        state.views.q_ddot[:] = a_1
         self._constrain(state, t + h)
 
     def _constrain(self, state: PlantState, t: float) -> None:
@@ -441,11 +463,11 @@ class Plant:
         if self.kind != "rigid":
             return
         q = state.views.q
-        M = pin.crba(self.model, self.data, q)
+        M = pin.crba(self.model, self.data, q, WORLD)
         phi = np.inf
         for _ in range(20):
-            pin.computeJointJacobians(self.model, self.data, q)
             phi = self._onto_surface(self._around, *self._tool, M, state.data, t)
             if abs(phi) < ON_SURFACE:
                 return
+            pin.computeJointJacobians(self.model, self.data, q)
         raise ValueError(f"surface: the tool cannot be brought onto the rigid surface (phi = {phi:.2g} m)")

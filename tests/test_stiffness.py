@@ -17,6 +17,7 @@ from app.closed_loop import ClosedLoop
 from app.sampled_loop import judge_posture
 from app.scenario import Scenario, ScenarioError
 from app.scenario_data import edited, shipped
+from controllers.premises import Premise
 from environments.contact import Contact
 from environments.plant import ContactKind, Integrator, Plant
 from environments.stiffness import STEPS, Mobility, Oscillator, oscillators, resolved, spectral_radius, substeps_needed
@@ -28,7 +29,7 @@ H = 1e-3  # s
 
 def radius(system: System) -> float:
     """Growth of a deviation per control period, on the surface if there is one."""
-    return judge_posture(system, system.q_0, 0.0)[1].radius
+    return judge_posture(system, system.q_0, 0.0)[Premise.SAMPLED_LOOP]
 
 
 INTEGRATORS: tuple[Integrator, ...] = tuple(STEPS)

@@ -32,17 +32,10 @@ def status_html(snapshot: Snapshot, complaint: str) -> str:
         f"{_chip(MODE_TITLES[scenario.mode], 'vs-mode')}{_phase(snapshot)}"
         f'<span class="vs-right"><span class="vs-dim">t</span> <b class="vs-number">{snapshot.t:.2f}</b> s</span>'
         "</div>",
-        '<div class="vs-row">'
+        '<div class="vs-row vs-verdict-row">'
         f'{_promise(snapshot)}<span class="vs-right" title="{_kept(pace)}"><span class="vs-dim">real time</span> '
         f'<b class="vs-number">{f"{snapshot.realtime_factor:.2f}×" if pace else "—"}</b></span></div>',
     ]
-    if violated := outside(scenario):
-        lines.append(
-            f'<div class="vs-row" title="{escape("; ".join(violated))}">'
-            f"{_chip('truth outside the declared bounds', 'vs-bad')}</div>"
-        )
-    if saturating := _saturating(snapshot):
-        lines.append(f'<div class="vs-row">{_chip(saturating, "vs-bad")}</div>')
     messages = []
     if snapshot.phase == "stopped":
         messages.append(_message("vs-bad", f"Stopped: {snapshot.reason}"))
@@ -73,9 +66,16 @@ def _promise(snapshot: Snapshot) -> str:
     promise = snapshot.standing.now
     look = {"holds": "vs-good", "broken": "vs-bad", "nothing promised": "vs-warn"}[promise.verdict]
     text = {"holds": "promise holds", "broken": "promise broken"}.get(promise.verdict, promise.verdict)
-    why = snapshot.standing.reason
+    violated = outside(snapshot.scenario)
+    if saturating := _saturating(snapshot):
+        why, whole = saturating, promise.because
+    elif violated:
+        why, whole = "truth outside the declared bounds", "; ".join(violated)
+    else:
+        why, whole = snapshot.standing.reason, promise.because
     return (
-        f'<span title="{escape(promise.because)}">{_chip(text, look)}</span><span class="vs-dim">{escape(why)}</span>'
+        f'<span title="{escape(promise.because)}">{_chip(text, look)}</span>'
+        f'<span class="vs-dim vs-why" title="{escape(whole)}">{escape(why)}</span>'
     )
 
 

@@ -17,6 +17,7 @@ from app.metrics import account, saturated
 from app.sampled_loop import judge_posture
 from app.scenario import Scenario
 from app.scenario_data import edited, shipped
+from controllers.premises import Premise
 
 DURATION, SETTLED = 4.0, 1.5  # s, and when the figures begin
 STEP = 5e-4  # s, of the plant at most
@@ -118,7 +119,7 @@ def row(name: str, y: float, xs: Sequence[float]) -> list[Cell]:
 def _cell(scenario: Scenario, previous: System | None) -> tuple[Cell, System]:
     substeps = max(1, round(scenario.controller.period / STEP))
     loop = ClosedLoop(edited(scenario, "simulation.substeps", substeps), previous=previous)
-    growth = judge_posture(loop.system, loop.system.robot.posture, 0.0)[1].radius
+    growth = judge_posture(loop.system, loop.system.robot.posture, 0.0)[Premise.SAMPLED_LOOP]
     layer_factor = loop.view().live["layer_loop_factor"]
     while loop.t < DURATION and not loop.stopped:
         loop.advance()

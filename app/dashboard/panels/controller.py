@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from html import escape
+
 import viser
 
 from app.dashboard.controls import Choice, Control, Desk, Number, Place, PlaceWhere, decades
 from app.dashboard.facts import Facts
 from app.snapshot import Snapshot
+from controllers.premises import STATEMENTS, Premise
 
 _LAWS = {"robust (25)": "vsmrc", "computed torque": "computed-torque", "PD + gravity": "pd-gravity"}
 _SAID = '<div class="vs-checks"><div class="vs-message vs-warn">{}</div></div>'
@@ -44,6 +47,9 @@ class ControllerPanel:
                 Number(desk, d, "constant d [N]", decades(1, 1000)),
                 Number(desk, Place("controller.epsilon"), "margin ε [N]", decades(0.1, 100)),
                 Choice(desk, "controller.bounds", "Bounds", {"in task space (tight)": "tight", "as in (7)": "paper"}),
+            ]
+            self._feedback = gui.add_html("")
+            self._controls += [
                 Choice(desk, "controller.switching", "Switching", switching),
                 Number(desk, layer, "layer φ [m/s]", decades(1e-4, 0.1)),
                 Number(desk, Place("controller.K_s"), "K_s [N·s/m]", decades(1, 2000)),
@@ -76,8 +82,22 @@ class ControllerPanel:
         law = snapshot.scenario.controller.law
         robust, baseline = law == "vsmrc", _BASELINES[law]
         self._baseline.content = baseline and _SAID.format(baseline)
+        self._feedback.content = _feedback_html(snapshot)
         for folder in self._robust_only:
             if folder.visible != robust:
                 folder.visible = robust
         for control in self._controls:
             control.show(snapshot)
+
+
+def _feedback_html(snapshot: Snapshot) -> str:
+    """What the gain by (17) feeds back to itself with the bounds of now, "" for a constant gain."""
+    by_names = {finding.premise: finding for finding in snapshot.standing.findings}
+    said = []
+    for premise, way in ((Premise.GAIN_BY_CHATTER, "the chattering"), (Premise.GAIN_BY_FORCE, "the contact force")):
+        found = by_names.get(premise.name.lower())
+        if found is not None and found.value is not None:
+            said.append(f'<span title="{escape(STATEMENTS[premise].why)}">{found.value:.2g} by {way}</span>')
+    if not said:
+        return ""
+    return f'<div class="vs-note">d feeds itself: {" and ".join(said)}, of each change; allowed below 1.</div>'
