@@ -16,7 +16,7 @@ from app.scenario_data import edited, to_toml
 from controllers.switching import Switching
 
 SEED = 1000  # of the situations: none of them is among those of the other runs
-POPULATION, GENERATIONS = 25, 10  # of each hunt: 250 tries
+POPULATION, GENERATIONS = 25, 11  # of each hunt: 275 tries, unless the first 25 are all refused
 DURATION = 0.15  # s
 START = 0.03  # rad, of each joint away from where the path begins; on a rigid surface none
 SHARED = 18  # numbers of a try besides two for each joint

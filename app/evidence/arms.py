@@ -201,7 +201,8 @@ def _with_hindsight(
         hindsight = begun.time_to(float(np.nanmin(record["s_band"][: last + 1])))
     needed = record["needed"][looks]
     parts = np.stack([known[name][looks] for name in PARTS])
-    bounds = needed[:, list(PARTS.values())].T  # both are zero for Coriolis forces at rest
+    bounds = needed[:, list(PARTS.values())].T.copy()  # both are zero for Coriolis forces at rest
+    bounds[0] += needed[:, CAUSES.index("moving task")]  # (7) bounds apart what is one in M q_eq_ddot
     return replace(
         found,
         V_tightness=float((V[reaching] / V_bound[reaching]).max(initial=0.0)) if reaching.any() else np.nan,
