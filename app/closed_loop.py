@@ -126,7 +126,6 @@ class ClosedLoop:
         loop = cls(state.scenario, history, previous, memory)
         loop.t, loop._t_0, loop._steps = state.t, state.t_0, state.steps
         loop._arm.data[:], loop._period.data[:] = state.arm, state.period
-        loop._touching = loop._multiplier[0] != 0.0
         loop._reader.recall(state.reader)
         loop.system, loop.grip = loop.system.with_shift(state.shift), state.grip
         loop._along = loop._reference_estimates(state.along)
@@ -270,8 +269,6 @@ class ClosedLoop:
             self._look_at_posture()
         self._stage = "the plant"
         plant.advance(arm, self._applied + self._push_torque if pushed else self._applied, t, self._h)
-        if self._presses and (self._multiplier[0] != 0.0) != self._touching:
-            self._touch_or_leave()
         self._stage = "the record"
         alarms = self._complete_row(self._settings.data, self._period.data, arm.data, row)
         self.recording.commit()
@@ -324,11 +321,6 @@ class ClosedLoop:
         law = self.system.law.following(blend.at(self.t))
         self.system = replace(self.system, law=law)
         self._settings.write("gains", law.gains)
-
-    def _touch_or_leave(self) -> None:
-        self._touching = not self._touching
-        if not self._touching:
-            self._left("flag", "contact lost: the tool has left the surface, so no force is controlled")
 
     def _push_tool(self) -> bool:
         """Find what hand and script do to the tool over this period; False, as fast as can be, when they do nothing."""
@@ -391,10 +383,7 @@ class ClosedLoop:
         self._applied, self._push = self._period.views.applied, self._period.views.push
         self._push_torque, self._pushed = np.zeros(system.robot.n), True
         self._timed = system.push if any(system.push.force) else None
-        contact = system.scenario.contact
-        self._presses = bool(system.m) and contact.unilateral and contact.kind in ("elastic", "mass-damper-spring")
-        self._multiplier = self._arm.data["load"]["multiplier"]
-        self._touching = self._multiplier[0] != 0.0
+        self._period.data["touching"] = self._arm.data["load"]["multiplier"] != 0.0
         if system.scenario.controller.on_change == "remove":
             _, _, e_r, e_r_dot = self._errors()
             self._period.views.z[:] = system.law.compensator.without_reaching(e_r, e_r_dot)
@@ -539,6 +528,7 @@ class ClosedLoop:
     def _setting_of(self, system: System) -> Setting:
         contact = system.scenario.contact
         pushes_only = contact.kind == "rigid" and contact.unilateral
+        pressed = bool(system.m) and contact.unilateral and contact.kind in ("elastic", "mass-damper-spring")
         return Setting(
             sight=system.observer.sight,
             plan=system.plan,
@@ -547,7 +537,7 @@ class ClosedLoop:
             online=self._along is None,
             heavy=system.plant.heavy,
             torque_limit=np.broadcast_to(system.plant.truth.torque_limit, system.robot.n),
-            limits=Limits(system.scenario.simulation.sigma_min, SPEED_LIMIT, pushes_only),
+            limits=Limits(system.scenario.simulation.sigma_min, SPEED_LIMIT, pushes_only, pressed),
         )
 
     def _reference_estimates(self, start: Start | None) -> ReferenceEstimates | None:
@@ -562,6 +552,8 @@ class ClosedLoop:
         if Alarm.ENTERED in alarms or Alarm.REACHED in alarms:
             epochs = self.recording.epochs
             epochs[-1] = replace(epochs[-1], reached=self._reached_at(), banded=self._banded_at())
+        if Alarm.AWAY in alarms:
+            self._left("flag", "contact lost: the tool has left the surface, so no force is controlled")
         if Alarm.SATURATED in alarms and Alarm.NOT_FINITE not in alarms:
             self._left("flag", self._saturation(period.output.tau, period.applied))
         if Alarm.NOT_FINITE in alarms:

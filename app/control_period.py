@@ -85,17 +85,20 @@ class Alarm(IntFlag):
     OVER_BOUND = 32  # ||s|| is, though all premises hold
     SATURATED = 64  # a drive's limit begins to cut the torque
     REACHED = 128  # ||s|| is within the band for the first time
+    AWAY = 256  # the tool has left a surface that it should press
 
 
-ENTERED, NOT_FINITE, PULLING, SINGULAR, FAST, OVER_BOUND, SATURATED, REACHED = (int(alarm) for alarm in Alarm)
+ENTERED, NOT_FINITE, PULLING, SINGULAR, FAST, OVER_BOUND, SATURATED, REACHED, AWAY = (int(alarm) for alarm in Alarm)
 
 
 class Limits(NamedTuple):
-    """When a period gives alarm: sigma_min m; speed rad/s; pushes_only: the surface is rigid and unilateral."""
+    """When a period gives alarm: sigma_min m; speed rad/s; pushes_only: the surface is rigid and unilateral; pressed:
+    it is not rigid, but the tool should press it."""
 
     sigma_min: float
     speed: float
     pushes_only: bool
+    pressed: bool
 
 
 class Setting(NamedTuple):
@@ -115,9 +118,9 @@ class Setting(NamedTuple):
 class Period(NamedTuple):
     """What one control period works with and leaves: z (n,) m/s is that of its beginning; F (3,) N as measured;
     push (3,) N of a hand on the tool; applied (n,) N m: what the drives make of tau; residual (n,) N once q_ddot is
-    known; saturated: whether applied is not tau, in the period before; news: `Alarm` flags of
-    the promise; table, watched, held, kept: what the theorem's
-    promise rests on, and what became of it."""
+    known; saturated, touching: of the period before, whether applied was not tau, whether there was a force on the
+    surface; news: `Alarm` flags of the promise; table, watched, held, kept: what the theorem's promise rests on, and
+    what became of it."""
 
     z: np.ndarray
     F: np.ndarray
@@ -129,6 +132,7 @@ class Period(NamedTuple):
     applied: np.ndarray
     residual: np.ndarray
     saturated: bool
+    touching: bool
     news: int
     table: PremiseTable
     watched: Watched
@@ -143,7 +147,7 @@ class Period(NamedTuple):
         believed = Believed(np.zeros((n, n)), np.zeros((n, n)), v, ON_LINE)
         output, f = ControlOutput.zeros(n), np.zeros(3)
         watched = Watched(1.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-        law = (v, f, f, seen, reference, believed, output, v, v, False, 0)
+        law = (v, f, f, seen, reference, believed, output, v, v, False, False, 0)
         return cls(*law, PremiseTable.fresh(), watched, Held.zeros(n), Kept.fresh(), Room.zeros(n))
 
 
@@ -321,7 +325,14 @@ def complete_row(setting, period, arm, row):
         phi = row[load + 4]
         _put_load(row, load, arm.load)
         row[load + 4] = phi
-    return _saturation(period) + _alarms(setting.limits, period, norm(arm.q_dot), arm.load.multiplier)
+    left = _leaving(setting.limits, period, arm.load.multiplier)
+    return left + _saturation(period) + _alarms(setting.limits, period, norm(arm.q_dot), arm.load.multiplier)
+
+
+@part
+def _leaving(limits, period, multiplier):
+    was, period.touching = period.touching, multiplier != 0.0
+    return AWAY if limits.pressed and was and not period.touching else 0
 
 
 @part

@@ -344,7 +344,8 @@ class Plant:
         Raises ValueError when the rigid surface cannot be reached from q.
         """
         state = Record(Arm.zeros(len(q))._replace(q=q, q_dot=q_dot))
-        self._constrain(state, t)
+        if self.kind == "rigid":
+            self._constrain(state, t)
         if self.kind in FINDERS:
             pin.computeJointJacobians(self.model, self.data, state.views.q)
             _load(self._around, *self._tool, state.data, t)
@@ -403,19 +404,22 @@ class Plant:
     # axes M comes with the tool's Jacobian and placement
 
     def _accelerate_free(self, state: PlantState, tau: np.ndarray, t: float) -> None:
-        q, q_dot = state.views.q, state.views.q_dot
+        arm = state.views
+        q, q_dot = arm.q, arm.q_dot
         pin.crba(self.model, self.data, q)
         pin.nonLinearEffects(self.model, self.data, q, q_dot)
         self._answer(self._around, *self._inertia, state.data, tau, t)
 
     def _accelerate_elastic(self, state: PlantState, tau: np.ndarray, t: float) -> None:
-        q, q_dot = state.views.q, state.views.q_dot
+        arm = state.views
+        q, q_dot = arm.q, arm.q_dot
         pin.crba(self.model, self.data, q, WORLD)
         pin.nonLinearEffects(self.model, self.data, q, q_dot)
         self._answer(self._around, *self._inertia, *self._tool, state.data, tau, t)
 
     def _accelerate_heavy(self, state: PlantState, tau: np.ndarray, t: float) -> None:
-        q, q_dot = state.views.q, state.views.q_dot
+        arm = state.views
+        q, q_dot = arm.q, arm.q_dot
         pin.computeJointJacobiansTimeVariation(self.model, self.data, q, q_dot)
         pin.crba(self.model, self.data, q)
         pin.nonLinearEffects(self.model, self.data, q, q_dot)
@@ -431,12 +435,14 @@ class Plant:
         self._drift(state.data, 0.5 * h)
         self._accelerate(state, tau, t + 0.5 * h)
         self._kick_and_drift(state.data, h)
-        self._constrain(state, t + h)
+        if self.kind == "rigid":
+            self._constrain(state, t + h)
 
     def _euler(self, state: PlantState, tau: np.ndarray, t: float, h: float) -> None:
         self._accelerate(state, tau, t)
         self._step_of_euler(state.data, h)
-        self._constrain(state, t + h)
+        if self.kind == "rigid":
+            self._constrain(state, t + h)
 
     def _rk4(self, state: PlantState, tau: np.ndarray, t: float, h: float) -> None:
         stage, q, q_dot = state.copy(), state.views.q.copy(), state.views.q_dot.copy()
@@ -456,12 +462,11 @@ class Plant:
         a_4 = acceleration(q + h * v_3, v_4, t + h)
         state.views.q[:] = q + (h / 6) * (q_dot + 2 * v_2 + 2 * v_3 + v_4)
         state.views.q_dot[:] = q_dot + (h / 6) * (a_1 + 2 * a_2 + 2 * a_3 + a_4)
-        self._constrain(state, t + h)
+        if self.kind == "rigid":
+            self._constrain(state, t + h)
 
     def _constrain(self, state: PlantState, t: float) -> None:
         """On a rigid surface: the nearest state (in the metric of M) with phi = 0 and phi_dot = 0."""
-        if self.kind != "rigid":
-            return
         q = state.views.q
         M = pin.crba(self.model, self.data, q, WORLD)
         phi = np.inf
