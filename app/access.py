@@ -129,8 +129,7 @@ class Tokens:
     @classmethod
     def given(cls, steer: str) -> Tokens:
         """With this one to steer; the other one follows from it, and it not from the other one."""
-        watch = hmac.digest(steer.encode(), b"watch", "sha256")
-        return cls(steer, base64.urlsafe_b64encode(watch).decode().rstrip("="))
+        return cls(steer, _following(steer, "watch"))
 
     def opens(self, shown: str) -> Pass | None:
         """What this token allows, None for one that is not ours."""
@@ -142,10 +141,28 @@ class Tokens:
     def of(self, kind: Pass) -> str:
         return self.steer if kind == "steer" else self.watch
 
+    def of_session(self, name: str) -> str:
+        """What the link to steer the session of this name has: it opens that one only, while it is called so."""
+        return _following(self.steer, f"session {name}")
+
+    def opens_session(self, name: str, shown: str) -> bool:
+        """Whether this is the token of the session of this name."""
+        return secrets.compare_digest(shown.encode(errors="surrogateescape"), self.of_session(name).encode())
+
 
 def token_cookie(port: int) -> str:
     """The name of the cookie that holds a token: browsers keep those of all ports of a host together."""
     return f"vsmrc-token-{port}"
+
+
+def session_token_cookie(port: int) -> str:
+    """The name of the cookie that holds the token of one session; a browser keeps one below each session's path."""
+    return f"vsmrc-steer-{port}"
+
+
+def _following(secret: str, purpose: str) -> str:
+    """A secret that follows from this one, and from which this one does not follow."""
+    return base64.urlsafe_b64encode(hmac.digest(secret.encode(), purpose.encode(), "sha256")).decode().rstrip("=")
 
 
 def is_loopback(host: str) -> bool:

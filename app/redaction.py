@@ -13,7 +13,7 @@ SHORTEST = 22  # characters of a secret: 128 bits
 HIDDEN = "[hidden]"
 
 _NAMED = re.compile(
-    r"""((?:token|vsmrc-(?:token|session)-\d+|x-vsmrc-key)(?:=|%3d|:\s*)  # an address, a cookie, a header
+    r"""((?:token|vsmrc-(?:token|steer|session|visitor)-\d+|x-vsmrc-key)(?:=|%3d|:\s*)  # an address, a cookie, a header
         |/(?:s|watch|shared|everyone)/)                                     # a link, a folder
         [^\s/;,&'"\\?\#]+""",
     re.IGNORECASE | re.VERBOSE,

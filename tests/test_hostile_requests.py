@@ -3,6 +3,7 @@ every answer."""
 
 from __future__ import annotations
 
+import json
 import re
 from collections.abc import Iterator
 from pathlib import Path
@@ -49,11 +50,12 @@ def guarded(folder: Path, unreadable: str) -> Iterator[Server]:
 
 
 def secrets_of(server: Server) -> list[str]:
-    """The tokens, and the parts of the session's links."""
+    """The tokens, the parts of the session's links, and its own token."""
     printed = [match for line in server.lines for match in re.findall(r"(?:token=|/watch/)([\w-]+)", line)]
-    steer, cookie = printed[0], f"vsmrc-token-{server.port}"
-    name = ask(server.port, "/", Cookie=f"{cookie}={steer}").headers["Location"]
-    return [*printed, name.strip("/").removeprefix("s/")]
+    cookie = f"vsmrc-token-{server.port}={printed[0]}"
+    path = ask(server.port, "/", Cookie=cookie).headers["Location"]
+    steer = json.loads(ask(server.port, f"/{path}about", Cookie=cookie).body)["links"]["steer"]
+    return [*printed, path.strip("/").removeprefix("s/"), steer.rpartition("token=")[2]]
 
 
 def test_no_log_holds_a_token_a_link_or_what_was_sent(guarded: Server, folder: Path, unreadable: str) -> None:

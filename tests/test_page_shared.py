@@ -64,6 +64,37 @@ def test_a_lecture(shared: Server, open_page: Callable[..., Page]) -> None:
     assert not refused
 
 
+def test_links_are_taken_back_with_a_button(open_page: Callable[..., Page]) -> None:
+    """And a browser sends the token of a session to that session, and to no other address."""
+    with serving("planar2r-semicircle", "--token", "always", lines=2) as server:
+
+        def opened(url: str) -> Page:
+            page = open_page(url, viewport=VIEWPORT, console_errors_allowed=True)
+            page.set_default_timeout(PATIENCE * 1e3)
+            page.locator(".vs-status").wait_for()
+            page.get_by_role("button", name="Share").click()
+            return page
+
+        presenter = opened(server.url)
+        watch, steer = (field.input_value() for field in presenter.locator(".vg-card input").all())
+        guest = opened(steer)
+        assert guest.url == presenter.url == steer.partition("?")[0]
+        assert guest.get_by_role("button", name="New links").count() == 0
+        sent = {cookie["name"]: cookie["path"] for cookie in guest.context.cookies()}
+        assert sent[f"vsmrc-steer-{server.port}"] == guest.url.rpartition("/")[0].partition(str(server.port))[2]
+        presenter.once("dialog", lambda dialog: dialog.accept())
+        with presenter.expect_navigation(url=lambda url: url != guest.url):
+            presenter.get_by_role("button", name="New links").click()
+        expect(guest.get_by_text("This link leads nowhere any more")).to_be_visible(timeout=PATIENCE * 1e3)
+        presenter.locator(".vs-status").wait_for()
+        presenter.get_by_role("button", name="Share").click()
+        renewed = [field.input_value() for field in presenter.locator(".vg-card input").all()]
+        assert not {*renewed} & {watch, steer}
+        assert renewed[1].partition("?")[0] == presenter.url.partition("?")[0]
+        guest.goto(steer)
+        expect(guest.get_by_text("it was taken back")).to_be_visible()
+
+
 def test_a_page_loads_and_sends_nothing_from_or_to_elsewhere(shared: Server, open_page: Callable[..., Page]) -> None:
     """On a page that only says that there is nothing: every answer has the same policy (test_hostile_requests.py)."""
     page = open_page(f"{shared.url}/s/guessed/", console_errors_allowed=True)

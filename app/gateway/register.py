@@ -27,23 +27,25 @@ class _Link(msgspec.Struct, frozen=True):
     name: str
     scenario: str
     owner: str = ""
+    watch: str = ""
 
 
 class Known(NamedTuple):
-    """A session as it was left: parts of its links, its scenario (TOML, not judged yet), how many runs were pinned, and
-    the browser of its owner, see `Visitor`."""
+    """A session as it was left: parts of its links, its scenario (TOML, not judged yet), how many runs were pinned, the
+    browser of its owner, see `Visitor`, and its folder."""
 
     name: str
     watch: str
     scenario: str
     pinned: int
     owner: str
+    folder: str
 
 
 class Register:
     """A folder that only this gateway uses, as long as it lives or until `close`.
 
-    A session's own folder is named after its link to watch: what its pages show of it lets nobody steer. Its
+    A session's own folder is named after its first link to watch: what its pages show of it lets nobody steer. Its
     process keeps scenario and pinned runs there, see `app.recovery`. Raises StateError when another process uses the
     folder or it cannot be written.
     """
@@ -67,30 +69,35 @@ class Register:
 
     def entered(self, known: Known) -> Path:
         """The session's folder; that there is one is noted. Where this fails, its process will say so on the page."""
-        folder = self._path / known.watch
         try:
-            folder.mkdir(exist_ok=True, mode=0o700)
-            text = msgspec.json.encode(_Link(known.name, known.scenario, known.owner))
-            write_whole(folder / LINK, lambda file: file.write(text), _PRIVATE)
+            self.enter(known)
         except OSError as error:
             log.warning("session not saved", reason=error.strerror)
-        return folder
+        return self._path / known.folder
 
-    def forget(self, watch: str) -> None:
+    def enter(self, known: Known) -> None:
+        """Note the session and its links, instead of what is noted of it. Raises OSError."""
+        folder = self._path / known.folder
+        folder.mkdir(exist_ok=True, mode=0o700)
+        text = msgspec.json.encode(_Link(known.name, known.scenario, known.owner, known.watch))
+        write_whole(folder / LINK, lambda file: file.write(text), _PRIVATE)
+
+    def forget(self, folder: str) -> None:
         """Remove what there is of this session, as far as that can be done."""
-        shutil.rmtree(self._path / watch, ignore_errors=True)
+        shutil.rmtree(self._path / folder, ignore_errors=True)
 
 
 def _known(link: Path) -> Known | None:
-    watch = link.parent.name
+    folder = link.parent.name
     try:
         read = msgspec.json.decode(read_regular(link, LARGEST), type=_Link)
     except (OSError, msgspec.MsgspecError, UnicodeDecodeError, RecursionError) as error:
         reason = error.strerror if isinstance(error, OSError) else error
-        log.warning("saved session unreadable", session=watch[:6], reason=str(reason))
+        log.warning("saved session unreadable", session=folder[:6], reason=str(reason))
         return None
-    if not (_WORD.fullmatch(read.name) and _WORD.fullmatch(watch)):
-        log.warning("saved session unreadable", session=watch[:6], reason="its name is none of this program's")
+    watch = read.watch or folder  # as it was written before links could be taken back
+    if not all(map(_WORD.fullmatch, (read.name, watch, folder))):
+        log.warning("saved session unreadable", session=folder[:6], reason="its name is none of this program's")
         return None
     last = last_state(link.parent)
-    return Known(read.name, watch, last.scenario or read.scenario, last.pinned, read.owner)
+    return Known(read.name, watch, last.scenario or read.scenario, last.pinned, read.owner, folder)

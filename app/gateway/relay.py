@@ -26,10 +26,16 @@ Judge = Callable[[bytes], bytes | None]
 
 
 async def relay(
-    request: web.Request, client: aiohttp.ClientSession, process: Process, meter: Meter, judge: Judge
+    request: web.Request,
+    client: aiohttp.ClientSession,
+    process: Process,
+    meter: Meter,
+    judge: Judge,
+    taken_back: asyncio.Event,
 ) -> web.WebSocketResponse:
-    """Until either side ends, or the page sends more than `meter` allows. judge: what of a page's message goes on, None
-    for nothing. Where there is no process, the page is closed with code 1012 and will come again.
+    """Until either side ends, the page sends more than `meter` allows, or the link by which it came is taken back.
+    judge: what of a page's message goes on, None for nothing. Where there is no process, the page is closed with code
+    1012 and will come again.
     """
     try:
         async with asyncio.timeout(ANSWER):
@@ -53,7 +59,8 @@ async def relay(
         await page.prepare(request)
         there = asyncio.create_task(_heard(page, session, meter, judge))
         back = asyncio.create_task(_shown(session, page))
-        done, pending = await asyncio.wait((there, back), return_when=asyncio.FIRST_COMPLETED)
+        revoked = asyncio.create_task(taken_back.wait())
+        done, pending = await asyncio.wait((there, back, revoked), return_when=asyncio.FIRST_COMPLETED)
         for task in pending:
             task.cancel()
             with contextlib.suppress(asyncio.CancelledError):
@@ -62,6 +69,8 @@ async def relay(
         if overrun is not None:
             log.info("page closed", reason=str(overrun))
             await page.close(code=WSCloseCode.POLICY_VIOLATION, message=str(overrun).encode()[:120])
+        elif revoked in done:
+            await page.close(code=WSCloseCode.POLICY_VIOLATION, message=b"this link was taken back; ask for a new one")
         elif not page.closed:
             code = session.close_code or WSCloseCode.SERVICE_RESTART
             ended = code in (WSCloseCode.ABNORMAL_CLOSURE, 1005)

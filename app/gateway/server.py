@@ -5,6 +5,7 @@
     /watch/NAME/         the same, to look at; NAME is another one
     .../about            how it stands, as JSON
     /s/NAME/again        POST: begin a session anew that has failed
+    /s/NAME/renew        POST: new links for the session; the old ones are taken back
     /watch/NAME/copy     POST: a session of one's own with the same scenario
     /assets/...          what the gateway's own pages load
     /healthz, /metrics   how the server stands, for whoever runs it
@@ -24,7 +25,7 @@ import aiohttp
 import structlog
 from aiohttp import WSCloseCode, web
 
-from app.access import KEY_HEADER, YEAR, Names, Pass, Tokens, token_cookie
+from app.access import KEY_HEADER, YEAR, Names, Pass, Tokens, session_token_cookie, token_cookie
 from app.gateway import pages
 from app.gateway.answers import Runner, with_headers
 from app.gateway.door import ARRIVING, DEADLINE, Door
@@ -84,6 +85,7 @@ class Gateway:
                 web.get("/{kind:s|watch}/{name}/", self._session),
                 web.get("/{kind:s|watch}/{name}/about", self._about),
                 web.post("/{kind:s}/{name}/again", self._again),
+                web.post("/{kind:s}/{name}/renew", self._renew),
                 web.post("/watch/{name}/copy", self._copy),
             ]
         )
@@ -140,7 +142,8 @@ class Gateway:
             try:
                 response = await handler(request)
             except web.HTTPException as error:
-                response = _notice("There is nothing here", "Perhaps the link is not complete.", error.status)
+                sentence = "The link is not complete, or it was taken back: ask for a new one."
+                response = _notice("There is nothing here", sentence, error.status)
         if not response.prepared and (greeting := request.get(_GREETING)):
             self._remember(response, request, visitor_cookie(request), greeting)
         return response
@@ -151,8 +154,10 @@ class Gateway:
         if tokens is None:
             request[_PASS] = "steer"
             return None
-        cookie = token_cookie(port_of(request))
-        known, shown = tokens.opens(request.cookies.get(cookie, "")), tokens.opens(request.query.get("token", ""))
+        cookie, said = token_cookie(port_of(request)), request.query.get("token", "")
+        known, shown = tokens.opens(request.cookies.get(cookie, "")), tokens.opens(said)
+        if of_session := self._opens_session(request, said):
+            shown = "watch"  # beside this session, what its link to watch opens, which its page shows
         if asks_status(request):  # as Prometheus shows it
             known = known or tokens.opens(request.headers.get("Authorization", "").removeprefix("Bearer "))
         kind: Pass | None = "steer" if "steer" in (known, shown) else known or shown
@@ -161,25 +166,47 @@ class Gateway:
         if kind is None:
             self._refusals["no token"] += 1
             log.info("request refused", reason="no token, or a wrong one")
-            sentence = "This server needs the link with its token, as it was printed when the server was started."
-            return _notice("Please come in by the link", sentence, 403)
+            missing = "this one is not complete, or it was taken back" if said else "as it was printed at the start"
+            return _notice("Please come in by the link", f"This server needs the link with its token; {missing}.", 403)
         request[_PASS] = kind
         if shown is None or _is_socket(request):
             return None
         response = _to_clean(request)
         self._remember(response, request, cookie, tokens.of(kind))
+        if of_session:
+            # by default a browser sends it to this session's addresses only, wherever a proxy has put them
+            self._remember(response, request, session_token_cookie(port_of(request)), said, path="")
         return response
 
+    def _opens_session(self, request: web.Request, shown: str) -> bool:
+        """Whether this is the token of the session that is asked for, to steer it."""
+        tokens, name = self._doors.tokens, request.match_info.get("name", "")
+        asked = request.match_info.get("kind") == "s" and self._house.named(name) is not None
+        return tokens is not None and asked and tokens.opens_session(name, shown)
+
     def _not_steered(self, request: web.Request) -> web.StreamResponse | None:
-        """None for who may steer, where steering is asked for: with the pass for it, or the owner of a copy."""
+        """None for who may steer, where steering is asked for: with the pass for it or the session's own token, or the
+        owner of a copy; and where there is no such session."""
         if request[_PASS] == "steer" or request.match_info.get("kind") != "s":
             return None
-        session, browser = self._house.named(request.match_info["name"]), visitor_of(request, self._doors.names).browser
-        if session is not None and browser and browser == session.owner.browser:
+        session = self._house.named(request.match_info["name"])
+        shown = (request.query.get("token", ""), request.cookies.get(session_token_cookie(port_of(request)), ""))
+        if session is None or self._owns(request, session) or any(self._opens_session(request, s) for s in shown):
             return None
         self._refusals["pass to watch"] += 1
         log.info("request refused", reason="steering asked for with the pass to watch")
         return _notice("This link is for steering", "To steer, ask for the link with the token to steer.", 403)
+
+    def _owns(self, request: web.Request, session: Session) -> bool:
+        """Whether the session was made for the browser that asks."""
+        browser = visitor_of(request, self._doors.names).browser
+        return bool(browser) and browser == session.owner.browser
+
+    def _may_renew(self, request: web.Request, session: Session) -> bool:
+        """Whether who asks may take links back: whose session it is, and who has the token to steer everything. Where
+        there is no token, only its owner if it has one, so that no guest can."""
+        above = self._doors.tokens is not None or not session.owner.browser
+        return self._owns(request, session) or (request[_PASS] == "steer" and above)
 
     def _greeted(self, request: web.Request) -> Visitor:
         """The visitor; the answer brings a word by which to know the browser again, unless it has one."""
@@ -189,16 +216,18 @@ class Gateway:
             request[_GREETING] = visitor.browser
         return visitor
 
-    def _remember(self, response: web.StreamResponse, request: web.Request, cookie: str, value: str) -> None:
+    def _remember(
+        self, response: web.StreamResponse, request: web.Request, cookie: str, value: str, path: str = "/"
+    ) -> None:
         secure = request.secure or self._doors.names.encrypted(request.host)
-        response.set_cookie(cookie, value, max_age=YEAR, httponly=True, samesite="Lax", secure=secure, path="/")
+        response.set_cookie(cookie, value, max_age=YEAR, httponly=True, samesite="Lax", secure=secure, path=path)
 
     # what there is
 
     async def _front(self, request: web.Request) -> web.StreamResponse:
         """To the visitor's session; a new one takes no place before its page is loaded."""
         if request[_PASS] != "steer":
-            return _notice("This link is for watching", "To steer, ask for the other link.", 403)
+            return _notice("No session of your own", "For one, ask for the link with the token to steer.", 403)
         if request.headers.get("Sec-Fetch-Dest", "document") != "document":  # a picture on a foreign page, say
             return _notice("This request is refused", "Sec-Fetch-Dest is not a page; allowed: document", 403)
         cookie = f"vsmrc-session-{port_of(request)}"
@@ -235,6 +264,7 @@ class Gateway:
 
     async def _socket(self, request: web.Request) -> web.StreamResponse:
         session, limits = self._meant(request), self._doors.limits
+        taken_back = session.taken_back  # of the link as it is now
         self._house.want(session)
         if (process := session.process) is None or self._client is None:
             return await closed(request, WSCloseCode.SERVICE_RESTART, "the session is being started")
@@ -252,7 +282,7 @@ class Gateway:
 
         with self._house.viewing(session, viewer):
             judge = watching if watches else bytes
-            return await relay(request, self._client, process, meter, judge)
+            return await relay(request, self._client, process, meter, judge, taken_back)
 
     async def _about(self, request: web.Request) -> web.StreamResponse:
         session = self._meant(request)
@@ -271,16 +301,33 @@ class Gateway:
             "copy": self._copies,
         }
         if not _watches(request):
-            tokens, kind = self._doors.tokens, request[_PASS]
-            links = {"watch": f"../../watch/{session.watch}/" + (f"?token={tokens.watch}" if tokens else "")}
-            if kind == "steer":  # with another pass, only its owner may
-                links["steer"] = f"../../s/{session.name}/" + (f"?token={tokens.steer}" if tokens else "")
-            about["links"] = links
+            tokens = self._doors.tokens
+            about["links"] = {
+                "watch": f"../../watch/{session.watch}/" + (f"?token={tokens.watch}" if tokens else ""),
+                "steer": f"../../s/{session.name}/" + (f"?token={tokens.of_session(session.name)}" if tokens else ""),
+            }
+            about["renew"] = self._may_renew(request, session)
         return web.json_response(about)
 
     async def _again(self, request: web.Request) -> web.StreamResponse:
         self._house.again(self._meant(request))
         return web.Response(status=204)
+
+    async def _renew(self, request: web.Request) -> web.StreamResponse:
+        session, cookie = self._meant(request), f"vsmrc-session-{port_of(request)}"
+        if not self._may_renew(request, session):
+            self._refusals["new links"] += 1
+            log.info("request refused", reason="new links asked for with the link of one session")
+            return _notice("No new links", "To take links back, come in by the link printed at the start.", 403)
+        comes_back = request.cookies.get(cookie) == session.name
+        try:
+            await self._house.renew(session)
+        except OSError as error:
+            return _notice("The links are the old ones", f"New ones cannot be kept on disk: {error.strerror}.", 503)
+        response = web.Response(status=303, headers={"Location": f"../../s/{session.name}/"})
+        if comes_back:
+            self._remember(response, request, cookie, session.name)
+        return response
 
     async def _copy(self, request: web.Request) -> web.StreamResponse:
         watched = self._meant(request)

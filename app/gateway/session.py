@@ -36,9 +36,10 @@ class Process(Protocol):
 class Session:
     """A run that has a link, whether or not a process runs it now.
 
-    name, watch: parts of the links to steer and to watch, neither to be guessed, nor one from the other. scenario:
-    TOML, as it was last; pinned: how many runs were. offers: what is kept of it on disk is something else, to be
-    offered. owner: who it was made for; original: the session that it is a copy of. pages: the open ones. told: what
+    name, watch: parts of the links to steer and to watch, neither to be guessed, nor one from the other; folder: its
+    name on disk, the first one of `watch`. taken_back: set when the links are new ones, and another one is here.
+    scenario: TOML, as it was last; pinned: how many runs were. offers: what is kept of it on disk is something else, to
+    be offered. owner: who it was made for; original: the session that it is a copy of. pages: the open ones. told: what
     happened to its process last, "" while nothing did; crashes counts that. looked_at: a page has been open once;
     kept: it has a folder.
     """
@@ -47,6 +48,8 @@ class Session:
     name: str = field(default_factory=lambda: new_secret(16))
     watch: str = field(default_factory=lambda: new_secret(16))
     pinned: int = 0
+    folder: str = ""
+    taken_back: asyncio.Event = field(default_factory=asyncio.Event)
     offers: bool = False
     owner: Visitor = NOBODY
     original: Session | None = None
@@ -65,6 +68,9 @@ class Session:
     _life: asyncio.Task[None] | None = None
     _closing: bool = False
 
+    def __post_init__(self) -> None:
+        self.folder = self.folder or self.watch
+
     @property
     def standing(self) -> int:
         """What it is worth: most with pinned runs, and more when somebody has looked at it than when not."""
@@ -76,5 +82,5 @@ class Session:
 
     @property
     def called(self) -> str:
-        """What the log calls it: neither of its links can be made of that."""
-        return self.watch[:6]
+        """What the log calls it, whatever its links are: neither can be made of that."""
+        return self.folder[:6]

@@ -14,6 +14,7 @@ from app.gateway.register import MOST, Known, Register
 from app.gateway.session import Process, Session
 from app.gateway.visitors import NOBODY, Shares, Viewer, Visitor, places_share
 from app.gateway.worker import WorkerError
+from app.redaction import new_secret
 from app.session_messages import Begin, Kept
 
 log = structlog.get_logger()
@@ -65,8 +66,11 @@ class House:
         self._closed = False
         self.crashes = 0
         self._started = clock() - SPARE_AFTER
+        self._noting = asyncio.Lock()  # what is on disk of a session's links is what was noted last
         for known in register.known() if register is not None else ():
-            session = Session(known.scenario, known.name, known.watch, known.pinned, owner=Visitor(known.owner))
+            session = Session(
+                known.scenario, known.name, known.watch, known.pinned, known.folder, owner=Visitor(known.owner)
+            )
             session.kept = session.looked_at = True
             session.seen = clock()
             self._add(session)
@@ -163,6 +167,28 @@ class House:
             session._falls.clear()
             self.want(session)
 
+    async def renew(self, session: Session) -> None:
+        """New links: the old ones lead nowhere, and the pages that they have opened are closed.
+
+        Raises OSError, and they stay as they were, where the new ones cannot be kept on disk: the old ones would open
+        the session again after the next start.
+        """
+        await asyncio.shield(self._do(self._renewed(session)))  # all of it, also for who does not wait
+
+    async def _renewed(self, session: Session) -> None:
+        async with self._noting:
+            name, watch = new_secret(16), new_secret(16)
+            if self._register is not None and session.kept:
+                await asyncio.to_thread(self._register.enter, _known(session)._replace(name=name, watch=watch))
+            if self._by_name.pop(session.name, None) is None:
+                return  # it has been forgotten meanwhile
+            del self._by_watch[session.watch]
+            session.name, session.watch = name, watch
+            self._add(session)
+            taken_back, session.taken_back = session.taken_back, asyncio.Event()
+            taken_back.set()
+            log.info("new links", session=session.called, pages=len(session.pages))
+
     @contextlib.contextmanager
     def viewing(self, session: Session, viewer: Viewer) -> Iterator[None]:
         """While a page is open; from the first one on, the session is kept."""
@@ -215,11 +241,12 @@ class House:
             least = min(least, HURRIED)
         return self._clock() - session.seen > least
 
-    def _do(self, what: Coroutine[None, None, object]) -> None:
-        """Meanwhile; nobody waits for it but the end."""
+    def _do(self, what: Coroutine[None, None, object]) -> asyncio.Task[object]:
+        """Meanwhile; nobody need wait for it but the end."""
         task = asyncio.create_task(what)
         self._doing.add(task)
         task.add_done_callback(self._doing.discard)
+        return task
 
     def _advance(self) -> None:
         now, waiting = self._clock(), list[Session]()
@@ -302,8 +329,8 @@ class House:
         """Where this session is kept, which is made if need be."""
         if self._register is None:
             return None
-        known = Known(session.name, session.watch, session.scenario, session.pinned, session.owner.browser)
-        folder = await asyncio.to_thread(self._register.entered, known)
+        async with self._noting:
+            folder = await asyncio.to_thread(self._register.entered, _known(session))
         return Kept(str(folder), "offered" if session.offers else "shown")
 
     async def _keep(self, session: Session) -> None:
@@ -339,10 +366,16 @@ class House:
     def _forget(self, session: Session) -> None:
         del self._by_name[session.name], self._by_watch[session.watch]
         if self._register is not None and session.kept:
-            self._do(asyncio.to_thread(self._register.forget, session.watch))
+            self._do(asyncio.to_thread(self._register.forget, session.folder))
 
 
 _ASKING = ("waiting", "starting", "running")
+
+
+def _known(session: Session) -> Known:
+    """What is kept of this session on disk."""
+    owner = session.owner.browser
+    return Known(session.name, session.watch, session.scenario, session.pinned, owner, session.folder)
 
 
 def _of_use(launch: asyncio.Task[Process]) -> bool:

@@ -46,7 +46,16 @@ const begin = (about) => {
     const card = root.appendChild(make("div", "vg-card"));
     card.hidden = true;
     link(card, "To watch, without steering:", about.links.watch);
-    if (about.links.steer) link(card, "To steer together with you:", about.links.steer);
+    link(card, "To steer together with you:", about.links.steer);
+    if (about.renew) {
+      const form = card.appendChild(Object.assign(make("form", "vg-link"), { method: "post", action: "renew" }));
+      const button = form.appendChild(make("button", "", "New links"));
+      form.append(make("span", "vg-dim", "take back those above; all other pages close"));
+      form.addEventListener("submit", (e) => {
+        if (button.disabled || !confirm("Take back all links to this session? Every other page of it closes.")) return e.preventDefault();
+        button.disabled = true;
+      });
+    }
     share.addEventListener("click", () => {
       card.hidden = !card.hidden;
       share.setAttribute("aria-expanded", String(!card.hidden));
@@ -74,7 +83,7 @@ const ask = async () => {
         sessionStorage.setItem(noted, crashes);
       }
       if (viewers) viewers.textContent = about.viewers > 1 ? `${about.viewers} pages open` : "";
-    } else if (answer.status === 404 || answer.status === 403) say("This session is no longer there; reload the page.");
+    } else if (answer.status === 404 || answer.status === 403) say("This link leads nowhere any more: it was taken back, or the server has begun anew. Ask for a new one.");
   } catch { /* the server is away: viser's own page says so, and connects again */ }
   setTimeout(ask, 2000);
 };
