@@ -6,15 +6,13 @@ have a hand in, or none that lasts.
 
 from __future__ import annotations
 
-import atexit
 import hashlib
 import os
 import shutil
 import sys
-import tempfile
 from pathlib import Path
 
-from app.own_folder import NotOwnError, private
+from app.own_folder import NotOwnError, passing, private
 
 KEPT = 8  # folders of earlier states
 VARIABLE = "NUMBA_CACHE_DIR"  # read by numba; the processes beside this one inherit it
@@ -24,7 +22,7 @@ def choose() -> None:
     """Let numba keep kernels where this program does, unless the user or the process that started this one has said
     where. Before numba is imported."""
     if VARIABLE not in os.environ:
-        os.environ[VARIABLE] = str(_lasting() or _passing())
+        os.environ[VARIABLE] = str(_lasting() or passing("vsmrc-kernels-"))
 
 
 def cache_folder() -> Path:
@@ -45,18 +43,6 @@ def _lasting() -> Path | None:
         reason = f"cannot be written: {error.strerror}" if isinstance(error, OSError) else error
         print(f"vsmrc: {shelf} {reason}; compiled kernels are not kept for the next start", file=sys.stderr)
         return None
-    return folder
-
-
-def _passing() -> Path:
-    """A folder that nobody can foresee, only for this process and those that it starts."""
-    folder, maker = Path(tempfile.mkdtemp(prefix="vsmrc-kernels-")), os.getpid()
-
-    def remove() -> None:
-        if os.getpid() == maker:  # and no fork of it
-            shutil.rmtree(folder, ignore_errors=True)
-
-    atexit.register(remove)
     return folder
 
 

@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
+import atexit
+import contextlib
+import fcntl
 import os
+import shutil
 import stat
+import tempfile
 from pathlib import Path
 
 PRIVATE = 0o700
+_FOLDER = os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW  # a folder, and no link to one
 
 
 class NotOwnError(ValueError):
@@ -43,6 +49,49 @@ def private(path: Path) -> Path:
     path = own(path)
     path.chmod(PRIVATE)
     return path
+
+
+def passing(prefix: str) -> Path:
+    """A folder that nobody can foresee, only for this process and those that it starts.
+
+    It goes with this process. Where that is killed, it goes when another one asks for a folder of this prefix: the lock
+    on it has ended with its holder.
+    """
+    _remove_left(prefix)
+    maker = os.getpid()
+    while not _held(folder := Path(tempfile.mkdtemp(prefix=prefix))):
+        pass  # another one took it for left behind, in the instant before it was locked
+
+    def remove() -> None:
+        if os.getpid() == maker:  # and no fork of it
+            shutil.rmtree(folder, ignore_errors=True)
+
+    atexit.register(remove)
+    return folder
+
+
+def _held(folder: Path) -> bool:
+    """Lock the folder until this process ends; False where another one is removing it."""
+    try:
+        file = os.open(folder, _FOLDER)
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        return os.path.samestat(os.fstat(file), folder.lstat())
+    except (FileNotFoundError, BlockingIOError):
+        return False
+    except OSError:  # no locks on this disk: nobody else can take it either
+        return True
+
+
+def _remove_left(prefix: str) -> None:
+    """Remove the folders that nobody holds any more, of this user and as `passing` makes them."""
+    for folder in Path(tempfile.gettempdir()).glob(f"{prefix}*"):
+        with contextlib.suppress(OSError), contextlib.ExitStack() as opened:
+            file = os.open(folder, _FOLDER)
+            opened.callback(os.close, file)
+            status = os.fstat(file)
+            if status.st_uid == os.geteuid() and stat.S_IMODE(status.st_mode) == PRIVATE:
+                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                shutil.rmtree(folder)
 
 
 def _others_write(status: os.stat_result) -> bool:

@@ -94,6 +94,42 @@ def test_without_a_home_that_can_be_written_no_shared_folder_is_used(tmp_path: P
     assert not list((tmp_path / "vsmrc-lab").iterdir())
 
 
+def test_what_a_killed_process_leaves_goes_with_the_next_start_and_nothing_else(tmp_path: Path) -> None:
+    """Killed or alive, own or planted: only what nobody holds any more is removed."""
+    environment = os.environ | {"XDG_CACHE_HOME": "/dev/null/none", "TMPDIR": str(tmp_path)}
+    environment.pop("NUMBA_CACHE_DIR", None)
+    waiting = f"{TELL}; sys.stdout.flush(); sys.stdin.read()".replace("import os,", "import os, sys,")
+    began = [
+        subprocess.Popen(
+            [sys.executable, "-c", waiting], env=environment, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+        )
+        for _ in range(2)
+    ]
+    killed, alive = (Path(process.stdout.readline().strip()) for process in began if process.stdout)
+    began[0].kill()
+    began[0].wait()
+    (killed / "kernel").write_text("")
+    (kept := tmp_path / "kept").mkdir(mode=0o700)
+    (kept / "file").write_text("")
+    (tmp_path / "vsmrc-kernels-link").symlink_to(kept)
+    (tmp_path / "vsmrc-kernels-open").mkdir(mode=0o755)
+    (tmp_path / "vsmrc-kernels-file").write_text("")
+    others = [] if os.geteuid() else [tmp_path / "vsmrc-kernels-theirs"]
+    for folder in others:
+        folder.mkdir(mode=0o700)
+        os.chown(folder, OTHER, OTHER)
+    assert killed.exists()
+    (own_one,) = kernels_of(TELL, XDG_CACHE_HOME="/dev/null/none", TMPDIR=str(tmp_path))
+    left = {path.name for path in tmp_path.iterdir()}
+    assert left == {
+        alive.name, "kept", *(f"vsmrc-kernels-{what}" for what in ("link", "open", "file")), *(o.name for o in others)
+    }  # fmt: skip
+    assert (kept / "file").exists()
+    assert own_one not in (str(killed), str(alive))
+    began[1].communicate(timeout=60)
+    assert not alive.exists()
+
+
 def kernels_of(program: str, **environment: str) -> list[str]:
     """What a program prints of where its kernels are kept."""
     inherited = {name: value for name, value in os.environ.items() if name != "NUMBA_CACHE_DIR"}
