@@ -17,7 +17,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from app import alone, headless, log
+from app import alone, descriptors, headless, log
 from app.access import Names
 from app.changes import blending_to, with_robot
 from app.constants_shelf import ConstantsShelf
@@ -34,10 +34,12 @@ from app.other_people import other_people
 from app.printable import printable, say
 from app.scenario import Scenario, ScenarioError
 from app.scenario_data import edited, load, shipped
+from app.traffic import Limits
 from app.truth import outside
 from environments.robots import CATALOGUE
 
 DONE, FAULT, BAD_INPUT, STOPPED, BROKEN, UNPROMISED = 0, 1, 2, 3, 4, 5
+FILES = 64 + 2 * Limits().per_session  # open at once in a server for oneself: its own, pages and who is just arriving
 events = structlog.get_logger()
 Settings = Annotated[
     tyro.conf.UseAppendAction[tuple[tuple[str, ...], ...]],
@@ -125,6 +127,7 @@ def serve(
 
         serve_others(chosen, Look(theme, fps), invitation, None if stateless else state_dir)
         return DONE
+    descriptors.require(FILES, "for the session and its pages")
     dashboard = Dashboard(host=host, port=port, theme=theme, fps=fps, tokens=invitation.tokens)
     alone.serve(chosen, dashboard, state_dir=state_dir, stateless=stateless)
     return DONE

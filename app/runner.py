@@ -54,6 +54,7 @@ MEASURE = 0.25  # s, between two measurements of the pace, each over the last `W
 WATCHED = 2.0
 PREPARING = "preparing another arm or contact; the very first one of its kind takes some seconds to compile"
 ENDING = 1.0  # s that the thread is waited for
+SILENCE = 10.0  # s without a round of it, and it hangs
 SLOWEST, FASTEST = 0.01, 100.0
 
 
@@ -80,6 +81,7 @@ class Runner:
         self._slowed = False
         self.meter = PaceMeter()
         self._pace_now: Pace | None = None
+        self._came_round = time.perf_counter()
         self.snapshot = self._known(snapshot_of(loop))
 
     def start(self) -> None:
@@ -89,7 +91,16 @@ class Runner:
         # a full collection of what is imported and compiled by now, none of it garbage, would hold the loop for 0.2 s
         gc.collect()
         gc.freeze()
+        self._came_round = time.perf_counter()
         self._thread.start()
+
+    @property
+    def hang(self) -> str:
+        """That the loop's thread hangs, in a sentence; "" while it lives, or prepares another arm and has said so."""
+        silent = time.perf_counter() - self._came_round
+        if silent < SILENCE or not self._thread.is_alive() or self.snapshot.notice == PREPARING:
+            return ""
+        return f"The loop has given no sign of life for {silent:.0f} s: it hangs, or is being compiled"
 
     def close(self) -> None:
         """End the thread; returns when it has ended, or soon where another arm is being compiled: it ends then."""
@@ -124,7 +135,7 @@ class Runner:
                 schedule = self._schedule()
                 began = measured = schedule.wall
                 self._pace_now = None
-            now = time.perf_counter()
+            now = self._came_round = time.perf_counter()
             if self._going:
                 self._advance(schedule, now)
                 if schedule.target(now) - self._loop.t - self._period > LAG * self._speed:

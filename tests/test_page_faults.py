@@ -18,6 +18,7 @@ from app.runner import Runner
 from app.scenario_data import load
 from tests.drawn import drawn
 from tests.faults import Client, begun, boom, running, warp
+from tests.test_gateway import ask
 from tests.waiting import PATIENCE, until
 
 
@@ -53,6 +54,37 @@ def drag(phase: str, to: np.ndarray, modifier: str | None = None) -> dict[str, A
         "start_position": point, "start_screen_pos": [0.5, 0.5], "end_position": point, "end_screen_pos": [0.5, 0.5],
         "button": "left", "modifier": modifier, "owner": "",
     }  # fmt: skip
+
+
+def test_a_loop_that_hangs_is_said_and_is_not_healthy(server: Server, monkeypatch: pytest.MonkeyPatch) -> None:
+    """While its thread hangs, the page is drawn and answers; what runs again is healthy again."""
+    begun(server.runner, load("ur5-hybrid"))
+    page = server.open()
+    healthy = (200, "ok\n")
+
+    def health() -> tuple[int, str]:
+        return ask(server.dashboard.port, "/healthz")[::2]
+
+    assert health() == healthy
+    goes_on, advance = threading.Event(), server.runner._advance
+
+    def hanging(*arguments: Any) -> None:
+        goes_on.wait(PATIENCE)
+        advance(*arguments)
+
+    try:
+        with monkeypatch.context() as patched:
+            patched.setattr("app.runner.SILENCE", 0.5)
+            patched.setattr(server.runner, "_advance", hanging)
+            until(lambda: "no sign of life" in server.said())
+            status, sentence = health()
+            assert (status, sentence.partition(" for ")[0]) == (503, "The loop has given no sign of life")
+    finally:
+        goes_on.set()
+    until(lambda: health() == healthy)
+    until(lambda: "no sign of life" not in server.said())
+    page.vanish()
+    until(lambda: not server.dashboard.clients)
 
 
 def test_a_page_that_vanishes_lets_go_of_the_tool_and_leaves_the_target(server: Server) -> None:

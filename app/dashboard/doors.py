@@ -31,9 +31,12 @@ class UnguardedError(RuntimeError):
 
 
 @contextlib.contextmanager
-def behind_doors(names: Names, key: str | None = None, tokens: Tokens | None = None) -> Iterator[None]:
+def behind_doors(
+    names: Names, key: str | None = None, tokens: Tokens | None = None, fault: Callable[[], str] = str
+) -> Iterator[None]:
     """A viser server made within answers only requests under its own names and from its own pages, keeps to Limits,
-    and wants the key in the header KEY_HEADER and the token to steer from who comes, if there are any.
+    and wants the key in the header KEY_HEADER and the token to steer from who comes, if there are any. fault: what
+    /healthz says, without a token, beside "ok"; "" where all is well.
 
     Raises UnguardedError when it would not.
     """
@@ -41,7 +44,7 @@ def behind_doors(names: Names, key: str | None = None, tokens: Tokens | None = N
 
     class Guarded(_Guarded):
         def __init__(self, *args: Any, **settings: Any) -> None:
-            super().__init__(*args, names=names, key=key, tokens=tokens, **settings)
+            super().__init__(*args, names=names, key=key, tokens=tokens, fault=fault, **settings)
             opened.append(self)
 
     plain, library.serve = library.serve, Guarded
@@ -60,12 +63,14 @@ class _Guarded(library.serve):
         names: Names,
         key: str | None,
         tokens: Tokens | None,
+        fault: Callable[[], str],
         process_request: Callable[[ServerConnection, Request], Response | None],
         **settings: Any,
     ) -> None:
         def judged(connection: ServerConnection, request: Request) -> Response | None:
             response = (
                 _refused(names, key, request)
+                or _health(fault, request)
                 or _without_token(tokens, connection, request)
                 or _with_parameters(request)
                 or _full(connection, request)
@@ -92,6 +97,13 @@ def _refused(names: Names, key: str | None, request: Request) -> Response | None
     ):  # viser prints on the terminal what else is asked
         return _answer(http.HTTPStatus.BAD_REQUEST, "no protocol of viser's pages; allowed: viser-v and a version")
     return None
+
+
+def _health(fault: Callable[[], str], request: Request) -> Response | None:
+    if request.path != "/healthz":
+        return None
+    sentence = fault()
+    return _answer(http.HTTPStatus.SERVICE_UNAVAILABLE if sentence else http.HTTPStatus.OK, sentence or "ok")
 
 
 def _without_token(tokens: Tokens | None, connection: ServerConnection, request: Request) -> Response | None:

@@ -82,7 +82,8 @@ class Dashboard:
         self._frame = 1.0 / fps
         if port and (reason := _unusable(host, port)):
             raise PortBusy(f"port {port} of {host} cannot be used: {reason}; choose another one with --port")
-        with behind_doors(Names(host), key, tokens):
+        self._view: _View | None = None
+        with behind_doors(Names(host), key, tokens, self._fault):
             self._server = viser.ViserServer(host=host, port=port, label="VSMRC Lab", verbose=False)
         Gate(self._server)
         self._tokens = tokens
@@ -99,7 +100,6 @@ class Dashboard:
         self._appearance = Appearance(gui, self._scene, theme)
         self._help = Help(self._server)
         self._closed, self._drawing = threading.Event(), threading.RLock()
-        self._view: _View | None = None
         self.shelf = Shelf()
         self._laggards = Laggards(self._server)
         watch(self._server.get_event_loop(), self.fail)
@@ -111,6 +111,10 @@ class Dashboard:
     @property
     def url(self) -> str:
         return f"http://[{self.host}]:{self.port}" if ":" in self.host else f"http://{self.host}:{self.port}"
+
+    def _fault(self) -> str:
+        """What is the matter with the run, in a sentence; "" where nothing is."""
+        return "" if self._view is None else self._view.hang
 
     def come_round(self) -> None:
         """Returns when the page's web sockets have had their turn, which is soon unless they hang."""
@@ -254,6 +258,10 @@ class _View:
     def looking_fields(self) -> frozenset[str]:
         return self._lookers.fields
 
+    @property
+    def hang(self) -> str:
+        return self._runner.hang
+
     def complain(self, sentence: str) -> None:
         """Show a refusal until another edit is accepted, or for a while."""
         log.info("refused", sentence=sentence)
@@ -303,7 +311,7 @@ class _View:
             self._say("Refused", snapshot.refusal or "")
         if now > self._complaint_until or snapshot.revision != self._complaint_revision:
             self._complaint = ""
-        self._status.content = status_html(snapshot, self._complaint)
+        self._status.content = status_html(snapshot, self.hang or self._complaint)
         self._equation.content = equation_html(snapshot)
         for part in (self._playback, self._whatif_panel, *self._panels):
             with self._turns.drawing:

@@ -8,7 +8,7 @@
     /s/NAME/renew        POST: new links for the session; the old ones are taken back
     /watch/NAME/copy     POST: a session of one's own with the same scenario
     /assets/...          what the gateway's own pages load
-    /healthz, /metrics   how the server stands, for whoever runs it
+    /healthz, /metrics   how the server stands, for whoever runs it; a server for oneself has the first one, too
 
 All links within are relative, so that a proxy may put the whole below any path.
 """
