@@ -11,9 +11,11 @@ def main() -> None:
     """Entry point: exit status 0 done, 1 a fault of ours, 2 bad input, 3 the simulation stopped, 130 Ctrl-C; `serve`
     ends with 0 on Ctrl-C, SIGTERM and SIGHUP."""
     try:
-        from app.cli import execute  # here: it takes a second, in which Ctrl-C must not end in a traceback
+        # here: it takes a second, in which Ctrl-C must not end in a traceback
+        from app.cli import execute
+        from app.ending import end
 
-        sys.exit(execute(sys.argv[1:]))
+        end(execute(sys.argv[1:]))
     except KeyboardInterrupt:
         sys.exit(INTERRUPTED)
 

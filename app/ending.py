@@ -2,14 +2,36 @@
 
 from __future__ import annotations
 
+import atexit
 import os
+import signal
+import sys
 import threading
+from typing import NoReturn
 
 ENDING = 1.8  # s
 
 
 def end_within(seconds: float = ENDING) -> None:
     """End the process then, if it has not ended by itself: nothing that hangs may keep it."""
+    # while the interpreter is being taken down the timer does not fire any more: see `end`
     timer = threading.Timer(seconds, os._exit, (0,))
     timer.daemon = True
     timer.start()
+
+
+def end(status: int) -> NoReturn:
+    """End the process now, after what is registered for its end.
+
+    All that it has begun has ended, and the system takes the rest: to have the interpreter take down itself and its
+    libraries took three seconds on a busy machine.
+    """
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        signal.signal(number, signal.SIG_IGN)
+    atexit._run_exitfuncs()
+    try:
+        sys.stdout.flush()
+        sys.stderr.flush()
+    except OSError:
+        sys.exit(status)  # the interpreter says that what was printed has not arrived
+    os._exit(status)

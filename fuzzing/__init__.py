@@ -6,6 +6,7 @@ read        takes an input, and lets through only what is our own fault
 """
 
 TARGETS: dict[str, tuple[str, ...]] = {  # and the modules whose branches guide the search
+    "door": ("app.gateway.server", "app.gateway.whence", "app.gateway.answers", "app.gateway.relay", "app.access"),
     "formula": ("environments.formula", "environments.expression", "environments.tape"),
     "matrix": ("app.dashboard.matrix_text", "app.printable"),
     "messages": ("app.dashboard.messages", "viser.infra._messages"),

@@ -205,6 +205,41 @@ def test_ctrl_c_ends_a_server_that_a_script_has_begun_in_the_background() -> Non
         server.wait()
 
 
+@pytest.mark.parametrize("shared", [(), ("--shared",)])
+def test_the_end_does_not_wait_for_the_interpreter_to_be_taken_down(shared: tuple[str, ...]) -> None:
+    """Nor does it come from the deadline, which a busy machine may need: both are taken away here."""
+    program = """
+import atexit, sys, threading
+import app.ending
+app.ending.end_within = lambda: None
+threading.Thread(target=threading.Event().wait).start()  # an interpreter waits for it for ever
+atexit.register(lambda: print("what was registered"))
+from app.__main__ import main
+main()
+"""
+    arguments = ["serve", "planar2r-semicircle", "--port", "0", "--stateless", "--token", "never", *shared]
+    server = subprocess.Popen([sys.executable, "-c", program, *arguments], stdout=subprocess.PIPE, text=True)
+    try:
+        assert server.stdout is not None
+        assert next(line for line in server.stdout if line.startswith("VSMRC Lab"))
+        server.send_signal(signal.SIGINT)
+        said, _ = server.communicate(timeout=60)
+        assert server.returncode == 0
+        assert "ended" in said
+        assert said.splitlines()[-1] == "what was registered"
+    finally:
+        server.kill()
+        server.wait()
+
+
+def test_what_cannot_be_printed_is_no_success() -> None:
+    with open("/dev/full", "w") as full:
+        listed = [sys.executable, "-m", "app", "list"]
+        done = subprocess.run(listed, stdout=full, stderr=subprocess.PIPE, text=True, check=False)
+    assert done.returncode != 0
+    assert "No space left on device" in done.stderr
+
+
 def test_any_urdf_runs_and_a_truth_outside_its_declaration_is_said(tmp_path: Path) -> None:
     done = vsmrc(
         "run", "ur5-hybrid", "--duration", "0.1", "--out", str(tmp_path),

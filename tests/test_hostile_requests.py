@@ -116,6 +116,21 @@ def test_every_answer_has_the_same_headers(guarded: Server, request_: bytes) -> 
     assert "python" not in head.lower()
 
 
+def test_a_web_socket_asked_for_in_bytes_that_are_no_text_is_no_fault(guarded: Server, folder: Path) -> None:
+    """As `make fuzz` found it: what was asked for was to be repeated in the refusal."""
+    steer, *_ = secrets_of(guarded)
+    cookie = b"Cookie: vsmrc-token-%d=%s\r\n" % (guarded.port, steer.encode())
+    path = ask(guarded.port, "/", Cookie=cookie.decode()[8:].strip()).headers["Location"].encode()
+    for asked in (
+        b"Upgrade: websocket\r\nConnection: \xff",
+        b"Upgrade: websocket\r\nSec-WebSocket-Version: \xbd13",
+        b"Upgrade: websocket\r\nSec-WebSocket-Key: \xff",
+    ):
+        answer = answer_to(guarded.port, b"GET /" + path + b" HTTP/1.1\r\n" + HOST + cookie + asked + b"\r\n\r\n")
+        assert answer.startswith(b"HTTP/1.1 400 ")
+    assert "event=fault" not in (folder / "log").read_text()
+
+
 def test_what_is_secret_is_told_from_names(monkeypatch: pytest.MonkeyPatch) -> None:
     for _ in range(300):
         for secret in (new_secret(16), new_secret()):

@@ -42,6 +42,7 @@ from app.traffic import Limits, Meter, harmless
 log = structlog.get_logger()
 
 TICK = 1.0  # s
+FAREWELL = 0.1  # s, twice: at the end, for pages whose sessions have ended; what they still say is not read
 WAITS = 0.5  # s that a page is kept waiting for its session, rather than being told to wait
 _PASS = web.RequestKey("pass", str)
 _GREETING = web.RequestKey("greeting", str)
@@ -239,6 +240,8 @@ class Gateway:
 
     async def _session(self, request: web.Request) -> web.StreamResponse:
         if _is_socket(request):
+            if not _is_plain(request):
+                raise web.HTTPBadRequest
             return await self._socket(request)
         session = self._meant(request)
         if not request.path.endswith("/"):
@@ -383,6 +386,12 @@ def _is_socket(request: web.Request) -> bool:
     return request.headers.get("Upgrade", "").lower() == "websocket"
 
 
+def _is_plain(request: web.Request) -> bool:
+    """Whether what is asked of a web socket is text: aiohttp repeats it when it refuses, and cannot when it is not."""
+    asked = ("connection", "upgrade", "sec-websocket-")
+    return all(value.isascii() for name, value in request.headers.items() if name.lower().startswith(asked))
+
+
 def _to_clean(request: web.Request) -> web.Response:
     """To the same page, without what the address says behind the '?'."""
     return web.Response(status=303, headers={"Location": f"./{request.rel_url.raw_path.rpartition('/')[2]}"})
@@ -415,7 +424,12 @@ async def serving(
     deadline: s for a request to be complete; connections: at most, None for all pages and who is just arriving.
     """
     runner = Runner(
-        gateway.app, access_log=None, shutdown_timeout=0.5, handler_cancellation=True, keepalive_timeout=deadline
+        gateway.app,
+        access_log=None,
+        shutdown_timeout=FAREWELL,
+        handler_cancellation=True,
+        keepalive_timeout=deadline,
+        lingering_time=deadline,
     )
     await runner.setup()
     try:
