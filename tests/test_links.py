@@ -16,6 +16,7 @@ from app.access import Names, Tokens
 from app.gateway.register import Register
 from tests.test_hostile_visitors import at, in_a_loop
 from tests.town import HELLO, Town, town
+from tests.visitors import PATIENCE
 
 PUBLIC = Names(public=("https://lab.example.org",))
 FAR = at("203.0.113.7")
@@ -85,7 +86,7 @@ async def test_a_link_to_steer_opens_its_session_and_nothing_else() -> None:
 @in_a_loop
 async def test_links_that_are_taken_back_open_nothing_and_let_go_of_who_came_by_them() -> None:
     tokens = Tokens()
-    async with town(names=PUBLIC, tokens=tokens) as lab:
+    async with town(names=PUBLIC, tokens=tokens) as lab, asyncio.timeout(PATIENCE):
         came = f"vsmrc-token-{lab.port}={tokens.steer}"
         front = await lab.ask("/", Cookie=came)
         path, own = "/" + front.headers["Location"], {"Cookie": f"{came}; {cookies(front)}"}
