@@ -25,7 +25,7 @@ run: .venv/run.stamp
 	@$(BIN)/vsmrc serve $(ARGS)
 
 test: .venv/dev.stamp
-	@$(BIN)/python -m tests.browser
+	@$(BIN)/python -m drivers.browser
 	$(BIN)/python -m pytest -n 2 --dist worksteal -m "not browser" $(ARGS) || test $$? -eq 5
 	$(BIN)/python -m pytest -m browser $(ARGS) || test $$? -eq 5
 
@@ -36,7 +36,7 @@ check: .venv/dev.stamp
 	$(BIN)/lint-imports --no-logo
 
 bench: .venv/dev.stamp
-	@$(BIN)/python -m tests.browser
+	@$(BIN)/python -m drivers.browser
 	@$(BIN)/python -m benchmarks $(ARGS)
 
 evidence: .venv/dev.stamp
@@ -56,7 +56,7 @@ fuzz: .venv/dev.stamp
 	@$(BIN)/python -m fuzzing $(ARGS)
 
 screenshots: .venv/dev.stamp
-	@$(BIN)/python -m tests.browser
+	@$(BIN)/python -m drivers.browser
 	$(BIN)/python -m docs.make_screenshots $(ARGS)
 
 .venv/run.stamp: pyproject.toml constraints.txt

@@ -2,7 +2,7 @@
 
 import os
 
-from app import kernel_cache
+from app.process import kernel_cache
 
 # before numpy loads its BLAS: threads cost more than they bring for 6 x 6 matrices, and take cores from the loop
 os.environ.setdefault("OMP_NUM_THREADS", "1")

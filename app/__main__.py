@@ -13,7 +13,7 @@ def main() -> None:
     try:
         # here: it takes a second, in which Ctrl-C must not end in a traceback
         from app.cli import execute
-        from app.ending import end
+        from app.process.deadline import end
 
         end(execute(sys.argv[1:]))
     except KeyboardInterrupt:

@@ -17,25 +17,26 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from app import alone, descriptors, headless, log
-from app.access import Names
-from app.changes import blending_to, with_robot
-from app.constants_shelf import ConstantsShelf
-from app.dashboard import Dashboard, PortBusy, check_fps
+from app.access.admission import Names
+from app.access.given_token import given_token
+from app.access.rate_limits import Limits
+from app.analysis.metrics import FIGURES, Metrics, account, unit_of
+from app.dashboard import Dashboard, PortBusy, check_fps, local_server
 from app.dashboard.export import Kind, Stretch, write
-from app.dashboard.printed import ALL_PLOTS, plots_of
-from app.dashboard.theme import Theme
-from app.data_files import read_npz
-from app.gateway.invitation import Invitation, Look, PortTaken, Token
-from app.given_token import given_token
-from app.memory import Memory
-from app.metrics import FIGURES, Metrics, account, unit_of
-from app.other_people import other_people
-from app.printable import printable, say
-from app.scenario import Scenario, ScenarioError
-from app.scenario_data import edited, load, shipped
-from app.traffic import Limits
-from app.truth import outside
+from app.dashboard.plots.paper_figures import ALL_PLOTS, plots_of
+from app.dashboard.theme.colors import Theme
+from app.gateway.server_settings import Invitation, Look, PortTaken, Token
+from app.process import log, open_files
+from app.process.other_users import other_people
+from app.process.terminal_text import printable, say
+from app.scenario.data import edited, load, shipped
+from app.scenario.declared_bounds import outside
+from app.scenario.schema import Scenario, ScenarioError
+from app.session import headless_run
+from app.session.changes import blending_to, with_robot
+from app.simulation.search_memory import Memory
+from app.storage.constants_store import ConstantsShelf
+from app.storage.recording_files import read_npz
 from environments.robots import CATALOGUE
 
 DONE, FAULT, BAD_INPUT, STOPPED, BROKEN, UNPROMISED = 0, 1, 2, 3, 4, 5
@@ -127,9 +128,9 @@ def serve(
 
         serve_others(chosen, Look(theme, fps), invitation, None if stateless else state_dir)
         return DONE
-    descriptors.require(FILES, "for the session and its pages")
+    open_files.require(FILES, "for the session and its pages")
     dashboard = Dashboard(host=host, port=port, theme=theme, fps=fps, tokens=invitation.tokens)
-    alone.serve(chosen, dashboard, state_dir=state_dir, stateless=stateless)
+    local_server.serve(chosen, dashboard, state_dir=state_dir, stateless=stateless)
     return DONE
 
 
@@ -159,9 +160,9 @@ def run(
     chosen = _configured(scenario, settings, duration)
     if blend_to is not None:
         chosen = blending_to(chosen, load(blend_to), blend_at, blend_over)
-    loop, metrics = headless.simulate(chosen, show_progress=True, memory=Memory(ConstantsShelf()))
+    loop, metrics = headless_run.simulate(chosen, show_progress=True, memory=Memory(ConstantsShelf()))
     try:
-        headless.write(loop, metrics, out)
+        headless_run.write(loop, metrics, out)
     except OSError as error:
         raise ScenarioError(f"--out {out}: cannot be written: {error.strerror}") from error
     for name, value in msgspec.to_builtins(metrics).items():
@@ -213,7 +214,7 @@ def compare(
         raise ScenarioError("compare: no scenario; allowed: one or more (see `vsmrc list`)")
     systems, accounts, stopped = [], [], False
     for name, scenario in [(name, _configured(name, settings, duration)) for name in scenarios]:
-        loop, _ = headless.simulate(scenario, show_progress=True, memory=Memory(ConstantsShelf()))
+        loop, _ = headless_run.simulate(scenario, show_progress=True, memory=Memory(ConstantsShelf()))
         since = -math.inf if last is None else loop.t - last
         systems.append(loop.system)
         accounts.append(account(loop.system, loop.recording, since, loop.t))
@@ -256,7 +257,7 @@ def export(
         scenario, recording = read_npz(Path(run))
     else:
         scenario = _configured(run, settings)
-        loop, _ = headless.simulate(scenario, show_progress=True, memory=Memory(ConstantsShelf()))
+        loop, _ = headless_run.simulate(scenario, show_progress=True, memory=Memory(ConstantsShelf()))
         recording = loop.recording
         if loop.stopped:
             print(f"stopped: {loop.stopped}")

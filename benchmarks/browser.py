@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 from playwright.sync_api import Browser, Page, ViewportSize, sync_playwright
 
-from tests.browser import LAUNCH_ARGS, find_or_install
+from drivers.browser import LAUNCH_ARGS, find_or_install
 
 VIEWPORT: ViewportSize = {"width": 1280, "height": 720}
 RUNNING = "‖s‖ ≤ bound: holds"  # what the page says once it shows the running loop

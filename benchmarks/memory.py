@@ -6,8 +6,8 @@ import time
 
 from tqdm import tqdm
 
-from app.markdown import Table
-from app.runner import FASTEST
+from app.process.markdown import Table
+from app.session.runner import FASTEST
 from benchmarks.effort import Effort
 from benchmarks.served import Served, State, served
 

@@ -19,10 +19,10 @@ import numpy as np
 from numba import njit
 from scipy.linalg.lapack import dgesv, dposv  # pyright: ignore[reportAttributeAccessIssue]  # made when imported
 
-from app.assembly import System
 from app.evidence.mujoco_arm import arm_spec
 from app.evidence.mujoco_arm import compiled as compiled_arm
-from app.scenario import Circle as CirclePath
+from app.scenario.schema import Circle as CirclePath
+from app.simulation.system import System
 from benchmarks.rounds import Call
 from environments.trajectories import Circle, Path, path_at
 

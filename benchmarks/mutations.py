@@ -30,26 +30,26 @@ from typing import NamedTuple
 
 import tyro
 
-from app.markdown import Table
+from app.process.markdown import Table
 
 ROOT = Path(__file__).parents[1]
 PACKAGES = ("app", "controllers", "environments", "kernels")
 FOLDERS = (*PACKAGES, "static", "tests", "benchmarks")
 # the quick ones, sharpest first: a row costs as much as what comes before the first test that fails
 TESTS = (
-    "tests/test_independent.py",
-    "tests/test_paper.py",
-    "tests/test_mathematics.py",
-    "tests/test_bounds.py",
-    "tests/test_blend.py",
-    "tests/test_closed_forms.py::test_every_friction_takes_energy_away",
-    "tests/test_responses.py::test_sampled_force_loop_diverges_where_its_factor_says",
-    "tests/test_closed_forms.py::test_sampled_force_of_a_heavy_surface_diverges_where_its_factor_says",
-    "tests/test_timeline.py",
-    "tests/test_stiffness.py",
-    "tests/test_practice.py",
-    "tests/test_kernels.py",
-    "tests/test_domain.py",
+    "tests/simulation/test_independent.py",
+    "tests/controllers/test_paper.py",
+    "tests/controllers/test_mathematics.py",
+    "tests/controllers/test_bounds.py",
+    "tests/controllers/test_blend.py",
+    "tests/simulation/test_closed_forms.py::test_every_friction_takes_energy_away",
+    "tests/simulation/test_responses.py::test_sampled_force_loop_diverges_where_its_factor_says",
+    "tests/simulation/test_closed_forms.py::test_sampled_force_of_a_heavy_surface_diverges_where_its_factor_says",
+    "tests/session/test_timeline.py",
+    "tests/simulation/test_stiffness.py",
+    "tests/simulation/test_practice.py",
+    "tests/kernels/test_kernels.py",
+    "tests/simulation/test_domain.py",
 )
 PATIENCE = 1200.0  # s for one row
 PAGE = ROOT / "docs" / "mutations.md"
@@ -93,7 +93,7 @@ def misfits(rows: tuple[Mutation, ...]) -> list[str]:
 
 
 def importers(root: Path, changed: str) -> set[str]:
-    """Modules ("app.assembly") that import the changed file, directly or not, and its own."""
+    """Modules ("app.simulation.system") that import the changed file, directly or not, and its own."""
     imports: dict[str, set[str]] = {}
     for package in PACKAGES:
         for file in (root / package).glob("*.py"):

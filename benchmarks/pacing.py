@@ -9,7 +9,7 @@ import time
 
 import numpy as np
 
-from app.markdown import Table
+from app.process.markdown import Table
 from benchmarks.browser import chromium, opened
 from benchmarks.effort import Effort
 from benchmarks.served import Served, served

@@ -5,11 +5,11 @@ from __future__ import annotations
 import time
 from collections import Counter
 
-from app.markdown import Table
+from app.process.markdown import Table
 from benchmarks.browser import VIEWPORT, chromium, opened
 from benchmarks.effort import Effort
 from benchmarks.served import served
-from tests.viser_protocol import messages
+from drivers.viser_protocol import messages
 
 SCENARIO = "ur5-hybrid"
 SETTLE = 10.0  # s: the plots' window fills, and the page has loaded everything

@@ -14,16 +14,16 @@ from typing import NamedTuple
 import numpy as np
 import viser
 
-from app.commands import Edit
-from app.dashboard.look import Viewing
-from app.dashboard.looking import Lookers
 from app.dashboard.page import FPS, REFRESH
-from app.dashboard.plots import Plots, Shown
-from app.dashboard.whatif import HORIZON, Held, WhatIf
-from app.markdown import Table
-from app.previewer import Previewer
-from app.runner import Runner
-from app.scenario_data import load
+from app.dashboard.plots.dock import Plots, Shown
+from app.dashboard.scene.view_options import Viewing
+from app.dashboard.transport.visible_tabs import Lookers
+from app.dashboard.widgets.whatif import HORIZON, Held, WhatIf
+from app.process.markdown import Table
+from app.scenario.data import load
+from app.session.commands import Edit
+from app.session.preview_client import Previewer
+from app.session.runner import Runner
 from benchmarks.effort import Effort
 
 SCENARIOS = ("ur5-hybrid", "panda-hybrid", "ur5-constrained")

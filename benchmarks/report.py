@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from string import Template
 
-from app.markdown import Table
+from app.process.markdown import Table
 
 TEMPLATE = Path(__file__).with_name("report.md")
 WRITTEN = Path(__file__).parents[1] / "docs" / "performance.md"

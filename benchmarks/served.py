@@ -16,12 +16,12 @@ from unittest import mock
 
 import numpy as np
 
-from app import runner as runner_module
-from app.closed_loop import ClosedLoop
-from app.commands import SetSpeed
 from app.dashboard import Dashboard
-from app.runner import Runner
-from app.scenario_data import load
+from app.scenario.data import load
+from app.session import runner as runner_module
+from app.session.commands import SetSpeed
+from app.session.runner import Runner
+from app.simulation.closed_loop import ClosedLoop
 
 
 class State(NamedTuple):

@@ -18,12 +18,12 @@ from typing import NamedTuple
 
 from tqdm import tqdm
 
-from app import warm
 from app.gateway.serve import cores
-from app.markdown import Table
+from app.process.markdown import Table
+from app.workers import precompile
 from benchmarks.effort import Effort
 from benchmarks.processes import memory
-from tests.visitors import PATIENCE, Server, Visitor, serving, visiting
+from drivers.visitors import PATIENCE, Server, Visitor, serving, visiting
 
 COUNTS = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32)
 HELD = 0.995  # of real time, by the slowest session
@@ -46,7 +46,7 @@ class Fared(NamedTuple):
 
 def measure(effort: Effort) -> Table:
     """The table of sessions; for each number of cores up to the first number of sessions that is not held."""
-    if (compiling := warm.start()) is not None:  # else every server would compile in the background
+    if (compiling := precompile.start()) is not None:  # else every server would compile in the background
         compiling.wait()
     rows = []
     machines = sorted(number for number in {1, 2, 4, 8, cores()} if number <= cores())

@@ -26,9 +26,9 @@ import tyro
 from tqdm import tqdm
 from websockets.exceptions import ConnectionClosed
 
-from app.dashboard.status import MODE_TITLES
-from app.figures import Chart, Curve, Figure, render
-from app.markdown import Table
+from app.dashboard.widgets.status import MODE_TITLES
+from app.export.figures import Chart, Curve, Figure, render
+from app.process.markdown import Table
 from benchmarks import machine, processes
 from benchmarks.served import Served, served
 from benchmarks.visitor import Visitor, visit

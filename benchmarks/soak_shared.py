@@ -23,11 +23,11 @@ from urllib.request import urlopen
 import tyro
 from tqdm import tqdm
 
-from app.markdown import Table
+from app.process.markdown import Table
 from benchmarks import machine, processes
 from benchmarks.sessions import RUNNING, arrived, late
 from benchmarks.soak import PAGE, PLACE, Crowd, grown
-from tests.visitors import Visitor, serving, visiting
+from drivers.visitors import Visitor, serving, visiting
 
 SHARED = "<!-- soak shared -->"
 HELD = ("gateway", "sessions", "threads", "files", "processes")

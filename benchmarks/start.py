@@ -11,7 +11,7 @@ from statistics import median
 from playwright.sync_api import Browser
 from tqdm import tqdm
 
-from app.markdown import Table
+from app.process.markdown import Table
 from benchmarks.browser import chromium, opened
 from benchmarks.effort import Effort
 

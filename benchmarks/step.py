@@ -8,9 +8,9 @@ import numpy as np
 import pinocchio as pin
 from tqdm import tqdm
 
-from app.closed_loop import ClosedLoop
-from app.markdown import Table
-from app.scenario_data import load
+from app.process.markdown import Table
+from app.scenario.data import load
+from app.simulation.closed_loop import ClosedLoop
 from benchmarks import mujoco_osc
 from benchmarks.effort import Effort
 from benchmarks.rounds import Call, interleaved, ratio

@@ -14,8 +14,8 @@ from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import connect
 from websockets.sync.connection import Connection
 
-from app.dashboard.style import COMMIT, RELEASED
-from tests.viser_protocol import CAMERA, PROTOCOL, messages
+from app.dashboard.theme.style import COMMIT, RELEASED
+from drivers.viser_protocol import CAMERA, PROTOCOL, messages
 
 WIDGETS = ("GuiTextMessage", "GuiSliderMessage", "GuiDropdownMessage", "GuiCheckboxMessage", "GuiButtonGroupMessage")
 DRAG, PAUSE = 20, 0.05  # messages of a drag, and s between two of them

@@ -15,12 +15,12 @@ from pathlib import Path
 from PIL import Image
 from playwright.sync_api import Browser, Page, sync_playwright
 
-from app.commands import Edit, Load, Pin, Play, Reset, Unpin
 from app.dashboard import Dashboard
-from app.runner import Runner
-from app.scenario_data import shipped
-from tests.browser import LAUNCH_ARGS, find_or_install
-from tests.pages import NO_HINTS, PATIENCE, each_tab
+from app.scenario.data import shipped
+from app.session.commands import Edit, Load, Pin, Play, Reset, Unpin
+from app.session.runner import Runner
+from drivers.browser import LAUNCH_ARGS, find_or_install
+from drivers.pages import NO_HINTS, PATIENCE, each_tab
 
 MODES = {
     "motion": "ur5-motion",

@@ -6,11 +6,17 @@ read        takes an input, and lets through only what is our own fault
 """
 
 TARGETS: dict[str, tuple[str, ...]] = {  # and the modules whose branches guide the search
-    "door": ("app.gateway.server", "app.gateway.whence", "app.gateway.answers", "app.gateway.relay", "app.access"),
+    "door": (
+        "app.gateway.server",
+        "app.gateway.visitor_origin",
+        "app.gateway.responses",
+        "app.gateway.relay",
+        "app.access.admission",
+    ),
     "formula": ("environments.formula", "environments.expression", "environments.tape"),
-    "matrix": ("app.dashboard.matrix_text", "app.printable"),
-    "messages": ("app.dashboard.messages", "viser.infra._messages"),
-    "recording": ("app.data_files", "zipfile", "numpy.lib._format_impl"),
-    "scenario": ("app.scenario_data", "tomllib"),
+    "matrix": ("app.dashboard.widgets.matrix_text", "app.process.terminal_text"),
+    "messages": ("app.dashboard.transport.messages", "viser.infra._messages"),
+    "recording": ("app.storage.recording_files", "zipfile", "numpy.lib._format_impl"),
+    "scenario": ("app.scenario.data", "tomllib"),
     "urdf": ("environments.urdf", "environments.robots", "environments.dexterity"),
 }

@@ -11,10 +11,10 @@ import tempfile
 from contextlib import AsyncExitStack, suppress
 from pathlib import Path
 
-from app import log
-from app.access import PAGE_HEADERS, Tokens
+from app.access.admission import PAGE_HEADERS, Tokens
 from app.gateway.session import Session
-from tests.town import town
+from app.process import log
+from tests.support.town import town
 
 TOKENS = Tokens("Steer7" * 7, "Watch7" * 7)
 NAME, WATCH = "Name7x" * 4, "Look7x" * 4

@@ -7,7 +7,7 @@ from typing import Any
 import msgspec
 from viser._messages import Message
 
-from app.dashboard.messages import Page, Refused, Visitor
+from app.dashboard.transport.messages import Page, Refused, Visitor
 
 
 @dataclass

@@ -7,10 +7,10 @@ from pathlib import Path
 
 import numpy as np
 
-from app.data_files import read_npz, table, write_npz
-from app.recording import Recording
-from app.scenario import ScenarioError
-from app.scenario_data import load
+from app.scenario.data import load
+from app.scenario.schema import ScenarioError
+from app.simulation.recording import Recording
+from app.storage.recording_files import read_npz, table, write_npz
 
 DICTIONARY = ("PK\x03\x04", "PK\x01\x02", "PK\x05\x06", "{'descr': '<f8'", "'shape': (2, 6)", "|O", "NUMPY")
 

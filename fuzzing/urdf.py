@@ -10,7 +10,7 @@ from environments.urdf import RobotError
 
 SEEDS = tuple(
     (Path(__file__).parents[1] / path).read_bytes()
-    for path in ("static/robots/planar2r.urdf", "static/robots/planar3r.urdf", "tests/robots/bent3r.urdf")
+    for path in ("static/robots/planar2r.urdf", "static/robots/planar3r.urdf", "tests/support/robots/bent3r.urdf")
 )
 DICTIONARY = (
     *('<joint name="', 'type="continuous"', 'type="prismatic"', 'type="fixed"', "<mimic ", "<limit ", "<inertia "),

@@ -6,13 +6,13 @@ import pytest
 from playwright.sync_api import Browser, ConsoleMessage, Page, sync_playwright
 
 import app  # noqa: F401  # says where kernels are cached, which must come before numba
-from app.commands import Load, Pause, Play, SetSpeed
 from app.dashboard import Dashboard
-from app.runner import Runner
-from app.scenario_data import shipped
-from tests.browser import LAUNCH_ARGS, find_or_install
-from tests.drawn import drawn
-from tests.pages import NO_HINTS, PATIENCE, UNDRAWN, VIEWPORT, Session
+from app.scenario.data import shipped
+from app.session.commands import Load, Pause, Play, SetSpeed
+from app.session.runner import Runner
+from drivers.browser import LAUNCH_ARGS, find_or_install
+from drivers.pages import NO_HINTS, PATIENCE, UNDRAWN, VIEWPORT, Session
+from tests.support.drawn import drawn
 
 # viser's own client says so at every drag in the scene (SceneTree.tsx); it does no harm
 VISERS_OWN = "Unable to preventDefault inside passive event listener"

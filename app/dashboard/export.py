@@ -9,20 +9,20 @@ from typing import Literal
 
 from tqdm import tqdm
 
-from app.assembly import assemble
-from app.closed_loop import ClosedLoop
-from app.dashboard.charts import Setup
-from app.dashboard.printed import figure_of, plots_of
-from app.dashboard.standalone import standalone_html
-from app.data_files import TooLarge, table, write_csv, write_npz
-from app.figures import Format, render
-from app.film import film
-from app.recording import Recording
-from app.scenario import Scenario, ScenarioError
-from app.scenario_data import to_toml
-from app.snapshot import snapshot_of
-from app.takeaway import PLAYBACK_LIMIT, DataFormat, file_name
-from app.whole_file import write_whole
+from app.dashboard.plots.charts import Setup
+from app.dashboard.plots.paper_figures import figure_of, plots_of
+from app.dashboard.scene.standalone import standalone_html
+from app.export.export_jobs import PLAYBACK_LIMIT, DataFormat, file_name
+from app.export.figures import Format, render
+from app.export.playback_frames import film
+from app.process.atomic_write import write_whole
+from app.scenario.data import to_toml
+from app.scenario.schema import Scenario, ScenarioError
+from app.session.snapshot import snapshot_of
+from app.simulation.closed_loop import ClosedLoop
+from app.simulation.recording import Recording
+from app.simulation.system import assemble
+from app.storage.recording_files import TooLarge, table, write_csv, write_npz
 
 Kind = Format | DataFormat | Literal["html", "toml"]
 

@@ -11,37 +11,37 @@ import time
 import structlog
 import viser
 
-from app.access import Names, Tokens
-from app.dashboard.appearance import Appearance
-from app.dashboard.charts import Pinned
-from app.dashboard.controls import Desk
-from app.dashboard.doors import behind_doors
-from app.dashboard.equation import equation_html
-from app.dashboard.gate import Gate
-from app.dashboard.guard import watch
-from app.dashboard.hand import Hand
-from app.dashboard.help import Help, tools_html
-from app.dashboard.laggards import Laggards
-from app.dashboard.last_session import LastSession, add_last_session
-from app.dashboard.look import Viewing
-from app.dashboard.looking import Lookers
+from app.access.admission import Names, Tokens
+from app.access.rate_limits import NARROW
 from app.dashboard.panels import PANELS, Panel
-from app.dashboard.playback import Playback
-from app.dashboard.plots import Plots, Shown
-from app.dashboard.scene import SceneView
-from app.dashboard.shortcuts import Shortcuts
-from app.dashboard.status import splash_html, status_html
-from app.dashboard.style import injected_html
-from app.dashboard.theme import Theme
-from app.dashboard.turns import Turns
-from app.dashboard.whatif import WhatIf
-from app.dashboard.whatif_panel import WhatIfPanel
-from app.previewer import Previewer
-from app.runner import Runner
-from app.snapshot import Snapshot
-from app.takeaway import Maker
-from app.traffic import NARROW
-from app.uploads import Shelf
+from app.dashboard.plots.charts import Pinned
+from app.dashboard.plots.dock import Plots, Shown
+from app.dashboard.scene.tool_drag import Hand
+from app.dashboard.scene.view import SceneView
+from app.dashboard.scene.view_options import Viewing
+from app.dashboard.theme.appearance import Appearance
+from app.dashboard.theme.colors import Theme
+from app.dashboard.theme.style import injected_html
+from app.dashboard.transport.callback_errors import watch
+from app.dashboard.transport.handshake import behind_doors
+from app.dashboard.transport.message_filter import Gate
+from app.dashboard.transport.stalled_clients import Laggards
+from app.dashboard.transport.visible_tabs import Lookers
+from app.dashboard.transport.widget_lock import Turns
+from app.dashboard.widgets.controls import Desk
+from app.dashboard.widgets.equation import equation_html
+from app.dashboard.widgets.help import Help, tools_html
+from app.dashboard.widgets.last_session import LastSession, add_last_session
+from app.dashboard.widgets.playback import Playback
+from app.dashboard.widgets.shortcuts import Shortcuts
+from app.dashboard.widgets.status import splash_html, status_html
+from app.dashboard.widgets.whatif import WhatIf
+from app.dashboard.widgets.whatif_panel import WhatIfPanel
+from app.export.export_jobs import Maker
+from app.session.preview_client import Previewer
+from app.session.runner import Runner
+from app.session.snapshot import Snapshot
+from app.storage.uploaded_urdfs import Shelf
 
 log = structlog.get_logger()
 

@@ -9,10 +9,10 @@ import msgspec
 import numpy as np
 from scipy.optimize import differential_evolution
 
-from app.closed_loop import ClosedLoop
 from app.evidence.plants import BOUNDS, LAYERS, Departure, built, random_of, run, situation
-from app.scenario import Scenario, ScenarioError
-from app.scenario_data import edited, to_toml
+from app.scenario.data import edited, to_toml
+from app.scenario.schema import Scenario, ScenarioError
+from app.simulation.closed_loop import ClosedLoop
 from controllers.switching import Switching
 
 SEED = 1000  # of the situations: none of them is among those of the other runs

@@ -8,11 +8,11 @@ from dataclasses import dataclass, field, replace
 import msgspec
 import numpy as np
 
-from app.closed_loop import ClosedLoop
+from app.analysis.perturbation import Hindsight
 from app.evidence.plants import Departure, built, drawn, random_of, run, situation, with_arm_of, with_gains
-from app.hindsight import Hindsight
-from app.scenario import Scenario, ScenarioError
-from app.scenario_data import edited
+from app.scenario.data import edited
+from app.scenario.schema import Scenario, ScenarioError
+from app.simulation.closed_loop import ClosedLoop
 
 RIGID = "constrained"
 PLANTS = 5  # in each situation

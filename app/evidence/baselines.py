@@ -7,16 +7,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from app.assembly import System, assemble
-from app.closed_loop import ClosedLoop
+from app.analysis.metrics import Account, account
 from app.evidence.drawing import charts_in_columns
 from app.evidence.section import Findings, Job, Section
-from app.figures import Chart, Curve, Rgb
-from app.markdown import Table
-from app.metrics import Account, account
-from app.scenario import Scenario
-from app.scenario_data import edited, from_plain, shipped, to_plain
-from app.truth import outside
+from app.export.figures import Chart, Curve, Rgb
+from app.process.markdown import Table
+from app.scenario.data import edited, from_plain, shipped, to_plain
+from app.scenario.declared_bounds import outside
+from app.scenario.schema import Scenario
+from app.simulation.closed_loop import ClosedLoop
+from app.simulation.system import System, assemble
 
 PLANTS, LOT = 100, 10  # and how many of them a job takes
 DURATION, SETTLED = 4.0, 1.5  # s, and when the figures begin

@@ -10,13 +10,13 @@ from typing import TypeVar
 import numpy as np
 from scipy.linalg import expm
 
-from app.closed_loop import ClosedLoop
 from app.evidence.drawing import charts_in_columns
 from app.evidence.regions import Region, Spot, render_regions
 from app.evidence.section import Findings, Job, Section
-from app.figures import Chart, Curve, thinned
-from app.markdown import Table
-from app.scenario_data import edited, from_plain, shipped, to_plain
+from app.export.figures import Chart, Curve, thinned
+from app.process.markdown import Table
+from app.scenario.data import edited, from_plain, shipped, to_plain
+from app.simulation.closed_loop import ClosedLoop
 from controllers.blend import PIECES, axis_matrix, certify, shared_sliding
 from controllers.dominance import hurwitz_on_hull, schur_on_hull
 from controllers.target_model import TargetModel

@@ -11,15 +11,15 @@ import numpy as np
 from scipy.linalg import expm
 from scipy.optimize import curve_fit
 
-from app.assembly import System, assemble
-from app.closed_loop import ClosedLoop
 from app.evidence.drawing import charts_in_columns
 from app.evidence.section import Findings, Job, Section, of_kind
-from app.figures import Chart, Curve
-from app.headless import simulate
-from app.markdown import Table
-from app.scenario import Controller, Scenario
-from app.scenario_data import edited, from_plain, shipped, to_plain
+from app.export.figures import Chart, Curve
+from app.process.markdown import Table
+from app.scenario.data import edited, from_plain, shipped, to_plain
+from app.scenario.schema import Controller, Scenario
+from app.session.headless_run import simulate
+from app.simulation.closed_loop import ClosedLoop
+from app.simulation.system import System, assemble
 
 K_E = 10_000.0  # N/m, of the surface in (35)-(37)
 STEADY_ROBOTS = ("ur5", "planar3r")

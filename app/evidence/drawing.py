@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from app.figures import CAPTION_LETTERS, DOUBLE, MARGIN, ROW, STYLE, Chart, Figure, plain_number, render
+from app.export.figures import CAPTION_LETTERS, DOUBLE, MARGIN, ROW, STYLE, Chart, Figure, plain_number, render
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

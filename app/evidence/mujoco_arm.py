@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 import pinocchio as pin
 
-from app.assembly import System
+from app.simulation.system import System
 from environments.contact import Contact
 from environments.plant import Plant, PlantState
 

@@ -7,14 +7,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from app.chattering import amplitude_spectrum
+from app.analysis.metrics import Account, account, force_error, motion_error
+from app.analysis.spectrum import amplitude_spectrum
 from app.evidence.drawing import charts_in_columns
 from app.evidence.section import Findings, Job, Section
-from app.figures import FREQUENCY, TIME, Chart, Curve, thinned
-from app.headless import simulate
-from app.markdown import Table
-from app.metrics import Account, account, force_error, motion_error
-from app.scenario_data import edited, shipped
+from app.export.figures import FREQUENCY, TIME, Chart, Curve, thinned
+from app.process.markdown import Table
+from app.scenario.data import edited, shipped
+from app.session.headless_run import simulate
 
 CASES = {
     "motion": ("trajectory of a UR5 in free space", "ur5-motion"),

@@ -9,11 +9,11 @@ from zlib import crc32
 import msgspec
 import numpy as np
 
-from app.assembly import System, assemble
-from app.closed_loop import ClosedLoop
-from app.scenario import Declared, Scenario, Truth
-from app.scenario_data import edited, from_plain
-from app.world import truth_of
+from app.scenario.data import edited, from_plain
+from app.scenario.schema import Declared, Scenario, Truth
+from app.simulation.closed_loop import ClosedLoop
+from app.simulation.environment_builder import truth_of
+from app.simulation.system import System, assemble
 from controllers.nominal_model import NominalModel
 from environments import robots
 from environments.contact import Contact

@@ -8,15 +8,15 @@ from typing import Any
 
 import numpy as np
 
-from app.assembly import System
-from app.closed_loop import ClosedLoop
+from app.analysis.metrics import account, saturated
 from app.evidence.drawing import HeatMap, heat_maps
 from app.evidence.section import Findings, Job, Section
-from app.markdown import Table
-from app.metrics import account, saturated
-from app.sampled_loop import judge_posture
-from app.scenario import Scenario
-from app.scenario_data import edited, shipped
+from app.process.markdown import Table
+from app.scenario.data import edited, shipped
+from app.scenario.schema import Scenario
+from app.simulation.closed_loop import ClosedLoop
+from app.simulation.sampled_stability import judge_posture
+from app.simulation.system import System
 from controllers.premises import Premise
 
 DURATION, SETTLED = 4.0, 1.5  # s, and when the figures begin
@@ -184,7 +184,7 @@ def conclude(results: Sequence[list[Cell]]) -> Findings:
                 delay.map("force error, RMS", "N", delay["force"], (0.01, 100.0), FORCE_GOOD, growth),
                 delay.map("variation of τ", "N·m/s", delay["variation"], (10.0, 1e5), VARIATION_GOOD, growth),
             ),
-            "Dotted: beyond it the linearised sampled loop (app/sampled_loop.py) is unstable. "
+            "Dotted: beyond it the linearised sampled loop (app/simulation/sampled_stability.py) is unstable. "
             f"White: {FORCE_GOOD:g} N, {VARIATION_GOOD:g} N·m/s. ×: the run stopped.",
         ),
         "noise": heat_maps(

@@ -1,4 +1,4 @@
-"""Regions of a plane, in the style of `app.figures`."""
+"""Regions of a plane, in the style of `app.export.figures`."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from app.figures import SINGLE, STYLE, Rgb, printed
+from app.export.figures import SINGLE, STYLE, Rgb, printed
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ from pathlib import Path
 from string import Template
 from typing import Any, NamedTuple, TypeVar
 
-from app.markdown import Table
+from app.process.markdown import Table
 
 T = TypeVar("T")
 

@@ -9,16 +9,16 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from app.assembly import System, assemble
-from app.changes import on_robot
-from app.closed_loop import ClosedLoop
 from app.evidence.drawing import charts_in_columns
 from app.evidence.pinocchio_constraint import Ground, Kind, by_jacobian, by_slider
 from app.evidence.section import Findings, Job, Section
-from app.figures import Chart, Curve, thinned
-from app.markdown import Table
-from app.scenario import Scenario
-from app.scenario_data import edited, shipped
+from app.export.figures import Chart, Curve, thinned
+from app.process.markdown import Table
+from app.scenario.data import edited, shipped
+from app.scenario.schema import Scenario
+from app.session.changes import on_robot
+from app.simulation.closed_loop import ClosedLoop
+from app.simulation.system import System, assemble
 from environments.contact import Contact
 from environments.plant import Plant
 from environments.surfaces import Cylinder, Motion, Plane, Sphere, Surface

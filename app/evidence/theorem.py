@@ -28,8 +28,8 @@ from app.evidence.arms import (
 from app.evidence.drawing import charts_in_columns
 from app.evidence.plants import BOUNDS
 from app.evidence.section import Findings, Job, Section, of_kind
-from app.figures import Chart, Curve
-from app.markdown import Table
+from app.export.figures import Chart, Curve
+from app.process.markdown import Table
 
 ROBOTS = ("ur3", "ur5", "ur10", "panda", "xarm7", "z1", "planar2r", "planar3r")
 MODES = ("motion", "impedance", "hybrid", "hybrid-impedance", "constrained")

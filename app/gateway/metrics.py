@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from typing import NamedTuple, get_args
 
 from app.gateway.session import Phase
-from app.gateway.sessions import House
+from app.gateway.session_pool import House
 
 TYPE = "text/plain; version=0.0.4"
 

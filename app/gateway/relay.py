@@ -14,9 +14,9 @@ import aiohttp
 import structlog
 from aiohttp import WSCloseCode, WSMsgType, web
 
-from app.access import KEY_HEADER
-from app.gateway.sessions import Process
-from app.traffic import Limits, Meter, Overrun
+from app.access.admission import KEY_HEADER
+from app.access.rate_limits import Limits, Meter, Overrun
+from app.gateway.session_pool import Process
 
 log = structlog.get_logger()
 

@@ -12,20 +12,21 @@ from pathlib import Path
 
 import structlog
 
-from app import descriptors, warm
-from app.access import Names, OriginError, Tokens
-from app.ending import end_within
-from app.gateway.door import ARRIVING
-from app.gateway.invitation import Invitation, Look
-from app.gateway.register import Register
+from app.access.admission import Names, OriginError, Tokens
+from app.gateway.connections import ARRIVING
 from app.gateway.server import Doors, Gateway, serving
-from app.gateway.sessions import House
+from app.gateway.server_settings import Invitation, Look
+from app.gateway.session_pool import House
+from app.gateway.session_store import Register
 from app.gateway.visitors import Shares
 from app.gateway.worker import Worker
-from app.printable import say
-from app.recovery import StateError
-from app.scenario import Scenario, ScenarioError
-from app.scenario_data import to_toml
+from app.process import open_files
+from app.process.deadline import end_within
+from app.process.terminal_text import say
+from app.scenario.data import to_toml
+from app.scenario.schema import Scenario, ScenarioError
+from app.session.autosave import StateError
+from app.workers import precompile
 
 log = structlog.get_logger()
 
@@ -45,9 +46,7 @@ def serve(scenario: Scenario, look: Look, invitation: Invitation, state_dir: Pat
     if not 0 < invitation.idle_minutes < math.inf:
         raise ScenarioError(f"--idle-minutes: {invitation.idle_minutes:g}; allowed: more than 0")
     sessions = (invitation.places or places()) if invitation.shared else 1
-    descriptors.require(
-        _files(sessions), f"for {sessions} {'session' if sessions == 1 else 'sessions'} and their pages"
-    )
+    open_files.require(_files(sessions), f"for {sessions} {'session' if sessions == 1 else 'sessions'} and their pages")
     try:
         # apart from each other, and from what a server for its own user keeps there
         register = Register(state_dir / ("shared" if invitation.shared else "everyone")) if state_dir else None
@@ -118,7 +117,7 @@ async def _serve(
     warming = None
     try:
         async with serving(gateway, invitation.host, invitation.port) as port:
-            warming = warm.start()
+            warming = precompile.start()
             address = _address(invitation, port)
             # a token that was given is known to who is to have it, and need not be in the journal
             shown = tokens if invitation.given is None else Tokens("TOKEN", "WATCH-TOKEN")

@@ -7,10 +7,10 @@ from collections.abc import AsyncIterator
 from dataclasses import dataclass, field
 from typing import Literal, Protocol
 
-from app.access import Pass
+from app.access.admission import Pass
+from app.access.session_messages import Begin, Changed, Kept
 from app.gateway.visitors import NOBODY, Viewer, Visitor
-from app.redaction import new_secret
-from app.session_messages import Begin, Changed, Kept
+from app.process.redaction import new_secret
 
 Phase = Literal["resting", "waiting", "starting", "running", "failed"]
 

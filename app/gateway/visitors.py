@@ -6,7 +6,7 @@ import hashlib
 from collections.abc import Iterable
 from typing import NamedTuple
 
-from app.access import Pass
+from app.access.admission import Pass
 
 
 class Visitor(NamedTuple):

@@ -1,4 +1,4 @@
-"""The gateway's end of a session's process, `app.session_worker`."""
+"""The gateway's end of a session's process, `app.workers.session`."""
 
 from __future__ import annotations
 
@@ -11,10 +11,7 @@ from collections.abc import AsyncIterator
 
 import structlog
 
-from app import child
-from app.gateway.invitation import Look
-from app.redaction import new_secret
-from app.session_messages import (
+from app.access.session_messages import (
     LONGEST,
     Alive,
     Begin,
@@ -30,6 +27,9 @@ from app.session_messages import (
     from_session,
     line,
 )
+from app.gateway.server_settings import Look
+from app.process import launcher
+from app.process.redaction import new_secret
 
 log = structlog.get_logger()
 
@@ -44,7 +44,7 @@ class WorkerError(RuntimeError):
 
 class Worker:
     """A process that is ready, or runs. port, key: where its dashboard answers, and to whom; looking: see
-    `app.traffic.harmless`; late: see `Alive`. One that gives no sign of life for `silence` s is killed."""
+    `app.access.rate_limits.harmless`; late: see `Alive`. One that gives no sign of life for `silence` s is killed."""
 
     def __init__(
         self,
@@ -73,7 +73,7 @@ class Worker:
         with theirs:
             file = theirs.fileno()
             try:
-                process = child.start("app.session_worker", str(file), stdin=subprocess.DEVNULL, pass_fds=(file,))
+                process = launcher.start("app.workers.session", str(file), stdin=subprocess.DEVNULL, pass_fds=(file,))
             except OSError as error:
                 ours.close()
                 raise WorkerError(f"the session's process cannot be started: {error.strerror}") from error

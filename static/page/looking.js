@@ -1,4 +1,4 @@
-// What viser does not tell the server: which tabs of plots are on the screen (app/dashboard/looking.py).
+// What viser does not tell the server: which tabs of plots are on the screen (app/dashboard/transport/visible_tabs.py).
 const type = (input, text) => {
   Object.getOwnPropertyDescriptor(HTMLInputElement.prototype, "value").set.call(input, text);
   input.dispatchEvent(new Event("input", { bubbles: true }));

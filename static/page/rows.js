@@ -1,5 +1,5 @@
 // Numbers: a text field that says when the user is done with it, and a slider that says when it is let go.
-// The marks are those of app/dashboard/style.py.
+// The marks are those of app/dashboard/theme/style.py.
 const mark = "\u200b";
 const field = (e) => e.target instanceof HTMLInputElement && e.target.type === "text" && e.target.closest("form")
   ? e.target : null;

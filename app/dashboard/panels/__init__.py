@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import Protocol
 
-from app.dashboard.controls import Desk
 from app.dashboard.panels.controller import ControllerPanel
 from app.dashboard.panels.export import ExportPanel
 from app.dashboard.panels.model import ModelPanel
@@ -13,7 +12,8 @@ from app.dashboard.panels.runs import RunsPanel
 from app.dashboard.panels.task import TaskPanel
 from app.dashboard.panels.view import ViewPanel
 from app.dashboard.panels.world import WorldPanel
-from app.snapshot import Snapshot
+from app.dashboard.widgets.controls import Desk
+from app.session.snapshot import Snapshot
 
 
 class Panel(Protocol):

@@ -6,9 +6,9 @@ from html import escape
 
 import viser
 
-from app.dashboard.controls import Choice, Control, Desk, Number, Place, PlaceWhere, decades
-from app.dashboard.facts import Facts
-from app.snapshot import Snapshot
+from app.dashboard.widgets.controls import Choice, Control, Desk, Number, Place, PlaceWhere, decades
+from app.dashboard.widgets.theorem_table import Facts
+from app.session.snapshot import Snapshot
 from controllers.premises import STATEMENTS, Premise
 
 _LAWS = {"robust (25)": "vsmrc", "computed torque": "computed-torque", "PD + gravity": "pd-gravity"}

@@ -12,19 +12,12 @@ import structlog
 import viser
 from PIL import Image
 
-from app.commands import Load
-from app.dashboard.charts import Setup
-from app.dashboard.controls import Desk
-from app.dashboard.guard import guarded
-from app.dashboard.plot_table import TABS
-from app.dashboard.printed import ALL_PLOTS, figure_of, plots_of
-from app.data_files import Tell, table
-from app.figures import Format
-from app.film import film
-from app.scenario import ScenarioError
-from app.scenario_data import from_file, to_toml
-from app.snapshot import Snapshot
-from app.takeaway import (
+from app.dashboard.plots.charts import Setup
+from app.dashboard.plots.paper_figures import ALL_PLOTS, figure_of, plots_of
+from app.dashboard.plots.plot_table import TABS
+from app.dashboard.transport.callback_errors import guarded
+from app.dashboard.widgets.controls import Desk
+from app.export.export_jobs import (
     PLAYBACK_LIMIT,
     DataFormat,
     DataJob,
@@ -33,6 +26,13 @@ from app.takeaway import (
     TakeAwayError,
     file_name,
 )
+from app.export.figures import Format
+from app.export.playback_frames import film
+from app.scenario.data import from_file, to_toml
+from app.scenario.schema import ScenarioError
+from app.session.commands import Load
+from app.session.snapshot import Snapshot
+from app.storage.recording_files import Tell, table
 
 log = structlog.get_logger()
 

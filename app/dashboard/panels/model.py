@@ -9,16 +9,16 @@ from typing import Protocol
 import numpy as np
 import viser
 
-from app.commands import Edit
-from app.dashboard.controls import Desk, Number, Place, Scale, decades
-from app.dashboard.equation import is_fixed, symbol
-from app.dashboard.matrix_editor import MatrixEditor
-from app.dashboard.matrix_text import written
-from app.dashboard.model_checks import checks_html, loops_html
-from app.dashboard.model_places import DiagonalPlace, OscillatorPlace, pressed_on
-from app.scenario import Scenario
-from app.snapshot import Snapshot
-from app.units import JOINT
+from app.dashboard.widgets.controls import Desk, Number, Place, Scale, decades
+from app.dashboard.widgets.equation import is_fixed, symbol
+from app.dashboard.widgets.matrix_editor import MatrixEditor
+from app.dashboard.widgets.matrix_text import written
+from app.dashboard.widgets.model_checks import checks_html, loops_html
+from app.dashboard.widgets.model_fields import DiagonalPlace, OscillatorPlace, pressed_on
+from app.scenario.schema import Scenario
+from app.scenario.units import JOINT
+from app.session.commands import Edit
+from app.session.snapshot import Snapshot
 
 
 @dataclass(frozen=True)

@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from app.dashboard.arm import ArmChoice, InForce, ToolFrame, Upload, UrdfPath, Verdict
-from app.dashboard.controls import Control, Desk, Number, Place, Scale, decades
-from app.snapshot import Snapshot
+from app.dashboard.widgets.arm_choice import ArmChoice, InForce, ToolFrame, Upload, UrdfPath, Verdict
+from app.dashboard.widgets.controls import Control, Desk, Number, Place, Scale, decades
+from app.session.snapshot import Snapshot
 
 
 class RobotPanel:

@@ -9,13 +9,13 @@ from typing import Any
 
 import viser
 
-from app.commands import Pin, Unpin
-from app.dashboard.controls import Desk
-from app.dashboard.matrix_text import written
-from app.metrics import FIGURES, Account, Figure, account
-from app.scenario_data import differences
-from app.snapshot import Snapshot
-from app.timeline import PINS, Pinned
+from app.analysis.metrics import FIGURES, Account, Figure, account
+from app.dashboard.widgets.controls import Desk
+from app.dashboard.widgets.matrix_text import written
+from app.scenario.data import differences
+from app.session.commands import Pin, Unpin
+from app.session.snapshot import Snapshot
+from app.session.timeline import PINS, Pinned
 
 _EVERY = 1.0  # s, between two looks at the figures
 _TOLD = 4  # differences of a pinned run that are told

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import viser
 
-from app.commands import Load
-from app.dashboard.controls import Choice, Control, Desk, Number, Place, Scale, decades
-from app.dashboard.status import MODE_TITLES
-from app.scenario_data import shipped
-from app.snapshot import Snapshot
+from app.dashboard.widgets.controls import Choice, Control, Desk, Number, Place, Scale, decades
+from app.dashboard.widgets.status import MODE_TITLES
+from app.scenario.data import shipped
+from app.session.commands import Load
+from app.session.snapshot import Snapshot
 from controllers.modes import MODES
 
 _EDITED = "edited, or one of your own"

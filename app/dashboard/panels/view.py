@@ -9,11 +9,22 @@ from typing import Any, Protocol
 
 import viser
 
-from app.dashboard.camera import VIEWS, fly, viewpoint
-from app.dashboard.controls import Desk
-from app.dashboard.look import FINE, LIGHT, Legend, Look, Viewing
-from app.dashboard.theme import DESIRED, ERROR_COLORS, GHOST, MEASURED, PINNED_ARMS, PUSH, SERIES, TOOL_PATH, Rgb, css
-from app.snapshot import Snapshot
+from app.dashboard.scene.camera import VIEWS, fly, viewpoint
+from app.dashboard.scene.view_options import FINE, LIGHT, Legend, Look, Viewing
+from app.dashboard.theme.colors import (
+    DESIRED,
+    ERROR_COLORS,
+    GHOST,
+    MEASURED,
+    PINNED_ARMS,
+    PUSH,
+    SERIES,
+    TOOL_PATH,
+    Rgb,
+    css,
+)
+from app.dashboard.widgets.controls import Desk
+from app.session.snapshot import Snapshot
 from environments.push import MOST_FORCE, MOST_STIFF
 
 SWITCHES = {

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from app.dashboard.controls import Choice, Control, Desk, Number, Place, PlaceWhere, Scale, Switch, decades
-from app.dashboard.text_field import TextField
-from app.scenario import Formula, Scenario
-from app.snapshot import Snapshot
+from app.dashboard.widgets.controls import Choice, Control, Desk, Number, Place, PlaceWhere, Scale, Switch, decades
+from app.dashboard.widgets.text_field import TextField
+from app.scenario.schema import Formula, Scenario
+from app.session.snapshot import Snapshot
 from controllers.modes import MODES
 
 _SHAPES = {"plane": "plane", "cylinder": "cylinder", "sphere": "sphere", "formula": "formula"}

@@ -1,0 +1,239 @@
+"""Figures about a run, from its recording."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from msgspec import Struct
+
+from app.scenario.units import Units
+from app.simulation.closed_loop import ClosedLoop
+from app.simulation.law_builder import compensation
+from app.simulation.recording import Epoch, Recording
+from app.simulation.system import System
+from app.simulation.verdict import Finding, Promise
+
+TAIL = 0.2  # share of the run that "tail" figures look at
+PATH_POINTS = 300
+BAND = 0.02  # of the largest deviation, within which a signal counts as settled
+
+
+class Metrics(Struct, frozen=True):
+    """See each field; None where a figure has no meaning in the mode."""
+
+    motion_error_tail: float  # max ||e|| of the position coordinates that are not force-controlled, m
+    force_error_tail: float | None  # max |f_n - f_nd|, N
+    constraint_violation: float | None  # max |phi| on a rigid surface, m
+    promise: Promise
+    premises: tuple[Finding, ...]
+    reaching_time: (
+        float | None
+    )  # s, of the run's beginning until ||s|| is within the boundary layer; None while it is not
+    reaching_time_bound: float  # s, (18): until s = 0 in continuous time, and so until the layer
+    layer_time_bound: float | None  # s, until the boundary layer; None for a law that has none
+    band_time: float | None  # s, until ||s|| is within its band
+    band_time_bound: float | None  # s
+    envelope_violation: float | None  # max of ||s|| beyond (20) and the band where they are promised, m/s
+    gain_condition_margin: float  # min of d minus what (17) needs, N
+    target_model_residual_tail: float  # RMS of the left side of (8) minus its right side, N
+    torque_total_variation: list[float]  # sum of |changes| per second, N m/s, per joint
+    saturated_share: float  # of the control periods, in which a drive's limit cuts the torque
+    simulated_time: float  # s
+    realtime_factor: float | None
+    stopped: str | None
+
+
+def unit_of(field: str, units: Units) -> str:
+    """The unit of a figure of `Metrics` in a task space with these units, "" of those without."""
+    return {
+        "motion_error_tail": units.coordinate,
+        "force_error_tail": "N",
+        "constraint_violation": "m",
+        "reaching_time": "s",
+        "reaching_time_bound": "s",
+        "layer_time_bound": "s",
+        "band_time": "s",
+        "band_time_bound": "s",
+        "envelope_violation": units.speed,
+        "gain_condition_margin": units.force,
+        "target_model_residual_tail": units.force,
+        "torque_total_variation": "N·m/s",
+        "simulated_time": "s",
+    }.get(field, "")
+
+
+def measure(loop: ClosedLoop, realtime_factor: float | None = None) -> Metrics:
+    """The figures of everything recorded so far. Raises ValueError for a run without a single step."""
+    record = loop.recording.signals(tuple(loop.recording.columns))
+    t = record["t"]
+    if len(t) == 0:
+        raise ValueError("metrics: nothing recorded yet")
+    tail = tail_of(t)
+    last = {name: values[tail] for name, values in record.items()}
+    system, begun = loop.system, loop.recording.epochs[0]
+    rigid = system.scenario.contact.kind == "rigid"
+    tau = record["tau"]
+    duration = max(float(t[-1] - t[0]), system.scenario.controller.period)
+    excess = record["s_norm"] - record["s_bound"] - record["s_band"]
+    promised = excess[np.isfinite(excess)]
+    standing = loop.standing
+    return Metrics(
+        motion_error_tail=float(np.linalg.norm(motion_error(system, last), axis=1).max()),
+        force_error_tail=float(np.abs(force_error(last)).max()) if system.m else None,
+        constraint_violation=float(np.abs(record["phi"]).max()) if rigid else None,
+        promise=standing.run,
+        premises=standing.findings,
+        reaching_time=since(begun, begun.reached),
+        reaching_time_bound=begun.certificate.t_r,
+        layer_time_bound=since(begun, begun.reached_by),
+        band_time=since(begun, begun.banded),
+        band_time_bound=since(begun, begun.banded_by),
+        envelope_violation=max(float(promised.max()), 0.0) if len(promised) else None,
+        gain_condition_margin=float((record["d"] - record["d_required"]).min()),
+        target_model_residual_tail=float(np.sqrt(np.mean(record["residual"][tail] ** 2))),
+        torque_total_variation=[float(v) / duration for v in np.abs(np.diff(tau, axis=0)).sum(axis=0)],
+        saturated_share=float(saturated(record).mean()),
+        simulated_time=float(t[-1]) + system.scenario.controller.period,
+        realtime_factor=realtime_factor,
+        stopped=loop.stopped,
+    )
+
+
+def since(epoch: Epoch, instant: float | None) -> float | None:
+    """An instant (s) counted from the epoch's beginning."""
+    return None if instant is None else instant - epoch.t
+
+
+def tail_of(t: np.ndarray) -> np.ndarray:
+    """Which of the times t (N,) s belong to the tail: (N,) bool."""
+    return t >= t[-1] - TAIL * (t[-1] - t[0])
+
+
+def saturated(record: Mapping[str, np.ndarray]) -> np.ndarray:
+    """Whether a drive's limit cuts the torque, (N,) bool."""
+    return (record["tau_applied"] != record["tau"]).any(axis=1)
+
+
+def force_error(record: Mapping[str, np.ndarray]) -> np.ndarray:
+    """f_n - f_nd, (N,) N, of a mode that controls a force."""
+    return record["multiplier"] - record["F_cd"][:, 0]
+
+
+def motion_error(system: System, record: Mapping[str, np.ndarray]) -> np.ndarray:
+    """The position errors (N, k) m that a motion target governs: along the surface where there is one."""
+    if system.layout.joint:
+        return record["e_r"]
+    error = record["e_r"][:, system.m : system.layout.positions]
+    if system.m or system.scenario.contact.kind == "free":
+        return error
+    # Cartesian coordinates against a surface: the part along the normal is the force's business
+    axes = system.charted.frame[: system.layout.positions]
+    normals = np.array(
+        [axes @ system.surface.chart(p, t).G[0] for p, t in zip(record["tool"], record["t"], strict=True)]
+    )
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    return error - normals * np.sum(error * normals, axis=1, keepdims=True)
+
+
+def steady_force_error(system: System, f_nd: float, s: np.ndarray) -> float | None:
+    """What (37) says of f_n - f_nd (N) in the end, for a constant desired force (N), with what an s (n,) m/s that rests
+    within the boundary layer adds where A is not 0, (14); None where no force is controlled.
+
+    On a rigid surface r_fd = 0 and (41) leaves none but for s.
+    """
+    if not system.m:
+        return None
+    law = system.law
+    rest = float(law.model.left_by_layer(compensation(system.scenario, system.layout.n), s)[0])
+    if system.scenario.contact.kind == "rigid":
+        return rest / float(law.model.K_f[0, 0])
+    r_fd = f_nd * system.plan.compliance
+    return float(law.model.steady_force(0, system.scenario.contact.K_e, 0.0, r_fd, f_nd, rest)) - f_nd
+
+
+def settling_time(t: np.ndarray, signal: np.ndarray, resolution: float) -> float:
+    """From t[0] on, s, until the signal (N,) stays within `BAND` of its largest deviation from its final value, the
+    mean of its tail; smaller deviations than `resolution` do not count. Infinite when it has not settled by the tail.
+    """
+    tail = tail_of(t)
+    away = np.abs(signal - signal[tail].mean())
+    outside = np.flatnonzero(away > max(BAND * float(away.max()), resolution))
+    if not len(outside):
+        return 0.0
+    return math.inf if tail[outside[-1]] else float(t[outside[-1] + 1] - t[0])
+
+
+class Account(Struct, frozen=True):
+    """Figures of a stretch of a run, by which runs are compared; None where a figure has no meaning in the mode."""
+
+    path_rms: float  # of the position error that a motion target governs, m
+    path_max: float  # m
+    force_rms: float | None  # of f_n - f_nd, N
+    force_max: float | None  # N
+    s_max: float  # of ||s||, m/s
+    residual_rms: float  # of the target model (8), N
+    effort: float  # RMS of ||tau|| as applied, N m
+    variation: float  # of the commanded torques: sum of their |changes| per second, N m/s
+    gain_margin: float  # least d minus what (17) needs, N
+
+
+@dataclass(frozen=True)
+class Figure:
+    """How a figure of an `Account` is shown: in units of which `factor` make one SI unit, by the run's task space."""
+
+    title: str
+    field: str
+    factor: float
+    unit: Callable[[Units], str]
+
+    def of(self, account: Account | None) -> float | None:
+        """In that unit."""
+        value = None if account is None else getattr(account, self.field)
+        return None if value is None else value * self.factor + 0.0  # no "-0"
+
+    def units(self, systems: Iterable[System]) -> str:
+        """Its unit in runs of these systems; both where they differ."""
+        return " or ".join(dict.fromkeys(self.unit(system.units) for system in systems))
+
+
+FIGURES = (
+    Figure("path error, RMS", "path_rms", 1e3, lambda units: units.error),
+    Figure("path error, largest", "path_max", 1e3, lambda units: units.error),
+    Figure("force error, RMS", "force_rms", 1.0, lambda _: "N"),
+    Figure("force error, largest", "force_max", 1.0, lambda _: "N"),
+    Figure("‖s‖, largest", "s_max", 1e3, lambda units: units.rate),
+    Figure("residual of (8), RMS", "residual_rms", 1.0, lambda units: units.force),
+    Figure("torque ‖τ‖, RMS", "effort", 1.0, lambda _: "N·m"),
+    Figure("its variation", "variation", 1.0, lambda _: "N·m/s"),
+    Figure("least margin of (17)", "gain_margin", 1.0, lambda units: units.force),
+)
+
+
+def account(system: System, recording: Recording, t_from: float, t_to: float) -> Account | None:
+    """Of the rows with t_from <= t <= t_to (s), None for less than two of them."""
+    record = recording.stretch(t_from, t_to)  # copies what is asked for only
+    t = record["t"]
+    if len(t) < 2:
+        return None
+    # the path is smooth, and finding the normals of a curved surface takes its time
+    few = slice(None, None, max(1, len(t) // PATH_POINTS))
+    path = np.linalg.norm(motion_error(system, {name: record[name][few] for name in ("t", "e_r", "tool")}), axis=1)
+    force = force_error(record) if system.m else None
+    return Account(
+        path_rms=_rms(path),
+        path_max=float(path.max()),
+        force_rms=None if force is None else _rms(force),
+        force_max=None if force is None else float(np.abs(force).max()),
+        s_max=float(record["s_norm"].max()),
+        residual_rms=_rms(np.linalg.norm(record["residual"], axis=1)),
+        effort=_rms(np.linalg.norm(record["tau_applied"], axis=1)),
+        variation=float(np.abs(np.diff(record["tau"], axis=0)).sum() / (t[-1] - t[0])),
+        gain_margin=float((record["d"] - record["d_required"]).min()),
+    )
+
+
+def _rms(values: np.ndarray) -> float:
+    return float(np.sqrt(np.mean(values**2)))

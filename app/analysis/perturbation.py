@@ -1,0 +1,227 @@
+"""What only the simulation can know of recorded instants: the perturbation that (17) bounds, V, and, of the target
+model, where the force would settle. Computed when asked for, from the recording and the true arm."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+import pinocchio as pin
+
+from app.scenario.schema import Scenario
+from app.simulation.control_period import Observer
+from app.simulation.environment_builder import truth_of
+from app.simulation.law_builder import compensation
+from app.simulation.recording import Epoch
+from app.simulation.system import System
+from controllers.nominal_model import NominalModel
+from environments.plant import Truth
+
+Signals = Mapping[str, np.ndarray]
+
+KEPT = 2000  # instants
+SAME = 1e-9  # s
+
+
+class Instant(NamedTuple):
+    """At one instant. perturbation: norm of what d has to outweigh in (23), N; inertia, coriolis, gravity, disturbance:
+    norms of its parts; V J; yielding_force: the normal force at which an impedance would settle if r_d stood still, N,
+    nan in other modes."""
+
+    perturbation: float
+    inertia: float
+    coriolis: float
+    gravity: float
+    disturbance: float
+    V: float
+    yielding_force: float
+
+
+NOWHERE = Instant(*7 * (np.nan,))
+
+
+class Hindsight:
+    """The true arm of one run, looked at from outside its loop's thread."""
+
+    def __init__(self, system: System) -> None:
+        robot = system.robot
+        self.system = system
+        self._observer = Observer(
+            NominalModel(robot.model, robot.tool_joint, robot.tool_placement), system.charted.shape, system.layout
+        )
+        self._arm: tuple[Scenario, Truth, pin.Model, pin.Data] | None = None
+        self._kept: dict[float, Instant] = {}
+
+    def recorded(self, rows: Signals, epochs: Sequence[Epoch], openings: np.ndarray) -> Known:
+        """Rows of the run's recording; what is costly is computed in the rows `openings` only, and kept."""
+        if len(self._kept) > KEPT:
+            self._kept.clear()
+        return Known(self, rows, epochs, openings, self._kept)
+
+    def foreseen(self, rows: Signals, epochs: Sequence[Epoch], openings: np.ndarray) -> Known:
+        """Rows of a preview of the same run."""
+        return Known(self, rows, epochs, openings, {})
+
+    def at(self, row: Signals, epoch: Epoch) -> Instant:
+        """One recorded row. The parts of the perturbation are what the law's terms (25) miss of the true arm's:
+        J_q^-T ((M_hat - M) q_eq_ddot), the same of C q_eq_dot and of G, and the rest of (4) with what the drives do not
+        give."""
+        scenario, t, q, q_dot = epoch.scenario, float(row["t"]), row["q"], row["q_dot"]
+        truth, model, data = self._true_arm(scenario)
+        try:
+            estimate, task = self._observer.at(q, q_dot, t)
+        except ValueError:  # J_q exactly singular
+            return NOWHERE
+        behind = task.J_q_inv @ row["s"] if scenario.controller.law == "vsmrc" else np.zeros_like(q)
+        q_eq_dot = q_dot - behind
+        C = pin.computeCoriolisMatrix(model, data, q, q_dot).copy()
+        M = pin.crba(model, data, q)
+        withheld = row["tau_applied"] - row["tau"]
+        missed = np.array(
+            [
+                row["tau_inertia"] - M @ row["q_eq_ddot"],
+                row["tau_coriolis"] - C @ q_eq_dot,
+                row["tau_gravity"] - pin.computeGeneralizedGravity(model, data, q),
+                row["tau_force"] - estimate.J_v.T @ (row["F_true"] - row["F_push"]) - truth.torque(q_dot, t) + withheld,
+            ]
+        )
+        parts = missed @ task.J_q_inv
+        inertia, coriolis, gravity, disturbance = (float(np.linalg.norm(part)) for part in parts)
+        together = float(np.linalg.norm(parts.sum(axis=0)))
+        V = 0.5 * float(behind @ M @ behind)
+        return Instant(together, inertia, coriolis, gravity, disturbance, V, self._yielding_force(row, epoch))
+
+    def _true_arm(self, scenario: Scenario) -> tuple[Truth, pin.Model, pin.Data]:
+        if self._arm is None or self._arm[0].truth != scenario.truth:
+            truth = truth_of(scenario, self.system.robot)
+            model = truth.model(self.system.robot)
+            self._arm = (scenario, truth, model, model.createData())
+        return self._arm[1:]
+
+    def _yielding_force(self, row: Signals, epoch: Epoch) -> float:
+        """Of an impedance (27) against a surface K_e: with r_d at depth phi_d, along the normal n there, phi = phi_d -
+        n^T K_m^-1 (K_f n K_e phi + M_m A s), (14)."""
+        system, K_e = self.system, epoch.scenario.contact.K_e
+        if system.m or system.layout.joint or system.plant.kind not in ("elastic", "mass-damper-spring"):
+            return np.nan
+        t, positions = float(row["t"]), system.layout.positions
+        g = np.zeros(3)
+        g[:positions] = row["r_d"][:positions]
+        chart = system.surface.chart(system.charted.point(g, t), t)
+        normal = np.zeros(system.layout.n)
+        normal[:positions] = (system.charted.frame @ chart.G[0])[:positions]
+        try:
+            model = epoch.model_at(t)
+            yielding = float(normal @ np.linalg.solve(model.K_m, model.K_f @ normal))
+            rest = model.left_by_layer(compensation(epoch.scenario, model.n), row["s"])
+            deeper = float(normal @ np.linalg.solve(model.K_m, rest))
+        except np.linalg.LinAlgError:
+            return np.nan
+        depth = chart.g[0] + deeper
+        depth = max(depth, 0.0) if epoch.scenario.contact.unilateral else depth
+        return K_e * float(depth) / (1.0 + yielding * K_e)
+
+
+class Known(Mapping[str, np.ndarray]):
+    """Recorded signals, and by name, (N,) each: those of `Instant`; steady_force N: where the target model would settle
+    if the reference stood still; V_bound, V_limit J: (24), and with what sampling and layer add; reaching: 1 until s is
+    reached; promised, measured: 1 in the row of t_r, by (18) and as it was."""
+
+    def __init__(
+        self,
+        hindsight: Hindsight,
+        rows: Signals,
+        epochs: Sequence[Epoch],
+        openings: np.ndarray,
+        kept: dict[float, Instant],
+    ) -> None:
+        self._hindsight, self._rows, self._epochs, self._openings, self._kept = hindsight, rows, epochs, openings, kept
+        self._found: dict[str, np.ndarray] = {}
+        self._makers = {
+            **dict.fromkeys(Instant._fields, self._examine),
+            "steady_force": self._steady_force,
+            "V_bound": lambda: self._V(self._rows["s_bound"]),
+            "V_limit": lambda: np.square(np.sqrt(self["V_bound"]) + np.sqrt(self._rows["V_band"])),
+            "reaching": self._mark,
+            "promised": self._mark,
+            "measured": self._mark,
+        }
+
+    def __getitem__(self, name: str) -> np.ndarray:
+        if name not in self._makers:
+            return self._rows[name]
+        if name not in self._found:
+            made = self._makers[name]()
+            self._found.update(made if isinstance(made, dict) else {name: made})
+        return self._found[name]
+
+    def __iter__(self) -> Iterator[str]:
+        yield from self._rows
+        yield from self._makers
+
+    def __len__(self) -> int:
+        return len(self._rows) + len(self._makers)
+
+    def _numbers(self) -> np.ndarray:
+        """Of each row's epoch."""
+        begins = np.array([epoch.t for epoch in self._epochs])
+        return np.maximum(np.searchsorted(begins - SAME, self._rows["t"], side="right") - 1, 0)
+
+    def _examine(self) -> dict[str, np.ndarray]:
+        t, numbers = self._rows["t"], self._numbers()
+        found = np.full((len(t), len(Instant._fields)), np.nan)
+        for i in self._openings:
+            key = float(t[i])
+            if key not in self._kept:
+                row = {name: self._rows[name][i] for name in _LOOKED_AT}
+                self._kept[key] = self._hindsight.at(row, self._epochs[int(numbers[i])])
+            found[i] = self._kept[key]
+        return dict(zip(Instant._fields, found.T, strict=True))
+
+    def _steady_force(self) -> np.ndarray:
+        """Where a mode controls the force (37) for what is desired now, or (42), with what the s of now leaves (14)."""
+        system, f_nd, s = self._hindsight.system, self._rows["F_cd"][:, 0], self._rows["s"]
+        if not system.m:
+            return self["yielding_force"]
+        numbers, settled = self._numbers(), np.empty_like(f_nd)
+        for number in np.unique(numbers):
+            epoch, rows = self._epochs[number], np.flatnonzero(numbers == number)
+            K_e, compliance = epoch.scenario.contact.K_e, 1.0 / epoch.scenario.controller.K_e_hat
+            for piece in [rows] if epoch.blend is None else rows[:, None]:
+                model = epoch.model_at(float(self._rows["t"][piece[0]]))
+                rest = model.left_by_layer(compensation(epoch.scenario, model.n), s[piece].T)[0]
+                if system.plant.kind == "rigid":
+                    settled[piece] = f_nd[piece] + rest / model.K_f[0, 0]
+                else:
+                    settled[piece] = f_nd[piece] * model.steady_force(0, K_e, 0.0, compliance, 1.0)
+                    settled[piece] += model.steady_force(0, K_e, 0.0, 0.0, 0.0, 1.0) * rest
+        return settled
+
+    def _V(self, s_norm: np.ndarray) -> np.ndarray:
+        k_r_low = np.array([epoch.certificate.k_r_low for epoch in self._epochs])[self._numbers()]
+        return 0.5 * k_r_low * s_norm**2
+
+    def _mark(self) -> dict[str, np.ndarray]:
+        t = self._rows["t"]
+        found = {name: np.zeros(len(t)) for name in ("reaching", "promised", "measured")}
+        for epoch, following in zip(self._epochs, (*self._epochs[1:], None), strict=True):
+            end = np.inf if following is None else following.t
+            if end < t[0] or epoch.scenario.controller.law != "vsmrc":
+                continue
+            reached = np.inf if epoch.reached is None else epoch.reached
+            found["reaching"][(t >= epoch.t) & (t < min(reached, end) - SAME)] = 1.0
+            if epoch.certificate.t_r < epoch.scenario.controller.period:
+                continue  # there was nothing to reach
+            for name, instant in (("promised", epoch.t + epoch.certificate.t_r), ("measured", reached)):
+                row = int(np.searchsorted(t, instant - SAME))
+                if t[0] < instant < end and row < len(t):
+                    found[name][row] = 1.0
+        return found
+
+
+# of a row, by `Hindsight.at`
+_LOOKED_AT = (
+    "t", "q", "q_dot", "s", "q_eq_ddot", "tau_inertia", "tau_coriolis", "tau_gravity", "tau_force", "tau",
+    "tau_applied", "F_true", "F_push", "r_d",
+)  # fmt: skip

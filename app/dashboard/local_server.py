@@ -1,0 +1,98 @@
+"""`vsmrc serve` for the one who started it: one run, one page, in this process, until Ctrl-C."""
+
+from __future__ import annotations
+
+import signal
+import threading
+import time
+from concurrent.futures import Future
+from pathlib import Path
+from subprocess import Popen
+
+import structlog
+from tqdm import tqdm
+
+from app.dashboard import Dashboard
+from app.dashboard.widgets.last_session import left_by
+from app.process.deadline import end_within
+from app.process.terminal_text import say
+from app.scenario.schema import Scenario, ScenarioError
+from app.session.autosave import Keeper, StateError, StateFolder, default_folder
+from app.session.runner import Runner
+from app.workers import precompile
+
+events = structlog.get_logger()
+
+
+def serve(scenario: Scenario, dashboard: Dashboard, *, state_dir: Path | None, stateless: bool) -> None:
+    """Run this scenario on this page, which ends with it. Raises ScenarioError for a folder that cannot be used.
+
+    state_dir: keeps the session, None for the usual one; stateless: none does.
+    """
+    runner: Runner | None = None
+    warming: Popen[bytes] | None = None
+    keeper: Keeper | None = None
+    try:
+        say(f"VSMRC Lab: {dashboard.link}  (Ctrl-C ends it)")
+        events.info("listening", url=dashboard.url)
+        folder = None if stateless else _state_folder(state_dir)
+        runner = _prepared(scenario, dashboard)
+        runner.start()
+        events.info("session opened", scenario=scenario.name)
+        dashboard.attach(runner)
+        if folder is not None:
+            keeper = Keeper(folder, lambda: runner.snapshot, dashboard.fail)
+            if (last_session := left_by(folder, keeper, scenario)) is not None:
+                if last_session.problem:
+                    say(last_session.problem)
+                dashboard.offer(last_session)
+        warming = precompile.start()
+        dashboard.run_forever()
+    except KeyboardInterrupt:
+        say("\nended")
+    finally:
+        for ending in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+            signal.signal(ending, signal.SIG_IGN)  # an impatient second Ctrl-C must not interrupt the ending
+        end_within()
+        if keeper is not None:  # first: what hangs may use up the time
+            keeper.close()
+        dashboard.close()
+        if warming is not None:
+            warming.terminate()
+        if runner is not None:
+            runner.close()
+        events.info("session closed")
+
+
+def _state_folder(chosen: Path | None) -> StateFolder | None:
+    """The folder that keeps the session; without the user's choice none is no reason not to start."""
+    try:
+        return StateFolder(chosen or default_folder())
+    except StateError as error:
+        if chosen is not None:
+            raise ScenarioError(str(error)) from error
+        say(f"this session is not kept: {error}")
+        return None
+
+
+def _prepared(scenario: Scenario, dashboard: Dashboard) -> Runner:
+    """A runner whose kernels are compiled; meanwhile terminal and page say what is going on."""
+    ready: Future[Runner] = Future()
+
+    def prepare() -> None:
+        try:
+            ready.set_result(Runner(scenario))
+        except BaseException as error:
+            ready.set_exception(error)
+
+    # a daemon, and no pool: Ctrl-C must not wait for the compiler
+    threading.Thread(target=prepare, name="preparing", daemon=True).start()
+    started = time.monotonic()
+    with tqdm(bar_format="{desc} {elapsed}", leave=False, disable=None) as bar:
+        while not ready.done():
+            time.sleep(0.1)
+            elapsed = time.monotonic() - started
+            doing = "preparing" if elapsed < 3 else "compiling the control law (only the first start takes this long)"
+            bar.set_description(doing)
+            dashboard.show_progress(f"{doing} … {elapsed:.0f} s")
+    return ready.result()

@@ -1,0 +1,1 @@
+"""The dock of plots, and the same plots on paper."""

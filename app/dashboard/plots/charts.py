@@ -1,0 +1,314 @@
+"""A chart of the page: what it draws for a run, and the widget that draws it.
+
+Time runs to the right and ends at now; ahead of it stands the preview, which the page's script makes lighter. The
+script also gives the axis its ends, which stand in the tab's marker (`looking.py`): new scales would build the chart
+anew and lose the user's zoom. A line has gaps (nan) only where a pinned run has no values: canvases
+leave those out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+import viser
+from viser import uplot
+
+from app.analysis.spectrum import amplitude_spectrum
+from app.analysis.thinning import Grid
+from app.dashboard.theme.colors import Rgb, css
+from app.scenario.units import Units
+from app.session.snapshot import Snapshot
+from app.simulation.recording import Recording
+from app.simulation.system import Coordinate
+
+Signals = Mapping[str, np.ndarray]
+
+BUCKETS = 170  # two points each: about what a plot has pixels for
+GREY: Rgb = (140, 140, 140)
+UNLISTED = "vs-unlisted"  # class of what the legend leaves out
+_NOTHING = np.array([0.01, 0.02])  # on a logarithmic axis, too
+MOST_SERIES = 48  # of a chart: three pinned runs of seven coordinates beside the shown one, and backdrops
+_DOCK, _ENTRY, _LETTER = 366, 20, 6  # px: the width for a legend, and what its entries take
+_FOOT, _HEAD = ({"pad": 0.0, "hard": end, "soft": end, "mode": 1} for end in (0.0, 1.0))
+_RULE = "rgba(128, 128, 128, 0.7)"  # seen on dark and on light
+
+
+@dataclass(frozen=True)
+class Setup:
+    """What decides which lines there are. normal: the mode controls a normal force; touching: there is something to
+    touch; units: of the task space; coordinate, joint: the chosen ones, counted from 0."""
+
+    coordinates: tuple[Coordinate, ...]
+    joints: tuple[str, ...]
+    normal: bool
+    touching: bool
+    units: Units
+    coordinate: int
+    joint: int
+
+    @classmethod
+    def of(cls, snapshot: Snapshot, coordinate: int, joint: int) -> Setup:
+        """Choices beyond what the run has fall back to the first."""
+        coordinates, joints = tuple(snapshot.coordinates), tuple(snapshot.robot.joint_names)
+        return cls(
+            coordinates,
+            joints,
+            normal=snapshot.system.m > 0,
+            touching=snapshot.scenario.contact.kind != "free",
+            units=snapshot.system.units,
+            coordinate=coordinate if coordinate < len(coordinates) else 0,
+            joint=joint if joint < len(joints) else 0,
+        )
+
+
+@dataclass(frozen=True)
+class Line:
+    """One line: its name, its look, and its values from signals, (N,). compared: pinned runs show theirs, too;
+    foreseen: it makes sense for a preview's few instants; backdrop: 0 and 1 are the plot's foot and head, and a line
+    without width fills what is below; listed: in the legend."""
+
+    name: str
+    color: Rgb
+    values: Callable[[Signals], np.ndarray]
+    dashed: bool = False
+    width: float = 1.6
+    alpha: float = 1.0
+    compared: bool = False
+    foreseen: bool = True
+    backdrop: bool = False
+    listed: bool = True
+
+    def series(self) -> uplot.Series:
+        look = uplot.Series(
+            label=self.name, stroke=css(self.color, self.alpha), width=self.width, points={"show": False}
+        )
+        if self.dashed:
+            look["dash"] = (6.0, 4.0)
+        if self.backdrop:
+            look["scale"] = "backdrop"
+        if self.backdrop and not self.width:
+            look["fill"] = css(self.color, self.alpha)
+        if not self.listed:
+            look["class"] = UNLISTED
+        return look
+
+
+@dataclass(frozen=True)
+class Area:
+    """Filled between two of a drawing's lines, counted from 0."""
+
+    upper: int
+    lower: int
+    color: Rgb
+
+
+@dataclass(frozen=True)
+class Drawing:
+    """Title with unit; lines from back to front; floor: what a logarithmic axis shows of an exact zero, None for a
+    linear one; at_least: a range that is always in view, so that noise does not fill the plot."""
+
+    title: str
+    lines: Sequence[Line]
+    areas: Sequence[Area] = ()
+    floor: float | None = None
+    at_least: tuple[float, float] | None = None
+
+    def legend_rows(self, pinned: Sequence[str]) -> int:
+        """How many its entries take on the dock, about."""
+        compared = any(line.compared for line in self.lines)
+        names = ["t [s]", *(line.name for line in self.lines if line.listed), *(pinned if compared else ())]
+        return -(-sum(_ENTRY + _LETTER * len(name) for name in names) // _DOCK)
+
+    def y_scale(self) -> uplot.Scale:
+        if self.floor is not None:
+            return uplot.Scale(distr=3)
+        if self.at_least is None:
+            return uplot.Scale()
+        low, high = ({"pad": 0.1, "soft": soft, "mode": 1} for soft in self.at_least)
+        return uplot.Scale(range={"min": low, "max": high})
+
+
+@dataclass(frozen=True)
+class Plot:
+    """A row of the table of plots. draw: None for a run where it has no meaning; spectral: over frequency."""
+
+    draw: Callable[[Setup], Drawing | None]
+    spectral: bool = False
+
+
+@dataclass(frozen=True)
+class Pinned:
+    """A run to compare with, drawn in grey behind the shown one. start: where on the shown run's time (s) its own zero
+    is laid."""
+
+    name: str
+    recording: Recording
+    start: float = 0.0
+
+
+@dataclass(frozen=True)
+class Frame:
+    """What all charts of one refresh draw from. now s: the instant that is zero on the axis; rows: signals up to now;
+    pinned: signals of each pinned run, None for one of other coordinates, its times those of the shown run; ahead (N,)
+    s after now and foreseen: the preview."""
+
+    now: float
+    window: float
+    grid: Grid
+    rows: Signals
+    pinned: Sequence[Signals | None] = ()
+    ahead: np.ndarray = field(default_factory=lambda: np.empty(0))
+    foreseen: Signals | None = None
+
+    def courses(self, lines: Sequence[Line]) -> tuple[np.ndarray, ...]:
+        """x (N,) s from now, then (N,) of each compared line of each pinned run, then of each line, without gaps.
+
+        The preview is there if every line knows what lies ahead. Where a pinned run is not, its line is nan.
+        """
+        begins, past = _past(self.grid, self.rows, lines)
+        x = [np.clip(self.grid.times[begins:] - self.now, -self.window, 0.0), [0.0]]
+        columns = [past]
+        if self.foreseen is not None and all(line.foreseen for line in lines):
+            future = _values(self.foreseen, lines)
+            if np.isfinite(future).any(axis=0).all():
+                x.append(self.ahead)
+                columns.append(_bridged(future))
+        shown = np.concatenate(columns)
+        compared = [line for line in lines if line.compared]
+        grey = [self._behind(pinned, compared, len(shown), begins) for pinned in self.pinned]
+        return np.concatenate(x), *(column for block in (*grey, shown) for column in block.T)
+
+    def _behind(self, rows: Signals | None, lines: Sequence[Line], count: int, begins: int) -> np.ndarray:
+        behind = np.full((count, len(lines)), np.nan)
+        if rows is not None and len(rows["t"]):
+            own_begin, past = _past(self.grid, rows, lines)
+            first = max(own_begin, begins)
+            behind[first - begins : first - begins + len(past[first - own_begin :])] = past[first - own_begin :]
+            ends = self.grid.starts(rows["t"])
+            filled = int(np.flatnonzero(ends[:-1] < ends[1:])[-1]) if (ends[:-1] < ends[1:]).any() else -1
+            if filled < self.grid.count - 1:
+                behind[max(2 * (filled + 1) - begins, 0) :] = np.nan
+        return behind
+
+
+def _past(grid: Grid, rows: Signals, lines: Sequence[Line]) -> tuple[int, np.ndarray]:
+    """Which of the grid's points is the first with rows, and (points, lines) from there on, the newest row at last."""
+    values = _values(rows, lines)
+    starts = grid.starts(rows["t"])
+    filled = np.flatnonzero(starts[:-1] < starts[1:])
+    begins = 2 * int(filled[0]) if len(filled) else 2 * grid.count
+    return begins, _bridged(np.concatenate([grid.thin(rows["t"], values)[begins:], values[-1:]]))
+
+
+def _values(rows: Signals, lines: Sequence[Line]) -> np.ndarray:
+    return np.stack([line.values(rows) for line in lines], axis=1) if lines else np.empty((len(rows["t"]), 0))
+
+
+def _bridged(columns: np.ndarray) -> np.ndarray:
+    """(N, k) with a straight line over what is not known, as a chart would draw it; its ends go on level."""
+    points = np.arange(len(columns))
+    for column in columns.T:
+        known = np.isfinite(column)
+        if known.any() and not known.all():
+            column[~known] = np.interp(points[~known], points[known], column[known])
+    return columns
+
+
+class Chart:
+    """One plot on the page. Its widget learns of another run, or of other pinned ones, when it is drawn."""
+
+    def __init__(self, gui: viser.GuiApi, plot: Plot) -> None:
+        self._plot = plot
+        self._adapted: object = None
+        self._drawing: Drawing | None = None
+        self._legend_rows = 1
+        self._lowest: list[float] = []
+        self._handle = gui.add_uplot(
+            (_NOTHING, _NOTHING),
+            (uplot.Series(label=""), uplot.Series(label="")),
+            cursor=uplot.Cursor() if plot.spectral else uplot.Cursor(sync={"key": "vsmrc"}),
+            height=150,
+            padding=(10, 14, 0, 0),
+        )
+
+    @property
+    def legend_rows(self) -> int:
+        """0 for a chart that is not there."""
+        return self._legend_rows
+
+    def set_height(self, pixels: int) -> None:
+        """Without title and legend."""
+        self._handle.height = pixels
+
+    def draw(self, setup: Setup, pinned: Sequence[str], frame: Frame) -> None:
+        if self._adapted != (setup, tuple(pinned)):
+            self._adapted = (setup, tuple(pinned))
+            self._adapt(self._plot.draw(setup), pinned)
+        drawing = self._drawing
+        if drawing is None:
+            return
+        x, *lines = _spectra(drawing, frame) if self._plot.spectral else frame.courses(drawing.lines)
+        if len(x) > 1:
+            self._handle.data = _padded(
+                (x, *(np.maximum(line, low) for line, low in zip(lines, self._lowest, strict=True)))
+            )
+
+    def _adapt(self, drawing: Drawing | None, pinned: Sequence[str]) -> None:
+        self._drawing = drawing
+        self._legend_rows = 0 if drawing is None else drawing.legend_rows(pinned)
+        if self._handle.visible != (drawing is not None):
+            self._handle.visible = drawing is not None
+        if drawing is None:
+            return
+        compared = [line for line in drawing.lines if line.compared and not self._plot.spectral]
+        grey = [
+            Line(name if line is compared[0] else "", GREY, line.values, width=1.0, listed=line is compared[0]).series()
+            for name in pinned
+            for line in compared
+        ]
+        first = 1 + len(grey)
+        floor = -np.inf if drawing.floor is None else drawing.floor
+        self._lowest = [floor] * len(grey) + [-np.inf if line.backdrop else floor for line in drawing.lines]
+        series = (uplot.Series(label=self._axis), *grey, *(line.series() for line in drawing.lines))
+        handle = self._handle
+        handle.data = _padded(())
+        handle.series = series
+        handle.title = drawing.title
+        handle.bands = tuple(
+            uplot.Band(series=(first + area.upper, first + area.lower), fill=css(area.color, 0.45))
+            for area in drawing.areas
+        )
+        handle.scales = {
+            "x": uplot.Scale(time=False, range=(None, None), distr=3 if self._plot.spectral else 1),
+            "y": drawing.y_scale(),
+            "backdrop": uplot.Scale(range={"min": _FOOT, "max": _HEAD}),
+        }
+        handle.axes = _axes(drawing, spectral=self._plot.spectral)
+
+    @property
+    def _axis(self) -> str:
+        return "Hz" if self._plot.spectral else "t [s]"
+
+
+def _padded(data: tuple[np.ndarray, ...]) -> tuple[np.ndarray, ...]:
+    """With as many arrays as a chart may ever have series: the page learns of the series and of the data in two
+    messages, may draw between them, and fails at a series without an array, whereas those to spare cost nothing."""
+    return (*data, *(_NOTHING,) * (MOST_SERIES - len(data)))
+
+
+def _axes(drawing: Drawing, *, spectral: bool) -> tuple[uplot.Axis, ...]:
+    x = uplot.Axis(size=29, gap=3, space=60, ticks={"size": 5})
+    y = uplot.Axis(size=52, space=26, ticks={"show": drawing.floor is None, "size": 5}, gap=3)
+    if spectral:
+        return x, y
+    grid: uplot.Axis_Grid = {"show": True, "stroke": _RULE, "width": 1, "dash": (3.0, 3.0)}
+    now = uplot.Axis(scale="x", side=0, size=0, splits=(0.0,), values=("",), ticks={"show": False}, grid=grid)
+    return x, y, now
+
+
+def _spectra(drawing: Drawing, frame: Frame) -> tuple[np.ndarray, ...]:
+    """Frequencies, Hz, then the amplitudes of each line over the whole window."""
+    spectrum = amplitude_spectrum(frame.rows["t"], _values(frame.rows, drawing.lines)).thinned(2 * BUCKETS)
+    return spectrum.frequency, *spectrum.amplitude.T

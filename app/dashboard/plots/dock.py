@@ -1,0 +1,193 @@
+"""The left dock: tabs of plots over a chosen window of time. A tab that nobody looks at costs nothing."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Mapping
+from contextlib import AbstractContextManager
+from dataclasses import dataclass
+
+import numpy as np
+import viser
+
+from app.analysis.perturbation import Hindsight
+from app.analysis.thinning import Grid
+from app.dashboard.plots.charts import BUCKETS, Chart, Frame, Pinned, Setup, Signals
+from app.dashboard.plots.plot_table import LEAD, TABS, Chooser, Tab
+from app.dashboard.scene.view_options import Viewing
+from app.dashboard.transport.visible_tabs import Lookers, marker_html
+from app.dashboard.widgets.equation import symbol
+from app.session.preview import Outlook
+from app.session.snapshot import Snapshot
+
+WINDOWS = {"2 s": 2.0, "4 s": 4.0, "8 s": 8.0, "20 s": 20.0, "60 s": 60.0}
+WINDOW = "8 s"
+ABOVE, NOTE, AROUND, LEGEND, LEAST, MOST = 134, 20, 36, 18, 90, 400  # px
+_NONE: str = "–"
+FORESEEN_EVERY = 4  # of a preview's instants, one in so many is examined in hindsight
+
+
+@dataclass(frozen=True)
+class Shown:
+    """Which stretch of a run is drawn: the window (s) up to the instant `now` (s), with pinned runs behind; outlook:
+    the preview ahead of it over `horizon` s, if there is one."""
+
+    now: float
+    window: float
+    pinned: tuple[Pinned, ...] = ()
+    outlook: Outlook | None = None
+    horizon: float = 0.0
+
+
+class Plots:
+    """What is chosen above the plots goes into `viewing`. turn: is taken while choices are shown, see `turns`."""
+
+    def __init__(
+        self, gui: viser.GuiApi, lookers: Lookers, viewing: Viewing, turn: AbstractContextManager[object]
+    ) -> None:
+        self._viewing = viewing
+        panel = gui.add_panel()
+        self._tabs: dict[str, _TabView] = {}
+        for title, tab in TABS.items():
+            with panel.add_tab(title):
+                self._tabs[title] = _TabView(gui, title, tab, viewing, turn)
+                lookers.add_field(gui)
+        panel.dock_left()
+        panel.expand()  # on a phone too
+        panel.set_width(400)
+        self._hindsight: Hindsight | None = None
+        self._recording: object = None
+        self._drawn: dict[str, object] = {}
+
+    def show(self, snapshot: Snapshot, shown: Shown, looked_at: Collection[str]) -> None:
+        """Draw the tabs that are looked at, unless they stand there already."""
+        setup = Setup.of(snapshot, self._viewing.coordinate, self._viewing.joint)
+        pinned = tuple((p.name, id(p.recording), p.start) for p in shown.pinned)
+        outlook = None if shown.outlook is None else (shown.outlook.number, len(shown.outlook.ahead))
+        drawn = (snapshot.run, snapshot.revision, shown.now, shown.window, setup, pinned, outlook)
+        stale = [title for title in self._tabs if title in looked_at and self._drawn.get(title) != drawn]
+        if not stale:
+            return
+        frame = self._frame(snapshot, shown)
+        if len(frame.rows["t"]) < 2:
+            return
+        for title in stale:
+            self._tabs[title].show(snapshot, setup, shown, frame)
+            self._drawn[title] = drawn
+
+    def _frame(self, snapshot: Snapshot, shown: Shown) -> Frame:
+        recording, outlook = snapshot.recording, shown.outlook
+        if self._hindsight is None or self._recording is not recording:
+            self._hindsight, self._recording = Hindsight(snapshot.system), recording
+        begin = shown.now - shown.window
+        grid = Grid.over(begin, shown.now, BUCKETS)
+        rows = recording.stretch(begin - LEAD, shown.now)
+        known = self._hindsight.recorded(rows, tuple(recording.epochs), grid.openings(rows["t"]))
+        pinned = [_laid(p, begin - LEAD, shown.now, recording.n) for p in shown.pinned]
+        if outlook is None:
+            return Frame(shown.now, shown.window, grid, known, pinned)
+        # a run that begins anew is another one: the arm of this one tells nothing of it
+        openings = np.arange(0, 0 if outlook.restarts else len(outlook.ahead), FORESEEN_EVERY)
+        foreseen = self._hindsight.foreseen(outlook.signals, outlook.epochs, openings)
+        return Frame(shown.now, shown.window, grid, known, pinned, outlook.ahead, foreseen)
+
+    def fit(self, page_height: int) -> None:
+        """Share the height of the page among the plots of a tab."""
+        for tab in self._tabs.values():
+            tab.fit(page_height)
+
+
+class _TabView:
+    """One tab: a row of choices, then its plots."""
+
+    def __init__(
+        self,
+        gui: viser.GuiApi,
+        title: str,
+        tab: Tab,
+        viewing: Viewing,
+        turn: AbstractContextManager[object],
+    ) -> None:
+        self._title, self._tab, self._viewing, self._turn = title, tab, viewing, turn
+        with gui.add_form(None):
+            self._window = gui.add_dropdown(
+                "window", tuple(WINDOWS), initial_value=WINDOW, hint="How far back to look."
+            )
+            self._choosers: dict[Chooser, viser.GuiDropdownHandle[str]] = {
+                chooser: gui.add_dropdown(chooser, (_NONE,), hint=f"Which {chooser} the plots below show.")
+                for chooser in tab.choosers
+            }
+        self._window.on_update(self._on_window)
+        for chooser in self._choosers.values():
+            chooser.on_update(self._on_choice)
+        self._note = gui.add_html(marker_html(title))
+        self._charts = [Chart(gui, plot) for plot in tab.plots]
+        self._page_height = 0
+
+    async def _on_window(self, event: viser.GuiEvent) -> None:
+        if event.client is not None:
+            self._viewing.window = WINDOWS[self._window.value]
+
+    async def _on_choice(self, event: viser.GuiEvent) -> None:
+        if event.client is not None:
+            for chooser, widget in self._choosers.items():
+                setattr(self._viewing, chooser, widget.options.index(widget.value))
+
+    def show(self, snapshot: Snapshot, setup: Setup, shown: Shown, frame: Frame) -> None:
+        with self._turn:
+            self._show_choices(setup)
+        ahead = 0.0 if shown.outlook is None else shown.horizon
+        self._note.content = marker_html(
+            self._title, shown.window, ahead, self._tab.note(snapshot) if self._tab.note else ""
+        )
+        for chart in self._charts:
+            chart.draw(setup, [p.name for p in shown.pinned], frame)
+        self._share()
+
+    def _show_choices(self, setup: Setup) -> None:
+        """As they are now: somebody may have chosen while the plots were being drawn."""
+        self._window.value = next(name for name, seconds in WINDOWS.items() if seconds == self._viewing.window)
+        for chooser, widget in self._choosers.items():
+            names, chosen = _choices(chooser, setup), getattr(self._viewing, chooser)
+            if widget.options != names:
+                widget.options = names
+            widget.value = names[chosen if chosen < len(names) else 0]
+
+    def fit(self, page_height: int) -> None:
+        self._page_height = page_height
+        self._share()
+
+    def _share(self) -> None:
+        rows = [chart.legend_rows for chart in self._charts if chart.legend_rows]
+        rest = self._page_height - ABOVE - (NOTE if self._tab.note else 0) - LEGEND * sum(rows) - AROUND * len(rows)
+        for chart in self._charts:
+            chart.set_height(min(max(rest // max(len(rows), 1), LEAST), MOST))
+
+
+def _choices(chooser: Chooser, setup: Setup) -> tuple[str, ...]:
+    """What there is to choose from."""
+    if chooser == "coordinate":
+        return tuple(symbol(coordinate.name) for coordinate in setup.coordinates)
+    return tuple(f"{i + 1}  {name}" for i, name in enumerate(setup.joints))
+
+
+class _Laid(Mapping[str, np.ndarray]):
+    """A pinned run's signals, its times those of the shown run."""
+
+    def __init__(self, signals: Signals, start: float) -> None:
+        self._signals, self._start = signals, start
+
+    def __getitem__(self, name: str) -> np.ndarray:
+        return self._signals[name] + self._start if name == "t" else self._signals[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._signals)
+
+    def __len__(self) -> int:
+        return len(self._signals)
+
+
+def _laid(pinned: Pinned, t_from: float, t_to: float, n: int) -> Signals | None:
+    """What a pinned run shows in a stretch of the shown one; None for an arm with another number of joints."""
+    if pinned.recording.n != n:
+        return None
+    return _Laid(pinned.recording.stretch(t_from - pinned.start, t_to - pinned.start), pinned.start)

@@ -1,0 +1,328 @@
+"""The table of plots: which tab shows which, and what each draws of a run's signals. A new plot is a row here."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from app.analysis.spectrum import variation_rate
+from app.dashboard.plots.charts import Area, Drawing, Line, Plot, Setup, Signals
+from app.dashboard.theme.colors import ACCENT, BOUND, DESIRED, MEASURED, PUSH, SERIES, Rgb
+from app.dashboard.widgets.equation import symbol
+from app.dashboard.widgets.premise_table import premises_html
+from app.scenario.units import JOINT
+from app.session.snapshot import Snapshot
+from app.simulation.system import Coordinate
+
+Values = Callable[[Signals], np.ndarray]
+Chooser = Literal["coordinate", "joint"]
+
+LEAD = 0.1  # s before the window, over which the total variation is taken
+
+
+@dataclass(frozen=True)
+class Tab:
+    """Plots from top to bottom; what can be chosen above them, and an HTML sentence there."""
+
+    plots: tuple[Plot, ...]
+    choosers: tuple[Chooser, ...] = ()
+    note: Callable[[Snapshot], str] | None = None
+
+
+def column(signal: str, index: int = 0, factor: float = 1.0) -> Values:
+    return lambda signals: factor * signals[signal].reshape(len(signals["t"]), -1)[:, index]
+
+
+def total(*signals: Values) -> Values:
+    return lambda rows: np.sum([values(rows) for values in signals], axis=0)
+
+
+def norm(signal: str) -> Values:
+    return lambda signals: np.linalg.norm(signals[signal].reshape(len(signals["t"]), -1), axis=1)
+
+
+def color(i: int) -> Rgb:
+    return SERIES[i % len(SERIES)]
+
+
+def stack(parts: Sequence[tuple[str, Values]]) -> tuple[list[Line], list[Area]]:
+    """Named parts of a sum as areas, positive ones upwards and negative ones downwards from zero."""
+    lines = [Line("", ACCENT, lambda signals: np.zeros(len(signals["t"])), width=0.0, listed=False)]
+    areas = []
+    for sign in (1.0, -1.0):
+        for i, (name, _) in enumerate(parts):
+            edge = _edge([values for _, values in parts[: i + 1]], sign)
+            lines.append(Line(name, color(i), edge, width=0.8, listed=sign > 0))
+            here, below = len(lines) - 1, len(lines) - 2 if i else 0
+            areas.append(Area(here, below, color(i)) if sign > 0 else Area(below, here, color(i)))
+    return lines, areas
+
+
+def _edge(parts: Sequence[Values], sign: float) -> Values:
+    return lambda signals: sign * np.sum([np.maximum(sign * values(signals), 0.0) for values in parts], axis=0)
+
+
+def _errors(setup: Setup) -> Drawing:
+    lines = [
+        Line(symbol(coordinate.name), color(i), column("e_r", i, 1e3), compared=True)
+        for i, coordinate in enumerate(setup.coordinates)
+    ]
+    return Drawing(f"tracking error  e_r  [{setup.units.error}]", lines, at_least=(-0.01, 0.01))
+
+
+def _positions(setup: Setup) -> Drawing | None:
+    lines = [
+        Line(symbol(coordinate.name), color(i), column("e_r", i, 1e3), compared=True)
+        for i, coordinate in enumerate(setup.coordinates)
+        if not coordinate.is_angle
+    ]
+    return Drawing("position error  e_r  [mm]", lines, at_least=(-0.01, 0.01)) if lines else None
+
+
+def _rotations(setup: Setup) -> Drawing | None:
+    lines = [
+        Line(_bare(coordinate), color(i), column("e_r", i, 1e3 / coordinate.per_radian), compared=True)
+        for i, coordinate in enumerate(setup.coordinates)
+        if coordinate.is_angle
+    ]
+    title = "joint error" if setup.units == JOINT else "rotation error  e_r / ℓ"
+    return Drawing(f"{title}  [mrad]", lines, at_least=(-0.01, 0.01)) if lines else None
+
+
+def _bare(coordinate: Coordinate) -> str:
+    """The coordinate's symbol, or that of the angle that it is ℓ times."""
+    return symbol(coordinate.name.removeprefix("ℓ·"))
+
+
+def _followed(setup: Setup) -> Drawing:
+    i, coordinate = setup.coordinate, setup.coordinates[setup.coordinate]
+    factor, unit = 1e3 / coordinate.per_radian, "mrad" if coordinate.is_angle else "mm"
+    lines = [
+        Line("desired", DESIRED, column("r_d", i, factor), dashed=True, width=2.0),
+        Line("actual", MEASURED, column("r", i, factor), compared=True),
+    ]
+    return Drawing(f"{_bare(coordinate)}  against what is desired  [{unit}]", lines)
+
+
+def _force(setup: Setup) -> Drawing:
+    if not setup.normal:
+        return _force_axes(setup)
+    lines = [
+        Line("desired normal", DESIRED, column("F_cd"), dashed=True, width=2.0),
+        Line("measured normal", MEASURED, column("F_c"), compared=True),
+        Line("push", PUSH, norm("F_push")),
+    ]
+    return Drawing("force on the environment  [N]", lines, at_least=(0.0, 1.0))
+
+
+def _force_axes(_: Setup) -> Drawing:
+    lines = [Line(f"F {axis}", color(i), column("F", i), compared=True) for i, axis in enumerate("xyz")]
+    lines.append(Line("push", PUSH, norm("F_push")))
+    return Drawing("force on the environment  [N]", lines, at_least=(0.0, 1.0))
+
+
+def _normal_force(setup: Setup) -> Drawing | None:
+    if not (setup.normal or setup.touching):
+        return None
+    steady = Line("steady state predicted", ACCENT, column("steady_force"), dashed=True, width=2.0)
+    if not setup.normal:
+        lines = [steady, Line("really there", MEASURED, column("multiplier"), compared=True)]
+    else:
+        lines = [
+            _force(setup).lines[0],
+            steady,
+            Line("measured", MEASURED, column("F_c"), compared=True),
+        ]
+    return Drawing("normal force  [N]", lines, at_least=(0.0, 1.0))
+
+
+def _force_error(setup: Setup) -> Drawing | None:
+    if not setup.normal:
+        return None
+    desired = column("F_cd")
+    lines = [
+        Line("predicted (37)", ACCENT, lambda s: s["steady_force"] - desired(s), dashed=True, width=2.0),
+        Line("measured − desired", MEASURED, lambda s: column("F_c")(s) - desired(s), compared=True),
+        Line("real − desired", color(2), lambda s: s["multiplier"] - desired(s)),
+    ]
+    return Drawing("normal force error  [N]", lines, at_least=(-0.01, 0.01))
+
+
+def _sliding(setup: Setup) -> Drawing:
+    lines = [
+        Line("bound (20) + band", BOUND, total(column("s_bound", 0, 1e3), column("s_band", 0, 1e3)), True, 2.0),
+        Line("‖s‖", color(0), column("s_norm", 0, 1e3), compared=True),
+    ]
+    return Drawing(f"sliding variable  ‖s‖  [{setup.units.rate}]", lines, floor=1e-2)
+
+
+def _phases() -> list[Line]:
+    """Reaching and sliding shaded, and when s was to be and was reached."""
+
+    def spike(signal: str) -> Values:
+        return lambda signals: 4.0 * signals[signal] - 1.0
+
+    return [
+        Line("reaching", MEASURED, column("reaching"), width=0.0, alpha=0.16, backdrop=True),
+        Line("sliding", DESIRED, lambda s: 1.0 - s["reaching"], width=0.0, alpha=0.07, backdrop=True),
+        Line("t_r ≤ (18)", BOUND, spike("promised"), width=1.0, alpha=0.9, backdrop=True),
+        Line("t_r", DESIRED, spike("measured"), width=1.0, alpha=0.9, backdrop=True),
+    ]
+
+
+def _reaching(setup: Setup) -> Drawing:
+    bound, band = column("s_bound", 0, 1e3), column("s_band", 0, 1e3)
+    lines = [
+        *_phases(),
+        Line("(20)", DESIRED, bound, width=2.0),
+        Line("(20) + band", BOUND, total(bound, band), dashed=True, width=1.4),
+        Line("‖s‖", color(0), column("s_norm", 0, 1e3), compared=True),
+    ]
+    return Drawing(f"sliding variable  ‖s‖  [{setup.units.rate}]", lines, floor=0.1)
+
+
+def _lyapunov(_: Setup) -> Drawing:
+    lines = [
+        Line("(24)", BOUND, column("V_bound", 0, 1e3), width=2.0),
+        Line("(24) + sampling", BOUND, column("V_limit", 0, 1e3), dashed=True, width=1.4),
+        Line("V", color(0), column("V", 0, 1e3)),
+    ]
+    return Drawing("Lyapunov function  V = ½ sᵀH s  [mJ]", lines, floor=1e-3)
+
+
+def _components(setup: Setup) -> Drawing:
+    lines = [
+        Line(symbol(coordinate.name), color(i), column("s", i, 1e3)) for i, coordinate in enumerate(setup.coordinates)
+    ]
+    return Drawing(f"s  [{setup.units.rate}]", lines, at_least=(-0.1, 0.1))
+
+
+def _gain(setup: Setup) -> Drawing:
+    lines = [
+        Line("needed (17)", BOUND, column("d_required"), dashed=True, width=2.0),
+        Line("d", DESIRED, column("d")),
+    ]
+    return Drawing(f"gain  d  against what (17) needs  [{setup.units.force}]", lines, at_least=(0.0, 1.0))
+
+
+CAUSES = ("inertia", "Coriolis", "gravity", "moving task", "disturbance", "ε")  # of `needed`
+TERMS = ("inertia", "coriolis", "gravity", "force", "linear", "switching")  # of tau
+
+
+def needed_stack() -> tuple[list[Line], list[Area]]:
+    """What (17) needs, cause by cause."""
+    lines, areas = stack([(name, column("needed", i)) for i, name in enumerate(CAUSES)])
+    upwards = len(CAUSES)  # none is negative
+    return lines[: 1 + upwards], areas[:upwards]
+
+
+def _guarantee(setup: Setup) -> Drawing:
+    lines, areas = needed_stack()
+    lines += [
+        Line("d", DESIRED, column("d"), width=2.4),
+        Line("real perturbation", ACCENT, column("perturbation"), width=2.0),
+    ]
+    return Drawing(f"d  over what (17) needs for each cause  [{setup.units.force}]", lines, areas, at_least=(0.0, 1.0))
+
+
+def _perturbation(setup: Setup) -> Drawing:
+    parts = (("inertia", 0), ("coriolis", 1), ("gravity", 2), ("disturbance", 4))
+    lines = [Line(CAUSES[i], color(i), column(name)) for name, i in parts]
+    lines.append(Line("together", ACCENT, column("perturbation"), width=2.0))
+    return Drawing(f"real perturbation, cause by cause  [{setup.units.force}]", lines, at_least=(0.0, 1.0))
+
+
+def _margins(setup: Setup) -> Drawing:
+    d, needed, real = column("d"), column("d_required"), column("perturbation")
+    lines = [
+        Line("d − needed (17)", BOUND, lambda s: d(s) - needed(s), dashed=True, width=2.0),
+        Line("d − real perturbation", DESIRED, lambda s: d(s) - real(s)),
+    ]
+    return Drawing(f"margin: below zero nothing is promised  [{setup.units.force}]", lines, at_least=(0.0, 1.0))
+
+
+def _torques(setup: Setup) -> Drawing:
+    lines = [Line(f"τ{symbol(f'_{i + 1}')}", color(i), column("tau", i)) for i in range(len(setup.joints))]
+    return Drawing("joint torque  τ  [N·m]", lines)
+
+
+def torque_stack(joint: int) -> tuple[list[Line], list[Area]]:
+    """The terms of (25) of one joint, counted from 0."""
+    names = {"force": "Jᵀ F", "linear": "K_s s", "switching": "switching", "coriolis": "Coriolis"}
+    return stack([(names.get(term, term), column(f"tau_{term}", joint)) for term in TERMS])
+
+
+def _terms(setup: Setup) -> Drawing:
+    lines, areas = torque_stack(setup.joint)
+    lines.append(Line("τ", ACCENT, column("tau", setup.joint), width=2.0))
+    return Drawing(f"terms of  τ{symbol(f'_{setup.joint + 1}')}  (25)  [N·m]", lines, areas)
+
+
+def _robust_terms(setup: Setup) -> Drawing:
+    lines = [
+        Line("−J_qᵀ K_s s", color(4), column("tau_linear", setup.joint)),
+        Line("−J_qᵀ d σ(s)", color(5), column("tau_switching", setup.joint)),
+    ]
+    return Drawing(f"robust terms of  τ{symbol(f'_{setup.joint + 1}')}  [N·m]", lines, at_least=(-0.1, 0.1))
+
+
+def _spectrum(setup: Setup) -> Drawing:
+    return Drawing("amplitude spectrum of  τ  [N·m]", _torques(setup).lines, floor=1e-3)
+
+
+def _variation(setup: Setup) -> Drawing:
+    def rate(joint: int) -> Values:
+        tau = column("tau", joint)
+        return lambda signals: variation_rate(signals["t"], tau(signals), LEAD)
+
+    lines = [
+        Line(f"τ{symbol(f'_{i + 1}')}", color(i), rate(i), foreseen=False, compared=False)
+        for i in range(len(setup.joints))
+    ]
+    return Drawing("total variation of  τ  per second  [N·m/s]", lines, floor=1e-2)
+
+
+def _residuals(setup: Setup) -> Drawing:
+    lines = [
+        Line(symbol(coordinate.name), color(i), column("residual", i)) for i, coordinate in enumerate(setup.coordinates)
+    ]
+    return Drawing(f"residual of the target model (8)  [{setup.units.force}]", lines, at_least=(-0.01, 0.01))
+
+
+def _residual(setup: Setup) -> Drawing:
+    lines = [*_phases()[:2], Line("‖left − right side of (8)‖", color(0), norm("residual"))]
+    return Drawing(f"norm of the residual  [{setup.units.force}]", lines, floor=1e-3)
+
+
+def _reaching_note(snapshot: Snapshot) -> str:
+    epoch = snapshot.state.epoch
+    if snapshot.scenario.controller.law != "vsmrc":
+        return "s means nothing under this law: it has no bound and nothing to reach"
+    if epoch.certificate.t_r < snapshot.scenario.controller.period:
+        return f"s(0) = 0: nothing to reach (Remark 2), from t = {epoch.t:.2f} s on"
+    stages = [("band", epoch.banded, epoch.banded_by)]
+    if snapshot.scenario.controller.switching != "discontinuous":
+        stages.append(("layer", epoch.reached, epoch.reached_by))
+
+    def told(name: str, measured: float | None, promised: float | None) -> str:
+        after = "not yet" if measured is None else f"<b>{measured - epoch.t:.3g} s</b>"
+        by = "not promised" if promised is None else f"promised ≤ <b>{promised - epoch.t:.3g} s</b>"
+        return f"{name} reached after {after} ({by})"
+
+    stated = "; ".join(told(*stage) for stage in stages)
+    return f"{stated}; s = 0 by (18) ≤ {epoch.certificate.t_r:.3g} s; from t = {epoch.t:.2f} s on"
+
+
+TABS: dict[str, Tab] = {
+    "Overview": Tab((Plot(_errors), Plot(_force), Plot(_sliding), Plot(_gain))),
+    "Tracking": Tab((Plot(_positions), Plot(_rotations), Plot(_followed)), ("coordinate",)),
+    "Force": Tab((Plot(_normal_force), Plot(_force_error), Plot(_force_axes))),
+    "Sliding": Tab((Plot(_reaching), Plot(_lyapunov), Plot(_components)), note=_reaching_note),
+    "Guarantee": Tab((Plot(_guarantee), Plot(_perturbation), Plot(_margins)), note=premises_html),
+    "Torque": Tab((Plot(_torques), Plot(_terms), Plot(_robust_terms)), ("joint",)),
+    "Chattering": Tab((Plot(_spectrum, spectral=True), Plot(_variation))),
+    "Residual": Tab((Plot(_residuals), Plot(_residual))),
+}

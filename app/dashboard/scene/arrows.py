@@ -1,0 +1,102 @@
+"""Forces as arrows to scale, and the directions of the task coordinates at the tool."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import viser
+
+from app.dashboard.scene.view_options import rounded_up
+from app.dashboard.theme.colors import SERIES, Rgb
+from environments.surfaces import Surface
+
+UNIT = 0.1  # m: the length that the scale is said for
+LONGEST, SHORTEST = 0.22, 0.06  # m: a scale is kept while the longest arrow lies between
+LEAST_SCALE = 1.0  # N per UNIT
+LEAST_FORCE = 0.2  # N: below this no arrow
+FRAME = 0.09  # m
+
+
+class ForceScale:
+    """N per `UNIT` of arrow, in round numbers that change only when arrows become too long or too short."""
+
+    def __init__(self) -> None:
+        self.newtons = 10.0
+
+    def fit(self, forces: Sequence[np.ndarray], wanted: float | None) -> float:
+        """The scale for forces (3,) N; a wanted one is taken as it is."""
+        sizes = [float(np.linalg.norm(force)) for force in forces]
+        largest = max((size for size in sizes if np.isfinite(size)), default=0.0)
+        length = UNIT * largest / self.newtons
+        if wanted is not None:
+            self.newtons = wanted
+        elif length > LONGEST or (length < SHORTEST and largest > LEAST_FORCE):
+            self.newtons = rounded_up(largest * UNIT / LONGEST, LEAST_SCALE)
+        return self.newtons
+
+
+class ForceArrow:
+    """An arrow from a point along a force, to scale; none for a force near zero."""
+
+    def __init__(self, scene: viser.SceneApi, name: str, color: Rgb) -> None:
+        self._arrow = scene.add_arrows(
+            name,
+            np.array([[[0.0, 0.0, 0.0], [0.0, 0.0, 0.1]]]),
+            color,
+            shaft_radius=0.008,
+            head_radius=0.02,
+            head_length=0.04,
+            visible=False,
+        )
+
+    def show(self, start: np.ndarray, force: np.ndarray, newtons: float) -> None:
+        """force (3,) N from start (3,) m, `newtons` N per `UNIT`."""
+        visible = bool(LEAST_FORCE < np.linalg.norm(force) < np.inf)
+        if visible:
+            self._arrow.points = np.stack([start, start + UNIT / newtons * force])[None].astype(np.float32)
+        self._arrow.visible = visible
+
+    def hide(self) -> None:
+        self._arrow.visible = False
+
+
+def task_directions(charted: Surface, p: np.ndarray, t: float) -> np.ndarray:
+    """Unit rows (3, 3): the normal, and the directions in which the point p (3,) m goes along psi_1 and psi_2 alone;
+    along the axes where coordinates are Cartesian. Not finite where the coordinates are singular."""
+    G = charted.chart(p, t).G
+    with np.errstate(divide="ignore", invalid="ignore"):
+        along = np.array([np.cross(G[2], G[0]), np.cross(G[0], G[1])])  # the other columns of G^-1 but for a factor
+        rows = np.stack([G[0], *along * np.sign(np.linalg.det(G))])
+        return rows / np.linalg.norm(rows, axis=1, keepdims=True)
+
+
+class TaskFrame:
+    """The task's directions as thin arrows in the colours that their coordinates have in the plots."""
+
+    def __init__(self, scene: viser.SceneApi, name: str) -> None:
+        self._arrows = scene.add_arrows(
+            name,
+            np.stack([np.zeros((3, 3)), FRAME * np.eye(3)], axis=1),
+            np.array(SERIES[:3]),
+            shaft_radius=0.0025,
+            head_radius=0.007,
+            head_length=0.018,
+            visible=False,
+        )
+        self._positions = 3
+
+    def show(self, charted: Surface, positions: int, p: np.ndarray, t: float) -> None:
+        """At the point p (3,) m; only the first directions, as many as there are positions among the coordinates."""
+        drawn = np.minimum(np.arange(3), positions - 1)  # the last one again: their number on the page stays the same
+        if positions != self._positions:
+            self._positions = positions
+            self._arrows.colors = np.array(SERIES, dtype=np.uint8)[drawn]
+        directions = task_directions(charted, p, t)[drawn]
+        visible = bool(np.isfinite(directions).all())
+        if visible:
+            self._arrows.points = np.stack([np.tile(p, (3, 1)), p + FRAME * directions], axis=1).astype(np.float32)
+        self._arrows.visible = visible
+
+    def hide(self) -> None:
+        self._arrows.visible = False

@@ -1,0 +1,170 @@
+"""The arm from its own meshes: one mesh per (joint, colour), moved by Pinocchio's joint placements."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import cast
+
+import numpy as np
+import pinocchio as pin
+import structlog
+import trimesh
+import viser
+
+from app.dashboard.scene.view_options import FINE
+from app.dashboard.theme.colors import Rgb
+from app.storage.link_meshes import LinkMesh, link_meshes
+from environments.robots import Robot
+
+log = structlog.get_logger()
+
+_PLAIN: Rgb = (196, 200, 206)
+_JOINT: Rgb = (86, 120, 170)
+_BONE = 0.03  # radius over the arm's length
+
+
+@dataclass(frozen=True)
+class Part:
+    """The triangles of one colour that move with one joint, in that joint's frame."""
+
+    joint: int
+    color: Rgb
+    vertices: np.ndarray
+    faces: np.ndarray
+
+
+def parts(robot: Robot, meshes: tuple[LinkMesh, ...], cell: float) -> list[Part]:
+    """These visuals of the URDF, grouped, without detail finer than `cell` m; links without a frame in the reduced
+    model are left out. What moves with a joint and has no visual among them is drawn as a bone from this joint to the
+    next."""
+    groups = _visuals(robot, meshes)
+    bare = set(range(robot.model.njoints)) - {joint for joint, _ in groups}
+    return [Part(joint, color, *_lightened(meshes, cell)) for (joint, color), meshes in groups.items()] + [
+        part for joint in sorted(bare) for part in _bone(robot, joint)
+    ]
+
+
+def _visuals(robot: Robot, meshes: tuple[LinkMesh, ...]) -> dict[tuple[int, Rgb], list[trimesh.Trimesh]]:
+    groups: defaultdict[tuple[int, Rgb], list[trimesh.Trimesh]] = defaultdict(list)
+    for mesh in meshes:
+        frame_id = robot.model.getFrameId(mesh.link, pin.FrameType.BODY)
+        if frame_id < robot.model.nframes:
+            frame = robot.model.frames[frame_id]
+            shape = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False)
+            groups[frame.parentJoint, mesh.color or _PLAIN].append(shape.apply_transform(frame.placement.homogeneous))
+    return groups
+
+
+def _bone(robot: Robot, joint: int) -> Iterator[Part]:
+    """From a joint to the next one, or to the tool point."""
+    reach = sum(float(np.linalg.norm(T.translation)) for T in robot.model.jointPlacements)
+    radius = float(np.clip(_BONE * reach, 0.005, 0.06))
+    last = joint + 1 == robot.model.njoints
+    end = (robot.tool_placement if last else robot.model.jointPlacements[joint + 1]).translation
+    if np.linalg.norm(end) > 2 * radius:
+        shaft = trimesh.creation.cylinder(radius, segment=np.array([np.zeros(3), end]))
+        yield Part(joint, _PLAIN, shaft.vertices.astype(np.float32), shaft.faces.astype(np.uint32))
+    ball = trimesh.creation.icosphere(2, 1.4 * radius)
+    yield Part(joint, _JOINT, ball.vertices.astype(np.float32), ball.faces.astype(np.uint32))
+
+
+def _lightened(meshes: list[trimesh.Trimesh], cell: float) -> tuple[np.ndarray, np.ndarray]:
+    """One mesh whose vertices are merged within a cell: at `look.FINE` about a third of the triangles, hardly a visible
+    difference."""
+    merged = cast(trimesh.Trimesh, trimesh.util.concatenate(meshes))
+    cells = np.round(merged.vertices / cell).astype(np.int64)
+    # Sharp edges stay sharp: only vertices that look the same way are merged.
+    sides = np.round(merged.vertex_normals).astype(np.int64)
+    _, first, index = np.unique(np.hstack([cells, sides]), axis=0, return_index=True, return_inverse=True)
+    faces = index.reshape(-1)[merged.faces]
+    whole = (faces[:, 0] != faces[:, 1]) & (faces[:, 1] != faces[:, 2]) & (faces[:, 2] != faces[:, 0])
+    return merged.vertices[first].astype(np.float32), faces[whole].astype(np.uint32)
+
+
+@dataclass(frozen=True)
+class Paint:
+    """One colour for a whole arm, how opaque it is, 0 to 1, and how much thicker than the arm, m: two arms in one place
+    would flicker."""
+
+    color: Rgb
+    opacity: float
+    coat: float
+
+
+class RobotView:
+    """Draws one arm below the scene node `root`, without detail finer than `cell` m; painted, or in its own colours.
+
+    Bones stand for meshes that are still being read.
+    """
+
+    def __init__(
+        self, scene: viser.SceneApi, robot: Robot, root: str, cell: float = FINE, paint: Paint | None = None
+    ) -> None:
+        self._scene, self._robot, self._cell, self._paint = scene, robot, cell, paint
+        self._model = robot.model
+        self._data = robot.model.createData()
+        self._root = scene.add_frame(root, show_axes=False)
+        self._paths = list(_paths(robot.model, root))
+        self._frames = [scene.add_frame(path, show_axes=False) for path in self._paths[1:]]
+        self._meshes = link_meshes(robot)
+        self._complete = self._meshes.done()
+        self._shapes = self._shaped()
+
+    def show(self, q: np.ndarray) -> None:
+        """Move the joints to q (n,)."""
+        if not self._complete and self._meshes.done():
+            self._complete = True
+            bones, self._shapes = self._shapes, self._shaped()
+            for bone in bones:
+                bone.remove()
+        pin.forwardKinematics(self._model, self._data, np.asarray(q, dtype=float))
+        for joint, frame in enumerate(self._frames, start=1):
+            T_parent_joint = self._data.liMi[joint]
+            frame.wxyz = _wxyz(T_parent_joint.rotation)
+            frame.position = T_parent_joint.translation
+
+    def _shaped(self) -> list[viser.MeshHandle]:
+        """The arm's parts in the scene, as far as they are known."""
+        meshes = self._meshes.result() if self._complete else ()
+        paint, kind = self._paint, "mesh" if self._complete else "bone"
+        return [
+            self._scene.add_mesh_simple(
+                f"{self._paths[part.joint]}/{kind}_{number}",
+                part.vertices if paint is None else _coated(part, paint.coat),
+                part.faces,
+                color=part.color if paint is None else paint.color,
+                opacity=None if paint is None else paint.opacity,
+                side="double",
+                cast_shadow=False,
+                receive_shadow=False,
+            )
+            for number, part in enumerate(parts(self._robot, meshes, self._cell))
+        ]
+
+    def set_visible(self, visible: bool) -> None:
+        self._root.visible = visible
+
+    def remove(self) -> None:
+        self._root.remove()
+
+
+def _coated(part: Part, coat: float) -> np.ndarray:
+    """The vertices of a part that is `coat` m thicker on every side."""
+    mesh = trimesh.Trimesh(part.vertices, part.faces, process=False)
+    return (part.vertices + coat * mesh.vertex_normals).astype(np.float32)
+
+
+def _paths(model: pin.Model, root: str) -> Iterator[str]:
+    """The scene node of every joint, below that of its parent."""
+    known = [root]
+    yield root
+    for joint in range(1, model.njoints):
+        known.append(f"{known[model.parents[joint]]}/{joint}")
+        yield known[-1]
+
+
+def _wxyz(rotation: np.ndarray) -> np.ndarray:
+    x, y, z, w = pin.Quaternion(rotation).coeffs()
+    return np.array([w, x, y, z])

@@ -1,0 +1,108 @@
+"""A film of the 3-D view as an HTML page that needs no server: viser's own player and the messages of every frame."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+from collections.abc import Iterator
+from dataclasses import replace
+from html import escape
+
+import numpy as np
+import viser
+from viser.infra import StateSerializer
+
+from app.access.admission import Names
+from app.dashboard.scene.view import SceneView
+from app.dashboard.scene.view_options import Look
+from app.dashboard.transport.handshake import behind_doors
+from app.dashboard.transport.message_filter import Gate
+from app.export.playback_frames import FRAMES_PER_SECOND, Film
+from app.process.redaction import new_secret
+from app.session.snapshot import Snapshot, snapshot_of
+from app.simulation.closed_loop import ClosedLoop
+from app.simulation.system import System
+from app.storage.link_meshes import link_meshes
+from app.storage.recording_files import Tell, TooLarge
+
+PATHS_EVERY = 3  # frames, as on the page
+
+
+def standalone_html(film: Film, limit: float, tell: Tell) -> str:
+    """The page, at most `limit` bytes. Raises ValueError for a film without a frame, and TooLarge.
+
+    It runs a viser server of its own at a free port of this machine while it works.
+    """
+    if not len(film):
+        raise ValueError("playback: nothing recorded there")
+    html = _html(film, len(film), tell)
+    if (size := len(html)) > limit:
+        raise TooLarge(_too_large(film, size, limit))
+    return html
+
+
+def _too_large(film: Film, size: float, limit: float) -> str:
+    seconds = len(film) / FRAMES_PER_SECOND
+    still = len(_html(film, 1, lambda _: None))
+    said = f"{seconds:.3g} s of playback make {size / 1e6:.3g} MB; allowed: {limit / 1e6:.3g} MB"
+    if still > limit:
+        return f"{said}, and the scene alone takes {still / 1e6:.3g} MB"
+    return f"{said}, which is about {seconds * (limit - still) / (size - still):.3g} s"
+
+
+def _html(film: Film, count: int, tell: Tell) -> str:
+    """The page with the first `count` frames."""
+    times = film.signals["t"][:count]
+    pauses = [*np.diff(times), 1.0 / FRAMES_PER_SECOND]
+    with _server() as server:
+        scene, look = SceneView(server), Look()
+        recorder: StateSerializer | None = None
+        for number, (snapshot, pause) in enumerate(zip(snapshots(film), pauses, strict=False)):
+            if recorder is None:
+                link_meshes(snapshot.robot).result()  # the film shows the whole arm from its first frame on
+            scene.show(snapshot, look)
+            if number % PATHS_EVERY == 0:
+                scene.draw_paths(look)
+            if recorder is None:  # begins with the scene of the first frame
+                recorder = server.get_scene_serializer()
+            recorder.insert_sleep(float(pause))
+            tell(0.9 * (number + 1) / count)
+        assert recorder is not None
+        title = escape(film.scenario.title or film.scenario.name)
+        return recorder.as_html(dark_mode=True).replace("<title>Viser</title>", f"<title>{title}</title>")
+
+
+@contextlib.contextmanager
+def _server() -> Iterator[viser.ViserServer]:
+    with contextlib.redirect_stdout(io.StringIO()):  # it says its address, which is nobody's business here
+        with behind_doors(Names(), new_secret()):  # nobody is let in
+            server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
+        Gate(server)
+        try:
+            yield server
+        finally:
+            server.stop()
+
+
+def snapshots(film: Film) -> Iterator[Snapshot]:
+    """What the page showed at each frame, as far as the 3-D view shows it."""
+    loop = ClosedLoop(film.scenario, history=1)
+    system, start = loop.system, snapshot_of(loop)
+    for number in range(len(film)):
+        yield _at(start, system, {name: values[number] for name, values in film.signals.items()})
+
+
+def _at(start: Snapshot, system: System, row: dict[str, np.ndarray]) -> Snapshot:
+    t = float(row["t"])
+    _, task = system.observe(row["q"], row["q_dot"], t)
+    reference = system.reference(t)._replace(r_d=row["r_d"])
+    return replace(
+        start,
+        t=t,
+        q=row["q"],
+        tool=row["tool"],
+        tool_desired=None if system.layout.joint else system.tool_at(reference, t),
+        force=row["F_true"],
+        force_desired=task.normal * row["F_cd"][0] if system.m else np.zeros(3),
+        surface_offset=system.surface.motion.offset(t),
+    )

@@ -1,0 +1,143 @@
+"""The handle on the tool: the mouse pushes the tool by a spring, or moves the target, which happens when let go."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import viser
+
+from app.dashboard.scene.arrows import UNIT, ForceArrow
+from app.dashboard.theme.colors import ACCENT, DESIRED, PUSH
+from app.dashboard.transport.callback_errors import guarded
+from app.dashboard.widgets.controls import Desk
+from app.session.commands import Edit, Push
+from app.session.snapshot import Snapshot
+from controllers.modes import MODES
+from environments.push import Grip
+
+RADIUS = 0.045  # m
+RESOLUTION = 4  # decimals of the shift, m
+
+
+@dataclass(frozen=True)
+class _Held:
+    """A drag under way. A push: what to add to the pointer for the anchor, (3,) m. A moved target: its coordinates
+    g (3,) m under the pointer at the beginning, and how far the pointer has taken them, (3,) m."""
+
+    client: int
+    drag: str
+    offset: np.ndarray
+    moved: np.ndarray
+
+
+def shift_coordinates(snapshot: Snapshot) -> slice:
+    """Which of the coordinates (phi, psi_1, psi_2), or x, y, z, a shift moves."""
+    return slice(MODES[snapshot.scenario.mode].m(), snapshot.system.layout.positions)
+
+
+def shifted(snapshot: Snapshot, moved: np.ndarray) -> Edit:
+    """The command that moves the desired path on by these coordinates (3,) m."""
+    free = shift_coordinates(snapshot)
+    by = np.zeros(free.stop - free.start)
+    given = snapshot.scenario.shift.by
+    by[: len(given)] = given
+    return Edit("shift.by", np.round(by + moved[free], RESOLUTION).tolist())
+
+
+class Hand:
+    """What the mouse does on the tool, and how a push is drawn, by whoever pushes. viser ends the drag of a page that
+    closes: it lets go of the tool, and leaves the target where it was."""
+
+    def __init__(self, scene: viser.SceneApi, desk: Desk, connected: Callable[[int], bool]) -> None:
+        self._desk, self._connected = desk, connected
+        self._held: _Held | None = None
+        # not hidden when idle: it is what there is to take hold of
+        self._handle = scene.add_icosphere(
+            "/hand/handle", RADIUS, ACCENT, subdivisions=2, opacity=0.4, cast_shadow=False, receive_shadow=False
+        )
+        self._target = scene.add_icosphere(
+            "/hand/target",
+            RADIUS,
+            DESIRED,
+            subdivisions=2,
+            opacity=0.55,
+            cast_shadow=False,
+            receive_shadow=False,
+            visible=False,
+        )
+        self._spring = scene.add_line_segments(
+            "/hand/spring", np.zeros((1, 2, 3)), PUSH, thickness=3.0, thickness_units="screen", visible=False
+        )
+        self._arrow = ForceArrow(scene, "/hand/force", PUSH)
+        self._label = scene.add_label("/hand/newtons", "", visible=False, anchor="bottom-center")
+        self._handle.on_drag("left")(guarded(self._on_drag, desk.complain))
+        self._handle.on_drag("left", modifier="shift")(guarded(self._on_shift_drag, desk.complain))
+
+    async def _on_drag(self, event: viser.SceneNodeDragEvent) -> None:
+        self._drag(event, self._desk.viewing.look.drag)
+
+    async def _on_shift_drag(self, event: viser.SceneNodeDragEvent) -> None:
+        self._drag(event, "target" if self._desk.viewing.look.drag == "push" else "push")
+
+    def _drag(self, event: viser.SceneNodeDragEvent, drag: str) -> None:
+        snapshot, pointer = self._desk.snapshot(), np.array(event.end_position)
+        if event.phase == "start":
+            self._held = self._taken(snapshot, event, drag)
+        held = self._held
+        if held is None or held.client != event.client_id:
+            return
+        if event.phase == "end":
+            self._held = None
+            self._let_go(snapshot, held)
+        elif held.drag == "push":
+            look = self._desk.viewing.look
+            x, y, z = (float(c) for c in pointer + held.offset)
+            self._desk.post(Push(Grip((x, y, z), look.stiffness, look.limit)))
+        else:
+            moved = snapshot.system.charted.chart(pointer, snapshot.t).g - held.offset
+            self._held = _Held(held.client, held.drag, held.offset, moved)
+
+    def _taken(self, snapshot: Snapshot, event: viser.SceneNodeDragEvent, drag: str) -> _Held | None:
+        grab, nowhere = np.array(event.start_position), np.zeros(3)
+        if drag == "push":
+            return _Held(event.client_id, drag, snapshot.tool - grab, nowhere)
+        if snapshot.tool_desired is None:
+            self._desk.complain("target: cannot be dragged in joint space; allowed: Cartesian task spaces")
+            return None
+        return _Held(event.client_id, drag, snapshot.system.charted.chart(grab, snapshot.t).g, nowhere)
+
+    def _let_go(self, snapshot: Snapshot, held: _Held) -> None:
+        if held.drag == "push":
+            self._desk.post(Push(None))
+            return
+        moved = np.abs(held.moved[shift_coordinates(snapshot)]).max() >= 10.0**-RESOLUTION
+        if moved and self._connected(held.client):
+            self._desk.post(shifted(snapshot, held.moved))
+
+    def show(self, snapshot: Snapshot, newtons: float) -> None:
+        """The handle at the tool, and what holds it. newtons: per `UNIT` of arrow."""
+        tool, push = snapshot.tool, snapshot.push
+        self._handle.position = tool
+        self._arrow.show(tool, push, newtons)
+        grip = snapshot.state.grip
+        if grip is not None:
+            self._spring.points = np.array([[tool, grip.anchor]], dtype=np.float32)
+        self._spring.visible = grip is not None
+        size = float(np.linalg.norm(push))
+        if size > 0.0:
+            self._label.text = f"{size:.1f} N"
+            self._label.position = tool + UNIT / newtons * push
+        self._label.visible = size > 0.0
+        self._show_target(snapshot)
+
+    def _show_target(self, snapshot: Snapshot) -> None:
+        """Where the desired point of now would be with the drag's shift."""
+        held, desired = self._held, snapshot.tool_desired
+        dragged = held is not None and held.drag == "target" and desired is not None
+        if held is not None and desired is not None and dragged:
+            g, free = snapshot.system.charted.chart(desired, snapshot.t).g, shift_coordinates(snapshot)
+            g[free] += held.moved[free]
+            self._target.position = snapshot.system.charted.point(g, snapshot.t)
+        self._target.visible = dragged

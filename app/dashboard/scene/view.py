@@ -1,0 +1,148 @@
+"""The 3-D scene: arm, ghost, surface, paths and forces of the newest snapshot."""
+
+from __future__ import annotations
+
+import numpy as np
+import viser
+
+from app.analysis.ideal_response import Ghost, Shade
+from app.dashboard.scene.arrows import ForceArrow, ForceScale, TaskFrame
+from app.dashboard.scene.camera import look as look_from
+from app.dashboard.scene.camera import viewpoint
+from app.dashboard.scene.pinned_arms import PinnedArms
+from app.dashboard.scene.robot_view import Paint, RobotView
+from app.dashboard.scene.surface_view import SurfaceView
+from app.dashboard.scene.trails import Trail
+from app.dashboard.scene.view_options import Legend, Look
+from app.dashboard.theme.colors import DESIRED, GHOST, GRID, GRID_SECTION, MEASURED, TOOL_PATH, Theme
+from app.session.snapshot import Snapshot
+
+_ASIDE = np.array([0.0, 0.03, 0.0])  # m: keeps the desired force apart from the measured one
+_GHOST_CELL = 0.01  # m: the translucent arm needs no more detail
+_GHOST_PAINT = Paint(GHOST, opacity=0.3, coat=0.003)
+
+
+class SceneView:
+    """Everything in the 3-D view; `show` moves it, and rebuilds only what another scenario or look changes."""
+
+    def __init__(self, server: viser.ViserServer) -> None:
+        self._server = server
+        scene = server.scene
+        scene.configure_default_lights(enabled=True, cast_shadow=False)
+        scene.configure_environment_map(None)
+        scene.world_axes.visible = False
+        scene.add_light_hemisphere("/light", sky_color=(255, 255, 255), ground_color=(150, 150, 160), intensity=1.2)
+        self._grid = scene.add_grid(
+            "/grid",
+            width=4.0,
+            height=4.0,
+            cell_size=0.1,
+            section_size=0.5,
+            cell_color=GRID["dark"],
+            section_color=GRID_SECTION["dark"],
+            shadow_opacity=0.0,
+        )
+        self._desired_path = Trail(scene, "/path/desired", DESIRED, thickness=2.0)
+        self._tool_path = Trail(scene, "/path/tool", TOOL_PATH, thickness=5.0)
+        self._measured = ForceArrow(scene, "/force/measured", MEASURED)
+        self._desired = ForceArrow(scene, "/force/desired", DESIRED)
+        self._scale = ForceScale()
+        self._frame = TaskFrame(scene, "/frame")
+        self._ghost = Ghost()
+        self._arms = 0
+        self._robot_view: RobotView | None = None
+        self._robot_key: object = None
+        self._ghost_view: RobotView | None = None
+        self._ghost_key: object = None
+        self._seen_robot: object = None
+        self._pinned = PinnedArms(scene, self._new_root)
+        self._surface = SurfaceView(scene)
+        self._run = -1
+
+    def set_theme(self, theme: Theme) -> None:
+        """The grid's colours; what lies behind it is the page's."""
+        self._grid.cell_color, self._grid.section_color = GRID[theme], GRID_SECTION[theme]
+
+    def show(self, snapshot: Snapshot, look: Look) -> Legend:
+        """Draw it; returns what lengths and colours mean now."""
+        shade = self._ghost.follow(snapshot) if look.ghost else None
+        self._rebuild(snapshot, look, shade)
+        newtons = self._scale.fit((snapshot.force, snapshot.force_desired, snapshot.push), look.newtons)
+        with self._server.atomic():
+            if self._robot_view is not None:
+                self._robot_view.show(snapshot.q)
+            if self._ghost_view is not None:
+                self._ghost_view.set_visible(shade is not None)
+                if shade is not None:
+                    self._ghost_view.show(shade.q)
+            self._pinned.show(snapshot, wanted=look.pinned_arms)
+            self._surface.place(snapshot, visible=look.surface)
+            for arrow, start, force in (
+                (self._measured, snapshot.tool, snapshot.force),
+                (self._desired, snapshot.tool + _ASIDE, snapshot.force_desired),
+            ):
+                arrow.show(start, force if look.forces else np.zeros(3), newtons)
+            if look.frame:
+                system = snapshot.system
+                self._frame.show(system.charted, system.layout.positions, snapshot.tool, snapshot.t)
+            else:
+                self._frame.hide()
+            self._grid.visible = look.grid
+        if not snapshot.looking_back:  # the paths are there already
+            self._tool_path.extend(snapshot.tool, _path_error(snapshot))
+            if snapshot.tool_desired is not None:
+                self._desired_path.extend(snapshot.tool_desired)
+        return Legend(self._tool_path.scale, newtons, None if shade is None else shade.distance)
+
+    def draw_paths(self, look: Look) -> None:
+        """Send the paths; they are long, so this happens less often than `show`."""
+        self._tool_path.draw(look.tool_path, self._tool_path.scale if look.error_colors else None)
+        self._desired_path.draw(look.desired_path, None)
+
+    def _rebuild(self, snapshot: Snapshot, look: Look, shade: Shade | None) -> None:
+        if snapshot.run != self._run:
+            self._run = snapshot.run
+            self._tool_path.clear()
+            self._desired_path.clear()
+        self._surface.form(snapshot)
+        arm = snapshot.robot
+        robot = (arm.urdf, arm.joint_names, arm.tool_frame, arm.tool_offset.tolist())
+        if (robot, look.cell) != self._robot_key:
+            self._robot_key = robot, look.cell
+            self._robot_view = self._arm(snapshot, self._robot_view, look.cell, None)
+            self._robot_view.show(snapshot.q)
+        if shade is not None and robot != self._ghost_key:
+            self._ghost_key = robot
+            self._ghost_view = self._arm(snapshot, self._ghost_view, _GHOST_CELL, _GHOST_PAINT)
+        if robot != self._seen_robot:
+            self._seen_robot = robot
+            self._look_at(snapshot)
+
+    def _arm(self, snapshot: Snapshot, old: RobotView | None, cell: float, paint: Paint | None) -> RobotView:
+        if old is not None:
+            old.remove()
+        return RobotView(self._server.scene, snapshot.robot, self._new_root(), cell, paint)
+
+    def _new_root(self) -> str:
+        """A name of its own for every arm: messages about a removed one may still be under way."""
+        self._arms += 1
+        return f"/robot_{self._arms}"
+
+    def _look_at(self, snapshot: Snapshot) -> None:
+        """Another arm is seen whole, by everybody."""
+        view = viewpoint("whole arm", snapshot)
+        initial = self._server.initial_camera
+        initial.position, initial.look_at = view.position, view.look_at
+        for client in self._server.get_clients().values():
+            look_from(client.camera, view)
+
+
+def _path_error(snapshot: Snapshot) -> float:
+    """How far the tool is from where it should be, m; along a surface only, since how deep is the force's business."""
+    if snapshot.tool_desired is None:
+        return 0.0
+    error = snapshot.tool - snapshot.tool_desired
+    if snapshot.surface is not None:
+        normal = snapshot.surface.chart(snapshot.tool, snapshot.t).G[0]
+        error = error - normal * (normal @ error) / (normal @ normal)
+    return float(np.linalg.norm(error))

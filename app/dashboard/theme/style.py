@@ -1,0 +1,41 @@
+"""The style sheet and the script of the page, injected as HTML; they lie in `static/page`, fonts in `static/fonts`.
+
+viser's text field sends every keystroke and knows no "Enter or leaving the field". `rows.js` tells the two apart:
+it appends the character COMMIT to the text when the user is done, so a commit is an ordinary change of the value.
+(A submit of viser's form would not do: the client has one throttled message slot, and a submit within 50 ms of the
+last keystroke replaces that keystroke.)
+
+Nor does viser's slider know "let go". The script notes which row's slider is held, by mouse, finger or arrow key, and
+when it is let go appends RELEASED, or ESCAPED after the key, to the text of the same row: behind the slider's last
+position, for which it waits, and in the same slot.
+"""
+
+from __future__ import annotations
+
+from importlib import resources
+
+from app.dashboard.theme.colors import css_variables
+from app.dashboard.theme.fonts import font_faces
+
+# zero width: never typed, never seen
+COMMIT, RELEASED, ESCAPED = MARKS = "\u200b", "\u200c", "\u200d"
+
+_SHEETS = ("page.css", "phone.css")
+_SCRIPTS = ("fonts.js", "rows.js", "plots.js", "reading.js", "scene.js", "looking.js", "keys.js", "hints.js")
+
+# Scripts in innerHTML do not run; the load event of an image that is part of the page does, and needs no request.
+_PIXEL = "data:image/gif;base64,R0lGODlhAQABAAAAACH5BAEKAAEALAAAAAABAAEAAAICTAEAOw=="
+
+
+def injected_html() -> str:
+    """The style sheet and the script, as an invisible piece of HTML."""
+    # a client that lost its connection gets this HTML again; the script runs once
+    blocks = "".join(f"{{\n{_read(name)}}}\n" for name in _SCRIPTS)
+    script = f"if (!window.vsmrcLab) {{\nwindow.vsmrcLab = true;\n{blocks}}}"
+    script = script.replace("&", "&amp;").replace('"', "&quot;")
+    sheet = font_faces() + css_variables() + "".join(_read(name) for name in _SHEETS)
+    return f'<style>{sheet}</style><img src="{_PIXEL}" style="display:none" onload="{script}">'
+
+
+def _read(name: str) -> str:
+    return resources.files("static").joinpath("page", name).read_text(encoding="utf-8")

@@ -1,0 +1,1 @@
+"""Controls and tables of which the panels are made."""

@@ -1,0 +1,160 @@
+"""Which arm: a row of the catalogue or any URDF, its tool frame, and whether its truth is what was declared."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable
+from dataclasses import dataclass
+from html import escape
+from typing import Any
+
+import numpy as np
+import viser
+
+from app.dashboard.theme.style import COMMIT, MARKS
+from app.dashboard.widgets.controls import Answer, Desk, Place
+from app.scenario.declared_bounds import outside
+from app.scenario.schema import ScenarioError
+from app.session.commands import Edit
+from app.session.snapshot import Snapshot
+from environments.robots import CATALOGUE
+
+OWN = "own URDF"
+
+
+@dataclass(frozen=True)
+class InForce(Place):
+    """A field as it is in force: one that may be left out, or that is written in several ways."""
+
+    of: Callable[[Snapshot], Any]
+
+    def read(self, snapshot: Snapshot) -> Any:
+        return self.of(snapshot)
+
+
+class ArmChoice:
+    """One of the catalogue; `OWN` while a URDF runs."""
+
+    def __init__(self, desk: Desk) -> None:
+        self._desk = desk
+        self._answer = Answer()
+        self._names = {entry.title: name for name, entry in CATALOGUE.items()}
+        self._dropdown = desk.gui.add_dropdown("Arm", (*self._names, OWN), hint="row of the catalogue, or a URDF")
+        self._dropdown.on_update(self._on_update)
+        self._note = desk.gui.add_html("")
+
+    async def _on_update(self, event: viser.GuiEvent) -> None:
+        if event.client is None:
+            return
+        snapshot, chosen = self._desk.snapshot(), self._dropdown.value
+        if chosen in self._names:
+            self._answer.expect(snapshot, seconds=1.0)
+            self._desk.post(Edit("robot.name", self._names[chosen]))
+        elif snapshot.scenario.robot.urdf is None:
+            self._desk.complain(f"Arm: {OWN!r}, but there is none yet; upload one or give its path")
+
+    def show(self, snapshot: Snapshot) -> None:
+        robot = snapshot.robot
+        text = f"{escape(robot.title)}: {robot.n} joints; rotor inertia: {escape(robot.rotor_source)}"
+        self._note.content = f'<div class="vs-note">{text}</div>'
+        if not self._answer.awaited(snapshot):
+            own = snapshot.scenario.robot.urdf is not None
+            self._dropdown.value = OWN if own else CATALOGUE[snapshot.scenario.robot.name].title
+
+
+class Upload:
+    """A button for a URDF from the user's computer: kept on this one, then run."""
+
+    def __init__(self, desk: Desk) -> None:
+        self._desk = desk
+        hint = "Becomes the arm; the file is kept on the computer that runs the dashboard. Meshes are not uploaded."
+        button = desk.gui.add_upload_button(
+            "Upload a URDF", icon=viser.Icon.UPLOAD, hint=hint, mime_type=".urdf,.xml,application/xml"
+        )
+        button.on_upload(self._on_upload)
+
+    async def _on_upload(self, event: viser.GuiEvent[viser.GuiUploadButtonHandle]) -> None:
+        file = event.target.value
+        try:
+            path = await asyncio.to_thread(self._desk.shelf.keep, file.name, file.content)
+        except ScenarioError as error:
+            self._desk.complain(str(error))
+        else:
+            self._desk.post(Edit("robot.urdf", str(path)))
+
+    def show(self, snapshot: Snapshot) -> None:
+        """It shows nothing of a run."""
+
+
+class UrdfPath:
+    """The path of the URDF that runs; another one takes effect on Enter or when the field is left."""
+
+    def __init__(self, desk: Desk) -> None:
+        self._desk, self._place, self._answer = desk, Place("robot.urdf"), Answer()
+        with desk.gui.add_form(None):
+            self._text = desk.gui.add_text("path", "", hint="of a URDF on the computer that runs the dashboard")
+        self._text.on_update(self._on_text)
+
+    async def _on_text(self, event: viser.GuiEvent) -> None:
+        if event.client is None:
+            return
+        snapshot = self._desk.snapshot()
+        if not self._text.value.endswith(COMMIT):
+            self._answer.expect(snapshot, seconds=60.0)
+            return
+        self._text.value = text = self._text.value.rstrip("".join(MARKS)).strip()
+        changed = bool(text) and text != self._place.read(snapshot)
+        self._answer.expect(snapshot, seconds=1.0 if changed else 0.0)
+        if changed:
+            self._desk.post(Edit("robot.urdf", text))
+
+    def show(self, snapshot: Snapshot) -> None:
+        if not self._answer.awaited(snapshot):
+            self._text.value = self._place.read(snapshot) or ""
+
+
+class ToolFrame:
+    """One of the links that the tool may be; another arm has others."""
+
+    def __init__(self, desk: Desk) -> None:
+        self._desk, self._answer = desk, Answer()
+        place = Place("robot.tool_frame")
+        self._dropdown: viser.GuiDropdownHandle[str] = desk.gui.add_dropdown("Tool frame", ["—"], hint=place.hint)
+        self._dropdown.on_update(self._on_update)
+
+    async def _on_update(self, event: viser.GuiEvent) -> None:
+        if event.client is not None:
+            self._answer.expect(self._desk.snapshot(), seconds=1.0)
+            self._desk.post(Edit("robot.tool_frame", self._dropdown.value))
+
+    def show(self, snapshot: Snapshot) -> None:
+        robot = snapshot.robot
+        frames = robot.frames if robot.tool_frame in robot.frames else (*robot.frames, robot.tool_frame)
+        if self._dropdown.options != frames:
+            self._dropdown.options = frames
+        if not self._answer.awaited(snapshot):
+            self._dropdown.value = robot.tool_frame
+
+
+class Verdict:
+    """A badge: whether the truth is within what was declared, and if not which inequality is violated."""
+
+    def __init__(self, desk: Desk) -> None:
+        self._html = desk.gui.add_html("")
+
+    def show(self, snapshot: Snapshot) -> None:
+        violated = outside(snapshot.scenario)
+        look, word = ("vs-bad", "outside") if violated else ("vs-good", "within")
+        chip = f'<span class="vs-chip {look}">truth {word} the declared bounds</span>'
+        lines = "".join(f'<div class="vs-message vs-bad">{escape(violation)}</div>' for violation in violated)
+        self._html.content = f'<div class="vs-verdict">{chip} {_drives(snapshot)}{lines}</div>'
+
+
+def _drives(snapshot: Snapshot) -> str:
+    """Whether the drives are limited, which the declared bounds say nothing of."""
+    limits = np.broadcast_to(snapshot.system.plant.truth.torque_limit, snapshot.robot.n)
+    if not np.isfinite(limits).any():
+        return '<div class="vs-note">torque limit × 0: drives without a limit</div>'
+    told = ", ".join(f"{limit:.3g}" for limit in limits)
+    note = f'<div class="vs-note">at most {told} N·m, whatever the law asks for</div>'
+    return f'<span class="vs-chip vs-warn">drives limited</span>{note}'

@@ -1,0 +1,293 @@
+"""Controls: each shows one field of the running scenario and posts an Edit when the user changes it.
+
+No control holds state. A slider that is held only asks what would be; let go, it posts. What the user asked for stays
+on the screen only until the runner has answered; then the control shows the value of the snapshot again, which after a
+refusal is the one still running.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import viser
+from msgspec import Struct
+
+from app.dashboard.scene.view_options import Viewing
+from app.dashboard.theme.style import COMMIT, ESCAPED, MARKS, RELEASED
+from app.dashboard.widgets.matrix_text import read_back, written
+from app.dashboard.widgets.whatif import Held, WhatIf
+from app.export.export_jobs import Maker
+from app.scenario.schema import Scenario, field_info
+from app.session.commands import Command, Edit
+from app.session.snapshot import Snapshot
+from app.storage.uploaded_urdfs import Shelf
+
+
+@dataclass(frozen=True)
+class Desk:
+    """What a panel works with: where widgets are made, where commands go, the newest snapshot, what-if questions, how
+    the scene is drawn, complaints, who makes files, and where uploads go."""
+
+    gui: viser.GuiApi
+    post: Callable[[Command], None]
+    snapshot: Callable[[], Snapshot]
+    whatif: WhatIf
+    viewing: Viewing
+    complain: Callable[[str], None]
+    maker: Maker
+    shelf: Shelf
+
+
+class Control(Protocol):
+    def show(self, snapshot: Snapshot) -> None: ...
+
+
+class Answer:
+    """Until the runner has answered an edit, or this long, a widget keeps what the user put in it."""
+
+    def __init__(self) -> None:
+        self._until = -math.inf
+        self._refusals = 0
+
+    def expect(self, snapshot: Snapshot, seconds: float) -> None:
+        self._until = time.monotonic() + seconds
+        self._refusals = snapshot.refusal_number
+
+    def awaited(self, snapshot: Snapshot) -> bool:
+        if snapshot.refusal_number != self._refusals:
+            self._until = -math.inf
+        return time.monotonic() < self._until
+
+
+@dataclass(frozen=True)
+class Place:
+    """A field of the scenario by its dotted path."""
+
+    path: str
+
+    def read(self, snapshot: Snapshot) -> Any:
+        """The running value, or None when this scenario has no such field."""
+        value: Any = snapshot.scenario
+        for name in self.path.split("."):
+            value = getattr(value, name, None)
+        return value
+
+    def edit(self, snapshot: Snapshot, value: Any) -> Edit:
+        """The command that sets this field; the snapshot is for places that are part of a field.
+
+        Raises ValueError with a sentence where the value cannot even be asked for.
+        """
+        del snapshot
+        return Edit(self.path, value)
+
+    @property
+    def hint(self) -> str:
+        """The meaning, unit and bounds that the scenario's schema gives."""
+        try:
+            info = field_info(self.path)
+        except KeyError:
+            return self.path
+        unit = f" [{info.unit}]" if info.unit not in ("", "1") else ""
+        low = "" if info.least is None else f" ≥ {info.least:g}"
+        high = "" if info.largest is None else f" ≤ {info.largest:g}"
+        return f"{info.doc}{unit}{low}{high}"
+
+
+@dataclass(frozen=True)
+class PlaceWhere(Place):
+    """A field that has a meaning only in some scenarios; in others its control is hidden."""
+
+    applies: Callable[[Scenario], bool]
+
+    def read(self, snapshot: Snapshot) -> Any:
+        return super().read(snapshot) if self.applies(snapshot.scenario) else None
+
+
+@dataclass(frozen=True)
+class Scale:
+    """The range of a slider. Logarithmic where decades matter; `zero`: its left end means exactly 0."""
+
+    low: float
+    high: float
+    logarithmic: bool = False
+    zero: bool = False
+
+    def value(self, position: float) -> float:
+        if not self.logarithmic:
+            return _rounded(self.low + position * (self.high - self.low))
+        if self.zero and position <= 0:
+            return 0.0
+        return _rounded(self.low * (self.high / self.low) ** position)
+
+    def position(self, value: float) -> float:
+        if not self.logarithmic:
+            share = (value - self.low) / (self.high - self.low)
+        elif value <= 0:
+            share = 0.0
+        else:
+            share = math.log(value / self.low) / math.log(self.high / self.low)
+        return min(max(share, 0.0), 1.0)
+
+
+def decades(low: float, high: float, *, zero: bool = False) -> Scale:
+    return Scale(low, high, logarithmic=True, zero=zero)
+
+
+def _rounded(value: float) -> float:
+    return float(f"{value:.3g}")
+
+
+class Number:
+    """A number as a text field, which takes effect on Enter or when it is left, and a slider."""
+
+    def __init__(self, desk: Desk, place: Place, label: str, scale: Scale | None = None) -> None:
+        self._desk, self._place, self._label, self._scale = desk, place, label, scale
+        self._answer = Answer()
+        self._form = desk.gui.add_form(None)
+        with self._form:
+            self._text = desk.gui.add_text(label, "", hint=place.hint)
+            self._text.on_update(self._on_text)
+            self._slider = None
+            if scale is not None:
+                self._slider = desk.gui.add_slider("", 0.0, 1.0, 0.002, 0.0, marks=(), hint=place.hint)
+                self._slider.on_update(self._on_slider)
+
+    async def _on_text(self, event: viser.GuiEvent) -> None:
+        if event.client is None:
+            return
+        if self._text.value.endswith((RELEASED, ESCAPED)):
+            self._let_go(apply=self._text.value.endswith(RELEASED))
+            return
+        if not self._text.value.endswith(COMMIT):
+            self._answer.expect(self._desk.snapshot(), seconds=60.0)
+            return
+        snapshot = self._desk.snapshot()
+        self._text.value = text = self._text.value.rstrip("".join(MARKS)).strip()
+        running = self._place.read(snapshot)
+        if running is None:
+            return
+        try:
+            value = read_back(text) if text else running
+            edit = self._place.edit(snapshot, value)
+        except ValueError as error:
+            self._desk.complain(f"{self._label}: {error}")
+            self._show_again(snapshot)
+            return
+        if value == running or written(value) == written(running):
+            self._show_again(snapshot)
+        else:
+            self._ask(snapshot, edit, seconds=1.0)
+
+    async def _on_slider(self, event: viser.GuiEvent) -> None:
+        if event.client is None or self._slider is None or self._scale is None:
+            return
+        snapshot, value = self._desk.snapshot(), self._scale.value(self._slider.value)
+        if self._place.read(snapshot) is None:  # another scenario has no such field: the row is being hidden
+            return
+        self._text.value = written(value)
+        edit = self._place.edit(snapshot, value)
+        if self._desk.whatif.on:
+            self._desk.whatif.hold(Held(edit, self._label, written(value), self, event.client.client_id))
+        else:
+            self._ask(snapshot, edit, seconds=0.5)
+
+    def _let_go(self, *, apply: bool) -> None:
+        snapshot = self._desk.snapshot()
+        running = self._place.read(snapshot)
+        if running is None:
+            self._desk.whatif.let_go(self)
+            return
+        value = running if self._slider is None or self._scale is None else self._scale.value(self._slider.value)
+        self._text.value = written(value)  # without the mark
+        changed = apply and written(value) != written(running)
+        if changed:  # before the slider counts as let go, since the page is drawn meanwhile
+            edit = self._place.edit(snapshot, value)
+            self._desk.whatif.remember(snapshot, edit)
+            self._ask(snapshot, edit, seconds=1.0)
+        self._desk.whatif.let_go(self)
+        if not changed:
+            self._show_again(snapshot)
+
+    def _show_again(self, snapshot: Snapshot) -> None:
+        """The running value, without waiting for an answer."""
+        self._answer.expect(snapshot, seconds=0.0)
+        self.show(snapshot)
+
+    def _ask(self, snapshot: Snapshot, edit: Edit, seconds: float) -> None:
+        self._answer.expect(snapshot, seconds)
+        self._desk.post(edit)
+
+    def show(self, snapshot: Snapshot) -> None:
+        value = self._place.read(snapshot)
+        if self._form.visible != (value is not None):
+            self._form.visible = value is not None
+        if value is None or self._answer.awaited(snapshot) or self._desk.whatif.holds(self):
+            return
+        self._text.value = written(value)
+        if self._slider is not None and self._scale is not None:
+            slides = isinstance(value, float | int)  # several numbers have no place on one slider
+            if self._slider.visible != slides:
+                self._slider.visible = slides
+            if slides:
+                self._slider.value = self._scale.position(value)
+
+    def set_label(self, label: str) -> None:
+        self._label = self._text.label = label
+
+    def enable(self, enabled: bool) -> None:
+        for widget in (self._text, self._slider):
+            if widget is not None and widget.disabled == enabled:
+                widget.disabled = not enabled
+
+
+class Choice:
+    """One of several; `options` maps what is shown to the value that the scenario holds."""
+
+    def __init__(self, desk: Desk, path: str, label: str, options: Mapping[str, str]) -> None:
+        self._desk, self._place, self._options = desk, Place(path), dict(options)
+        self._shown = {value: title for title, value in options.items()}
+        self._answer = Answer()
+        self._dropdown = desk.gui.add_dropdown(label, tuple(options), hint=self._place.hint)
+        self._dropdown.on_update(self._on_update)
+
+    async def _on_update(self, event: viser.GuiEvent) -> None:
+        if event.client is None:
+            return
+        snapshot = self._desk.snapshot()
+        self._answer.expect(snapshot, seconds=1.0)
+        self._desk.post(Edit(self._place.path, self._options[self._dropdown.value]))
+
+    def show(self, snapshot: Snapshot) -> None:
+        value = self._place.read(snapshot)
+        value = value.__struct_config__.tag if isinstance(value, Struct) else value
+        if self._dropdown.visible != (value is not None):
+            self._dropdown.visible = value is not None
+        if value in self._shown and not self._answer.awaited(snapshot):
+            self._dropdown.value = self._shown[value]
+
+
+class Switch:
+    """A field that is true or false."""
+
+    def __init__(self, desk: Desk, place: Place, label: str) -> None:
+        self._desk, self._place = desk, place
+        self._answer = Answer()
+        self._checkbox = desk.gui.add_checkbox(label, False, hint=self._place.hint)
+        self._checkbox.on_update(self._on_update)
+
+    async def _on_update(self, event: viser.GuiEvent) -> None:
+        if event.client is None:
+            return
+        self._answer.expect(self._desk.snapshot(), seconds=1.0)
+        self._desk.post(Edit(self._place.path, self._checkbox.value))
+
+    def show(self, snapshot: Snapshot) -> None:
+        value = self._place.read(snapshot)
+        if self._checkbox.visible != (value is not None):
+            self._checkbox.visible = value is not None
+        if value is not None and not self._answer.awaited(snapshot):
+            self._checkbox.value = value

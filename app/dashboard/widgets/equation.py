@@ -1,0 +1,191 @@
+"""The target model (8) with its numbers as MathML: one line for coordinates that have the same ones, matrices where
+coordinates are coupled."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from html import escape
+
+import numpy as np
+from scipy.sparse.csgraph import connected_components
+
+from app.dashboard.widgets.matrix_text import short
+from app.session.snapshot import Snapshot
+from controllers.modes import MODES
+
+_NAMES = ("M_m", "B_m", "K_m", "K_f")
+_INLINE = 3  # rows of a matrix that finds room within the equation; a larger one stands below it
+_GREEK = {"phi": "φ", "psi": "ψ", "lambda": "λ", "alpha": "α", "beta": "β", "gamma": "γ", "theta": "θ"}
+
+
+def symbol(coordinate: str) -> str:
+    """A coordinate's name as plain text: "psi_1" is ψ₁."""
+    stem, _, index = coordinate.partition("_")
+    return _GREEK.get(stem, stem) + index.translate(str.maketrans("0123456789", "₀₁₂₃₄₅₆₇₈₉"))
+
+
+@dataclass(frozen=True)
+class Line:
+    """Coordinates that are written in one line: alike and each alone, or coupled with one another."""
+
+    indices: tuple[int, ...]
+    coupled: bool
+
+
+def lines(snapshot: Snapshot) -> list[Line]:
+    """The coordinates in as few lines as show every number of the model."""
+    matrices = [snapshot.matrices[name] for name in _NAMES]
+    links = sum((matrix != 0.0).astype(int) for matrix in matrices)
+    _, labels = connected_components(links, directed=False)
+    parts: dict[int, list[int]] = {}
+    for i, label in enumerate(labels):
+        parts.setdefault(label, []).append(i)
+    found: list[Line] = []
+    for indices in parts.values():
+        part = tuple(indices)
+        alike = next((k for k, line in enumerate(found) if _same(line, part, snapshot)), None)
+        if alike is None:
+            found.append(Line(part, coupled=len(part) > 1))
+        else:
+            found[alike] = Line((*found[alike].indices, *part), coupled=False)
+    return found
+
+
+def _same(line: Line, part: tuple[int, ...], snapshot: Snapshot) -> bool:
+    """Whether a single coordinate has the numbers, fixed or free, of a line of single ones."""
+    if line.coupled or len(part) != 1:
+        return False
+    i, j = line.indices[0], part[0]
+    return all(
+        snapshot.matrices[name][i, i] == snapshot.matrices[name][j, j]
+        and is_fixed(snapshot, name, i) == is_fixed(snapshot, name, j)
+        for name in _NAMES
+    )
+
+
+def equation_html(snapshot: Snapshot) -> str:
+    """What the mode is, (8), then its lines with their numbers; the entries that the mode fixes are grey."""
+    mode = MODES[snapshot.scenario.mode]
+    about = f"{mode.title} {mode.equation}: {mode.summary} Grey numbers are fixed by the mode."
+    rows = [_general(), *(_row(line, snapshot) for line in lines(snapshot))]
+    return (
+        '<div class="vs-equation"><div class="vs-row vs-about" tabindex="0">'
+        f'<span>{escape(mode.title)} <span class="vs-dim">{escape(mode.equation)}</span></span>'
+        f'<span class="vs-ask vs-right">?</span><span class="vs-tip">{escape(about)}</span></div>'
+        '<math display="block"><mtable columnalign="left right right right left" '
+        f'columnspacing="0.3em" rowspacing="0.35em">{"".join(rows)}</mtable></math>{_below(snapshot)}</div>'
+    )
+
+
+def _general() -> str:
+    force = "<msub><mi>e</mi><msub><mi>F</mi><mi>c</mi></msub></msub>"
+    return _cells(
+        [
+            '<mtext class="vs-where">(8)</mtext>',
+            f"{_sub('M', 'm')}{_error('¨', 'r')}",
+            f"<mo>+</mo>{_sub('B', 'm')}{_error('˙', 'r')}",
+            f"<mo>+</mo>{_sub('K', 'm')}{_error('', 'r')}",
+            f"<mo>=</mo><mo>−</mo>{_sub('K', 'f')}{force}",
+        ]
+    )
+
+
+def _row(line: Line, snapshot: Snapshot) -> str:
+    force = "<msub><mi>e</mi><mi>F</mi></msub>"
+    factors = (_error("¨"), _error("˙"), _error(""), force)
+    number = _block if line.coupled else _number
+    terms = []
+    for name, factor in zip(_NAMES, factors, strict=True):
+        grey = all(is_fixed(snapshot, name, i) for i in line.indices)
+        look = ' class="fixed"' if grey else ""
+        if _large(line, snapshot.matrices[name]):
+            value = _sub(*name.split("_"))
+        else:
+            value = number(snapshot.matrices[name], line.indices, snapshot.fixed[name])
+        terms.append(f'<mrow{look}>{value}<mspace width="0.15em"/>{factor}</mrow>')
+    return _cells(
+        [
+            _names(line, snapshot),
+            terms[0],
+            f"<mo>+</mo>{terms[1]}",
+            f"<mo>+</mo>{terms[2]}",
+            f"<mo>=</mo><mo>−</mo>{terms[3]}",
+        ]
+    )
+
+
+def _below(snapshot: Snapshot) -> str:
+    """The matrices for which the equation has no room."""
+    shown = [
+        f"<mrow>{_sub(*name.split('_'))}<mo>=</mo>{_block(snapshot.matrices[name], line.indices, snapshot.fixed[name])}"
+        "</mrow>"
+        for line in lines(snapshot)
+        for name in _NAMES
+        if _large(line, snapshot.matrices[name])
+    ]
+    return "".join(f'<math display="block">{matrix}</math>' for matrix in shown)
+
+
+def _large(line: Line, matrix: np.ndarray) -> bool:
+    return line.coupled and len(line.indices) > _INLINE and not _scalar(matrix[np.ix_(line.indices, line.indices)])
+
+
+def _scalar(matrix: np.ndarray) -> bool:
+    """Whether it is one number times the identity."""
+    return bool((matrix == matrix[0, 0] * np.eye(len(matrix))).all())
+
+
+def _names(line: Line, snapshot: Snapshot) -> str:
+    """Side by side, but below one another where they stand beside the rows of a matrix."""
+    names = [escape(symbol(snapshot.coordinates[i].name)) for i in line.indices]
+    below = any(_large(line, matrix) for matrix in snapshot.matrices.values())
+    if not line.coupled or below:
+        return f'<mtext class="vs-where">{" ".join(names)}</mtext>'
+    rows = "".join(f'<mtr><mtd><mtext class="vs-where">{name}</mtext></mtd></mtr>' for name in names)
+    return f'<mtable rowspacing="0.1em">{rows}</mtable>'
+
+
+def _number(matrix: np.ndarray, indices: tuple[int, ...], _: np.ndarray) -> str:
+    return f"<mn>{_told(matrix[indices[0], indices[0]])}</mn>"
+
+
+def _block(matrix: np.ndarray, indices: tuple[int, ...], fixed: np.ndarray) -> str:
+    """The matrix of coupled coordinates, fixed entries grey; a number where it is one times the identity."""
+    matrix, fixed = matrix[np.ix_(indices, indices)], fixed[np.ix_(indices, indices)]
+    if _scalar(matrix):
+        return _number(matrix, (0,), fixed)
+    rows = "".join(
+        "<mtr>" + "".join(_entry(value, grey) for value, grey in zip(*row, strict=True)) + "</mtr>"
+        for row in zip(matrix, fixed, strict=True)
+    )
+    # its brackets are the table's borders: not every machine has a font whose brackets grow
+    return f'<mtable class="vs-block" columnspacing="0.35em" rowspacing="0.1em">{rows}</mtable>'
+
+
+def _entry(value: float, grey: bool) -> str:
+    look = ' class="fixed"' if grey else ""
+    return f"<mtd{look}><mn>{_told(value) if value else '·'}</mn></mtd>"
+
+
+def _told(value: float) -> str:
+    return short(value).replace("-", "−")
+
+
+def is_fixed(snapshot: Snapshot, name: str, i: int) -> bool:
+    """Whether the mode fixes diagonal entry i of this matrix."""
+    return name in snapshot.fixed and bool(snapshot.fixed[name][i, i])
+
+
+def _cells(contents: list[str]) -> str:
+    return "<mtr>" + "".join(f"<mtd>{content}</mtd>" for content in contents) + "</mtr>"
+
+
+def _sub(base: str, index: str) -> str:
+    return f"<msub><mi>{base}</mi><mi>{index}</mi></msub>"
+
+
+def _error(accent: str, index: str = "") -> str:
+    # composed letters: an accent of its own (<mover>) is lost in small type
+    letter = {"": "e", "˙": "ė", "¨": "ë"}[accent]
+    styled = f'<mi style="font-style: italic">{letter}</mi>'
+    return f"<msub>{styled}<mi>{index}</mi></msub>" if index else styled

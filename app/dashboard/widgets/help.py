@@ -1,0 +1,135 @@
+"""What a newcomer may ask: where to start, the keys, the colours, where to read on; and the first steps, shown once."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import viser
+
+from app.dashboard.theme.colors import BOUND, DESIRED, MEASURED, SURFACE, Rgb, css
+
+# What viser shows of each key in its palette, except for "?" and Esc, which the page's script adds.
+KEYS: dict[str, str] = {
+    "space": "play or pause",
+    "arrowright": "one control period on",
+    "arrowleft": "one back: look at what has been",
+    "Shift+arrowright": "0.1 s on",
+    "Shift+arrowleft": "0.1 s back",
+    "end": "to the end of the run",
+    "F": "fork: go on from the instant looked at",
+    "P": "pin this run, to compare it with others",
+    "R": "begin anew, from t = 0",
+    "1": "motion",
+    "2": "impedance",
+    "3": "hybrid position / force",
+    "4": "hybrid impedance / force",
+    "5": "constrained motion",
+    "T": "dark or light",
+    "H": "this help, also ?",
+}
+_WRITTEN = {"arrowright": "→", "arrowleft": "←", "arrowup": "↑", "arrowdown": "↓"}
+
+START = (
+    "<b>Task</b>: choose a scenario or a mode. It begins at once; nothing has to be started.",
+    "Hold a slider, there or in any tab, and the plots show what its value would do; let go and it is applied, "
+    "<kbd>Esc</kbd> takes it back. Or type a number and press Enter.",
+    "<b>Model</b>: draw up the behaviour you want. The equation at the lower left has its numbers; what the mode fixes "
+    "is grey.",
+    "<b>Robot</b> and <b>World</b>: make the truth differ from what the controller was told, and watch whether ‖s‖ "
+    "stays under its bound.",
+)
+COLORS: dict[str, Rgb] = {
+    "desired: path, force": DESIRED,
+    "measured: force": MEASURED,
+    "bounds of the theorem; refused, stopped": BOUND,
+    "the surface": SURFACE,
+}
+DOCUMENTS = {
+    "README.md": "the modes, what if, runs without a screen",
+    "docs/symbols.md": "which symbol of the paper is which name in the code",
+    "docs/evidence.md": "every claim held to something independent",
+    "docs/robots.md": "which arms, your own URDF, the truth and what is declared of it",
+    "docs/mutations.md": "planted mistakes, and the tests that see them",
+    "docs/performance.md": "speed, pacing, memory",
+    "docs/security.md": "a server for an audience: links, tokens, limits",
+    "docs/reliability.md": "what happens when something fails",
+}
+HINTS = (
+    "<b>Hold a slider</b>: the plots on the left show what would come. Let go, and it is so.",
+    "<kbd>space</kbd> pauses, <kbd>R</kbd> starts anew, <kbd>1</kbd> to <kbd>5</kbd> change the mode.",
+    "Other arms and tasks: <b>Scenario</b>, on the right. Everything else: <kbd>?</kbd>",
+)
+
+
+class Help:
+    """The command that opens the help for whoever asked, or closes it."""
+
+    def __init__(self, server: viser.ViserServer) -> None:
+        self._open: dict[int, Callable[[], None]] = {}  # how to close it, by client
+        server.gui.add_command("Help: keys, colours, where to start", hotkey="H").on_trigger(self._toggle)
+        server.on_client_disconnect(self._forget)
+
+    async def _toggle(self, event: viser.CommandEvent) -> None:
+        client = event.client
+        if client is None or self._close(client.client_id):
+            return
+        modal = client.gui.add_modal("VSMRC Lab")
+        self._open[client.client_id] = modal.close
+        with modal:
+            client.gui.add_html(help_html())
+            close = client.gui.add_button("Close", hint="Esc")
+        close.on_click(self._on_close)
+
+    async def _on_close(self, event: viser.GuiEvent) -> None:
+        if event.client is not None:
+            self._close(event.client.client_id)
+
+    def _close(self, client_id: int) -> bool:
+        close = self._open.pop(client_id, None)
+        if close is not None:
+            close()
+        return close is not None
+
+    async def _forget(self, client: viser.ClientHandle) -> None:
+        self._open.pop(client.client_id, None)
+
+
+def help_html() -> str:
+    """The text of the help."""
+    keys = "".join(f"<tr><td>{_keys(key)}</td><td>{does}</td></tr>" for key, does in KEYS.items())
+    keys += f"<tr><td>{_key('Ctrl')} {_key('K')}</td><td>search all commands</td></tr>"
+    colors = "".join(
+        f'<tr><td><span class="vs-swatch" style="background: {css(color)}"></span></td><td>{meaning}</td></tr>'
+        for meaning, color in COLORS.items()
+    )
+    documents = "".join(f"<tr><td>{name}</td><td>{about}</td></tr>" for name, about in DOCUMENTS.items())
+    return (
+        '<div class="vs-help">'
+        f"<div><h3>Where to start</h3><ul>{_items(START)}</ul><h3>Colours</h3><table>{colors}</table></div>"
+        f"<div><h3>Keys</h3><table>{keys}</table><h3>In the project's folder</h3><table>{documents}</table></div>"
+        "</div>"
+    )
+
+
+def tools_html() -> str:
+    """The buttons beside the title, each of which presses a key, and the first steps, which the script shows once."""
+    hints = "".join(f"<p>{hint}</p>" for hint in HINTS)
+    return (
+        '<div class="vs-tools">'
+        '<button data-key="t" title="dark or light (T)" aria-label="dark or light"><i class="vs-half"></i></button>'
+        '<button data-key="h" title="help (?)" aria-label="help">?</button></div>'
+        '<template id="vs-hints"><aside class="vs-hints" role="note" aria-label="first steps">'
+        f"{hints}<button>Got it</button></aside></template>"
+    )
+
+
+def _items(texts: tuple[str, ...]) -> str:
+    return "".join(f"<li>{text}</li>" for text in texts)
+
+
+def _keys(together: str) -> str:
+    return " ".join(_key(_WRITTEN.get(key, key)) for key in together.split("+"))
+
+
+def _key(name: str) -> str:
+    return f"<kbd>{name}</kbd>"

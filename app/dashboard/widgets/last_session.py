@@ -1,0 +1,101 @@
+"""What an earlier server was at, and the buttons that go on with it or not: for whoever comes, until one answers."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+from dataclasses import dataclass
+from datetime import datetime
+from html import escape
+
+import viser
+
+from app.dashboard.transport.callback_errors import Complain, guarded
+from app.scenario.schema import Scenario, ScenarioError
+from app.session.autosave import Keeper, Offer, StateFolder
+from app.session.commands import Command, Continue
+from app.session.timeline import Pinned
+
+_GO_ON, _NOT = "Continue where you left off", "Dismiss"
+
+
+@dataclass(frozen=True)
+class LastSession:
+    """offer: None where it cannot be read, and `problem` says why. take_up: its pinned runs, and a sentence about those
+    that cannot be read, or ScenarioError; refuse: forget it."""
+
+    offer: Offer | None
+    problem: str
+    take_up: Callable[[Offer], tuple[tuple[Pinned, ...], str]]
+    refuse: Callable[[], None]
+
+
+def remark(problem: str) -> LastSession:
+    """Nothing is offered, only said until somebody has read it."""
+    return LastSession(None, problem, lambda _: ((), ""), lambda: None)
+
+
+def left_by(folder: StateFolder, keeper: Keeper, chosen: Scenario) -> LastSession | None:
+    """What there is to offer; nothing where it would be what runs anyway."""
+    offer = folder.offer()
+    if offer is not None and offer.scenario == chosen and not offer.runs:
+        return None
+    if offer is None and not folder.problem:
+        return None
+    return LastSession(offer, folder.problem, keeper.take_up, keeper.refuse_offer)
+
+
+def add_last_session(
+    gui: viser.GuiApi, session: LastSession, order: float, post: Callable[[Command], None], complain: Complain
+) -> None:
+    """In the current container, at this place; it goes when it is answered."""
+    folder = gui.add_folder("Last session", order=order)
+    with folder:
+        text = gui.add_html(_note(session.problem if session.offer is None else _told(session.offer)))
+        buttons = [gui.add_button(_GO_ON)] if session.offer is not None else []
+        buttons.append(gui.add_button(_NOT, color="gray"))
+
+    answering = threading.Lock()  # the second of two clicks says nothing new
+
+    # synchronous on purpose, unlike what posts commands: reading takes a while, in a thread of viser's pool
+    def on_continue(event: viser.GuiEvent) -> None:
+        offer = session.offer
+        if offer is None or event.client is None:
+            return
+        if not answering.acquire(blocking=False):
+            return
+        for button in buttons:
+            button.visible = False
+        text.content = _note("reading …")
+        try:
+            runs, problem = session.take_up(offer)
+        except ScenarioError as error:
+            complain(f"the last session cannot be continued now: {error}")
+            text.content = _note(_told(offer))
+            for button in buttons:
+                button.visible = True
+            answering.release()
+            return
+        if problem:
+            complain(problem)
+        post(Continue(offer.scenario, runs))
+        folder.visible = False
+
+    def on_dismiss(event: viser.GuiEvent) -> None:
+        if event.client is not None:
+            folder.visible = False
+            session.refuse()
+
+    if session.offer is not None:
+        buttons[0].on_click(guarded(on_continue, complain))
+    buttons[-1].on_click(guarded(on_dismiss, complain))
+
+
+def _told(offer: Offer) -> str:
+    when = datetime.fromtimestamp(offer.saved).strftime("%d %b %Y, %H:%M")
+    runs = {0: "", 1: " with a pinned run"}.get(len(offer.runs), f" with {len(offer.runs)} pinned runs")
+    return f"{offer.scenario.title or offer.scenario.name}{runs}, saved {when}"
+
+
+def _note(text: str) -> str:
+    return f'<div class="vs-note">{escape(text)}</div>'

@@ -1,0 +1,164 @@
+"""Is the target model a good one? Its poles, eigenvalues and the sampled loops, running and as asked for."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from html import escape
+
+import numpy as np
+
+from app.dashboard.widgets.matrix_text import short
+from app.dashboard.widgets.model_fields import pressed_on
+from app.dashboard.widgets.pole_map import grouped, pole_map_html
+from app.dashboard.widgets.theorem_table import judged
+from app.scenario.data import edited
+from app.scenario.schema import Scenario, ScenarioError
+from app.session.commands import Edit
+from app.session.snapshot import Snapshot
+from app.simulation.law_builder import surfaces_met, target_model
+from app.simulation.sampled_stability import oscillations
+from controllers.blend import BlendCertificate, certify
+from controllers.modes import MODES
+from controllers.target_model import InvalidGain, TargetModel
+from controllers.task_space import TaskLayout
+
+_UNITS = {"M_m": "kg", "B_m": "N·s/m", "K_m": "N/m", "K_f": ""}
+
+
+@dataclass(frozen=True)
+class Judgement:
+    """A target model with its poles (1/s) in contact, and why the mode does not admit it, "" if it does."""
+
+    model: TargetModel
+    poles: np.ndarray
+    refusal: str
+
+    @property
+    def slowest(self) -> float:
+        """The largest real part of the poles, 1/s."""
+        return float(np.real(self.poles).max())
+
+
+def judge_running(snapshot: Snapshot) -> Judgement:
+    """The model in force."""
+    return _judge(TargetModel(**snapshot.matrices), snapshot.scenario, snapshot.system.layout)
+
+
+def judge_asked(snapshot: Snapshot, edit: Edit) -> Judgement:
+    """The model that an edit would bring. Raises ScenarioError or InvalidGain where there is none at all."""
+    scenario = edited(snapshot.scenario, edit.path, edit.value)
+    model = target_model(scenario, len(snapshot.coordinates))
+    return _judge(model, scenario, snapshot.system.layout)
+
+
+def _judge(model: TargetModel, scenario: Scenario, layout: TaskLayout) -> Judgement:
+    mode, K_e_hat = MODES[scenario.mode], scenario.controller.K_e_hat
+    try:
+        mode.check(model, K_e_hat, surfaces_met(scenario, mode, layout))
+        refusal = ""
+    except InvalidGain as error:
+        refusal = str(error)
+    return Judgement(model, mode.poles(model, K_e_hat), refusal)
+
+
+def judge_blend(snapshot: Snapshot, edit: Edit) -> BlendCertificate | None:
+    """Of the blend from the running model to the one that an edit would bring; None where that one is refused."""
+    try:
+        asked = judge_asked(snapshot, edit)
+    except (ScenarioError, InvalidGain):
+        return None
+    if asked.refusal:
+        return None
+    scenario = snapshot.scenario
+    surfaces = surfaces_met(scenario, MODES[scenario.mode], snapshot.system.layout)
+    return certify(TargetModel(**snapshot.matrices), asked.model, pressed_on(snapshot), surfaces)
+
+
+def blend_html(snapshot: Snapshot, edit: Edit | None) -> str:
+    """How far a blend has gone; else what is known of the one to the model that `edit` would bring."""
+    if snapshot.blending is not None:
+        share = f"{100 * snapshot.blending:.0f}"
+        return f'<div class="vs-checks"><div class="vs-message vs-good">blending: {share} % of the way.</div></div>'
+    certificate = None if edit is None else judge_blend(snapshot, edit)
+    if certificate is None:
+        return ""
+    look = "vs-good" if certificate.stable else "vs-bad"
+    return f'<div class="vs-checks"><div class="vs-message {look}">blend: {escape(certificate.sentence)}</div></div>'
+
+
+def checks_html(snapshot: Snapshot, edit: Edit | None) -> str:
+    """Verdict, pole map and table of the running model, beside it what `edit` would make of them."""
+    now = judge_running(snapshot)
+    asked, problem = None, ""
+    if edit is not None:
+        try:
+            asked = judge_asked(snapshot, edit)
+            problem = asked.refusal
+        except (ScenarioError, InvalidGain) as error:
+            problem = str(error)
+    verdicts = _verdict(now, "")
+    if asked is not None:
+        verdicts += _verdict(asked, "asked: ")
+    message = f'<div class="vs-message vs-bad">{escape(problem)}</div>' if problem else ""
+    return (
+        f'<div class="vs-checks"><div class="vs-row">{verdicts}</div>{message}'
+        f"{pole_map_html(grouped(now.poles), [] if asked is None else grouped(asked.poles))}"
+        f"{_table(now, asked)}</div>"
+    )
+
+
+def _verdict(judgement: Judgement, prefix: str) -> str:
+    word, look = ("stable", "vs-good") if judgement.slowest < 0.0 else ("not stable", "vs-bad")
+    rightmost = f"{judgement.slowest:.3g}".replace("-", "−")
+    return f'<span class="vs-chip {look}">{prefix}{word}, rightmost pole at {rightmost} 1/s</span>'
+
+
+def _table(now: Judgement, asked: Judgement | None) -> str:
+    head = f"<tr><td>eigenvalues</td><td>running</td>{'' if asked is None else '<td>asked</td>'}</tr>"
+    rows = ""
+    for name, unit in _UNITS.items():
+        cells = "".join(f"<td>{_spread(getattr(j.model, name))}</td>" for j in (now, asked) if j is not None)
+        rows += f"<tr><td>{name}{f' [{unit}]' if unit else ''}</td>{cells}</tr>"
+    return f'<table class="vs-facts">{head}{rows}</table>'
+
+
+def _spread(matrix: np.ndarray) -> str:
+    """Smallest and largest eigenvalue."""
+    values = np.linalg.eigvals(matrix)
+    if np.abs(values.imag).max() > 1e-9 * max(np.abs(values).max(), 1e-300):
+        return '<span class="vs-chip vs-bad">not symmetric</span>'
+    low, high = float(values.real.min()), float(values.real.max())
+    text = short(low) if math.isclose(low, high, rel_tol=1e-6) else f"{short(low)} … {short(high)}"
+    return f'<span class="vs-chip vs-bad">{text}</span>' if low < -1e-12 else text
+
+
+def loops_html(snapshot: Snapshot) -> str:
+    """The factors of the loops that sampling closes, with their limits; see docs/symbols.md."""
+    live = snapshot.live
+    rows = []
+    if math.isfinite(factor := live.get("force_loop_factor", math.nan)):
+        rows.append(("sampled force loop, |factor| &lt; 1", judged(factor, low=-1.0, high=1.0)))
+    if math.isfinite(factor := live.get("layer_loop_factor", math.nan)):
+        rows.append(("boundary layer, loop factor &lt; 2", judged(factor, high=2.0)))
+    body = "".join(f"<tr><td>{what}</td><td>{value}</td></tr>" for what, value in rows)
+    return (f'<table class="vs-facts">{body}</table>' if rows else "") + _sampled_poles(snapshot)
+
+
+def _sampled_poles(snapshot: Snapshot) -> str:
+    """ω and ζ of the target model's poles, and what the sampled loop makes of them with the torque held exactly."""
+    found = oscillations(snapshot.sampled)
+    if not found:
+        return ""
+    rate = 1e-3 / snapshot.scenario.controller.period
+    head = f"<tr><td>poles</td><td>model ω, ζ</td><td>sampled at {rate:.3g} kHz</td></tr>"
+    rows = "".join(
+        f"<tr><td>{f'{o.count} ×' if o.count > 1 else ''}</td><td>{o.omega:.3g} 1/s, {_ratio(o.zeta)}</td>"
+        f"<td>{o.sampled_omega:.3g} 1/s, {_ratio(o.sampled_zeta)}</td></tr>"
+        for o in found
+    )
+    return f'<table class="vs-facts">{head}{rows}</table>'
+
+
+def _ratio(zeta: float) -> str:
+    return f"{zeta:.3f}".replace("-", "−")

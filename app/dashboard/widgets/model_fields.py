@@ -1,0 +1,106 @@
+"""Where the target model is edited: entries on a diagonal, omega or zeta of a coordinate, whole matrices at once."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+from msgspec import to_builtins
+
+from app.dashboard.widgets.controls import Place
+from app.dashboard.widgets.matrix_text import written
+from app.session.commands import Blend, Edit
+from app.session.snapshot import Snapshot
+from controllers.modes import MODES
+from controllers.second_order import Oscillators, oscillators, shaped
+
+
+def plain(matrix: np.ndarray) -> list[Any]:
+    """A matrix as a scenario holds it: its n diagonal entries if that is all there is, else n rows."""
+    diagonal = np.diag(matrix)
+    return (matrix if np.count_nonzero(matrix - np.diag(diagonal)) else diagonal).tolist()
+
+
+def model_edit(snapshot: Snapshot, matrices: Mapping[str, np.ndarray]) -> Edit:
+    """One command that sets these matrices of the target model together and leaves the others as they are given."""
+    given = {name: value for name, value in to_builtins(snapshot.scenario.target_model).items() if value is not None}
+    return Edit("target_model", given | {name: plain(matrix) for name, matrix in matrices.items()})
+
+
+def applying(edit: Edit, over: float) -> Edit | Blend:
+    """The command that brings the model of a `model_edit`: at once, or by a blend over so many s."""
+    return Blend(edit.value, over) if over else edit  # pyright: ignore[reportArgumentType]
+
+
+def pressed_on(snapshot: Snapshot) -> np.ndarray:
+    """The stiffness (n,) N/m that the controller believes each coordinate to press on; see `Mode.environment`."""
+    scenario = snapshot.scenario
+    return MODES[scenario.mode].environment(len(snapshot.coordinates), scenario.controller.K_e_hat)
+
+
+def oscillators_of(snapshot: Snapshot) -> Oscillators:
+    """omega and zeta of every coordinate of the running model."""
+    return oscillators(**snapshot.matrices, K_e=pressed_on(snapshot))
+
+
+@dataclass(frozen=True)
+class DiagonalPlace(Place):
+    """Entry `index` on the diagonal of a matrix of the target model, as it is in force."""
+
+    index: int
+
+    def read(self, snapshot: Snapshot) -> Any:
+        matrix = self._matrix(snapshot)
+        return float(matrix[self.index, self.index]) if self.index < len(matrix) else None
+
+    def edit(self, snapshot: Snapshot, value: Any) -> Edit:
+        matrix = self._matrix(snapshot).copy()
+        matrix[self.index, self.index] = _single(value)
+        return Edit(self.path, plain(matrix))
+
+    def _matrix(self, snapshot: Snapshot) -> np.ndarray:
+        return snapshot.matrices[self.path.rpartition(".")[2]]
+
+
+@dataclass(frozen=True)
+class OscillatorPlace(Place):
+    """omega or zeta of coordinate `index`, with M_m and the other of the two kept; see `controllers.second_order`."""
+
+    kind: Literal["omega", "zeta"]
+    index: int
+
+    def read(self, snapshot: Snapshot) -> Any:
+        values = getattr(oscillators_of(snapshot), self.kind)
+        if self.index >= len(values) or not np.isfinite(values[self.index]):
+            return None
+        return float(values[self.index])
+
+    def edit(self, snapshot: Snapshot, value: Any) -> Edit:
+        value = _single(value)
+        if not value > 0.0:
+            raise ValueError(f"{written(value)}; allowed: a number > 0")
+        i, now = self.index, oscillators_of(snapshot)
+        wanted = {"omega": float(now.omega[i]), "zeta": float(now.zeta[i]), self.kind: value}
+        M_m, K_m, K_f = (float(snapshot.matrices[name][i, i]) for name in ("M_m", "K_m", "K_f"))
+        entries = shaped(M_m, K_m, K_f, float(pressed_on(snapshot)[i]), **wanted)
+        changed = {}
+        for name in ("B_m", "K_m", "K_f"):
+            if snapshot.matrices[name][i, i] != getattr(entries, name):
+                changed[name] = snapshot.matrices[name].copy()
+                changed[name][i, i] = getattr(entries, name)
+        return model_edit(snapshot, changed)
+
+    @property
+    def hint(self) -> str:
+        return {
+            "omega": "natural frequency: ω² = (K_m + K_f K̂_e) / M_m [rad/s] > 0",
+            "zeta": "damping ratio: 2 ζ ω = B_m / M_m > 0; 1 is critical",
+        }[self.kind]
+
+
+def _single(value: Any) -> float:
+    if isinstance(value, list):
+        raise ValueError(f"{written(value)!r:.60}; allowed: a single number")
+    return float(value)

@@ -1,0 +1,44 @@
+"""The premises of the theorem as a table: each value against its limit, and when it first failed."""
+
+from __future__ import annotations
+
+from html import escape
+
+from app.session.snapshot import Snapshot
+from app.simulation.verdict import Finding
+from controllers.premises import STATEMENTS, Premise
+
+
+def premises_html(snapshot: Snapshot) -> str:
+    """Every premise that applies, and the verdict above them."""
+    standing = snapshot.standing
+    promise, run = standing.now, standing.run
+    look = {"holds": "vs-good", "broken": "vs-bad", "nothing promised": "vs-warn"}
+    chip = f'<span class="vs-chip {look[promise.verdict]}">now: {promise.verdict}</span>'
+    head = f"<div>{chip} {escape(promise.because)}</div>"
+    if run.verdict != promise.verdict:
+        head += (
+            f'<div><span class="vs-chip {look[run.verdict]}">this run: {run.verdict}</span> {escape(run.because)}; '
+            f"all premises held in {100 * run.share:.4g} % of its periods</div>"
+        )
+    rows = "".join(_row(finding) for finding in standing.findings)
+    titles = "".join(f"<td>{title}</td>" for title in ("premise", "value", "limit", "least margin", "now", "failed"))
+    return f'{head}<table class="vs-facts vs-premises"><tr>{titles}</tr>{rows}</table>'
+
+
+def _row(finding: Finding) -> str:
+    words = STATEMENTS[Premise[finding.premise.upper()]]
+    value = "—" if finding.value is None else f"{_small(finding.value)}"
+    margin = "—" if finding.margin is None else f"{_small(finding.margin)}"
+    limit = f"{finding.sign} {_small(finding.limit)} {finding.unit}"
+    chip = "holds" if finding.holds else "fails"
+    failed = "—" if finding.failed is None else f"{finding.failed:.3f} s"
+    look = "vs-good" if finding.holds else "vs-bad"
+    return (
+        f'<tr title="{escape(words.why)}"><td>{escape(finding.title)}</td><td>{value}</td><td>{escape(limit)}</td>'
+        f'<td>{margin}</td><td><span class="vs-chip {look}">{chip}</span></td><td>{failed}</td></tr>'
+    )
+
+
+def _small(value: float) -> str:
+    return f"{0.0 if abs(value) < 1e-9 else value:.3g}".replace("-", "−")

@@ -1,0 +1,38 @@
+"""Keys 1 to 5 and the command palette: every mode and every shipped scenario."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Coroutine
+from typing import Literal, get_args
+
+from app.dashboard.widgets.controls import Desk
+from app.dashboard.widgets.status import MODE_TITLES
+from app.scenario.data import shipped
+from app.scenario.schema import Scenario
+from app.session.commands import Edit, Load
+
+_Digit = Literal["1", "2", "3", "4", "5"]
+
+
+class Shortcuts:
+    """Modes by their place in MODE_TITLES, scenarios by title or name."""
+
+    def __init__(self, desk: Desk) -> None:
+        self._desk = desk
+        for digit, (mode, title) in zip(get_args(_Digit), MODE_TITLES.items(), strict=True):
+            desk.gui.add_command(f"Mode: {title}", hotkey=digit).on_trigger(self._change(mode))
+        for name, scenario in shipped().items():
+            label = f"Scenario: {scenario.title or name}"
+            desk.gui.add_command(label, description=name).on_trigger(self._load(scenario))
+
+    def _change(self, mode: str) -> Callable[[object], Coroutine[None, None, None]]:
+        async def change(_: object) -> None:
+            self._desk.post(Edit("mode", mode))
+
+        return change
+
+    def _load(self, scenario: Scenario) -> Callable[[object], Coroutine[None, None, None]]:
+        async def load(_: object) -> None:
+            self._desk.post(Load(scenario))
+
+        return load

@@ -1,0 +1,110 @@
+"""The status line: what runs, how far, how fast, and the verdict on what the theorem promises."""
+
+from __future__ import annotations
+
+from html import escape
+
+import numpy as np
+
+from app.scenario.declared_bounds import outside
+from app.session.pacing import Pace
+from app.session.snapshot import Snapshot
+
+_LATELY = 0.2  # s, what the badge looks back
+
+MODE_TITLES = {
+    "motion": "Motion",
+    "impedance": "Impedance",
+    "hybrid": "Hybrid position / force",
+    "hybrid-impedance": "Hybrid impedance / force",
+    "constrained": "Constrained motion",
+}
+
+
+def status_html(snapshot: Snapshot, complaint: str) -> str:
+    """Lines of chips and numbers; in a strip over the scene, where they move nothing, why the run stopped, the
+    complaint and what to notice."""
+    scenario = snapshot.scenario
+    pace = snapshot.pace
+    lines = [
+        f'<div class="vs-row"><span class="vs-title">{escape(scenario.title or scenario.name)}</span></div>',
+        '<div class="vs-row">'
+        f"{_chip(MODE_TITLES[scenario.mode], 'vs-mode')}{_phase(snapshot)}"
+        f'<span class="vs-right"><span class="vs-dim">t</span> <b class="vs-number">{snapshot.t:.2f}</b> s</span>'
+        "</div>",
+        '<div class="vs-row vs-verdict-row">'
+        f'{_promise(snapshot)}<span class="vs-right" title="{_kept(pace)}"><span class="vs-dim">real time</span> '
+        f'<b class="vs-number">{f"{snapshot.realtime_factor:.2f}×" if pace else "—"}</b></span></div>',
+    ]
+    messages = []
+    if snapshot.phase == "stopped":
+        messages.append(_message("vs-bad", f"Stopped: {snapshot.reason}"))
+    if pace and pace.slowed:
+        messages.append(_message("vs-warn", _slowed(snapshot)))
+    if complaint:
+        messages.append(_message("vs-bad", complaint))
+    if snapshot.notice:
+        messages.append(_message("vs-warn", snapshot.notice))
+    strip = f'<div class="vs-strip">{"".join(messages)}</div>'
+    return f'<div class="vs-status">{"".join(lines)}{strip}</div>'
+
+
+def splash_html(text: str) -> str:
+    """What the page shows while there is no run yet."""
+    return f'<div class="vs-splash"><span class="vs-spinner"></span>{escape(text)}</div>'
+
+
+def _phase(snapshot: Snapshot) -> str:
+    if snapshot.looking_back:
+        return _chip("shown again" if snapshot.phase == "running" else "looking back", "vs-warn")
+    look = {"running": "vs-good", "paused": "vs-warn", "stopped": "vs-bad"}[snapshot.phase]
+    return _chip(snapshot.phase, look)
+
+
+def _promise(snapshot: Snapshot) -> str:
+    """The verdict on the theorem's promise, and in a few words why."""
+    promise = snapshot.standing.now
+    look = {"holds": "vs-good", "broken": "vs-bad", "nothing promised": "vs-warn"}[promise.verdict]
+    text = {"holds": "promise holds", "broken": "promise broken"}.get(promise.verdict, promise.verdict)
+    violated = outside(snapshot.scenario)
+    if saturating := _saturating(snapshot):
+        why, whole = saturating, promise.because
+    elif violated:
+        why, whole = "truth outside the declared bounds", "; ".join(violated)
+    else:
+        why, whole = snapshot.standing.reason, promise.because
+    return (
+        f'<span title="{escape(promise.because)}">{_chip(text, look)}</span>'
+        f'<span class="vs-dim vs-why" title="{escape(whole)}">{escape(why)}</span>'
+    )
+
+
+def _saturating(snapshot: Snapshot) -> str:
+    """Which drives' limits have cut the torque lately; "" where none has."""
+    rows = snapshot.recording.signals(("tau", "tau_applied"), snapshot.t - _LATELY, snapshot.t)
+    joints = np.flatnonzero((rows["tau"] != rows["tau_applied"]).any(axis=0)) + 1
+    return f"torque at its limit: joint {', '.join(map(str, joints))}" if len(joints) else ""
+
+
+def _kept(pace: Pace | None) -> str:
+    if pace is None:
+        return ""
+    return (
+        f"{pace.achieved:.0f} of {pace.asked:.0f} control steps per second; late by {pace.late_median * 1e3:.2f} ms "
+        f"(median), at most {pace.late_most * 1e3:.1f} ms"
+    )
+
+
+def _slowed(snapshot: Snapshot) -> str:
+    return (
+        f"The loop cannot keep up: {snapshot.speed:g}× asked for, {snapshot.realtime_factor:.3g}× reached. "
+        "Simulated time is slowed; no control step is skipped."
+    )
+
+
+def _chip(text: str, look: str) -> str:
+    return f'<span class="vs-chip {look}">{escape(text)}</span>'
+
+
+def _message(look: str, text: str) -> str:
+    return f'<div class="vs-message {look}">{escape(text)}</div>'

@@ -1,0 +1,56 @@
+"""A text of the scenario: it takes effect on Enter or when its field is left, as numbers do."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import viser
+
+from app.dashboard.theme.style import COMMIT, MARKS
+from app.dashboard.widgets.controls import Desk, Place
+from app.session.snapshot import Snapshot
+
+
+@dataclass(frozen=True)
+class _Draft:
+    """What the user has typed and is not in force: not yet, or refused. It stays until it is, or Esc, or a new run."""
+
+    text: str
+    run: int
+
+
+class TextField:
+    """A wide field in which a refused text stays, to be mended."""
+
+    def __init__(self, desk: Desk, place: Place, label: str) -> None:
+        self._desk, self._place = desk, place
+        self._draft: _Draft | None = None
+        self._form = desk.gui.add_form(None)
+        with self._form:
+            self._text = desk.gui.add_text(label, "", hint=place.hint)
+        self._text.on_update(self._on_text)
+
+    async def _on_text(self, event: viser.GuiEvent) -> None:
+        if event.client is None:
+            return
+        snapshot = self._desk.snapshot()
+        text, done = self._text.value.rstrip("".join(MARKS)), self._text.value.endswith(COMMIT)
+        self._draft = _Draft(text, snapshot.run)
+        if not done:
+            return
+        self._text.value = text
+        if not text.strip():  # Esc, or nothing to read
+            self._draft = None
+            self.show(snapshot)
+        elif text != self._place.read(snapshot):
+            self._desk.post(self._place.edit(snapshot, text))
+
+    def show(self, snapshot: Snapshot) -> None:
+        value = self._place.read(snapshot)
+        if self._form.visible != (value is not None):
+            self._form.visible = value is not None
+        draft = self._draft
+        if draft is not None and (draft.text == value or draft.run != snapshot.run):
+            self._draft = None
+        if value is not None and self._draft is None:
+            self._text.value = value

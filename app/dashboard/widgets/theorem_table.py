@@ -1,0 +1,121 @@
+"""The theorem in numbers: a small table that is read, not edited."""
+
+from __future__ import annotations
+
+import math
+
+import viser
+
+from app.scenario.units import JOINT
+from app.session.snapshot import Snapshot
+
+
+class Facts:
+    """Gain condition, reaching time, sliding variable and the factors of the sampled loops, each with its limit."""
+
+    def __init__(self, gui: viser.GuiApi) -> None:
+        self._html = gui.add_html("")
+
+    def show(self, snapshot: Snapshot) -> None:
+        self._html.content = facts_html(snapshot)
+
+
+def facts_html(snapshot: Snapshot) -> str:
+    """What is, against what the theorem asks or promises, and whether that holds now."""
+    rows = _facts(snapshot)
+    body = "".join(
+        f'<tr title="{title}"><td>{what}</td><td>{value}</td><td>{verdict}</td></tr>'
+        for what, value, verdict, title in rows
+    )
+    return f'<table class="vs-facts vs-verdicts">{body}</table>'
+
+
+def _facts(snapshot: Snapshot) -> list[tuple[str, str, str, str]]:
+    """Name, value against limit, verdict, and the line that explains them."""
+    live, units = snapshot.live, snapshot.system.units
+
+    def number(name: str, factor: float = 1.0) -> str:
+        value = live.get(name, math.nan) * factor
+        return f"<b>{0.0 if abs(value) < 1e-9 else value:.3g}</b>" if math.isfinite(value) else "—"
+
+    def against(name: str, sign: str, limit: str, unit: str, factor: float = 1.0) -> str:
+        return f"{number(name, factor)} {sign} {number(limit, factor)} {unit}"
+
+    robust = snapshot.scenario.controller.law == "vsmrc"
+    rows = []
+    if robust:
+        allowed = live["s_bound"] + live["s_band"]
+        epoch = snapshot.state.epoch
+        rows += [
+            (
+                "gain d (17)",
+                against("d", "≥", "d_required", units.force),
+                judged(live["gain_margin"], f" {units.force}", low=-1e-9),
+                "d, what (17) needs with its margin ε, and what is left; by the theorem d is exactly what is needed",
+            ),
+            (
+                "‖s‖ (20)",
+                f"{number('s_norm', 1e3)} ≤ {f'{allowed * 1e3:.3g}' if math.isfinite(allowed) else '—'} {units.rate}",
+                verdict(live["s_norm"] <= allowed) if math.isfinite(allowed) else "",
+                "the sliding variable and its bound, with the band of sampling and boundary layer; — where nothing is "
+                "promised",
+            ),
+            ("band reached", *_reached(epoch.t, epoch.banded, epoch.banded_by)),
+        ]
+        if math.isfinite(live["layer_loop_factor"]):
+            rows += [
+                ("layer reached", *_reached(epoch.t, epoch.reached, epoch.reached_by)),
+                (
+                    "layer, sampled",
+                    f"{number('layer_loop_factor')} &lt; 2",
+                    verdict(live["layer_loop_factor"] < 2.0),
+                    "(λ_max(K_s) + d/φ) T / λ_min(H): the boundary layer stops the chattering only below 2",
+                ),
+            ]
+    if math.isfinite(live["force_loop_factor"]):
+        rows.append(
+            (
+                "force loop, sampled",
+                f"|{number('force_loop_factor')}| &lt; 1",
+                verdict(abs(live["force_loop_factor"]) < 1.0),
+                "what one sample makes of an error in the force that is fed back",
+            )
+        )
+    rows.append(
+        ("residual of (8)", f"{number('residual')} {units.force}", "", "left side minus right side of the target model")
+    )
+    if robust:
+        rows.append(
+            ("V = ½ sᵀĤs", f"{number('V')} J", "", "the proof's Lyapunov function, with the controller's estimate of H")
+        )
+    rows.append(
+        (
+            "σ_min(J_q)",
+            f"{number('sigma_min')} {'' if units == JOINT else 'm'}",
+            "",
+            "smallest singular value; Ω ends where it vanishes",
+        )
+    )
+    return rows
+
+
+def _reached(since: float, measured: float | None, promised: float | None) -> tuple[str, str, str]:
+    """Measured against promised time, verdict and explanation."""
+    after = "not yet" if measured is None else f"<b>{measured - since:.3g}</b>"
+    by = "—" if promised is None else f"{promised - since:.3g}"
+    held = "" if measured is None or promised is None else verdict(measured <= promised + 1e-9)
+    return f"{after} ≤ {by} s", held, "the measured time and the promised one, since the last change"
+
+
+def verdict(holds: bool) -> str:
+    """A chip that says whether a condition holds."""
+    return '<span class="vs-chip vs-good">holds</span>' if holds else '<span class="vs-chip vs-bad">violated</span>'
+
+
+def judged(value: float, unit: str = "", low: float = -math.inf, high: float = math.inf) -> str:
+    """A number as a chip, green within its limits and red outside; "—" where there is none."""
+    if not math.isfinite(value):
+        return "—"
+    look = "vs-good" if low <= value <= high else "vs-bad"
+    shown = 0.0 if abs(value) <= 1e-9 else value
+    return f'<span class="vs-chip {look}">{shown:.3g}{unit}</span>'

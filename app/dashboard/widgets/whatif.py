@@ -1,0 +1,141 @@
+"""What if: the value of a slider that is held, and the preview of what it would do. State of the page, not of a run."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from dataclasses import dataclass
+
+from app.scenario.data import edited
+from app.scenario.schema import Scenario, ScenarioError
+from app.session.commands import Edit, Load
+from app.session.preview import Outlook, Refusal
+from app.session.preview_client import Previewer
+from app.session.snapshot import Snapshot
+
+HORIZON = 5.0  # s, until the user says otherwise
+
+
+@dataclass(frozen=True)
+class Held:
+    """What a slider asks for while it is held: by which control, on which client's page."""
+
+    edit: Edit
+    label: str
+    value: str
+    control: object
+    client: int
+
+
+@dataclass(frozen=True)
+class _Asked:
+    """What the newest question was about."""
+
+    edit: Edit
+    base: Scenario
+    horizon: float
+    t: float
+
+
+@dataclass(frozen=True)
+class _Applied:
+    """The scenario before and after the last edit by a slider, and how far the runner's answers were then."""
+
+    before: Scenario
+    after: Scenario
+    asked_at: tuple[int, int]
+
+
+def _answers(snapshot: Snapshot) -> tuple[int, int]:
+    return snapshot.revision, snapshot.refusal_number
+
+
+class WhatIf:
+    """One slider at a time, whoever holds it. Callbacks `hold` and `let_go`; the drawing loop calls `look`.
+
+    outlook: what to draw, None for nothing; refusal: why there is nothing, in a sentence.
+    """
+
+    def __init__(self, previewer: Previewer) -> None:
+        self._previewer = previewer
+        self.on = True
+        self.horizon = HORIZON
+        self.held: Held | None = None
+        self.outlook: Outlook | None = None
+        self.refusal = ""
+        self._asked: _Asked | None = None
+        self._applied: _Applied | None = None
+        self._run = -1
+
+    def hold(self, held: Held) -> None:
+        """A slider has moved."""
+        self.held, self._applied = held, None
+
+    def holds(self, control: object) -> bool:
+        """Whether this control's value is only asked about."""
+        held = self.held
+        return held is not None and held.control is control
+
+    def let_go(self, control: object) -> None:
+        """Its slider is no longer held."""
+        if self.holds(control):
+            self.held = None
+
+    def remember(self, snapshot: Snapshot, edit: Edit) -> None:
+        """This edit is being applied; `undo` takes it back."""
+        try:
+            after = edited(snapshot.scenario, edit.path, edit.value)
+        except ScenarioError:  # the runner will refuse it, too, and say so
+            self._applied = None
+        else:
+            self._applied = _Applied(snapshot.scenario, after, _answers(snapshot))
+
+    def undo(self, snapshot: Snapshot) -> Load | None:
+        """What takes the last applied slider back, None when it was refused or something else has changed since."""
+        applied = self._applied
+        if applied is None or (applied.after != snapshot.scenario and applied.asked_at != _answers(snapshot)):
+            return None
+        return Load(applied.before)
+
+    def look(self, snapshot: Snapshot, clients: Collection[int]) -> bool:
+        """Ask what is to be asked and take what is answered; True when there is something else to draw."""
+        held = self.held
+        if held is not None and (held.client not in clients or snapshot.run != self._run):
+            self.held = held = None  # the page was closed with the slider held, or another run has begun
+        if held is None:
+            return self._rest(snapshot)
+        drawn, refused = self.outlook, self.refusal
+        self._ask(held, snapshot)
+        match self._previewer.newest:
+            case Outlook() as outlook:
+                self.outlook, self.refusal = outlook, ""
+            case Refusal(_, sentence):
+                self.outlook, self.refusal = None, sentence
+            case None if self._previewer.failure:
+                self.outlook, self.refusal = None, self._previewer.failure
+        return self.outlook is not drawn or self.refusal != refused
+
+    def _rest(self, snapshot: Snapshot) -> bool:
+        if self._asked is not None:
+            self._previewer.drop()
+            self._asked, self.outlook, self.refusal = None, None, ""
+            return True
+        if snapshot.run != self._run:
+            self._run = snapshot.run
+            if self.on:
+                self._previewer.warm_up(snapshot.state)
+        return False
+
+    def _ask(self, held: Held, snapshot: Snapshot) -> None:
+        asked, now = self._asked, _Asked(held.edit, snapshot.scenario, self.horizon, snapshot.t)
+        moved = asked is None or (asked.edit, asked.horizon) != (now.edit, now.horizon)
+        if not moved and (now == asked or not self._previewer.idle):
+            return
+        self._asked = now
+        try:
+            scenario = edited(snapshot.scenario, held.edit.path, held.edit.value)
+        except ScenarioError as error:
+            self._previewer.drop()
+            self.outlook, self.refusal = None, str(error)
+        else:
+            # the same question from a later state replaces a whole drawing: it must not grow anew
+            self._previewer.ask(snapshot.state, scenario, self.horizon, partial=moved)

@@ -1,0 +1,166 @@
+"""The same run twice: as a Scenario for the product and as a `PaperLoop`, both from the same numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+import pinocchio as pin
+
+from app.evidence.independent_simulator import Gains, PaperLoop, Surface, Wish, World, integrate
+from app.scenario.data import edited, from_plain
+from app.scenario.schema import Scenario
+from app.session.headless_run import simulate
+from app.simulation.closed_loop import ClosedLoop
+from app.simulation.system import assemble
+from environments.plant import Integrator, Plant
+from tests.support.arms import arm, random_spd
+
+TOWARDS = np.array([0.28, 0.0, 0.96])  # out of the surface, in the plane of the planar arms
+LAYER, D = 0.1, 6.0
+DEPTH = 0.001  # m, of the tool in an elastic surface to begin with
+
+
+@dataclass(frozen=True)
+class Twin:
+    """An arm of the catalogue on a plane (radius 0) or a sphere, which has a mass M_e (kg) or none, or is rigid, and
+    may move; unknown: its links are 15 % heavier than believed and its joints rub; ideal: see `Scenario.sensor`."""
+
+    robot: str
+    mode: Literal["hybrid", "hybrid-impedance", "constrained"]
+    radius: float = 0.0
+    M_e: float = 0.0
+    moving: bool = True
+    unknown: bool = True
+    integrator: Integrator = "semi-implicit-euler"  # which evaluates the acceleration at the state itself
+    ideal: bool = False
+
+    @property
+    def n(self) -> int:
+        return arm(self.robot).robot.n
+
+    @property
+    def rigid(self) -> bool:
+        return self.mode == "constrained"
+
+    def surface(self) -> Surface:
+        p = arm(self.robot).nominal.evaluate(arm(self.robot).q_0, np.zeros(self.n)).p
+        inside = p + (0.0 if self.rigid else DEPTH) * TOWARDS
+        amplitude = np.array([0.6, 0.0, 0.8]) * (0.004 if self.moving else 0.0)
+        if self.radius == 0.0:
+            return Surface(inside, -TOWARDS, 0.0, amplitude, 2 * np.pi * 2.0)
+        return Surface(inside - self.radius * TOWARDS, TOWARDS, self.radius, amplitude, 2 * np.pi * 2.0)
+
+    def gains(self) -> Gains:
+        """Full matrices wherever the mode admits them."""
+        random, n = np.random.default_rng(4), self.n
+        M_m, B_m, K_m, K_f = (np.zeros((n, n)) for _ in range(4))
+        M_m[0, 0], B_m[0, 0], K_m[0, 0], K_f[0, 0] = (12.0, 200.0, 0.0 if self.rigid else 300.0, 0.8)
+        for matrix, low, high in ((M_m, 6.0, 14.0), (B_m, 150.0, 300.0), (K_m, 1000.0, 4000.0)):
+            matrix[1:, 1:] = random_spd(random, n - 1, low, high)
+        if self.mode == "hybrid-impedance":
+            K_f[1:, 1:] = random_spd(random, n - 1, 0.5, 1.5)
+        F_1, F_2, A = (np.diag(random.uniform(*edge, n)) for edge in ((8.0, 14.0), (0.7, 1.5), (-2.0, -0.2)))
+        return Gains(M_m, B_m, K_m, K_f, A, F_1, F_2, random_spd(random, n, 20.0, 40.0), D, LAYER)
+
+    def wish(self) -> Wish:
+        displacement = np.zeros(self.n)
+        displacement[1] = 0.03
+        return Wish(displacement, 2 * np.pi * 1.0, 20.0, 5.0, 2 * np.pi * 3.0, 0.0 if self.rigid else 1 / 9000.0)
+
+    def scenario(self, period: float) -> Scenario:
+        gains, surface = self.gains(), self.surface()
+        motion = {
+            "direction": [0.6, 0.0, 0.8],
+            "amplitude": float(np.linalg.norm(surface.amplitude)),
+            "frequency": surface.omega / (2 * np.pi),
+        }
+        where = {"origin": surface.origin.tolist(), "motion": motion}
+        normal = surface.normal.tolist()
+        kind = "rigid" if self.rigid else "mass-damper-spring" if self.M_e else "elastic"
+        return from_plain({
+            "mode": self.mode,
+            "robot": {"name": self.robot},
+            "truth": {"link_scaling": 1.15, "viscous": 0.4} if self.unknown else {},
+            "target_model": {name: getattr(gains, name).tolist() for name in ("M_m", "B_m", "K_m", "K_f")},
+            "controller": {
+                **{name: getattr(gains, name).tolist() for name in ("A", "F_1", "F_2", "K_s")},
+                "gain": "constant", "d": D, "layer": LAYER, "period": period, "K_e_hat": 9000.0,
+            },
+            "surface": {"kind": "sphere", "radius": self.radius, "reference": normal, **where} if self.radius
+            else {"kind": "plane", "normal": normal, **where},
+            "contact": {"kind": kind, "M_e": self.M_e, "B_e": 40.0, "K_e": 8000.0, "unilateral": False},
+            "sensor": {"ideal": self.ideal},
+            "motion": {"kind": "line", "displacement": [0.03], "period": 1.0, "ramp": 0.0},
+            "force": {"kind": "sinusoid", "value": 20.0, "amplitude": 5.0, "frequency": 3.0},
+            "simulation": {"duration": 1.0, "integrator": self.integrator},
+        })  # fmt: skip
+
+    def paper(self) -> PaperLoop:
+        scenario = self.scenario(0.001)
+        contact, truth = scenario.contact, scenario.truth
+        world = World(
+            self.surface(), self.rigid, self.M_e, contact.B_e, contact.K_e, float(np.max(truth.link_scaling)),
+            truth.viscous, all=self.mode == "hybrid-impedance",
+        )  # fmt: skip
+        system = assemble(scenario)
+        start = system.plant.start(system.q_0, np.zeros(self.n), 0.0).views
+        return PaperLoop(
+            system.robot,
+            start.q,
+            start.q_dot,
+            self.gains(),
+            self.wish(),
+            world,
+            scenario.task_space.characteristic_length,
+        )
+
+
+def loop_errors(twin: Twin, periods: Sequence[float], duration: float) -> np.ndarray:
+    """Largest difference of q (rad) between the sampled loop and the paper's, for each control period (s); each is the
+    first one over a whole number."""
+    times = np.arange(0.0, duration, periods[0])
+    exact = twin.paper().solve(times)[:, 0]
+    errors = []
+    for period in periods:
+        loop, every = ClosedLoop(twin.scenario(period)), round(periods[0] / period)
+        for _ in range(every * (len(times) - 1) + 1):
+            loop.step()
+            assert loop.stopped is None
+        errors.append(np.abs(loop.recording.signals(("q",))["q"][::every] - exact).max())
+    return np.array(errors)
+
+
+def plant_errors(twin: Twin, substeps: Sequence[int], duration: float) -> np.ndarray:
+    """Largest error of (q, q_dot) (rad, rad/s) after `duration` s under a constant torque, for each number of plant
+    steps in it."""
+    scenario = twin.scenario(0.001)
+    system, n = assemble(scenario), twin.n
+    random = np.random.default_rng(5)
+    paper, start = twin.paper(), system.plant.start(system.q_0, random.uniform(-0.5, 0.5, n), 0.0)
+    tau = pin.computeGeneralizedGravity(paper.true, paper.true.createData(), system.q_0) + random.uniform(-3, 3, n)
+    q, q_dot = start.views.q, start.views.q_dot
+    y_0 = np.concatenate([q, q_dot])
+    exact = integrate(paper.slope_under(tau), y_0, np.array([0.0, duration]), rtol=1e-12)[-1]
+    errors = []
+    for number in substeps:
+        plant = Plant(
+            system.robot, system.plant.truth, system.surface, scenario.contact.kind, system.plant.contact,
+            twin.integrator, number,
+        )  # fmt: skip
+        state = plant.start(q, q_dot, 0.0)
+        plant.advance(state, tau, 0.0, duration)
+        errors.append(np.abs(np.concatenate([state.views.q, state.views.q_dot]) - exact).max())
+    return np.array(errors)
+
+
+def bands(scenario: Scenario, periods: Sequence[float], since: float) -> np.ndarray:
+    """Largest ||s|| (m/s) from the time `since` (s) on, for each control period (s)."""
+    found = []
+    for period in periods:
+        loop, metrics = simulate(edited(scenario, "controller.period", period))
+        assert metrics.stopped is None
+        found.append(loop.recording.signals(("s_norm",), t_from=since)["s_norm"].max())
+    return np.array(found)

@@ -1,0 +1,1 @@
+"""Files to take away: figures, films, and the jobs that make them."""

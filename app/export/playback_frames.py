@@ -1,0 +1,37 @@
+"""A recording thinned to what a film needs."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from app.scenario.schema import Scenario
+from app.simulation.recording import Recording
+
+FRAMES_PER_SECOND = 30
+SIGNALS = ("t", "q", "q_dot", "r_d", "F_cd", "tool", "F_true")
+
+
+@dataclass(frozen=True)
+class Film:
+    """One recorded row per frame, oldest first: `SIGNALS` by name, (N,) or (N, width), SI units."""
+
+    scenario: Scenario
+    signals: dict[str, np.ndarray]
+
+    def __len__(self) -> int:
+        return len(self.signals["t"])
+
+
+def film(scenario: Scenario, recording: Recording, t_from: float = -math.inf, t_to: float = math.inf) -> Film:
+    """The first row of each thirtieth of a second, of t_from <= t <= t_to (s)."""
+    rows, frame = [np.empty((0, recording.width))], -math.inf
+    for piece in recording.pieces(t_from, t_to):
+        frames = np.floor(piece[:, 0] * FRAMES_PER_SECOND + 1e-6)  # a row at the edge counts as beyond it
+        rows.append(piece[np.diff(frames, prepend=frame) > 0])
+        frame = frames[-1]
+    kept = np.concatenate(rows)
+    columns = {name: kept[:, recording.columns[name]] for name in SIGNALS}
+    return Film(scenario, {name: values[:, 0] if name == "t" else values for name, values in columns.items()})

@@ -1,0 +1,60 @@
+"""How the gateway answers: with the same headers everywhere, also what is no HTTP, of which nothing is written down."""
+
+from __future__ import annotations
+
+import structlog
+from aiohttp import web
+from aiohttp.http_exceptions import HttpProcessingError
+from aiohttp.web_protocol import RequestHandler
+
+from app.access.admission import PAGE_HEADERS
+from app.gateway import pages
+
+log = structlog.get_logger()
+
+
+async def with_headers(_: web.BaseRequest, response: web.StreamResponse) -> None:
+    """Before any answer is sent, those of web sockets, too."""
+    response.headers.update(PAGE_HEADERS)
+    response.headers.setdefault("Cache-Control", "no-store")
+
+
+class Runner(web.AppRunner):
+    """Runs an application whose connections are `_Connection`s; aiohttp has no setting for that."""
+
+    async def _make_server(self) -> web.Server:
+        server = await super()._make_server()
+        server.__class__ = _Server
+        return server
+
+
+class _Server(web.Server):
+    def __call__(self) -> RequestHandler:
+        return _Connection(self, loop=self._loop, **self._kwargs)
+
+
+class _Connection(RequestHandler):
+    """A connection that answers a fault in a sentence. aiohttp would put into the log, and send back, what it could
+    not read: whole header lines, with the cookies in them."""
+
+    __slots__ = ()
+
+    def handle_error(
+        self,
+        request: web.BaseRequest,
+        status: int = 500,
+        exc: BaseException | None = None,
+        message: str | None = None,
+    ) -> web.StreamResponse:
+        del message
+        if isinstance(exc, HttpProcessingError):
+            log.info("request refused", reason=f"no HTTP: {type(exc).__name__}")
+            said = pages.notice("This request is refused", "It is no HTTP as this server reads it.")
+        else:
+            log.error("fault", stage="a request", exc_info=exc)
+            said = pages.notice("This server has made a mistake", "The sessions go on.")
+        if request.writer.output_size > 0:
+            raise ConnectionError("an answer has been begun: there can be no other one")
+        response = web.Response(text=said, status=status, content_type="text/html", headers=PAGE_HEADERS)
+        response.force_close()
+        return response

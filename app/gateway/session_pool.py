@@ -1,0 +1,389 @@
+"""Who has a session, which of them run, who waits for a place: no page and no socket here."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import time
+from collections import Counter
+from collections.abc import Callable, Coroutine, Iterator
+
+import structlog
+
+from app.access.session_messages import Begin, Kept
+from app.gateway.session import Process, Session
+from app.gateway.session_store import MOST, Known, Register
+from app.gateway.visitors import NOBODY, Shares, Viewer, Visitor, places_share
+from app.gateway.worker import WorkerError
+from app.process.redaction import new_secret
+
+log = structlog.get_logger()
+
+SILENT = 15.0  # s: who waits for a place and has not asked for so long is passed over
+FORGOTTEN = 120.0  # s: and has gone after so long; a locked phone asks for nothing
+UNSEEN = 60.0  # s: a process that nobody ever looked at is closed
+HURRIED = 120.0  # s: while others wait, a place that nobody looks at is free so soon
+CRASHES, WITHIN = 3, 60.0  # so many ends of a process within so many s, and it is not begun again
+SPARE_AFTER = 2.0  # s after a start, for the page that is just being loaded has the processor first
+MOST_KEPT = 2000  # sessions without a folder; see `House._has_room`
+UNKEPT = f"this session is not kept on disk: {MOST} others are, and none of them may go for it"
+
+
+class Excess(Exception):
+    """More than a visitor may have: one sentence."""
+
+
+class House:
+    """Sessions and their processes, at most `places` of them at once; all in one event loop.
+
+    scenario: TOML of a new session; launch: makes a process with this scenario ready; idle: s after which a session
+    that nobody looks at is closed, its scenario kept, None for never; register: where sessions are kept beyond the
+    life of the house, None for nowhere; spare: have a process ready in advance; shares: what one visitor may have;
+    of_one_address: places, see `places_share`.
+    """
+
+    def __init__(
+        self,
+        scenario: str,
+        launch: Callable[[str], Coroutine[None, None, Process]],
+        places: int,
+        idle: float | None,
+        *,
+        register: Register | None = None,
+        spare: bool = True,
+        shares: Shares | None = None,
+        of_one_address: int | None = None,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self._scenario, self._launch, self.places, self._idle = scenario, launch, places, idle
+        self._register, self._wants_spare, self._clock = register, spare, clock
+        self.shares, self._place_share = shares or Shares(), places_share(places, of_one_address)
+        self._by_name: dict[str, Session] = {}
+        self._by_watch: dict[str, Session] = {}
+        self._queue: list[Session] = []
+        self._spare: asyncio.Task[Process] | None = None
+        self._doing: set[asyncio.Task[object]] = set()
+        self._closed = False
+        self.crashes = 0
+        self._started = clock() - SPARE_AFTER
+        self._noting = asyncio.Lock()  # what is on disk of a session's links is what was noted last
+        for known in register.known() if register is not None else ():
+            session = Session(
+                known.scenario, known.name, known.watch, known.pinned, known.folder, owner=Visitor(known.owner)
+            )
+            session.kept = session.looked_at = True
+            session.seen = clock()
+            self._add(session)
+
+    @property
+    def taken(self) -> int:
+        """How many places are."""
+        return sum(session._life is not None for session in self._by_name.values())
+
+    @property
+    def sessions(self) -> list[Session]:
+        """All that are known."""
+        return list(self._by_name.values())
+
+    def crowded(self, session: Session, viewer: Viewer) -> str:
+        """Why this page cannot be opened as well; "" where it can."""
+        shares, everywhere = self.shares, self._by_name.values()
+        share = shares.steering if viewer.kind == "steer" else shares.watching
+        refusal = share.refusal(viewer.visitor, session.visitors(viewer.kind))
+        if not refusal and viewer.kind == "watch":
+            watching = [visitor for each in everywhere for visitor in each.visitors("watch")]
+            refusal = shares.all_watching.refusal(viewer.visitor, watching)
+        every = [visitor for each in everywhere for visitor in each.visitors("steer", "watch")]
+        return refusal or shares.pages.refusal(viewer.visitor, every)
+
+    def named(self, name: str) -> Session | None:
+        return self._by_name.get(name)
+
+    def watched(self, name: str) -> Session | None:
+        return self._by_watch.get(name)
+
+    def new(self, owner: Visitor = NOBODY) -> Session:
+        """A session that rests, with the usual scenario."""
+        return self._entered(Session(self._scenario, owner=owner))
+
+    def copy(self, original: Session, owner: Visitor) -> Session:
+        """A session that rests, with the scenario of this one. Raises Excess."""
+        now, every = self._clock(), self._by_name.values()
+        copies = [s for s in every if s.original is not None and (s.phase in _ASKING or now - s.seen < FORGOTTEN)]
+        of_it = [copy.owner for copy in copies if copy.original is original]
+        refusal = self.shares.link_copies.refusal(owner, of_it)
+        if refusal := refusal or self.shares.copies.refusal(owner, [copy.owner for copy in copies]):
+            raise Excess(refusal)
+        return self._entered(Session(original.scenario, owner=owner, original=original))
+
+    def _entered(self, session: Session) -> Session:
+        session.seen = self._clock()
+        self._has_room(session, MOST_KEPT, kept=False)
+        return self._add(session)
+
+    def everyone(self) -> Session:
+        """The session of a house that has one for all: its links are the old ones, its scenario is the usual one."""
+        session = next(iter(self._by_name.values()), None) or self.new()
+        session.scenario, session.offers = self._scenario, True
+        return session
+
+    def refusal(self, session: Session) -> str:
+        """Why this session cannot come nor wait, or goes on waiting although there are places; "" where it may."""
+        if session.phase == "resting" and self.taken >= self.places:
+            return self.shares.waiting.refusal(session.owner, [waiting.owner for waiting in self._queue])
+        if session.phase in ("resting", "waiting") and self.taken < self.places:
+            return self._place_share.refusal(session.owner, self._holders)
+        return ""
+
+    @property
+    def _holders(self) -> list[Visitor]:
+        """Of the places."""
+        return [session.owner for session in self._by_name.values() if session._life is not None]
+
+    def want(self, session: Session) -> None:
+        """Somebody looks for this session: run it, or keep its place in the queue, unless others are to have that."""
+        session.asked = session.seen = self._clock()
+        waiting = [each.owner for each in self._queue]
+        if session.phase == "resting" and not self.shares.waiting.refusal(session.owner, waiting):
+            session.phase = "waiting"
+            self._queue.append(session)
+            self._advance()
+
+    async def soon(self, session: Session, patience: float) -> bool:
+        """Whether it runs, or will within so many s: with a spare it does."""
+        with contextlib.suppress(TimeoutError):
+            async with asyncio.timeout(patience):
+                await session._runs.wait()
+        return session.phase == "running"
+
+    def place(self, session: Session) -> int:
+        """In the queue, from 1; 0 for a session that does not wait."""
+        return self._queue.index(session) + 1 if session in self._queue else 0
+
+    def again(self, session: Session) -> None:
+        """Begin a failed session anew, with the usual scenario."""
+        if session.phase == "failed":
+            session.scenario, session.phase, session.told = self._scenario, "resting", ""
+            session._falls.clear()
+            self.want(session)
+
+    async def renew(self, session: Session) -> None:
+        """New links: the old ones lead nowhere, and the pages that they have opened are closed.
+
+        Raises OSError, and they stay as they were, where the new ones cannot be kept on disk: the old ones would open
+        the session again after the next start.
+        """
+        await asyncio.shield(self._do(self._renewed(session)))  # all of it, also for who does not wait
+
+    async def _renewed(self, session: Session) -> None:
+        async with self._noting:
+            name, watch = new_secret(16), new_secret(16)
+            if self._register is not None and session.kept:
+                await asyncio.to_thread(self._register.enter, _known(session)._replace(name=name, watch=watch))
+            if self._by_name.pop(session.name, None) is None:
+                return  # it has been forgotten meanwhile
+            del self._by_watch[session.watch]
+            session.name, session.watch = name, watch
+            self._add(session)
+            taken_back, session.taken_back = session.taken_back, asyncio.Event()
+            taken_back.set()
+            log.info("new links", session=session.called, pages=len(session.pages))
+
+    @contextlib.contextmanager
+    def viewing(self, session: Session, viewer: Viewer) -> Iterator[None]:
+        """While a page is open; from the first one on, the session is kept."""
+        session.pages.append(viewer)
+        if not session._ever_seen:
+            session._ever_seen = session.looked_at = True
+            self._do(self._keep(session))
+        try:
+            yield
+        finally:
+            session.pages.remove(viewer)
+            session.seen = self._clock()
+
+    def tick(self) -> None:
+        """What time brings: places fall free, who waits moves on, a spare is ordered. To be called each second."""
+        for session in self._by_name.values():
+            if session.phase == "running" and not session.pages and self._unseen(session) and session.process:
+                log.info("session closed", session=session.called, reason="nobody looks at it")
+                session._closing = True
+                session.phase = "resting"
+                session.process, process = None, session.process
+                self._do(process.end())
+        self._advance()
+        if self._spare is not None and self._spare.done() and not _of_use(self._spare):
+            self._spare = None
+        wanted = self._wants_spare and not self._closed and self._spare is None and self.taken < self.places
+        if wanted and self._clock() - self._started >= SPARE_AFTER:
+            self._started = self._clock()  # a launch that fails is not tried again at once either
+            self._spare = asyncio.create_task(self._launch(self._scenario))
+
+    async def close(self) -> None:
+        """End every process, and begin no other one; returns when they have ended."""
+        self._closed = True
+        lives = [session._life for session in self._by_name.values() if session._life is not None]
+        if self._spare is not None:
+            lives.append(asyncio.create_task(_end(self._spare)))
+        for session in self._by_name.values():
+            session._closing = True
+            if session.process is not None:
+                self._do(session.process.end())
+            elif session._life is not None:
+                session._life.cancel()
+        await asyncio.gather(*lives, *self._doing, return_exceptions=True)
+
+    def _unseen(self, session: Session) -> bool:
+        if self._idle is None:
+            return False
+        least = self._idle if session._ever_seen else min(UNSEEN, self._idle)
+        if self._queue:
+            least = min(least, HURRIED)
+        return self._clock() - session.seen > least
+
+    def _do(self, what: Coroutine[None, None, object]) -> asyncio.Task[object]:
+        """Meanwhile; nobody need wait for it but the end."""
+        task = asyncio.create_task(what)
+        self._doing.add(task)
+        task.add_done_callback(self._doing.discard)
+        return task
+
+    def _advance(self) -> None:
+        now, waiting = self._clock(), list[Session]()
+        for session in self._queue:
+            if now - session.asked > FORGOTTEN:
+                session.phase = "resting"
+            elif self._may_begin(session, now):
+                session.phase, session._closing, session._ever_seen = "starting", False, False
+                session._life = asyncio.create_task(self._live(session))
+            else:
+                waiting.append(session)
+        self._queue = waiting
+
+    def _may_begin(self, session: Session, now: float) -> bool:
+        # one that is just being closed comes back when it has been
+        asks = session._life is None and now - session.asked <= SILENT
+        free = not self._closed and self.taken < self.places
+        return asks and free and not self._place_share.refusal(session.owner, self._holders)
+
+    async def _live(self, session: Session) -> None:
+        """From its place in the house to its end, over as many processes as it takes."""
+        try:
+            while not session._closing:
+                session.phase = "starting"
+                process = await self._process(session)
+                session.process, session.phase, session.seen = process, "running", self._clock()
+                session._runs.set()
+                log.info("session opened", session=session.called, sessions=self.taken)
+                async for changed in process.changes():
+                    session.scenario, session.offers, session.pinned = changed.scenario, False, changed.pinned
+                    if changed.pinned and not session.kept:
+                        self._do(self._keep(session))
+                session._runs.clear()
+                how = await process.end()
+                session.process = None
+                if not session._closing:
+                    self._fallen(session, how)
+        except WorkerError as error:
+            session.phase, session.told = "failed", str(error)
+            log.warning("session given up", session=session.called, reason=str(error))
+        except Exception as error:  # a fault of ours ends this session, and is told
+            session.phase, session.told = "failed", f"the server could not look after it ({type(error).__name__})"
+            log.error("fault", stage="a session", session=session.called, exc_info=error)
+            if session.process is not None:
+                self._do(session.process.end())
+                session.process = None
+        finally:
+            session._life = None
+            session._runs.clear()
+            if session.phase in ("starting", "running"):
+                session.phase = "resting"
+
+    def _fallen(self, session: Session, how: str) -> None:
+        now = self._clock()
+        session._falls = [fall for fall in session._falls if now - fall < WITHIN] + [now]
+        session.crashes += 1
+        self.crashes += 1
+        log.warning("session crashed", session=session.called, how=how)
+        if len(session._falls) >= CRASHES:
+            raise WorkerError(f"its process has ended unexpectedly {CRASHES} times within a minute ({how})")
+        session.told = f"its process ended unexpectedly ({how}); another one has begun its last scenario anew"
+
+    async def _process(self, session: Session) -> Process:
+        """The spare, or a new one; it has begun the session's scenario."""
+        scenario, kept = session.scenario, await self._folder(session) if session.kept else None
+        spare, self._spare = self._spare, None
+        process = None
+        if spare is not None:
+            with contextlib.suppress(WorkerError):
+                process = await spare
+        if process is None or not process.alive:
+            process = await self._launch(scenario)
+            process.begin(Begin(None, kept, session.owner.marks))
+        else:
+            process.begin(Begin(None if scenario == self._scenario else scenario, kept, session.owner.marks))
+        self._started = self._clock()
+        return process
+
+    async def _folder(self, session: Session) -> Kept | None:
+        """Where this session is kept, which is made if need be."""
+        if self._register is None:
+            return None
+        async with self._noting:
+            folder = await asyncio.to_thread(self._register.entered, _known(session))
+        return Kept(str(folder), "offered" if session.offers else "shown")
+
+    async def _keep(self, session: Session) -> None:
+        """Have the process keep the session, which somebody looks at, from now on, where there is room."""
+        if self._register is None or session.kept or (process := session.process) is None:
+            return
+        if not self._has_room(session, MOST, kept=True):
+            process.remark(UNKEPT)
+            return
+        session.kept = True
+        kept = await self._folder(session)
+        if kept is not None and session.process is process:  # another one has begun with it
+            process.keep(kept)
+
+    def _add(self, session: Session) -> Session:
+        self._by_name[session.name] = self._by_watch[session.watch] = session
+        return session
+
+    def _has_room(self, session: Session, most: int, *, kept: bool) -> bool:
+        """Whether there is room for this one among those that have a folder, or have none. If need be one makes room
+        that rests and is worth no more: of those worth least, one of whoever has most, the one not seen for longest."""
+        held = [other for other in self._by_name.values() if other is not session and other.kept == kept]
+        if len(held) < most:
+            return True
+        waiting = set(self._queue)
+        resting = [o for o in held if o._life is None and o not in waiting and o.standing <= session.standing]
+        if not resting:
+            return False
+        count = Counter(other.owner.address or other.owner.browser for other in held)
+        self._forget(min(resting, key=lambda o: (o.standing, -count[o.owner.address or o.owner.browser], o.seen)))
+        return True
+
+    def _forget(self, session: Session) -> None:
+        del self._by_name[session.name], self._by_watch[session.watch]
+        if self._register is not None and session.kept:
+            self._do(asyncio.to_thread(self._register.forget, session.folder))
+
+
+_ASKING = ("waiting", "starting", "running")
+
+
+def _known(session: Session) -> Known:
+    """What is kept of this session on disk."""
+    owner = session.owner.browser
+    return Known(session.name, session.watch, session.scenario, session.pinned, owner, session.folder)
+
+
+def _of_use(launch: asyncio.Task[Process]) -> bool:
+    """Whether this launch, which is done, has led to a process that is there."""
+    return not launch.cancelled() and launch.exception() is None and launch.result().alive
+
+
+async def _end(launch: asyncio.Task[Process]) -> None:
+    launch.cancel()
+    with contextlib.suppress(asyncio.CancelledError, WorkerError):
+        await (await launch).end()

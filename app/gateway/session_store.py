@@ -1,0 +1,103 @@
+"""Sessions on disk: their links, and a folder for each, so that a gateway that is started again knows them."""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+from pathlib import Path
+from typing import NamedTuple
+
+import msgspec
+import structlog
+
+from app.process.atomic_write import write_whole
+from app.session.autosave import LARGEST, StateError, last_state, occupied
+from environments.regular_file import read_regular
+
+log = structlog.get_logger()
+
+MOST = 100  # sessions on disk: three pinned runs of one can take 225 MB
+LINK = "link.json"
+_PRIVATE = 0o600
+_WORD = re.compile(r"[A-Za-z0-9_-]{1,64}")
+
+
+class _Link(msgspec.Struct, frozen=True):
+    name: str
+    scenario: str
+    owner: str = ""
+    watch: str = ""
+
+
+class Known(NamedTuple):
+    """A session as it was left: parts of its links, its scenario (TOML, not judged yet), how many runs were pinned, the
+    browser of its owner, see `Visitor`, and its folder."""
+
+    name: str
+    watch: str
+    scenario: str
+    pinned: int
+    owner: str
+    folder: str
+
+
+class Register:
+    """A folder that only this gateway uses, as long as it lives or until `close`.
+
+    A session's own folder is named after its first link to watch: what its pages show of it lets nobody steer. Its
+    process keeps scenario and pinned runs there, see `app.session.autosave`. Raises StateError when another process uses the
+    folder or it cannot be written.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._path, self._lock = occupied(path)
+
+    def close(self) -> None:
+        """Leave the folder to others."""
+        os.close(self._lock)
+
+    def known(self) -> list[Known]:
+        """What an earlier gateway left, the one not used for longest first; what cannot be read is left where it is."""
+        try:
+            for unfinished in self._path.glob(f"*/.{LINK}.*"):
+                unfinished.unlink()
+            links = [(link.stat().st_mtime, link) for link in self._path.glob(f"*/{LINK}")]
+        except OSError as error:
+            raise StateError(f"--state-dir {self._path}: cannot be read: {error.strerror}") from error
+        return [known for _, link in sorted(links) if (known := _known(link)) is not None]
+
+    def entered(self, known: Known) -> Path:
+        """The session's folder; that there is one is noted. Where this fails, its process will say so on the page."""
+        try:
+            self.enter(known)
+        except OSError as error:
+            log.warning("session not saved", reason=error.strerror)
+        return self._path / known.folder
+
+    def enter(self, known: Known) -> None:
+        """Note the session and its links, instead of what is noted of it. Raises OSError."""
+        folder = self._path / known.folder
+        folder.mkdir(exist_ok=True, mode=0o700)
+        text = msgspec.json.encode(_Link(known.name, known.scenario, known.owner, known.watch))
+        write_whole(folder / LINK, lambda file: file.write(text), _PRIVATE)
+
+    def forget(self, folder: str) -> None:
+        """Remove what there is of this session, as far as that can be done."""
+        shutil.rmtree(self._path / folder, ignore_errors=True)
+
+
+def _known(link: Path) -> Known | None:
+    folder = link.parent.name
+    try:
+        read = msgspec.json.decode(read_regular(link, LARGEST), type=_Link)
+    except (OSError, msgspec.MsgspecError, UnicodeDecodeError, RecursionError) as error:
+        reason = error.strerror if isinstance(error, OSError) else error
+        log.warning("saved session unreadable", session=folder[:6], reason=str(reason))
+        return None
+    watch = read.watch or folder  # as it was written before links could be taken back
+    if not all(map(_WORD.fullmatch, (read.name, watch, folder))):
+        log.warning("saved session unreadable", session=folder[:6], reason="its name is none of this program's")
+        return None
+    last = last_state(link.parent)
+    return Known(read.name, watch, last.scenario or read.scenario, last.pinned, read.owner, folder)

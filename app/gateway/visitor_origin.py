@@ -1,0 +1,60 @@
+"""Where a request to a gateway comes from."""
+
+from __future__ import annotations
+
+import ipaddress
+import re
+from urllib.parse import urlsplit
+
+from aiohttp import web
+
+from app.access.admission import Names, is_loopback
+from app.gateway.visitors import Visitor
+
+_WORD = re.compile(r"[A-Za-z0-9_-]{22}")  # 128 bits, as `new_secret(16)` writes them
+_PROXIED = ("X-Forwarded-For", "Forwarded", "Via")
+
+
+def visitor_of(request: web.Request, names: Names) -> Visitor:
+    """Who asks, as far as that can be told."""
+    browser = request.cookies.get(visitor_cookie(request), "")
+    return Visitor(browser if _WORD.fullmatch(browser) else "", _address(request, names))
+
+
+def visitor_cookie(request: web.Request) -> str:
+    """The name of the cookie by which a browser is known again."""
+    return f"vsmrc-visitor-{port_of(request)}"
+
+
+def port_of(request: web.Request) -> int:
+    """Browsers keep the cookies of all ports of a host together."""
+    address = request.get_extra_info("sockname")
+    return address[1] if address else 0
+
+
+def is_local(request: web.Request) -> bool:
+    """Whether a program of this machine asks, and no proxy for another one."""
+    try:
+        name = urlsplit(f"//{request.host}").hostname or ""
+    except ValueError:
+        return False
+    proxied = any(header in request.headers for header in _PROXIED)
+    return is_loopback(request.remote or "") and is_loopback(name) and not proxied
+
+
+def asks_status(request: web.Request) -> bool:
+    """Whether it is about the server, and not about a session."""
+    return request.path in ("/healthz", "/metrics")
+
+
+def _address(request: web.Request, names: Names) -> str:
+    """A machine's address, of IPv6 its network; "" for programs of this machine and for what comes through a proxy that
+    does not say."""
+    address = request.remote or ""
+    if is_loopback(address):
+        address = request.headers.get("X-Forwarded-For", "").rpartition(",")[2].strip() if names.public else ""
+    try:
+        known = ipaddress.ip_address(address)
+    except ValueError:
+        return ""
+    return str(ipaddress.ip_network((known, 64), strict=False)) if known.version == 6 else address

@@ -1,0 +1,63 @@
+"""Where compiled kernels are kept: one folder per state of the sources, so that no stale one is ever used.
+
+Numba reads them back as pickles, and whoever can write a pickle runs code. So it is a folder that no other user can
+have a hand in, or none that lasts.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import shutil
+import sys
+from pathlib import Path
+
+from app.process.private_folder import NotOwnError, passing, private
+
+KEPT = 8  # folders of earlier states
+VARIABLE = "NUMBA_CACHE_DIR"  # read by numba; the processes beside this one inherit it
+
+
+def choose() -> None:
+    """Let numba keep kernels where this program does, unless the user or the process that started this one has said
+    where. Before numba is imported."""
+    if VARIABLE not in os.environ:
+        os.environ[VARIABLE] = str(_lasting() or passing("vsmrc-kernels-"))
+
+
+def cache_folder() -> Path:
+    """The one that has been chosen."""
+    return Path(os.environ[VARIABLE])
+
+
+def _lasting() -> Path | None:
+    """A private folder below the user's cache, named after the contents of every source file that holds kernels; None,
+    with a sentence on the terminal, where there can be none."""
+    shelf = "the user's cache"
+    try:
+        shelf = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "vsmrc-lab"
+        folder = private(private(shelf) / _digest())
+        folder.touch()  # the most recently used ones are kept
+        _forget_old(folder.parent)
+    except (OSError, RuntimeError, NotOwnError) as error:  # RuntimeError: the user has no home
+        reason = f"cannot be written: {error.strerror}" if isinstance(error, OSError) else error
+        print(f"vsmrc: {shelf} {reason}; compiled kernels are not kept for the next start", file=sys.stderr)
+        return None
+    return folder
+
+
+def _digest() -> str:
+    root = Path(__file__).parents[1]
+    digest = hashlib.sha256()
+    for package in ("app", "controllers", "environments", "kernels"):
+        for file in sorted((root / package).glob("*.py")):
+            source = file.read_bytes()
+            if b"kernel" in source:
+                digest.update(file.name.encode() + source)
+    return digest.hexdigest()[:16]
+
+
+def _forget_old(shelf: Path) -> None:
+    folders = sorted((f for f in shelf.iterdir() if f.is_dir()), key=lambda f: f.stat().st_mtime)
+    for folder in folders[:-KEPT]:
+        shutil.rmtree(folder, ignore_errors=True)

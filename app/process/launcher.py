@@ -1,0 +1,59 @@
+"""Processes beside this one, which run modules of this very program: `python -m app.process.launcher PARENT MODULE ARGUMENTS`."""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import resource
+import runpy
+import signal
+import subprocess
+import sys
+import threading
+from pathlib import Path
+
+_PR_SET_PDEATHSIG = 1
+
+
+def start(module: str, *arguments: str, stdin: int, pass_fds: tuple[int, ...] = ()) -> subprocess.Popen[bytes]:
+    """`python -m module arguments` in a process group of its own: Ctrl-C is the dashboard's business. Raises OSError.
+
+    It stays in this session: to another one Linux would give as large a share of the processor as to this, however nice
+    its processes are (autogroup). On Linux it is killed when the thread that calls this ends. stdin: as `subprocess`
+    has it; pass_fds: files that it inherits.
+    """
+    # -P and the path: this program, whatever lies in the user's folder
+    path = os.pathsep.join([str(Path(__file__).parents[1]), os.environ.get("PYTHONPATH", "")]).rstrip(os.pathsep)
+    return subprocess.Popen(
+        [sys.executable, "-P", "-m", "app.process.launcher", str(os.getpid()), module, *arguments],
+        stdin=stdin,
+        pass_fds=pass_fds,
+        env=os.environ | {"PYTHONPATH": path},
+        process_group=0,
+    )
+
+
+def end_with_parent() -> None:
+    """From now on, in a process whose standard input is a pipe from the one that began it."""
+
+    def wait() -> None:
+        os.read(sys.stdin.fileno(), 1)  # returns when the other end is gone
+        os._exit(0)
+
+    threading.Thread(target=wait, name="parent", daemon=True).start()
+
+
+def main() -> None:
+    """Run the module, whose end is its parent's: also that of a process which is stopped and notices nothing."""
+    _, parent, module, *arguments = sys.argv
+    if sys.platform == "linux":
+        ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL, 0, 0, 0)
+        if os.getppid() != int(parent):  # it has ended before
+            os._exit(1)
+    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))  # a core would have all links and tokens in it
+    sys.argv = [module, *arguments]
+    runpy.run_module(module, run_name="__main__", alter_sys=True)
+
+
+if __name__ == "__main__":
+    main()

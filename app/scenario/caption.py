@@ -1,0 +1,99 @@
+"""A scenario in a few sentences of numbers, for what stands under a figure."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+
+import numpy as np
+from msgspec import Struct
+
+from app.scenario.schema import Scenario, field_info
+
+_BASELINES = {"computed-torque": "Computed torque", "pd-gravity": "PD + gravity"}
+_LAW = ("A", "F_1", "F_2", "K_s")
+_MODEL_UNITS = {"M_m": " kg", "B_m": " N·s/m", "K_m": " N/m", "K_f": ""}
+_ELSEWHERE = ("name", "title", "mode", "robot", "target_model", "controller", "simulation")
+_IN_FULL = ("motion", "force")  # of these, defaults that are not zero are said too
+_SPRINGS = ("elastic", "mass-damper-spring")  # and of these contacts
+
+
+def caption(scenario: Scenario, model: Mapping[str, np.ndarray], t_from: float, t_to: float) -> str:
+    """What was run and which part is shown. model: the matrices of (8) in force, each (n, n); times in s."""
+    arm = scenario.robot.urdf or scenario.robot.name
+    matrices = ", ".join(f"{name} = {_matrix(model[name])}{unit}" for name, unit in _MODEL_UNITS.items())
+    sentences = [
+        f"{scenario.title or scenario.name} ({scenario.name}): {scenario.mode} mode, {arm}, "
+        f"t = {t_from:.4g} to {t_to:.4g} s",
+        f"Target model (8): {matrices}",
+        _law(scenario),
+        *(_section(scenario, name) for name in scenario.__struct_fields__ if name not in _ELSEWHERE),
+    ]
+    return " ".join(f"{sentence}." for sentence in sentences if sentence)
+
+
+def promised(signals: Mapping[str, np.ndarray]) -> str:
+    """What the theorem promised of ||s|| in recorded rows, and whether it was kept: one sentence. signals: s_norm,
+    s_bound, s_band (N,) m/s."""
+    over = signals["s_norm"] - signals["s_bound"] - signals["s_band"]
+    standing = np.isfinite(over)
+    if not standing.any():
+        return "Theorem 1 promises nothing here."
+    if over[standing].max() > 0.0:
+        return "The promise of Theorem 1 is broken here."
+    share = "throughout" if standing.all() else f"in {100 * standing.mean():.4g} % of the time, and nothing otherwise"
+    return f"Theorem 1's promise for the sampled loop holds {share}."
+
+
+def _law(scenario: Scenario) -> str:
+    law = scenario.controller
+    if law.law in _BASELINES:
+        return f"{_BASELINES[law.law]}, T = {law.period * 1e3:g} ms"
+    gains = ", ".join(f"{name} = {_value(getattr(law, name))}" for name in _LAW)
+    d = f"d by (17) with ε = {law.epsilon:g} N, bounds: {law.bounds}" if law.gain == "theorem" else f"d = {law.d:g} N"
+    layer = "" if law.switching == "discontinuous" else f" over {law.layer:g} m/s"
+    return f"Law (25): {gains}, {d}, {law.switching} switching{layer}, T = {law.period * 1e3:g} ms"
+
+
+def _section(scenario: Scenario, name: str) -> str:
+    """The kind of a section and its fields that differ from their defaults; "" when there is nothing to say."""
+    section: Struct = getattr(scenario, name)
+    tag = section.__struct_config__.tag
+    in_full = name in _IN_FULL or (name == "contact" and scenario.contact.kind in _SPRINGS)
+    said = ", ".join([*([] if tag is None else [str(tag)]), *_changed(section, name, in_full=in_full)])
+    if name == "truth":
+        return f"True arm: {said or 'as believed'}"
+    return f"{name.replace('_', ' ').capitalize()}: {said}" if said else ""
+
+
+def _changed(section: Struct, path: str, *, in_full: bool) -> Iterator[str]:
+    plain = type(section)()
+    for name in section.__struct_fields__:
+        value = getattr(section, name)
+        if isinstance(value, Struct):
+            yield from _changed(value, f"{path}.{name}", in_full=in_full)
+        elif value != getattr(plain, name) or (in_full and isinstance(value, float | tuple) and np.any(value)):
+            label = f"{name} = " if "_" in name and name[0].isupper() else f"{name.replace('_', ' ')} "
+            yield f"{'' if name == 'kind' else label}{_value(value)}{_unit(f'{path}.{name}')}"
+
+
+def _matrix(matrix: np.ndarray) -> str:
+    diagonal = np.diag(matrix)
+    if np.count_nonzero(matrix - np.diag(diagonal)):
+        return "[" + "; ".join(" ".join(f"{entry:.4g}" for entry in row) for row in matrix) + "]"
+    if np.all(diagonal == diagonal[0]):
+        return f"{diagonal[0]:.4g} I"
+    return f"diag({', '.join(f'{entry:.4g}' for entry in diagonal)})"
+
+
+def _value(value: object) -> str:
+    if isinstance(value, tuple):
+        return f"({', '.join(_value(v) for v in value)})"
+    return f"{value:.6g}" if isinstance(value, float) else str(value)
+
+
+def _unit(path: str) -> str:
+    try:
+        unit = field_info(path).unit
+    except KeyError:
+        return ""
+    return f" {unit}" if unit not in ("", "1") else ""

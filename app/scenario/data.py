@@ -1,0 +1,210 @@
+"""Scenarios as plain data and as TOML: read, written, edited by dotted path. Each refusal is one sentence."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import tomli_w
+from msgspec import Struct
+
+from app.scenario.schema import Scenario, ScenarioError, field_info, types_of
+
+LARGEST = 100_000  # bytes of a TOML file; what is shipped has 2000, and no reader of TOML is quick
+MOST_DOTS = 300  # in a line: a key a.b.c... of 50,000 parts keeps tomllib busy for minutes
+DEEPEST = 16  # tables and lists within each other: a scenario has four
+
+
+def from_plain(data: object) -> Scenario:
+    """A scenario from nested dicts. Raises ScenarioError with the path of the first field that is wrong."""
+    _refuse_unfit(data, "", 0)
+    try:
+        return msgspec.convert(data, Scenario)
+    except msgspec.ValidationError as error:
+        raise ScenarioError(_sentence(str(error), data)) from error
+
+
+def to_plain(scenario: Scenario) -> dict[str, Any]:
+    """Nested dicts of plain values, without the fields that are not set."""
+    return _without_none(msgspec.to_builtins(scenario))
+
+
+def from_toml(text: str) -> Scenario:
+    """Raises ScenarioError for text that is no TOML or no scenario."""
+    if len(text) > LARGEST:
+        raise ScenarioError(f"a TOML file of {len(text)} characters; allowed: at most {LARGEST}")
+    for number, line in enumerate(text.split("\n"), start=1):
+        if line.count(".") > MOST_DOTS:
+            raise ScenarioError(f"line {number} has {line.count('.')} dots; allowed: at most {MOST_DOTS}")
+    try:
+        data = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise ScenarioError(f"not a TOML file: {error}") from error
+    except RecursionError as error:
+        raise ScenarioError(f"not a scenario: nested without end; allowed: at most {DEEPEST} deep") from error
+    except ValueError as error:  # Python reads no more digits than these
+        raise ScenarioError("not a scenario: a whole number of thousands of digits; allowed: at most 19") from error
+    return from_plain(data)
+
+
+def from_file(content: bytes) -> Scenario:
+    """From a TOML file's content, as it was uploaded or read. Raises ScenarioError."""
+    if len(content) > LARGEST:
+        raise ScenarioError(f"a file of {len(content) / 1e6:.3g} MB or more; allowed: at most {LARGEST / 1e6:g} MB")
+    try:
+        return from_toml(content.decode("utf-8-sig").replace("\r\n", "\n"))
+    except UnicodeDecodeError as error:
+        raise ScenarioError("not a TOML file: it is no UTF-8 text") from error
+
+
+def to_toml(scenario: Scenario) -> str:
+    """The whole scenario, every field written out."""
+    return tomli_w.dumps(to_plain(scenario))
+
+
+def edited(scenario: Scenario, path: str, value: object) -> Scenario:
+    """A copy with the field at a dotted path replaced by plain data, e.g. ("controller.layer", 0.02).
+
+    Raises ScenarioError.
+    """
+    data = msgspec.to_builtins(scenario)
+    *sections, last = path.split(".")
+    table: Any = data
+    for section in sections:
+        if not isinstance(table, dict) or not isinstance(table.get(section), dict):
+            raise ScenarioError(f"{path}: no such field; {_allowed(table)}")
+        table = table[section]
+    if not isinstance(table, dict) or last not in table:
+        raise ScenarioError(f"{path}: no such field; {_allowed(table)}")
+    table[last] = {"kind": value} if isinstance(table[last], dict) and isinstance(value, str) else value
+    return from_plain(_without_none(data))
+
+
+def differences(scenario: Scenario, other: Scenario) -> dict[str, tuple[Any, Any]]:
+    """The fields, by dotted path, in which two scenarios differ, with both values as plain data; None for an absent
+    one. Name and title do not count."""
+    one, two = _fields(to_plain(scenario), ""), _fields(to_plain(other), "")
+    paths = [path for path in {**one, **two} if path not in ("name", "title")]
+    return {path: (one.get(path), two.get(path)) for path in paths if one.get(path) != two.get(path)}
+
+
+def _fields(table: dict[str, Any], prefix: str) -> dict[str, Any]:
+    flat: dict[str, Any] = {}
+    for name, value in table.items():
+        flat |= _fields(value, f"{prefix}{name}.") if isinstance(value, dict) else {f"{prefix}{name}": value}
+    return flat
+
+
+def shipped() -> dict[str, Scenario]:
+    """The scenarios of `static/scenarios`, by name."""
+    folder = resources.files("static").joinpath("scenarios")
+    files = sorted((f for f in folder.iterdir() if f.name.endswith(".toml")), key=lambda f: f.name)
+    return {f.name.removesuffix(".toml"): from_toml(f.read_text(encoding="utf-8")) for f in files}
+
+
+def load(name_or_file: str) -> Scenario:
+    """A shipped scenario by name, or one from a TOML file. Raises ScenarioError."""
+    scenarios = shipped()
+    if name_or_file in scenarios:
+        return scenarios[name_or_file]
+    path = Path(name_or_file)
+    if path.suffix != ".toml":
+        raise ScenarioError(f"scenario {name_or_file!r:.200}: unknown; allowed: a .toml file or {', '.join(scenarios)}")
+    try:
+        if path.exists() and not path.is_file():  # a folder, or a pipe that would never end
+            raise ScenarioError(f"scenario {name_or_file!r:.200}: cannot be read: no file")
+        with path.open("rb") as file:
+            content = file.read(LARGEST + 1)
+    except (OSError, ValueError) as error:  # ValueError: a zero in the name
+        reason = error.strerror if isinstance(error, OSError) else error
+        raise ScenarioError(f"scenario {name_or_file!r:.200}: cannot be read: {reason}") from error
+    try:
+        return from_file(content)
+    except ScenarioError as error:
+        raise ScenarioError(f"scenario {name_or_file!r:.200}: {error}") from error
+
+
+def _allowed(table: object) -> str:
+    return f"allowed: {', '.join(table)}" if isinstance(table, dict) else "it has no fields"
+
+
+def _without_none(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {k: _without_none(v) for k, v in value.items() if v is not None}
+    return list(value) if isinstance(value, tuple) else value
+
+
+def _refuse_unfit(value: object, path: str, depth: int) -> None:
+    """What msgspec would let pass, or fall over: numbers that no float holds, and depth without end."""
+    if depth > DEEPEST:
+        raise ScenarioError(f"{path:.60}…: {depth} tables or lists within each other; allowed: at most {DEEPEST}")
+    if isinstance(value, float) and not (float("-inf") < value < float("inf")):
+        raise ScenarioError(f"{path:.200}: {value}; allowed: a finite number")
+    if isinstance(value, int) and not -(2**63) <= value < 2**63:
+        raise ScenarioError(f"{path:.200}: a whole number of {value.bit_length()} bits; allowed: at most 63")
+    if isinstance(value, dict):
+        for key, item in value.items():
+            _refuse_unfit(item, f"{path}.{key}" if path else str(key), depth + 1)
+    elif isinstance(value, list | tuple):
+        for index, item in enumerate(value):
+            _refuse_unfit(item, f"{path}[{index}]", depth + 1)
+
+
+def _sentence(message: str, data: object) -> str:
+    """msgspec's "Expected ... - at `$.a.b`" as "a.b: value; expected ..."."""
+    reason, _, place = message.partition(" - at `")
+    path = place.rstrip("`").removeprefix("$").removeprefix(".")
+    if unknown := re.fullmatch("Object contains unknown field `(.*)`", reason, re.DOTALL):
+        where = f"{path}." if path else ""
+        return f"{where}{unknown[1]:.60}: no such field; allowed: {', '.join(_fields_at(path, data))}"
+    reason = re.sub(" matching regex .*", " in one line, without control characters", reason, flags=re.DOTALL)
+    for technical, plain in _PLAIN.items():
+        reason = reason.replace(technical, plain)
+    if not path:
+        return f"scenario: {reason}"
+    value = _at(path, data)
+    shown = "" if isinstance(value, dict) else f"{value!r:.60}; "
+    if reason.startswith("Invalid enum value"):
+        reason = f"allowed: {', '.join(field_info(path).choices)}"
+    if reason.startswith("Invalid value"):  # of the tag of a section that there is in several kinds
+        kinds = types_of(Scenario, path.partition(".")[0])
+        reason = f"allowed: {', '.join(str(kind.__struct_config__.tag) for kind in kinds)}"
+    return f"{path}: {shown}{reason[:1].lower()}{reason[1:]}"
+
+
+def _at(path: str, data: Any) -> Any:
+    """The value at msgspec's path "a.b[0]"; an empty table where that is none."""
+    try:
+        for part in filter(None, path.replace("[", ".").replace("]", "").split(".")):
+            data = data[int(part)] if isinstance(data, list | tuple) else data[part]
+    except (KeyError, IndexError, TypeError, ValueError):
+        return {}
+    return data
+
+
+def _fields_at(path: str, data: object) -> list[str]:
+    """The fields that a section may have; of several kinds, those of the kind that is given."""
+    structs: list[type[Struct]] = [Scenario]
+    for section in filter(None, path.split(".")):
+        structs = [kind for struct in structs for kind in types_of(struct, section)]
+    table = _at(path, data)
+    kind = table.get("kind") if isinstance(table, dict) else None
+    chosen = next((struct for struct in structs if struct.__struct_config__.tag == kind), structs[0])
+    return [*(["kind"] if len(structs) > 1 else []), *chosen.__struct_fields__]
+
+
+_PLAIN = {
+    "Expected ": "allowed: ",
+    "`float | array`": "numbers or rows of numbers",
+    "`array | float`": "a number, or a list of numbers or rows",
+    "`float`": "a number",
+    "`int`": "a whole number",
+    "`str`": "text",
+    "`bool`": "true or false",
+    "`array`": "a list",
+    "`object`": "a table",
+}

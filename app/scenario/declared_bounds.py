@@ -1,0 +1,51 @@
+"""Is the true arm one of those that the controller was told of? Only then does the theorem promise anything."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from app.scenario.schema import Scenario
+
+SPREAD = 4.0  # of three normal numbers, the norm stays below this many standard deviations 99.9 % of the time
+ROUNDING = 1e-9
+
+
+def outside(scenario: Scenario) -> tuple[str, ...]:
+    """Each inequality between truth and declaration that is violated, with both numbers; none when all hold.
+
+    Of the force sensor only bias and noise are judged, the noise by `SPREAD`: what delay and low-pass do depends on
+    how fast the force changes.
+    """
+    return tuple(
+        f"{what} {true:.4g}{unit} > declared {declared:.4g}{unit}"
+        for what, true, declared, unit in _inequalities(scenario)
+        if true > declared + ROUNDING
+    )
+
+
+def _inequalities(scenario: Scenario) -> Iterator[tuple[str, float, float, str]]:
+    true, declared, sensor = scenario.truth, scenario.declared, scenario.sensor
+    scaling = np.atleast_1d(np.array(true.link_scaling, dtype=float))
+    worst = int(np.abs(scaling - 1.0).argmax())
+    which = f"link scaling of link {worst + 1}" if len(scaling) > 1 else "link scaling"
+    yield f"{which} |{scaling[worst]:.4g} − 1| =", abs(scaling[worst] - 1.0), declared.link_scaling, ""
+    yield "payload", true.payload_mass, declared.payload_mass, " kg"
+    if true.payload_mass > 0.0:
+        distance = float(np.linalg.norm(true.payload_offset))
+        yield "payload offset", distance, declared.payload_offset, " m"
+    yield "Coulomb friction", true.coulomb, declared.coulomb, " N·m"
+    yield "viscous friction", true.viscous, declared.viscous, " N·m·s/rad"
+    yield "disturbance", true.disturbance, declared.disturbance, " N·m"
+    error = float(np.linalg.norm(sensor.bias)) + SPREAD * _noise(scenario)
+    yield f"force error (bias + {SPREAD:g}σ of noise)", error, declared.force_error, " N"
+
+
+def _noise(scenario: Scenario) -> float:
+    """Standard deviation per axis of what the sensor's low-pass lets through, N."""
+    sensor = scenario.sensor
+    if sensor.cutoff == 0.0:
+        return sensor.noise
+    gain = 1.0 - np.exp(-2 * np.pi * sensor.cutoff * scenario.controller.period)
+    return sensor.noise * float(np.sqrt(gain / (2.0 - gain)))

@@ -1,0 +1,358 @@
+"""The session on disk: its scenario and pinned runs, so that a server that is started again can offer them.
+
+A folder has `session.json`, what the server that uses it is at; `offer.json`, what an earlier one was at, until it is
+taken up, refused or replaced; and for every pinned run that one of them names a file of its own. Each file is
+there as a whole or not at all, and an index is written after what it names: whenever a process is
+killed, what it leaves is whole, either as before or as after a change.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import fcntl
+import os
+import re
+import threading
+import time
+import uuid
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import NamedTuple
+
+import msgspec
+import structlog
+
+from app.process.atomic_write import write_whole
+from app.process.private_folder import NotOwnError, own
+from app.scenario.data import from_toml, to_toml
+from app.scenario.schema import Scenario, ScenarioError
+from app.session.snapshot import Snapshot
+from app.session.timeline import PINS, Pinned
+from app.simulation.closed_loop import ClosedLoop
+from app.storage.recording_files import read_npz, table, write_npz
+from environments.regular_file import read_regular
+
+log = structlog.get_logger()
+
+FORMAT, VERSION = "vsmrc-lab session", 1
+SESSION, OFFER, LOCK, ASIDE = "session.json", "offer.json", "lock", "set-aside-"
+LARGEST = 4_000_000  # bytes of an index
+EVERY = 0.5  # s, between two looks at the run; what changes all the time is saved when it has rested that long,
+LATEST = 5.0  # s, or at the latest after this
+_PRIVATE = 0o600
+_RUN_FILE = re.compile(r"run-[0-9a-f]{32}\.npz")
+
+
+class StateError(ValueError):
+    """A folder that cannot be used, or a file in it: one sentence."""
+
+
+class _Run(msgspec.Struct, frozen=True):
+    number: int
+    t: float
+    file: str
+
+
+class _Kind(msgspec.Struct, frozen=True):
+    format: str = ""
+    version: int = 0
+
+
+class _Index(msgspec.Struct, frozen=True):
+    saved: float
+    scenario: str
+    pinned: list[_Run]
+    format: str = FORMAT
+    version: int = VERSION
+
+
+@dataclass(frozen=True)
+class Offer:
+    """What an earlier server was at: its scenario, how many runs were pinned, when it was saved (s since 1970)."""
+
+    scenario: Scenario
+    runs: tuple[_Run, ...]
+    saved: float
+
+
+def occupied(path: Path) -> tuple[Path, int]:
+    """Make the folder, and have it alone: until the file that is returned is closed, or this process ends. With it
+    comes the path, links above the folder resolved.
+
+    Raises StateError when another process has it, it cannot be written, or another user has a hand in it.
+    """
+    try:
+        path = own(path)
+        lock = os.open(path / LOCK, os.O_RDWR | os.O_CREAT, _PRIVATE)
+    except NotOwnError as error:
+        raise StateError(f"--state-dir {path}: {error}; allowed: a folder that only its owner can write") from error
+    except OSError as error:
+        raise StateError(f"--state-dir {path}: cannot be written: {error.strerror}") from error
+    try:
+        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError as error:
+        os.close(lock)
+        raise StateError(f"--state-dir {path}: another server uses it; allowed: a folder of its own") from error
+    return path, lock
+
+
+class Last(NamedTuple):
+    """What a session was at: TOML, not judged, None where it is unknown; and how many pinned runs are kept of it."""
+
+    scenario: str | None
+    pinned: int
+
+
+def last_state(path: Path) -> Last:
+    """Of this folder's session, without using the folder."""
+    found = list[_Index]()
+    for name in (SESSION, OFFER):
+        with contextlib.suppress(FileNotFoundError, StateError):
+            found.append(_decoded(path / name))
+    return Last(found[0].scenario if found else None, sum(len(index.pinned) for index in found))
+
+
+class StateFolder:
+    """A folder that only this process uses, as long as it lives or until `close`.
+
+    `problem` is a sentence about an earlier session that cannot be read, "" where there is none. Not to be used by two
+    threads at once. Raises StateError when another process uses the folder or it cannot be written.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path, self._lock = occupied(path)
+        self.problem = ""
+        self._kept: tuple[tuple[Pinned, str], ...] = ()
+        self._answered = False
+        try:
+            if self._readable(SESSION) is not None:
+                os.replace(self.path / SESSION, self.path / OFFER)
+            self._tidy()
+        except OSError as error:
+            self.close()
+            raise StateError(f"--state-dir {path}: cannot be written: {error.strerror}") from error
+
+    def close(self) -> None:
+        """Leave the folder to others."""
+        os.close(self._lock)
+
+    def offer(self) -> Offer | None:
+        """What an earlier server was at, None where there is nothing that can be read."""
+        index = self._readable(OFFER)
+        return None if index is None else Offer(from_toml(index.scenario), tuple(index.pinned), index.saved)
+
+    def taken_up(self, offer: Offer) -> tuple[tuple[Pinned, ...], str]:
+        """The runs that were pinned, and a sentence about those that cannot be read, which are set aside.
+
+        It takes seconds. The offer goes when something is saved; it stays when its scenario cannot run now: raises
+        ScenarioError.
+        """
+        ClosedLoop(offer.scenario, history=1)
+        self._answered = True
+        runs, problems = [], []
+        for saved in offer.runs:
+            try:
+                runs.append((_pinned(saved, self._run_file(saved)), saved.file))
+            except Exception as error:  # whatever is in that file: the others, and the scenario, are as good
+                reason = str(error) if isinstance(error, ScenarioError | StateError) else f"{type(error).__name__}"
+                log.warning("saved run unreadable", file=saved.file, reason=reason)
+                self._set_aside(saved)
+                problems.append(f"run {saved.number} cannot be shown again: {reason}")
+        self._kept = (*self._kept, *runs)
+        return tuple(run for run, _ in runs), "; ".join(problems)
+
+    def refuse_offer(self) -> None:
+        """It was not wanted. Raises OSError."""
+        (self.path / OFFER).unlink(missing_ok=True)
+        self._tidy()
+
+    def save(self, scenario: Scenario, pinned: tuple[Pinned, ...]) -> None:
+        """Replace what was saved of this session. Raises OSError; then what could be saved is."""
+        kept, failure = [], None
+        for run in pinned:
+            name = next((name for known, name in self._kept if known is run), None)
+            try:
+                kept.append((run, name or self._write_run(run)))
+            except OSError as error:
+                failure = error
+        runs = [_Run(run.number, run.t, name) for run, name in kept]
+        index = _Index(time.time(), to_toml(scenario), runs)
+        text = msgspec.json.format(msgspec.json.encode(index))
+        write_whole(self.path / SESSION, lambda file: file.write(text), _PRIVATE)
+        self._kept = tuple(kept)
+        if self._answered:
+            (self.path / OFFER).unlink(missing_ok=True)
+        self._tidy()
+        if failure is not None:
+            raise failure
+
+    def _write_run(self, run: Pinned) -> str:
+        name = f"run-{uuid.uuid4().hex}.npz"
+        # as it is: to compress it would take cores from the loop for seconds
+        data = table(run.scenario, run.recording)
+        write_whole(self.path / name, lambda file: write_npz(data, file, level=0), _PRIVATE)
+        return name
+
+    def _readable(self, name: str) -> _Index | None:
+        """An index, None where there is none; what is no index is set aside, with a sentence."""
+        path = self.path / name
+        try:
+            return _read(path)
+        except FileNotFoundError:
+            return None
+        except (StateError, ScenarioError) as error:
+            aside = path.with_name(ASIDE + name)
+            path.replace(aside)
+            self.problem = f"the last session cannot be continued: {error}; it is kept as {aside}"
+            log.warning("state set aside", file=str(aside), reason=str(error))
+            return None
+
+    def _set_aside(self, run: _Run) -> None:
+        with contextlib.suppress(OSError, StateError):
+            path = self._run_file(run)
+            path.replace(path.with_name(ASIDE + path.name))
+
+    def _run_file(self, run: _Run) -> Path:
+        if not _RUN_FILE.fullmatch(run.file):
+            raise StateError(f"{run.file[:60]!r} is no name of a run's file")
+        return self.path / run.file
+
+    def _tidy(self) -> None:
+        """Remove what a killed process was writing, and runs that no index names any more."""
+        named = {name for _, name in self._kept}
+        for name in (SESSION, OFFER):
+            index = self._readable(name)
+            named |= {run.file for run in index.pinned} if index is not None else set()
+        for file in self.path.iterdir():
+            left = file.name.startswith((".session.json", ".run-"))
+            if left or (_RUN_FILE.fullmatch(file.name) and file.name not in named):
+                file.unlink(missing_ok=True)
+
+
+class Keeper:
+    """Saves scenario and pinned runs as they change, in a thread of its own. What a run begins with is no change.
+
+    complain: is told in a sentence, once until it goes well again, that it cannot be saved. begun: the run has begun
+    before, so that it is saved as it is.
+    """
+
+    def __init__(
+        self, folder: StateFolder, look: Callable[[], Snapshot], complain: Callable[[str], None], *, begun: bool = False
+    ) -> None:
+        self._folder, self._look, self._complain = folder, look, complain
+        self._seen = _subject(look())
+        self._saved: _Subject | None = None if begun else self._seen
+        self._since = 0.0
+        self._failing = False
+        self._closing = threading.Event()
+        self._using = threading.Lock()
+        self._thread = threading.Thread(target=self._run, name="state", daemon=True)
+        self._thread.start()
+
+    def take_up(self, offer: Offer) -> tuple[tuple[Pinned, ...], str]:
+        """See `StateFolder.taken_up`."""
+        with self._using:
+            return self._folder.taken_up(offer)
+
+    def refuse_offer(self) -> None:
+        """See `StateFolder.refuse_offer`."""
+        with self._using:
+            self._folder.refuse_offer()
+
+    def close(self) -> None:
+        """Save what has not been saved yet, and leave the folder."""
+        self._closing.set()
+        self._thread.join()
+        if self._failing:  # by now there may be room again
+            self._saved = None
+        self._keep(_subject(self._look()))
+        self._folder.close()
+
+    def _run(self) -> None:
+        while not self._closing.wait(EVERY):
+            now = _subject(self._look())
+            rests, late = _same(now, self._seen), time.monotonic() - self._since > LATEST
+            if _same(now, self._saved):
+                self._since = time.monotonic()
+            elif rests or late:
+                self._keep(now)
+            self._seen = now
+
+    def _keep(self, subject: _Subject) -> None:
+        if _same(subject, self._saved):
+            return
+        try:
+            with self._using:
+                self._folder.save(*subject)
+        except Exception as error:
+            full = isinstance(error, OSError)
+            reason = error.strerror if full else f"{type(error).__name__}: {error}"
+            log.warning("session not saved", reason=reason, exc_info=None if full else error)
+            if not self._failing:
+                self._complain(f"the session cannot be saved in {self._folder.path}: {reason}; the run goes on")
+            self._failing = True
+        else:
+            self._failing = False
+            log.debug("session saved", scenario=subject[0].name, pinned=len(subject[1]))
+        # a failure is tried again at the next change
+        self._saved, self._since = subject, time.monotonic()
+
+
+_Subject = tuple[Scenario, tuple[Pinned, ...]]
+
+
+def default_folder() -> Path:
+    """`$XDG_STATE_HOME/vsmrc-lab`, by default below ~/.local/state."""
+    return Path(os.environ.get("XDG_STATE_HOME") or Path.home() / ".local" / "state") / "vsmrc-lab"
+
+
+def _subject(snapshot: Snapshot) -> _Subject:
+    return snapshot.scenario, snapshot.pinned
+
+
+def _same(subject: _Subject, other: _Subject | None) -> bool:
+    if other is None:
+        return False
+    runs, others = subject[1], other[1]
+    same_runs = len(runs) == len(others) and all(a is b for a, b in zip(runs, others, strict=True))
+    return same_runs and subject[0] == other[0]
+
+
+def _read(path: Path) -> _Index:
+    """Raises FileNotFoundError, StateError and ScenarioError."""
+    index = _decoded(path)
+    from_toml(index.scenario)
+    return index
+
+
+def _decoded(path: Path) -> _Index:
+    """Its scenario may be none. Raises FileNotFoundError and StateError."""
+    try:
+        content = read_regular(path, LARGEST + 1)
+    except FileNotFoundError:
+        raise
+    except OSError as error:
+        raise StateError(f"{path} cannot be read: {error.strerror}") from error
+    if len(content) > LARGEST:
+        raise StateError(f"{path} has more than {LARGEST / 1e6:g} MB")
+    try:
+        kind = msgspec.json.decode(content, type=_Kind)
+        if kind.format != FORMAT:
+            raise StateError(f"{path} is no session of this program")
+        if kind.version > VERSION:
+            raise StateError(f"{path} was written by a newer version of this program")
+        index = msgspec.json.decode(content, type=_Index)
+    except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError) as error:
+        raise StateError(f"{path} is no session of this program") from error
+    return index if len(index.pinned) <= PINS else msgspec.structs.replace(index, pinned=index.pinned[-PINS:])
+
+
+def _pinned(saved: _Run, path: Path) -> Pinned:
+    scenario, recording = read_npz(path)
+    loop = ClosedLoop(scenario, history=1)
+    if recording.n != loop.system.layout.n or not len(recording):
+        raise StateError(f"{path} does not fit its own scenario")
+    # a file does not tell what was changed during the run
+    recording.epochs.extend(replace(epoch, t=recording.first) for epoch in loop.recording.epochs)
+    return Pinned(saved.number, loop.system, recording, saved.t)

@@ -1,0 +1,125 @@
+"""What may be asked of a running loop: frozen commands, carried out between two control periods."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from app.scenario.schema import Scenario
+from app.session.timeline import Pinned
+from environments.push import Grip
+
+
+@dataclass(frozen=True)
+class Play:
+    """Go on."""
+
+
+@dataclass(frozen=True)
+class Pause:
+    """Hold simulated time."""
+
+
+@dataclass(frozen=True)
+class StepOnce:
+    """One control period, then hold."""
+
+
+@dataclass(frozen=True)
+class Reset:
+    """Begin the scenario anew."""
+
+
+@dataclass(frozen=True)
+class Seek:
+    """Hold, and look at the run as it was at t (s)."""
+
+    t: float
+
+
+@dataclass(frozen=True)
+class ToEnd:
+    """Look at the run where it has come to."""
+
+
+@dataclass(frozen=True)
+class Fork:
+    """Go on from the instant looked at, not from the end."""
+
+
+@dataclass(frozen=True)
+class Pin:
+    """Keep this run for comparison."""
+
+
+@dataclass(frozen=True)
+class Unpin:
+    """Forget the pinned run of this number."""
+
+    number: int
+
+
+@dataclass(frozen=True)
+class SetSpeed:
+    """Simulated seconds per second."""
+
+    factor: float
+
+
+@dataclass(frozen=True)
+class Load:
+    """Another scenario, whole."""
+
+    scenario: Scenario
+
+
+@dataclass(frozen=True)
+class Continue:
+    """Another scenario, and with it the pinned runs of the session that it was left in."""
+
+    scenario: Scenario
+    pinned: tuple[Pinned, ...]
+
+
+@dataclass(frozen=True)
+class Edit:
+    """One field of the scenario by its dotted path, with plain data. Mode, fields of `robot` and kind of surface bring
+    along what depends on them: see `changes.in_mode`, `with_robot`, `on_surface`."""
+
+    path: str
+    value: object
+
+
+@dataclass(frozen=True)
+class Blend:
+    """Go over to another target model within `over` s, from now on: its matrices by name, as plain data; one that is
+    missing stays. Refused where a model on the way is unstable."""
+
+    model: Mapping[str, object]
+    over: float
+
+
+@dataclass(frozen=True)
+class Push:
+    """A hand takes hold of the tool, or moves on, or lets go (None). Pause, and whatever begins a run, let go, too."""
+
+    grip: Grip | None
+
+
+Command = (
+    Play
+    | Pause
+    | StepOnce
+    | Reset
+    | Seek
+    | ToEnd
+    | Fork
+    | Pin
+    | Unpin
+    | SetSpeed
+    | Load
+    | Continue
+    | Edit
+    | Blend
+    | Push
+)

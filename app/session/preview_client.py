@@ -1,0 +1,161 @@
+"""The asking side of `app.workers.preview`: starts the process, asks the newest question, keeps the newest answer."""
+
+from __future__ import annotations
+
+import contextlib
+import subprocess
+import threading
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from multiprocessing import Pipe
+from multiprocessing.connection import Connection
+
+import structlog
+
+from app.process import launcher
+from app.scenario.schema import Scenario
+from app.session.preview import Done, Hurry, Outlook, Question, Refusal
+from app.simulation.closed_loop import LoopState
+
+log = structlog.get_logger()
+
+PATIENCE = 2.0  # s that the process has to end by itself
+
+
+@dataclass
+class _Worker:
+    """A running process. busy: it has not yet answered; hurried: it knows that nobody waits for that answer."""
+
+    process: subprocess.Popen[bytes]
+    connection: Connection
+    busy: bool = False
+    hurried: bool = False
+
+
+class Previewer:
+    """Asks for previews without ever waiting. A question that a newer one overtakes is dropped, not queued.
+
+    `newest` is the latest answer to what was asked since `drop`, None before. `failure` says in a sentence why there
+    is none for lack of a process; the next question starts another. May be used from any thread.
+    """
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._worker: _Worker | None = None
+        self._waiting: Question | None = None
+        self._number = self._dropped = 0
+        self._closed = False
+        self._starter = ThreadPoolExecutor(1, "starter")  # its thread lives as long: the process ends with it
+        self.newest: Outlook | Refusal | None = None
+        self.failure: str | None = None
+
+    @property
+    def idle(self) -> bool:
+        """Whether nothing is asked."""
+        with self._lock:
+            return self._waiting is None and (self._worker is None or not self._worker.busy)
+
+    @property
+    def process_id(self) -> int | None:
+        """Of the process that answers, None while there is none."""
+        worker = self._worker
+        return None if worker is None else worker.process.pid
+
+    def warm_up(self, state: LoopState) -> None:
+        """Start the process, and have it load what a preview from this state needs; nobody waits for the answer."""
+        with self._lock:
+            self._put(Question(0, state, state.scenario, state.scenario.controller.period, partial=False))
+
+    def ask(self, state: LoopState, scenario: Scenario, horizon: float, *, partial: bool = True) -> None:
+        """See `Question`."""
+        with self._lock:
+            self._number += 1
+            self._put(Question(self._number, state, scenario, horizon, partial))
+
+    def drop(self) -> None:
+        """Forget the answer; none of what has been asked counts any more."""
+        with self._lock:
+            self._dropped, self.newest, self._waiting = self._number, None, None
+            if self._worker is not None:
+                self._hurry(self._worker)
+
+    def close(self) -> None:
+        """End the process, and start no other; returns when it has ended."""
+        with self._lock:
+            self._closed = True
+            worker, self._worker, self._waiting = self._worker, None, None
+        if worker is not None:
+            _end(worker)
+        self._starter.shutdown()
+
+    def _put(self, question: Question) -> None:
+        if self._closed:
+            return
+        self._waiting = question
+        try:
+            self._worker = self._worker or self._started()
+            self._pass_on(self._worker)
+        except OSError as error:
+            self.failure = f"the preview's process cannot be started or reached: {error}"
+
+    def _started(self) -> _Worker:
+        ours, theirs = Pipe()
+        with theirs:
+            file = theirs.fileno()
+            process = self._starter.submit(
+                launcher.start, "app.workers.preview", str(file), stdin=subprocess.DEVNULL, pass_fds=(file,)
+            ).result()
+        worker = _Worker(process, ours)
+        threading.Thread(target=self._listen, args=(worker,), name="previews", daemon=True).start()
+        return worker
+
+    def _pass_on(self, worker: _Worker) -> None:
+        if self._waiting is None:
+            return
+        if not worker.busy:
+            question, self._waiting = self._waiting, None
+            worker.busy, worker.hurried = True, False
+            worker.connection.send(question)
+        else:
+            self._hurry(worker)
+
+    def _hurry(self, worker: _Worker) -> None:
+        if worker.busy and not worker.hurried:
+            worker.hurried = True
+            with contextlib.suppress(ConnectionError):  # `_listen` will notice, and say so
+                worker.connection.send(Hurry())
+
+    def _listen(self, worker: _Worker) -> None:
+        with worker.connection as connection:
+            try:
+                while True:
+                    self._take(connection.recv(), worker)
+            except (EOFError, OSError):
+                self._lost(worker)
+
+    def _take(self, message: Outlook | Refusal | Done, worker: _Worker) -> None:
+        with self._lock:
+            if isinstance(message, Done):
+                worker.busy = False
+                self._pass_on(worker)
+            elif message.number > self._dropped:
+                self.failure, self.newest = None, message
+
+    def _lost(self, worker: _Worker) -> None:
+        with self._lock:
+            if self._worker is not worker:
+                return  # it was closed
+            self._worker, self._waiting, self.newest = None, None, None
+            status = _end(worker)
+            self.failure = f"the preview's process has ended (exit status {status}); the next movement starts another"
+        log.warning("preview lost", reason=self.failure)
+
+
+def _end(worker: _Worker) -> int:
+    """End the process; returns its exit status."""
+    worker.process.terminate()
+    try:
+        return worker.process.wait(PATIENCE)
+    except subprocess.TimeoutExpired:
+        worker.process.kill()
+        return worker.process.wait()

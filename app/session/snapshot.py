@@ -1,0 +1,119 @@
+"""What the screen may know of the loop at one moment."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from app.scenario.schema import Scenario
+from app.session.pacing import Pace
+from app.session.timeline import Pinned
+from app.simulation.closed_loop import ClosedLoop, LoopState
+from app.simulation.recording import Recording
+from app.simulation.sampled_stability import SampledLoop
+from app.simulation.system import Coordinate, System
+from app.simulation.verdict import Standing
+from environments.robots import Robot
+from environments.surfaces import Surface
+
+
+@dataclass(frozen=True)
+class Snapshot:
+    """What the screen may know of the loop at one moment. Arrays are never changed afterwards.
+
+    revision counts accepted changes of the scenario, run counts beginnings at t = 0 and forks, refusal_number refused
+    commands. t is the instant looked at, which can be `first` to `end`; recording: of the whole run, up to its end.
+    system: its plant, law and nominal model belong to the loop's thread; the screen reads only what never changes.
+    blending: how much of a blend of the target model is done, 0 to 1, None without one under way.
+    push (3,) N: of a hand, or of truth.push, on the tool.
+    live: numbers by name, SI units: s_norm, s_bound, s_band, d, d_required, gain_margin, sigma_min, V, residual,
+    layer_loop_factor, force_loop_factor, reaching_time_bound, reaching_time; standing: premises and verdict;
+    sampled: what the sampled loop makes of the target model's poles.
+    """
+
+    scenario: Scenario
+    revision: int
+    run: int
+    t: float
+    first: float
+    end: float
+    phase: Literal["running", "paused", "stopped"]
+    reason: str
+    pace: Pace | None  # None unless it has been running for a moment
+    speed: float
+    refusal: str | None
+    refusal_number: int
+    notice: str
+    system: System
+    robot: Robot
+    coordinates: tuple[Coordinate, ...]
+    fixed: dict[str, np.ndarray]
+    matrices: dict[str, np.ndarray]
+    blending: float | None
+    q: np.ndarray
+    tool: np.ndarray
+    tool_desired: np.ndarray | None
+    force: np.ndarray
+    force_desired: np.ndarray
+    push: np.ndarray
+    surface: Surface | None
+    surface_offset: np.ndarray
+    live: dict[str, float]
+    standing: Standing
+    sampled: SampledLoop
+    recording: Recording
+    pinned: tuple[Pinned, ...]
+    state: LoopState
+
+    @property
+    def looking_back(self) -> bool:
+        """Whether t is before the run's end."""
+        return self.end - self.t > 0.5 * self.scenario.controller.period
+
+    @property
+    def realtime_factor(self) -> float:
+        """Simulated seconds per second of wall time, as achieved; 0 where that is not known."""
+        return self.pace.achieved * self.scenario.controller.period if self.pace else 0.0
+
+
+def snapshot_of(loop: ClosedLoop) -> Snapshot:
+    """A loop that nobody runs: it is paused, unless it has stopped."""
+    system, scenario = loop.system, loop.system.scenario
+    view = loop.view()
+    return Snapshot(
+        scenario=scenario,
+        revision=0,
+        run=0,
+        t=loop.t,
+        first=loop.t,
+        end=loop.t,
+        phase="stopped" if loop.stopped else "paused",
+        reason=loop.stopped or "",
+        pace=None,
+        speed=1.0,
+        refusal=None,
+        refusal_number=0,
+        notice=loop.warning or "",
+        robot=system.robot,
+        coordinates=system.coordinates,
+        fixed=system.mode.fixed(system.layout.n),
+        matrices={name: getattr(system.law.model, name) for name in ("M_m", "B_m", "K_m", "K_f")},
+        blending=system.blend.share(loop.t) if system.blend is not None and loop.blending else None,
+        q=view.q,
+        tool=view.tool,
+        tool_desired=view.tool_desired,
+        force=view.force,
+        force_desired=view.force_desired,
+        push=view.push,
+        surface=None if scenario.contact.kind == "free" and not system.m else system.surface,
+        surface_offset=system.surface.motion.offset(loop.t),
+        live=view.live,
+        standing=loop.standing,
+        sampled=loop.sampled,
+        recording=loop.recording,
+        pinned=(),
+        system=system,
+        state=loop.state(),
+    )

@@ -1,0 +1,170 @@
+"""Omega, the postures around the reference, and what holds over it: Property 1, Lipschitz constants, mobility."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import pinocchio as pin
+
+from app.scenario.schema import ScenarioError
+from app.simulation.control_period import Observer, Planned
+from app.simulation.extremes import OUTSIDE, Effort, Look, Looker, Omega, Place, largest
+from app.simulation.search_memory import Memory, Numbers, key_of
+from controllers.bounds import InertiaRange, Uncertainty
+from controllers.nominal_model import Estimate, Lipschitz, NominalModel, Steepness
+from controllers.task_space import TaskSpace
+from controllers.vsmrc import Reference
+from environments.plant import Plant
+from environments.stiffness import Mobility
+from environments.surfaces import Surface
+
+CENTRES = 192  # postures along the reference, around which Omega lies
+SWEEPS = 4  # how often they go over from the reference to the shifted one and back
+INERTIA, OTHERS = Effort(120, 3), Effort(40, 2)  # of the search; the others change less over Omega
+MARGIN = 1.02  # on all that is found: another search, longer and otherwise, finds no more than that
+SLOWEST = 1e-3  # Hz: of a surface that moves more slowly only the first 1000 s count
+
+Observe = Callable[[np.ndarray, np.ndarray, float], tuple[Estimate, TaskSpace]]
+
+
+@dataclass(frozen=True)
+class Constants:
+    """What holds over Omega as far as J_q is regular there: Property 1's k_r_low and k_r_high (kg) for every arm inside
+    the declared set, and the Lipschitz constants of the estimates."""
+
+    k_r_low: float
+    k_r_high: float
+    lipschitz: Lipschitz
+    omega: Omega
+
+    @property
+    def centres(self) -> np.ndarray:
+        """Of Omega, (N, n) rad."""
+        return self.omega.centres
+
+    @property
+    def radius(self) -> float:
+        """Of Omega, rad."""
+        return self.omega.radius
+
+    def holds_at(self, q: np.ndarray) -> bool:
+        """Whether q (n,) rad lies in Omega."""
+        return self.omega.depth(q) >= 0.0
+
+
+def posture_at(observe: Observe, q: np.ndarray, reference: Reference, t: float) -> tuple[np.ndarray, np.ndarray]:
+    """q_d, q_d_dot with r(q_d, t) = r_d and its rate, by Newton's method from q (n,) rad."""
+    _, task = observe(q, np.zeros_like(q), t)
+    for _ in range(8):
+        away = task.J_q_inv @ (reference.r_d - task.r)
+        if np.abs(away).max() < 1e-9:
+            break
+        q = q + away
+        _, task = observe(q, np.zeros_like(q), t)
+    return q, task.J_q_inv @ (reference.r_d_dot - task.v_t)
+
+
+def centres(
+    observe: Observe,
+    unshifted: Planned,
+    shift: np.ndarray,
+    q_0: np.ndarray,
+    duration: float,
+) -> np.ndarray:
+    """Postures (N, n) along the reference, and between it and its shift by (n,) m.
+
+    Raises ScenarioError when the arm cannot follow it.
+    """
+    found = [q_0]
+    q = q_0
+    for share in np.linspace(0.0, 1.0, CENTRES):
+        t = share * duration
+        reference = unshifted.at(t)
+        reference.r_d[:] += 0.5 * (1.0 - np.cos(2 * np.pi * SWEEPS * share)) * shift
+        try:
+            q, _ = posture_at(observe, q, reference, t)
+        except ValueError:  # J_q exactly singular
+            q = np.full_like(q, np.nan)
+        if not np.linalg.norm(q - found[-1]) < 1.0:
+            raise ScenarioError(f"motion: the arm cannot follow the reference beyond t = {t:.3g} s")
+        found.append(q)
+    return np.array(found)
+
+
+def span_of(surface: Surface, duration: float) -> float:
+    """How long it takes until all places and forms of a surface have been seen, s: the run's duration (s) where its
+    form changes, 0 where it rests."""
+    if surface.changing:
+        return duration
+    motion = surface.motion
+    return 1.0 / max(motion.frequency, SLOWEST) if motion.amplitude > 0.0 and motion.frequency > 0.0 else 0.0
+
+
+def constants_over(
+    omega: Omega, sigma_min: float, uncertainty: Uncertainty, nominal: NominalModel, observer: Observer, memory: Memory
+) -> Constants:
+    """What holds over Omega, where J_q's smallest singular value is at least `sigma_min` m.
+
+    Raises ScenarioError where J_q is singular.
+    """
+    looker, steepness = _inertia_looker(sigma_min, uncertainty, observer), Steepness(nominal.model)
+    arm, where = nominal.fingerprint, (omega.centres, omega.radius)
+
+    def find_inertia() -> Numbers:
+        lightness, heaviness = largest(omega, looker, INERTIA)
+        if not lightness > 0.0:
+            raise ScenarioError("robot.posture: J_q is singular around it; allowed: a posture away from singularities")
+        return 1.0 / (MARGIN * lightness), MARGIN * heaviness
+
+    def find_lipschitz() -> Numbers:
+        each = (steepness.k_C, steepness.k_M, steepness.k_Cq, steepness.k_G)
+        still = Omega(*where)
+        return tuple(MARGIN * largest(still, lambda p, k=k: (Look(k(p.q)),), OTHERS)[0] for k in each)
+
+    seen = ("inertia", arm, observer.fingerprint, *where, omega.span, sigma_min, *uncertainty)
+    k_r_low, k_r_high = memory.recall(key_of(*seen), 2, find_inertia)
+    lipschitz = Lipschitz(*memory.recall(key_of("lipschitz", arm, *where), 4, find_lipschitz))
+    return Constants(k_r_low, k_r_high, lipschitz, omega)
+
+
+def _inertia_looker(sigma_min: float, uncertainty: Uncertainty, observer: Observer) -> Looker:
+    """Sees 1/lambda_min(H_low) and lambda_max(H_high), for the whole declared set."""
+
+    def looks(place: Place) -> tuple[Look, Look]:
+        try:
+            estimate, task = observer.at(place.q, np.zeros_like(place.q), place.t)
+        except ValueError:
+            return OUTSIDE, OUTSIDE  # J_q exactly singular
+        inertia, J_inv = InertiaRange.at(uncertainty, estimate, task), task.J_q_inv
+        matrices = np.array([inertia.H_low, inertia.H_high, J_inv.T @ J_inv])
+        if not np.isfinite(matrices).all():
+            return OUTSIDE, OUTSIDE
+        eigenvalues = np.linalg.eigvalsh(matrices)
+        low, high, sigma = eigenvalues[0, 0], eigenvalues[1, -1], 1.0 / np.sqrt(eigenvalues[2, -1])
+        if not low > 0.0:
+            return OUTSIDE, OUTSIDE
+        room = sigma / sigma_min - 1.0 if sigma_min > 0.0 else np.inf
+        return Look(1.0 / low, room), Look(high, room)
+
+    return looks
+
+
+def mobility_over(omega: Omega, plant: Plant, nominal: NominalModel, memory: Memory) -> Mobility:
+    """How mobile the true arm is at most over Omega, near singularities too."""
+    data = plant.model.createData()
+
+    def looks(place: Place) -> tuple[Look, ...]:
+        tool = nominal.evaluate(place.q, np.zeros_like(place.q))
+        normal = plant.surface.chart(tool.p, place.t).G[0]
+        M = pin.crba(plant.model, data, place.q)
+        mobility = Mobility.largest(M[None], tool.J_v[None], normal[None])
+        return tuple(Look(value) if np.isfinite(value) else OUTSIDE for value in mobility)
+
+    def find() -> Numbers:
+        return tuple(MARGIN * value for value in largest(omega, looks, OTHERS))
+
+    known = (plant.model.saveToString(), nominal.fingerprint, plant.surface.fingerprint)
+    key = key_of("mobility", *known, omega.centres, omega.radius, omega.span)
+    return Mobility(*memory.recall(key, 3, find))

@@ -1,0 +1,181 @@
+"""The largest values of functions over Omega: samples first, then scipy's SLSQP from the best of them.
+
+Omega is a union of balls, cut where J_q comes too near to being singular, with the times of a surface that moves. What
+is found is reached within it, so the true extreme is no smaller; by how much it may be larger is no theorem:
+`app.simulation.domain.MARGIN` covers it, and `tests/simulation/test_domain.py` searches otherwise and harder.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from scipy.optimize import minimize
+
+MOST = 12  # searches, each from a sample of its own
+APART = 0.7  # radii between two samples to search from, at least
+NEAR = 3.0  # of the limit on sigma_min: from the sample nearest to it one search begins if it is as near as that
+ITERATIONS = 25  # of one search
+ENOUGH = 3e-4  # relative gain for which no iteration is made
+GAIN = 1e-2  # relative gain over the best by which a search counts as worth while
+STEP = 1e-5  # of finite differences, in radii and in spans of time
+HALVINGS = 12  # on the way back into Omega
+
+
+class Place(NamedTuple):
+    """A posture q (n,) rad at a time t (s)."""
+
+    q: np.ndarray
+    t: float
+
+
+class Look(NamedTuple):
+    """What is there: a value to be as large as possible, > 0, and how much room is left to where Omega is cut, >= 0
+    within it."""
+
+    value: float
+    room: float = np.inf
+
+
+OUTSIDE = Look(0.0, -1.0)  # also where nothing can be said
+Looker = Callable[[Place], tuple[Look, ...]]
+
+
+@dataclass(frozen=True)
+class Omega:
+    """Postures within `radius` (rad) of one of `centres` (N, n), at times from 0 to `span` s."""
+
+    centres: np.ndarray
+    radius: float
+    span: float = 0.0
+
+    def centre_near(self, q: np.ndarray) -> tuple[int, float]:
+        """Number of the centre nearest to q (n,) rad, and how far it is, rad."""
+        squares = np.square(self.centres - q).sum(axis=1)
+        nearest = int(squares.argmin())
+        return nearest, float(np.sqrt(squares[nearest]))
+
+    def depth(self, q: np.ndarray) -> float:
+        """1 at a centre, 0 on the boundary, negative outside."""
+        return 1.0 - (self.centre_near(q)[1] / self.radius) ** 2
+
+    def nearest(self, place: Place) -> Place:
+        """The place in Omega that is nearest to any."""
+        number, away = self.centre_near(place.q)
+        centre, q = self.centres[number], place.q
+        if away > self.radius:
+            q = centre + (q - centre) * (self.radius * (1.0 - 1e-12) / away)  # a little inside, for rounding
+        return Place(q, min(max(place.t, 0.0), self.span))
+
+    def places(self, count: int) -> list[Place]:
+        """Places in it, always the same: some of the centres, and `count` drawn around them."""
+        random, n = np.random.default_rng(1), self.centres.shape[1]
+        directions = random.standard_normal((count, n))
+        directions *= self.radius / np.linalg.norm(directions, axis=1, keepdims=True)
+        spread = np.linspace(0, len(self.centres) - 1, count).astype(int)
+        around = self.centres[spread] + directions * random.uniform(size=(count, 1)) ** (1 / n)
+        postures = [*self.centres[::8], *around]
+        return [Place(q, t) for q, t in zip(postures, self.span * random.uniform(size=len(postures)), strict=True)]
+
+
+class _Sample(NamedTuple):
+    place: Place
+    look: Look
+
+
+class Effort(NamedTuple):
+    """How many places are drawn from Omega, and after how many searches in a row without gain it is enough."""
+
+    draws: int
+    searches: int
+
+
+def largest(omega: Omega, looker: Looker, effort: Effort) -> tuple[float, ...]:
+    """The largest value within Omega of everything that the looker sees, 0 where no sample lies within it."""
+    seen = [(place, looker(place)) for place in omega.places(effort.draws)]
+    count = len(seen[0][1])
+    found: list[float] = []
+    for k in range(count):
+        samples = [_Sample(place, looks[k]) for place, looks in seen]
+        found.append(_climbed(omega, lambda place, k=k: looker(place)[k], samples, effort.searches))
+    return tuple(found)
+
+
+def _climbed(omega: Omega, look: Callable[[Place], Look], samples: list[_Sample], patience: int) -> float:
+    """From one sample after the other, until as many in a row as `patience` have found nothing better."""
+    best, idle = 0.0, 0
+    for start in _starts(omega, [s for s in samples if s.look.room >= 0.0 and s.look.value > 0.0]):
+        found = _Climb(omega, look, start).best
+        idle = 1 if found > best * (1.0 + GAIN) else idle + 1
+        best = max(best, found)
+        if idle >= patience:
+            break
+    return best
+
+
+def _starts(omega: Omega, samples: list[_Sample]) -> Iterator[_Sample]:
+    """The best samples, some way from each other, and one where Omega is cut."""
+    edge = min(samples, key=lambda s: s.look.room, default=None)
+    if edge is not None and edge.look.room < NEAR - 1.0:
+        yield edge
+    begun: list[_Sample] = []
+    for sample in sorted(samples, key=lambda s: -s.look.value):
+        if all(np.linalg.norm(sample.place.q - other.place.q) > APART * omega.radius for other in begun):
+            begun.append(sample)
+            yield sample
+        if len(begun) == MOST:
+            break
+
+
+class _Climb:
+    """One search: `best` is the largest value that it has seen within Omega.
+
+    Its variable x is the way from the start, in radii, followed by the time, in spans, where time counts.
+    """
+
+    def __init__(self, omega: Omega, look: Callable[[Place], Look], start: _Sample) -> None:
+        self._omega, self._look, self._start = omega, look, start.place
+        self._timed = omega.span > 0.0
+        self.best = start.look.value
+        self._at, self._rows, self._slopes = np.empty(0), np.empty(0), np.empty(0)
+        self._run()
+
+    def _run(self) -> None:
+        n = len(self._start.q)
+        x_0 = np.append(np.zeros(n), [self._start.t / self._omega.span] if self._timed else [])
+        steep = float(np.linalg.norm(self._seen(x_0)[1][0])) or 1.0  # scaled by it, the first step is one of a radius
+        end = minimize(
+            lambda x: self._seen(x)[0][0] / steep,
+            x_0,
+            method="SLSQP",
+            jac=lambda x: self._seen(x)[1][0] / steep,
+            bounds=[(None, None)] * n + [(0.0, 1.0)] * self._timed,
+            constraints={"type": "ineq", "fun": lambda x: self._seen(x)[0][1:], "jac": lambda x: self._seen(x)[1][1:]},
+            options={"maxiter": ITERATIONS, "ftol": ENOUGH / steep},
+        ).x
+        # it may end a little outside: only what lies within counts, the farthest on the way there
+        for share in 1.0 - np.append(0.0, 0.5 ** np.arange(HALVINGS, 0, -1)):
+            value, room = self._look(self._omega.nearest(self._place(x_0 + share * (end - x_0))))
+            if room >= 0.0:
+                self.best = max(self.best, value)
+                break
+
+    def _place(self, x: np.ndarray) -> Place:
+        n = len(self._start.q)
+        return Place(self._start.q + self._omega.radius * x[:n], self._omega.span * x[n] if self._timed else 0.0)
+
+    def _row(self, x: np.ndarray) -> np.ndarray:
+        """-log(value), to be as small as possible; room and depth, not to be negative."""
+        place = self._place(x)
+        value, room = self._look(place)
+        return np.array([-np.log(value) if value > 0.0 else 0.0, min(room, 1e3), self._omega.depth(place.q)])
+
+    def _seen(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The row (3,) at x and its slopes (3, len(x)); copies, since SLSQP writes over what it is given."""
+        if not np.array_equal(x, self._at):
+            self._at, self._rows = x.copy(), self._row(x)
+            beside = np.array([self._row(x + h) for h in STEP * np.eye(len(x))])
+            self._slopes = (beside - self._rows).T / STEP
+        return self._rows.copy(), self._slopes.copy()

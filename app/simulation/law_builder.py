@@ -1,0 +1,134 @@
+"""The law of a scenario, checked: its target model (8), the blend to another one, gains and declared bounds."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from app.scenario.schema import Matrix, Scenario, ScenarioError, TargetModel, after_blend
+from app.simulation.domain import Constants
+from controllers import modes
+from controllers.baselines import ComputedTorque, PdGravity
+from controllers.blend import ModelBlend, certify
+from controllers.bounds import Uncertainty
+from controllers.compensator import Compensator
+from controllers.modes import Mode
+from controllers.surface_stability import SurfaceRange
+from controllers.switching import Switching
+from controllers.target_model import InvalidGain
+from controllers.target_model import TargetModel as Model
+from controllers.task_space import TaskLayout
+from controllers.vsmrc import Vsmrc
+
+LAWS = {"vsmrc": Vsmrc, "computed-torque": ComputedTorque, "pd-gravity": PdGravity}
+
+
+def uncertainty_of(scenario: Scenario, k_C: float) -> Uncertainty:
+    """What is declared of the true arm; k_C: Lipschitz constant of the Coriolis forces, see `controllers.bounds`."""
+    d = scenario.declared
+    return Uncertainty(
+        d.link_scaling, d.payload_mass, d.payload_offset, d.coulomb, d.viscous, d.disturbance, d.force_error, k_C
+    )
+
+
+def default_target_model(mode: Mode, n: int, K_e_hat: float) -> dict[str, np.ndarray]:
+    """Diagonals for a mode: critically damped at 20 rad/s; softer where it meets forces. K_m1 = 0 in all that control a
+    force, also where (38) has it s.p.d.: so (37) leaves no force error."""
+    M = np.full(n, 10.0)
+    K = np.full(n, 1000.0 if mode.name == "impedance" else 4000.0)
+    B = 2.0 * np.sqrt(K * M)
+    m = mode.m()
+    K[:m] = 0.0
+    if mode.name == "constrained":
+        M[:m], B[:m] = 15.0, 100.0
+    else:
+        B[:m] = 2.0 * np.sqrt(K_e_hat * M[:m])
+    return {"M_m": M, "B_m": B, "K_m": K, "K_f": mode.controlled(n)}
+
+
+def square(path: str, value: Matrix | float, n: int) -> np.ndarray:
+    """A field's matrix (n, n), given as one number, n diagonal entries or n rows. Raises ScenarioError."""
+    if isinstance(value, int | float):
+        return np.eye(n) * value
+    rows = [np.atleast_1d(np.array(row, dtype=float)) for row in value]
+    shape = f"{len(rows)} entries" if all(len(r) == 1 for r in rows) else f"rows of {sorted({len(r) for r in rows})}"
+    if len(rows) == n and all(r.shape == (1,) for r in rows) and n > 1:
+        return np.diag(np.concatenate(rows))
+    if len(rows) == n and all(r.shape == (n,) for r in rows):
+        return np.stack(rows)
+    raise ScenarioError(f"{path}: {shape}; allowed: {n} diagonal entries or a {n} x {n} matrix")
+
+
+def compensation(scenario: Scenario, n: int) -> np.ndarray:
+    """A (n, n) of the compensator (9), 1/s; zero under a law that does without it."""
+    return square("controller.A", scenario.controller.A, n) if scenario.controller.law == "vsmrc" else np.zeros((n, n))
+
+
+def target_model(scenario: Scenario, n: int) -> Model:
+    """The scenario's (8) for n coordinates, missing matrices at the mode's defaults; not yet judged by the mode.
+
+    Raises ScenarioError and InvalidGain.
+    """
+    default = default_target_model(modes.MODES[scenario.mode], n, scenario.controller.K_e_hat)
+    given = {f: getattr(scenario.target_model, f) for f in TargetModel.__struct_fields__}
+    matrices = {
+        f: np.diag(default[f]) if value is None else square(f"target_model.{f}", value, n) for f, value in given.items()
+    }
+    return Model(**matrices)
+
+
+def surfaces_met(scenario: Scenario, mode: Mode, layout: TaskLayout) -> SurfaceRange | None:
+    """The surfaces on which the target model has to be stable: as stiff as the scenario's or as believed, if any."""
+    contact, m = scenario.contact, mode.m()
+    if contact.kind not in ("elastic", "mass-damper-spring") or mode.feedback != "all":
+        return None
+    if m:  # the normal has its coordinate to itself
+        return SurfaceRange(0.0, 0.0, 0.0, contact.friction_viscous, m, layout.positions - m, normal=False)
+    return SurfaceRange(
+        K_e=max(contact.K_e, scenario.controller.K_e_hat),
+        B_e=contact.B_e,
+        M_e=contact.M_e if contact.kind == "mass-damper-spring" else 0.0,
+        friction=contact.friction_viscous,
+        first=0,
+        directions=layout.positions,
+        normal=True,
+    )
+
+
+def blend_of(scenario: Scenario, mode: Mode, layout: TaskLayout) -> ModelBlend | None:
+    """What the scenario plans; refused unless every model on the way is stable."""
+    if not scenario.blend.planned:
+        return None
+    n, surfaces = layout.n, surfaces_met(scenario, mode, layout)
+    start = target_model(scenario, n)
+    try:
+        end = target_model(after_blend(scenario), n)
+        mode.check(end, scenario.controller.K_e_hat, surfaces)
+    except (InvalidGain, ScenarioError) as error:
+        raise ScenarioError(f"blend.to: {error}") from error
+    certificate = certify(start, end, mode.environment(n, scenario.controller.K_e_hat), surfaces)
+    if not certificate.stable:
+        raise ScenarioError(
+            f"blend.to: {certificate.sentence}; allowed: a model to which the way has its poles left of 0"
+        )
+    return ModelBlend(start, end, scenario.blend.at, scenario.blend.over, certificate)
+
+
+def law_of(scenario: Scenario, mode: Mode, layout: TaskLayout, constants: Constants) -> Vsmrc:
+    """The law (25), or a baseline in its place. Raises ScenarioError and InvalidGain."""
+    n, c = layout.n, scenario.controller
+    model = target_model(scenario, n)
+    mode.check(model, c.K_e_hat, surfaces_met(scenario, mode, layout))
+    gains = {f: square(f"controller.{f}", getattr(c, f), n) for f in ("A", "F_1", "F_2", "K_s")}
+    return LAWS[c.law](
+        model=model,
+        compensator=Compensator.design(model, gains["A"], gains["F_1"], gains["F_2"]),
+        K_s=gains["K_s"],
+        d=None if c.gain == "theorem" else c.d,
+        epsilon=c.epsilon,
+        bounds=c.bounds,
+        switching=Switching[c.switching.upper()],
+        phi=c.layer,
+        uncertainty=uncertainty_of(scenario, constants.lipschitz.k_C),
+        controlled=mode.controlled(n),
+        m=mode.m(),
+    )

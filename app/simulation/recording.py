@@ -1,0 +1,251 @@
+"""What a run leaves behind: one row per control period in blocks of a table, bounded; readable while it grows."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+
+from app.scenario.schema import Scenario
+from controllers.blend import ModelBlend
+from controllers.reaching import ReachingCertificate
+from controllers.target_model import TargetModel
+
+BLOCK = 4096  # rows
+THINNING = 20  # of rows older than the full-rate history, one in this many is kept
+EPOCHS = 2000
+
+
+@dataclass(frozen=True)
+class Signal:
+    """A column group of the table. width: "n" for one per task coordinate or joint, otherwise a number; joint_unit:
+    where the task coordinates are the joints' angles, if that is another one."""
+
+    name: str
+    width: int | str
+    unit: str
+    doc: str
+    joint_unit: str = ""
+
+    def unit_in(self, kind: Literal["cartesian", "joint"]) -> str:
+        """In a task space of this kind."""
+        return self.joint_unit or self.unit if kind == "joint" else self.unit
+
+
+# in the order in which `app.simulation.control_period` fills a row; the last ones are known when the plant has answered
+SIGNALS = (
+    Signal("t", 1, "s", "simulated time"),
+    Signal("q", "n", "rad", "joint angles"),
+    Signal("q_dot", "n", "rad/s", "joint rates"),
+    Signal("r", "n", "m", "task coordinates, (3)", "rad"),
+    Signal("r_dot", "n", "m/s", "their rates", "rad/s"),
+    Signal("r_d", "n", "m", "desired task coordinates", "rad"),
+    Signal("e_r", "n", "m", "r - r_d", "rad"),
+    Signal("e_r_dot", "n", "m/s", "its rate", "rad/s"),
+    Signal("tool", 3, "m", "tool point in the world"),
+    Signal("F", 3, "N", "measured force of the tool on what touches it, surface and hand, world axes"),
+    Signal("F_push", 3, "N", "force of a hand, or of truth.push, on the tool"),
+    Signal("F_c", "n", "N", "controlled force, from the measured one", "N·m"),
+    Signal("F_cd", "n", "N", "desired controlled force", "N·m"),
+    Signal("z", "n", "m/s", "state of the compensator, (9)", "rad/s"),
+    Signal("s", "n", "m/s", "switching function, (10)", "rad/s"),
+    Signal("tau_inertia", "n", "N·m", "M_hat q_eq_ddot, (25)"),
+    Signal("tau_coriolis", "n", "N·m", "C_hat q_eq_dot, (25)"),
+    Signal("tau_gravity", "n", "N·m", "G_hat, (25)"),
+    Signal("tau_force", "n", "N·m", "J^T F, (25)"),
+    Signal("tau_linear", "n", "N·m", "-J_q^T K_s s, (25)"),
+    Signal("tau_switching", "n", "N·m", "-J_q^T d sigma(s), (25)"),
+    Signal("tau", "n", "N·m", "their sum"),
+    Signal("tau_applied", "n", "N·m", "what the drives make of it: tau, within truth.torque_limit"),
+    Signal("q_eq_ddot", "n", "rad/s^2", "joint acceleration that the law prescribes, (25)"),
+    Signal("needed", 6, "N", "terms of (17): inertia, Coriolis, gravity, moving task, disturbance, epsilon", "N·m"),
+    Signal("d", 1, "N", "gain of the switching term", "N·m"),
+    Signal("d_required", 1, "N", "what (17) needs: the sum of `needed`", "N·m"),
+    Signal("s_norm", 1, "m/s", "||s||", "rad/s"),
+    Signal("s_bound", 1, "m/s", "envelope of ||s||, (20); not a number where nothing is promised", "rad/s"),
+    Signal("s_band", 1, "m/s", "what sampling and the boundary layer add to it", "rad/s"),
+    Signal("V_band", 1, "J", "what they add to sqrt(V) of (24), squared"),
+    Signal("held_error", 1, "N", "what (25) without its robust terms changed within the period before", "N·m"),
+    Signal("sigma_min", 1, "m", "smallest singular value of J_q, at most 3 % too small", "1"),
+    Signal("residual", "n", "N", "left side of (8) minus its right side", "N·m"),
+    Signal("F_true", 3, "N", "the force on the surface itself; F is the reading of F_true - F_push"),
+    Signal("multiplier", 1, "N", "true normal force per gradient of phi, (32) or (39)"),
+    Signal("phi", 1, "m", "penetration of the tool into the surface"),
+)
+
+
+def _between(rows: np.ndarray, t_from: float, t_to: float) -> np.ndarray:
+    first, last = np.searchsorted(rows[:, 0], t_from), np.searchsorted(rows[:, 0], t_to, side="right")
+    return rows[first:last]
+
+
+def columns_of(n: int) -> dict[str, slice]:
+    """Where each signal stands in the rows of an arm with n joints."""
+    columns: dict[str, slice] = {}
+    start = 0
+    for signal in SIGNALS:
+        width = n if isinstance(signal.width, str) else signal.width
+        columns[signal.name] = slice(start, start + width)
+        start += width
+    return columns
+
+
+@dataclass(frozen=True)
+class Epoch:
+    """What the rows from t (s) on were computed under, until the next epoch begins: model, or on the way of `blend`.
+    reached: when ||s|| was first within the boundary layer, or the band of a law without one, and banded: within the
+    band, s, None while it was not; reached_by, banded_by: by when that is promised, s, None where it is not."""
+
+    t: float
+    scenario: Scenario
+    model: TargetModel
+    certificate: ReachingCertificate
+    reached: float | None = None
+    banded: float | None = None
+    reached_by: float | None = None
+    banded_by: float | None = None
+    blend: ModelBlend | None = None
+
+    def model_at(self, t: float) -> TargetModel:
+        """The target model in force at t (s)."""
+        return self.model if self.blend is None else self.blend.at(t)
+
+    def until(self, t: float) -> Epoch:
+        """As it was known at t (s)."""
+        known = (None if instant is None or instant > t else instant for instant in (self.reached, self.banded))
+        reached, banded = known
+        return replace(self, reached=reached, banded=banded)
+
+
+class Stretch(Mapping[str, np.ndarray]):
+    """The signals of a stretch of time: (N,) for single columns, (N, width) for the others. Each is copied out of the
+    table when it is first asked for."""
+
+    def __init__(self, pieces: list[np.ndarray], columns: Mapping[str, slice]) -> None:
+        self._pieces, self._columns = pieces, columns
+        self._copied: dict[str, np.ndarray] = {}
+
+    def __getitem__(self, name: str) -> np.ndarray:
+        if name not in self._copied:
+            where = self._columns[name]
+            width = where.stop - where.start
+            parts = [piece[:, where] for piece in self._pieces]
+            columns = np.concatenate(parts) if parts else np.empty((0, width))
+            self._copied[name] = columns[:, 0] if width == 1 else columns
+        return self._copied[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._columns)
+
+    def __len__(self) -> int:
+        return len(self._columns)
+
+
+@dataclass
+class _Block:
+    """A piece of the table; `filled` grows only after a row is complete, so that readers never see half of one."""
+
+    rows: np.ndarray
+    filled: int = 0
+
+
+class Recording:
+    """A bounded table of rows. One thread adds; any thread reads whole rows.
+
+    history (rows): kept at full rate; older rows are thinned to one in `THINNING`, as long a time again at most, and
+    what is older still is forgotten. So memory grows up to this bound and no further: with six joints 0.7 GB.
+    epochs: the last ones, oldest first; readers take a copy.
+    """
+
+    def __init__(self, n: int, history: int = 600_000) -> None:
+        self.n = n
+        self.columns = columns_of(n)
+        self.width = max(where.stop for where in self.columns.values())
+        self.history, self._most = history, history // BLOCK + 2
+        self._blocks: deque[_Block] = deque()
+        self._thinned: deque[np.ndarray] = deque(maxlen=self._most)
+        self.epochs: deque[Epoch] = deque(maxlen=EPOCHS)
+
+    @classmethod
+    def of(cls, n: int, length: int, signals: Iterable[tuple[slice, np.ndarray]]) -> Recording:
+        """A recording of so many rows. signals: where each one stands in a row, and its values, (length, width); they
+        are taken one after the other."""
+        recording = cls(n, history=length)
+        starts = range(0, length, BLOCK)
+        recording._blocks.extend(_Block(np.empty((BLOCK, recording.width)), min(BLOCK, length - at)) for at in starts)
+        for where, values in signals:
+            for at, block in zip(starts, recording._blocks, strict=True):
+                block.rows[: block.filled, where] = values[at : at + BLOCK]
+        return recording
+
+    def __len__(self) -> int:
+        return sum(block.filled for block in tuple(self._blocks))
+
+    def new_row(self) -> np.ndarray:
+        """The row to be filled next, (width,); it counts from `commit` on."""
+        if not self._blocks or self._blocks[-1].filled == BLOCK:
+            self._blocks.append(_Block(np.empty((BLOCK, self.width))))
+            if len(self._blocks) > self._most:
+                self._thinned.append(self._blocks[0].rows[::THINNING].copy())  # first: readers never miss a row
+                self._blocks.popleft()
+        last = self._blocks[-1]
+        return last.rows[last.filled]
+
+    def commit(self) -> None:
+        """The new row is complete."""
+        self._blocks[-1].filled += 1
+
+    @property
+    def first(self) -> float:
+        """The time of the oldest row that is known, s; 0 before there is one."""
+        oldest = next((piece for piece in self._every_piece() if len(piece)), None)
+        return 0.0 if oldest is None else float(oldest[0, 0])
+
+    def branch(self, t_from: float, t_to: float) -> Recording:
+        """What this recording holds from about t_from, a whole block more or less, up to t_to exactly, as one that can
+        go on differently. Blocks that are full are shared, since nobody writes to them any more; the last is copied.
+        """
+        twin = Recording(self.n, self.history)
+        twin._thinned.extend(_between(piece, t_from, t_to) for piece in tuple(self._thinned))
+        for block in tuple(self._blocks):
+            rows = block.rows[: block.filled]
+            filled = int(np.searchsorted(rows[:, 0], t_to, side="right"))
+            if filled and rows[filled - 1, 0] >= t_from:
+                twin._blocks.append(block if filled == BLOCK else _Block(block.rows.copy(), filled))
+            if filled < block.filled:
+                break
+        twin.epochs.extend(epoch.until(t_to) for epoch in tuple(self.epochs) if epoch.t <= t_to)
+        return twin
+
+    def pieces(self, t_from: float = -np.inf, t_to: float = np.inf) -> list[np.ndarray]:
+        """The rows with t_from <= t <= t_to, oldest first, as they lie in memory: (N_i, width), not to be written."""
+        return [kept for piece in self._every_piece() if len(kept := _between(piece, t_from, t_to))]
+
+    def _every_piece(self) -> list[np.ndarray]:
+        full = [block.rows[: block.filled] for block in tuple(self._blocks)]  # first, see `new_row`
+        begin = full[0][0, 0] if full and len(full[0]) else np.inf
+        return [*(piece for piece in tuple(self._thinned) if len(piece) and piece[0, 0] < begin), *full]
+
+    def rows(self, t_from: float = -np.inf, t_to: float = np.inf) -> np.ndarray:
+        """The same in one piece: (N, width), a copy."""
+        kept = self.pieces(t_from, t_to)
+        return np.concatenate(kept) if kept else np.empty((0, self.width))
+
+    def stretch(self, t_from: float = -np.inf, t_to: float = np.inf) -> Stretch:
+        """Those rows' signals, each copied only when it is asked for."""
+        return Stretch(self.pieces(t_from, t_to), self.columns)
+
+    def signals(self, names: tuple[str, ...], t_from: float = -np.inf, t_to: float = np.inf) -> dict[str, np.ndarray]:
+        """Named signals of a stretch of time: (N,) for single columns, (N, width) for the others."""
+        stretch = self.stretch(t_from, t_to)
+        return {name: stretch[name] for name in names}
+
+    def at(self, t: float) -> dict[str, np.ndarray]:
+        """Every signal of the last row not after t. Raises ValueError when nothing is recorded there."""
+        pieces = self.pieces(t_to=t)
+        if not pieces:
+            raise ValueError(f"nothing recorded at t = {t:g} s")
+        return {name: pieces[-1][-1, where] for name, where in self.columns.items()}

@@ -1,0 +1,139 @@
+"""What the theorem promises of a run, in words and figures: each premise, and the verdict."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+from msgspec import Struct
+
+from app.scenario.units import Units
+from controllers.premises import STATEMENTS, Kept, Premise, PremiseTable
+
+Outcome = Literal["holds", "broken", "nothing promised"]
+
+
+class Finding(Struct, frozen=True):
+    """One premise as it stands. value and limit: what is compared, in `unit`, by `sign`; margin: the least so far;
+    holds: now; failed: when it first failed, s, None while it has not."""
+
+    premise: str
+    title: str
+    value: float | None
+    sign: str
+    limit: float
+    unit: str
+    margin: float | None
+    holds: bool
+    failed: float | None
+
+
+class Promise(Struct, frozen=True):
+    """The verdict on a run or an instant. because: what it rests on, in one sentence; share: of the control periods so
+    far in which all premises held; since: when what is promised now began, s, None where nothing is."""
+
+    verdict: Outcome
+    because: str
+    share: float
+    since: float | None
+
+
+@dataclass(frozen=True)
+class Standing:
+    """All that a verdict is made of: of a run up to now, `stopped` and `outsiders` being sentences."""
+
+    table: PremiseTable
+    kept: Kept
+    stopped: str | None
+    outsiders: Sequence[str]
+    units: Units
+
+    @property
+    def findings(self) -> tuple[Finding, ...]:
+        """The premises that apply, in the table's order."""
+        return tuple(self._finding(p) for p in Premise if not math.isnan(self.table.limit[p]))
+
+    def _finding(self, premise: Premise) -> Finding:
+        table, words = self.table, STATEMENTS[premise]
+        value, failed, margin = (float(column[premise]) for column in (table.value, table.failed, table.margin))
+        return Finding(
+            premise=premise.name.lower(),
+            title=words.title,
+            value=_number(value),
+            sign=words.sign,
+            limit=float(table.limit[premise]),
+            unit=unit_of(premise, self.units),
+            margin=_number(margin),
+            holds=not table.now[premise],
+            failed=_number(failed),
+        )
+
+    @property
+    def now(self) -> Promise:
+        """The verdict on this instant."""
+        if self.stopped is None and not math.isnan(self.kept.broken):
+            return self._promise("broken", self._broken())
+        if self.stopped is not None:
+            return self._promise("nothing promised", f"the run has stopped: {self.stopped}")
+        failing = [p for p in Premise if self.table.now[p]]
+        if failing:
+            return self._promise("nothing promised", self._said(failing[0]))
+        if not self.kept.standing and self.kept.periods:
+            return self._promise("nothing promised", "a premise failed a control period ago")
+        return self._promise(
+            "holds", f"all premises hold, and ‖s‖ is under (20) and the band, since t = {self.kept.since:.4g} s"
+        )
+
+    @property
+    def reason(self) -> str:
+        """Why nothing is promised now, in a few words; "" where something is."""
+        if self.stopped is not None:
+            return "stopped"
+        return next((f"because of: {STATEMENTS[p].title}" for p in Premise if self.table.now[p]), "")
+
+    @property
+    def run(self) -> Promise:
+        """The verdict on the run as a whole: one failure of a premise is enough to promise nothing."""
+        if not math.isnan(self.kept.broken):
+            return self._promise("broken", self._broken())
+        failed = [p for p in Premise if not math.isnan(self.table.failed[p])]
+        if failed:
+            first = min(failed, key=lambda p: self.table.failed[p])
+            return self._promise(
+                "nothing promised", f"from t = {self.table.failed[first]:.4g} s: {STATEMENTS[first].title}"
+            )
+        if self.stopped is not None:
+            return self._promise("nothing promised", f"the run has stopped: {self.stopped}")
+        return self._promise("holds", "all premises held, and ‖s‖ stayed under (20) and the band")
+
+    def _broken(self) -> str:
+        return f"at t = {self.kept.broken:.4g} s ‖s‖ was over (20) and the band, though all premises held"
+
+    def _said(self, premise: Premise) -> str:
+        if premise is Premise.DECLARED and self.outsiders:
+            return f"the true arm is outside the declared set: {self.outsiders[0]}"
+        return sentence(premise, self.table.value[premise], self.table.limit[premise], self.units)
+
+    def _promise(self, verdict: Outcome, because: str) -> Promise:
+        share = 1.0 - self.kept.lost / max(self.kept.periods, 1)
+        return Promise(verdict, because, share, self.kept.since if self.kept.standing else None)
+
+
+def unit_of(premise: Premise, units: Units) -> str:
+    """In which a premise is stated, in this task space."""
+    unit = STATEMENTS[premise].unit
+    if unit == "N":
+        return units.force
+    return "" if unit == "m" and units.force != "N" else unit
+
+
+def sentence(premise: Premise, value: float, limit: float, units: Units) -> str:
+    """What is wrong when a premise fails."""
+    words = STATEMENTS[premise].failed
+    return words.format(value=f"{value:.4g}", limit=f"{limit:.4g}", unit=unit_of(premise, units))
+
+
+def _number(value: float) -> float | None:
+    return value if math.isfinite(value) else None

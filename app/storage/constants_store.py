@@ -1,0 +1,93 @@
+"""Constants over Omega on the disk, one small file each, beside the compiled kernels.
+
+A file is trusted only if its checksum fits and every number is finite and none negative; otherwise the numbers are
+searched for again. A name says what the numbers depend on, the sources that found them included.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import math
+import os
+import tempfile
+from functools import cached_property
+from importlib import metadata
+from itertools import islice
+from pathlib import Path
+
+import msgspec
+
+from app.process.kernel_cache import cache_folder
+from app.simulation.search_memory import Numbers
+
+KEPT = 1000  # files
+LONGEST = 1000  # bytes of one
+
+
+class _Entry(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    numbers: tuple[float, ...]
+    checksum: str
+
+
+def _checksum(name: str, numbers: Numbers) -> str:
+    return hashlib.sha256(f"{name} {numbers!r}".encode()).hexdigest()
+
+
+class ConstantsShelf:
+    """A `memory.Shelf` in a folder, by default that of the kernels; no failure of the disk is anyone's business."""
+
+    def __init__(self, folder: Path | None = None) -> None:
+        self._folder = folder if folder is not None else cache_folder() / "constants"
+
+    def read(self, key: str, count: int) -> Numbers | None:
+        """See `memory.Shelf`."""
+        path = self._path(key)
+        try:
+            if not path.is_file():
+                return None
+            with open(path, "rb") as file:
+                content = file.read(LONGEST + 1)
+            if len(content) > LONGEST:
+                return None
+            entry = msgspec.json.decode(content, type=_Entry)
+        except (OSError, msgspec.MsgspecError, UnicodeDecodeError, RecursionError):
+            return None
+        sound = len(entry.numbers) == count and all(math.isfinite(x) and x >= 0.0 for x in entry.numbers)
+        return entry.numbers if sound and entry.checksum == _checksum(path.name, entry.numbers) else None
+
+    def write(self, key: str, numbers: Numbers) -> None:
+        """See `memory.Shelf`. The file is there as a whole or not at all; after a power cut it may be found again."""
+        path = self._path(key)
+        content = msgspec.json.encode(_Entry(numbers, _checksum(path.name, numbers)))
+        with contextlib.suppress(OSError):
+            self._folder.mkdir(parents=True, exist_ok=True)
+            self._make_room()
+            descriptor, being_written = tempfile.mkstemp(dir=self._folder)
+            try:
+                with open(descriptor, "wb") as file:
+                    file.write(content)
+                os.replace(being_written, path)
+            finally:
+                Path(being_written).unlink(missing_ok=True)
+
+    def _path(self, key: str) -> Path:
+        return self._folder / (hashlib.sha256(f"{self._version} {key}".encode()).hexdigest() + ".json")
+
+    def _make_room(self) -> None:
+        files = list(islice(self._folder.iterdir(), KEPT))
+        if len(files) == KEPT:
+            for file in files[: KEPT // 2]:
+                file.unlink(missing_ok=True)
+
+    @cached_property
+    def _version(self) -> str:
+        """Of every source that has a share in the numbers, and of the libraries beneath."""
+        root = Path(__file__).parents[1]
+        digest = hashlib.sha256()
+        for package in ("app", "controllers", "environments", "kernels"):
+            for file in sorted((root / package).glob("*.py")):
+                digest.update(file.name.encode() + b" " + file.read_bytes())
+        for library in ("numpy", "scipy", "pin", "numba"):
+            digest.update(f"{library} {metadata.version(library)} ".encode())
+        return digest.hexdigest()

@@ -1,0 +1,142 @@
+"""What an arm looks like: the meshes of its links.
+
+Readers of meshes unpack archives, expand entities and open whatever a file names. Meshes that come with the program are
+read here; those of any other URDF in a process of its own, `app.workers.link_meshes`, whose time and memory are bounded, and
+nobody waits for it.
+"""
+
+from __future__ import annotations
+
+import subprocess
+import threading
+import xml.etree.ElementTree as ElementTree
+from collections.abc import Iterator
+from concurrent.futures import Future
+from dataclasses import dataclass
+from functools import lru_cache
+from io import BytesIO
+from multiprocessing import Pipe
+from pathlib import Path
+
+import numpy as np
+import structlog
+import trimesh
+import yourdfpy
+
+from app.process import launcher
+from environments import urdf
+from environments.robots import Robot
+
+log = structlog.get_logger()
+
+PATIENCE = 20.0  # s that the process may take
+CPU = 15  # s of them at work
+MEMORY = 2_000_000_000  # bytes of address space, of which Python and its libraries take a quarter
+MOST_TRIANGLES = 2_000_000
+
+Rgb = tuple[int, int, int]
+
+_BRIGHTEN = 0.55
+_READING = threading.Lock()  # one process at a time, each with all that memory
+
+
+@dataclass(frozen=True)
+class LinkMesh:
+    """One shape of a link: vertices (N, 3) m in the link's frame, faces (M, 3); color None where the file has none."""
+
+    link: str
+    color: Rgb | None
+    vertices: np.ndarray
+    faces: np.ndarray
+
+
+Meshes = Future[tuple[LinkMesh, ...]]
+
+
+def link_meshes(robot: Robot) -> Meshes:
+    """Every visual of the arm's URDF that can be shown, now or later; none where its meshes cannot be read, which the
+    log tells."""
+    here: Meshes = Future()
+    try:
+        if not robot.shipped and next(urdf.read(robot.urdf).iter("mesh"), None) is not None:
+            return _read_apart(robot.urdf, robot.urdf.stat().st_mtime_ns)
+        here.set_result(tuple(read(robot.urdf)))
+    except Exception as error:  # whatever readers of meshes raise: the arm can be shown without them
+        log.warning("visuals not shown", urdf=str(robot.urdf), reason=str(error))
+        here.set_result(())
+    return here
+
+
+def read(path: Path) -> Iterator[LinkMesh]:
+    """The meshes of a URDF, in this process. Raises whatever their readers raise."""
+    root = urdf.read(path)
+    for link in root.findall("link"):
+        for visual in link.findall("visual"):
+            shapes = [found for tag in urdf.SHAPES for found in visual.findall(f"geometry/{tag}")]
+            missing = [m for m in shapes if m.tag == "mesh" and urdf.mesh_file(path, m.get("filename", "")) is None]
+            if missing or not shapes:
+                link.remove(visual)
+    drawn = yourdfpy.URDF.load(
+        BytesIO(ElementTree.tostring(root)), filename_handler=lambda fname: str(urdf.mesh_file(path, fname) or "")
+    )
+    if drawn.scene is None:
+        return
+    graph = drawn.scene.graph
+    for name, mesh in drawn.scene.geometry.items():
+        if isinstance(mesh, trimesh.Trimesh):
+            link = graph.transforms.parents[name]
+            placed = mesh.copy().apply_transform(graph.get(name, link)[0])
+            yield LinkMesh(link, _color(mesh), np.asarray(placed.vertices), np.asarray(placed.faces))
+
+
+# the arm, its ghost and pinned runs of it look alike
+@lru_cache(maxsize=4)
+def _read_apart(path: Path, changed: int) -> Meshes:
+    """In a process of its own; of a file that has not changed since, only once, and so is a failure."""
+    del changed
+    meshes: Meshes = Future()
+
+    def wait() -> None:
+        try:
+            with _READING:
+                meshes.set_result(_answer(path))
+        except Exception as error:  # whatever comes of such files: nobody may wait for ever
+            reason = str(error) or "reading them took too much memory or time"
+            log.warning("visuals not shown", urdf=str(path), reason=reason)
+            meshes.set_result(())
+
+    threading.Thread(target=wait, name="visuals", daemon=True).start()
+    return meshes
+
+
+def _answer(path: Path) -> tuple[LinkMesh, ...]:
+    ours, theirs = Pipe(duplex=False)
+    with ours:
+        with theirs:
+            process = launcher.start(
+                "app.workers.link_meshes",
+                str(theirs.fileno()),
+                str(path),
+                stdin=subprocess.PIPE,
+                pass_fds=(theirs.fileno(),),
+            )
+        try:
+            if not ours.poll(PATIENCE):
+                raise RuntimeError(f"reading them takes more than {PATIENCE:g} s")
+            answer: tuple[LinkMesh, ...] | str = ours.recv()
+        finally:
+            process.kill()
+            process.wait()
+    if isinstance(answer, str):
+        raise RuntimeError(answer)
+    return answer
+
+
+def _color(mesh: trimesh.Trimesh) -> Rgb | None:
+    colored = getattr(mesh.visual, "material", mesh.visual)
+    rgba = np.asarray(getattr(colored, "main_color", None))
+    if rgba.shape != (4,):
+        return None
+    # Many files hold linear colours, which look almost black; pure white loses its shape in plain lights.
+    r, g, b = np.clip(255 * (rgba[:3] / 255) ** _BRIGHTEN, 0, 235)
+    return int(r), int(g), int(b)

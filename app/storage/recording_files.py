@@ -1,0 +1,201 @@
+"""A run's data as files: CSV to be read anywhere, NPZ for numpy. Both carry units and the scenario."""
+
+from __future__ import annotations
+
+import io
+import math
+import struct
+import zipfile
+import zlib
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import BinaryIO
+
+import numpy as np
+
+from app.scenario.data import from_toml, to_toml
+from app.scenario.schema import Scenario, ScenarioError
+from app.simulation.recording import SIGNALS, Recording, columns_of
+
+LINES = 512  # of a CSV, between two looks at how far it has got
+LARGEST_RECORDING = 1_200_000_000  # bytes, unpacked: 16 min at 1 kHz with six joints; the page keeps ten in full
+LARGEST_TEXT = 4_000_000  # bytes of a scenario, which numpy writes with four for a character
+LARGEST_HEADER = 70_000  # bytes of what numpy writes before an array
+MOST_JOINTS = 8
+# what zipfile, zlib and numpy raise for archives that are broken, encrypted or packed in a way of their own
+_UNREADABLE = (ValueError, KeyError, IndexError, EOFError, RuntimeError, zipfile.BadZipFile, zlib.error, struct.error)
+
+Tell = Callable[[float], object]  # is told the share that is done, 0 to 1
+
+
+class TooLarge(ValueError):
+    """A file over its limit: one sentence with its size, what is allowed, and how long a stretch of time would fit."""
+
+
+@dataclass(frozen=True)
+class Table:
+    """A stretch of a recording of an arm with n joints. pieces: its `length` rows, oldest first, as `Recording.pieces`
+    gives them; seconds: how long it is."""
+
+    scenario: Scenario
+    n: int
+    length: int
+    seconds: float
+    pieces: Iterable[np.ndarray]
+
+
+def table(scenario: Scenario, recording: Recording, t_from: float = -math.inf, t_to: float = math.inf) -> Table:
+    """The rows of this stretch of time, s, without copying them."""
+    pieces = recording.pieces(t_from, t_to)
+    seconds = float(pieces[-1][-1, 0] - pieces[0][0, 0]) if pieces else 0.0
+    return Table(scenario, recording.n, sum(len(piece) for piece in pieces), seconds, pieces)
+
+
+def _silent(share: float) -> None:
+    del share
+
+
+def write_csv(data: Table, file: BinaryIO, limit: float = math.inf, tell: Tell = _silent) -> None:
+    """The scenario as comment lines, a line of names with units, a line per row.
+
+    Numbers read back to the very same bits. Raises TooLarge when the file would have more than `limit` bytes.
+    """
+    file.write("".join(f"# {line}\n" for line in to_toml(data.scenario).rstrip("\n").split("\n")).encode())
+    file.write((",".join(csv_header(data)) + "\n").encode())
+    begin, done = file.tell(), 0
+    for piece in data.pieces:
+        for start in range(0, len(piece), LINES):
+            rows = piece[start : start + LINES].tolist()
+            # a list's repr is that of its numbers, which is the shortest text that reads back the same
+            file.write("".join(repr(row)[1:-1].replace(" ", "") + "\n" for row in rows).encode())
+            done += len(rows)
+            _keep_to(limit, begin + (file.tell() - begin) * data.length / done, data.seconds)
+            tell(done / data.length)
+
+
+def csv_header(data: Table) -> list[str]:
+    """The names of the columns: "t [s]", "q[0] [rad]", ..."""
+    names = []
+    for signal in SIGNALS:
+        width = data.n if isinstance(signal.width, str) else signal.width
+        parts = [signal.name] if width == 1 else [f"{signal.name}[{i}]" for i in range(width)]
+        names += [f"{part} [{signal.unit_in(data.scenario.task_space.kind)}]" for part in parts]
+    return names
+
+
+def write_npz(data: Table, file: BinaryIO, limit: float = math.inf, tell: Tell = _silent, level: int = 1) -> None:
+    """Named signals, (N,) or (N, width), with `units`, `docs` and `scenario` (TOML) beside them.
+
+    Needs memory for one signal, beside what the pieces need. level: of compression, 0 to 9. Raises TooLarge as
+    `write_csv` does.
+    """
+    pieces = tuple(data.pieces)
+    columns = columns_of(data.n)
+    width = sum(where.stop - where.start for where in columns.values())
+    about = {
+        "scenario": np.array(to_toml(data.scenario)),
+        "units": np.array([f"{s.name}: {s.unit_in(data.scenario.task_space.kind)}" for s in SIGNALS]),
+        "docs": np.array([f"{s.name}: {s.doc}" for s in SIGNALS]),
+    }
+    # level 6 takes three times as long for 1 % less
+    with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED, compresslevel=level) as archive:
+        for name, values in about.items():
+            _add(archive, name, values)
+        for name, where in columns.items():
+            values = np.concatenate([np.empty((0, where.stop - where.start)), *(piece[:, where] for piece in pieces)])
+            _add(archive, name, values[:, 0] if values.shape[1] == 1 else values)
+            done = where.stop / width
+            # the first signals say little of how well the others can be compressed
+            _keep_to(limit, file.tell() / done if done > 0.3 else file.tell(), data.seconds)
+            tell(done)
+
+
+def _add(archive: zipfile.ZipFile, name: str, values: np.ndarray) -> None:
+    with archive.open(f"{name}.npy", "w", force_zip64=True) as entry:
+        np.lib.format.write_array(entry, values, allow_pickle=False)
+
+
+def _keep_to(limit: float, size: float, seconds: float) -> None:
+    if size > limit:
+        raise TooLarge(
+            f"the file would have about {size / 1e6:.0f} MB; allowed: {limit / 1e6:.0f} MB, which is about "
+            f"{seconds * limit / size:.3g} s of this run"
+        )
+
+
+def read_npz(path: Path) -> tuple[Scenario, Recording]:
+    """What `write_npz` wrote. Raises ScenarioError for a file that is not of this kind."""
+
+    def refuse(what: object) -> ScenarioError:
+        return ScenarioError(f"recording {str(path)!r:.200}: not a recording of this program: {what!s:.300}")
+
+    try:
+        if path.exists() and not path.is_file():  # a folder, or a pipe that would never end
+            raise refuse("no file")
+        with zipfile.ZipFile(path) as archive:
+            size = sum(entry.file_size for entry in archive.infolist())
+            if size > LARGEST_RECORDING:
+                raise refuse(f"{size / 1e6:.3g} MB when unpacked; allowed: {LARGEST_RECORDING / 1e6:g} MB")
+            scenario = from_toml(str(_array(archive, "scenario", LARGEST_TEXT)))
+            return scenario, _recording(archive)
+    except OSError as error:
+        raise ScenarioError(f"recording {str(path)!r:.200}: cannot be read: {error.strerror or error}") from error
+    except ScenarioError:
+        raise
+    except (*_UNREADABLE, MemoryError) as error:
+        raise refuse(error or type(error).__name__) from error
+
+
+def _recording(archive: zipfile.ZipFile) -> Recording:
+    """Its signals, one after the other, so that memory holds them once. Raises ValueError and what a broken archive
+    raises."""
+    # of the fewest joints: no memory is spent on instants whose other signals would be too many
+    instants = LARGEST_RECORDING // max(where.stop for where in columns_of(1).values())
+    times, q = _array(archive, "t", instants), _array(archive, "q", MOST_JOINTS * instants)
+    rows, n = len(np.atleast_1d(times)), q.shape[-1] if q.ndim == 2 else 0
+    if not 1 <= n <= MOST_JOINTS:
+        raise ValueError(f"q of shape {q.shape}; allowed: 1 to {MOST_JOINTS} joints")
+    del q
+    columns = columns_of(n)
+    claimed = 8 * rows * max(where.stop for where in columns.values())
+    if claimed > LARGEST_RECORDING:
+        raise ValueError(f"{rows} rows of {n} joints; allowed: {LARGEST_RECORDING / 1e6:g} MB")
+
+    def checked(name: str, where: slice) -> np.ndarray:
+        width = where.stop - where.start
+        values = _array(archive, name, 8 * rows * width + LARGEST_HEADER)
+        wanted = (rows,) if width == 1 and values.ndim == 1 else (rows, width)
+        if values.shape != wanted or values.dtype != float:
+            raise ValueError(f"{name} holds {values.dtype} of shape {values.shape}; allowed: float64 of {wanted}")
+        return values.reshape(rows, width)
+
+    recording = Recording.of(n, rows, ((where, checked(name, where)) for name, where in columns.items()))
+    times = times.reshape(rows)
+    if not rows or not (np.isfinite(times).all() and (np.diff(times) > 0.0).all()):
+        raise ValueError("t does not grow; allowed: finite times, each later than the one before")
+    return recording
+
+
+def _array(archive: zipfile.ZipFile, name: str, limit: int) -> np.ndarray:
+    """One array of an archive, which says beforehand how large it is, and holds no objects. Raises ValueError and what
+    a broken archive raises."""
+    try:
+        size = archive.getinfo(f"{name}.npy").file_size
+    except KeyError:
+        raise ValueError(f"{name} is missing") from None
+    if size > limit:
+        raise ValueError(f"{name} has {size / 1e6:.3g} MB; allowed: {limit / 1e6:g} MB")
+    with archive.open(f"{name}.npy") as entry:
+        # all of it before numpy makes room for what its header claims
+        content = entry.read(limit)
+    file = io.BytesIO(content)
+    major, _ = np.lib.format.read_magic(file)
+    read_header = {1: np.lib.format.read_array_header_1_0, 2: np.lib.format.read_array_header_2_0}.get(major)
+    if read_header is None:
+        raise ValueError(f"{name} is of version {major}; allowed: 1 and 2")
+    shape, _, dtype = read_header(file)
+    if dtype.hasobject or math.prod(shape) * dtype.itemsize != len(content) - file.tell():
+        raise ValueError(f"{name} claims {dtype} of shape {shape}; allowed: numbers or text, as many as there are")
+    file.seek(0)
+    return np.lib.format.read_array(file, allow_pickle=False)

@@ -1,0 +1,95 @@
+"""The process that makes one file: `python -m app.workers.export FD PATH`, started by `app.export.export_jobs`."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Iterator
+from dataclasses import replace
+from multiprocessing.connection import Connection
+from pathlib import Path
+
+import numpy as np
+import structlog
+
+from app.export.export_jobs import DataJob, Done, Failure, FigureJob, Job, PlaybackJob, Progress
+from app.export.figures import render
+from app.process.log import configure_as_parent
+from app.scenario.schema import ScenarioError
+from app.simulation.recording import columns_of
+from app.storage.recording_files import Table, TooLarge, write_csv, write_npz
+
+log = structlog.get_logger()
+
+NICENESS = 10  # the running loop comes first
+
+
+class _Reporter:
+    """Tells the asker of every whole percent, once."""
+
+    def __init__(self, asker: Connection) -> None:
+        self._asker = asker
+        self._percent = -1
+
+    def tell(self, share: float) -> None:
+        if (percent := int(100 * share)) > self._percent:
+            self._percent = percent
+            self._asker.send(Progress(share))
+
+
+def serve(asker: Connection, path: Path) -> None:
+    """Make the one file that is asked for. Raises EOFError or ConnectionError when nobody asks any more."""
+    job: Job = asker.recv()
+    try:
+        _make(job, asker, path)
+    except (EOFError, ConnectionError):
+        raise
+    except OSError as error:
+        asker.send(Failure(f"the file cannot be written: {error.strerror or error}"))
+    except (TooLarge, ScenarioError, ArithmeticError, ValueError) as error:
+        asker.send(Failure(str(error)))
+    except Exception as error:  # the process's last resort: say it
+        log.exception("fault", stage="a file")
+        asker.send(Failure(f"internal error: {error}"))
+    else:
+        asker.send(Done())
+
+
+def _make(job: Job, asker: Connection, path: Path) -> None:
+    tell = _Reporter(asker).tell
+    match job:
+        case FigureJob(figure, form):
+            path.write_bytes(render(figure, form))
+        case DataJob(data, form, limit):
+            write = {"csv": write_csv, "npz": write_npz}[form]
+            with path.open("wb") as file:
+                write(replace(data, pieces=_received(data, asker)), file, limit, tell)
+        case PlaybackJob(film, limit):
+            from app.dashboard.scene.standalone import (
+                standalone_html,  # here: the others need neither viser nor the law
+            )
+
+            path.write_text(standalone_html(film, limit, tell), encoding="utf-8")
+
+
+def _received(data: Table, asker: Connection) -> Iterator[np.ndarray]:
+    """The rows as they arrive."""
+    width, missing = max(where.stop for where in columns_of(data.n).values()), data.length
+    while missing:
+        piece = np.frombuffer(asker.recv_bytes()).reshape(-1, width)
+        missing -= len(piece)
+        yield piece
+
+
+def main() -> None:
+    configure_as_parent()
+    os.nice(NICENESS)
+    with Connection(int(sys.argv[1])) as asker:
+        try:
+            serve(asker, Path(sys.argv[2]))
+        except (EOFError, ConnectionError):
+            log.debug("asker gone")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,64 @@
+"""Compiling ahead, in a process of its own: what a change of robot or contact would otherwise wait for.
+
+Kernels are compiled once for each number of joints; they stay in the cache for every later start.
+"""
+
+from __future__ import annotations
+
+import os
+import subprocess
+from collections.abc import Iterator
+from pathlib import Path
+
+import structlog
+
+from app.process import launcher
+from app.process.kernel_cache import cache_folder
+from app.process.log import configure_as_parent
+from app.scenario.data import edited, load
+from app.scenario.schema import Scenario
+from app.session.changes import in_mode, on_robot
+from app.simulation.closed_loop import ClosedLoop
+from environments import robots
+
+
+def start() -> subprocess.Popen[bytes] | None:
+    """Begin, unless it has been done before. The process ends with this one."""
+    if _mark().exists():
+        return None
+    return launcher.start("app.workers.precompile", stdin=subprocess.PIPE)
+
+
+def _mark() -> Path:
+    return cache_folder() / "complete"
+
+
+def _to_compile() -> Iterator[Scenario]:
+    """One scenario for each number of joints and each kind of contact that has kernels of its own."""
+    done: set[int] = set()
+    for name, entry in robots.CATALOGUE.items():
+        if (n := len(entry.rotor_inertia)) not in done:
+            done.add(n)
+            base = on_robot(load("ur5-hybrid"), name)
+            yield base
+            yield edited(base, "contact.kind", "mass-damper-spring")
+            yield in_mode(base, "constrained")
+
+
+def main() -> None:
+    """Compile, at the lowest priority, until it is done or the process that began this ends."""
+    configure_as_parent()
+    launcher.end_with_parent()
+    os.nice(19)
+    try:
+        for scenario in _to_compile():
+            loop = ClosedLoop(scenario, history=1)
+            loop.step()
+            loop.view()
+        _mark().touch()
+    except Exception as error:  # nobody waits for it: what it did not compile is compiled when it is needed
+        structlog.get_logger().warning("compiling ahead failed", exc_info=error)
+
+
+if __name__ == "__main__":
+    main()

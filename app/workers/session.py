@@ -1,0 +1,213 @@
+"""The process of one session: `python -m app.workers.session FD`, started by `app.gateway`.
+
+It serves a dashboard at a loopback port, to its gateway only, and tells it of every change of the scenario. It ends
+when the other end of the connection does, whatever became of the gateway.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import os
+import resource
+import socket
+import sys
+import threading
+import time
+from collections.abc import Callable
+from io import BufferedReader
+from pathlib import Path
+from typing import cast
+
+import structlog
+
+from app.access.session_messages import (
+    Alive,
+    Begin,
+    Changed,
+    Failed,
+    FromSession,
+    Keep,
+    Kept,
+    Prepare,
+    Ready,
+    Remark,
+    ToSession,
+    line,
+    to_session,
+)
+from app.dashboard import Dashboard
+from app.dashboard.theme.colors import Theme
+from app.dashboard.widgets.last_session import left_by, remark
+from app.process import log
+from app.scenario.data import from_toml, to_toml
+from app.scenario.schema import Scenario, ScenarioError
+from app.session.autosave import Keeper, StateError, StateFolder
+from app.session.commands import Continue
+from app.session.runner import Runner
+from app.session.timeline import Pinned
+from app.storage import uploaded_urdfs
+from app.storage.uploaded_urdfs import Reach
+
+events = structlog.get_logger()
+
+MEMORY, FILES = 4_000_000_000, 512  # bytes of data, open files: a fresh session has 0.3 GB, its 64 pages one file each
+BEAT = 1.0  # s between two signs of life
+IN_USE = 600.0  # s between two notes that an upload is in use
+LOOK = 0.05  # s between two looks whether the scenario has changed: a copy may be so much older
+
+
+class Gateway:
+    """The connection's end in this process."""
+
+    def __init__(self, connection: socket.socket) -> None:
+        self._connection = connection
+        self._lines: BufferedReader = connection.makefile("rb")
+        self._telling = threading.Lock()
+
+    def next(self) -> ToSession:
+        """Raises EOFError when the gateway has gone."""
+        if not (text := self._lines.readline()):
+            raise EOFError
+        return to_session.decode(text)
+
+    def tell(self, message: FromSession) -> None:
+        """From any thread. Raises ConnectionError when the gateway has gone."""
+        with self._telling:
+            self._connection.sendall(line(message))
+
+
+class Pulse:
+    """Tells the gateway that this process lives and its pages are answered, until `stop`."""
+
+    def __init__(self, gateway: Gateway, dashboard: Dashboard, late: Callable[[], float | None]) -> None:
+        self._gateway, self._dashboard, self._late = gateway, dashboard, late
+        self._stopped = threading.Event()
+        threading.Thread(target=self._run, name="pulse", daemon=True).start()
+
+    def stop(self) -> None:
+        self._stopped.set()
+
+    def _run(self) -> None:
+        with contextlib.suppress(OSError):
+            while not self._stopped.is_set():
+                self._dashboard.come_round()
+                self._gateway.tell(Alive(self._late()))
+                self._stopped.wait(BEAT)
+
+
+def serve(gateway: Gateway) -> None:
+    """From the preparation to the end of the connection. Raises EOFError or ConnectionError then."""
+    prepare = gateway.next()
+    assert isinstance(prepare, Prepare)
+    scenario = from_toml(prepare.scenario)
+    with contextlib.redirect_stdout(io.StringIO()):  # viser would print an address where nobody is answered
+        dashboard = Dashboard(port=0, theme=cast(Theme, prepare.theme), fps=prepare.fps, key=prepare.key)
+    given = scenario.robot.urdf
+    preparing = Pulse(gateway, dashboard, lambda: None)  # the very first arm of its kind takes half a minute
+    runner = Runner(scenario, Reach((given,) if given else ()))
+    dashboard.attach(runner)
+    preparing.stop()  # a spare is silent: nobody listens to it
+    gateway.tell(Ready(dashboard.port, dashboard.looking_fields))
+    begin = gateway.next()
+    assert isinstance(begin, Begin)
+    dashboard.shelf.marks = begin.marks
+    begun = from_toml(begin.scenario) if begin.scenario else scenario
+    keeper, runs = (None, ()) if begin.kept is None else _keeper(begin.kept, begun, runner, dashboard)
+    if begin.scenario or runs:
+        runner.post(Continue(begun, runs))
+    runner.start()
+    Pulse(gateway, dashboard, lambda: None if (pace := runner.snapshot.pace) is None else pace.late_median)
+    threading.Thread(target=_report, args=(gateway, runner, scenario), name="reports", daemon=True).start()
+    threading.Thread(target=dashboard.run_forever, name="drawing", daemon=True).start()
+    try:
+        while True:  # until the other end has gone
+            match gateway.next():
+                case Keep(kept) if keeper is None:
+                    keeper = _kept_from_now(kept, runner, dashboard)
+                case Remark(sentence):
+                    dashboard.offer(remark(sentence))
+    finally:
+        if keeper is not None:
+            keeper.close()
+
+
+def _folder(kept: Kept, dashboard: Dashboard) -> StateFolder | None:
+    """None where it cannot be used, which is said on the page."""
+    try:
+        return StateFolder(Path(kept.folder))
+    except StateError as error:
+        dashboard.offer(remark(f"this session is not kept: {error}"))
+        return None
+
+
+def _kept_from_now(kept: Kept, runner: Runner, dashboard: Dashboard) -> Keeper | None:
+    """Keeps a session that has begun without a folder."""
+    folder = _folder(kept, dashboard)
+    return None if folder is None else Keeper(folder, lambda: runner.snapshot, dashboard.fail, begun=True)
+
+
+def _keeper(
+    kept: Kept, scenario: Scenario, runner: Runner, dashboard: Dashboard
+) -> tuple[Keeper | None, tuple[Pinned, ...]]:
+    """Keeps the session from its beginning, in its folder, unless that cannot be used; and the pinned runs that are
+    taken up from there. What cannot be taken up is shown or offered."""
+    if (folder := _folder(kept, dashboard)) is None:
+        return None, ()
+    keeper = Keeper(folder, lambda: runner.snapshot, dashboard.fail)
+    left = left_by(folder, keeper, scenario)
+    if left is None:
+        return keeper, ()
+    if left.offer is None or kept.earlier == "offered":
+        dashboard.offer(left)
+        return keeper, ()
+    try:
+        runs, problem = keeper.take_up(left.offer)
+    except ScenarioError:  # it is older than the one that runs, and cannot run now
+        dashboard.offer(left)
+        return keeper, ()
+    if problem:
+        dashboard.offer(remark(problem))
+    return keeper, runs
+
+
+def _report(gateway: Gateway, runner: Runner, told: Scenario) -> None:
+    pause, pinned, due = threading.Event(), 0, time.monotonic() + IN_USE
+    with contextlib.suppress(OSError):
+        while not pause.wait(LOOK):
+            now = runner.snapshot
+            if time.monotonic() > due:
+                uploaded_urdfs.note_use(now.scenario.robot.urdf)
+                due = time.monotonic() + IN_USE
+            if (now.scenario is not told and now.scenario != told) or len(now.pinned) != pinned:
+                told, pinned = now.scenario, len(now.pinned)
+                gateway.tell(Changed(to_toml(told), pinned))
+
+
+def _limit(what: int, most: int) -> None:
+    """Of this process and those that it begins; less stays less."""
+    hard = resource.getrlimit(what)[1]
+    least = most if hard == resource.RLIM_INFINITY else min(most, hard)
+    resource.setrlimit(what, (least, least))
+
+
+def main() -> None:
+    log.configure_as_parent()
+    _limit(resource.RLIMIT_DATA, MEMORY)
+    _limit(resource.RLIMIT_NOFILE, FILES)
+    with socket.socket(fileno=int(sys.argv[1])) as connection:
+        gateway = Gateway(connection)
+        try:
+            serve(gateway)
+        except (EOFError, ConnectionError):
+            # at once: the gateway knows the scenario, processes of ours end with us, and nothing else is to be kept
+            os._exit(0)
+        except Exception as error:  # the process's last resort: let the gateway say it
+            events.exception("fault", stage="a session")
+            with contextlib.suppress(OSError):
+                gateway.tell(Failed(f"{error}"))
+            os._exit(1)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,1 @@
+"""What drives a server from outside, for tests, benchmarks and pictures: a browser, visitors, viser's protocol."""

@@ -1,0 +1,103 @@
+"""A page in a real browser and the loop behind it, for the tests that act as a person would."""
+
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+from playwright.sync_api import Locator, Page
+
+from app.session.runner import Runner
+from app.session.snapshot import Snapshot
+
+VIEWPORT = {"width": 1280, "height": 720}
+# as a browser that has been here before; a page without an address has no storage
+NO_HINTS = "try { localStorage.setItem('vsmrc.hints', 'dismissed'); } catch { }"
+# Drawing in software takes a whole core, and few tests look at the picture; those set `undrawn` to false.
+UNDRAWN = """
+  window.undrawn = true;
+  for (const name of ["drawElements", "drawArrays", "drawElementsInstanced", "drawArraysInstanced"]) {
+    const draw = WebGL2RenderingContext.prototype[name];
+    WebGL2RenderingContext.prototype[name] = function (...what) { if (!window.undrawn) draw.apply(this, what); };
+  }
+"""
+PATIENCE = 90.0  # s: a busy machine may take long to start the process that previews
+
+
+def each_tab(page: Page) -> Iterator[str]:
+    """Open every tab of every panel, those within another tab too, and give its title; at the end the first ones are
+    open again."""
+    tabs = page.locator("[role=tab]:visible")
+    first = page.locator("[role=tab][aria-selected=true]:visible").all_inner_texts()
+    seen: set[str] = set()
+    # the last first: tabs within the tab that was just opened come behind the others
+    while unseen := [title for title in tabs.all_inner_texts() if title not in seen]:
+        seen.add(title := unseen[-1])
+        page.get_by_role("tab", name=title, exact=True).click()
+        page.wait_for_timeout(400)
+        yield title
+    for title in first:
+        page.get_by_role("tab", name=title, exact=True).click()
+
+
+@dataclass(frozen=True)
+class Session:
+    """A page, and the runner behind it."""
+
+    page: Page
+    runner: Runner
+
+    @property
+    def now(self) -> Snapshot:
+        return self.runner.snapshot
+
+    def choose(self, label: str, option: str) -> None:
+        self.page.get_by_label(label, exact=True).click()
+        self.page.get_by_role("option", name=option, exact=True).click()
+
+    def tab(self, name: str) -> None:
+        self.page.get_by_role("tab", name=name, exact=True).click()
+
+    def row(self, label: str) -> Locator:
+        return self.page.locator("form", has=self.page.get_by_text(label, exact=True))
+
+    def number(self, label: str) -> Locator:
+        return self.row(label).locator(".mantine-TextInput-input")
+
+    def grip(self, label: str, at: float = 0.33) -> tuple[Callable[[float], None], Locator]:
+        """Press the mouse on a row's slider; returns how to move it (0 to 1), and the row's text field."""
+        slider = self.row(label).locator(".mantine-Slider-root")
+        held = self.page.locator("form[data-held]", has=self.page.get_by_text(label, exact=True))
+        for _ in range(5):  # rows move while the page is being built, and a press may land beside one
+            box = slider.bounding_box()
+            assert box is not None
+            x, y, width = box["x"], box["y"] + box["height"] / 2, box["width"]
+            self.page.mouse.move(x + at * width, y)
+            self.page.mouse.down()
+            if held.count():
+                break
+            self.page.mouse.up()
+            self.page.wait_for_timeout(500)
+        else:
+            raise AssertionError(f"the slider of {label} cannot be held")
+
+        def move(share: float) -> None:
+            self.page.mouse.move(x + share * width, y, steps=10)
+
+        return move, self.number(label)
+
+    def ahead(self) -> float:
+        """How far right of now the first plot's lines reach, s."""
+        return self.page.evaluate("Object.values(__viserTestpoints.uplots)[0].chart.data[0].at(-1)")
+
+    def wait(self, condition: Callable[[Snapshot], bool], seconds: float = PATIENCE) -> None:
+        """Until the loop is as the test wants it; a failure shows where it stood."""
+        until = time.monotonic() + seconds
+        while not condition(self.now):
+            assert time.monotonic() < until, (
+                self.now.phase,
+                self.now.reason,
+                self.now.refusal,
+                self.now.revision,
+                self.now.scenario,
+            )
+            self.page.wait_for_timeout(50)

@@ -1,0 +1,166 @@
+"""Visitors of a server of ours: pages without a browser, which speak the protocol of viser's client."""
+
+from __future__ import annotations
+
+import os
+import re
+import select
+import signal
+import subprocess
+import sys
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, NamedTuple
+from urllib.parse import urlsplit
+
+import msgspec
+from websockets.exceptions import ConnectionClosed
+from websockets.sync.client import ClientConnection, connect
+
+from drivers.viser_protocol import CAMERA, PROTOCOL, messages
+
+PATIENCE = 90.0  # s, for what takes a fraction of a second on an idle machine
+
+
+class Visitor:
+    """An open page: what it got of the control panel, and what it does."""
+
+    def __init__(self, socket: ClientConnection) -> None:
+        self._socket = socket
+        self.html: dict[str, str] = {}
+        self.commands: dict[str, str] = {}
+        self.received = 0
+        self._news = threading.Condition()
+        self._ended: ConnectionClosed | None = None
+        threading.Thread(target=self._listen, daemon=True).start()
+        self.say(CAMERA)
+
+    def say(self, message: dict[str, Any] | bytes) -> None:
+        self._socket.send(message if isinstance(message, bytes) else msgspec.msgpack.encode(message))
+
+    def trigger(self, command: str) -> None:
+        self.wait(lambda: command in self.commands)
+        self.say({"type": "CommandTriggerMessage", "uuid": self.commands[command]})
+
+    @property
+    def status(self) -> str:
+        """The status line's text."""
+        found = [re.sub(r"<[^>]+>", " ", html) for html in self.html.values() if "vs-status" in html]
+        return " ".join(found).strip()
+
+    @property
+    def text(self) -> str:
+        """All that the panel says."""
+        return " ".join(self.html.values())
+
+    @property
+    def t(self) -> float:
+        """Simulated time on the page, s."""
+        found = re.search(r"\bt\s+([\d.]+)\s+s", self.status)
+        return float(found[1]) if found else -1.0
+
+    def wait(self, condition: Callable[[], bool], seconds: float = PATIENCE) -> None:
+        """Until it holds. Raises ConnectionClosed, and AssertionError after so long."""
+        with self._news:
+            self._news.wait_for(lambda: condition() or self._ended is not None, seconds)
+            if condition():
+                return
+            if self._ended is not None:
+                raise self._ended
+        raise AssertionError(self.status)
+
+    def lose(self) -> None:
+        """Wait until the other side closes. Raises ConnectionClosed then."""
+        self.wait(lambda: False)
+
+    def _listen(self) -> None:
+        """All the time, as a browser does: who does not answer a ping is taken for gone."""
+        try:
+            while True:
+                frame = self._socket.recv()
+                with self._news:
+                    self._take(frame)
+                    self._news.notify_all()
+        except ConnectionClosed as ended:
+            with self._news:
+                self._ended = ended
+                self._news.notify_all()
+
+    def _take(self, frame: str | bytes) -> None:
+        assert isinstance(frame, bytes)
+        self.received += len(frame)
+        for message in messages(frame):
+            if message["type"] == "GuiHtmlMessage":
+                self.html[message["uuid"]] = message["props"]["content"]
+            elif message["type"] == "GuiUpdateMessage" and "content" in message["updates"]:
+                self.html[message["uuid"]] = message["updates"]["content"]
+            elif message["type"] == "RegisterCommandMessage":
+                self.commands[message["props"]["label"]] = message["uuid"]
+
+
+@contextmanager
+def visiting(url: str, **options: Any) -> Iterator[Visitor]:
+    """A page opened at this address, as viser's client does it."""
+    address = url.replace("http", "ws", 1).rstrip("/")
+    usual = {"subprotocols": [PROTOCOL], "compression": None, "max_size": None, "open_timeout": PATIENCE}
+    with connect(address, **usual | options) as socket:
+        assert socket.subprotocol == PROTOCOL
+        yield Visitor(socket)
+
+
+class Server(NamedTuple):
+    """A running `vsmrc serve`: its process, and the lines that it has printed."""
+
+    process: subprocess.Popen[str]
+    lines: list[str]
+
+    @property
+    def url(self) -> str:
+        """As printed, with its token."""
+        return self.lines[0].split()[2]
+
+    @property
+    def port(self) -> int:
+        return urlsplit(self.url).port or 0
+
+    def children(self) -> list[int]:
+        """Processes that it has started and that have not ended, in that order."""
+        pid = self.process.pid
+        return [int(number) for number in Path(f"/proc/{pid}/task/{pid}/children").read_text().split()]
+
+
+@contextmanager
+def serving(*arguments: str, lines: int, fps: int = 8) -> Iterator[Server]:
+    """`vsmrc serve` with these arguments at a free port, once it has printed so many lines; without a token, whoever
+    is on this machine, unless the arguments speak of one."""
+    asks = any(name in arguments for name in ("--token", "--token-file", "--origin", "--host"))
+    command = [sys.executable, "-m", "app", "serve", "--port", "0", "--fps", str(fps), *arguments]
+    command += [] if asks else ["--token", "never"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+        try:
+            assert process.stdout is not None
+            said: list[str] = []
+            for line in process.stdout:
+                if said or line.startswith("VSMRC Lab: "):
+                    said.append(line)
+                if len(said) == lines:
+                    break
+            yield Server(process, said)
+        finally:
+            if process.poll() is None:
+                process.send_signal(signal.SIGINT)
+                process.communicate(timeout=30)
+
+
+def gone(pid: int, seconds: float = PATIENCE) -> bool:
+    """Whether the process has ended, or does within so many s."""
+    try:
+        file = os.pidfd_open(pid)
+    except ProcessLookupError:
+        return True
+    try:
+        return bool(select.select([file], [], [], seconds)[0])
+    finally:
+        os.close(file)

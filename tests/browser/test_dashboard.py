@@ -1,0 +1,237 @@
+"""The page in a real browser: a person's actions, and their effect in the running loop."""
+
+import re
+import socket
+
+import pytest
+
+from app.dashboard import Dashboard, PortBusy
+from app.dashboard.widgets.controls import Scale, decades
+from app.dashboard.widgets.equation import lines
+from app.dashboard.widgets.matrix_text import read_back, written
+from app.scenario.data import shipped
+from app.session.commands import Load
+from drivers.pages import Session
+
+
+def test_the_page_comes_up_and_shows_the_running_loop(session: Session):
+    page = session.page
+    page.locator("canvas[data-engine]").wait_for()
+    page.get_by_text("promise holds").wait_for()
+    assert page.locator("math mtr").count() == 1 + len(lines(session.now))
+    page.wait_for_function("Object.values(__viserTestpoints.uplots).some((p) => p.chart.data[0].length > 100)")
+    assert page.locator(".uplot-container:visible").count() == 4
+
+
+def test_another_scenario_and_mode(session: Session):
+    session.choose("Scenario", shipped()["ur5-motion"].title)
+    session.wait(lambda now: now.scenario.name == "ur5-motion" and now.phase == "running")
+    session.choose("Mode", "Impedance")
+    session.wait(lambda now: now.scenario.mode == "impedance" and now.t > 0.3)
+    assert session.now.phase == "running", session.now.reason
+    session.page.locator(".vs-note", has_text="The tool yields to forces").wait_for()
+
+
+def test_a_number_takes_effect_on_enter_not_digit_by_digit(session: Session):
+    session.wait(lambda now: abs(now.recording.signals(("F_c",))["F_c"][-1, 0] - 20.0) < 0.1)
+    field = session.number("F_d [N]")
+    field.fill("")
+    field.press_sequentially("35", delay=60)
+    session.page.wait_for_timeout(300)
+    assert session.now.scenario.force.value == 20.0
+    assert field.get_attribute("data-pending") is not None
+    field.press("Enter")
+    session.wait(lambda now: now.scenario.force.value == 35.0)
+    session.wait(lambda now: abs(now.recording.signals(("F_c",))["F_c"][-1, 0] - 35.0) < 0.1)
+
+
+def test_a_number_takes_effect_when_its_field_is_left(session: Session):
+    field = session.number("F_d [N]")
+    field.fill("12.5")
+    field.blur()
+    session.wait(lambda now: now.scenario.force.value == 12.5)
+    field.fill("99")
+    field.press("Escape")
+    session.page.wait_for_timeout(400)
+    assert session.now.scenario.force.value == 12.5
+
+
+def test_a_held_slider_previews_and_let_go_it_applies(session: Session):
+    before = session.now
+    move, text = session.grip("F_d [N]")
+    move(0.75)
+    session.page.get_by_text("let go: apply").wait_for()
+    session.page.wait_for_function(
+        "Object.values(__viserTestpoints.uplots).some((p) => p.chart.data[0].at(-1) > 4.9)", timeout=60_000
+    )
+    session.page.wait_for_timeout(1500)  # the last position has gone
+    asked = float(text.input_value())
+    assert 40.0 < asked < 50.0
+    assert session.now.scenario == before.scenario
+    assert session.now.revision == before.revision
+    forces = "Object.values(__viserTestpoints.uplots)[1].chart"
+    assert session.page.evaluate(f"{forces}.data[2].at(-1)") == pytest.approx(asked, abs=0.1)
+    assert session.page.evaluate(f"[{forces}.scales.x.min, {forces}.scales.x.max]") == [-8.0, 5.0]
+    session.page.mouse.up()
+    session.wait(lambda now: now.scenario.force.value == asked)
+    assert session.now.revision == before.revision + 1
+    session.page.get_by_role("button", name="Revert").click()
+    session.wait(lambda now: now.scenario == before.scenario)
+    session.wait(lambda _: session.ahead() <= 0.0)
+    session.page.get_by_text("let go: apply").wait_for(state="hidden")
+
+
+def test_escape_takes_a_held_slider_back(session: Session):
+    before = session.now
+    move, text = session.grip("F_d [N]")
+    move(0.9)
+    session.wait(lambda _: session.ahead() > 0.0)
+    session.page.keyboard.press("Escape")
+    session.wait(lambda _: session.ahead() <= 0.0)
+    move(0.6)
+    session.page.mouse.up()
+    session.page.wait_for_timeout(500)
+    assert session.now.revision == before.revision
+    assert text.input_value() == "20"
+    thumb = session.row("F_d [N]").get_by_role("slider")
+    assert float(thumb.get_attribute("aria-valuenow") or "nan") == pytest.approx(20.0 / 60.0, abs=2e-3)
+
+
+def test_arrow_keys_move_a_slider_and_not_the_run(session: Session):
+    thumb = session.row("F_d [N]").get_by_role("slider")
+    thumb.focus()
+    thumb.press("ArrowRight")
+    session.wait(lambda now: 20.0 < now.scenario.force.value < 20.5)
+    thumb.press("End")
+    session.wait(lambda now: now.scenario.force.value == 60.0)
+    assert session.now.phase == "running"
+
+
+def test_a_preview_that_cannot_be_says_why_and_the_run_goes_on(session: Session):
+    before = session.now
+    session.tab("Model")
+    session.tab("K_m")
+    move, _ = session.grip("K_m ψ₁", at=0.7)
+    move(-0.1)
+    session.page.locator(".vs-held .vs-message", has_text="K_m2").wait_for()
+    session.wait(lambda _: session.ahead() <= 0.0)  # plots follow the message when their turn comes
+    session.page.keyboard.press("Escape")
+    session.page.mouse.up()
+    session.wait(lambda now: now.t > before.t + 0.5)
+    assert (session.now.revision, session.now.refusal_number) == (before.revision, before.refusal_number)
+    assert session.now.phase == "running"
+
+
+def test_without_previews_a_slider_acts_at_once(session: Session):
+    session.page.get_by_text("What if", exact=True).first.click()
+    session.page.get_by_role("checkbox", name="Preview").click()
+    move, text = session.grip("F_d [N]")
+    move(0.75)
+    session.wait(lambda now: 40.0 < now.scenario.force.value < 50.0)
+    assert session.ahead() <= 0.0
+    session.page.mouse.up()
+    session.page.wait_for_timeout(1000)
+    wanted = session.now.scenario.force.value
+    session.wait(lambda now: abs(now.recording.signals(("F_c",))["F_c"][-1, 0] - wanted) < 0.1)
+    assert text.input_value() == written(wanted)
+    session.page.get_by_role("checkbox", name="Preview").click()
+
+
+def test_an_invalid_gain_shows_its_reason_and_the_run_goes_on(session: Session):
+    session.tab("Model")
+    before = session.now
+    field = session.number("M_m φ")
+    field.fill("0")
+    field.press("Enter")
+    session.wait(lambda now: now.refusal_number == before.refusal_number + 1)
+    session.page.locator(".vs-message", has_text="M_m").wait_for()
+    session.page.wait_for_timeout(500)
+    assert field.input_value() == written(before.matrices["M_m"][0, 0])
+    assert session.now.revision == before.revision
+    assert session.now.phase == "running"
+    assert session.now.t > before.t
+
+
+def test_a_surface_too_stiff_is_refused_with_its_remedy_which_helps(session: Session):
+    session.runner.post(Load(shipped()["planar3r-hybrid"]))
+    session.wait(lambda now: now.scenario.name == "planar3r-hybrid")
+    session.tab("World")
+
+    def enter(label: str, text: str) -> None:
+        field = session.number(label)
+        field.fill(text)
+        field.press("Enter")
+
+    enter("K_e [N/m]", "1e7")
+    message = session.page.locator(".vs-message", has_text="too stiff")
+    message.wait_for()
+    enough = re.search(r"simulation.substeps >= (\d+)", message.inner_text())
+    assert enough is not None
+    enter("substeps", enough[1])
+    session.wait(lambda now: now.scenario.simulation.substeps == int(enough[1]))
+    enter("K_e [N/m]", "1e7")
+    session.wait(lambda now: now.scenario.contact.K_e == 1e7)
+
+
+def test_text_that_is_no_number_is_refused_on_the_page(session: Session):
+    before = session.now
+    field = session.number("F_d [N]")
+    field.fill("<b>twenty</b>")
+    field.press("Enter")
+    session.page.locator(".vs-message", has_text="<b>twenty</b>").wait_for()
+    session.page.wait_for_timeout(500)
+    assert field.input_value() == "20"
+    assert session.now.revision == before.revision
+
+
+def test_pause_and_step(session: Session):
+    session.page.get_by_role("button", name="play / pause").click()
+    session.wait(lambda now: now.phase == "paused")
+    t = session.now.t
+    session.page.get_by_role("button", name="step").click()
+    session.wait(lambda now: now.t > t)
+    assert session.now.t == pytest.approx(t + session.now.scenario.controller.period)
+    session.page.get_by_role("button", name="reset").click()
+    session.wait(lambda now: now.t < t)
+
+
+def test_looking_at_every_tab_changes_nothing(session: Session):
+    before = session.now
+    for name in ("Model", "Controller", "World", "Robot", "Export", "Torque", "Task"):
+        session.tab(name)
+        session.page.wait_for_timeout(300)
+    assert session.now.revision == before.revision
+    assert session.now.scenario == before.scenario
+    assert session.now.refusal_number == before.refusal_number
+
+
+def test_every_shipped_scenario_can_be_shown(session: Session):
+    for name, scenario in shipped().items():
+        session.runner.post(Load(scenario))
+        session.wait(lambda now, name=name: now.scenario.name == name and now.t > 0.2, seconds=60.0)
+        session.page.locator(".vs-title", has_text=scenario.title).wait_for()
+
+
+def test_a_busy_port_is_said():
+    with socket.socket() as other:
+        other.bind(("127.0.0.1", 0))
+        other.listen()
+        with pytest.raises(PortBusy, match=str(other.getsockname()[1])):
+            Dashboard(port=other.getsockname()[1])
+
+
+@pytest.mark.parametrize("scale", [Scale(0, 60), decades(0.1, 100), decades(1, 1e5, zero=True)])
+def test_slider_positions_and_values_are_inverse(scale: Scale):
+    for position in (0.1, 0.37, 0.5, 1.0):
+        assert scale.position(scale.value(position)) == pytest.approx(position, abs=0.003)
+    assert scale.value(0.0) == (0.0 if scale.zero else scale.low)
+    assert scale.position(-1.0) == 0.0
+    assert scale.position(1e12) == 1.0
+
+
+def test_numbers_are_written_and_read_back():
+    assert read_back(written(0.01)) == 0.01
+    assert read_back(written((0.1, 0.0, -2.5))) == [0.1, 0.0, -2.5]
+    assert isinstance(read_back(written(4)), int)
+    with pytest.raises(ValueError, match="twenty"):
+        read_back("twenty")

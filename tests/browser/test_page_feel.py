@@ -1,0 +1,175 @@
+"""The page as a whole in a real browser: keys, themes, a phone, first steps, and nothing cut or covered."""
+
+import re
+
+from app.dashboard.widgets.help import KEYS
+from app.scenario.data import shipped
+from app.session.commands import Edit, Pause, Play
+from drivers.pages import Session
+from tests.support.layout import faults, walk
+
+_THEME = "document.documentElement.dataset.mantineColorScheme"
+_FAINT_LINES = """
+() => {
+  const channel = (c) => (c <= 0.04045 ? c / 12.92 : ((c + 0.055) / 1.055) ** 2.4);
+  const light = (rgb) => rgb.reduce((sum, c, i) => sum + [0.2126, 0.7152, 0.0722][i] * channel(c / 255), 0);
+  return Object.values(__viserTestpoints.uplots).flatMap(({ chart }) => chart.series.slice(1)
+    .map((s, i) => s.stroke(chart, i + 1).match(/[0-9.]+/g).map(Number).slice(0, 3))
+    .filter((rgb) => 1.05 / (light(rgb) + 0.05) < 3).map(String));
+}
+"""
+# the equation's window leaves the docks free
+WITHIN = """() => {
+  const box = (part) => document.querySelector(part).getBoundingClientRect();
+  const scene = box("canvas[data-engine]"), model = box("[data-floating-window]:has(.vs-equation)");
+  if (scene.width < 180) return !document.querySelector(".vs-equation").checkVisibility({ visibilityProperty: true });
+  return scene.left - 1 <= model.left && model.right <= scene.right + 1;
+}"""
+
+
+def test_keys_act_in_the_loop_but_not_while_typing(session: Session):
+    page = session.page
+    page.keyboard.press("2")
+    session.wait(lambda now: now.scenario.mode == "impedance")
+    page.keyboard.press("3")
+    session.wait(lambda now: now.scenario.mode == "hybrid")
+
+    before = session.now
+    text = session.number("radius [m]")
+    text.fill("")
+    text.press_sequentially("1 R t h ?", delay=30)
+    text.press("Escape")
+    page.wait_for_timeout(500)
+    assert session.now.scenario.mode == "hybrid"
+    assert (session.now.run, session.now.phase, session.now.revision) == (before.run, "running", before.revision)
+    assert page.evaluate(_THEME) == "dark"
+    assert not page.locator(".vs-help").count()
+    text.blur()
+
+    # a button that was clicked does not keep the space key, and one that is reached by Tab has it alone
+    button = page.get_by_role("button", name="play / pause")
+    button.click()
+    session.wait(lambda now: now.phase == "paused")
+    page.keyboard.press("Space")
+    session.wait(lambda now: now.phase == "running")
+    button.focus()
+    page.keyboard.press("Space")
+    session.wait(lambda now: now.phase == "paused")
+    page.wait_for_timeout(500)
+    assert session.now.phase == "paused"
+    button.blur()
+
+    page.keyboard.press("?")
+    page.locator(".vs-help").wait_for()
+    run = session.now.run
+    page.keyboard.press("r")
+    page.wait_for_timeout(300)
+    assert session.now.run == run
+    page.keyboard.press("Escape")
+    page.locator(".vs-help").wait_for(state="detached")
+
+    page.keyboard.press("Control+k")
+    palette = page.locator(".mantine-Spotlight-action")
+    palette.first.wait_for()
+    shown = [re.search(r"\n\s*(\S+)$", entry.strip()) for entry in palette.all_inner_texts()]
+    assert {match[1] for match in shown if match} == set(KEYS) | set(shipped())
+    page.get_by_placeholder("Search commands").fill("ur5-impedance")
+    palette.filter(has_text=shipped()["ur5-impedance"].title).click()
+    session.wait(lambda now: now.scenario.name == "ur5-impedance")
+
+
+def test_nothing_is_cut_covered_or_faint_on_any_tab_in_either_theme(session: Session):
+    page = session.page
+    session.runner.post(Pause())  # what moves makes a walk slow
+    page.locator('[data-key="t"]').click()
+    page.wait_for_function(f"{_THEME} === 'light'")
+    try:
+        session.wait(lambda _: not page.evaluate(_FAINT_LINES))
+        assert walk(page) == {}
+        page.set_viewport_size({"width": 1920, "height": 1080})
+    finally:
+        page.keyboard.press("t")
+        page.wait_for_function(f"{_THEME} === 'dark'")
+    page.wait_for_timeout(1500)
+    assert walk(page) == {}
+    # the check itself sees a title that is too long
+    page.evaluate("document.querySelector('[role=tab][title=Controller] span').style.maxWidth = '2em'")
+    assert any("Controller" in line for line in faults(page))
+
+
+def test_a_phone_shows_status_buttons_and_a_plot(served, open_page):
+    dashboard, runner = served
+    runner.post(Play())
+    page = open_page(
+        dashboard.url, viewport={"width": 390, "height": 844}, is_mobile=True, has_touch=True, device_scale_factor=2
+    )
+    page.get_by_text("real time").wait_for(timeout=60_000)
+    page.locator(".uplot-container canvas").first.wait_for()
+    page.wait_for_timeout(1500)
+    assert page.evaluate("document.documentElement.scrollWidth") == 390
+    for part in (".vs-status", ".uplot-container", "canvas[data-engine]"):
+        # in one call: what is drawn again ten times a second may be gone in the next
+        box = page.evaluate("(part) => document.querySelector(part).getBoundingClientRect().toJSON()", part)
+        assert box["x"] >= 0, part
+        assert box["x"] + box["width"] <= 390, part
+        assert box["y"] + box["height"] <= 844, part
+    page.get_by_role("button", name="play / pause").tap()
+    page.locator(".vs-chip", has_text="paused").wait_for()
+
+
+def test_first_steps_come_once_and_a_reload_in_the_middle_of_a_run_is_harmless(served, open_page):
+    dashboard, runner = served
+    runner.post(Play())
+    page = open_page(dashboard.url, first_visit=True, viewport={"width": 1280, "height": 720})
+    page.get_by_text("real time").wait_for(timeout=60_000)
+    page.locator(".vs-hints").wait_for()
+    warning = page.locator("#webgl-software-rendering")
+    warning.locator("button").click()
+    warning.wait_for(state="detached")
+    assert faults(page) == []
+    page.locator(".vs-hints button").click()
+    assert not page.locator(".vs-hints").count()
+
+    t = runner.snapshot.t
+    page.reload()
+    page.get_by_text("real time").wait_for(timeout=60_000)
+    page.wait_for_function("Object.values(__viserTestpoints.uplots).some((p) => p.chart.data[0].length > 100)")
+    assert not page.locator(".vs-hints").count()
+    assert runner.snapshot.phase == "running"
+    assert runner.snapshot.t > t
+
+
+def test_a_field_gives_the_keys_back_on_enter_and_on_escape(session: Session):
+    page, text = session.page, session.number("radius [m]")
+    for key, radius in (("Enter", 0.03), ("Escape", 0.03)):
+        text.fill("0.03" if key == "Enter" else "0.04")
+        text.press(key)
+        session.wait(lambda now, radius=radius: now.scenario.motion.radius == radius)
+        phase = session.now.phase
+        page.keyboard.press("Space")
+        session.wait(lambda now, phase=phase: now.phase != phase)
+        page.keyboard.press("Space")
+        session.wait(lambda now, phase=phase: now.phase == phase)
+
+
+def test_a_message_moves_nothing(session: Session):
+    page = session.page
+    buttons = page.get_by_role("button", name="play / pause")
+    buttons.wait_for()
+    page.locator(".vs-strip .vs-message").wait_for(state="detached")
+    before = buttons.bounding_box()
+    session.runner.post(Edit("controller.period", -1.0))
+    page.locator(".vs-strip .vs-message", has_text="controller.period").wait_for()
+    assert buttons.bounding_box() == before
+    page.wait_for_function("""() => {
+      const box = (part) => document.querySelector(part).getBoundingClientRect();
+      const strip = box(".vs-strip"), scene = box("canvas[data-engine]");
+      return strip.height > 10 && scene.left <= strip.left && strip.right <= scene.right;
+    }""")
+
+
+def test_the_target_model_stays_within_the_scene_of_a_small_window(session: Session):
+    session.runner.post(Pause())
+    for width, height in ((1024, 768), (853, 480), (1024, 768)):  # the second is 1280 x 720 at 150 %
+        session.page.set_viewport_size({"width": width, "height": height})
+        session.wait(lambda _: session.page.evaluate(WITHIN) and not faults(session.page))

@@ -1,0 +1,120 @@
+"""Equation, target model and controller on the page: what a person edits, and its effect in the running loop."""
+
+import numpy as np
+
+from app.dashboard.theme.style import MARKS
+from drivers.pages import Session
+
+COUPLED = "0 0 0 0 0 0\n0 4000 900 0 0 0\n0 900 4000 0 0 0\n0 0 0 4000 0 0\n0 0 0 0 4000 0\n0 0 0 0 0 4000"
+
+
+def enter(session: Session, label: str, text: str) -> None:
+    session.number(label).fill(text)
+    session.number(label).press("Enter")
+
+
+def test_omega_dragged_and_typed_sets_damping_and_stiffness(session: Session):
+    before = session.now.matrices
+    session.tab("Model")
+    session.choose("Edit by", "ω and ζ per axis")
+    enter(session, "ω ψ₁", "30")
+    session.wait(lambda now: now.matrices["K_m"][1, 1] == 9000.0)
+    np.testing.assert_allclose(session.now.matrices["B_m"][1, 1], 600.0)
+    np.testing.assert_array_equal(session.now.matrices["M_m"], before["M_m"])
+    move, text = session.grip("ω ψ₂", at=0.56)
+
+    def shown() -> float:
+        return float(text.input_value().rstrip("".join(MARKS)))
+
+    move(0.75)
+    session.page.locator(".vs-poles .asked").first.wait_for()
+    assert session.now.matrices["K_m"][2, 2] == before["K_m"][2, 2]
+    session.page.mouse.up()
+    session.wait(lambda now: now.matrices["K_m"][2, 2] != before["K_m"][2, 2])
+    session.wait(lambda now: abs(now.matrices["K_m"][2, 2] - 10.0 * shown() ** 2) < 1e-6)
+    np.testing.assert_allclose(session.now.matrices["B_m"][2, 2], 20.0 * shown())
+    enter(session, "ω ψ₁", "-2")
+    session.page.locator(".vs-message", has_text="ω ψ₁: -2; allowed: a number > 0").wait_for()
+    session.choose("Edit by", "diagonals")
+    assert session.now.phase == "running"
+
+
+def test_whole_matrices_are_pasted_judged_and_applied(session: Session):
+    session.tab("Model")
+    session.choose("Edit by", "full matrices")
+    before = session.now
+    page = session.page
+    paste = page.locator("textarea:visible")
+    paste.fill(COUPLED)
+    page.get_by_text("K_m: not applied yet.").wait_for()
+    assert session.now.revision == before.revision
+    page.get_by_role("button", name="apply all").click()
+    session.wait(lambda now: now.matrices["K_m"][1, 2] == now.matrices["K_m"][2, 1] == 900.0)
+    page.locator(".vs-block").first.wait_for()
+
+    paste.fill(COUPLED.replace("900", "5000"))
+    page.get_by_text("asked: not stable").wait_for()
+    refused = session.now.refusal_number
+    page.get_by_role("button", name="apply all").click()
+    session.wait(lambda now: now.refusal_number == refused + 1)
+    page.locator(".vs-status", has_text="target_model.K_m2: smallest eigenvalue -1000").wait_for()
+    page.get_by_role("button", name="discard").click()
+    page.get_by_text("asked: not stable").wait_for(state="detached")
+    cell = page.locator(".mantine-NumberInput-input:visible").nth(5)  # row ψ₁, column ψ₂
+    cell.fill("700")
+    page.get_by_role("button", name="apply all").click()
+    session.wait(lambda now: now.matrices["K_m"][1, 2] == now.matrices["K_m"][2, 1] == 700.0)
+    t = session.now.t
+    session.wait(lambda now: now.t > t + 0.3)
+    assert session.now.phase == "running"
+    session.choose("Edit by", "diagonals")
+
+
+def test_the_controller_as_far_as_it_has_a_meaning(session: Session):
+    session.tab("Controller")
+    page = session.page
+    session.choose("Switching", "s / ‖s‖ (discontinuous)")
+    session.wait(lambda now: now.scenario.controller.switching == "discontinuous")
+    session.row("layer φ [m/s]").wait_for(state="detached")
+    assert session.row("constant d [N]").count() == 0
+    session.choose("Gain d", "constant")
+    enter(session, "constant d [N]", "40")
+    session.wait(lambda now: (now.scenario.controller.d, now.live["d"]) == (40.0, 40.0))
+    enter(session, "K_s [N·s/m]", "100, 100, 100, 50, 50, 50")
+    session.wait(lambda now: now.scenario.controller.K_s == (100.0, 100.0, 100.0, 50.0, 50.0, 50.0))
+    session.row("K_s [N·s/m]").locator(".mantine-Slider-root").wait_for(state="detached")
+    enter(session, "K_s [N·s/m]", "100, 50")
+    page.locator(".vs-status", has_text="controller.K_s: 2 entries; allowed: 6 diagonal entries").wait_for()
+    session.choose("Law", "computed torque")
+    session.wait(lambda now: now.scenario.controller.law == "computed-torque")
+    page.get_by_text("Computed torque, the baseline").wait_for()
+    session.row("K_s [N·s/m]").wait_for(state="detached")
+    assert session.now.phase == "running"
+
+
+def test_another_model_is_reached_by_a_blend(session: Session):
+    session.tab("Model")
+    session.choose("Edit by", "full matrices")
+    page = session.page
+    page.locator("textarea:visible").fill(COUPLED)
+    page.get_by_text("K_m: not applied yet.").wait_for()
+    page.get_by_role("textbox", name="blend over [s]").fill("1.5")
+    page.get_by_text("blend: certified by eigenvalues").wait_for()
+    page.get_by_role("button", name="apply all").click()
+    session.wait(lambda now: now.blending is not None and 0.0 < now.matrices["K_m"][1, 2] < 900.0)
+    page.get_by_text("blending:").wait_for()
+    session.wait(lambda now: now.blending is None and now.matrices["K_m"][1, 2] == 900.0)
+    assert session.now.scenario.blend.to.K_m is None
+    assert session.now.phase == "running"
+    session.choose("Edit by", "diagonals")
+
+
+def test_the_simplest_baseline_with_weak_drives(session: Session):
+    session.tab("Controller")
+    session.choose("Law", "PD + gravity")
+    session.wait(lambda now: now.scenario.controller.law == "pd-gravity" and now.live["d"] == 0.0)
+    session.page.get_by_text("PD + gravity, the simplest baseline").wait_for()
+    session.tab("Robot")
+    enter(session, "torque limit ×", "0.05")
+    session.wait(lambda now: now.scenario.truth.torque_limit == 0.05)
+    session.page.locator(".vs-status", has_text="torque at its limit: joint").wait_for()

@@ -1,0 +1,102 @@
+"""The dock of plots in a real browser."""
+
+from __future__ import annotations
+
+from app.dashboard.plots.plot_table import TABS
+from app.session.commands import Pause
+from drivers.pages import Session
+
+CHARTS = "Object.values(__viserTestpoints.uplots).map((p) => p.chart)"
+SHOWN = f"{CHARTS}.filter((c) => c.root.checkVisibility())"
+FULL = f"{SHOWN}.length && {SHOWN}.every((c) => c.data[0].length > 20 && c.data.length > 1)"
+# how many charts on the screen, and how many of the others, get data within a while
+DRAWN = f"""async (wait) => {{
+  const before = {CHARTS}.map((c) => [c, c.data]), shown = new Set({SHOWN});
+  await new Promise((done) => setTimeout(done, wait));
+  const drawn = before.filter(([c, data]) => c.data !== data).map(([c]) => c);
+  return [drawn.filter((c) => shown.has(c)).length, drawn.filter((c) => !shown.has(c)).length];
+}}"""
+
+
+def test_every_tab_shows_curves_and_a_hidden_one_costs_nothing(session: Session):
+    page = session.page
+    for name, tab in TABS.items():
+        session.tab(name)
+        page.wait_for_function(f"{SHOWN}.length === {len(tab.plots)} && {FULL}")
+        spread = page.evaluate(f"{SHOWN}.map((c) => c.data.slice(1).some((y) => y.every(Number.isFinite)))")
+        assert all(spread), (name, spread)
+    assert page.evaluate(f"{CHARTS}.length") == sum(len(tab.plots) for tab in TABS.values())
+    shown, hidden = page.evaluate(DRAWN, 3000)
+    assert (shown, hidden) == (len(TABS["Residual"].plots), 0)
+
+
+def test_the_chosen_window_moves_the_axes_and_builds_no_chart_anew(session: Session):
+    page = session.page
+    session.wait(lambda now: now.t > 4.5)
+    page.wait_for_function(f"{FULL} && {SHOWN}.every((c) => c.scales.x.min === -8)")
+    created = "Object.values(__viserTestpoints.uplots).map((p) => p.createCount)"
+    before = page.evaluate(created)
+    session.choose("window", "4 s")
+    page.wait_for_function(f"{SHOWN}.every((c) => c.scales.x.min === -4 && c.data[0][0] > -4.1 && c.data[0][0] < -3.9)")
+    page.evaluate(f"{SHOWN}[0].setScale('x', {{ min: -3, max: -1 }})")
+    page.wait_for_timeout(1500)
+    assert page.evaluate(f"{SHOWN}.map((c) => c.scales.x.min)") == [-3, -4, -4, -4]  # a zoom stays
+    assert page.evaluate(created) == before
+    session.choose("window", "8 s")
+
+
+def test_the_chosen_joint_is_drawn_and_a_paused_run_is_not_drawn_again(session: Session):
+    page = session.page
+    session.tab("Torque")
+    page.get_by_label("joint", exact=True).click()
+    page.get_by_role("option", name="2", exact=False).first.click()
+    page.locator(".u-title", has_text="terms of τ₂ (25)").wait_for()
+    session.runner.post(Pause())
+    session.wait(lambda now: now.phase == "paused")
+    page.wait_for_timeout(1500)
+    assert page.evaluate(DRAWN, 1500) == [0, 0]
+    page.get_by_label("joint", exact=True).click()
+    page.get_by_role("option", name="1", exact=False).first.click()
+    page.locator(".u-title", has_text="terms of τ₁ (25)").wait_for()
+    page.wait_for_function(FULL)
+
+
+def test_nothing_is_drawn_for_a_page_that_nobody_sees(session: Session):
+    page = session.page
+    page.wait_for_function(FULL)
+    page.evaluate(
+        "Object.defineProperty(document, 'hidden', { configurable: true, get: () => true });"
+        "document.dispatchEvent(new Event('visibilitychange'))"
+    )
+    page.wait_for_timeout(1500)
+    assert page.evaluate(DRAWN, 1500) == [0, 0]
+    page.evaluate("delete document.hidden; document.dispatchEvent(new Event('visibilitychange'))")
+    page.wait_for_function(f"(window.vsOld ??= {SHOWN}[0].data) !== {SHOWN}[0].data")
+
+
+def test_the_crosshair_tells_values_and_a_plot_can_be_enlarged(session: Session):
+    page = session.page
+    page.wait_for_function(FULL)
+    session.runner.post(Pause())
+    session.wait(lambda now: now.phase == "paused")
+    plot = page.locator(".uplot-container:visible").nth(1)
+    small, values = plot.bounding_box(), page.locator(".vs-values")
+    plot.locator(".u-over").hover()
+    values.get_by_text("measured normal").wait_for()
+    idx = page.evaluate(f"{SHOWN}[1].cursor.idx")
+    told = page.evaluate(f"String(+{SHOWN}[1].data[2][{idx}].toPrecision(4))")
+    assert told in values.inner_text().split("\n")
+
+    plot.get_by_role("button").click()
+    page.wait_for_function(f"{SHOWN}[1].height > 400")
+    enlarged = plot.bounding_box()
+    assert small
+    assert enlarged
+    assert enlarged["width"] > 1.5 * small["width"]
+    # nothing lies over it
+    for share in (0.1, 0.5, 0.9):
+        x, y = enlarged["x"] + share * enlarged["width"], enlarged["y"] + share * enlarged["height"]
+        assert page.evaluate("([x, y]) => !!document.elementFromPoint(x, y).closest('[data-large]')", [x, y])
+    page.keyboard.press("Escape")
+    page.wait_for_function(f"{SHOWN}[1].height < 200")
+    assert plot.bounding_box() == small

@@ -1,0 +1,129 @@
+"""The scene in a real browser: the tool pushed and its target dragged with the mouse, the camera, the switches."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from viser import ClientHandle
+from viser import transforms as tf
+
+from app.dashboard import Dashboard
+from app.scenario.data import edited, shipped
+from app.session.commands import Load, Reset
+from app.session.runner import Runner
+from drivers.pages import Session
+
+
+@pytest.fixture
+def scene(session: Session, served: tuple[Dashboard, Runner]) -> Iterator[Scene]:
+    """A page whose arm yields to a push, looked at from the side."""
+    session.runner.post(Load(edited(edited(shipped()["ur5-impedance"], "contact.kind", "free"), "motion", "hold")))
+    session.wait(lambda now: now.scenario.mode == "impedance" and now.t > 0.1)
+    session.tab("View")
+    yield Scene(session, list(served[0].clients.values())[-1])
+    session.runner.post(Reset())
+
+
+class Scene:
+    """A page with its camera."""
+
+    def __init__(self, session: Session, client: ClientHandle) -> None:
+        self.session, self.page, self.client = session, session.page, client
+
+    def view(self, name: str) -> tuple[np.ndarray, np.ndarray]:
+        """Press a camera button; returns position and point looked at when the flight is over."""
+        self.page.get_by_role("button", name=name, exact=True).click()
+        self.page.wait_for_timeout(1500)
+        return self.client.camera.position.copy(), self.client.camera.look_at.copy()
+
+    def pixel(self, point: np.ndarray) -> tuple[float, float]:
+        """Where a point (3,) m of the scene is on the page."""
+        camera, box = self.client.camera, self.page.locator("canvas[data-engine]").bounding_box()
+        assert box is not None
+        x, y, z = tf.SO3(camera.wxyz).as_matrix().T @ (point - camera.position)
+        focal = 0.5 * box["height"] / np.tan(0.5 * camera.fov)
+        return box["x"] + 0.5 * box["width"] + focal * x / z, box["y"] + 0.5 * box["height"] + focal * y / z
+
+    def drag_tool(self, right: float, down: float) -> None:
+        """Take hold of the tool's handle and move on by so many pixels; the button stays down."""
+        x, y = self.pixel(self.session.now.tool)
+        self.page.mouse.move(x, y)
+        self.page.wait_for_timeout(300)
+        self.page.mouse.down()
+        self.page.mouse.move(x + right, y + down, steps=12)
+
+    def pushed(self) -> np.ndarray:
+        """Newest recorded push (3,) N."""
+        return self.session.now.recording.signals(("F_push",))["F_push"][-1]
+
+
+def test_dragging_the_tool_pushes_it_and_letting_go_ends_that(scene: Scene):
+    session = scene.session
+    scene.view("side")
+    home = session.now.tool.copy()
+    scene.drag_tool(0, -60)
+    session.wait(lambda now: bool(np.linalg.norm(now.push) > 5.0))
+    session.wait(lambda now: bool(now.tool[2] - home[2] > 2e-3))
+    assert scene.pushed()[2] > 0.0  # upwards on the page is upwards in the world
+    assert np.linalg.norm(scene.pushed()) <= 60.0 + 1e-6
+    scene.page.mouse.up()
+    session.wait(lambda now: now.state.grip is None and not now.push.any())
+    assert not scene.pushed().any()
+    assert session.now.scenario.shift.by == (0.0,)
+    session.wait(lambda now: bool(np.linalg.norm(now.tool - home) < 5e-4))
+
+
+def test_a_page_that_closes_while_it_pushes_lets_go(scene: Scene):
+    scene.view("side")
+    scene.drag_tool(30, -40)
+    scene.session.wait(lambda now: now.state.grip is not None)
+    scene.page.goto("about:blank")
+    until = scene.session.now.t + 60.0
+    while scene.session.now.state.grip is not None:
+        assert scene.session.now.t < until
+        scene.page.wait_for_timeout(50)
+
+
+def test_with_shift_the_drag_moves_the_target(scene: Scene):
+    session = scene.session
+    scene.view("side")
+    home, run = session.now.tool.copy(), session.now.run
+    scene.page.keyboard.down("Shift")
+    scene.drag_tool(0, -40)
+    scene.page.wait_for_timeout(500)
+    assert session.now.state.grip is None
+    scene.page.mouse.up()
+    scene.page.keyboard.up("Shift")
+    session.wait(lambda now: now.scenario.shift.by[-1] > 0.01)
+    by = np.array(session.now.scenario.shift.by)
+    session.wait(lambda now: bool(np.linalg.norm(now.tool - home - by) < 1e-3))
+    assert session.now.run == run
+
+
+def test_camera_and_switches_are_the_pages_and_not_the_runs(scene: Scene):
+    session, before = scene.session, scene.session.now
+    views = [scene.view(name) for name in ("front", "side", "contact", "whole arm")]
+    assert all(np.linalg.norm(a[0] - b[0]) > 0.2 for a, b in pairwise(views))
+    assert np.linalg.norm(views[2][0] - session.now.tool) < 0.6
+    legend = scene.page.locator(".vs-note", has_text="100 mm =")
+    legend.wait_for()
+    assert "ghost" not in legend.inner_text()
+    scene.page.get_by_role("checkbox", name="Ghost").click()
+    scene.page.locator(".vs-note", has_text="mm away").wait_for()
+    for name in ("Error colours", "Forces", "Task frame", "Surface", "Grid", "Tool path", "Desired path", "Ghost"):
+        scene.page.get_by_role("checkbox", name=name, exact=True).click()
+    legend.wait_for(state="hidden")
+    for name in ("Error colours", "Forces", "Task frame", "Surface", "Grid", "Tool path", "Desired path"):
+        scene.page.get_by_role("checkbox", name=name, exact=True).click()
+    session.choose("Force arrows", "100 mm = 5 N")
+    scene.page.locator(".vs-note", has_text="100 mm = 5 N").wait_for()
+    session.choose("Force arrows", "automatic")
+    session.choose("Meshes", "light")
+    scene.page.wait_for_timeout(1000)
+    session.choose("Meshes", "fine")
+    assert session.now.revision == before.revision
+    assert session.now.scenario == before.scenario
+    assert session.now.phase == "running"

@@ -1,0 +1,115 @@
+"""What the gateway adds to the page: links, watching, a copy, and what is said after a crash."""
+
+from __future__ import annotations
+
+import os
+import re
+import signal
+from collections.abc import Callable, Iterator
+
+import pytest
+from playwright.sync_api import Page, expect
+
+from drivers.pages import PATIENCE, VIEWPORT
+from drivers.visitors import Server, serving
+
+RUNNING = "promise holds"
+
+
+@pytest.fixture(scope="module")
+def shared() -> Iterator[Server]:
+    with serving("--shared", "--max-sessions", "2", lines=2) as server:
+        yield server
+
+
+def test_a_lecture(shared: Server, open_page: Callable[..., Page]) -> None:
+    refused = list[str]()
+
+    def opened(url: str, **options) -> Page:
+        # where a session has died, the browser notes that the web socket could not be opened
+        page = open_page(url, viewport=VIEWPORT, console_errors_allowed=True, **options)
+        page.on("console", lambda message: "Security Policy" in message.text and refused.append(message.text))
+        page.set_default_timeout(PATIENCE * 1e3)
+        page.get_by_text(RUNNING).wait_for()
+        page.locator("#webgl-software-rendering button").click()
+        return page
+
+    lecturer = opened(shared.url)
+    lecturer.get_by_role("button", name="Share").click()
+    watch, steer = (field.input_value() for field in lecturer.locator(".vg-card input").all())
+    assert steer == lecturer.url.partition("?")[0]
+    lecturer.keyboard.press("Escape")
+    expect(lecturer.locator(".vg-card input").first).to_be_hidden()
+
+    student = opened(watch)
+    expect(student.get_by_text("Watching live")).to_be_visible()
+    force = student.locator("form", has=student.get_by_text("F_d [N]", exact=True)).locator(".mantine-TextInput-input")
+    assert force.evaluate("(input) => getComputedStyle(input).pointerEvents") == "none"
+    student.get_by_role("tab", name="Torque", exact=True).click()  # looking around is free
+    expect(student.locator(".uplot-container:visible").first).to_be_visible()
+    lecturer.locator("canvas[data-engine]").click(position={"x": 20, "y": 300})
+    lecturer.keyboard.press("1")
+    expect(student.locator(".vs-status")).to_contain_text("Motion", timeout=PATIENCE * 1e3)
+    expect(lecturer.get_by_text("2 pages open")).to_be_visible()
+
+    student.get_by_role("button", name="Take a private copy").click()
+    student.wait_for_url(re.compile(r"/s/[^/]+/"))
+    expect(student.locator(".vs-status")).to_contain_text("Motion", timeout=PATIENCE * 1e3)
+    expect(student.get_by_role("button", name="Share")).to_be_visible()
+
+    os.kill(shared.children()[-1], signal.SIGKILL)
+    expect(student.get_by_text("This session was interrupted")).to_be_visible(timeout=PATIENCE * 1e3)
+    expect(student.locator(".vs-status")).to_contain_text("Motion", timeout=PATIENCE * 1e3)
+    assert lecturer.get_by_text("This session was interrupted").count() == 0
+    assert not refused
+
+
+def test_links_are_taken_back_with_a_button(open_page: Callable[..., Page]) -> None:
+    """And a browser sends the token of a session to that session, and to no other address."""
+    with serving("planar2r-semicircle", "--token", "always", lines=2) as server:
+
+        def opened(url: str) -> Page:
+            page = open_page(url, viewport=VIEWPORT, console_errors_allowed=True)
+            page.set_default_timeout(PATIENCE * 1e3)
+            page.locator(".vs-status").wait_for()
+            page.get_by_role("button", name="Share").click()
+            return page
+
+        presenter = opened(server.url)
+        watch, steer = (field.input_value() for field in presenter.locator(".vg-card input").all())
+        guest = opened(steer)
+        assert guest.url == presenter.url == steer.partition("?")[0]
+        assert guest.get_by_role("button", name="New links").count() == 0
+        sent = {cookie["name"]: cookie["path"] for cookie in guest.context.cookies()}
+        assert sent[f"vsmrc-steer-{server.port}"] == guest.url.rpartition("/")[0].partition(str(server.port))[2]
+        presenter.once("dialog", lambda dialog: dialog.accept())
+        with presenter.expect_navigation(url=lambda url: url != guest.url):
+            presenter.get_by_role("button", name="New links").click()
+        expect(guest.get_by_text("This link leads nowhere any more")).to_be_visible(timeout=PATIENCE * 1e3)
+        presenter.locator(".vs-status").wait_for()
+        presenter.get_by_role("button", name="Share").click()
+        renewed = [field.input_value() for field in presenter.locator(".vg-card input").all()]
+        assert not {*renewed} & {watch, steer}
+        assert renewed[1].partition("?")[0] == presenter.url.partition("?")[0]
+        guest.goto(steer)
+        expect(guest.get_by_text("it was taken back")).to_be_visible()
+
+
+def test_a_page_loads_and_sends_nothing_from_or_to_elsewhere(shared: Server, open_page: Callable[..., Page]) -> None:
+    """On a page that only says that there is nothing: every answer has the same policy (test_hostile_requests.py)."""
+    page = open_page(f"{shared.url}/s/guessed/", console_errors_allowed=True)
+    violated = page.evaluate("""async () => {
+        const seen = new Set();
+        document.addEventListener("securitypolicyviolation", (e) => seen.add(e.effectiveDirective));
+        const elsewhere = "http://127.0.0.1:9/";
+        for (const tag of ["script", "img", "iframe"])
+            document.body.append(Object.assign(document.createElement(tag), { src: elsewhere }));
+        document.head.append(Object.assign(document.createElement("base"), { href: elsewhere }));
+        const form = Object.assign(document.createElement("form"), { action: elsewhere, method: "post" });
+        document.body.append(form);
+        form.submit();
+        try { await fetch(elsewhere); } catch { /* refused */ }
+        while (seen.size < 6) await new Promise((then) => setTimeout(then, 20));
+        return [...seen].sort();
+    }""")
+    assert violated == ["base-uri", "connect-src", "form-action", "frame-src", "img-src", "script-src-elem"]

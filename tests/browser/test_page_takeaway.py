@@ -1,0 +1,91 @@
+"""The Export tab in a real browser: what its buttons hand over, and a scenario brought back."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+from playwright.sync_api import Page
+
+from app.scenario.data import edited, from_toml, shipped, to_toml
+from drivers.pages import PATIENCE, VIEWPORT, Session
+
+
+def taken(session: Session, button: str, folder: Path) -> Path:
+    """Click and wait for the file."""
+    session.tab("Export")
+    with session.page.expect_download() as download:
+        session.page.get_by_role("button", name=button, exact=True).click()
+    path = folder / download.value.suggested_filename
+    download.value.save_as(path)
+    return path
+
+
+def test_figures_data_and_scenario_are_handed_over_and_the_run_goes_on(session: Session, tmp_path: Path):
+    session.wait(lambda now: now.t > 1.0)
+    before = session.now
+    svg = taken(session, "SVG", tmp_path).read_text()
+    assert "tracking error e_r" in svg
+    assert "hybrid mode" in svg
+    assert taken(session, "PDF", tmp_path).read_bytes().startswith(b"%PDF-")
+    with np.load(taken(session, "NPZ", tmp_path)) as saved:
+        rows = session.now.recording.signals(("q",), saved["t"][0], saved["t"][-1])
+        np.testing.assert_array_equal(saved["q"], rows["q"])
+    csv = taken(session, "CSV", tmp_path)
+    assert csv.name.startswith("vsmrc-ur5-hybrid-")
+    assert len(csv.read_text().splitlines()) > 1000
+    assert from_toml(taken(session, "TOML", tmp_path).read_text()) == before.scenario
+    assert (session.now.revision, session.now.run, session.now.phase) == (before.revision, before.run, "running")
+
+
+def test_picture_and_playback_show_the_scene(session: Session, tmp_path: Path, open_page: Callable[..., Page]):
+    session.wait(lambda now: now.t > 1.0)
+    session.page.evaluate("window.undrawn = false")
+    picture = Image.open(taken(session, "2×", tmp_path))
+    canvas = session.page.locator("canvas[data-engine]").bounding_box()
+    assert canvas is not None
+    assert picture.size == (2 * round(canvas["width"]), 2 * round(canvas["height"]))
+    colours = picture.convert("RGB").getcolors(maxcolors=2**24)
+    assert colours is not None
+    assert len(colours) > 1000, "an arm and a surface in their light"
+    file, title = taken(session, "HTML", tmp_path), session.now.scenario.title
+    session.page.close()  # drawing two scenes in software is slow
+    played = open_page(file.as_uri(), viewport=VIEWPORT)
+    played.locator("canvas[data-engine]").wait_for(timeout=PATIENCE * 1e3)
+    assert played.title() == title
+    clock = played.locator("input.mantine-NumberInput-input")
+    begun = float(clock.input_value(timeout=PATIENCE * 1e3))
+    played.wait_for_function(
+        "begun => Number(document.querySelector('input.mantine-NumberInput-input').value) !== begun",
+        arg=begun,
+        timeout=PATIENCE * 1e3,
+    )
+
+
+def test_a_scenario_is_loaded_and_a_wrong_one_refused(session: Session, tmp_path: Path):
+    wanted = edited(edited(shipped()["ur5-motion"], "name", "mine"), "controller.layer", 0.02)
+    (tmp_path / "mine.toml").write_text(to_toml(wanted))
+    (tmp_path / "wrong.toml").write_text("mode = 'levitation'")
+    session.tab("Export")
+    load = session.page.locator("input[type=file]")
+    load.set_input_files(tmp_path / "mine.toml")
+    session.wait(lambda now: now.scenario == wanted and now.t > 0.2)
+    revision = session.now.revision
+    load.set_input_files(tmp_path / "wrong.toml")
+    session.page.locator(".vs-message", has_text="wrong.toml: mode: 'levitation'; allowed:").wait_for()
+    assert (session.now.revision, session.now.phase) == (revision, "running")
+
+
+def test_a_failure_is_said_on_the_page_and_the_run_goes_on(
+    session: Session, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+):
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path / "gone"))
+    before = session.now
+    session.tab("Export")
+    session.page.get_by_role("button", name="SVG", exact=True).click()
+    session.page.get_by_text("Figure: failed").wait_for()
+    session.page.get_by_text("No such file or directory").wait_for()
+    session.wait(lambda now: now.t > before.t + 0.3 and now.phase == "running")

@@ -1,0 +1,72 @@
+"""Looking back, forking and pinning, as a person would."""
+
+import numpy as np
+import pytest
+from playwright.sync_api import expect
+
+from app.session.commands import Edit, Unpin
+from drivers.pages import Session
+
+
+def press(session: Session, button: str) -> None:
+    session.page.get_by_role("button", name=button, exact=True).click()
+
+
+def test_looking_back_shows_what_was_and_a_fork_goes_on_from_there(session: Session):
+    session.wait(lambda now: now.t > 1.5)
+    session.runner.post(Edit("force.value", 35.0))
+    session.wait(lambda now: now.scenario.force.value == 35.0 and now.t > 2.5)
+    field = session.number("time t [s]")
+    field.fill("0.8")
+    field.press("Enter")
+    session.wait(lambda now: now.looking_back)
+    now = session.now
+    assert (now.phase, now.t) == ("paused", pytest.approx(0.8))
+    np.testing.assert_array_equal(now.q, now.recording.at(0.8 + 1e-6)["q"])
+    session.page.get_by_text("looking back", exact=True).wait_for()
+    expect(session.number("F_d [N]")).to_have_value("20")
+    assert session.ahead() <= 0.0
+    session.page.locator("canvas[data-engine]").click(position={"x": 20, "y": 20})
+    session.page.keyboard.press("ArrowLeft")
+    session.wait(lambda now: now.t == pytest.approx(0.799))
+    session.page.keyboard.press("Shift+ArrowRight")
+    session.wait(lambda now: now.t == pytest.approx(0.899))
+    end = session.now.end
+    press(session, "fork here")
+    session.wait(lambda now: not now.looking_back)
+    assert session.now.end == pytest.approx(0.899)
+    assert [(p.t, p.scenario.force.value) for p in session.now.pinned] == [(end, 35.0)]
+
+
+def test_play_shows_the_past_again_and_then_goes_on(session: Session):
+    session.wait(lambda now: now.t > 1.0)
+    move, _ = session.grip("time t [s]", at=0.9)
+    move(0.3)
+    session.page.mouse.up()
+    session.wait(lambda now: now.looking_back)
+    end, rows = session.now.end, session.now.recording.rows()
+    session.page.keyboard.press("Escape")
+    press(session, "play / pause")
+    session.wait(lambda now: not now.looking_back and now.t > end + 0.3)
+    np.testing.assert_array_equal(session.now.recording.rows(t_to=end - 5e-4), rows)
+
+
+def test_runs_are_pinned_compared_and_forgotten(session: Session):
+    for pinned in session.now.pinned:
+        session.runner.post(Unpin(pinned.number))
+    session.tab("Runs")
+    session.wait(lambda now: now.t > 0.5)
+    press(session, "Pin this run")
+    session.wait(lambda now: len(now.pinned) == 1)
+    number = session.now.pinned[0].number
+    session.tab("View")
+    session.page.locator(".vs-note", has_text=f"run {number}").wait_for()
+    session.tab("Runs")
+    session.runner.post(Edit("controller.K_s", 33.0))
+    table = session.page.locator("table.vs-runs")
+    table.get_by_role("columnheader", name=str(number), exact=True).wait_for()
+    assert table.locator("tr", has_text="path error, RMS").locator("td").count() == 3
+    session.page.get_by_text("controller.K_s = 100").wait_for()
+    press(session, f"Forget run {number}")
+    session.wait(lambda now: not now.pinned)
+    table.wait_for(state="detached")

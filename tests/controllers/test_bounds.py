@@ -1,0 +1,231 @@
+"""The gain that the law itself asks for, (17), against arms drawn from the declared set, cause by cause."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Literal, NamedTuple
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from app.simulation.system import System
+from controllers.bounds import Equivalent, InertiaRange, Uncertainty, required_gain
+from controllers.nominal_model import ON_LINE, Estimate
+from controllers.reference_estimates import Believed
+from controllers.switching import Switching
+from controllers.task_space import TaskSpace
+from controllers.vsmrc import Vsmrc
+from environments.plant import Truth
+from tests.support.arms import CERTAIN, ROBOTS, State, charted, random_law, random_reference
+
+CHART = "sphere outside"  # moves, and is curved
+PLANTS = 250  # per arm: 1,500 in all
+DECLARED = Uncertainty(0.25, 1.5, 0.08, 0.6, 0.4, 3.0, 2.0, k_C=np.nan)
+CAUSES = ("rho", "payload_mass", "coulomb", "viscous", "disturbance", "force_error")
+Bounds = Literal["tight", "paper"]
+
+
+class Plant(NamedTuple):
+    """A true arm, and the error (3,) N of its force sensor."""
+
+    truth: Truth
+    force_error: np.ndarray
+
+
+def direction(random: np.random.Generator, n: int) -> np.ndarray:
+    v = random.standard_normal(n)
+    return v / np.linalg.norm(v)
+
+
+def draw(u: Uncertainty, random: np.random.Generator, n: int) -> Plant:
+    """Anywhere in the declared set, in half the draws of each quantity at its edge."""
+
+    def share() -> float:
+        return min(1.0, random.uniform(0.0, 2.0))
+
+    scaling = 1.0 + u.rho * np.clip(random.uniform(-2.0, 2.0, n), -1.0, 1.0)
+    offset = u.payload_offset * share() * direction(random, 3)
+    numbers = (u.payload_mass * share(), offset, *(x * share() for x in (u.coulomb, u.viscous, u.disturbance)))
+    return Plant(Truth(scaling, *numbers, disturbance_frequency=0.7), u.force_error * share() * direction(random, 3))
+
+
+def draw_state(system: System, random: np.random.Generator) -> State:
+    """A posture in Omega; slow and fast."""
+    n, radius = system.robot.n, system.constants.radius
+    q = system.q_0 + radius * random.uniform() ** (1 / n) * direction(random, n)
+    return State(q, 10 ** random.uniform(-2.0, 0.5) * direction(random, n), random.uniform(0.0, 2.0))
+
+
+def law_for(system: System, u: Uncertainty, bounds: Bounds) -> Vsmrc:
+    """A law that takes d from the theorem."""
+    n = system.robot.n
+    law = random_law(np.random.default_rng(1), n, Switching.SATURATION, np.zeros(n))
+    return replace(law, d=None, bounds=bounds, uncertainty=u._replace(k_C=system.constants.lipschitz.k_C))
+
+
+class Need(NamedTuple):
+    """What the true arm needs, N, and what the law has, d - epsilon N."""
+
+    needed: float
+    offered: float
+
+
+def compare(
+    system: System, law: Vsmrc, plant: Plant, state: State, seed: int, override: Believed | None = None
+) -> Need:
+    """||J_q^-T (Delta M q_eq_ddot + Delta C q_eq_dot + Delta G + f - J_v^T error)|| against d - epsilon.
+
+    The terms of (25) say what the law believes; the true arm is asked for the same q_eq_dot and q_eq_ddot.
+    """
+    random, n = np.random.default_rng(seed), system.robot.n
+    q, q_dot, t = state
+    estimate, task = system.observe(q, q_dot, t)
+    reference = random_reference(task.r, random)
+    reference = reference._replace(r_d_dot=10 ** random.uniform(-2.0, 0.3) * reference.r_d_dot)
+    believed = Believed.at(estimate) if override is None else override
+    z, F = random.uniform(0.0, 1.0) * random.standard_normal(n), random.standard_normal(3)
+    out = law.evaluate(z, reference, task, estimate, believed, q_dot, F)
+
+    q_eq_dot = task.J_q_inv @ (task.r_dot - out.s - task.v_t)
+    q_eq_ddot = np.linalg.solve(believed.M_hat, out.terms.inertia)
+    model = plant.truth.model(system.robot)
+    data = model.createData()
+    wanted = pin.crba(model, data, q) @ q_eq_ddot + pin.computeCoriolisMatrix(model, data, q, q_dot) @ q_eq_dot
+    wanted = wanted + pin.computeGeneralizedGravity(model, data, q) + plant.truth.torque(q_dot, t)
+    wanted = wanted + estimate.J_v.T @ (F - plant.force_error)
+    given = out.terms.inertia + out.terms.coriolis + out.terms.gravity + out.terms.force
+    assert out.d == pytest.approx(sum(out.needed))
+    return Need(float(np.linalg.norm(task.J_q_inv.T @ (wanted - given))), out.d - law.epsilon)
+
+
+@pytest.mark.parametrize("robot", ROBOTS)
+def test_gain_covers_every_arm_of_the_declared_set(robot: str) -> None:
+    """Payload, friction, disturbance and sensor error at once; the tight gain is the smaller one."""
+    system, random = charted(robot, CHART), np.random.default_rng(2)
+    laws = [law_for(system, DECLARED, bounds) for bounds in ("tight", "paper")]
+    for seed in range(PLANTS):
+        plant, state = draw(DECLARED, random, system.robot.n), draw_state(system, random)
+        tight, paper = (compare(system, law, plant, state, seed) for law in laws)
+        assert tight.needed <= tight.offered <= paper.offered
+        assert tight.needed == pytest.approx(paper.needed)
+
+
+@pytest.mark.parametrize("bounds", ["tight", "paper"])
+@pytest.mark.parametrize("robot", ["ur5", "panda", "planar3r"])
+def test_gain_covers_estimates_taken_along_the_reference(robot: str, bounds: Bounds) -> None:
+    """Remark 3: M_hat, C_hat, G_hat from a posture and rate nearby."""
+    system, random = charted(robot, CHART), np.random.default_rng(3)
+    law, n = law_for(system, DECLARED, bounds), system.robot.n
+    for seed in range(60):
+        plant, state = draw(DECLARED, random, n), draw_state(system, random)
+        q_d = state.q + 10 ** random.uniform(-4.0, -1.0) * direction(random, n)
+        q_d_dot = state.q_dot + 10 ** random.uniform(-3.0, 0.0) * direction(random, n)
+        there: Estimate = system.nominal.evaluate(q_d, q_d_dot)
+        deviation = system.constants.lipschitz.deviation(state.q, state.q_dot, q_d, q_d_dot)
+        override = Believed(there.M_hat, there.C_hat, there.G_hat, deviation)
+        need = compare(system, law, plant, state, seed, override)
+        assert need.needed <= need.offered
+
+
+@pytest.mark.parametrize("cause", CAUSES)
+@pytest.mark.parametrize("robot", ["ur5", "planar3r"])
+def test_each_cause_has_its_own_share(robot: str, cause: str) -> None:
+    """One cause at a time: arms inside stay below the gain and come near to it, arms outside go over it."""
+    system, random = charted(robot, CHART), np.random.default_rng(4)
+    n = system.robot.n
+    u = CERTAIN._replace(**{cause: getattr(DECLARED, cause)})
+    law = law_for(system, u, "tight")
+    outside = law_for(system, u._replace(**{cause: getattr(DECLARED, cause) / 4}), "tight")
+    exhausted, over = [], 0
+    for seed in range(60):
+        plant, state = draw(u, random, n), draw_state(system, random)
+        need = compare(system, law, plant, state, seed)
+        assert need.needed <= need.offered * (1.0 + 1e-9)
+        exhausted.append(need.needed / need.offered)
+        much = compare(system, outside, plant, state, seed)
+        over += much.needed > much.offered
+    assert max(exhausted) > 0.4
+    assert over > 0
+
+
+@pytest.mark.parametrize("robot", ROBOTS)
+def test_paper_bounds_are_those_of_7(robot: str) -> None:
+    """Term by term with exact 2-norms: at most four norms in a product, each up to 3 % too large."""
+    system, random = charted(robot, CHART), np.random.default_rng(7)
+    u = CERTAIN._replace(rho=0.2, viscous=0.3, disturbance=2.0)
+    law = law_for(system, u, "paper")
+    q, q_dot, t = draw_state(system, random)
+    estimate, task = system.observe(q, q_dot, t)
+    reference, z = random_reference(task.r, random), random.standard_normal(system.robot.n)
+    out = law.evaluate(z, reference, task, estimate, Believed.at(estimate), q_dot, np.zeros(3))
+
+    r_eq_dot = task.r_dot - out.s
+    r_eq_ddot = reference.r_d_ddot - law.compensator.F_1 @ out.e_r_dot - law.compensator.F_2 @ out.z_dot
+    J_inv, speed = np.linalg.norm(task.J_q_inv, 2), np.linalg.norm(q_dot)
+    delta_M, delta_C_q = u.rho * np.linalg.norm(estimate.M_links, 2), u.rho * law.uncertainty.k_C * speed
+    delta_G_q = u.rho * np.linalg.norm(estimate.G_links, axis=1).sum()
+    delta_H = delta_M * J_inv**2
+    turning = np.linalg.norm(task.J_q_inv @ task.J_q_dot @ task.J_q_inv, 2)
+    delta_C = delta_C_q * J_inv**2 + delta_M * J_inv * turning
+    exact = (
+        delta_H * np.linalg.norm(r_eq_ddot),
+        delta_C * np.linalg.norm(r_eq_dot),
+        J_inv * delta_G_q,
+        delta_H * np.linalg.norm(task.v_t_dot) + delta_C * np.linalg.norm(task.v_t),
+        J_inv * (u.viscous * speed + u.disturbance),
+        law.epsilon,
+    )
+    ratio = np.array(out.needed) / np.array(exact)
+    assert ratio.min() >= 1.0 - 1e-12
+    assert ratio.max() <= system.robot.n ** (4 / 64)
+
+
+@pytest.mark.parametrize("robot", ROBOTS)
+def test_inertia_of_every_declared_arm_is_in_its_range(robot: str) -> None:
+    """H_low <= H <= H_high with an offset payload and, tighter, with one at the tool point."""
+    system, random = charted(robot, CHART), np.random.default_rng(5)
+    for u in (DECLARED, DECLARED._replace(payload_offset=0.0)):
+        for _ in range(40):
+            state = draw_state(system, random)
+            estimate, task = system.observe(*state)
+            model = draw(u, random, system.robot.n).truth.model(system.robot)
+            H = in_task_space(task, pin.crba(model, model.createData(), state.q))
+            allowed = InertiaRange.at(u, estimate, task)
+            least = -1e-10 * np.abs(H).max()
+            assert np.linalg.eigvalsh(H - allowed.H_low)[0] >= least
+            assert np.linalg.eigvalsh(allowed.H_high - H)[0] >= least
+
+
+def in_task_space(task: TaskSpace, M: np.ndarray) -> np.ndarray:
+    return task.J_q_inv.T @ M @ task.J_q_inv
+
+
+@pytest.mark.parametrize("robot", ["ur5", "planar2r"])
+def test_extremes_of_the_range_are_arms(robot: str) -> None:
+    """Without payload H_low and H_high are the arms whose links are all lightest and all heaviest."""
+    system = charted(robot, CHART)
+    u, state = CERTAIN._replace(rho=0.25), draw_state(system, np.random.default_rng(6))
+    estimate, task = system.observe(*state)
+    allowed = InertiaRange.at(u, estimate, task)
+    for alpha, H in ((0.75, allowed.H_low), (1.25, allowed.H_high)):
+        model = Truth(np.full(system.robot.n, alpha), 0.0, np.zeros(3), 0.0, 0.0, 0.0, 0.0).model(system.robot)
+        np.testing.assert_allclose(H, in_task_space(task, pin.crba(model, model.createData(), state.q)), rtol=1e-9)
+
+
+@pytest.mark.parametrize("robot", ROBOTS)
+def test_tight_bound_of_inertia_is_attained(robot: str) -> None:
+    """Every link at the edge of its scaling, q_eq_ddot where H_links is largest: nothing smaller would be a bound."""
+    system, rho = charted(robot, CHART), 0.25
+    state = draw_state(system, np.random.default_rng(6))
+    estimate, task = system.observe(*state)
+    H_links = task.J_q_inv.T @ estimate.M_links @ task.J_q_inv
+    q_eq_ddot = task.J_q_inv @ np.linalg.eigh(H_links)[1][:, -1]
+    model = Truth(np.full(system.robot.n, 1.0 + rho), 0.0, np.zeros(3), 0.0, 0.0, 0.0, 0.0).model(system.robot)
+    Delta_M = pin.crba(model, model.createData(), state.q) - estimate.M_hat
+    needed = np.linalg.norm(task.J_q_inv.T @ Delta_M @ q_eq_ddot)
+    u = Uncertainty(rho, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, k_C=0.0)
+    equivalent = Equivalent.zeros(system.robot.n)._replace(q_ddot=q_eq_ddot)
+    offered = required_gain("tight", u, ON_LINE, estimate, task, state.q_dot, equivalent).inertia
+    assert needed <= offered * (1.0 + 1e-9)
+    assert needed >= 0.97 * offered  # the spectral norm is taken from above

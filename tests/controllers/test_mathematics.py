@@ -1,0 +1,328 @@
+"""The paper's equations for full matrices, arbitrary gains and every kind of task coordinates."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from numba import njit
+from scipy.linalg import expm
+
+from app.simulation.system import System
+from controllers.baselines import ComputedTorque
+from controllers.modes import MODES
+from controllers.reaching import ReachingCertificate
+from controllers.reference_estimates import Believed
+from controllers.switching import Switching
+from controllers.target_model import InvalidGain, TargetModel, require_spd
+from controllers.task_space import TaskSpace
+from controllers.vsmrc import Vsmrc
+from environments.contact import Contact, Touch, World, add_drift, touch_at
+from environments.trajectories import Circle, ForceSinusoid, ForceStep, Line, PointToPoint
+from kernels.records import Record
+from tests.support.arms import (
+    CHARTS,
+    ROBOTS,
+    arm,
+    charted,
+    random_law,
+    random_reference,
+    random_spd,
+    random_state,
+    unit_vector,
+)
+
+STEP = 1e-5  # of central differences, rad and s
+FEEDBACK = ("none", "normal", "all")
+
+
+@pytest.fixture
+def random() -> np.random.Generator:
+    return np.random.default_rng(0)
+
+
+@pytest.mark.parametrize("chart", CHARTS)
+@pytest.mark.parametrize("robot", ROBOTS)
+class TestTaskSpace:
+    """(3), (5) in every kind of coordinates."""
+
+    def test_each_derivative_by_itself(self, robot: str, chart: str, random: np.random.Generator) -> None:
+        """J_q = dr/dq, v_t = dr/dt, and J_q_dot, v_t_dot are total derivatives along the motion."""
+        system = charted(robot, chart)
+        q, q_dot, t = random_state(system, random)
+
+        def task(dq: np.ndarray, dt: float) -> TaskSpace:
+            return system.observe(q + dq, q_dot, t + dt)[1]
+
+        def differences(of: str, dq: np.ndarray, dt: float) -> np.ndarray:
+            return (getattr(task(dq, dt), of) - getattr(task(-dq, -dt), of)) / (2 * STEP)
+
+        here, still = task(0.0 * q, 0.0), 0.0 * q
+        J_q = np.stack([differences("r", h, 0.0) for h in STEP * np.eye(len(q))], axis=1)
+        np.testing.assert_allclose(here.J_q, J_q, atol=1e-8)
+        np.testing.assert_allclose(here.v_t, differences("r", still, STEP), atol=1e-8)
+        np.testing.assert_allclose(here.r_dot, differences("r", STEP * q_dot, STEP), atol=1e-8)
+        np.testing.assert_allclose(here.J_q_dot, differences("J_q", STEP * q_dot, STEP), atol=1e-7)
+        np.testing.assert_allclose(here.v_t_dot, differences("v_t", STEP * q_dot, STEP), atol=1e-7)
+
+    def test_acceleration_along_a_smooth_curve(self, robot: str, chart: str, random: np.random.Generator) -> None:
+        """r_ddot = J_q q_ddot + J_q_dot q_dot + v_t_dot against second differences of r(q(t), t)."""
+        system, omega, h = charted(robot, chart), 3.0, 1e-3
+        q_0, swing, t = random_state(system, random)
+        swing = 0.2 * swing
+
+        def r(time: float) -> np.ndarray:
+            return system.observe(q_0 + swing * np.sin(omega * time), 0.0 * q_0, time)[1].r
+
+        q, q_dot = q_0 + swing * np.sin(omega * t), omega * swing * np.cos(omega * t)
+        q_ddot = -(omega**2) * swing * np.sin(omega * t)
+        task = system.observe(q, q_dot, t)[1]
+        r_ddot = task.J_q @ q_ddot + task.J_q_dot @ q_dot + task.v_t_dot
+        near, far = r(t + h) + r(t - h), r(t + 2 * h) + r(t - 2 * h)
+        np.testing.assert_allclose(r_ddot, (16 * near - far - 30 * r(t)) / (12 * h**2), atol=1e-6)
+
+    def test_properties_1_and_2(self, robot: str, chart: str, random: np.random.Generator) -> None:
+        """H s.p.d.; H_dot - 2 C skew-symmetric."""
+        system = charted(robot, chart)
+        q, q_dot, t = random_state(system, random)
+
+        def H(dt: float) -> np.ndarray:
+            estimate, task = system.observe(q + dt * q_dot, q_dot, t + dt)
+            return task.J_q_inv.T @ estimate.M_hat @ task.J_q_inv
+
+        N = (H(STEP) - H(-STEP)) / (2 * STEP) - 2 * coriolis(system, q, q_dot, t)
+        np.testing.assert_allclose(H(0.0), H(0.0).T, atol=1e-10 * np.abs(H(0.0)).max())
+        assert np.linalg.eigvalsh(H(0.0))[0] > 0.0
+        np.testing.assert_allclose(N, -N.T, atol=1e-7 * np.abs(H(0.0)).max())
+
+
+def coriolis(system: System, q: np.ndarray, q_dot: np.ndarray, t: float) -> np.ndarray:
+    """C(r, r_dot, t) of (5), kg/s."""
+    estimate, task = system.observe(q, q_dot, t)
+    J_inv = task.J_q_inv
+    return J_inv.T @ (estimate.C_hat - estimate.M_hat @ J_inv @ task.J_q_dot) @ J_inv
+
+
+def controlled(feedback: str, n: int) -> np.ndarray:
+    return {"none": np.zeros(n), "normal": np.eye(n)[0], "all": np.ones(n)}[feedback]
+
+
+@pytest.mark.parametrize("feedback", FEEDBACK)
+@pytest.mark.parametrize("chart", CHARTS)
+@pytest.mark.parametrize("robot", ROBOTS)
+def test_law_in_joint_space_is_the_law_in_task_space(
+    robot: str, chart: str, feedback: str, random: np.random.Generator
+) -> None:
+    """(25) = J_q^T times (15), term by term, with z, s, r_eq from (9), (10), (16)."""
+    system = charted(robot, chart)
+    n, switching = system.robot.n, Switching(random.integers(4))
+    law = random_law(random, n, switching, controlled(feedback, n))
+    q, q_dot, t = random_state(system, random)
+    estimate, task = system.observe(q, q_dot, t)
+    reference, z, F = random_reference(task.r, random), random.standard_normal(n), random.standard_normal(3)
+    out = law.evaluate(z, reference, task, estimate, Believed.at(estimate), q_dot, F)
+
+    c, J_inv, H = law.compensator, task.J_q_inv, task.J_q_inv.T @ estimate.M_hat @ task.J_q_inv
+    C = coriolis(system, q, q_dot, t)
+    e_r, e_r_dot = task.r - reference.r_d, task.r_dot - reference.r_d_dot
+    F_r = J_inv.T @ estimate.J_v.T @ F
+    e_Fc = controlled(feedback, n) * (F_r - reference.F_cd)
+    z_dot = c.A @ z + c.K_pz @ e_r + c.K_vz @ e_r_dot + c.K_fz @ e_Fc
+    s = e_r_dot + c.F_1 @ e_r + c.F_2 @ z
+    r_eq_dot = reference.r_d_dot - c.F_1 @ e_r - c.F_2 @ z
+    r_eq_ddot = reference.r_d_ddot - c.F_1 @ e_r_dot - c.F_2 @ z_dot
+    F_t = -H @ task.v_t_dot - C @ task.v_t
+    robust = law.K_s @ s + out.d * unit_vector(s, int(switching), law.phi)
+    T_r = H @ r_eq_ddot + C @ r_eq_dot + J_inv.T @ estimate.G_hat + F_t + F_r - robust
+
+    np.testing.assert_allclose(out.tau, task.J_q.T @ T_r, atol=1e-9 * np.abs(out.tau).max())
+    for name, expected in (("e_r", e_r), ("e_r_dot", e_r_dot), ("e_Fc", e_Fc), ("z_dot", z_dot), ("s", s)):
+        np.testing.assert_allclose(getattr(out, name), expected, atol=1e-9, err_msg=name)
+    np.testing.assert_allclose(out.terms.force, estimate.J_v.T @ F, atol=1e-12)
+    np.testing.assert_allclose(z + 0.01 * out.z_dot, z + 0.01 * z_dot, atol=1e-12)
+
+
+@pytest.mark.parametrize("law_type", [Vsmrc, ComputedTorque])
+@pytest.mark.parametrize("chart", CHARTS)
+@pytest.mark.parametrize("robot", ROBOTS)
+def test_known_arm_obeys_the_target_model(
+    robot: str, chart: str, law_type: type[Vsmrc], random: np.random.Generator
+) -> None:
+    """(14) with H s_dot + C s = -K_s s - d sigma(s), the inside of (22); and (8) at once under computed torque."""
+    system = charted(robot, chart)
+    n = system.robot.n
+    law = random_law(random, n, Switching.SATURATION, np.ones(n), kind=law_type)
+    q, q_dot, t = random_state(system, random)
+    estimate, task = system.observe(q, q_dot, t)
+    reference, z, F = random_reference(task.r, random), random.standard_normal(n), random.standard_normal(3)
+    out = law.evaluate(z, reference, task, estimate, Believed.at(estimate), q_dot, F)
+
+    q_ddot = pin.aba(system.robot.model, system.robot.model.createData(), q, q_dot, out.tau - estimate.J_v.T @ F)
+    e_r_ddot = task.J_q @ q_ddot + task.J_q_dot @ q_dot + task.v_t_dot - reference.r_d_ddot
+    H, C = task.J_q_inv.T @ estimate.M_hat @ task.J_q_inv, coriolis(system, q, q_dot, t)
+    s_dot = -np.linalg.solve(H, C @ out.s + law.K_s @ out.s + out.d * unit_vector(out.s, 1, law.phi))
+    reaching = law.model.M_m @ (s_dot - law.compensator.A @ out.s) if law_type is Vsmrc else np.zeros(n)
+    residual = law.model.residual(out.e_r, out.e_r_dot, e_r_ddot, out.e_Fc)
+    np.testing.assert_allclose(residual, reaching, atol=1e-8 * np.abs(e_r_ddot).max() * 30.0)
+
+
+@pytest.mark.parametrize("robot", ROBOTS)
+def test_gravity_link_by_link(robot: str, random: np.random.Generator) -> None:
+    system = arm(robot)
+    q, q_dot, _ = random_state(system, random)
+    G_links = system.nominal.evaluate(q, q_dot).G_links
+    for link in range(1, system.robot.n + 1):
+        alone = system.robot.model.copy()
+        for other in set(range(1, alone.njoints)) - {link}:
+            alone.inertias[other] = pin.Inertia.Zero()
+        gravity = pin.computeGeneralizedGravity(alone, alone.createData(), q)
+        np.testing.assert_allclose(G_links[link - 1], gravity, atol=1e-10)
+
+
+@njit(error_model="numpy")
+def touch_of_point(world, J, J_dot, axes, p, p_dot, t, touch):
+    touch_at(world[0], J, axes, p, p_dot, t, touch[0])
+    add_drift(J, J_dot, p_dot, touch[0])
+
+
+@pytest.mark.parametrize("chart", CHARTS[2:])
+def test_contact_acceleration_of_a_moving_surface(chart: str, random: np.random.Generator) -> None:
+    """phi_ddot = grad(phi) p_ddot + bias, the mixed term twice in it, along a curve p(t)."""
+    shape = charted("ur5", chart).charted.shape
+    middle, swing, t, h = charted("ur5", chart).nominal.evaluate(arm("ur5").q_0, np.zeros(6)).p, 0.05, 0.3, 1e-3
+    u, v = random.standard_normal((2, 3))
+    world = Record(World(np.zeros(3), shape, Contact(0.0, 0.0, 1.0, False, 0.0, 0.0), False)).data
+
+    def touch(time: float, p: np.ndarray, p_dot: np.ndarray, p_ddot: np.ndarray) -> Touch:
+        """Of three orthogonal sliders whose directions turn just so that p_ddot follows without their acceleration."""
+        J, J_dot, at = np.eye(6, 3), np.zeros((6, 3)), Record(Touch.zeros(3))
+        J_dot[:3] = np.outer(p_ddot, p_dot) / max(p_dot @ p_dot, 1e-9)
+        touch_of_point(world, J, J_dot, np.eye(3), p, p_dot, time, at.data)
+        return at.read()
+
+    def phi(time: float) -> float:
+        p = middle + swing * (u * np.sin(2 * time) + v * np.cos(3 * time))
+        return touch(time, p, np.zeros(3), np.zeros(3)).phi
+
+    p = middle + swing * (u * np.sin(2 * t) + v * np.cos(3 * t))
+    p_dot = swing * (2 * u * np.cos(2 * t) - 3 * v * np.sin(3 * t))
+    p_ddot = -swing * (4 * u * np.sin(2 * t) + 9 * v * np.cos(3 * t))
+    at = touch(t, p, p_dot, p_ddot)
+    near, far = (phi(t + h), phi(t - h)), (phi(t + 2 * h), phi(t - 2 * h))
+    assert at.phi_dot == pytest.approx((8 * (near[0] - near[1]) - (far[0] - far[1])) / (12 * h), abs=1e-8)
+    assert at.phi_ddot_bias == pytest.approx((16 * sum(near) - sum(far) - 30 * phi(t)) / (12 * h**2), abs=1e-6)
+
+
+@pytest.mark.parametrize("kind", [k for k in Switching if k is not Switching.DISCONTINUOUS])
+def test_smooth_switching_is_continuous(kind: Switching, random: np.random.Generator) -> None:
+    """Lipschitz with 1/phi, so that no step of s makes a larger step of the torque."""
+    phi = 0.02
+    for size in (1e-3, 0.02, 0.5):
+        s, step = size * random.standard_normal(4), 1e-4 * random.standard_normal(4)
+        change = np.linalg.norm(unit_vector(s + step, int(kind), phi) - unit_vector(s, int(kind), phi))
+        assert change <= np.linalg.norm(step) / phi * (1.0 + 1e-9)
+
+
+@pytest.mark.parametrize(("K_s", "epsilon"), [(20.0, 1.0), (300.0, 10.0)])
+def test_promise_is_sharp_for_a_mass(K_s: float, epsilon: float) -> None:
+    """k s_dot = -K_s s - epsilon sign(s), the worst case of (23): (18) and (20) are its exact solution."""
+    k, s_0 = 8.0, 0.4
+    certificate = ReachingCertificate(k, k, K_s, epsilon, V_0=0.5 * k * s_0**2)
+    t_r = k / K_s * np.log1p(K_s * s_0 / epsilon)
+    t = np.linspace(0.0, t_r, 20)
+    s = (s_0 + epsilon / K_s) * np.exp(-K_s / k * t) - epsilon / K_s
+    assert certificate.t_r == pytest.approx(t_r)
+    np.testing.assert_allclose(certificate.envelope(t), s, atol=1e-12)
+    assert certificate.envelope(1.1 * t_r) == 0.0
+    wider = ReachingCertificate(k / 4, k, K_s, epsilon, V_0=0.5 * k * s_0**2)
+    np.testing.assert_allclose(wider.envelope(t), 2 * s, atol=1e-12)  # sqrt(k_r''/k_r') times as much
+    assert wider.t_r == certificate.t_r
+
+
+@pytest.mark.parametrize("robot", ROBOTS)
+def test_constants_over_omega_hold(robot: str) -> None:
+    """k_C, k_M, k_Cq, k_G over postures and directions of which none was used to find them."""
+    system, random = arm(robot), np.random.default_rng(9)
+    constants, n = system.constants, system.robot.n
+    u = constants.lipschitz
+    links = [system.robot.model.copy() for _ in range(n)]
+    for link, model in enumerate(links, start=1):
+        for other in set(range(1, n + 1)) - {link}:
+            model.inertias[other] = pin.Inertia.Zero()
+    data = [model.createData() for model in links]
+    for _ in range(300):
+        towards, v, away = (x / np.linalg.norm(x) for x in random.standard_normal((3, n)))
+        q = system.q_0 + constants.radius * random.uniform() ** (1 / n) * away
+        per_link = [pin.computeCoriolisMatrix(m, d, q, v) for m, d in zip(links, data, strict=True)]
+        assert sum(np.linalg.norm(C, 2) for C in per_link) <= u.k_C
+        h = 1e-3
+        here, beside = (system.nominal.evaluate(x, v) for x in (q, q + h * towards))
+        assert np.linalg.norm(here.M_hat - beside.M_hat, 2) <= u.k_M * h
+        assert np.linalg.norm(here.C_hat - beside.C_hat, 2) <= u.k_Cq * h
+        assert np.linalg.norm(here.G_hat - beside.G_hat) <= u.k_G * h
+
+
+def test_poles_are_those_of_the_response(random: np.random.Generator) -> None:
+    """e(t) of (8) pressing on K_e: exp of the poles are the eigenvalues of the transition matrix."""
+    n = 3
+    M_m, B_m, K_m, K_f = (random_spd(random, n, 1.0, 9.0) for _ in range(4))
+    model = TargetModel(M_m, B_m, K_m, K_f)
+    K_e = random_spd(random, n, 1.0, 5.0)
+    M_inv = np.linalg.inv(model.M_m)
+    system = np.block([
+        [np.zeros((n, n)), np.eye(n)],
+        [-M_inv @ (model.K_m + model.K_f @ K_e), -M_inv @ model.B_m],
+    ])  # fmt: skip
+    transition = np.linalg.eigvals(expm(system))
+    np.testing.assert_allclose(np.sort_complex(np.exp(model.poles(K_e))), np.sort_complex(transition), atol=1e-9)
+
+
+PATHS = {
+    "point to point": PointToPoint(np.array([0.1, -0.2]), 0.8),
+    "circle": Circle(np.array([1.0, 0.0]), np.array([0.0, 1.0]), 0.3, 2.0, 0.7),
+    "circle at once": Circle(np.array([1.0, 0.0]), np.array([0.0, 1.0]), 0.3, 2.0, 0.0),
+    "line": Line(np.array([0.3, 0.1]), 1.5, 0.7),
+    "force step": ForceStep(20.0, 5.0, 0.2, 0.5),
+    "force sinusoid": ForceSinusoid(20.0, 5.0, 1.5),
+}
+
+
+@pytest.mark.parametrize("path", PATHS.values(), ids=PATHS.keys())
+def test_references_have_exact_derivatives(path: PointToPoint | Circle | Line | ForceStep | ForceSinusoid) -> None:
+    h = 1e-5
+    for t in np.linspace(0.013, 1.2, 9):
+        before, here, after = (path.evaluate(float(t + dt)) for dt in (-h, 0.0, h))
+        np.testing.assert_allclose((after[0] - before[0]) / (2 * h), here[1], atol=1e-6)
+        np.testing.assert_allclose((after[1] - before[1]) / (2 * h), here[2], atol=1e-5)
+    if not isinstance(path, ForceSinusoid | ForceStep):
+        np.testing.assert_allclose(path.evaluate(0.0).value, 0.0, atol=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"epsilon": 0.0}, r"controller\.epsilon: 0\.0; allowed: a number > 0"),
+        ({"epsilon": float("nan")}, r"controller\.epsilon: nan"),
+        ({"d": -1.0}, r"controller\.d: -1\.0"),
+        ({"phi": 0.0}, r"controller\.layer: 0\.0"),
+        ({"phi": float("nan")}, r"controller\.layer: nan"),
+        ({"K_s": np.ones((3, 3))}, r"controller\.K_s: smallest eigenvalue"),
+        ({"K_s": np.eye(2)}, r"controller\.K_s: shape \(2, 2\)"),
+        ({"K_s": np.eye(3) + np.eye(3, k=1)}, r"controller\.K_s: not symmetric"),
+    ],
+)
+def test_law_refuses_by_name(change: dict[str, object], said: str, random: np.random.Generator) -> None:
+    law = random_law(random, 3, Switching.SATURATION, np.ones(3))
+    with pytest.raises(InvalidGain, match=said):
+        replace(law, **change)
+
+
+def test_a_model_that_does_not_settle_is_refused() -> None:
+    """Positive definite matrices are stable, but a stiffness of nothing leaves a pole at zero."""
+    lazy = TargetModel(np.eye(2), 1e4 * np.eye(2), 1e-9 * np.eye(2), np.zeros((2, 2)))
+    with pytest.raises(InvalidGain, match=r"target_model: unstable in contact, a pole at"):
+        MODES["motion"].check(lazy, K_e_hat=1e4)
+    with pytest.raises(InvalidGain, match=r"K_m: not symmetric"):
+        require_spd("K_m", np.array([[2.0, 1.0], [0.0, 2.0]]))

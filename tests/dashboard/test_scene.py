@@ -1,0 +1,50 @@
+"""What the scene draws, as far as it can be told without a browser."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from app.dashboard.scene.arrows import LONGEST, UNIT, ForceScale, task_directions
+from app.dashboard.scene.trails import error_colors
+from app.dashboard.scene.view_options import rounded_up
+from app.dashboard.theme.colors import ERROR_COLORS
+from environments.surfaces import Cartesian, Cylinder, Motion, Plane
+
+
+def test_scales_are_round_numbers_not_below_the_value() -> None:
+    assert [rounded_up(v, 1.0) for v in (0.0, 1.0, 1.2, 2.0, 3.0, 7.0, 11.0, 30.0, 70.0, 400.0)] == [
+        1, 1, 2, 2, 5, 10, 20, 50, 100, 500
+    ]  # fmt: skip
+
+
+def test_errors_have_the_colours_of_the_legend() -> None:
+    colors = error_colors(np.array([0.0, 0.5, 1.0, 7.0]), 1.0)
+    np.testing.assert_allclose(colors, [*ERROR_COLORS, ERROR_COLORS[-1]])
+
+
+def test_the_force_scale_holds_still_until_arrows_leave_the_page() -> None:
+    scale = ForceScale()
+    assert scale.fit([np.array([20.0, 0.0, 0.0])], None) == 10.0
+    assert scale.fit([np.array([0.0, 8.0, 0.0])], None) == 10.0
+    grown = scale.fit([np.array([0.0, 60.0, 0.0])], None)
+    assert UNIT * 60.0 / grown <= LONGEST
+    assert scale.fit([np.array([0.0, np.inf, 0.0]), np.zeros(3)], None) == grown
+    assert scale.fit([np.zeros(3)], 5.0) == 5.0
+
+
+@pytest.mark.parametrize("t", [0.0, 0.3])
+def test_task_directions_change_one_coordinate_each(t: float) -> None:
+    motion = Motion(np.array([0.0, 0.0, 1.0]), 0.02, 0.5)
+    tilted = Plane.create(np.zeros(3), np.array([0.3, 0.1, -1.0]), motion)
+    round_ = Cylinder.create(np.zeros(3), np.array([0.0, 1.0, 0.2]), np.array([0.0, 0.0, 1.0]), 0.3, 1.0, motion)
+    p, h = np.array([0.1, 0.05, 0.33]), 1e-6
+    for surface in (tilted, round_, Cartesian.along(np.eye(3)[[0, 2, 1]])):
+        directions = task_directions(surface, p, t)
+        np.testing.assert_allclose(np.linalg.norm(directions, axis=1), 1.0)
+        for i in (1, 2):
+            change = (surface.chart(p + h * directions[i], t).g - surface.chart(p, t).g) / h
+            assert change[i] > 0.1
+            np.testing.assert_allclose(np.delete(change, i), 0.0, atol=1e-4)
+        gradient = surface.chart(p, t).G[0]
+        np.testing.assert_allclose(directions[0], gradient / np.linalg.norm(gradient))

@@ -1,0 +1,110 @@
+"""Colours that can be read in both themes; keys, commands and help that say the same."""
+
+import asyncio
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, cast
+
+import pytest
+
+from app.dashboard.theme.colors import EDGE, INKS, PAGE, SERIES, Rgb, css_variables
+from app.dashboard.widgets.controls import Desk
+from app.dashboard.widgets.help import DOCUMENTS, help_html
+from app.dashboard.widgets.shortcuts import Shortcuts
+from app.dashboard.widgets.status import MODE_TITLES
+from app.scenario.data import shipped
+from app.session.commands import Edit, Load
+
+ROOT = Path(__file__).parents[1]
+THEMES = ("dark", "light")
+
+
+def contrast(one: Rgb, other: Rgb) -> float:
+    """Contrast of two colours, 1 to 21, as WCAG 2.1 defines it; text needs 4.5, lines 3."""
+    low, high = sorted((_luminance(one), _luminance(other)))
+    return (high + 0.05) / (low + 0.05)
+
+
+def _luminance(color: Rgb) -> float:
+    shares = [c / 255 for c in color]
+    r, g, b = (c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in shares)
+    return 0.2126 * r + 0.7152 * g + 0.0722 * b
+
+
+def test_contrast_is_that_of_wcag():
+    assert contrast((0, 0, 0), (255, 255, 255)) == pytest.approx(21.0)
+    assert contrast((9, 9, 9), (9, 9, 9)) == 1.0
+    # the greys that the standard's own examples call just enough and just not enough on white
+    assert contrast((118, 118, 118), (255, 255, 255)) == pytest.approx(4.54, abs=0.01)
+    assert contrast((255, 255, 255), (119, 119, 119)) == pytest.approx(4.48, abs=0.01)
+
+
+@pytest.mark.parametrize("theme", THEMES)
+def test_every_ink_can_be_read_on_the_page_and_on_its_own_ground(theme):
+    for name, ink in INKS[theme].items():
+        assert contrast(ink.text, PAGE[theme]) >= 4.5, name
+        assert contrast(ink.text, ink.ground(PAGE[theme])) >= 4.5, name
+
+
+@pytest.mark.parametrize("theme", THEMES)
+def test_borders_of_buttons_are_seen(theme):
+    assert contrast(EDGE[theme], PAGE[theme]) >= 3.0
+
+
+def test_lines_of_plots_are_seen_on_the_dark_page():
+    assert min(contrast(color, PAGE["dark"]) for color in SERIES) >= 3.0
+
+
+def test_every_variable_of_the_style_sheet_has_a_value_in_both_themes():
+    dark, light = css_variables().strip().split("\n")
+    used = {
+        word.partition(")")[0]
+        for name in ("page.css", "phone.css")
+        for word in (ROOT / "static" / "page" / name).read_text(encoding="utf-8").split("var(")[1:]
+    }
+    for name in used:
+        assert name.startswith("--mantine") or "," in name or (f"{name}:" in dark and f"{name}:" in light), name
+
+
+@dataclass
+class _Gui:
+    """Takes commands as viser's does, and triggers them by hotkey or label."""
+
+    commands: dict[str, Any] = field(default_factory=dict)
+
+    def add_command(self, label: str, description: str = "", hotkey: str | None = None) -> Any:
+        del description
+        return SimpleNamespace(on_trigger=lambda f: self.commands.update({hotkey or label: f}))
+
+    def trigger(self, name: str) -> None:
+        asyncio.run(self.commands[name](None))
+
+
+@pytest.fixture
+def desk() -> tuple[_Gui, list[Any]]:
+    gui, posted = _Gui(), []
+    now = SimpleNamespace(scenario=shipped()["ur5-hybrid"])
+    Shortcuts(cast(Desk, SimpleNamespace(gui=gui, post=posted.append, snapshot=lambda: now)))
+    return gui, posted
+
+
+def test_digits_choose_the_modes_in_their_order(desk):
+    gui, posted = desk
+    for digit in "12345":
+        gui.trigger(digit)
+    assert posted == [Edit("mode", mode) for mode in MODE_TITLES]
+
+
+def test_every_shipped_scenario_is_a_command(desk):
+    gui, posted = desk
+    for scenario in shipped().values():
+        gui.trigger(f"Scenario: {scenario.title}")
+    assert posted == [Load(scenario) for scenario in shipped().values()]
+
+
+def test_help_names_modes_by_their_number_and_documents_that_exist():
+    text = help_html().lower()
+    for digit, title in enumerate(MODE_TITLES.values(), start=1):
+        assert f"<kbd>{digit}</kbd></td><td>{title.lower()}" in text
+    assert all((ROOT / name).is_file() for name in DOCUMENTS)

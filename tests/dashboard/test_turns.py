@@ -1,0 +1,45 @@
+"""A choice on the page is heard also when the running value is just being shown."""
+
+import contextlib
+import io
+import threading
+import time
+
+import viser
+
+from app.dashboard.transport.widget_lock import Turns
+from drivers.visitors import visiting
+
+
+def test_what_is_chosen_is_read_before_the_widget_shows_something_else() -> None:
+    with contextlib.redirect_stdout(io.StringIO()):
+        server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
+    turns, over, heard = Turns(server), threading.Event(), list[str]()
+    dropdown = server.gui.add_dropdown("Mode", ("motion", "hybrid", "impedance"))
+
+    @dropdown.on_update
+    async def _(event: viser.GuiEvent) -> None:
+        if event.client is not None:
+            time.sleep(0.05)  # the machine has other things to do
+            heard.append(dropdown.value)
+
+    def draw() -> None:
+        while not over.wait(0.001):
+            with turns.drawing:
+                dropdown.value = "motion"
+
+    drawing = threading.Thread(target=draw)
+    drawing.start()
+    try:
+        with visiting(f"http://127.0.0.1:{server.get_port()}") as page:
+            page.wait(lambda: bool(server.get_clients()) or not time.sleep(0.05))
+            for value in ("hybrid", "impedance"):
+                page.say({"type": "GuiUpdateMessage", "uuid": dropdown._impl.uuid, "updates": {"value": value}})
+            until = time.monotonic() + 30.0
+            while len(heard) < 2 and time.monotonic() < until:
+                time.sleep(0.01)
+    finally:
+        over.set()
+        drawing.join()
+        server.stop()
+    assert heard == ["hybrid", "impedance"]

@@ -1,0 +1,330 @@
+"""Files to take away: they hold what was recorded, bit for bit, and say of what; the same again makes the same file."""
+
+from __future__ import annotations
+
+import base64
+import io
+import re
+import struct
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import msgspec
+import numpy as np
+import pytest
+import zstandard
+
+from app.dashboard.plots.charts import Setup
+from app.dashboard.plots.paper_figures import ALL_PLOTS, figure_of, plots_of, title_and_unit
+from app.dashboard.plots.plot_table import TABS
+from app.dashboard.scene.standalone import snapshots, standalone_html
+from app.dashboard.theme.colors import SERIES
+from app.export.export_jobs import DataJob, FigureJob, Maker, PlaybackJob, TakeAwayError, file_name
+from app.export.figures import BINS, CONTRAST, Chart, Curve, Figure, printed, render, thinned
+from app.export.playback_frames import FRAMES_PER_SECOND, Film, film
+from app.scenario.caption import caption
+from app.scenario.data import edited, from_file, from_toml, load, to_toml
+from app.scenario.schema import Scenario, ScenarioError
+from app.session import headless_run
+from app.session.snapshot import Snapshot, snapshot_of
+from app.simulation.closed_loop import ClosedLoop
+from app.simulation.recording import BLOCK, Recording
+from app.storage.recording_files import TooLarge, read_npz, table, write_csv, write_npz
+
+made = Maker().made
+
+
+@pytest.fixture(scope="module")
+def loop() -> ClosedLoop:
+    return headless_run.simulate(edited(load("ur5-hybrid-moving"), "simulation.duration", 1.0))[0]
+
+
+@pytest.fixture(scope="module")
+def snapshot(loop: ClosedLoop) -> Snapshot:
+    return snapshot_of(loop)
+
+
+def noise(rows: int, n: int = 2) -> Recording:
+    """A recording of numbers with all their digits, some of which are no numbers."""
+    recording, random = Recording(n, history=10 * BLOCK), np.random.default_rng(3)
+    for k in range(rows):
+        row = recording.new_row()
+        row[:] = random.standard_normal(recording.width) * 10.0 ** random.integers(-300, 300, recording.width)
+        row[0] = 1e-3 * k
+        row[3] = (np.nan, np.inf, -np.inf, -0.0)[k % 4]
+        recording.commit()
+    return recording
+
+
+def bits(rows: np.ndarray) -> np.ndarray:
+    return np.ascontiguousarray(rows).view(np.uint64)
+
+
+def test_csv_reads_back_to_the_same_bits_and_carries_the_scenario() -> None:
+    recording, scenario, file = noise(BLOCK + 700), load("ur5-hybrid"), io.BytesIO()
+    write_csv(table(scenario, recording), file)
+    lines = file.getvalue().decode().splitlines()
+    commented = [line for line in lines if line.startswith("# ")]
+    assert from_toml("\n".join(line[2:] for line in commented)) == scenario
+    header = lines[len(commented)].split(",")
+    assert header[:4] == ["t [s]", "q[0] [rad]", "q[1] [rad]", "q_dot[0] [rad/s]"]
+    assert "tau[1] [N·m]" in header
+    rows = np.loadtxt(lines[len(commented) + 1 :], delimiter=",")
+    assert np.array_equal(bits(rows)[~np.isnan(rows)], bits(recording.rows())[~np.isnan(rows)])
+    assert np.array_equal(np.isnan(rows), np.isnan(recording.rows()))
+
+
+def test_npz_reads_back_to_the_same_bits_and_names_every_unit(tmp_path: Path) -> None:
+    recording, scenario = noise(BLOCK + 700), load("ur5-hybrid")
+    with (tmp_path / "run.npz").open("wb") as file:
+        write_npz(table(scenario, recording, 0.5, 4.5), file)
+    with np.load(tmp_path / "run.npz") as saved:
+        assert "tau: N·m" in saved["units"]
+        assert saved["t"].shape == (4001,)
+    read_scenario, read = read_npz(tmp_path / "run.npz")
+    assert read_scenario == scenario
+    assert np.array_equal(bits(read.rows()), bits(recording.rows(0.5, 4.5)))
+
+
+def test_files_that_are_no_recording_are_named(tmp_path: Path) -> None:
+    (tmp_path / "text.npz").write_text("text")
+    np.savez(tmp_path / "other.npz", t=np.zeros(3))
+    for name, said in (("text.npz", "not a recording"), ("other.npz", "not a recording"), ("none.npz", "No such file")):
+        with pytest.raises(ScenarioError, match=said):
+            read_npz(tmp_path / name)
+
+
+@pytest.mark.parametrize("write", [write_csv, write_npz])
+def test_data_over_their_limit_are_refused_with_what_fits(write) -> None:
+    data = table(load("ur5-hybrid"), noise(4000))
+    whole = io.BytesIO()
+    write(data, whole)
+    with pytest.raises(TooLarge, match=r"allowed: \d+ MB, which is about") as refusal:
+        write(data, io.BytesIO(), limit=0.5 * len(whole.getvalue()))
+    fits = re.search(r"about ([\d.]+) s of this run", str(refusal.value))
+    assert fits is not None
+    assert float(fits[1]) == pytest.approx(0.5 * data.seconds, rel=0.15)
+
+
+def test_data_come_from_the_other_process_as_from_this_one() -> None:
+    data, told = table(load("ur5-hybrid"), noise(2 * BLOCK + 5)), []
+    here = io.BytesIO()
+    write_csv(data, here)
+    assert made(DataJob(data, "csv", np.inf), told.append) == here.getvalue()
+    assert told == sorted(told)
+    assert told[-1] == 1.0
+    for form in ("csv", "npz"):
+        with pytest.raises(TakeAwayError, match="allowed: 1 MB"):
+            made(DataJob(data, form, 1e6), lambda _: None)
+
+
+def test_svg_is_the_same_again_and_its_words_are_text(snapshot: Snapshot) -> None:
+    setup = Setup.of(snapshot, 0, 0)
+    figure = figure_of(plots_of(ALL_PLOTS), snapshot, setup, 0.2, 0.9)
+    svg = render(figure, "svg")
+    assert made(FigureJob(figure, "svg"), lambda _: None) == svg
+    words = " ".join(re.findall(r"<text[^>]*>([^<]*)</text>", svg.decode()))
+    for drawing in (plot.draw(setup) for tab in TABS.values() for plot in tab.plots):
+        title, unit = title_and_unit(drawing.title if drawing else "")
+        assert title in words
+        assert unit in words
+    assert "frequency [Hz]" in words
+    assert figure.caption in words
+    assert "t [s]" in words
+    assert "dc:date" not in svg.decode()
+
+
+def test_pdf_and_png_are_what_they_say(snapshot: Snapshot) -> None:
+    figure = figure_of(plots_of("Overview"), snapshot, Setup.of(snapshot, 0, 0), 0.0, 1.0)
+    pdf = render(figure, "pdf")
+    assert pdf.startswith(b"%PDF-")
+    assert b"CreationDate" not in pdf
+    width, height = struct.unpack(">II", render(figure, "png")[16:24])
+    assert width == 1050  # 3.5 inches
+    assert height > width
+
+
+def test_figure_draws_what_was_recorded(snapshot: Snapshot) -> None:
+    setup = Setup.of(snapshot, 0, 0)
+    figure = figure_of(plots_of("Overview"), snapshot, setup, 0.25, 0.75)
+    rows = snapshot.recording.signals(("t", "e_r"), 0.25, 0.75)
+    for i, curve in enumerate(figure.charts[0].curves):
+        np.testing.assert_array_equal(curve.x, rows["t"])
+        np.testing.assert_allclose(curve.y, 1e3 * rows["e_r"][:, i])
+    with pytest.raises(ValueError, match="nothing recorded there"):
+        figure_of(plots_of("Overview"), snapshot, setup, 5.0, 6.0)
+
+
+def test_a_figure_stacks_terms_over_one_another(snapshot: Snapshot) -> None:
+    setup = Setup.of(snapshot, 0, 2)
+    chart = figure_of(plots_of("Torque"), snapshot, setup, 0.2, 0.9).charts[1]
+    assert len(chart.areas) == 12
+    top, bottom, total = chart.curves[6].y, chart.curves[12].y, chart.curves[-1].y
+    np.testing.assert_allclose(top + bottom, total, atol=1e-9)
+    listed = [curve.name for curve in chart.curves if curve.listed]
+    assert listed == ["inertia", "Coriolis", "gravity", "Jᵀ F", "K_s s", "switching", "τ"]
+
+
+def test_a_hostile_name_stays_text() -> None:
+    curve = Curve("<b>&$x_1^", SERIES[0], np.arange(3.0), np.ones(3))
+    svg = render(Figure((Chart("<script>", "mm", (curve,)),), "caption <script> $\\frac{"), "svg").decode()
+    assert "<script>" not in svg
+    assert "caption &lt;script&gt; $\\frac{" in svg
+
+
+def test_thinning_keeps_a_spike_and_the_ends() -> None:
+    x = np.arange(100_000.0)
+    y = np.sin(x / 5000.0)
+    y[54_321] = 7.0
+    few_x, few_y = thinned(x, y, BINS)
+    assert len(few_x) <= 2 * BINS + 2
+    assert few_y.max() == 7.0
+    assert (few_x[0], few_x[-1]) == (0.0, 99_999.0)
+    assert np.all(np.diff(few_x) > 0)
+    np.testing.assert_array_equal(y[few_x.astype(int)], few_y)
+
+
+def test_printed_colours_can_be_seen_on_white_and_told_apart() -> None:
+    colors = [np.array(printed(color)) for color in SERIES]
+    for color in colors:
+        linear = np.where(color <= 0.04045, color / 12.92, ((color + 0.055) / 1.055) ** 2.4)
+        assert 1.05 / (linear @ (0.2126, 0.7152, 0.0722) + 0.05) >= CONTRAST
+    # Machado, Oliveira and Fernandes (2009): what a person without the middle cones sees
+    deuteranopia = np.array([[0.367, 0.861, -0.228], [0.280, 0.673, 0.047], [-0.012, 0.043, 0.969]])
+    seen = [deuteranopia @ color for color in colors]
+    assert min(np.linalg.norm(a - b) for i, a in enumerate(seen) for b in seen[:i]) > 0.07
+
+
+def test_caption_says_the_scenario_in_numbers() -> None:
+    scenario = edited(edited(load("ur5-hybrid"), "truth.payload_mass", 1.5), "declared.payload_mass", 2.0)
+    model = {"M_m": 10 * np.eye(2), "B_m": np.diag([632.5, 4]), "K_m": np.array([[2, 1], [1, 2.0]]), "K_f": np.eye(2)}
+    said = caption(scenario, model, 1.0, 9.0)
+    for words in (
+        "ur5-hybrid", "hybrid mode", "t = 1 to 9 s", "M_m = 10 I kg", "diag(632.5, 4) N·s/m", "[2 1; 1 2] N/m",
+        "True arm: link scaling 1.15, payload mass 1.5 kg", "Declared: link scaling 0.15, payload mass 2 kg",
+        "T = 1 ms", "K_e = 10000 N/m", "Force: constant, value 20 N", "F_1 = 10",
+    ):  # fmt: skip
+        assert words in said
+    assert "True arm: as believed" in caption(Scenario(), model, 0.0, 1.0)
+
+
+def test_film_has_a_row_for_each_thirtieth_of_a_second(loop: ClosedLoop) -> None:
+    shot = film(loop.system.scenario, loop.recording, 0.1, 0.9)
+    assert len(shot) == round(0.8 * FRAMES_PER_SECOND) + 1
+    np.testing.assert_allclose(np.diff(shot.signals["t"]), 1 / FRAMES_PER_SECOND, atol=1.01e-3)
+    last = loop.recording.at(float(shot.signals["t"][-1]))
+    np.testing.assert_array_equal(shot.signals["q"][-1], last["q"])
+
+
+def test_film_shows_what_the_page_showed() -> None:
+    loop = ClosedLoop(load("ur5-hybrid-moving"))
+    for _ in range(700):
+        loop.step()
+    seen = snapshot_of(loop)
+    loop.step()
+    (frame,) = snapshots(film(loop.system.scenario, loop.recording, seen.t, seen.t))
+    assert frame.t == seen.t
+    assert np.linalg.norm(seen.force) > 1.0
+    for name in ("q", "tool", "tool_desired", "force", "force_desired", "surface_offset"):
+        np.testing.assert_allclose(getattr(frame, name), getattr(seen, name), rtol=1e-9, atol=1e-12, err_msg=name)
+
+
+def messages_in(html: str) -> dict:
+    """What viser's player reads from the page."""
+    embedded = re.search(r'window.__VISER_EMBED_DATA__="([^"]*)"', html)
+    assert embedded is not None
+    packed = base64.b64decode(embedded[1])
+    plain = zstandard.ZstdDecompressor().decompress(packed[8:], max_output_size=int.from_bytes(packed[:8], "little"))
+    size = int.from_bytes(plain[:8], "little")
+    return msgspec.msgpack.decode(plain[8 : 8 + size])
+
+
+def test_playback_moves_arm_surface_and_force(loop: ClosedLoop) -> None:
+    shot = film(loop.system.scenario, loop.recording)
+    played = messages_in(made(PlaybackJob(shot, 25e6), lambda _: None).decode())
+    assert played["durationSeconds"] == pytest.approx(shot.signals["t"][-1] + 1 / FRAMES_PER_SECOND)
+    moved = {(m["name"], m["type"]) for t, m in played["messages"] if t > 0 and "name" in m}
+    assert ("/surface", "SetPositionMessage") in moved
+    assert any(name.startswith("/robot_1/") and kind == "SetOrientationMessage" for name, kind in moved)
+    assert any(name == "/force/measured" for name, _ in moved)
+    heights = [(t, m["position"][2]) for t, m in played["messages"] if m.get("name") == "/surface" and "position" in m]
+    surface = loop.system.surface.motion
+    for t, height in heights[1:]:
+        assert height == pytest.approx(surface.offset(t + shot.signals["t"][0])[2], abs=1e-3)
+
+
+def test_playback_over_its_limit_is_refused_with_what_fits(loop: ClosedLoop) -> None:
+    shot = film(loop.system.scenario, loop.recording)
+    many = {name: np.concatenate([values] * 12) for name, values in shot.signals.items()}
+    many["t"] = np.arange(len(many["t"])) / FRAMES_PER_SECOND
+    long = Film(shot.scenario, many)
+    least = len(standalone_html(film(loop.system.scenario, loop.recording, 0.0, 0.0), np.inf, lambda _: None))
+    whole = len(standalone_html(long, np.inf, lambda _: None))
+    with pytest.raises(TooLarge, match=r"which is about ([45678][.\d]*) s"):
+        standalone_html(long, (least + whole) / 2, lambda _: None)
+    with pytest.raises(TooLarge, match="the scene alone takes"):
+        standalone_html(long, 1e5, lambda _: None)
+    with pytest.raises(ValueError, match="nothing recorded"):
+        standalone_html(replace(long, signals={k: v[:0] for k, v in many.items()}), 1e6, lambda _: None)
+
+
+def test_file_names_are_tame() -> None:
+    assert file_name("ur5-hybrid", 12.3456, "svg") == "vsmrc-ur5-hybrid-12.35s.svg"
+    assert file_name("../../etc/<pass wd>\n", 0.0, "csv") == "vsmrc-etc-pass-wd-0.00s.csv"
+    assert file_name("Ä", 0.0, "csv") == "vsmrc-run-0.00s.csv"
+    assert len(file_name("x" * 500, 1.0, "npz")) < 80
+
+
+def test_uploads_that_are_no_scenario_are_refused() -> None:
+    assert from_file(to_toml(load("ur5-motion")).encode()) == load("ur5-motion")
+    for content, said in (
+        (b"\xff\xfe", "UTF-8"),
+        (b"mode = ", "not a TOML file"),
+        (b"a = 1\n", "a"),
+        (b"#" * 2_000_000, "2 MB"),
+    ):
+        with pytest.raises(ScenarioError, match=said):
+            from_file(content)
+
+
+def vsmrc(*arguments: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run([sys.executable, "-m", "app", *arguments], capture_output=True, text=True, timeout=300)
+
+
+def test_export_command_writes_every_kind_and_goes_on_from_a_recording(tmp_path: Path) -> None:
+    first, again = tmp_path / "first", tmp_path / "again"
+    done = vsmrc(
+        "export", "ur5-hybrid", "--set", "simulation.duration=0.5", "--out", str(first),
+        "--to", "svg", "pdf", "png", "csv", "npz", "html", "toml",
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    assert sorted(p.name for p in first.iterdir()) == sorted(
+        f"vsmrc-ur5-hybrid-0.50s.{kind}" for kind in ("svg", "pdf", "png", "csv", "npz", "html", "toml")
+    )
+    saved = str(first / "vsmrc-ur5-hybrid-0.50s.npz")
+    assert vsmrc("export", saved, "--out", str(again), "--to", "svg", "csv").returncode == 0
+    for kind in ("svg", "csv"):
+        name = f"vsmrc-ur5-hybrid-0.50s.{kind}"
+        assert (again / name).read_bytes() == (first / name).read_bytes()
+    for arguments, said in (
+        ((saved, "--start", "3", "--out", str(again)), "nothing recorded there; allowed: within 0 to 0.499 s"),
+        ((saved, "--plots", "Foo", "--out", str(again)), "plots: 'Foo'; allowed: all plots"),
+        ((saved, "--out", "/dev/null/x"), "--out /dev/null/x: cannot be written: Not a directory"),
+    ):
+        refused = vsmrc("export", *arguments)
+        assert (refused.returncode, refused.stderr.count("\n")) == (2, 1)
+        assert said in refused.stderr
+
+
+def test_units_of_files_are_those_of_the_task_space() -> None:
+    loop = ClosedLoop(edited(load("ur5-motion"), "task_space.kind", "joint"), 10)
+    loop.step()
+    text, archive = io.BytesIO(), io.BytesIO()
+    write_csv(table(loop.system.scenario, loop.recording), text)
+    write_npz(table(loop.system.scenario, loop.recording), archive)
+    assert b"e_r[0] [rad],e_r[1] [rad]" in text.getvalue()
+    archive.seek(0)
+    units = dict(line.split(": ") for line in np.load(archive)["units"].tolist())
+    assert (units["s"], units["d"], units["q"], units["tool"], units["F"]) == ("rad/s", "N·m", "rad", "m", "N")

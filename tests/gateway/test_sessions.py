@@ -1,0 +1,365 @@
+"""Places, queue, spare, crashes and rest, with processes that are none and a clock that is turned by hand."""
+
+from __future__ import annotations
+
+import asyncio
+import os
+from collections.abc import AsyncIterator, Awaitable, Callable
+from contextlib import closing
+from functools import wraps
+from pathlib import Path
+
+import pytest
+
+from app.access.session_messages import Begin, Changed, Kept
+from app.gateway import session_pool
+from app.gateway.session import Session
+from app.gateway.session_pool import House
+from app.gateway.session_store import LINK, MOST, Register
+from app.gateway.visitors import NOBODY, Share, Shares, Viewer, Visitor
+from app.gateway.worker import WorkerError
+from app.scenario.data import from_toml, load, to_toml
+from app.session.autosave import StateError, StateFolder
+
+USUAL = "usual"
+PAGE = Viewer(NOBODY, "steer")
+
+
+class Fake:
+    """A process: what it was told, and a handle to make it speak or fall."""
+
+    port, key, looking, late = 0, "", frozenset[str](), None
+
+    def __init__(self, prepared: str) -> None:
+        self.prepared, self.begun, self.alive = prepared, "", True
+        self.kept: Kept | None = None
+        self.remarks = list[str]()
+        self._says: asyncio.Queue[Changed | None] = asyncio.Queue()
+
+    def begin(self, begin: Begin) -> None:
+        self.begun, self.kept = begin.scenario or self.prepared, begin.kept
+
+    def keep(self, kept: Kept) -> None:
+        self.kept = kept
+
+    def remark(self, sentence: str) -> None:
+        self.remarks.append(sentence)
+
+    async def changes(self) -> AsyncIterator[Changed]:
+        while (said := await self._says.get()) is not None:
+            yield said
+
+    async def end(self) -> str:
+        self.fall()
+        return "ended by SIGKILL"
+
+    def say(self, scenario: str, pinned: int = 0) -> None:
+        self._says.put_nowait(Changed(scenario, pinned))
+
+    def fall(self) -> None:
+        self.alive = False
+        self._says.put_nowait(None)
+
+
+class Town:
+    """A house, its processes in the order of their making, and the time."""
+
+    def __init__(
+        self,
+        places: int,
+        idle: float | None = 600.0,
+        *,
+        register: Register | None = None,
+        spare: bool = False,
+        shares: Shares | None = None,
+    ) -> None:
+        self.now, self.made, self.broken = 1000.0, list[Fake](), False
+        self._beat = 0.0 if register is None else 0.005  # s: what is on disk takes real time
+        self.house = House(
+            USUAL, self._launch, places, idle, register=register, spare=spare, shares=shares, clock=lambda: self.now
+        )
+
+    async def _launch(self, scenario: str) -> Fake:
+        if self.broken:
+            raise WorkerError("the session's process could not begin: exit status 1")
+        self.made.append(Fake(scenario))
+        return self.made[-1]
+
+    async def pass_time(self, seconds: float = 0.0) -> None:
+        """What is to happen within, happens."""
+        self.now += seconds
+        self.house.tick()
+        for _ in range(20):
+            await asyncio.sleep(self._beat)
+
+    async def wanted(self, session: Session) -> str:
+        self.house.want(session)
+        await self.pass_time()
+        return session.phase
+
+    async def looked_at(self, session: Session, seconds: float = 0.0) -> None:
+        """A page of it is open meanwhile."""
+        self.house.want(session)
+        await self.pass_time()
+        with self.house.viewing(session, PAGE):
+            await self.pass_time(seconds)
+
+
+def in_a_loop(test: Callable[..., Awaitable[None]]) -> Callable[..., None]:
+    @wraps(test)
+    def run(*fixtures: object) -> None:
+        async def within() -> None:
+            await test(*fixtures)
+
+        asyncio.run(within())
+
+    return run
+
+
+@in_a_loop
+async def test_who_comes_too_late_queues_moves_up_and_is_forgotten_when_gone() -> None:
+    town = Town(places=2)
+    a, b, c, d = (town.house.new() for _ in range(4))
+    assert [await town.wanted(s) for s in (a, b, c, d)] == ["running", "running", "waiting", "waiting"]
+    assert [town.house.place(s) for s in (a, c, d)] == [0, 1, 2]
+    with town.house.viewing(a, PAGE):
+        for _ in range(30):  # c goes away, d keeps asking; b is looked at by nobody
+            await town.pass_time(5.0)
+            town.house.want(d)
+            town.house.want(a)
+        assert (c.phase, d.phase, b.phase, a.phase) == ("resting", "running", "resting", "running")
+    assert len(town.made) == 3
+    await town.house.close()
+    assert not any(process.alive for process in town.made)
+
+
+@in_a_loop
+async def test_a_page_that_sleeps_keeps_its_number_and_is_passed_over() -> None:
+    town = Town(places=1, shares=Shares(waiting=Share("sessions that wait", 2, 2, 2)))
+    a, b, c, d = (town.house.new() for _ in range(4))
+    assert [await town.wanted(s) for s in (a, b, c, d)] == ["running", "waiting", "waiting", "resting"]
+    assert town.house.refusal(d) == "2 sessions that wait; allowed: no more"
+    await town.pass_time(session_pool.SILENT + 1)
+    town.house.want(c)
+    town.made[0].fall()
+    a._closing = True
+    await town.pass_time()
+    await town.pass_time()
+    assert (b.phase, c.phase) == ("waiting", "running")
+    assert town.house.place(b) == 1
+    assert await town.wanted(d) == "waiting"
+    await town.pass_time(session_pool.FORGOTTEN + 1)
+    assert b.phase == "resting"
+    await town.house.close()
+    assert await town.wanted(b) == "waiting"  # nothing begins any more
+    assert len(town.made) == 2
+
+
+@in_a_loop
+async def test_a_session_that_nobody_looks_at_rests_with_its_scenario_and_comes_back_with_it() -> None:
+    town = Town(places=1, idle=600.0)
+    session = town.house.new()
+    await town.wanted(session)
+    with town.house.viewing(session, PAGE):
+        town.made[0].say("changed")
+        await town.pass_time(10_000.0)
+        assert session.phase == "running"
+    await town.pass_time(599.0)
+    assert session.phase == "running"
+    await town.pass_time(2.0)
+    assert (session.phase, town.made[0].alive, town.house.taken) == ("resting", False, 0)
+    assert await town.wanted(session) == "running"
+    assert town.made[1].begun == "changed"
+    assert session.crashes == 0
+
+
+@in_a_loop
+async def test_a_fall_is_told_and_mended_without_touching_the_others() -> None:
+    town = Town(places=2)
+    a, b = town.house.new(), town.house.new()
+    await town.wanted(a), await town.wanted(b)
+    first, other = town.made
+    first.say("as it was last")
+    await town.pass_time()
+    first.fall()
+    await town.pass_time()
+    assert (a.phase, a.crashes) == ("running", 1)
+    assert "SIGKILL" in a.told
+    assert town.made[2].begun == "as it was last"
+    assert (b.process, other.alive, b.crashes, b.told) == (other, True, 0, "")
+
+
+@in_a_loop
+async def test_what_falls_again_and_again_is_given_up_and_begun_anew_on_request() -> None:
+    town = Town(places=1)
+    session, waiting = town.house.new(), town.house.new()
+    session.scenario = "falls"
+    await town.wanted(session)
+    for _ in range(session_pool.CRASHES):
+        town.made[-1].fall()
+        await town.pass_time(1.0)
+    assert session.phase == "failed"
+    assert "3 times within a minute" in session.told
+    assert await town.wanted(session) == "failed"  # and a page that asks again does not begin it
+    assert await town.wanted(waiting) == "running"  # its place is free
+    town.house.again(session)
+    assert (session.phase, session.scenario) == ("waiting", USUAL)
+    await town.pass_time(session_pool.UNSEEN + 1)  # nobody has ever looked at the other one
+    town.house.want(session)
+    await town.pass_time()
+    assert (session.phase, town.made[-1].begun) == ("running", USUAL)
+
+
+@in_a_loop
+async def test_a_spare_is_ready_beforehand_and_takes_no_place() -> None:
+    town = Town(places=2, spare=True)
+    await town.pass_time()
+    assert [process.begun for process in town.made] == [""]
+    a = town.house.new()
+    a.scenario = "another"
+    assert await town.wanted(a) == "running"
+    assert town.made[0].begun == "another"
+    await town.pass_time(session_pool.SPARE_AFTER)
+    assert len(town.made) == 2
+    town.made[1].fall()  # a spare that has died is replaced, and never given away
+    await town.pass_time(session_pool.SPARE_AFTER)
+    assert await town.wanted(town.house.new()) == "running"
+    assert [process.begun for process in town.made] == ["another", "", USUAL]
+    await town.pass_time(session_pool.SPARE_AFTER)
+    assert len(town.made) == 3  # all places are taken: none is needed
+    await town.house.close()
+    assert not any(process.alive for process in town.made)
+
+
+@in_a_loop
+async def test_a_process_that_cannot_begin_is_told() -> None:
+    town = Town(places=1)
+    town.broken = True
+    session = town.house.new()
+    assert await town.wanted(session) == "failed"
+    assert "could not begin" in session.told
+    assert town.house.taken == 0
+
+
+@in_a_loop
+async def test_links_are_told_apart_and_only_resting_sessions_are_forgotten() -> None:
+    town = Town(places=1)
+    kept = town.house.new()
+    await town.wanted(kept)
+    await town.looked_at(kept)
+    town.made[0].fall()
+    kept._closing = True
+    await town.pass_time()
+    assert kept.phase == "resting"
+    await town.wanted(town.house.new())
+    asked = town.house.new()
+    assert await town.wanted(asked) == "waiting"
+    await town.pass_time(session_pool.FORGOTTEN + 1)
+    assert asked.phase == "resting"
+    others = [town.house.new() for _ in range(session_pool.MOST_KEPT + 5)]
+    assert town.house.named(kept.name) is kept is town.house.watched(kept.watch)  # somebody looked at it
+    assert town.house.named(asked.name) is None
+    assert town.house.named(others[0].name) is None
+    assert town.house.named(others[-1].name) is others[-1]
+    assert town.house.named(kept.watch) is None is town.house.watched(kept.name)
+
+
+def test_a_house_that_is_opened_again_knows_its_sessions_and_their_links(tmp_path: Path) -> None:
+    changed = to_toml(load("planar2r-semicircle"))
+    links = list[tuple[str, str]]()
+
+    @in_a_loop
+    async def before() -> None:
+        with closing(Register(tmp_path)) as register:
+            with pytest.raises(StateError, match="another server uses it"):
+                Register(tmp_path)
+            town = Town(places=3, register=register)
+            left = [town.house.new() for _ in range(3)]
+            left[1].scenario = "a copy"
+            links.extend((session.name, session.watch) for session in left)
+            for session in left[:2]:
+                assert await town.wanted(session) == "running"
+                assert not (tmp_path / session.watch).exists()
+                await town.looked_at(session)
+            for process, session in zip(town.made, left, strict=False):
+                assert process.kept is not None
+                assert process.kept.earlier == "shown"
+                assert session.name not in process.kept.folder  # pages may show it, also to those who only watch
+            with closing(StateFolder(tmp_path / left[0].watch)) as folder:
+                folder.save(from_toml(changed), ())
+            await town.house.close()
+
+    @in_a_loop
+    async def after() -> None:
+        deep = b'{"name": "a", "scenario": "", "more": ' + b"[" * 100_000
+        for number, content in enumerate((b"", b"{}", b'{"name": "../..", "scenario": ""}', deep)):
+            (tmp_path / f"broken{number}").mkdir()
+            (tmp_path / f"broken{number}" / LINK).write_bytes(content)
+        (tmp_path / "pipe").mkdir()
+        os.mkfifo(tmp_path / "pipe" / LINK)
+        with closing(Register(tmp_path)) as register:
+            house = Town(places=3, register=register).house
+            known = [house.named(name) for name, _ in links]
+            assert [session and session.scenario for session in known] == [changed, "a copy", None]
+            assert [house.watched(watch) for _, watch in links] == known
+            assert house.watched("broken2") is None
+
+            # where there is one for all, it begins as asked, and what was is offered until it has changed
+            town = Town(places=1, register=register)
+            everyone = town.house.everyone()
+            assert everyone.watch in dict(links).values()
+            await town.looked_at(everyone)
+            town.made[0].fall()
+            await town.pass_time()
+            town.made[1].say("another")
+            await town.pass_time()
+            town.made[1].fall()
+            await town.pass_time()
+            assert [process.kept and process.kept.earlier for process in town.made] == ["offered", "offered", "shown"]
+            assert [process.begun for process in town.made] == [USUAL, USUAL, "another"]
+            await town.house.close()
+
+            for _ in range(MOST):
+                house.new()
+            assert [house.named(name) for name, _ in links] == known  # nobody loses anything by calls at the door
+            crowded = Town(places=MOST, register=register)
+            ran = [s for name, _ in links if (s := crowded.house.named(name))]
+            for _ in range(MOST - len(ran)):
+                crowded.house._add(Session(USUAL, kept=True, looked_at=True, seen=2000.0))
+            new = crowded.house.new()
+            await crowded.wanted(new)
+            assert [crowded.house.named(s.name) for s in ran] == ran  # nor by a session that nobody looks at
+            await crowded.looked_at(new)
+            assert [
+                crowded.house.named(s.name) for s in ran
+            ] != ran  # but one that is looked at takes the oldest's room
+            assert sum((tmp_path / watch).exists() for _, watch in links) == len(ran) - 1
+            await crowded.house.close()
+
+    before()
+    after()
+
+
+def test_sessions_with_pinned_runs_stay_for_those_without(tmp_path: Path) -> None:
+    @in_a_loop
+    async def check(register: Register) -> None:
+        town = Town(places=4, register=register)
+        house, mine, theirs = town.house, Visitor("b" * 22, "203.0.113.1"), Visitor("c" * 22, "203.0.113.2")
+        for owner in (mine, *(theirs,) * (MOST - 1)):
+            house._add(Session(USUAL, owner=owner, pinned=1, kept=True, looked_at=True, seen=house._clock()))
+            town.now += 1.0
+        oldest = next(iter(house._by_name.values()))
+        new = house.new(theirs)
+        await town.looked_at(new)
+        assert "none of them may go for it" in town.made[0].remarks[0]
+        assert (new.kept, town.made[0].kept) == (False, None)
+        town.made[0].say(USUAL, pinned=1)
+        await town.pass_time()
+        assert new.kept  # with pinned runs of its own it takes the room of one of who has most, not of the oldest
+        assert town.made[0].kept is not None
+        assert house.named(oldest.name) is oldest
+        assert len([session for session in house._by_name.values() if session.kept]) == MOST
+        await house.close()
+
+    with closing(Register(tmp_path)) as register:
+        check(register)

@@ -1,0 +1,366 @@
+"""URDFs and meshes that are made to do harm: each is refused in one sentence, in bounded time and memory."""
+
+from __future__ import annotations
+
+import os
+import struct
+import subprocess
+import sys
+import time
+import zipfile
+from contextlib import suppress
+from itertools import count
+from pathlib import Path
+from unittest.mock import MagicMock
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from app.dashboard.scene.robot_view import RobotView
+from app.scenario.data import edited, load
+from app.scenario.schema import ScenarioError
+from app.session.commands import Command, Edit, Load
+from app.session.runner import Runner
+from app.simulation.environment_builder import robot_of
+from app.storage import link_meshes, uploaded_urdfs
+from drivers.visitors import PATIENCE, gone
+from environments import robots, urdf
+from environments.urdf import RobotError
+from tests.support.sentences import one_sentence
+
+BENT = (Path(__file__).parents[1] / "support" / "robots" / "bent3r.urdf").read_text(encoding="utf-8")
+UPPER = '<link name="upper">'
+
+
+def entities(levels: int) -> str:
+    grown = "".join(f'<!ENTITY e{i + 1} "{f"&e{i};" * 10}">' for i in range(levels))
+    return f'<?xml version="1.0"?><!DOCTYPE r [<!ENTITY e0 "lol">{grown}]><robot name="&e{levels};"/>'
+
+
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        (entities(9), "has a DOCTYPE"),
+        ('<!DOCTYPE r SYSTEM "file:///etc/passwd"><robot name="r"/>', "has a DOCTYPE"),
+        ('<!doctype r [<!ENTITY % x SYSTEM "http://127.0.0.1/"> %x;]><robot/>', "has a DOCTYPE"),
+        (entities(3).encode("utf-16").decode("latin-1"), "not XML in UTF-8|not XML"),
+        ("<robot>" + "<a>" * 100_000, "nested at most 32 deep"),
+        ("<robot>" + "<a/>" * 60_000, "at most 50000 XML elements"),
+        ("<robot>" + " " * 6_000_000, "larger than 5 MB"),
+        ("<robot>" + '<link name="a"/>' * 2000 + "</robot>", "2000 links; allowed: 1 to 300"),
+        (BENT.replace("upper", "u" * 500), "500 characters; allowed: at most 200"),
+        (BENT.replace('<mass value="', '<mass value="nan" x="', 1), "value = 'nan'; allowed: 1 finite number"),
+        (BENT.replace('<mass value="', '<mass value="1e99" x="', 1), "value = '1e99'; allowed"),
+        (BENT.replace('<mass value="', f'<mass value="{"1 " * 100_000}" x="', 1), "allowed: 1 finite number"),
+        (BENT.replace('<mass value="', '<mass value="1_0" x="', 1), "value = '1_0'; allowed"),
+        (BENT.replace("</joint>", '<mimic joint="turn" multiplier="nan"/></joint>', 1), "multiplier = 'nan'; allowed"),
+        (BENT.replace("</joint>", '<dynamics damping="inf"/></joint>', 1), "damping = 'inf'; allowed"),
+        (BENT.replace(UPPER, UPPER + '<visual><geometry><sphere radius="nan"/></geometry></visual>'), "radius = 'nan'"),
+        (BENT.replace(UPPER, UPPER + '<visual><geometry><box size="1 0 1"/></geometry></visual>'), "size = 0; allowed"),
+    ],
+)  # fmt: skip
+def test_urdfs_that_are_refused(content: str, said: str) -> None:
+    with pytest.raises(RobotError, match=said) as caught:
+        urdf.parse(content.encode("utf-8"), "evil.urdf")
+    assert one_sentence(caught.value).startswith("robot.urdf: evil.urdf: ")
+
+
+def test_what_is_called_like_the_world_is_not_taken_for_it(tmp_path: Path) -> None:
+    (path := tmp_path / "arm.urdf").write_text(BENT.replace('"shoulder"', '"universe"'))
+    assert robots.load("", urdf=str(path)).n == 3
+    with pytest.raises(RobotError, match="a link is called 'universe', as the world is; allowed: another name"):
+        urdf.parse(BENT.replace('"flange"', '"universe"').encode(), "arm.urdf")
+
+
+def test_paths_that_are_no_urdf_are_refused(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe.urdf")
+    closed = tmp_path / "closed"
+    closed.mkdir()
+    closed.chmod(0)
+    for path in (
+        "/dev/zero",
+        str(tmp_path),
+        str(tmp_path / "pipe.urdf"),
+        "a" * 5000,
+        "a\0b",
+        f"{closed}/a.urdf",
+    ):
+        with pytest.raises(RobotError, match=r"robot.urdf: cannot read .*: ") as caught:
+            robots.load("", urdf=path)
+        one_sentence(caught.value)
+    closed.chmod(0o700)
+    with pytest.raises(RobotError):  # which is called a regular file, and says something when the system does
+        robots.load("", urdf="/proc/kmsg")
+
+
+def test_no_picture_and_no_mesh_elsewhere_is_left_to_be_read(tmp_path: Path) -> None:
+    picture = '<material name="m"><texture filename="/dev/zero"/></material>'
+    root = urdf.parse(BENT.replace(UPPER, f"{picture}{UPPER}").encode(), "arm.urdf")
+    assert not list(root.iter("texture"))
+    (tmp_path / "home" / "up").mkdir(parents=True)
+    (tmp_path / "home" / "secret.stl").write_text("solid")
+    arm = tmp_path / "home" / "up" / "arm.urdf"
+    (tmp_path / "home" / "up" / "loop").symlink_to("loop")
+    for name in ("package://home/secret.stl", "loop/a.stl", "x" * 5000 + ".stl", "file:///etc/passwd", "a\0.stl"):
+        assert urdf.mesh_file(arm, name) is None, name
+
+
+NUMBER = st.sampled_from(["0", "1", "-1", "0.3", "1e6", "1e-320", "nan", "inf", "1e999", "", "1 2", "x", "0x1"])
+
+
+KIND = st.sampled_from(["revolute", "revolute", "continuous", "prismatic", "fixed"])
+
+
+@st.composite
+def arms(draw: st.DrawFn) -> str:
+    """Nearly an arm: a tree most of the time, with a few odd numbers."""
+
+    def number(usual: str) -> str:
+        return draw(NUMBER) if draw(st.integers(0, 60)) == 0 else usual
+
+    n = draw(st.integers(1, 6))
+    links = "".join(
+        f'<link name="l{i}"><inertial><origin xyz="0 0 {number("0.1")}"/><mass value="{number("1")}"/><inertia '
+        f'ixx="{number("0.1")}" iyy="0.1" izz="{number("0.1")}" ixy="{number("0")}"/></inertial></link>'
+        for i in range(n + 1)
+    )
+    joints = "".join(
+        f'<joint name="j{i}" type="{draw(KIND)}">'
+        f'<parent link="l{draw(st.sampled_from([i] * 20 + [0, n]))}"/><child link="l{i + 1}"/>'
+        f'<origin xyz="0 {number("0.1")} 0.3" rpy="{number("0")} 0 0"/>'
+        f'<axis xyz="{number("0")} {i % 2} {(i + 1) % 2}"/>'
+        f'<limit lower="{number("-2")}" upper="{number("2")}" effort="{number("9")}" velocity="9"/></joint>'
+        for i in range(n)
+    )
+    return f'<robot name="r">{links}{joints}</robot>'
+
+
+@given(arms())
+@settings(max_examples=120, deadline=None)
+def test_whatever_is_nearly_an_arm_is_one_or_is_refused(tmp_path_factory: pytest.TempPathFactory, text: str) -> None:
+    path = tmp_path_factory.getbasetemp() / "generated.urdf"
+    path.write_text(text)
+    try:
+        robot = robots.load("", urdf=str(path))
+    except RobotError as error:
+        one_sentence(error)
+    else:
+        assert np.isfinite(robot.posture).all()
+
+
+@given(st.one_of(st.binary(max_size=200), st.text(max_size=200).map(str.encode)))
+@settings(max_examples=150, deadline=None)
+def test_whatever_is_uploaded_is_a_urdf_or_is_refused(content: bytes) -> None:
+    for whole in (content, BENT.encode().replace(b"<axis", content)):
+        with suppress(RobotError):
+            urdf.parse(whole, "arm.urdf")
+
+
+def test_uploads_do_not_fill_the_disk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path))
+
+    def left() -> set[Path]:
+        return {file for file in tmp_path.rglob("*") if file.is_file()}
+
+    def another(number: int) -> Path:
+        return uploaded_urdfs.keep(f"arm{number}.urdf", BENT.replace("3.0", f"3.{number}").encode())
+
+    one, two = another(1), another(2)
+    monkeypatch.setattr(uploaded_urdfs, "MOST_BYTES", int(2.5 * len(BENT)))
+    with pytest.raises(ScenarioError, match=r"arm3.urdf has .* MB, and 2 uploads of .* are kept in .*; allowed: ") as e:
+        another(3)
+    one_sentence(e.value)
+    assert another(2) == two  # what is kept already is no more
+    assert left() == {one, two}
+    foreign = tmp_path / "foreign.urdf"
+    foreign.write_text(BENT)
+    for file in (one, two, foreign):
+        os.utime(file, (0, 0))  # long ago
+    for file in (two, foreign):
+        robot_of(edited(load("ur5-motion"), "robot", {"urdf": str(file)}))
+    assert foreign.stat().st_mtime == 0
+    three = another(3)
+    assert left() == {two, three, foreign}  # the one that nobody has used has gone
+    running = robot_of(edited(load("ur5-motion"), "robot", {"urdf": str(two)}))
+    os.utime(two, (0, 0))  # the clock was put right, or the run goes on for months
+    monkeypatch.setattr(uploaded_urdfs, "MOST_BYTES", int(3.5 * len(BENT)))
+    four = another(4)
+    assert left() == {two, three, four, foreign}
+    del running
+    os.utime(two, (0, 0))
+    five = another(5)
+    assert left() == {three, four, five, foreign}
+    assert all(file.stat().st_mode & 0o777 == 0o600 for file in (three, four, five))
+    assert all(at.stat().st_mode & 0o777 == 0o700 for at in (three.parent, uploaded_urdfs.folder()))
+    monkeypatch.setattr(uploaded_urdfs, "MOST_KEPT", 3)
+    with pytest.raises(ScenarioError, match="3 uploads"):
+        another(6)
+
+
+def test_who_comes_over_the_network_learns_of_no_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path))
+    (given := tmp_path / "given.urdf").write_text(BENT)
+    (other := tmp_path / "other.urdf").write_text(BENT)
+    uploaded = uploaded_urdfs.keep("arm.urdf", BENT.encode())
+    runner = Runner(edited(load("ur5-motion"), "motion", {"kind": "hold"}), uploaded_urdfs.Reach((str(given),)))
+    runner.start()
+
+    def answer(command: Command) -> str | None:
+        before = runner.snapshot.revision, runner.snapshot.refusal_number
+        runner.post(command)
+        until = time.monotonic() + PATIENCE
+        while (runner.snapshot.revision, runner.snapshot.refusal_number) == before:
+            assert time.monotonic() < until
+            time.sleep(0.01)
+        return runner.snapshot.refusal
+
+    try:
+        for there in (str(given), str(uploaded)):
+            assert answer(Edit("robot.urdf", there)) is None
+        for elsewhere in (
+            str(other),
+            str(tmp_path / "none"),
+            f"{uploaded_urdfs.folder()}/../../other.urdf",
+            "/dev/tty",
+            "~",
+        ):
+            for command in (Edit("robot.urdf", elsewhere), Load(edited(load("ur5-motion"), "robot.urdf", elsewhere))):
+                said = answer(command)
+                assert said is not None
+                assert said.endswith(": not on this server; allowed: a URDF that was uploaded"), said
+    finally:
+        runner.close()
+
+
+def test_one_visitor_does_not_take_all_uploads(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path))
+    monkeypatch.setattr(uploaded_urdfs, "MOST_OF_ONE", 4)
+    monkeypatch.setattr(uploaded_urdfs, "MOST_KEPT", 7)
+    numbers = count()
+
+    def another(*marks: str) -> Path:
+        number = next(numbers)
+        return uploaded_urdfs.keep(f"arm{number}.urdf", BENT.replace("3.0", f"3.{number}").encode(), marks)
+
+    oldest = another()
+    greedy = [another(f"browser{number}", "address") for number in range(4)]
+    with pytest.raises(ScenarioError, match=r"and 4 uploads .*; allowed: 4 of 100 MB of one visitor") as e:
+        another("browser9", "address")
+    one_sentence(e.value)
+    others = [another("other"), another("other")]
+    with pytest.raises(ScenarioError, match=r"and 7 uploads .* in all"):
+        another("other")  # all of them are in use
+    for number, path in enumerate([oldest, *others, *greedy]):
+        os.utime(path, (time.time() - 2 * uploaded_urdfs.IDLE + number,) * 2)
+    new = another("other")
+    assert [path.exists() for path in (oldest, *others, *greedy, new)] == [True] * 3 + [False] + [True] * 4
+    another("browser9", "address")  # makes room of its own first
+    assert [path.exists() for path in greedy] == [False, False, True, True]
+
+
+def test_an_upload_in_use_stays_also_where_its_visitor_has_too_many(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path))
+    monkeypatch.setattr(uploaded_urdfs, "MOST_OF_ONE", 2)
+    monkeypatch.setattr(uploaded_urdfs, "UNUSED", 2 * uploaded_urdfs.IDLE)
+
+    def another(number: int) -> Path:
+        return uploaded_urdfs.keep(f"arm{number}.urdf", BENT.replace("3.0", f"3.{number}").encode(), ("browser",))
+
+    one, two = another(1), another(2)
+    running = robot_of(edited(load("ur5-motion"), "robot", {"urdf": str(one)}))
+    for path in (one, two):
+        os.utime(path, (0, 0))  # the clock was put right
+    three = another(3)
+    assert [path.exists() for path in (one, two, three)] == [True, False, True]
+    assert {file.stat().st_mode & 0o777 for file in tmp_path.glob("vsmrc-lab/urdf/*/*")} == {0o600}  # marks, too
+    assert {file.stat().st_mode & 0o777 for file in tmp_path.glob("vsmrc-lab/urdf/*")} == {0o700}
+    with pytest.raises(ScenarioError, match="allowed: 2 of 100 MB of one visitor"):
+        another(4)
+    del running
+    os.utime(one, (0, 0))
+    four = another(4)
+    assert [path.exists() for path in (one, three, four)] == [False, True, True]
+
+
+# meshes
+
+
+def _bomb(path: Path) -> None:
+    packed = zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED, compresslevel=1)
+    with packed as archive, archive.open("a.dae", "w", force_zip64=True) as entry:
+        for _ in range(16):
+            entry.write(bytes(100_000_000))
+
+
+def _pipe(path: Path) -> None:
+    os.mkfifo(path.with_name("pipe.png"))
+    path.with_name("a.mtl").write_text("newmtl m\nmap_Kd pipe.png\n")
+    path.write_text("mtllib a.mtl\nusemtl m\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nf 1/1 2/1 3/1\n")
+
+
+def _lie(path: Path) -> None:
+    path.write_bytes(bytes(80) + struct.pack("<I", 4_000_000_000) + bytes(500))
+
+
+@pytest.mark.parametrize(
+    ("name", "make"),
+    [
+        ("bomb.dae", _bomb),  # an archive that becomes 1.6 GB
+        ("pipe.obj", _pipe),  # a picture that never comes
+        ("lie.stl", _lie),  # a header that claims 4e9 triangles
+        ("laughs.dae", lambda path: path.write_text(entities(9).replace("robot", "COLLADA"))),
+    ],
+)
+def test_meshes_that_would_take_the_machine_are_not_shown(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str, make
+) -> None:
+    monkeypatch.setattr(link_meshes, "PATIENCE", 3.0 if name == "pipe.obj" else 60.0)
+    make(tmp_path / name)
+    arm = tmp_path / "arm.urdf"
+    mesh = f'<visual><geometry><mesh filename="{name}"/></geometry></visual>'
+    arm.write_text(BENT.replace(UPPER, UPPER + mesh))
+    assert link_meshes.link_meshes(robots.load("", urdf=str(arm))).result(90.0) == ()
+
+
+def test_the_process_that_reads_meshes_ends_with_the_one_that_began_it(tmp_path: Path) -> None:
+    _pipe(tmp_path / "pipe.obj")
+    arm = tmp_path / "arm.urdf"
+    arm.write_text(BENT.replace(UPPER, UPPER + '<visual><geometry><mesh filename="pipe.obj"/></geometry></visual>'))
+    code = f"""
+import os, pathlib, time
+from app import visuals
+from environments import robots
+visuals.link_meshes(robots.load("", urdf={str(arm)!r}))
+children = pathlib.Path(f"/proc/{{os.getpid()}}/task")
+while not (found := "".join(path.read_text() for path in children.glob("*/children")).split()):
+    time.sleep(0.05)
+print(*found, flush=True)
+time.sleep(1.0)
+os._exit(0)
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=90, check=True)
+    (reader,) = map(int, done.stdout.split())
+    assert gone(reader, 10.0)
+
+
+def test_a_mesh_of_ones_own_is_shown(tmp_path: Path) -> None:
+    (tmp_path / "a.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
+    arm = tmp_path / "arm.urdf"
+    visual = '<visual><origin xyz="0 0 2"/><geometry><mesh filename="a.obj"/></geometry></visual>'
+    arm.write_text(BENT.replace(UPPER, UPPER + visual))
+    robot, scene = robots.load("", urdf=str(arm)), MagicMock()
+    scene.add_mesh_simple.side_effect = lambda name, *_, **__: MagicMock(path=name)
+    view = RobotView(scene, robot, "/arm")
+    bones = list(view._shapes)
+    assert {Path(bone.path).name[:5] for bone in bones} == {"bone_"}  # nobody waits for the process that reads
+    (mesh,) = link_meshes.link_meshes(robot).result(90.0)
+    assert mesh.link == "upper"
+    np.testing.assert_allclose(mesh.vertices.max(axis=0), [1, 1, 2])
+    for _ in range(2):
+        view.show(np.zeros(robot.n))
+        assert all(bone.remove.call_count == 1 for bone in bones)
+        assert {Path(shape.path).name[:5] for shape in view._shapes} == {"mesh_"}

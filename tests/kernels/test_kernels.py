@@ -1,0 +1,177 @@
+"""What compiled functions rely on: small algebra, records, and that no part of another arm's kernel is ever called."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+from numba import njit
+
+from app.scenario.data import load
+from app.simulation.closed_loop import ClosedLoop
+from app.simulation.control_period import control_period
+from kernels import algebra
+from kernels.records import Record
+
+
+def from_python(part: Callable) -> Callable:
+    """A part, which only kernels may call."""
+    return njit(lambda *arguments: part(*arguments))
+
+
+congruence, cross, invert, multiply, norm_of_product, quadratic, solve_spd, times, transposed_times = (
+    from_python(getattr(algebra, name))
+    for name in (
+        "congruence",
+        "cross",
+        "invert",
+        "multiply",
+        "norm_of_product",
+        "quadratic",
+        "solve_spd",
+        "times",
+        "transposed_times",
+    )
+)
+
+
+def room(*shape: int) -> np.ndarray:
+    return np.full(shape, np.nan)
+
+
+@pytest.mark.parametrize("n", [1, 2, 3, 6, 7])
+def test_algebra(n: int) -> None:
+    random = np.random.default_rng(n)
+    for _ in range(50):
+        A, B = random.standard_normal((2, n, n)) * 10 ** random.uniform(-2, 2)
+        C, x = random.standard_normal((3, n)), random.standard_normal(n)
+        spd = A @ A.T + 0.1 * np.eye(n)
+        out, tall, vector, space, work = room(n, n), room(3, n), room(n), room(3), room(n, n)
+        multiply(A, B, out)
+        np.testing.assert_allclose(out, A @ B, rtol=1e-9, atol=1e-9)
+        multiply(C, A, tall)
+        np.testing.assert_allclose(tall, C @ A, rtol=1e-9, atol=1e-9)
+        times(C, x, space)
+        np.testing.assert_allclose(space, C @ x, rtol=1e-9, atol=1e-9)
+        transposed_times(C, space, vector)
+        np.testing.assert_allclose(vector, C.T @ space, rtol=1e-9, atol=1e-9)
+        congruence(A, spd, work, out)
+        np.testing.assert_allclose(out, A.T @ spd @ A, rtol=1e-8, atol=1e-8)
+        invert(A, work, out)
+        np.testing.assert_allclose(out, np.linalg.inv(A), rtol=1e-6, atol=1e-9)
+        solve_spd(spd, x, work, vector)
+        np.testing.assert_allclose(vector, np.linalg.solve(spd, x), rtol=1e-6, atol=1e-9)
+        assert quadratic(x, A) == pytest.approx(x @ A @ x)
+        assert norm_of_product(C, x) == pytest.approx(np.linalg.norm(C @ x))
+
+
+def test_algebra_at_its_borders() -> None:
+    with pytest.raises(ValueError, match="singular"):
+        invert(np.ones((2, 2)), room(2, 2), room(2, 2))
+    swapped = room(2, 2)
+    invert(np.array([[0.0, 2.0], [4.0, 0.0]]), room(2, 2), swapped)
+    assert np.array_equal(swapped, [[0.0, 0.25], [0.5, 0.0]])
+    a, b = np.random.default_rng(0).standard_normal((2, 3))
+    np.testing.assert_allclose(cross(a, b), np.cross(a, b))
+
+
+class Inner(NamedTuple):
+    a: np.ndarray
+    count: int
+
+
+class Outer(NamedTuple):
+    inner: Inner
+    x: float
+    flag: bool
+
+
+def test_record_is_one_memory_seen_by_name() -> None:
+    record = Record(Outer(Inner(np.array([1.0, 2.0]), 3), 0.5, True))
+    twin = record.copy()
+    record.data["inner"]["a"][0][1] = 7.0
+    record.data["x"] = 2.5
+    now = record.read()
+    assert (now.inner.a.tolist(), now.inner.count, now.x, now.flag) == ([1.0, 7.0], 3, 2.5, True)
+    now.inner.a[0] = 9.0
+    assert record.views.inner.a.tolist() == [9.0, 7.0]
+    assert twin.read().inner.a.tolist() == [1.0, 2.0]
+    assert twin.data.dtype is record.data.dtype
+    record.write("inner", Inner(np.zeros(2), 4))
+    assert record.read().inner.count == record.part("inner").count == 4
+    assert record.data.dtype is Record(Outer(Inner(np.zeros(2), 1), 0.0, False)).data.dtype
+
+
+@pytest.mark.parametrize("name", ["ur5-hybrid", "ur5-impedance", "planar2r-semicircle"])
+def test_nothing_of_the_last_period_leaks_into_this_one(name: str) -> None:
+    """Whatever the memory between input and output holds, the row is the same."""
+    loop = ClosedLoop(load(name))
+    for _ in range(20):
+        loop.step()
+    rows = []
+    for garbage in (0.0, 1e3):
+        period = loop._period.copy()
+        for part in ("seen", "reference", "believed", "output"):
+            period.data[part].view(np.float64)[:] = garbage
+        row, arm = room(loop.recording.width), loop._arm
+        terms = loop.system.nominal.update(arm.views.q, arm.views.q_dot)
+        control_period(loop._settings.data, period.data, *terms, arm.data, arm.views.load.force, loop.t, row)
+        rows.append(row)
+    assert np.isfinite(rows[0]).all()
+    assert np.array_equal(*rows)
+
+
+MODULE = """
+import sys
+from typing import NamedTuple
+import numpy as np
+from kernels import kernel, part
+from kernels.records import Record
+
+class Vector(NamedTuple):
+    x: np.ndarray
+
+@part
+def total(x):
+    s = 0.0
+    for i in range(x.shape[0]):
+        s += x[i]
+    return s
+
+@kernel
+def summed(vector):
+    return total(vector[0].x)
+
+def sums(sizes):
+    return [summed(Record(Vector(np.ones(n))).data) for n in sizes]
+"""
+
+
+def test_kernels_of_two_sizes_from_the_cache_of_two_processes(tmp_path: Path) -> None:
+    """numba's own names for compiled functions made one size call the parts of another."""
+    (tmp_path / "sized.py").write_text(MODULE)
+    root = Path(__file__).parents[1]
+    environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path / "cache"), "PYTHONPATH": f"{tmp_path}:{root}"}
+
+    def sums(*sizes: int) -> str:
+        command = [sys.executable, "-c", f"import sized; print(sized.sums({list(sizes)}))"]
+        return subprocess.run(command, env=environment, capture_output=True, text=True, check=True).stdout.strip()
+
+    assert [sums(6), sums(7), sums(3)] == ["[6.0]", "[7.0]", "[3.0]"]
+    assert sums(3, 6, 7) == "[3.0, 6.0, 7.0]"
+
+
+@pytest.mark.parametrize("shape", [(1, 1), (2, 2), (3, 6), (6, 6)])
+def test_spectral_norm_is_never_below_and_at_most_a_little_above(shape: tuple[int, int]) -> None:
+    random, k = np.random.default_rng(5), shape[0]
+    alike = np.linalg.qr(random.standard_normal((shape[1], shape[1])))[0][:k]  # all singular values 1: the worst case
+    for A in (alike, 1e-9 * alike, *random.standard_normal((50, *shape))):
+        true = np.linalg.norm(A, 2)
+        assert true * (1.0 - 1e-12) <= algebra.spectral_norm(A, np.empty((k, k)), np.empty((k, k)))
+        assert algebra.spectral_norm(A, np.empty((k, k)), np.empty((k, k))) <= true * k ** (1.0 / 64.0) * (1.0 + 1e-12)

@@ -1,0 +1,139 @@
+"""What is read as code or as one's own: folders in which other users of the machine have no hand."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from app.process.private_folder import NotOwnError, own, private
+from app.session.autosave import StateError, occupied
+
+OTHER = 65_534  # "nobody"
+ROOT = pytest.mark.skipif(os.geteuid() != 0, reason="only root can give a folder to another user")
+TELL = "import os, app, app.process.kernel_cache as k; print(os.environ[k.VARIABLE])"
+INHERIT = f"import app, subprocess, sys; subprocess.run([sys.executable, '-c', {TELL!r}]); exec({TELL!r})"
+
+
+def by_link(path: Path) -> None:
+    (target := path.with_name("elsewhere")).mkdir()
+    path.symlink_to(target)
+
+
+def writable_by_all(path: Path) -> None:
+    path.mkdir()
+    path.chmod(0o777)
+
+
+def anothers(path: Path) -> None:
+    path.mkdir()
+    os.chown(path, OTHER, OTHER)
+
+
+def below_anothers(path: Path) -> None:
+    path.mkdir()
+    os.chown(path.parent, OTHER, OTHER)
+
+
+def below_one_for_all(path: Path) -> None:
+    path.mkdir()
+    path.parent.chmod(0o777)
+
+
+PLANTED = [
+    (by_link, "is a symbolic link"),
+    (writable_by_all, r"can be written by others \(mode 777\)"),
+    (below_one_for_all, "is below .*, in which others can put another folder"),
+    pytest.param(anothers, f"belongs to another user .uid {OTHER}.", marks=ROOT),
+    pytest.param(below_anothers, "is below .*, in which others can put another folder", marks=ROOT),
+]
+
+
+@pytest.mark.parametrize(("plant", "said"), PLANTED)
+def test_a_folder_in_which_others_have_a_hand_is_neither_trusted_nor_used(
+    plant: Callable[[Path], None], said: str, tmp_path: Path
+) -> None:
+    folder = tmp_path / "shelf" / "vsmrc-lab"
+    folder.parent.mkdir()
+    plant(folder)
+    with pytest.raises(NotOwnError, match=said):
+        own(folder)
+    with pytest.raises(StateError, match=f"--state-dir .*: {said}.*; allowed: a folder that only its owner can write"):
+        occupied(folder)
+    assert not list(folder.iterdir())
+    told = kernels_of(INHERIT, XDG_CACHE_HOME=str(folder.parent))
+    assert len(set(told)) == 1  # the processes beside use the same one
+    assert folder not in Path(told[0]).parents
+    assert not Path(told[0]).exists()  # it has ended with its maker
+
+
+def test_ones_own_folder_is_made_private_and_lasts(tmp_path: Path) -> None:
+    folder = tmp_path / "new" / "vsmrc-lab"
+    assert own(folder).stat().st_mode & 0o777 == 0o700
+    folder.chmod(0o755)
+    assert private(folder).stat().st_mode & 0o777 == 0o700
+    link = tmp_path / "link"
+    link.symlink_to(tmp_path / "new")  # a link above may be anything: its target is looked at, and used
+    assert own(link / "vsmrc-lab") == folder.resolve()
+    told = kernels_of(TELL, XDG_CACHE_HOME=str(tmp_path / "new"))
+    assert Path(told[0]).parent == folder
+    assert Path(told[0]).stat().st_mode & 0o777 == 0o700
+
+
+def test_without_a_home_that_can_be_written_no_shared_folder_is_used(tmp_path: Path) -> None:
+    """The folder that others could foresee below the temporary one, as it was planted once."""
+    (tmp_path / "vsmrc-lab").mkdir(mode=0o777)
+    told = kernels_of(INHERIT, XDG_CACHE_HOME="/dev/null/none", TMPDIR=str(tmp_path))
+    assert len(set(told)) == 1
+    assert Path(told[0]).parent == tmp_path
+    assert Path(told[0]).name != "vsmrc-lab"
+    assert not list((tmp_path / "vsmrc-lab").iterdir())
+
+
+def test_what_a_killed_process_leaves_goes_with_the_next_start_and_nothing_else(tmp_path: Path) -> None:
+    """Killed or alive, own or planted: only what nobody holds any more is removed."""
+    environment = os.environ | {"XDG_CACHE_HOME": "/dev/null/none", "TMPDIR": str(tmp_path)}
+    environment.pop("NUMBA_CACHE_DIR", None)
+    waiting = f"{TELL}; sys.stdout.flush(); sys.stdin.read()".replace("import os,", "import os, sys,")
+    began = [
+        subprocess.Popen(
+            [sys.executable, "-c", waiting], env=environment, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+        )
+        for _ in range(2)
+    ]
+    killed, alive = (Path(process.stdout.readline().strip()) for process in began if process.stdout)
+    began[0].kill()
+    began[0].wait()
+    (killed / "kernel").write_text("")
+    (kept := tmp_path / "kept").mkdir(mode=0o700)
+    (kept / "file").write_text("")
+    (tmp_path / "vsmrc-kernels-link").symlink_to(kept)
+    (tmp_path / "vsmrc-kernels-open").mkdir(mode=0o755)
+    (tmp_path / "vsmrc-kernels-file").write_text("")
+    others = [] if os.geteuid() else [tmp_path / "vsmrc-kernels-theirs"]
+    for folder in others:
+        folder.mkdir(mode=0o700)
+        os.chown(folder, OTHER, OTHER)
+    assert killed.exists()
+    (own_one,) = kernels_of(TELL, XDG_CACHE_HOME="/dev/null/none", TMPDIR=str(tmp_path))
+    left = {path.name for path in tmp_path.iterdir()}
+    assert left == {
+        alive.name, "kept", *(f"vsmrc-kernels-{what}" for what in ("link", "open", "file")), *(o.name for o in others)
+    }  # fmt: skip
+    assert (kept / "file").exists()
+    assert own_one not in (str(killed), str(alive))
+    began[1].communicate(timeout=60)
+    assert not alive.exists()
+
+
+def kernels_of(program: str, **environment: str) -> list[str]:
+    """What a program prints of where its kernels are kept."""
+    inherited = {name: value for name, value in os.environ.items() if name != "NUMBA_CACHE_DIR"}
+    done = subprocess.run(
+        [sys.executable, "-c", program], env=inherited | environment, capture_output=True, text=True, check=True
+    )
+    return done.stdout.split()

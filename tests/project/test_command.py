@@ -1,0 +1,267 @@
+"""The `vsmrc` command: files, exit statuses, and one sentence for every wrong input."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from app.analysis.metrics import FIGURES, unit_of
+from app.cli import run
+from app.scenario.data import edited, from_toml, load, to_toml
+from app.scenario.schema import Scenario, ScenarioError
+from app.scenario.units import CARTESIAN, JOINT
+
+
+def vsmrc(*arguments: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run([sys.executable, "-m", "app", *arguments], capture_output=True, text=True, timeout=120)
+
+
+def test_run_writes_recording_and_metrics(tmp_path: Path) -> None:
+    done = vsmrc(
+        "run", "ur5-hybrid", "--set", "force.value=15", "truth.link_scaling=1.1", "--set", "controller.layer=0.02",
+        "--duration", "0.5", "--out", str(tmp_path),
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    metrics = json.loads((tmp_path / "metrics.json").read_text())
+    assert {
+        "motion_error_tail", "force_error_tail", "constraint_violation", "reaching_time", "reaching_time_bound",
+        "envelope_violation", "gain_condition_margin", "target_model_residual_tail", "torque_total_variation",
+        "realtime_factor", "stopped",
+    } <= metrics.keys()  # fmt: skip
+    assert metrics["stopped"] is None
+    with np.load(tmp_path / "recording.npz") as recording:
+        assert len(recording["t"]) == 500
+        assert np.all(recording["F_cd"][:, 0] == 15.0)
+    scenario = from_toml((tmp_path / "scenario.toml").read_text())
+    assert scenario.controller.layer == 0.02
+
+
+def test_stopped_run_keeps_its_files_and_says_why(tmp_path: Path) -> None:
+    done = vsmrc("run", "ur5-constrained", "--set", "force.value=-5", "--duration", "1", "--out", str(tmp_path))
+    assert done.returncode == 3
+    assert "contact lost" in json.loads((tmp_path / "metrics.json").read_text())["stopped"]
+    assert (tmp_path / "recording.npz").exists()
+
+
+@pytest.mark.parametrize(("space", "length", "force"), [("joint", "rad", "N·m"), ("cartesian", "m", "N")])
+def test_run_says_in_which_units_its_figures_are(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], space: str, length: str, force: str
+) -> None:
+    assert run("ur5-motion", out=tmp_path, duration=0.05, settings=((f"task_space.kind={space}",),)) == 0
+    units = {line.split()[0]: line.split()[-1] for line in capsys.readouterr().out.splitlines()}
+    assert units["motion_error_tail"] == length
+    assert unit_of("envelope_violation", JOINT if space == "joint" else CARTESIAN) == f"{length}/s"
+    assert units["gain_condition_margin"] == units["target_model_residual_tail"] == force
+    assert units["reaching_time_bound"] == units["simulated_time"] == "s"
+    assert units["torque_total_variation"] == "N·m/s"
+    assert units["force_error_tail"] == "-"
+
+
+def test_runs_are_compared_side_by_side() -> None:
+    done = vsmrc("compare", "planar3r-hybrid", "planar2r-semicircle", "--duration", "0.3", "--last", "0.1")
+    assert done.returncode == 0, done.stderr
+    figures = {line.split("│")[1].strip(): line.split("│")[2:4] for line in done.stdout.splitlines() if "│" in line}
+    assert len(figures) == len(FIGURES)
+    assert all(float(value) >= 0.0 for value in figures["‖s‖, largest [mm/s]"])
+
+
+def test_a_frame_rate_that_makes_no_sense_is_refused() -> None:
+    done = vsmrc("serve", "--port", "0", "--fps", "0")
+    assert done.returncode == 2
+    assert "--fps: 0; allowed: 1 to 60" in done.stderr
+
+
+def test_a_port_that_is_none_is_refused() -> None:
+    for port in ("70000", "-1"):
+        done = vsmrc("serve", "--port", port)
+        assert (done.returncode, done.stderr) == (2, f"vsmrc: --port {port}; allowed: 0 to 65535\n")
+
+
+def test_what_is_said_when_nobody_reads_any_more_stops_nothing() -> None:
+    ours, theirs = os.pipe()
+    os.close(ours)
+    code = "from app.process.terminal_text import say; say('one'); say('two')"
+    done = subprocess.run([sys.executable, "-c", code], stdout=theirs, stderr=subprocess.PIPE, text=True, check=False)
+    os.close(theirs)
+    assert (done.returncode, done.stderr) == (0, "")
+
+
+def test_nothing_to_compare_is_said() -> None:
+    for arguments, said in (((), "compare: no scenario"), (("ur5-hybrid", "--last", "-1"), "allowed: more than 0 s")):
+        done = vsmrc("compare", *arguments)
+        assert done.returncode == 2
+        assert said in done.stderr
+
+
+def test_list_shows_robots_and_scenarios() -> None:
+    done = vsmrc("list")
+    assert done.returncode == 0
+    assert "panda" in done.stdout
+    assert "planar2r-semicircle" in done.stdout
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (("run", "nothing"), "allowed: a .toml file or"),
+        (("run", "ur5-hybrid", "--set", "force.value"), "allowed: KEY=VALUE"),
+        (("run", "ur5-hybrid", "--set", "force.value=nan"), "force.value: nan; allowed: a finite number"),
+        (("run", "ur5-hybrid", "--set", "controller.layer=-1"), "controller.layer: -1; allowed: a number > 0"),
+        (("run", "ur5-hybrid", "--set", "mode=constrained"), "contact.kind: 'elastic' in constrained mode"),
+        (("run", "ur5-hybrid", "--set", "target_model.M_m=[1,2]"), "target_model.M_m: 2 entries; allowed: 6"),
+        (("run", "ur5-hybrid", "--set", "robot.urdf=/none.urdf"), "robot.urdf: cannot read /none.urdf"),
+        (("run", "ur5-hybrid", "--set", "robot.tool_frame=hand"), "robot.tool_frame: no frame 'hand'"),
+    ],
+)
+def test_wrong_input_is_refused_in_one_sentence(arguments: tuple[str, ...], said: str, tmp_path: Path) -> None:
+    done = vsmrc(*arguments, "--out", str(tmp_path / "out"))
+    assert done.returncode == 2
+    assert said in done.stderr
+    assert "Traceback" not in done.stderr
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (("mode", "levitation"), "mode: 'levitation'; allowed: constrained, hybrid"),
+        (("motion", "spiral"), "motion"),
+        (("controller.gain", 3), "controller.gain"),
+        (("sensor.bias", [1.0, 2.0]), "sensor.bias"),
+        (("contact.K_e", "stiff"), "contact.K_e: 'stiff'; allowed: a number"),
+        (("simulation.substeps", 2.5), "simulation.substeps: 2.5; allowed: a whole number"),
+        (("robot", 5), "robot"),
+        (("surface.colour", "red"), "surface.colour: no such field; allowed: kind, origin"),
+    ],
+)
+def test_wrong_field_is_named(change: tuple[str, object], said: str) -> None:
+    with pytest.raises(ScenarioError, match=said.replace("(", r"\(")):
+        edited(Scenario(), *change)
+
+
+def test_scenario_files_that_are_none(tmp_path: Path) -> None:
+    for text, said in (("mode = ", "not a TOML file"), ("colour = 'red'", "colour"), ("[robot]\nlegs = 2", "legs")):
+        path = tmp_path / "scenario.toml"
+        path.write_text(text)
+        with pytest.raises(ScenarioError, match=said):
+            load(str(path))
+    with pytest.raises(ScenarioError, match="cannot be read"):
+        load(str(tmp_path / "missing.toml"))
+
+
+def test_toml_keeps_every_field() -> None:
+    scenario = edited(Scenario(), "target_model.K_m", [[1.0, 0.5], [0.5, 2.0]])
+    assert from_toml(to_toml(scenario)) == scenario
+
+
+def test_serve_says_its_address_and_a_busy_port_and_ends_on_ctrl_c() -> None:
+    command = [sys.executable, "-m", "app", "serve", "planar2r-semicircle", "--port", "8137", "--stateless"]
+    command += ["--token", "never"]
+    server = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    try:
+        assert server.stdout is not None
+        said = next(line for line in server.stdout if line.startswith("VSMRC Lab"))
+        assert "http://127.0.0.1:8137" in said
+        second = vsmrc("serve", "--port", "8137")
+        assert second.returncode == 2
+        assert "8137" in second.stderr
+        time.sleep(1.0)
+        for _ in range(2):  # an impatient one
+            os.kill(server.pid, signal.SIGINT)
+            time.sleep(0.1)
+        _, complaints = server.communicate(timeout=10)
+        assert server.returncode == 0
+        assert "Traceback" not in complaints
+    finally:
+        server.kill()
+        server.wait()
+
+
+def test_ctrl_c_ends_a_server_that_a_script_has_begun_in_the_background() -> None:
+    """A shell without job control hands SIGINT on ignored."""
+    command = [sys.executable, "-m", "app", "serve", "planar2r-semicircle", "--port", "0", "--stateless"]
+    ignoring = (
+        "import os, signal, sys; signal.signal(signal.SIGINT, signal.SIG_IGN); os.execv(sys.argv[1], sys.argv[1:])"
+    )
+    server = subprocess.Popen(
+        [sys.executable, "-c", ignoring, *command], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
+    try:
+        assert server.stdout is not None
+        assert next(line for line in server.stdout if line.startswith("VSMRC Lab"))
+        server.send_signal(signal.SIGINT)
+        server.communicate(timeout=60)
+        assert server.returncode == 0
+    finally:
+        server.kill()
+        server.wait()
+
+
+@pytest.mark.parametrize("shared", [(), ("--shared",)])
+def test_the_end_does_not_wait_for_the_interpreter_to_be_taken_down(shared: tuple[str, ...]) -> None:
+    """Nor does it come from the deadline, which a busy machine may need: both are taken away here."""
+    program = """
+import atexit, sys, threading
+import app.process.deadline
+app.process.deadline.end_within = lambda: None
+threading.Thread(target=threading.Event().wait).start()  # an interpreter waits for it for ever
+atexit.register(lambda: print("what was registered"))
+from app.__main__ import main
+main()
+"""
+    arguments = ["serve", "planar2r-semicircle", "--port", "0", "--stateless", "--token", "never", *shared]
+    server = subprocess.Popen([sys.executable, "-c", program, *arguments], stdout=subprocess.PIPE, text=True)
+    try:
+        assert server.stdout is not None
+        assert next(line for line in server.stdout if line.startswith("VSMRC Lab"))
+        server.send_signal(signal.SIGINT)
+        said, _ = server.communicate(timeout=60)
+        assert server.returncode == 0
+        assert "ended" in said
+        assert said.splitlines()[-1] == "what was registered"
+    finally:
+        server.kill()
+        server.wait()
+
+
+def test_what_cannot_be_printed_is_no_success() -> None:
+    with open("/dev/full", "w") as full:
+        listed = [sys.executable, "-m", "app", "list"]
+        done = subprocess.run(listed, stdout=full, stderr=subprocess.PIPE, text=True, check=False)
+    assert done.returncode != 0
+    assert "No space left on device" in done.stderr
+
+
+def test_any_urdf_runs_and_a_truth_outside_its_declaration_is_said(tmp_path: Path) -> None:
+    done = vsmrc(
+        "run", "ur5-hybrid", "--duration", "0.1", "--out", str(tmp_path),
+        "--set", "truth.payload_mass=2", "robot.tool_frame=flange", "robot.urdf=tests/support/robots/bent3r.urdf",
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    assert "outside what was declared: payload 2 kg > declared 0 kg" in done.stdout
+    assert load(str(tmp_path / "scenario.toml")).robot.tool_frame == "flange"
+
+
+def test_ctrl_c_before_the_command_is_loaded_is_no_traceback() -> None:
+    interrupted = """
+import sys
+
+class Finder:
+    def find_spec(self, name, *_):
+        if name == "numba":
+            raise KeyboardInterrupt
+
+sys.meta_path.insert(0, Finder())
+from app.__main__ import main
+main()
+"""
+    done = subprocess.run([sys.executable, "-c", interrupted], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stdout, done.stderr) == (130, "", "")

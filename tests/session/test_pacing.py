@@ -1,0 +1,144 @@
+"""Wall time: what is measured of it, and that a loop which cannot keep up slows down, says so and skips nothing."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from app.dashboard.widgets.status import status_html
+from app.scenario.data import edited, shipped
+from app.session.commands import Edit, Pause, Push, Seek, SetSpeed, ToEnd
+from app.session.pacing import Pace, PaceMeter, Schedule
+from app.session.runner import Runner
+from app.session.snapshot import Snapshot
+from environments.push import Grip
+
+CANNOT = "The loop cannot keep up"
+
+
+@pytest.fixture
+def runner() -> Iterator[Runner]:
+    runner = Runner(edited(shipped()["planar2r-semicircle"], "controller.period", 2e-4))
+    runner.start()
+    yield runner
+    runner.close()
+
+
+def wait(runner: Runner, condition: Callable[[Snapshot], bool], seconds: float = 20.0) -> Snapshot:
+    until = time.monotonic() + seconds
+    while not condition(now := runner.snapshot):
+        assert time.monotonic() < until, (now.phase, now.reason, now.refusal, now.pace)
+        time.sleep(0.01)
+    return now
+
+
+def test_a_speed_that_cannot_be_kept_slows_simulated_time_skips_nothing_and_is_said(runner: Runner):
+    runner.post(SetSpeed(100.0))  # half a million steps a second
+    now = wait(runner, lambda now: now.pace is not None and now.pace.slowed)
+    assert now.pace is not None
+    assert now.pace.asked == pytest.approx(5e5)
+    assert 0.0 < now.realtime_factor < 97.0
+    assert f"{CANNOT}: 100× asked for" in status_html(now, "")
+    t = now.recording.signals(("t",))["t"]
+    np.testing.assert_allclose(np.diff(t), 2e-4, rtol=1e-9)
+
+
+def test_no_step_is_skipped_when_edits_hold_the_loop_up(runner: Runner):
+    revision = runner.snapshot.revision
+    for layer in (0.011, 0.012, 0.013):
+        runner.post(Edit("controller.layer", layer))
+        time.sleep(0.05)
+    now = wait(runner, lambda now: now.revision > revision and now.t > 0.5)
+    t = now.recording.signals(("t",))["t"]
+    np.testing.assert_allclose(np.diff(t), 2e-4, rtol=1e-9)
+
+
+def test_a_paused_loop_has_no_pace(runner: Runner):
+    wait(runner, lambda now: now.pace is not None)
+    runner.post(Pause())
+    now = wait(runner, lambda now: now.phase == "paused")
+    assert now.pace is None
+    assert now.realtime_factor == 0.0
+    assert CANNOT not in status_html(now, "")
+
+
+def test_a_loop_that_keeps_up_says_nothing(runner: Runner):
+    now = wait(runner, lambda now: now.pace is not None)
+    assert CANNOT not in status_html(replace(now, pace=Pace(5000.0, 4990.0, 2e-4, 5e-3, 1.0)), "")
+    assert CANNOT in status_html(replace(now, pace=Pace(5000.0, 4500.0, 2e-4, 0.1, 1.0)), "")
+
+
+def test_lateness_of_every_step_follows_from_the_bounds_of_its_batch():
+    meter = PaceMeter()
+    schedule = Schedule(wall=10.0, t_0=1.0, speed=2.0)
+    # ends at t = 1.002 and 1.004, due at 10.001 and 10.002, computed at 10.004 and 10.006
+    meter.note(schedule, began=10.002, ended=10.006, first=1.002, last=1.004, steps=2)
+    meter.note(schedule, began=10.0065, ended=10.007, first=1.006, last=1.006, steps=1)
+    np.testing.assert_allclose(meter.lateness(10.0), [0.003, 0.004, 0.004], atol=1e-12)
+    np.testing.assert_allclose(meter.lateness(10.003), [0.004], atol=1e-12)
+    assert not meter.pace(10.0, 10.01, asked=400.0).slowed  # the fourth step may be under way
+    pace = meter.pace(10.0, 10.01, asked=600.0)
+    assert pace.achieved == pytest.approx(300.0)
+    assert pace.slowed
+    assert pace.late_most == pytest.approx(0.004)
+    assert meter.pace(11.0, 12.0, asked=400.0).achieved == 0.0
+
+
+def test_the_meter_forgets_the_oldest_batches_and_keeps_their_order():
+    meter = PaceMeter(kept=4)
+    schedule = Schedule(0.0, 0.0, 1.0)
+    for k in range(1, 8):  # the k-th is late by k milliseconds
+        meter.note(schedule, k + 0.0, k + 1e-3 * k, float(k), float(k), steps=1)
+    np.testing.assert_allclose(meter.lateness(0.0), [4e-3, 5e-3, 6e-3, 7e-3])
+    np.testing.assert_allclose(meter.lateness(5.5), [6e-3, 7e-3])
+
+
+def test_slow_motion_moves_also_with_a_long_period_and_warns_of_nothing():
+    runner = Runner(edited(shipped()["planar2r-semicircle"], "controller.period", 0.01))
+    runner.post(SetSpeed(0.05))  # five steps a second
+    runner.start()
+    try:
+        wait(runner, lambda now: now.speed == 0.05)
+        began, slowed = time.monotonic(), False
+        while time.monotonic() < began + 2.0:
+            now = runner.snapshot
+            slowed |= now.pace is not None and now.pace.slowed
+            time.sleep(0.01)
+        assert now.t >= 0.04
+        assert not slowed
+    finally:
+        runner.close()
+
+
+def test_a_slider_of_time_is_followed_to_where_it_is_now(runner: Runner, monkeypatch: pytest.MonkeyPatch):
+    wait(runner, lambda now: now.t > 0.5)
+    runner.post(Pause())
+    end = wait(runner, lambda now: now.phase == "paused").end
+    sought: list[float] = []
+    line = runner._line
+    seek = line.seek
+
+    def slow(t: float) -> None:
+        sought.append(t)
+        time.sleep(0.3)
+        seek(t)
+
+    monkeypatch.setattr(line, "seek", slow)
+    for share in np.linspace(0.1, 0.9, 20):
+        runner.post(Seek(share * end))
+    wait(runner, lambda now: now.t == pytest.approx(0.9 * end, abs=1e-3))
+    assert len(sought) < 4
+
+
+def test_a_hand_lets_go_when_one_looks_back(runner: Runner):
+    now = wait(runner, lambda now: now.t > 0.3)
+    runner.post(Push(Grip(tuple(now.tool + np.array([0.02, 0.0, 0.0])))))
+    wait(runner, lambda now: now.state.grip is not None)
+    runner.post(Seek(0.1))
+    runner.post(Push(None))
+    runner.post(ToEnd())
+    wait(runner, lambda now: now.state.grip is None and not now.looking_back)

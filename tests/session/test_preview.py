@@ -1,0 +1,272 @@
+"""What-if previews: the same numbers as the loop, final values against closed forms, a process that never queues."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import threading
+from collections.abc import Iterator
+from typing import TypeVar
+
+import numpy as np
+import pytest
+
+from app.analysis.metrics import BAND, settling_time, steady_force_error
+from app.scenario.data import edited, from_plain, shipped, to_plain
+from app.scenario.schema import Scenario
+from app.session.preview import Foresight, Outlook, Question, Refusal
+from app.session.preview_client import Previewer
+from app.simulation.closed_loop import ClosedLoop
+from drivers.waiting import until
+
+T = TypeVar("T")
+EDITS: dict[str, object] = {
+    "force.value": 33.0,
+    "target_model.K_m": None,
+    "controller.layer": 0.02,
+    "contact.K_e": 3e4,
+    "truth.payload_mass": 1.0,
+    "sensor.cutoff": 200.0,
+    "declared.payload_mass": 1.0,
+    "controller.period": 5e-4,
+    "surface.motion.amplitude": 0.01,
+}
+
+
+def running(scenario: Scenario, periods: int = 400) -> ClosedLoop:
+    loop = ClosedLoop(scenario)
+    for _ in range(periods):
+        loop.step()
+    return loop
+
+
+def disturbed() -> Scenario:
+    """Everything that has a memory: a noisy, slow, late sensor; reaching; estimates along the reference."""
+    data = to_plain(shipped()["ur5-hybrid-reaching"])
+    data["sensor"] = {"noise": 0.1, "delay": 0.004, "cutoff": 80.0, "bias": [0.1, 0.0, 0.2]}
+    data["controller"]["estimates"] = "along-reference"
+    data["truth"] |= {"coulomb": 0.5, "disturbance": 1.0}
+    data["declared"] |= {"coulomb": 0.6, "disturbance": 1.2, "force_error": 1.0}
+    return from_plain(data)
+
+
+def foreseen(loop: ClosedLoop, scenario: Scenario, horizon: float) -> np.ndarray:
+    foresight = Foresight(Question(1, loop.state(), scenario, horizon))
+    while foresight.share < 1.0:
+        foresight.advance(37)
+    return foresight._loop.recording.rows()
+
+
+@pytest.mark.parametrize("name", [*shipped(), "disturbed"])
+def test_an_unchanged_scenario_goes_on_bit_for_bit(name: str) -> None:
+    loop = running(disturbed() if name == "disturbed" else shipped()[name])
+    ahead = foreseen(loop, loop.system.scenario, 0.2)
+    t = loop.t
+    for _ in range(len(ahead)):
+        loop.step()
+    assert len(ahead) == round(0.2 / loop.system.scenario.controller.period)
+    np.testing.assert_array_equal(ahead, loop.recording.rows(t))
+
+
+@pytest.mark.parametrize("path", EDITS)
+@pytest.mark.parametrize("scenario", [shipped()["ur5-hybrid"], disturbed()], ids=["plain", "disturbed"])
+def test_an_edit_does_what_it_would_do_in_the_loop(scenario: Scenario, path: str) -> None:
+    loop = running(scenario)
+    value = [0.0, 3000.0, 3000.0, 3000.0, 3000.0, 3000.0] if EDITS[path] is None else EDITS[path]
+    changed = edited(loop.system.scenario, path, value)
+    ahead = foreseen(loop, changed, 0.1)
+    loop.edit(changed)
+    t = loop.t
+    for _ in range(len(ahead)):
+        loop.step()
+    np.testing.assert_array_equal(ahead, loop.recording.rows(t))
+
+
+def test_a_state_is_not_changed_by_what_goes_on_from_it() -> None:
+    loop = running(disturbed())
+    state = loop.state()
+    first, second = (ClosedLoop.resume(state, previous=loop.system) for _ in range(2))
+    for going in (loop, first, second):
+        for _ in range(50):
+            going.step()
+    np.testing.assert_array_equal(first.recording.rows(), second.recording.rows())
+    np.testing.assert_array_equal(first.recording.rows(), loop.recording.rows(state.t))
+
+
+def test_settling_time_of_an_exponential() -> None:
+    t = np.arange(0.0, 10.0, 1e-3)
+    tau = 0.4
+    signal_ = 3.0 - 2.0 * np.exp(-t / tau)
+    assert settling_time(t, signal_, resolution=1e-6) == pytest.approx(-tau * np.log(BAND), abs=1e-3)
+    assert settling_time(t, signal_, resolution=2.0) == 0.0
+    assert settling_time(t, np.sin(t), resolution=1e-6) == np.inf
+    assert settling_time(t[:500], signal_[:500], resolution=1e-6) == np.inf
+
+
+@pytest.mark.parametrize(("K_m1", "K_e"), [(0.0, 2e4), (1500.0, 2e4), (1500.0, 5e3), (0.0, 1e4)])
+def test_final_force_error_is_that_of_37(K_m1: float, K_e: float) -> None:
+    loop = running(shipped()["ur5-hybrid"])
+    stiffness = [K_m1, 4000.0, 4000.0, 4000.0, 4000.0, 4000.0]
+    scenario = edited(edited(loop.system.scenario, "target_model.K_m", stiffness), "contact.K_e", K_e)
+    foresight = Foresight(Question(1, loop.state(), scenario, 2.0))
+    foresight.advance(10_000)
+    outlook = foresight.outlook()
+    assert isinstance(outlook, Outlook)
+    figures = outlook.figures
+    expected = (1.0 - K_e / (K_m1 + K_e)) * (K_e - 1e4) / 1e4 * 20.0
+    assert figures.force_error_predicted == pytest.approx(expected, abs=1e-9)
+    assert figures.force_error == pytest.approx(expected, abs=0.02)
+    assert figures.left is None
+    assert steady_force_error(running(shipped()["ur5-motion"], 1).system, 20.0, np.zeros(6)) is None
+
+
+def test_settling_of_the_force_is_that_of_the_target_model() -> None:
+    # the desired force jumps: e obeys M e.. + B e. + K_e e = 0 from rest, critically damped at 31.6 rad/s;
+    # (1 + x) exp(-x) = 0.02 at x = 5.834
+    known = edited(edited(shipped()["ur5-hybrid"], "truth.link_scaling", 1.0), "motion", "hold")
+    loop = running(known, 1500)
+    foresight = Foresight(Question(1, loop.state(), edited(loop.system.scenario, "force.value", 30.0), 2.0))
+    foresight.advance(10_000)
+    outlook = foresight.outlook()
+    assert isinstance(outlook, Outlook)
+    assert outlook.figures.force_settling == pytest.approx(5.834 / np.sqrt(1e4 / 10.0), rel=0.02)
+    assert outlook.figures.motion_settling == 0.0
+    np.testing.assert_allclose(outlook.ahead[[0, -1]], [1e-3, 1.999], rtol=1e-9)
+
+
+def test_under_impedance_the_path_error_is_that_of_the_plots() -> None:
+    loop = running(shipped()["ur5-impedance"], 3000)
+    foresight = Foresight(Question(0, loop.state(), loop.system.scenario, 1.0))
+    foresight.advance(1000)
+    outlook = foresight.outlook()
+    assert isinstance(outlook, Outlook)
+    drawn = np.linalg.norm(outlook.signals["e_r"][:, :3], axis=1)
+    assert drawn[-1] > 5e-3  # the wall holds it off its path
+    assert outlook.figures.motion_error == pytest.approx(drawn[outlook.ahead > 0.8].max(), rel=1e-3)
+
+
+@pytest.mark.parametrize("periods", [1, 2, 3, 1000])
+def test_a_horizon_of_any_length_is_answered(periods: int) -> None:
+    loop = running(shipped()["planar2r-semicircle"], 5)
+    period = loop.system.scenario.controller.period
+    foresight = Foresight(Question(1, loop.state(), loop.system.scenario, periods * period))
+    foresight.advance(periods)
+    outlook = foresight.outlook()
+    assert isinstance(outlook, Outlook)
+    assert outlook.whole
+    assert outlook.figures.span == pytest.approx(periods * period)
+    assert outlook.ahead[-1] == pytest.approx((periods - 1) * period)
+
+
+def test_leaving_the_domain_is_said() -> None:
+    loop = running(shipped()["ur5-hybrid"])
+    weak = edited(edited(loop.system.scenario, "controller.gain", "constant"), "controller.d", 1.0)
+    foresight = Foresight(Question(1, loop.state(), edited(weak, "truth.payload_mass", 20.0), 1.0))
+    foresight.advance(10_000)
+    outlook = foresight.outlook()
+    assert isinstance(outlook, Outlook)
+    assert outlook.figures.gain_margin < 0.0
+    assert outlook.figures.left is not None
+    assert outlook.figures.left.startswith("t = ")
+
+
+@pytest.fixture
+def previewer() -> Iterator[Previewer]:
+    previewer = Previewer()
+    yield previewer
+    previewer.close()
+
+
+def whole(previewer: Previewer) -> Outlook | None:
+    newest = previewer.newest
+    return newest if isinstance(newest, Outlook) and newest.whole else None
+
+
+def test_the_process_answers_the_newest_question_only(previewer: Previewer) -> None:
+    loop = running(shipped()["ur5-hybrid"])
+    state = loop.state()
+    for force in range(21, 61):
+        previewer.ask(state, edited(state.scenario, "force.value", float(force)), 0.3)
+    answer = until(lambda: whole(previewer) if previewer.idle else None)
+    assert answer.scenario.force.value == 60.0
+    assert answer.ahead[-1] > 0.29
+    loop.edit(answer.scenario)
+    for _ in range(300):
+        loop.step()
+    really = loop.recording.signals(("t", "F_c"), state.t)
+    rows = np.searchsorted(really["t"], answer.signals["t"])
+    assert len(rows) > 100
+    np.testing.assert_array_equal(answer.signals["F_c"], really["F_c"][rows])
+
+
+def test_answers_on_the_way_come_first_and_a_dropped_one_never(previewer: Previewer) -> None:
+    state = running(shipped()["ur5-hybrid"]).state()
+    changed = edited(state.scenario, "force.value", 30.0)
+    previewer.ask(state, changed, 20.0)
+    first = until(lambda: previewer.newest)
+    assert isinstance(first, Outlook)
+    assert not first.whole
+    previewer.drop()
+    until(lambda: previewer.idle)
+    assert previewer.newest is None
+
+
+def test_a_refused_scenario_is_a_sentence_and_the_next_question_is_answered(previewer: Previewer) -> None:
+    state = running(shipped()["ur5-hybrid"], 5).state()
+    previewer.ask(state, edited(state.scenario, "target_model.M_m", [0.0] * 6), 0.1)
+    refusal = until(lambda: previewer.newest)
+    assert isinstance(refusal, Refusal)
+    assert "M_m" in refusal.sentence
+    previewer.ask(state, state.scenario, 0.1)
+    assert until(lambda: whole(previewer)).scenario == state.scenario
+
+
+def test_a_killed_process_is_said_and_started_anew(previewer: Previewer) -> None:
+    state = running(shipped()["ur5-hybrid"], 5).state()
+    previewer.ask(state, state.scenario, 0.05)
+    until(lambda: whole(previewer))
+    os.kill(previewer.process_id or 0, signal.SIGKILL)
+    assert "-9" in until(lambda: previewer.failure)
+    previewer.ask(state, state.scenario, 0.05)
+    until(lambda: whole(previewer))
+    assert previewer.failure is None
+
+
+def test_closing_leaves_no_process_behind() -> None:
+    previewer = Previewer()
+    state = running(shipped()["ur5-hybrid"], 5).state()
+    previewer.ask(state, state.scenario, 20.0)
+    until(lambda: previewer.newest)
+    process = previewer.process_id
+    assert process is not None
+    previewer.close()
+    with pytest.raises(ProcessLookupError):
+        os.kill(process, 0)
+    until(lambda: not any(thread.name == "previews" for thread in threading.enumerate()))
+
+
+def test_the_process_ends_when_its_asker_is_killed() -> None:
+    program = """
+import os, signal, time
+from app.simulation.closed_loop import ClosedLoop
+from app.session.preview_client import Previewer
+from app.scenario.data import shipped
+previewer = Previewer()
+state = ClosedLoop(shipped()["ur5-hybrid"]).state()
+previewer.ask(state, state.scenario, 20.0)
+while previewer.newest is None:
+    time.sleep(0.01)
+os.kill(os.getpid(), signal.SIGKILL)
+"""
+    # the preview's process has inherited the pipe: the run returns when both have let go of it
+    killed = subprocess.run([sys.executable, "-c", program], stdout=subprocess.PIPE, timeout=60, check=False)
+    assert killed.returncode == -signal.SIGKILL
+
+
+def test_a_closed_previewer_starts_nothing() -> None:
+    previewer = Previewer()
+    previewer.close()
+    previewer.warm_up(running(shipped()["ur5-hybrid"], 1).state())
+    assert previewer.process_id is None

@@ -1,0 +1,116 @@
+"""A full disk, and processes that end before their time: it is said, and nothing is left behind."""
+
+from __future__ import annotations
+
+import os
+import resource
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from app.export.export_jobs import DataJob, Maker, TakeAwayError
+from app.scenario.data import load
+from app.simulation.recording import Recording
+from app.storage.recording_files import table
+from drivers.waiting import PATIENCE, until
+from tests.support.faults import Client
+
+
+@contextmanager
+def largest_file(size: int) -> Iterator[None]:
+    """A disk on which no file gets larger than this (bytes), for the processes begun meanwhile as well."""
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size, hard))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+
+
+def noise(rows: int) -> Recording:
+    recording, random = Recording(6, history=rows), np.random.default_rng(1)
+    for k in range(rows):
+        row = recording.new_row()
+        row[:] = random.standard_normal(recording.width)
+        row[0] = 1e-3 * k
+        recording.commit()
+    return recording
+
+
+@pytest.mark.parametrize("form", ["csv", "npz"])
+def test_a_disk_that_is_full_while_exporting_is_said(form: str) -> None:
+    job = DataJob(table(load("ur5-hybrid"), noise(6000)), form, np.inf)  # pyright: ignore[reportArgumentType]
+    with largest_file(2_000_000), pytest.raises(TakeAwayError, match="the file cannot be written: File too large"):
+        Maker().made(job, lambda _: None)
+
+
+def vsmrc(*arguments: str, preexec: Callable[[], None] | None = None) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "app", *arguments]
+    return subprocess.run(command, capture_output=True, text=True, timeout=300, preexec_fn=preexec, check=False)
+
+
+def test_a_disk_that_is_full_leaves_no_half_file(tmp_path: Path) -> None:
+    def small() -> None:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (300_000, 300_000))
+
+    done = vsmrc("run", "planar2r-semicircle", "--duration", "2", "--out", str(tmp_path), preexec=small)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert f"--out {tmp_path}: cannot be written: File too large" in done.stderr
+    assert "Traceback" not in done.stderr
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_process_that_makes_a_file_and_is_killed_is_said_and_leaves_nothing() -> None:
+    maker, killed = Maker(), []
+
+    def kill(_: float) -> None:
+        if not killed:
+            (process,) = maker._working
+            os.kill(process.pid, signal.SIGKILL)
+            killed.append(process)
+
+    with pytest.raises(TakeAwayError, match=r"the process that makes it has ended \(exit status -9\)"):
+        maker.made(DataJob(table(load("ur5-hybrid"), noise(6000)), "csv", np.inf), kill)
+    assert killed[0].returncode == -signal.SIGKILL
+    assert not maker._working
+    with pytest.raises(TakeAwayError, match="has ended"):  # and so at the end of the program
+        maker.made(DataJob(table(load("ur5-hybrid"), noise(6000)), "csv", np.inf), lambda _: maker.close())
+    with pytest.raises(TakeAwayError, match="the program is ending"):
+        maker.made(DataJob(table(load("ur5-hybrid"), noise(10)), "csv", np.inf), lambda _: None)
+
+
+def children(process: int) -> list[int]:
+    """Of this process, by number."""
+    found = subprocess.run(["ps", "-o", "pid=", "--ppid", str(process)], capture_output=True, text=True, check=False)
+    return [int(line) for line in found.stdout.split()]
+
+
+def test_a_server_ended_in_the_middle_of_everything_leaves_nothing_behind(tmp_path: Path) -> None:
+    """By SIGTERM; see `test_command` for Ctrl-C. A page that reads, one that does not, the process that previews."""
+    log = tmp_path / "log"
+    places = ("--port", "0", "--token", "never", "--state-dir", str(tmp_path / "state"), "--log-file", str(log))
+    command = [sys.executable, "-m", "app", "serve", "ur5-hybrid", *places]
+    server = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    try:
+        until(lambda: log.exists() and "session opened" in log.read_text(), "no session")
+        port = int(log.read_text().partition("url=http://127.0.0.1:")[2].split()[0])
+        for reads in (True, False):
+            Client(port, lambda: set(range(log.read_text().count("client connected"))), reads=reads)
+        others = until(lambda: children(server.pid))  # the preview's begins as soon as somebody looks
+        began = time.monotonic()
+        server.send_signal(signal.SIGTERM)
+        _, complaints = server.communicate(timeout=PATIENCE)
+        print(f"ended within {time.monotonic() - began:.2f} s")
+        assert (server.returncode, complaints) == (0, "")
+        assert "session closed" in log.read_text()
+        until(lambda: not any(Path(f"/proc/{process}").exists() for process in others))
+    finally:
+        server.kill()
+        server.wait()

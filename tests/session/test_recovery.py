@@ -1,0 +1,324 @@
+"""The session on disk: whole whatever happens, offered to the next server, and of no harm when it is broken."""
+
+from __future__ import annotations
+
+import json
+import os
+import resource
+import subprocess
+import sys
+from collections.abc import Callable
+from contextlib import closing
+from pathlib import Path
+
+import numpy as np
+import pytest
+from playwright.sync_api import Page
+
+from app.dashboard import Dashboard
+from app.dashboard.widgets.last_session import left_by
+from app.scenario.data import edited, load
+from app.scenario.schema import Scenario, ScenarioError
+from app.session.autosave import OFFER, SESSION, Keeper, StateError, StateFolder, default_folder
+from app.session.changes import with_robot
+from app.session.commands import Edit, Pin, Unpin
+from app.session.runner import Runner
+from app.session.timeline import Pinned, Timeline
+from app.simulation.closed_loop import ClosedLoop
+from drivers.pages import PATIENCE, VIEWPORT
+from drivers.waiting import until
+from tests.support.drawn import drawn
+
+SCENARIO = load("planar2r-semicircle")
+
+
+@pytest.fixture(scope="module")
+def pinned() -> tuple[Pinned, ...]:
+    line = Timeline(ClosedLoop(SCENARIO, 10_000))
+    for _ in range(3):
+        for _ in range(100):
+            line.step()
+        line.pin()
+    return line.pinned
+
+
+def changed(number: float = 0.02) -> Scenario:
+    return edited(SCENARIO, "controller.layer", number)
+
+
+def left(folder: Path) -> set[str]:
+    return {file.name for file in folder.iterdir()} - {"lock"}
+
+
+def test_what_was_saved_is_offered_to_the_next_server_bit_for_bit(tmp_path: Path, pinned: tuple[Pinned, ...]) -> None:
+    first = StateFolder(tmp_path / "deep" / "state")
+    assert first.offer() is None
+    first.save(changed(), pinned[:2])
+    first.save(changed(0.03), pinned[1:])
+    first.close()
+    assert len(left(first.path)) == 3  # the index and a file for each pinned run, not for the one that was let go
+    assert all(file.stat().st_mode & 0o077 == 0 for file in first.path.iterdir())
+
+    second = StateFolder(first.path)
+    offer = second.offer()
+    assert offer is not None
+    assert offer.scenario == changed(0.03)
+    runs, problem = second.taken_up(offer)
+    assert (problem, [run.number for run in runs]) == ("", [2, 3])
+    for run, known in zip(runs, pinned[1:], strict=True):
+        np.testing.assert_array_equal(run.recording.rows(), known.recording.rows())
+        assert (run.scenario, run.t, run.system.layout.n) == (known.scenario, known.t, 2)
+    files = left(second.path)
+    second.save(offer.scenario, runs)  # which writes no run anew
+    second.close()
+    assert left(second.path) == files - {OFFER} | {SESSION}
+
+
+def test_an_offer_stays_until_it_is_answered(tmp_path: Path, pinned: tuple[Pinned, ...]) -> None:
+    for answer in (None, StateFolder.refuse_offer):
+        folder = StateFolder(tmp_path)
+        if answer is None:
+            folder.save(changed(), pinned[:1])
+            folder.close()
+            folder = StateFolder(tmp_path)
+            folder.close()  # a server that did nothing
+            folder = StateFolder(tmp_path)
+        offer = folder.offer()
+        assert offer is not None
+        assert (offer.scenario, len(offer.runs)) == (changed(), 1)
+        if answer is not None:
+            answer(folder)
+        folder.close()
+    assert left(tmp_path) == set()
+
+
+def test_a_folder_has_one_server_at_a_time(tmp_path: Path) -> None:
+    first = StateFolder(tmp_path)
+    with pytest.raises(StateError, match="another server uses it; allowed: a folder of its own"):
+        StateFolder(tmp_path)
+    first.save(changed(), ())
+    first.close()
+    StateFolder(tmp_path).close()
+    (tmp_path / "file").touch()
+    with pytest.raises(StateError, match="cannot be written: "):
+        StateFolder(tmp_path / "file")
+
+
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        (b"", "no session of this program"),
+        (b"\x00\xff" * 500, "no session of this program"),
+        (b"[" * 100_000, "no session of this program"),
+        (b'{"colour": "red"}', "no session of this program"),
+        (b'{"format": "vsmrc-lab session", "version": 2, "anything": {}}', "written by a newer version"),
+        (b'{"format": "vsmrc-lab session", "version": 1, "saved": "today"}', "no session of this program"),
+        (
+            b'{"format": "vsmrc-lab session", "version": 1, "saved": 1, "scenario": "mode = 3", "pinned": []}',
+            "mode",
+        ),
+        (b" " * 5_000_000, "more than 4 MB"),
+    ],
+)
+def test_a_file_that_is_no_session_is_set_aside_in_a_sentence(tmp_path: Path, content: bytes, said: str) -> None:
+    (tmp_path / SESSION).write_bytes(content)
+    folder = StateFolder(tmp_path)
+    assert folder.offer() is None
+    assert said in folder.problem
+    assert "\n" not in folder.problem
+    assert (tmp_path / f"set-aside-{SESSION}").read_bytes() == content
+    folder.save(changed(), ())
+    folder.close()
+    StateFolder(tmp_path).close()
+
+
+def test_runs_that_cannot_be_read_are_said_and_the_rest_is_continued(
+    tmp_path: Path, pinned: tuple[Pinned, ...]
+) -> None:
+    folder = StateFolder(tmp_path)
+    folder.save(changed(), pinned)
+    folder.close()
+    index = json.loads((tmp_path / SESSION).read_text())
+    content = bytearray((tmp_path / index["pinned"][0]["file"]).read_bytes())
+    content[len(content) // 2 :] = b"\0" * 9
+    (tmp_path / index["pinned"][0]["file"]).write_bytes(content)
+    index["pinned"][1]["file"] = "../../etc/passwd"
+    (tmp_path / SESSION).write_text(json.dumps(index))
+    folder = StateFolder(tmp_path)
+    offer = folder.offer()
+    assert offer is not None
+    runs, problem = folder.taken_up(offer)
+    assert [run.number for run in runs] == [3]
+    assert "run 1 cannot be shown again" in problem
+    assert "run 2 cannot be shown again: '../../etc/passwd' is no name of a run's file" in problem
+    folder.save(changed(0.03), runs)
+    folder.close()
+    assert (tmp_path / f"set-aside-{index['pinned'][0]['file']}").read_bytes() == content
+
+
+def test_what_cannot_be_continued_now_is_kept_for_later(tmp_path: Path, pinned: tuple[Pinned, ...]) -> None:
+    arm = tmp_path / "arm.urdf"
+    arm.write_bytes((Path(__file__).parents[1] / "support" / "robots" / "bent3r.urdf").read_bytes())
+    own = with_robot(load("ur5-motion"), {"urdf": str(arm)})
+    folder = StateFolder(tmp_path / "state")
+    folder.save(own, pinned[:1])
+    folder.close()
+    content = arm.read_bytes()
+    arm.unlink()
+    folder = StateFolder(tmp_path / "state")
+    offer = folder.offer()
+    assert offer is not None
+    with pytest.raises(ScenarioError, match="cannot read"):
+        folder.taken_up(offer)
+    folder.save(changed(), ())  # the session that runs instead has changed
+    arm.write_bytes(content)
+    runs, problem = folder.taken_up(offer)
+    assert ([run.number for run in runs], problem) == ([1], "")
+    folder.close()
+
+
+def test_changes_are_saved_as_they_come_and_at_the_end(tmp_path: Path) -> None:
+    runner = Runner(SCENARIO)
+    runner.start()
+    said: list[str] = []
+    keeper = Keeper(StateFolder(tmp_path), lambda: runner.snapshot, said.append)
+    until(lambda: runner.snapshot.t > 1.0)
+    assert left(tmp_path) == set()  # nothing has been changed
+    runner.post(Edit("controller.layer", 0.02))
+    until(lambda: left(tmp_path) == {SESSION})
+    runner.post(Edit("controller.layer", 0.03))
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, hard))  # as a disk that is full
+    try:
+        runner.post(Pin())
+        until(lambda: said)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+    assert said == [f"the session cannot be saved in {tmp_path}: File too large; the run goes on"]
+    assert left(tmp_path) == {SESSION}
+    assert "0.03" in (tmp_path / SESSION).read_text()  # what fits is saved
+    runner.post(Unpin(1))
+    runner.post(Edit("controller.layer", 0.04))
+    until(lambda: not runner.snapshot.pinned and runner.snapshot.scenario == changed(0.04))
+    runner.close()
+    keeper.close()
+    folder = StateFolder(tmp_path)
+    offer = folder.offer()
+    assert offer is not None
+    assert (offer.scenario, offer.runs) == (changed(0.04), ())
+    folder.close()
+
+
+def test_what_could_not_be_saved_is_saved_at_the_end_when_there_is_room_again(tmp_path: Path) -> None:
+    runner, said = Runner(SCENARIO), list[str]()
+    runner.start()
+    keeper = Keeper(StateFolder(tmp_path), lambda: runner.snapshot, said.append)
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (100, hard))
+    try:
+        runner.post(Edit("controller.layer", 0.02))
+        until(lambda: said)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+    runner.close()
+    keeper.close()
+    folder = StateFolder(tmp_path)
+    offer = folder.offer()
+    assert offer is not None
+    assert offer.scenario == changed(0.02)
+    folder.close()
+
+
+KILLED = """
+import os, random, signal, sys, time
+from pathlib import Path
+from app.simulation.closed_loop import ClosedLoop
+from app.storage.recording_files import read_npz
+from app.session.autosave import StateFolder
+from app.scenario.data import edited, load
+from app.session.timeline import Timeline
+
+scenario = load("planar2r-semicircle")
+line = Timeline(ClosedLoop(scenario, 10_000))
+for _ in range(100):
+    line.step()
+def scenarios():
+    k = 0
+    while True:
+        k += 1
+        yield edited(scenario, "controller.layer", 0.01 + 1e-5 * k)
+random.seed(6)
+last = offered = 0
+for kill in range(36):
+    child = os.fork()
+    if child == 0:
+        folder = StateFolder(Path(sys.argv[1]))
+        for changed in scenarios():
+            line.pin()
+            folder.save(changed, line.pinned)
+    time.sleep(random.uniform(0.0, 0.12))
+    os.kill(child, signal.SIGKILL)
+    os.waitpid(child, 0)
+    folder = StateFolder(Path(sys.argv[1]))
+    assert folder.problem == "", folder.problem
+    offer = folder.offer()
+    if offer is not None:
+        offered += 1
+        assert len(offer.runs) >= 1
+        for run in offer.runs:
+            assert len(read_npz(Path(sys.argv[1]) / run.file)[1]) == 100
+        known = {run.file for run in offer.runs} | {"offer.json", "lock"}
+        assert {file.name for file in Path(sys.argv[1]).iterdir()} == known
+    folder.close()
+print(offered)
+"""
+
+
+def test_a_process_that_is_killed_at_any_instant_leaves_no_broken_file(tmp_path: Path) -> None:
+    done = subprocess.run(
+        [sys.executable, "-c", KILLED, str(tmp_path)], capture_output=True, text=True, timeout=300, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    assert int(done.stdout) > 10
+
+
+def test_the_default_folder_is_the_users(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("XDG_STATE_HOME", "/somewhere")
+    assert default_folder() == Path("/somewhere/vsmrc-lab")
+
+
+def test_a_page_continues_where_it_was_left_off(
+    tmp_path: Path, pinned: tuple[Pinned, ...], open_page: Callable[..., Page]
+) -> None:
+    folder = StateFolder(tmp_path)
+    folder.save(changed(), pinned[:2])
+    folder.close()
+    folder = StateFolder(tmp_path)
+    dashboard, runner = Dashboard(port=0, fps=8.0), Runner(load("ur5-hybrid"))
+    runner.start()
+    keeper = Keeper(folder, lambda: runner.snapshot, dashboard.fail)
+    dashboard.attach(runner)
+    left = left_by(folder, keeper, runner.snapshot.scenario)
+    assert left is not None
+    dashboard.offer(left)
+    with closing(runner), closing(keeper), drawn(dashboard):
+        page = open_page(dashboard.url, viewport=VIEWPORT)
+        page.set_default_timeout(PATIENCE * 1e3)
+        offer = page.get_by_text("with 2 pinned runs, saved")
+        offer.wait_for()
+        run = page.get_by_role("button", name="play / pause")
+        places = [place.bounding_box() for place in (page.get_by_text("real time"), offer, run)]
+        heights = [place["y"] for place in places if place is not None]
+        assert heights == sorted(heights)  # below the status, above the controls
+        if where := os.environ.get("VSMRC_SCREENSHOTS"):
+            page.locator("#webgl-software-rendering button").click()
+            page.evaluate("window.undrawn = false")
+            page.wait_for_timeout(3000)
+            page.screenshot(path=f"{where}/last-session.png")
+        assert runner.snapshot.scenario == load("ur5-hybrid")  # nothing is applied by itself
+        page.get_by_role("button", name="Continue where you left off").click()
+        until(lambda: runner.snapshot.scenario == changed() and len(runner.snapshot.pinned) == 2)
+        offer.wait_for(state="hidden")
+        until(lambda: (tmp_path / SESSION).exists() and not (tmp_path / OFFER).exists())
+        page.get_by_role("tab", name="Runs", exact=True).click()
+        page.get_by_role("button", name="Forget run 2").wait_for()

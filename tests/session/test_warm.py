@@ -1,0 +1,34 @@
+"""Compiling ahead: for every arm and contact, once, and never beyond the program that began it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from app.simulation.system import assemble
+from app.workers import precompile
+from environments.robots import CATALOGUE
+
+
+def test_every_number_of_joints_meets_every_contact_with_kernels_of_its_own() -> None:
+    systems = [assemble(scenario) for scenario in precompile._to_compile()]
+    compiled = {(system.robot.n, system.scenario.contact.kind) for system in systems}
+    joints = {len(entry.rotor_inertia) for entry in CATALOGUE.values()}
+    assert compiled == {(n, kind) for n in joints for kind in ("elastic", "mass-damper-spring", "rigid")}
+
+
+def test_it_ends_with_the_program_that_began_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(precompile, "_mark", lambda: tmp_path / "complete")
+    process = precompile.start()
+    assert process is not None
+    assert process.stdin is not None
+    process.stdin.close()
+    assert process.wait(timeout=60) == 0
+    assert not (tmp_path / "complete").exists()
+
+
+def test_it_is_done_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(precompile, "_mark", lambda: tmp_path / "complete")
+    (tmp_path / "complete").touch()
+    assert precompile.start() is None

@@ -1,0 +1,124 @@
+"""What holds for every arm in every mode against everything it may meet."""
+
+from __future__ import annotations
+
+import time
+
+import msgspec
+import numpy as np
+import pytest
+
+from app.scenario.data import edited, from_plain, from_toml, shipped, to_toml
+from app.session.commands import Edit, Pause, SetSpeed
+from app.session.runner import Runner
+from app.simulation.closed_loop import ClosedLoop
+from controllers.modes import MODES
+from environments.robots import CATALOGUE
+from tests.support.cases import SURFACES, scenario_of
+
+STEPS = 60
+
+
+ALIKE = ("ur3", "ur10", "xarm7", "z1")  # the kernels see nothing in them that other arms do not have
+
+
+def cases() -> list[tuple[str, str, str, str]]:
+    return [
+        (robot, mode.name, contact, surface)
+        for robot in CATALOGUE
+        for mode in MODES.values()
+        for contact in mode.contacts
+        for surface in (["plane"] if contact == "free" else SURFACES[-2:] if robot in ALIKE else SURFACES)
+    ]
+
+
+def table(loop: ClosedLoop) -> np.ndarray:
+    for _ in range(STEPS):
+        loop.step()
+        assert loop.stopped is None
+    return loop.recording.rows()
+
+
+@pytest.mark.parametrize("case", cases(), ids=" / ".join)
+def test_run_is_finite_and_repeats_bit_for_bit(case: tuple[str, str, str, str]) -> None:
+    scenario = scenario_of(*case)
+    before = to_toml(scenario)
+    loop = ClosedLoop(scenario)
+    first, second = table(loop), table(ClosedLoop(scenario, previous=loop.system))
+    assert len(first) == STEPS
+    promised = ("s_bound", "s_band", "V_band")  # no numbers where nothing is promised
+    others = np.ones(first.shape[1], dtype=bool)
+    for name in promised:
+        others[loop.recording.columns[name]] = False
+    assert np.isfinite(first[:, others]).all()
+    np.testing.assert_array_equal(first, second)
+    assert to_toml(scenario) == before
+    assert from_toml(before) == scenario
+
+
+@pytest.mark.parametrize("name", ["ur5-hybrid-moving", "planar2r-semicircle", "panda-hybrid"])
+def test_dashboard_has_the_numbers_of_a_headless_run(name: str) -> None:
+    runner = Runner(shipped()[name])
+    runner.start()
+    try:
+        deadline = time.monotonic() + 20
+        while runner.snapshot.t < 0.4:
+            assert time.monotonic() < deadline
+            time.sleep(0.02)
+        runner.post(Pause())
+        while runner.snapshot.phase != "paused":
+            assert time.monotonic() < deadline
+            time.sleep(0.02)
+        live = runner.snapshot.recording.rows(t_to=0.3)
+    finally:
+        runner.close()
+    loop = ClosedLoop(shipped()[name])
+    for _ in range(len(live)):
+        loop.step()
+    assert len(live) > 250
+    np.testing.assert_array_equal(live, loop.recording.rows())
+
+
+def test_edits_while_running_equal_edits_headless() -> None:
+    """Edits are carried out between two steps, so a run with edits can be repeated exactly."""
+    base = shipped()["ur5-hybrid"]
+    changed = edited(base, "force.value", 25.0)
+    tables = []
+    for _ in range(2):
+        loop = ClosedLoop(base)
+        for step in range(200):
+            if step == 100:
+                loop.edit(changed)
+            loop.step()
+        tables.append(loop.recording.rows())
+    assert np.array_equal(*tables)
+    assert np.isclose(tables[0][-1, loop.recording.columns["F_cd"]][0], 25.0)
+
+
+def test_refused_edit_keeps_the_loop() -> None:
+    runner = Runner(shipped()["ur5-hybrid"])
+    runner.start()
+    try:
+        before = runner.snapshot.scenario
+        runner.post(Edit("controller.K_s", -1.0))
+        runner.post(Edit("target_model.M_m", [0.0] * 6))
+        runner.post(Edit("contact.kind", "rigid"))
+        runner.post(Edit("nothing.like.this", 1))
+        runner.post(SetSpeed(float("nan")))
+        deadline = time.monotonic() + 20
+        while runner.snapshot.refusal_number < 5:
+            assert time.monotonic() < deadline
+            time.sleep(0.02)
+        after = runner.snapshot
+        time.sleep(0.2)
+        assert after.scenario == before
+        assert after.phase == "running"
+        assert runner.snapshot.t > after.t
+        assert "speed" in (after.refusal or "")
+    finally:
+        runner.close()
+
+
+def test_snapshot_is_serialisable_as_a_scenario() -> None:
+    for scenario in shipped().values():
+        assert from_plain(msgspec.to_builtins(scenario)) == scenario

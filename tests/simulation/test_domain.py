@@ -1,0 +1,282 @@
+"""What holds over Omega is not beaten by another search, longer and without derivatives; it is found once."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import app.simulation.domain
+from app.scenario.data import edited, from_plain, shipped
+from app.scenario.schema import ScenarioError
+from app.session.changes import on_robot
+from app.simulation.domain import MARGIN
+from app.simulation.extremes import OUTSIDE, Effort, Look, Omega, Place, largest
+from app.simulation.search_memory import Memory
+from app.simulation.system import System, assemble
+from app.storage.constants_store import KEPT, ConstantsShelf
+from controllers.bounds import InertiaRange
+from environments.robots import CATALOGUE
+from tests.support.cases import scenario_of
+
+HARDER = 1.0 + (MARGIN - 1.0) / 2  # half of the margin is all that another search may use up
+Value = Callable[[np.ndarray, float], float]
+
+
+class Walk:
+    """A search of another kind: random steps that are taken where they lead up, longer while they often do."""
+
+    def __init__(self, omega: Omega, value: Value, seed: int) -> None:
+        self._omega, self._value = omega, value
+        self._random = np.random.default_rng(seed)
+
+    def _within(self, q: np.ndarray) -> np.ndarray:
+        away = np.linalg.norm(self._omega.centres - q, axis=1)
+        centre = self._omega.centres[away.argmin()]
+        return centre + (q - centre) * min(1.0, (1 - 1e-12) * self._omega.radius / max(away.min(), 1e-300))
+
+    def _drawn(self) -> tuple[np.ndarray, float]:
+        centre = self._omega.centres[self._random.integers(len(self._omega.centres))]
+        away = self._random.standard_normal(len(centre))
+        away *= self._omega.radius * self._random.uniform(0.5, 1.0) / np.linalg.norm(away)
+        return self._within(centre + away), self._omega.span * self._random.uniform()
+
+    def highest(self, draws: int, starts: int, steps: int) -> float:
+        """Of that many draws the best are starts, each of that many steps."""
+        drawn = sorted(
+            ((self._value(q, t), q, t) for q, t in (self._drawn() for _ in range(draws))), key=lambda x: -x[0]
+        )
+        return max(self._climbed(*start, steps) for start in drawn[:: max(1, draws // 10)][:starts])
+
+    def _climbed(self, best: float, q: np.ndarray, t: float, steps: int) -> float:
+        length = 0.3
+        for _ in range(steps):
+            there = self._within(q + length * self._omega.radius * self._random.standard_normal(len(q)) / len(q) ** 0.5)
+            then = min(max(t + length * self._omega.span * self._random.standard_normal(), 0.0), self._omega.span)
+            if (value := self._value(there, then)) > best:
+                best, q, t = value, there, then
+                length *= 1.5
+            else:
+                length *= 0.9
+        return best
+
+
+ON_PLANES = tuple(f"{robot} on a plane" for robot in CATALOGUE)
+MOVING = ("ur5 on a moving sphere", "ur5 on a typed wave", "panda on a moving sphere", "planar3r on a typed wave")
+WIDE = "ur5-hybrid, wide"
+
+
+@cache
+def system_of(name: str) -> System:
+    """A shipped scenario; ur5-hybrid with another arm, or with a wide Omega; an arm on what moves."""
+    hybrid = shipped()["ur5-hybrid"]
+    robot, _, surface = name.partition(" on a ")
+    if name in MOVING:
+        return assemble(scenario_of(robot, "hybrid", "elastic", surface))
+    if name in ON_PLANES:
+        return assemble(on_robot(hybrid, robot))
+    return assemble(edited(hybrid, "simulation.domain_radius", 0.4) if name == WIDE else shipped()[name])
+
+
+def inertia_extremes(system: System) -> tuple[Value, Value]:
+    """1/lambda_min(H_low), lambda_max(H_high); 0 outside of Omega."""
+    limit = system.scenario.simulation.sigma_min
+
+    def at(q: np.ndarray, t: float) -> tuple[float, float]:
+        estimate, task = system.observe(q, np.zeros_like(q), t)
+        if np.linalg.svd(task.J_q, compute_uv=False)[-1] < limit:
+            return 0.0, 0.0
+        inertia = InertiaRange.at(system.law.uncertainty, estimate, task)
+        return 1.0 / np.linalg.eigvalsh(inertia.H_low)[0], np.linalg.eigvalsh(inertia.H_high)[-1]
+
+    return lambda q, t: float(at(q, t)[0]), lambda q, t: float(at(q, t)[1])
+
+
+@pytest.mark.parametrize("name", [*shipped(), *ON_PLANES, *MOVING, WIDE])
+def test_a_harder_search_finds_no_inertia_beyond_property_1(name: str) -> None:
+    system = system_of(name)
+    constants = system.constants
+    lightness, heaviness = inertia_extremes(system)
+    lightest = 1.0 / Walk(constants.omega, lightness, 5).highest(300, 4, 200)
+    heaviest = Walk(constants.omega, heaviness, 6).highest(300, 4, 200)
+    assert constants.k_r_low * HARDER <= lightest <= constants.k_r_low * MARGIN * 1.05
+    assert constants.k_r_high / (MARGIN * 1.05) <= heaviest <= constants.k_r_high / HARDER
+
+
+def flattened(T: np.ndarray) -> float:
+    return min(float(np.linalg.norm(np.moveaxis(T, a, 0).reshape(T.shape[a], -1), 2)) for a in range(T.ndim))
+
+
+def steepness(system: System) -> dict[str, Value]:
+    """Each of `Lipschitz` at one posture by differences, in the least of the flattenings' norms."""
+    model, n, step = system.robot.model, system.robot.n, 1e-5
+    data, units = model.createData(), np.eye(n)
+    links = []
+    for link in range(1, n + 1):
+        links.append(model.copy())
+        for other in set(range(1, n + 1)) - {link}:
+            links[-1].inertias[other] = pin.Inertia.Zero()
+
+    def coriolis(m: pin.Model, q: np.ndarray) -> np.ndarray:
+        return np.array([pin.computeCoriolisMatrix(m, data, q, one) for one in units])
+
+    def change(of: Callable[[np.ndarray], np.ndarray], q: np.ndarray) -> np.ndarray:
+        return np.array([of(q + h) - of(q - h) for h in step * units]) / (2 * step)
+
+    return {
+        "k_C": lambda q, _: sum(flattened(coriolis(link, q)) for link in links),
+        "k_M": lambda q, _: flattened(change(lambda x: pin.crba(model, data, x).copy(), q)),
+        "k_Cq": lambda q, _: flattened(change(lambda x: coriolis(model, x), q)),
+        "k_G": lambda q, _: flattened(change(lambda x: pin.computeGeneralizedGravity(model, data, x).copy(), q)),
+    }
+
+
+@pytest.mark.parametrize("robot", CATALOGUE)
+def test_a_harder_search_finds_nothing_beyond_the_lipschitz_constants(robot: str) -> None:
+    system = system_of(f"{robot} on a plane")
+    for name, value in steepness(system).items():
+        known = getattr(system.constants.lipschitz, name)
+        found = Walk(system.constants.omega, value, 7).highest(30, 1, 100)
+        assert known / (MARGIN * 1.05) <= found <= known / HARDER, name
+
+
+@pytest.mark.parametrize("name", [*ON_PLANES, MOVING[0]])
+def test_a_harder_search_finds_no_arm_more_mobile(name: str) -> None:
+    system = system_of(name)
+    model = system.plant.model
+    data = model.createData()
+
+    def at(q: np.ndarray, t: float) -> tuple[float, float, float]:
+        tool = system.nominal.evaluate(q, np.zeros_like(q))
+        normal = system.surface.chart(tool.p, t).G[0]
+        M_inv = np.linalg.inv(pin.crba(model, data, q))
+        across = np.linalg.svd(normal[None])[2][1:]
+        compliance = tool.J_v @ M_inv @ tool.J_v.T
+        tangential = np.linalg.norm(across @ compliance @ across.T, 2)
+        return float(normal @ compliance @ normal), float(tangential), float(np.linalg.norm(M_inv, 2))
+
+    for k, known in enumerate(system.mobility):
+        found = Walk(system.constants.omega, lambda q, t, k=k: at(q, t)[k], 8).highest(100, 2, 120)
+        assert known / (MARGIN * 1.05) <= found <= known / HARDER
+
+
+def test_postures_beyond_the_limit_are_not_of_omega() -> None:
+    """In a wide Omega that reaches beyond the limit of J_q the heaviest arm is there, as the square of 1/sigma_min."""
+    wide = edited(on_robot(shipped()["ur5-hybrid"], "planar3r"), "simulation.domain_radius", 1.0)
+    heaviest = []
+    for limit in (0.05, 0.02):
+        system = assemble(edited(wide, "simulation.sigma_min", limit))
+        found = Walk(system.constants.omega, inertia_extremes(system)[1], 9).highest(300, 4, 300)
+        assert system.constants.k_r_high / (MARGIN * 1.05) <= found <= system.constants.k_r_high / HARDER
+        heaviest.append(system.constants.k_r_high)
+    assert heaviest[1] == pytest.approx(2.5**2 * heaviest[0], rel=0.1)
+
+
+SLOPE = np.array([2.0, 1.0])
+
+
+@pytest.mark.parametrize(("span", "cut"), [(0.0, np.inf), (3.0, np.inf), (0.0, 0.2), (3.0, 0.2)])
+def test_search_finds_the_known_extreme_and_nothing_outside(span: float, cut: float) -> None:
+    """exp(slope q) (1 + t (span - t)) over two balls that overlap, without the half-plane q_1 > cut."""
+    omega = Omega(np.array([[0.0, 0.0], [0.1, 0.05]]), 0.2, span)
+
+    def looks(place: Place) -> tuple[Look, ...]:
+        if place.q[0] < -0.15:
+            return (OUTSIDE,)
+        return (
+            Look(float(np.exp(SLOPE @ place.q)) * (1.0 + place.t * (span - place.t)), 1.0 - (place.q[0] / cut) ** 3),
+        )
+
+    top = np.array([0.1, 0.05]) + 0.2 * SLOPE / np.linalg.norm(SLOPE)
+    if top[0] > cut:
+        top = np.array([cut, 0.05 + np.sqrt(0.2**2 - (cut - 0.1) ** 2)])
+    highest = float(np.exp(SLOPE @ top)) * (1.0 + span**2 / 4)
+    found = largest(omega, looks, Effort(60, 3))[0]
+    assert highest * (1 - 1e-3) <= found <= highest * (1 + 1e-12)
+
+
+def test_the_same_is_found_again_and_remembered(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    scenario = shipped()["planar3r-hybrid"]
+
+    def numbers(system: System) -> list[float]:
+        c = system.constants
+        return [c.k_r_low, c.k_r_high, *c.lipschitz, *system.mobility]
+
+    first = numbers(assemble(scenario))
+    assert numbers(assemble(scenario)) == first
+    assert numbers(assemble(scenario, memory=Memory(ConstantsShelf(tmp_path)))) == first
+
+    def search(*_: object) -> tuple[float, ...]:
+        raise AssertionError("searched again")
+
+    monkeypatch.setattr(app.simulation.domain, "largest", search)
+    system = assemble(scenario, memory=Memory(ConstantsShelf(tmp_path)))
+    assert numbers(system) == first
+    indifferent = edited(edited(scenario, "simulation.seed", 5), "simulation.substeps", 4)
+    assert numbers(assemble(indifferent, system)) == first
+    for path, value in DEPENDED_ON.items():
+        with pytest.raises(AssertionError, match="searched again"):
+            assemble(edited(scenario, path, value), system)
+
+
+DEPENDED_ON = {
+    "declared.link_scaling": 0.01, "declared.payload_mass": 0.7, "simulation.sigma_min": 0.011,
+    "simulation.domain_radius": 0.16, "motion.period": 1.7, "shift.by": [0.003], "surface.normal": [0.1, 0.0, -1.0],
+    "truth.link_scaling": 1.234, "robot.rotor_inertia": [0.05, 0.05, 0.03], "task_space.characteristic_length": 0.3,
+}  # fmt: skip
+
+
+def test_a_shelf_is_trusted_only_where_it_is_sound(tmp_path: Path) -> None:
+    shelf, numbers = ConstantsShelf(tmp_path / "shelf"), (0.353, 2.0)
+    shelf.write("a", numbers)
+    shelf.write("b", (3.0, 4.0))
+    paths = {p.read_bytes(): p for p in (tmp_path / "shelf").iterdir()}
+    (content,) = (c for c in paths if b"0.353" in c)
+    (other,) = (c for c in paths if c != content)
+    path = paths[content]
+    assert shelf.read("a", 2) == numbers
+    assert shelf.read("a", 3) is None
+    assert shelf.read("c", 2) is None
+    spoiled = (
+        b"", content[:-5], other, content.replace(b"0.353", b"0.354"), content.replace(b"0.353", b"NaN"),
+        content.replace(b"0.353", b"-1"), content.replace(b"0.353", b"1e999"), content + b" " * 2000, b"[" * 900,
+        b"\xff" * 40, b"null", content.replace(b'"numbers"', b'"number"'),
+    )  # fmt: skip
+    for wrong in spoiled:
+        path.write_bytes(wrong)
+        assert shelf.read("a", 2) is None
+    shelf.write("a", numbers)
+    assert shelf.read("a", 2) == numbers
+    path.unlink()
+    os.mkfifo(path)
+    assert shelf.read("a", 2) is None
+
+
+def test_a_disk_that_fails_is_nobody_s_business(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("in the way")
+    shelf = ConstantsShelf(tmp_path / "file" / "folder")
+    assert Memory(shelf).recall("a", 1, lambda: (2.0,)) == (2.0,)
+    assert shelf.read("a", 1) is None
+    shelf = ConstantsShelf(tmp_path)
+    (tmp_path / shelf._path("a").name).mkdir()
+    shelf.write("a", (2.0,))
+    assert shelf.read("a", 1) is None
+
+
+def test_a_shelf_has_an_end(tmp_path: Path) -> None:
+    for k in range(KEPT):
+        (tmp_path / f"{k}.json").touch()
+    shelf = ConstantsShelf(tmp_path)
+    shelf.write("a", (2.0,))
+    assert shelf.read("a", 1) == (2.0,)
+    assert len(list(tmp_path.iterdir())) == KEPT // 2 + 1
+
+
+def test_an_arm_that_is_singular_everywhere_is_refused() -> None:
+    with pytest.raises(ScenarioError, match="J_q is singular"):
+        assemble(from_plain({"robot": {"name": "ur5"}, "simulation": {"sigma_min": 0.9}}))

@@ -1,0 +1,141 @@
+"""Faults of the loop, one at a time: the reason is said, what is recorded stays, Reset works."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+
+from app.scenario.data import edited, load
+from app.scenario.schema import Scenario
+from app.session.commands import Blend, Edit, Load, Play, Reset, Seek
+from app.session.runner import Runner
+from app.session.snapshot import Snapshot
+from app.simulation import closed_loop
+from app.simulation.closed_loop import ClosedLoop
+from drivers.waiting import until
+from tests.support.faults import begun, boom, ended, running
+
+
+@pytest.fixture(scope="module")
+def runner() -> Iterator[Runner]:
+    with running() as runner:
+        yield runner
+
+
+def assert_kept_and_reset_works(runner: Runner, stopped: Snapshot) -> None:
+    rows = stopped.recording.rows()
+    assert len(rows) > 100
+    assert rows[-1, 0] == pytest.approx(stopped.end, abs=2e-3)
+    assert np.isfinite(stopped.q).all()  # the page has a picture to show
+    assert np.isfinite(stopped.tool).all()
+    runner.post(Seek(0.05))
+    until(lambda: runner.snapshot.looking_back)
+    for command in (Reset(), Play()):
+        runner.post(command)
+    until(lambda: runner.snapshot.phase == "running" and runner.snapshot.t < stopped.t)
+    until(lambda: runner.snapshot.t > 0.05)
+
+
+@pytest.mark.parametrize(
+    ("part", "stage"),
+    [
+        ("_push_tool", "the measurement"),
+        ("_control_period", "the control law"),
+        ("_complete_row", "the record"),
+        ("view", "the view of the loop"),
+    ],
+)
+def test_an_exception_in_any_stage_ends_the_run_and_not_its_thread(runner: Runner, part: str, stage: str) -> None:
+    begun(runner, load("ur5-hybrid"))
+    loop = runner._line.loop
+    setattr(loop, part, boom)
+    stopped = ended(runner)
+    assert stopped.reason == f"t = {stopped.end:.3f} s: {stage} failed (KeyError: 'boom')"
+    if part in vars(loop):
+        delattr(loop, part)
+    assert_kept_and_reset_works(runner, stopped)
+
+
+def test_a_plant_that_fails_ends_the_run(runner: Runner, monkeypatch: pytest.MonkeyPatch) -> None:
+    begun(runner, load("ur5-hybrid"))
+    with monkeypatch.context() as patched:
+        patched.setattr(type(runner._line.loop.system.plant), "advance", boom)
+        stopped = ended(runner)
+    assert "the plant failed (KeyError: 'boom')" in stopped.reason
+    assert_kept_and_reset_works(runner, stopped)
+
+
+def test_the_loop_itself_failing_ends_the_run_and_not_its_thread(
+    runner: Runner, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    begun(runner, load("ur5-hybrid"))
+    with monkeypatch.context() as patched:
+        patched.setattr(runner, "_advance", boom)
+        stopped = ended(runner)
+    assert "the loop failed (KeyError: 'boom')" in stopped.reason
+    assert_kept_and_reset_works(runner, stopped)
+
+
+def test_a_law_that_gives_no_number_ends_the_run(runner: Runner) -> None:
+    begun(runner, load("ur5-hybrid"))
+    loop = runner._line.loop
+    law = loop._control_period
+
+    def failing(*arguments: object) -> None:
+        law(*arguments)
+        loop._period.views.output.tau[:] = loop._period.views.applied[:] = np.nan
+
+    loop._control_period = failing
+    stopped = ended(runner)
+    assert "the control law asks for a torque that is no finite number: [nan, nan" in stopped.reason
+    assert_kept_and_reset_works(runner, stopped)
+
+
+BILATERAL = edited(load("ur5-constrained"), "contact.unilateral", False)
+YIELDING = edited(edited(load("ur5-impedance"), "target_model.K_m", [1.0] * 6), "simulation.leaving_domain", "stop")
+
+
+@pytest.mark.parametrize(
+    ("base", "path", "value", "said"),
+    [
+        (BILATERAL, "target_model.M_m", [1.0] + [12.0] * 5, "the arm diverges"),
+        (load("ur5-constrained"), "force.value", -5.0, "contact lost, the surface would have to pull"),
+        (edited(YIELDING, "truth.push_duration", 60.0), "truth.push", [0.0, 0.0, 100.0], "J_q is nearly singular"),
+    ],
+)
+def test_what_nature_ends_ends_in_a_sentence(
+    runner: Runner, base: Scenario, path: str, value: object, said: str
+) -> None:
+    begun(runner, base)
+    runner.post(Edit(path, value))
+    stopped = ended(runner)
+    assert said in stopped.reason
+    assert len(stopped.recording) > 100
+    runner.post(Load(base))
+    until(lambda: runner.snapshot.scenario == base and runner.snapshot.phase == "running")
+
+
+def test_a_command_that_fails_unexpectedly_is_refused_and_the_run_goes_on(runner: Runner) -> None:
+    before = begun(runner, load("ur5-hybrid"))
+    runner.post(Blend(5, 1.0))  # pyright: ignore[reportArgumentType]
+    refused = until(lambda: runner.snapshot.refusal_number > before.refusal_number and runner.snapshot)
+    assert refused.refusal == "Blend failed (TypeError: 'int' object is not iterable)"
+    until(lambda: runner.snapshot.t > refused.t + 0.1)
+
+
+def test_an_edit_that_fails_half_way_leaves_the_loop_as_it_was(monkeypatch: pytest.MonkeyPatch) -> None:
+    loop, twin = ClosedLoop(load("ur5-hybrid"), 1000), ClosedLoop(load("ur5-hybrid"), 1000)
+    for _ in range(5):
+        loop.step()
+        twin.step()
+    with monkeypatch.context() as patched:
+        patched.setattr(closed_loop, "judge_posture", boom)
+        with pytest.raises(KeyError):
+            loop.edit(edited(load("ur5-hybrid"), "force.value", 30.0))
+    for _ in range(50):
+        loop.step()
+        twin.step()
+    np.testing.assert_array_equal(loop.recording.rows(), twin.recording.rows())
+    assert len(loop.recording.epochs) == len(twin.recording.epochs)

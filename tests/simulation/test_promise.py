@@ -1,0 +1,211 @@
+"""What is promised of a run, on which premises, and what is said when one fails."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from app.cli import BROKEN, DONE, UNPROMISED, execute
+from app.dashboard.widgets.premise_table import premises_html
+from app.scenario.caption import promised
+from app.scenario.data import edited, shipped
+from app.scenario.schema import Scenario, ScenarioError
+from app.session.headless_run import simulate
+from app.session.snapshot import snapshot_of
+from app.simulation.closed_loop import ClosedLoop
+from controllers.premises import STATEMENTS, Premise
+from tests.support.arms import random_spd
+
+
+def changed(name: str, **fields: object) -> Scenario:
+    scenario = edited(shipped()[name], "simulation.duration", 0.3)
+    for path, value in fields.items():
+        scenario = edited(scenario, path.replace("__", "."), value)
+    return scenario
+
+
+@pytest.mark.parametrize(
+    ("premise", "name", "fields"),
+    [
+        ("law", "ur5-hybrid", {"controller__law": "computed-torque"}),
+        ("declared", "ur5-hybrid", {"truth__link_scaling": 1.16}),
+        (
+            "domain",
+            "ur5-motion",
+            {"simulation__domain_radius": 0.0005, "truth__push": [0, 0, 300], "truth__push_start": 0},
+        ),
+        ("drives", "ur5-motion", {"truth__torque_limit": 0.1}),
+        ("gain", "ur5-hybrid", {"controller__gain": "constant", "controller__d": 11.0}),
+        ("held", "ur5-hybrid", {"sensor__delay": 0.004, "controller__epsilon": 0.2}),
+        ("layer", "ur5-motion", {"controller__layer": 0.001}),
+        ("sampled_loop", "ur5-motion", {"controller__layer": 0.001}),
+        ("force_loop", "ur5-constrained", {"target_model__M_m": [1.5, 10, 10, 10, 10, 10]}),
+    ],
+)
+def test_each_premise_that_fails_ends_the_promise(premise: str, name: str, fields: dict[str, object]) -> None:
+    loop, metrics = simulate(changed(name, **fields))
+    finding = next(finding for finding in metrics.premises if finding.premise == premise)
+    assert finding.failed is not None
+    assert finding.margin is not None
+    assert finding.margin < 0.0
+    assert metrics.promise.verdict == "nothing promised"
+    assert metrics.promise.share < 1.0
+    row = loop.recording.at(finding.failed + 1e-6)
+    assert math.isnan(row["s_bound"][0])
+    assert math.isnan(row["s_band"][0])
+    assert STATEMENTS[Premise[premise.upper()]].title in premises_html(snapshot_of(loop))
+
+
+@pytest.mark.parametrize("name", ["ur5-hybrid", "ur5-motion", "planar3r-hybrid", "panda-hybrid", "ur5-hybrid-reaching"])
+def test_shipped_runs_hold_with_all_premises(name: str) -> None:
+    loop, metrics = simulate(changed(name))
+    assert metrics.promise.verdict == "holds"
+    assert metrics.promise.share == 1.0
+    assert all(finding.holds and finding.failed is None for finding in metrics.premises)
+    assert metrics.envelope_violation == 0.0
+    rows = loop.recording.signals(("s_norm", "s_bound", "s_band", "V_band"))
+    assert np.isfinite(rows["s_band"]).all()
+
+
+def test_the_promise_begins_anew_when_the_premise_holds_again() -> None:
+    """A drive that is too weak for a moment; then V_0 is that of the instant when it is strong enough again."""
+    loop = ClosedLoop(changed("ur5-hybrid"))
+    weak = edited(loop.system.scenario, "truth.link_scaling", 1.3)
+    for _ in range(50):
+        loop.step()
+    loop.edit(weak)
+    for _ in range(50):
+        loop.step()
+    assert loop.standing.now.verdict == "nothing promised"
+    assert "outside the declared set" in loop.standing.now.because
+    loop.edit(changed("ur5-hybrid"))
+    for _ in range(50):
+        loop.step()
+    assert loop.standing.now.verdict == "holds"
+    assert loop.standing.now.since == pytest.approx(0.1, abs=0.002)
+    assert loop.standing.run.verdict == "nothing promised"
+    assert 0.6 < loop.standing.run.share < 0.7
+
+
+def test_the_band_does_not_grow_with_the_gain_that_it_bounds() -> None:
+    """While s is reached d is a quarter above what it is at rest; the band keeps to H and the layer."""
+    loop, _ = simulate(changed("ur5-hybrid-reaching"))
+    rows = loop.recording.signals(("d", "s_band"))
+    assert rows["d"].max() > 1.25 * rows["d"].min()
+    assert rows["s_band"].max() < 1.05 * rows["s_band"].min()
+    watched = loop._period.part("watched")
+    assert rows["s_band"][-1] == pytest.approx(0.01 * math.sqrt(watched.high / watched.low), rel=0.05)
+
+
+def test_chattering_raises_d_but_not_the_band() -> None:
+    """Under the discontinuous law the band is T d, with the d of the sliding surface."""
+    scenario = changed("ur5-motion-discontinuous", controller__bounds="paper", controller__period=0.0005)
+    loop, metrics = simulate(scenario)
+    rows = loop.recording.signals(("d", "s_band"), t_from=0.1)
+    assert np.ptp(rows["d"]) > 0.05 * rows["d"].mean()
+    assert np.isfinite(rows["s_band"]).all()
+    assert np.abs(np.diff(rows["s_band"])).max() < 0.02 * rows["s_band"].mean()
+    assert metrics.promise.verdict == "holds"
+
+
+def test_a_promise_from_far_begins_where_s_is() -> None:
+    """s is away from zero, under a premise that fails at first: what is promised later begins from the s of then."""
+    loop = ClosedLoop(changed("ur5-hybrid-reaching", truth__link_scaling=1.3))
+    for _ in range(20):
+        loop.step()
+    assert math.isnan(loop.kept.bound)
+    loop.edit(changed("ur5-hybrid-reaching", controller__on_change="watch"))
+    for _ in range(2):
+        loop.step()
+    s = float(loop.recording.at(loop.t)["s_norm"][0])
+    assert s > 3.0 * loop.kept.band
+    assert loop.kept.bound > s
+    assert loop.standing.now.verdict == "holds"
+
+
+def test_a_run_that_diverges_promises_nothing() -> None:
+    """The runaway of (7) at 4 ms is refused before it starts; at a constant gain the same arm may run, unpromised."""
+    fields = {"declared__link_scaling": 0.3, "truth__link_scaling": 1.3, "controller__period": 0.004}
+    with pytest.raises(
+        ScenarioError, match=r"controller\.bounds: with 'paper' .* runs away .* controller\.period <= 0\.0"
+    ):
+        ClosedLoop(changed("ur5-motion", controller__bounds="paper", **fields))
+    thin = {"controller__gain": "constant", "controller__d": 2000.0}
+    loop, metrics = simulate(changed("ur5-motion", **thin, **fields))
+    assert metrics.promise.verdict == "nothing promised"
+    assert loop.standing.now.verdict == "nothing promised"
+
+
+@pytest.mark.parametrize("name", ["ur5-constrained", "ur5-wave-constrained"])
+def test_the_gain_of_7_on_a_rigid_surface_is_refused_for_its_cause(name: str) -> None:
+    with pytest.raises(ScenarioError, match="raise each other"):
+        ClosedLoop(changed(name, controller__bounds="paper"))
+
+
+def test_a_refused_gain_leaves_the_loop_as_it_was() -> None:
+    loop = ClosedLoop(changed("ur5-constrained"))
+    for _ in range(20):
+        loop.step()
+    before = loop.state()
+    with pytest.raises(ScenarioError, match="raise each other"):
+        loop.edit(edited(loop.system.scenario, "controller.bounds", "paper"))
+    after = loop.state()
+    assert after.scenario == before.scenario
+    assert after.period.tobytes() == before.period.tobytes()
+    loop.step()
+    assert loop.stopped is None
+
+
+def test_a_caption_says_what_was_promised() -> None:
+    names = ("s_norm", "s_bound", "s_band")
+    loop = ClosedLoop(changed("ur5-hybrid"))
+    for _ in range(50):
+        loop.step()
+    assert promised(loop.recording.signals(names)).endswith("holds throughout.")
+    loop.edit(changed("ur5-hybrid", truth__link_scaling=1.3))
+    for _ in range(150):
+        loop.step()
+    assert "holds in 25 % of the time" in promised(loop.recording.signals(names))
+    assert promised(loop.recording.signals(names, t_from=0.06)) == "Theorem 1 promises nothing here."
+    one = np.ones(3)
+    assert "is broken" in promised({"s_norm": 3 * one, "s_bound": one, "s_band": one})
+
+
+def test_strict_tells_by_its_status(tmp_path: Path) -> None:
+    run = ["run", "planar3r-hybrid", "--duration", "0.1", "--out", str(tmp_path), "--strict"]
+    assert execute(run) == DONE
+    promise = json.loads((tmp_path / "metrics.json").read_text())["promise"]
+    assert promise["verdict"] == "holds"
+    assert execute([*run, "--set", "truth.link_scaling=1.3"]) == UNPROMISED
+    figures = json.loads((tmp_path / "metrics.json").read_text())
+    assert figures["promise"]["verdict"] == "nothing promised"
+    assert [finding["premise"] for finding in figures["premises"] if finding["failed"] is not None] == ["declared"]
+    assert BROKEN == 4
+    assert UNPROMISED == 5
+
+
+def test_the_band_is_what_one_period_of_the_worst_perturbation_leaves() -> None:
+    """(b) to (d) of docs/theory.md on s -> s - T H^-1 (K_s s + d sigma(s) - p), with p always where it does most."""
+    random, T = np.random.default_rng(0), 1e-3
+    for _ in range(40):
+        H = random_spd(random, 4, 1.0, 20.0)
+        K_s, d, layer = random.uniform(20.0, 150.0), random.uniform(5.0, 40.0), 10 ** random.uniform(-3.0, -1.5)
+        low, high = np.linalg.eigvalsh(H)[[0, -1]]
+        chatter = T * d / (low - 0.5 * T * K_s)
+        radius = max(layer, chatter)
+        heaviest = max(high, 4.0 * low) if chatter > 0.5 * layer else high
+        band, s, Y = math.sqrt(heaviest / low) * radius, np.zeros(4), np.linalg.inv(H)
+        worst = 0.0
+        for _ in range(3000):
+            directions = np.vstack([random.standard_normal((8, 4)), H @ s, s, -s]) + 1e-12
+            candidates = [
+                s - T * Y @ (K_s * s + d * s / max(np.linalg.norm(s), layer) - 0.9 * d * p / np.linalg.norm(p))
+                for p in directions
+            ]
+            s = max(candidates, key=lambda s: float(s @ H @ s) + 1e-3 * float(s @ s))
+            worst = max(worst, float(np.linalg.norm(s)))
+        assert worst <= band

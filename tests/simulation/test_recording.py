@@ -1,0 +1,68 @@
+"""The table of a run: bounded, readable while it grows, thinned where it is old."""
+
+from __future__ import annotations
+
+import threading
+
+import numpy as np
+
+from app.simulation.recording import BLOCK, THINNING, Recording
+
+
+def filled(rows: int, history: int) -> Recording:
+    recording = Recording(2, history)
+    for k in range(rows):
+        recording.new_row()[:] = 1e-3 * k
+        recording.commit()
+    return recording
+
+
+def test_recent_rows_are_whole_and_older_ones_thinned() -> None:
+    recording = filled(8 * BLOCK, history=2 * BLOCK)
+    t = recording.signals(("t",))["t"]
+    assert np.all(np.diff(t) > 0)
+    recent = t[t > t[-1] - 2 * BLOCK * 1e-3]
+    np.testing.assert_allclose(np.diff(recent), 1e-3, rtol=1e-6)
+    assert len(t) < 5 * BLOCK
+    assert np.isclose(np.diff(t).max(), THINNING * 1e-3)
+
+
+def test_a_long_run_keeps_no_more_than_its_bound() -> None:
+    history = 2 * BLOCK
+    blocks = history // BLOCK + 2  # at full rate, and as many thinned ones
+    kept = [len(filled(n * BLOCK, history).rows()) for n in (2 * blocks, 3 * blocks, 4 * blocks)]
+    assert kept == [blocks * (BLOCK + -(-BLOCK // THINNING))] * 3
+    assert len(filled(3 * blocks * BLOCK, history)) >= history
+
+
+def test_a_stretch_has_its_rows_and_copies_a_signal_when_it_is_asked_for() -> None:
+    recording = filled(2 * BLOCK, history=10 * BLOCK)
+    stretch = recording.stretch(4.0, 4.2)
+    assert (stretch["t"][0], stretch["t"][-1], len(stretch["t"])) == (4.0, 4.2, 201)  # across two blocks
+    assert stretch["tau"].shape == (201, 2)
+    assert stretch["tau"] is stretch["tau"]
+    assert len(recording.stretch(9e9)["e_r"]) == 0
+
+
+def test_reader_never_sees_an_incomplete_row() -> None:
+    recording = Recording(2, history=4 * BLOCK)
+    done = threading.Event()
+
+    def write() -> None:
+        for k in range(6 * BLOCK):
+            row = recording.new_row()
+            row[0] = k
+            row[1:] = k
+            recording.commit()
+        done.set()
+
+    writer = threading.Thread(target=write)
+    writer.start()
+    looks = 0
+    while not done.is_set():
+        rows = recording.rows()
+        assert np.array_equal(rows[:, 0], rows[:, -1])
+        assert np.all(np.diff(rows[:, 0]) > 0)
+        looks += 1
+    writer.join()
+    assert looks > 0

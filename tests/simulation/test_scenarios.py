@@ -1,0 +1,55 @@
+"""What the shipped scenarios must show, with every link of the true arm 15 % heavier than the controller believes."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+from app.analysis.metrics import Metrics
+from app.scenario.data import shipped
+from app.session.headless_run import simulate
+
+SCENARIOS = shipped()
+SMOOTH = [name for name in SCENARIOS if "discontinuous" not in name]
+TWINS = [name for name in SCENARIOS if "discontinuous" in name]
+
+
+@cache
+def figures(name: str) -> Metrics:
+    _, metrics = simulate(SCENARIOS[name])
+    return metrics
+
+
+@pytest.mark.parametrize("name", SMOOTH)
+def test_errors_and_bounds(name: str) -> None:
+    scenario, m = SCENARIOS[name], figures(name)
+    assert scenario.name == name
+    assert np.all(np.array(scenario.truth.link_scaling) == 1.15)
+    assert m.stopped is None
+    assert m.motion_error_tail <= (5e-4 if "planar" in name else 1e-4)
+    if m.force_error_tail is not None:
+        allowed = {"constrained": 0.3}.get(scenario.mode, 0.05)
+        assert m.force_error_tail <= (0.2 if "moving" in name else allowed)
+    assert m.envelope_violation == 0.0
+    assert m.gain_condition_margin >= -1e-9
+    assert m.reaching_time is not None
+    assert m.reaching_time <= m.reaching_time_bound
+    if scenario.mode == "constrained":
+        assert m.constraint_violation is not None
+        assert m.constraint_violation <= 1e-9
+
+
+def test_reaching_is_watched_somewhere() -> None:
+    m = figures("ur5-hybrid-reaching")
+    assert m.reaching_time is not None
+    assert 0.0 < m.reaching_time < m.reaching_time_bound
+
+
+@pytest.mark.parametrize("name", TWINS)
+def test_discontinuous_law_chatters(name: str) -> None:
+    smooth = figures(name.removesuffix("-discontinuous"))
+    chattering = figures(name)
+    assert chattering.stopped is None
+    assert sum(chattering.torque_total_variation) >= 20 * sum(smooth.torque_total_variation)

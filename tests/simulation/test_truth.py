@@ -1,0 +1,121 @@
+"""Truth against declaration: each inequality, and what each field does in the running loop."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from app.scenario.data import edited, shipped
+from app.scenario.declared_bounds import outside
+from app.scenario.schema import Scenario
+from app.simulation.closed_loop import ClosedLoop
+
+
+def changed(scenario: Scenario, fields: dict[str, object]) -> Scenario:
+    for path, value in fields.items():
+        scenario = edited(scenario, path, value)
+    return scenario
+
+
+@pytest.mark.parametrize(
+    ("truth", "declared", "said"),
+    [
+        ({"truth.link_scaling": 0.85}, {"declared.link_scaling": 0.15}, "link scaling |0.85 − 1| = 0.15 > declared 0"),
+        ({"truth.link_scaling": 1.15}, {"declared.link_scaling": 0.15}, "link scaling |1.15 − 1| = 0.15 > declared 0"),
+        (
+            {"truth.link_scaling": [1.1, 0.7, 1.2]},
+            {"declared.link_scaling": 0.3},
+            "link scaling of link 2 |0.7 − 1| = 0.3 > declared 0",
+        ),
+        ({"truth.payload_mass": 2.0}, {"declared.payload_mass": 2.0}, "payload 2 kg > declared 0 kg"),
+        (
+            {"truth.payload_mass": 1.0, "truth.payload_offset": [0.03, 0.0, -0.04], "declared.payload_mass": 1.0},
+            {"declared.payload_offset": 0.05},
+            "payload offset 0.05 m > declared 0 m",
+        ),
+        ({"truth.coulomb": 1.5}, {"declared.coulomb": 1.5}, "Coulomb friction 1.5 N·m > declared 0 N·m"),
+        ({"truth.viscous": 0.2}, {"declared.viscous": 0.2}, "viscous friction 0.2 N·m·s/rad > declared 0 N·m·s/rad"),
+        ({"truth.disturbance": 3.0}, {"declared.disturbance": 3.0}, "disturbance 3 N·m > declared 0 N·m"),
+        (
+            {"sensor.bias": [0.3, 0.0, -0.4], "sensor.noise": 0.1},
+            {"declared.force_error": 0.9},
+            "force error (bias + 4σ of noise) 0.9 N > declared 0 N",
+        ),
+    ],
+)
+def test_each_inequality_is_named_with_both_numbers_and_equality_is_inside(
+    truth: dict[str, object], declared: dict[str, object], said: str
+) -> None:
+    scenario = changed(Scenario(), truth)
+    assert outside(scenario) == (said,)
+    assert outside(changed(scenario, declared)) == ()
+    (path, bound), *_ = declared.items()
+    assert len(outside(edited(changed(scenario, declared), path, 0.99 * float(str(bound))))) == 1
+
+
+def test_shipped_scenarios_are_inside_and_a_payload_that_is_not_there_has_no_place() -> None:
+    for scenario in shipped().values():
+        assert outside(scenario) == ()
+    assert outside(edited(Scenario(), "truth.payload_offset", [1.0, 0.0, 0.0])) == ()
+
+
+def test_noise_is_judged_behind_the_low_pass() -> None:
+    """First-order low-pass of white noise, simulated as the sensor does it."""
+    scenario = changed(Scenario(), {"sensor.noise": 1.0, "sensor.cutoff": 20.0})
+    loop = ClosedLoop(scenario)
+    readings = np.array([loop._reader.read(np.zeros(3)) for _ in range(40_000)])[500:]
+    spread = 4.0 * float(readings.std())
+    assert outside(edited(scenario, "declared.force_error", 1.1 * spread)) == ()
+    assert len(outside(edited(scenario, "declared.force_error", 0.9 * spread))) == 1
+    assert np.mean(np.linalg.norm(readings, axis=1) < spread) > 0.995
+
+
+TRUE = {
+    "truth.link_scaling": [1.3, 1.0, 0.8],
+    "truth.payload_mass": 2.0,
+    "truth.payload_offset": [0.2, 0.0, 0.1],
+    "truth.coulomb": 1.0,
+    "truth.viscous": 1.0,
+    "truth.disturbance": 5.0,
+    "truth.disturbance_frequency": 3.0,
+}
+DECLARED = {
+    "declared.link_scaling": 0.3,
+    "declared.payload_mass": 2.0,
+    "declared.payload_offset": 0.2,
+    "declared.coulomb": 1.0,
+    "declared.viscous": 1.0,
+    "declared.disturbance": 5.0,
+    "declared.force_error": 2.0,
+}
+LOADED = {"truth.payload_mass": 1.0, "truth.disturbance": 1.0, "declared.payload_mass": 1.0, "controller.d": 30.0}
+
+
+@pytest.fixture(scope="module")
+def base() -> Scenario:
+    return changed(shipped()["planar3r-hybrid"], LOADED)
+
+
+def run_on(base: Scenario, fields: dict[str, object]) -> ClosedLoop:
+    loop = ClosedLoop(base)
+    for step in range(120):
+        if step == 60:
+            loop.edit(changed(base, fields))
+        loop.step()
+    assert len(loop.recording.rows()) == 120  # an edit of the truth does not begin anew
+    return loop
+
+
+@pytest.mark.parametrize("field", TRUE)
+def test_each_field_of_the_truth_acts_at_once(base: Scenario, field: str) -> None:
+    q = [run_on(base, fields).recording.signals(("q",))["q"] for fields in ({}, {field: TRUE[field]})]
+    assert np.array_equal(q[0][:60], q[1][:60])
+    assert np.abs(q[0][-1] - q[1][-1]).max() > 1e-7
+
+
+@pytest.mark.parametrize("field", DECLARED)
+def test_each_declared_bound_raises_what_the_theorem_needs(base: Scenario, field: str) -> None:
+    """And d with it, in the running loop."""
+    before, after = (run_on(base, fields).view().live for fields in ({}, {field: DECLARED[field]}))
+    assert after["d_required"] > before["d_required"] + 0.01
+    assert after["d"] > before["d"] + 0.01

@@ -1,0 +1,117 @@
+"""Arms in task coordinates of every kind, with random states and random laws: what identities are checked on."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+from typing import NamedTuple
+
+import numpy as np
+
+from app.scenario.data import from_plain
+from app.simulation.system import System, assemble
+from controllers.bounds import Uncertainty
+from controllers.compensator import Compensator
+from controllers.switching import Switching, unit_factor
+from controllers.target_model import TargetModel
+from controllers.vsmrc import Reference, Vsmrc
+from environments.formula import parse
+from environments.robots import CATALOGUE
+from environments.surfaces import Cylinder, Motion, Plane, Sphere, Surface
+from environments.tape import tape_of
+from environments.typed_surface import TypedSurface
+
+ROBOTS = tuple(CATALOGUE)
+CHARTS = ("joint", "cartesian", "plane", "cylinder inside", "sphere outside", "typed wave")  # the surfaces move
+CERTAIN = Uncertainty(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+MOTION = Motion(np.array([0.6, 0.0, 0.8]), 0.03, 1.7)
+
+WAVE = "0.96*z - 0.28*x - 0.02*sin(7*(x + z) - 2*t) + 0.3*x^2"
+
+
+class State(NamedTuple):
+    """q (n,) rad, q_dot (n,) rad/s, t s."""
+
+    q: np.ndarray
+    q_dot: np.ndarray
+    t: float
+
+
+@cache
+def arm(robot: str) -> System:
+    """The arm in Cartesian coordinates, with nothing around it."""
+    return assemble(from_plain({"robot": {"name": robot}}))
+
+
+@cache
+def charted(robot: str, chart: str) -> System:
+    """The arm in one of CHARTS: surfaces are oblique, some centimetres off, and fit an arm in the x-z plane."""
+    system = arm(robot)
+    if chart == "cartesian":
+        return system
+    if chart == "joint":
+        return replace(system, layout=system.layout._replace(joint=True))
+    towards, radius, axis = np.array([0.28, 0.0, -0.96]), 0.4, np.array([0.0, 1.0, 0.0])
+    middle = system.nominal.evaluate(system.q_0, np.zeros(system.robot.n)).p + 0.03 * towards
+    if chart == "plane":
+        return replace(system, charted=Plane.create(middle, towards, MOTION))
+    if chart == "cylinder inside":
+        return replace(system, charted=Cylinder.create(middle - radius * towards, axis, towards, radius, -1.0, MOTION))
+    if chart == "typed wave":
+        return replace(system, charted=TypedSurface.create(WAVE, middle, towards, "below", MOTION, middle))
+    return replace(system, charted=Sphere.create(middle + radius * towards, -towards, radius, 1.0, MOTION))
+
+
+def at_rest(surface: Surface) -> Surface:
+    """The surface without its motion, a wave as it is at an instant."""
+    if isinstance(surface, TypedSurface):
+        frozen = tape_of(parse(WAVE.replace("2*t", "0.6")))
+        return replace(surface, motion=Motion(), tape=frozen)
+    return replace(surface, motion=Motion())
+
+
+def random_state(system: System, random: np.random.Generator) -> State:
+    """Every joint within 0.3 rad of the working posture."""
+    n = system.robot.n
+    return State(
+        system.robot.posture + random.uniform(-0.3, 0.3, n), random.uniform(-1.0, 1.0, n), random.uniform(0.0, 2.0)
+    )
+
+
+def random_reference(r: np.ndarray, random: np.random.Generator) -> Reference:
+    """A reference near r (n,), with a desired force."""
+    away, r_d_dot, r_d_ddot, F_cd = random.standard_normal((4, len(r)))
+    return Reference(r + 0.05 * away, r_d_dot, r_d_ddot, F_cd)
+
+
+def random_spd(random: np.random.Generator, n: int, low: float, high: float) -> np.ndarray:
+    """A full symmetric matrix (n, n) with eigenvalues in [low, high]."""
+    Q, _ = np.linalg.qr(random.standard_normal((n, n)))
+    return Q @ np.diag(random.uniform(low, high, n)) @ Q.T
+
+
+def random_law(
+    random: np.random.Generator, n: int, switching: Switching, controlled: np.ndarray, m: int = 0, kind: type = Vsmrc
+) -> Vsmrc:
+    """Full matrices wherever the paper allows them; d a constant."""
+    M_m, B_m, K_m = (random_spd(random, n, 1.0, 30.0) for _ in range(3))
+    model = TargetModel(M_m, B_m, K_m, random.standard_normal((n, n)))
+    A, F_1, F_2 = -random.uniform(0.0, 5.0, n), random.uniform(-10.0, 10.0, n), random.uniform(0.5, 2.0, n)
+    return kind(
+        model=model,
+        compensator=Compensator.design(model, A, F_1, F_2),
+        K_s=random_spd(random, n, 1.0, 50.0),
+        d=random.uniform(1.0, 20.0),
+        epsilon=1.0,
+        bounds="tight",
+        switching=switching,
+        phi=random.uniform(0.01, 10.0),
+        uncertainty=CERTAIN,
+        controlled=controlled,
+        m=m,
+    )
+
+
+def unit_vector(s: np.ndarray, kind: int, phi: float) -> np.ndarray:
+    """sigma(s) (n,), the smoothed s/||s||."""
+    return s * unit_factor(float(np.linalg.norm(s)), kind, phi)

@@ -1,0 +1,48 @@
+"""Scenarios for tests: any arm in any mode against any surface that its tool just touches."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+
+from app.scenario.data import from_plain, to_plain
+from app.scenario.schema import Scenario
+from app.session.changes import in_mode, on_robot
+from app.simulation.closed_loop import ClosedLoop
+
+SURFACES = ("plane", "moving plane", "cylinder", "inside of a cylinder", "typed wave", "moving sphere")
+
+
+@cache
+def tool_height(robot: str) -> np.ndarray:
+    return ClosedLoop(from_plain({"robot": {"name": robot}})).view().tool
+
+
+def surfaces(robot: str) -> dict[str, dict[str, object]]:
+    """Surfaces that this arm's tool just touches, at rest and moving."""
+    x, y, z = tool_height(robot).tolist()
+    motion = {"direction": [0.0, 0.0, 1.0], "amplitude": 0.01, "frequency": 1.0}
+    below = {"origin": [x, y, z - 0.3], "radius": 0.3}
+    return {
+        "plane": {"kind": "plane", "origin": [x, y, z]},
+        "moving plane": {"kind": "plane", "origin": [x, y, z], "motion": motion},
+        "cylinder": {"kind": "cylinder", **below},
+        "inside of a cylinder": {
+            "kind": "cylinder", "origin": [x, y, z + 0.3], "radius": 0.3, "side": "inside", "reference": [0, 0, -1.0],
+        },
+        "typed wave": {"kind": "formula", "text": "z - 0.01*sin(9*x)*cos(2*t) - 0.1*x*y", "origin": [x, y, z]},
+        "moving sphere": {"kind": "sphere", **below, "motion": motion},
+    }  # fmt: skip
+
+
+def scenario_of(robot: str, mode: str, contact: str, surface: str) -> Scenario:
+    data = to_plain(in_mode(on_robot(Scenario(), robot), mode))
+    data["surface"] = surfaces(robot)[surface]
+    data["contact"] |= {"kind": contact, "friction_coulomb": 0.1, "M_e": 1.0, "B_e": 10.0}
+    data["motion"] = {"kind": "line", "displacement": [0.05]}
+    data["truth"] |= {"link_scaling": 1.1, "viscous": 0.1}
+    data["declared"] |= {"link_scaling": 0.15, "viscous": 0.2}
+    data["sensor"] |= {"noise": 0.05}
+    data["simulation"] |= {"seed": 7}
+    return from_plain(data)

@@ -1,0 +1,149 @@
+"""A gateway whose sessions are no processes: what was told to each is noted, and a page finds a web socket there."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager, closing, nullcontext
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import aiohttp
+from aiohttp import WSMsgType, web
+
+from app.access.admission import Names, Tokens
+from app.access.session_messages import Begin, Kept
+from app.gateway.server import Doors, Gateway, serving
+from app.gateway.session_pool import House
+from app.gateway.session_store import Register
+
+HELLO = b"hello"
+
+
+class Actor:
+    """Plays the process of a session."""
+
+    key, looking, late = "key", frozenset[str](), None
+
+    def __init__(self, port: int) -> None:
+        self.port, self.alive = port, True
+        self.kept: Kept | None = None
+        self._says: asyncio.Queue[Any] = asyncio.Queue()
+
+    def begin(self, begin: Begin) -> None:
+        self.kept = begin.kept
+
+    def keep(self, kept: Kept) -> None:
+        self.kept = kept
+
+    def remark(self, sentence: str) -> None:
+        del sentence
+
+    async def changes(self) -> AsyncIterator[Any]:
+        while (said := await self._says.get()) is not None:
+            yield said
+
+    def say(self, said: object) -> None:
+        self._says.put_nowait(said)
+
+    async def end(self) -> str:
+        self.alive = False
+        self._says.put_nowait(None)
+        return "ended by SIGKILL"
+
+
+@dataclass
+class Town:
+    """A gateway that answers at `port`, its house, and its sessions' processes in the order of their making."""
+
+    house: House
+    gateway: Gateway
+    client: aiohttp.ClientSession
+    port: int = 0
+    actors: list[Actor] = field(default_factory=list)
+
+    def url(self, path: str) -> str:
+        return f"http://127.0.0.1:{self.port}{path}"
+
+    async def ask(self, path: str, method: str = "GET", **headers: str) -> aiohttp.ClientResponse:
+        named = {name.replace("_", "-"): value for name, value in headers.items()}
+        answer = await self.client.request(method, self.url(path), headers=named, allow_redirects=False)
+        await answer.read()
+        return answer
+
+    async def about(self, path: str, **headers: str) -> dict[str, Any]:
+        return await (await self.ask(f"{path}about?wait", **headers)).json()
+
+    async def looked_at(self, path: str, **headers: str) -> aiohttp.ClientWebSocketResponse:
+        """A page of it, once it runs."""
+        while (await self.about(path, **headers))["phase"] != "running":
+            await asyncio.sleep(0.01)
+        page = await self.let_in(path, **headers)
+        assert page is not None
+        return page
+
+    async def arrive(self, **headers: str) -> str:
+        """The link of a session of one's own, once it runs or waits."""
+        path = "/" + (await self.ask("/", **headers)).headers["Location"]
+        while (await self.about(path, **headers))["phase"] == "starting":
+            await asyncio.sleep(0.01)
+        return path
+
+    async def open(self, path: str, **headers: str) -> aiohttp.ClientWebSocketResponse:
+        named = {name.replace("_", "-"): value for name, value in headers.items()}
+        return await self.client.ws_connect(self.url(path), headers=named)
+
+    async def let_in(self, path: str, **headers: str) -> aiohttp.ClientWebSocketResponse | None:
+        """The page's web socket, None where it is turned away."""
+        page = await self.open(path, **headers)
+        return page if (await page.receive()).type is WSMsgType.BINARY else None
+
+
+async def _session(request: web.Request) -> web.StreamResponse:
+    if request.headers.get("Upgrade", "").lower() != "websocket":
+        return web.Response(text="<html><head></head><body></body></html>", content_type="text/html")
+    page = web.WebSocketResponse()
+    await page.prepare(request)
+    await page.send_bytes(HELLO)
+    async for _ in page:
+        pass
+    return page
+
+
+@asynccontextmanager
+async def town(
+    places: int = 2,
+    *,
+    names: Names | None = None,
+    tokens: Tokens | None = None,
+    state: Path | None = None,
+    copies: bool = True,
+    serves: dict[str, Any] | None = None,
+    **more: Any,
+) -> AsyncIterator[Town]:
+    """While it lasts, the gateway answers. state: the folder that keeps sessions; serves: see
+    `app.gateway.server.serving`; more: see `House`."""
+    inner = web.Application()
+    inner.router.add_get("/", _session)
+    runner = web.AppRunner(inner, access_log=None, shutdown_timeout=0.1)
+    await runner.setup()
+    site = web.TCPSite(runner, "127.0.0.1", 0)
+    await site.start()
+    actors = list[Actor]()
+
+    async def launch(_: str) -> Actor:
+        actors.append(Actor(runner.addresses[0][1]))
+        return actors[-1]
+
+    register = Register(state) if state is not None else None
+    with closing(register) if register is not None else nullcontext():
+        house = House("usual", launch, places, 600.0, register=register, spare=False, **more)
+        gateway = Gateway(house, Doors(names or Names(), tokens, copies=copies))
+        # many cookies: a visitor's are said in each request
+        client = aiohttp.ClientSession(cookie_jar=aiohttp.DummyCookieJar(), connector=aiohttp.TCPConnector(limit=0))
+        try:
+            async with client, serving(gateway, "127.0.0.1", 0, **serves or {}) as port:
+                yield Town(house, gateway, client, port, actors)
+        finally:
+            await runner.cleanup()
