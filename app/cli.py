@@ -8,7 +8,7 @@ import signal
 import sys
 import tomllib
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import msgspec
 import structlog
@@ -17,27 +17,22 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from app.access.admission import Names
+from app.access.admission import Names, PortTaken
 from app.access.given_token import given_token
 from app.access.rate_limits import Limits
-from app.analysis.metrics import FIGURES, Metrics, account, unit_of
-from app.dashboard import Dashboard, PortBusy, check_fps, local_server
-from app.dashboard.export import Kind, Stretch, write
-from app.dashboard.plots.paper_figures import ALL_PLOTS, plots_of
 from app.dashboard.theme.colors import Theme
-from app.gateway.server_settings import Invitation, Look, PortTaken, Token
+from app.export.formats import ALL_PLOTS, Kind
+from app.gateway.server_settings import Invitation, Look, Token
 from app.process import log, open_files
 from app.process.other_users import other_people
 from app.process.terminal_text import printable, say
 from app.scenario.data import edited, load, shipped
-from app.scenario.declared_bounds import outside
 from app.scenario.schema import Scenario, ScenarioError
-from app.session import headless_run
-from app.session.changes import blending_to, with_robot
-from app.simulation.search_memory import Memory
-from app.storage.constants_store import ConstantsShelf
-from app.storage.recording_files import read_npz
-from environments.robots import CATALOGUE
+
+if TYPE_CHECKING:
+    from app.analysis.metrics import Metrics
+
+# Each command imports what it alone needs: no other waits for the page's, or the simulation's, libraries.
 
 DONE, FAULT, BAD_INPUT, STOPPED, BROKEN, UNPROMISED = 0, 1, 2, 3, 4, 5
 FILES = 64 + 2 * Limits().per_session  # open at once in a server for oneself: its own, pages and who is just arriving
@@ -92,6 +87,9 @@ def serve(
         copies: with --shared, whether who watches may take a private copy of the session
         idle_minutes: with --shared, a session that nobody looks at so long is closed; its link brings it back
     """
+    from app.dashboard import local_server
+    from app.dashboard.page import Dashboard, check_fps
+
     try:
         log.configure(log_level, log_file)
     except OSError as error:
@@ -124,7 +122,7 @@ def serve(
     if people and Names(host).local and not origin:
         say(f"{', '.join(people[:3])} can use this machine, too: the link has a token (--token never: none)")
     if invitation.open:
-        from app.gateway.serve import serve as serve_others  # here: who is alone need not wait for it
+        from app.gateway.serve import serve as serve_others
 
         serve_others(chosen, Look(theme, fps), invitation, None if stateless else state_dir)
         return DONE
@@ -157,10 +155,16 @@ def run(
         blend_over: how long it takes, s
         strict: end with status 4 when what the theorem promises is broken, 5 when it promises nothing
     """
+    from app.analysis.metrics import unit_of
+    from app.scenario.declared_bounds import outside
+    from app.session import headless_run
+    from app.session.changes import blending_to
+    from app.storage.constants_store import kept_memory
+
     chosen = _configured(scenario, settings, duration)
     if blend_to is not None:
         chosen = blending_to(chosen, load(blend_to), blend_at, blend_over)
-    loop, metrics = headless_run.simulate(chosen, show_progress=True, memory=Memory(ConstantsShelf()))
+    loop, metrics = headless_run.simulate(chosen, show_progress=True, memory=kept_memory())
     try:
         headless_run.write(loop, metrics, out)
     except OSError as error:
@@ -208,13 +212,17 @@ def compare(
         last: how much of the end counts, in s, instead of the whole run
         duration: simulated time in s, instead of the scenarios'
     """
+    from app.analysis.metrics import FIGURES, account
+    from app.session import headless_run
+    from app.storage.constants_store import kept_memory
+
     if last is not None and not last > 0:
         raise ScenarioError(f"--last {last:g}: allowed: more than 0 s")
     if not scenarios:
         raise ScenarioError("compare: no scenario; allowed: one or more (see `vsmrc list`)")
     systems, accounts, stopped = [], [], False
     for name, scenario in [(name, _configured(name, settings, duration)) for name in scenarios]:
-        loop, _ = headless_run.simulate(scenario, show_progress=True, memory=Memory(ConstantsShelf()))
+        loop, _ = headless_run.simulate(scenario, show_progress=True, memory=kept_memory())
         since = -math.inf if last is None else loop.t - last
         systems.append(loop.system)
         accounts.append(account(loop.system, loop.recording, since, loop.t))
@@ -249,6 +257,12 @@ def export(
         start: first instant, s
         end: last instant, s
     """
+    from app.dashboard.export import Stretch, write
+    from app.dashboard.plots.paper_figures import plots_of
+    from app.session import headless_run
+    from app.storage.constants_store import kept_memory
+    from app.storage.recording_files import read_npz
+
     plots_of(plots)  # before the simulation, which would be in vain
     status = DONE
     if run.endswith(".npz"):
@@ -257,7 +271,7 @@ def export(
         scenario, recording = read_npz(Path(run))
     else:
         scenario = _configured(run, settings)
-        loop, _ = headless_run.simulate(scenario, show_progress=True, memory=Memory(ConstantsShelf()))
+        loop, _ = headless_run.simulate(scenario, show_progress=True, memory=kept_memory())
         recording = loop.recording
         if loop.stopped:
             print(f"stopped: {loop.stopped}")
@@ -278,7 +292,7 @@ def figures(*, out: Path, only: tuple[str, ...] = (), thin: int = 1) -> int:
         only: sections, by name, instead of all
         thin: one in so many of the cases, to look quickly
     """
-    from app.evidence.make import make  # here: `vsmrc serve` need not wait for it
+    from app.evidence.make import make
     from app.evidence.sections import SECTIONS
 
     names = [section.name for section in SECTIONS]
@@ -296,6 +310,8 @@ def figures(*, out: Path, only: tuple[str, ...] = (), thin: int = 1) -> int:
 
 def list_() -> int:
     """Show the robots and the scenarios."""
+    from environments.robots import CATALOGUE
+
     print("robots")
     for name, entry in CATALOGUE.items():
         print(f"  {name:34s} {entry.title}")
@@ -310,6 +326,8 @@ def _configured(name_or_file: str, settings: Settings, duration: float | None = 
     changes = [_setting(setting) for group in settings for setting in group]
     # the arm as a whole, and first: everything else may depend on it
     if robot := {path.removeprefix("robot."): value for path, value in changes if path.startswith("robot.")}:
+        from app.session.changes import with_robot
+
         scenario = with_robot(scenario, robot)
     for path, value in changes:
         if not path.startswith("robot."):
@@ -346,7 +364,7 @@ def execute(arguments: list[str]) -> int:
         arguments = ["serve", *arguments]
     try:
         return tyro.extras.subcommand_cli_from_dict(commands, args=arguments, prog="vsmrc")
-    except (ScenarioError, PortBusy, PortTaken) as error:
+    except (ScenarioError, PortTaken) as error:
         print(f"vsmrc: {printable(str(error))}", file=sys.stderr)
         return BAD_INPUT
     except Exception as error:

@@ -96,12 +96,12 @@ def importers(root: Path, changed: str) -> set[str]:
     """Modules ("app.simulation.system") that import the changed file, directly or not, and its own."""
     imports: dict[str, set[str]] = {}
     for package in PACKAGES:
-        for file in (root / package).glob("*.py"):
+        for file in (root / package).rglob("*.py"):
             names = set()
             for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
                 if isinstance(node, ast.ImportFrom) and node.module:
                     names |= {node.module, *(f"{node.module}.{alias.name}" for alias in node.names)}
-            imports[f"{package}.{file.stem}"] = names
+            imports[".".join(file.relative_to(root).with_suffix("").parts)] = names
     found = {changed.removesuffix(".py").replace("/", ".")}
     while more := {module for module, names in imports.items() if names & found} - found:
         found |= more
@@ -143,13 +143,13 @@ class Copy:
         sound, time = file.read_text(encoding="utf-8"), file.stat().st_mtime_ns
         shutil.copytree(self._kernels, kernels)
         for module in importers(self.tree, mutation.file):
-            package, name = module.split(".")
+            package, name = module.split(".")[-2:]  # numba names a folder after the file's own
             for stale in kernels.glob(f"{package}_*/{name}.*"):
                 stale.unlink()
         file.write_text(sound.replace(mutation.old, mutation.new), encoding="utf-8")
         try:
             done = self.run(kernels, mutation.first or file.stem)
-            failed = re.search(r"^(?:FAILED|ERROR) (?:tests/)?(\S+)", done.stdout, re.MULTILINE)
+            failed = re.search(r"^(?:FAILED|ERROR) (?:tests/(?:\w+/)?)?(\S+)", done.stdout, re.MULTILINE)
             by = failed[1] if failed else f"pytest ended with {done.returncode}"
             return Verdict(mutation, CAUGHT, by) if done.returncode else Verdict(mutation, SURVIVED, "")
         except subprocess.TimeoutExpired:

@@ -16,8 +16,8 @@ import viser
 
 from app.dashboard.page import FPS, REFRESH
 from app.dashboard.plots.dock import Plots, Shown
-from app.dashboard.scene.view_options import Viewing
 from app.dashboard.transport.visible_tabs import Lookers
+from app.dashboard.view_options import Viewing
 from app.dashboard.widgets.whatif import HORIZON, Held, WhatIf
 from app.process.markdown import Table
 from app.scenario.data import load

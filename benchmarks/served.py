@@ -16,7 +16,7 @@ from unittest import mock
 
 import numpy as np
 
-from app.dashboard import Dashboard
+from app.dashboard.page import Dashboard
 from app.scenario.data import load
 from app.session import runner as runner_module
 from app.session.commands import SetSpeed

@@ -19,8 +19,8 @@ from typing import NamedTuple
 from tqdm import tqdm
 
 from app.gateway.serve import cores
+from app.process import precompile
 from app.process.markdown import Table
-from app.workers import precompile
 from benchmarks.effort import Effort
 from benchmarks.processes import memory
 from drivers.visitors import PATIENCE, Server, Visitor, serving, visiting

@@ -15,7 +15,7 @@ from pathlib import Path
 from PIL import Image
 from playwright.sync_api import Browser, Page, sync_playwright
 
-from app.dashboard import Dashboard
+from app.dashboard.page import Dashboard
 from app.scenario.data import shipped
 from app.session.commands import Edit, Load, Pin, Play, Reset, Unpin
 from app.session.runner import Runner

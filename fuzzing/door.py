@@ -14,7 +14,7 @@ from pathlib import Path
 from app.access.admission import PAGE_HEADERS, Tokens
 from app.gateway.session import Session
 from app.process import log
-from tests.support.town import town
+from drivers.town import town
 
 TOKENS = Tokens("Steer7" * 7, "Watch7" * 7)
 NAME, WATCH = "Name7x" * 4, "Look7x" * 4

@@ -6,7 +6,7 @@ import pytest
 from playwright.sync_api import Browser, ConsoleMessage, Page, sync_playwright
 
 import app  # noqa: F401  # says where kernels are cached, which must come before numba
-from app.dashboard import Dashboard
+from app.dashboard.page import Dashboard
 from app.scenario.data import shipped
 from app.session.commands import Load, Pause, Play, SetSpeed
 from app.session.runner import Runner

@@ -22,6 +22,11 @@ from app.process.redaction import new_secret
 
 Pass = Literal["steer", "watch"]
 
+
+class PortTaken(OSError):
+    """The address cannot be listened at: one sentence."""
+
+
 YEAR = 365 * 24 * 3600  # s that a browser keeps a cookie
 KEY_HEADER = "X-Vsmrc-Key"
 # Our pages are nobody's frame (a click there would be a click here), share no window with the pages that open them, and

@@ -1,5 +1,1 @@
-"""The page: the only code that knows viser."""
-
-from app.dashboard.page import Dashboard, PortBusy, check_fps
-
-__all__ = ["Dashboard", "PortBusy", "check_fps"]
+"""The page: the only code that knows viser, which is loaded with `app.dashboard.page` and not before."""

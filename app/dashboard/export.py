@@ -5,15 +5,15 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Literal
 
 from tqdm import tqdm
 
 from app.dashboard.plots.charts import Setup
 from app.dashboard.plots.paper_figures import figure_of, plots_of
 from app.dashboard.scene.standalone import standalone_html
-from app.export.export_jobs import PLAYBACK_LIMIT, DataFormat, file_name
-from app.export.figures import Format, render
+from app.export.export_jobs import PLAYBACK_LIMIT, file_name
+from app.export.figures import render
+from app.export.formats import Kind
 from app.export.playback_frames import film
 from app.process.atomic_write import write_whole
 from app.scenario.data import to_toml
@@ -23,8 +23,6 @@ from app.simulation.closed_loop import ClosedLoop
 from app.simulation.recording import Recording
 from app.simulation.system import assemble
 from app.storage.recording_files import TooLarge, table, write_csv, write_npz
-
-Kind = Format | DataFormat | Literal["html", "toml"]
 
 
 @dataclass(frozen=True)

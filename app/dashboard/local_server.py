@@ -12,14 +12,15 @@ from subprocess import Popen
 import structlog
 from tqdm import tqdm
 
-from app.dashboard import Dashboard
+from app.dashboard.page import Dashboard
 from app.dashboard.widgets.last_session import left_by
+from app.process import precompile
 from app.process.deadline import end_within
 from app.process.terminal_text import say
 from app.scenario.schema import Scenario, ScenarioError
-from app.session.autosave import Keeper, StateError, StateFolder, default_folder
+from app.session.autosave import Keeper, StateFolder, default_folder
 from app.session.runner import Runner
-from app.workers import precompile
+from app.storage.session_index import StateError
 
 events = structlog.get_logger()
 

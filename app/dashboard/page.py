@@ -11,15 +11,14 @@ import time
 import structlog
 import viser
 
-from app.access.admission import Names, Tokens
+from app.access.admission import Names, PortTaken, Tokens
 from app.access.rate_limits import NARROW
 from app.dashboard.panels import PANELS, Panel
 from app.dashboard.plots.charts import Pinned
 from app.dashboard.plots.dock import Plots, Shown
+from app.dashboard.scene.appearance import Appearance
 from app.dashboard.scene.tool_drag import Hand
 from app.dashboard.scene.view import SceneView
-from app.dashboard.scene.view_options import Viewing
-from app.dashboard.theme.appearance import Appearance
 from app.dashboard.theme.colors import Theme
 from app.dashboard.theme.style import injected_html
 from app.dashboard.transport.callback_errors import watch
@@ -28,6 +27,7 @@ from app.dashboard.transport.message_filter import Gate
 from app.dashboard.transport.stalled_clients import Laggards
 from app.dashboard.transport.visible_tabs import Lookers
 from app.dashboard.transport.widget_lock import Turns
+from app.dashboard.view_options import Viewing
 from app.dashboard.widgets.controls import Desk
 from app.dashboard.widgets.equation import equation_html
 from app.dashboard.widgets.help import Help, tools_html
@@ -56,15 +56,11 @@ ENDING = 0.7  # s that viser's server is waited for
 FRAME_ENDING = 0.7  # s that a frame is waited for
 
 
-class PortBusy(OSError):
-    """Something else listens at the port; viser would silently take the next one."""
-
-
 class Dashboard:
     """The page is up as soon as this is made; it shows a run once `attach` has given it a runner.
 
     port 0 takes any free port; fps: pictures of the scene per second, of which a machine without a graphics card is
-    better off with few; key: without it in the header KEY_HEADER nobody is answered. Raises PortBusy, and ValueError
+    better off with few; key: without it in the header KEY_HEADER nobody is answered. Raises PortTaken, and ValueError
     for fps beyond what makes sense.
     """
 
@@ -81,7 +77,7 @@ class Dashboard:
         check_fps(fps)
         self._frame = 1.0 / fps
         if port and (reason := _unusable(host, port)):
-            raise PortBusy(f"port {port} of {host} cannot be used: {reason}; choose another one with --port")
+            raise PortTaken(f"port {port} of {host} cannot be used: {reason}; choose another one with --port")
         self._view: _View | None = None
         with behind_doors(Names(host), key, tokens, self._fault):
             self._server = viser.ViserServer(host=host, port=port, label="VSMRC Lab", verbose=False)
@@ -90,7 +86,7 @@ class Dashboard:
         self.host, self.port = host, self._server.get_port()
         if port and self.port != port:
             self._server.stop()
-            raise PortBusy(f"port {port} of {host} cannot be used; choose another one with --port")
+            raise PortTaken(f"port {port} of {host} cannot be used; choose another one with --port")
         gui = self._server.gui
         gui.main_panel.dock_right()
         gui.main_panel.set_width(380)

@@ -1,26 +1,24 @@
 """The plant's integrators, the sampled loop and the sliding band against the paper's differential equation.
 
-That equation is written a second time in `app/evidence/independent_simulator.py`, in plain numpy, and solved by DOP853: the tests
-are imported where a job runs, since a wheel has none.
+That equation is written a second time in `app/evidence/independent_simulator.py`, in plain numpy, and solved by DOP853.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 import numpy as np
 
 from app.evidence.drawing import charts_in_columns
+from app.evidence.independent_simulator import order
 from app.evidence.section import Findings, Job, Section
+from app.evidence.twins import Twin, bands, loop_errors, plant_errors
 from app.export.figures import Chart, Curve
 from app.process.markdown import Table
 from app.scenario.data import edited, shipped
 from environments.plant import Integrator
-
-if TYPE_CHECKING:
-    from app.evidence.twins import Twin
 
 CONTACTS: Mapping[str, tuple[Mapping[str, Any], tuple[int, ...]]] = {  # of the twin; plant steps in SPAN
     "elastic, moving sphere": ({"mode": "hybrid"}, (16, 32, 64, 128)),
@@ -71,8 +69,6 @@ class Decline:
 
 def of_plant(contact: str, integrator: Integrator) -> Decline:
     """Largest error of (q, q_dot) (rad, rad/s) after `SPAN` under a constant torque."""
-    from app.evidence.twins import plant_errors
-
     substeps = CONTACTS[contact][1]
     errors = plant_errors(_twin(contact, integrator), substeps, SPAN)
     return _decline("plant", contact, integrator, SPAN / np.array(substeps), errors, ORDERS[integrator])
@@ -80,16 +76,12 @@ def of_plant(contact: str, integrator: Integrator) -> Decline:
 
 def of_loop(contact: str, integrator: Integrator) -> Decline:
     """Largest error of q (rad) within `LOOP_SPAN`: the torque is held over a period, and z takes Euler's steps."""
-    from app.evidence.twins import loop_errors
-
     errors = loop_errors(_twin(contact, integrator), PERIODS, LOOP_SPAN)
     return _decline("loop", contact, integrator, np.array(PERIODS), errors, 1.0)
 
 
 def of_band(name: str, d: float) -> Decline:
     """Largest ||s|| (m/s) under the discontinuous law with a constant gain d (N)."""
-    from app.evidence.twins import bands
-
     scenario = edited(edited(shipped()[name], "simulation.duration", UNTIL), "controller.gain", "constant")
     errors = bands(edited(scenario, "controller.d", d), PERIODS, since=SINCE)
     name = f"{name.removesuffix('-discontinuous')}, d = {d:g} N"
@@ -99,14 +91,10 @@ def of_band(name: str, d: float) -> Decline:
 def _decline(
     subject: Subject, name: str, integrator: Integrator, steps: np.ndarray, errors: np.ndarray, expected: float
 ) -> Decline:
-    from app.evidence.independent_simulator import order
-
     return Decline(subject, name, integrator, steps, errors, order(steps, errors), expected)
 
 
 def _twin(contact: str, integrator: Integrator) -> Twin:
-    from app.evidence.twins import Twin
-
     return Twin("ur5", radius=0.3, integrator=integrator, **CONTACTS[contact][0])
 
 

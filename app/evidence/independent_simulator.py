@@ -59,7 +59,7 @@ class Surface:
         """The coordinates (3,) of one point, their gradients (3, 3) in rows, and their partial derivatives in time."""
         step = 1j * TINY * np.eye(4)
         g = self.coordinates(p[:, None] + step[:3], t + step[3])
-        return g[:, 0].real, g[:, :3].imag / TINY, g[:, 3].imag / TINY
+        return np.real(g[:, 0]), np.imag(g[:, :3]) / TINY, np.imag(g[:, 3]) / TINY
 
 
 class Kinematics(NamedTuple):
@@ -187,8 +187,8 @@ class PaperLoop:
         here = self.kinematics(q, t)
         around = [self.kinematics(q + k * STEP * q_dot, t + k * STEP) for k in (-2, -1, 1, 2)]
         weights = np.array([1.0, -8.0, 8.0, -1.0]) / (12 * STEP)
-        J_q_dot = sum(w * k.J_q for w, k in zip(weights, around, strict=True))
-        v_t_dot = sum(w * k.v_t for w, k in zip(weights, around, strict=True))
+        J_q_dot = np.tensordot(weights, [k.J_q for k in around], 1)
+        v_t_dot = np.tensordot(weights, [k.v_t for k in around], 1)
         r_dot = here.J_q @ q_dot + here.v_t
         return Motion(here.r, r_dot, here.J_q, J_q_dot, here.v_t, v_t_dot, here.J_v, here.normal)
 

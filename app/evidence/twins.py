@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cache
 from typing import Literal
 
 import numpy as np
@@ -14,13 +15,24 @@ from app.scenario.data import edited, from_plain
 from app.scenario.schema import Scenario
 from app.session.headless_run import simulate
 from app.simulation.closed_loop import ClosedLoop
-from app.simulation.system import assemble
+from app.simulation.system import System, assemble
 from environments.plant import Integrator, Plant
-from tests.support.arms import arm, random_spd
 
 TOWARDS = np.array([0.28, 0.0, 0.96])  # out of the surface, in the plane of the planar arms
 LAYER, D = 0.1, 6.0
 DEPTH = 0.001  # m, of the tool in an elastic surface to begin with
+
+
+@cache
+def arm(robot: str) -> System:
+    """The arm in Cartesian coordinates, with nothing around it."""
+    return assemble(from_plain({"robot": {"name": robot}}))
+
+
+def random_spd(random: np.random.Generator, n: int, low: float, high: float) -> np.ndarray:
+    """A full symmetric matrix (n, n) with eigenvalues in [low, high]."""
+    Q, _ = np.linalg.qr(random.standard_normal((n, n)))
+    return Q @ np.diag(random.uniform(low, high, n)) @ Q.T
 
 
 @dataclass(frozen=True)

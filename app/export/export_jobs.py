@@ -15,11 +15,11 @@ from dataclasses import dataclass, replace
 from multiprocessing import Pipe
 from multiprocessing.connection import Connection
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
 
-from app.export.figures import Figure, Format
+from app.export.figures import Figure
+from app.export.formats import DataFormat, Format
 from app.export.playback_frames import Film
 from app.process import launcher
 from app.storage.recording_files import Table, Tell
@@ -27,8 +27,6 @@ from app.storage.recording_files import Table, Tell
 PATIENCE = 2.0  # s that the process has to end by itself
 LONGEST_NAME = 60
 PLAYBACK_LIMIT = 25e6  # bytes
-
-DataFormat = Literal["csv", "npz"]
 
 
 class TakeAwayError(RuntimeError):

@@ -10,9 +10,11 @@ import io
 import textwrap
 from dataclasses import dataclass
 from itertools import zip_longest
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+
+from app.export.formats import Format
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -20,8 +22,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure as Canvas
 
 Rgb = tuple[int, int, int]
-Format = Literal["svg", "pdf", "png"]
-
 TIME, FREQUENCY = "t [s]", "frequency [Hz]"
 SINGLE, DOUBLE = 3.5, 7.16  # in, a journal's column and its page
 ONE_COLUMN = 4  # charts, more of which stand in two columns on paper

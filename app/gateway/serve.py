@@ -20,13 +20,12 @@ from app.gateway.session_pool import House
 from app.gateway.session_store import Register
 from app.gateway.visitors import Shares
 from app.gateway.worker import Worker
-from app.process import open_files
+from app.process import open_files, precompile
 from app.process.deadline import end_within
 from app.process.terminal_text import say
 from app.scenario.data import to_toml
 from app.scenario.schema import Scenario, ScenarioError
-from app.session.autosave import StateError
-from app.workers import precompile
+from app.storage.session_index import StateError
 
 log = structlog.get_logger()
 

@@ -25,14 +25,13 @@ import aiohttp
 import structlog
 from aiohttp import WSCloseCode, web
 
-from app.access.admission import KEY_HEADER, YEAR, Names, Pass, Tokens, session_token_cookie, token_cookie
+from app.access.admission import KEY_HEADER, YEAR, Names, Pass, PortTaken, Tokens, session_token_cookie, token_cookie
 from app.access.rate_limits import Limits, Meter, harmless
 from app.gateway import pages
 from app.gateway.connections import ARRIVING, DEADLINE, Door
 from app.gateway.metrics import TYPE, metrics
 from app.gateway.relay import ANSWER, closed, relay
 from app.gateway.responses import Runner, with_headers
-from app.gateway.server_settings import PortTaken
 from app.gateway.session import Session
 from app.gateway.session_pool import HURRIED, Excess, House
 from app.gateway.visitor_origin import asks_status, is_local, port_of, visitor_cookie, visitor_of

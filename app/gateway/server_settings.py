@@ -10,10 +10,6 @@ from app.access.admission import Names, Tokens
 Token = Literal["auto", "always", "never"]
 
 
-class PortTaken(OSError):
-    """The address cannot be listened at: one sentence."""
-
-
 @dataclass(frozen=True)
 class Look:
     """How the pages of all sessions look at first, and pictures of the scene per second."""

@@ -12,7 +12,7 @@ import msgspec
 import structlog
 
 from app.process.atomic_write import write_whole
-from app.session.autosave import LARGEST, StateError, last_state, occupied
+from app.storage.session_index import LARGEST, StateError, last_state, occupied
 from environments.regular_file import read_regular
 
 log = structlog.get_logger()
@@ -46,8 +46,8 @@ class Register:
     """A folder that only this gateway uses, as long as it lives or until `close`.
 
     A session's own folder is named after its first link to watch: what its pages show of it lets nobody steer. Its
-    process keeps scenario and pinned runs there, see `app.session.autosave`. Raises StateError when another process uses the
-    folder or it cannot be written.
+    process keeps scenario and pinned runs there, see `app.session.autosave`. Raises StateError when another
+    process uses the folder or it cannot be written.
     """
 
     def __init__(self, path: Path) -> None:

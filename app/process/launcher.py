@@ -1,4 +1,7 @@
-"""Processes beside this one, which run modules of this very program: `python -m app.process.launcher PARENT MODULE ARGUMENTS`."""
+"""Launcher of processes beside this one, which run modules of this very program.
+
+Its command is `python -m app.process.launcher PARENT MODULE ARGUMENTS`.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +26,7 @@ def start(module: str, *arguments: str, stdin: int, pass_fds: tuple[int, ...] = 
     has it; pass_fds: files that it inherits.
     """
     # -P and the path: this program, whatever lies in the user's folder
-    path = os.pathsep.join([str(Path(__file__).parents[1]), os.environ.get("PYTHONPATH", "")]).rstrip(os.pathsep)
+    path = os.pathsep.join([str(Path(__file__).parents[2]), os.environ.get("PYTHONPATH", "")]).rstrip(os.pathsep)
     return subprocess.Popen(
         [sys.executable, "-P", "-m", "app.process.launcher", str(os.getpid()), module, *arguments],
         stdin=stdin,

@@ -9,7 +9,6 @@ killed, what it leaves is whole, either as before or as after a change.
 from __future__ import annotations
 
 import contextlib
-import fcntl
 import os
 import re
 import threading
@@ -18,53 +17,26 @@ import uuid
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import NamedTuple
 
 import msgspec
 import structlog
 
 from app.process.atomic_write import write_whole
-from app.process.private_folder import NotOwnError, own
 from app.scenario.data import from_toml, to_toml
 from app.scenario.schema import Scenario, ScenarioError
 from app.session.snapshot import Snapshot
-from app.session.timeline import PINS, Pinned
+from app.session.timeline import Pinned
 from app.simulation.closed_loop import ClosedLoop
 from app.storage.recording_files import read_npz, table, write_npz
-from environments.regular_file import read_regular
+from app.storage.session_index import OFFER, SESSION, Index, SavedRun, StateError, decoded, occupied
 
 log = structlog.get_logger()
 
-FORMAT, VERSION = "vsmrc-lab session", 1
-SESSION, OFFER, LOCK, ASIDE = "session.json", "offer.json", "lock", "set-aside-"
-LARGEST = 4_000_000  # bytes of an index
+ASIDE = "set-aside-"
 EVERY = 0.5  # s, between two looks at the run; what changes all the time is saved when it has rested that long,
 LATEST = 5.0  # s, or at the latest after this
 _PRIVATE = 0o600
 _RUN_FILE = re.compile(r"run-[0-9a-f]{32}\.npz")
-
-
-class StateError(ValueError):
-    """A folder that cannot be used, or a file in it: one sentence."""
-
-
-class _Run(msgspec.Struct, frozen=True):
-    number: int
-    t: float
-    file: str
-
-
-class _Kind(msgspec.Struct, frozen=True):
-    format: str = ""
-    version: int = 0
-
-
-class _Index(msgspec.Struct, frozen=True):
-    saved: float
-    scenario: str
-    pinned: list[_Run]
-    format: str = FORMAT
-    version: int = VERSION
 
 
 @dataclass(frozen=True)
@@ -72,45 +44,8 @@ class Offer:
     """What an earlier server was at: its scenario, how many runs were pinned, when it was saved (s since 1970)."""
 
     scenario: Scenario
-    runs: tuple[_Run, ...]
+    runs: tuple[SavedRun, ...]
     saved: float
-
-
-def occupied(path: Path) -> tuple[Path, int]:
-    """Make the folder, and have it alone: until the file that is returned is closed, or this process ends. With it
-    comes the path, links above the folder resolved.
-
-    Raises StateError when another process has it, it cannot be written, or another user has a hand in it.
-    """
-    try:
-        path = own(path)
-        lock = os.open(path / LOCK, os.O_RDWR | os.O_CREAT, _PRIVATE)
-    except NotOwnError as error:
-        raise StateError(f"--state-dir {path}: {error}; allowed: a folder that only its owner can write") from error
-    except OSError as error:
-        raise StateError(f"--state-dir {path}: cannot be written: {error.strerror}") from error
-    try:
-        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except OSError as error:
-        os.close(lock)
-        raise StateError(f"--state-dir {path}: another server uses it; allowed: a folder of its own") from error
-    return path, lock
-
-
-class Last(NamedTuple):
-    """What a session was at: TOML, not judged, None where it is unknown; and how many pinned runs are kept of it."""
-
-    scenario: str | None
-    pinned: int
-
-
-def last_state(path: Path) -> Last:
-    """Of this folder's session, without using the folder."""
-    found = list[_Index]()
-    for name in (SESSION, OFFER):
-        with contextlib.suppress(FileNotFoundError, StateError):
-            found.append(_decoded(path / name))
-    return Last(found[0].scenario if found else None, sum(len(index.pinned) for index in found))
 
 
 class StateFolder:
@@ -176,8 +111,8 @@ class StateFolder:
                 kept.append((run, name or self._write_run(run)))
             except OSError as error:
                 failure = error
-        runs = [_Run(run.number, run.t, name) for run, name in kept]
-        index = _Index(time.time(), to_toml(scenario), runs)
+        runs = [SavedRun(run.number, run.t, name) for run, name in kept]
+        index = Index(time.time(), to_toml(scenario), runs)
         text = msgspec.json.format(msgspec.json.encode(index))
         write_whole(self.path / SESSION, lambda file: file.write(text), _PRIVATE)
         self._kept = tuple(kept)
@@ -194,7 +129,7 @@ class StateFolder:
         write_whole(self.path / name, lambda file: write_npz(data, file, level=0), _PRIVATE)
         return name
 
-    def _readable(self, name: str) -> _Index | None:
+    def _readable(self, name: str) -> Index | None:
         """An index, None where there is none; what is no index is set aside, with a sentence."""
         path = self.path / name
         try:
@@ -208,12 +143,12 @@ class StateFolder:
             log.warning("state set aside", file=str(aside), reason=str(error))
             return None
 
-    def _set_aside(self, run: _Run) -> None:
+    def _set_aside(self, run: SavedRun) -> None:
         with contextlib.suppress(OSError, StateError):
             path = self._run_file(run)
             path.replace(path.with_name(ASIDE + path.name))
 
-    def _run_file(self, run: _Run) -> Path:
+    def _run_file(self, run: SavedRun) -> Path:
         if not _RUN_FILE.fullmatch(run.file):
             raise StateError(f"{run.file[:60]!r} is no name of a run's file")
         return self.path / run.file
@@ -319,36 +254,14 @@ def _same(subject: _Subject, other: _Subject | None) -> bool:
     return same_runs and subject[0] == other[0]
 
 
-def _read(path: Path) -> _Index:
+def _read(path: Path) -> Index:
     """Raises FileNotFoundError, StateError and ScenarioError."""
-    index = _decoded(path)
+    index = decoded(path)
     from_toml(index.scenario)
     return index
 
 
-def _decoded(path: Path) -> _Index:
-    """Its scenario may be none. Raises FileNotFoundError and StateError."""
-    try:
-        content = read_regular(path, LARGEST + 1)
-    except FileNotFoundError:
-        raise
-    except OSError as error:
-        raise StateError(f"{path} cannot be read: {error.strerror}") from error
-    if len(content) > LARGEST:
-        raise StateError(f"{path} has more than {LARGEST / 1e6:g} MB")
-    try:
-        kind = msgspec.json.decode(content, type=_Kind)
-        if kind.format != FORMAT:
-            raise StateError(f"{path} is no session of this program")
-        if kind.version > VERSION:
-            raise StateError(f"{path} was written by a newer version of this program")
-        index = msgspec.json.decode(content, type=_Index)
-    except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError) as error:
-        raise StateError(f"{path} is no session of this program") from error
-    return index if len(index.pinned) <= PINS else msgspec.structs.replace(index, pinned=index.pinned[-PINS:])
-
-
-def _pinned(saved: _Run, path: Path) -> Pinned:
+def _pinned(saved: SavedRun, path: Path) -> Pinned:
     scenario, recording = read_npz(path)
     loop = ClosedLoop(scenario, history=1)
     if recording.n != loop.system.layout.n or not len(recording):

@@ -40,9 +40,8 @@ from app.session.pacing import Pace, PaceMeter, Schedule
 from app.session.snapshot import Snapshot, snapshot_of
 from app.session.timeline import Timeline
 from app.simulation.closed_loop import ClosedLoop
-from app.simulation.search_memory import Memory
-from app.storage.constants_store import ConstantsShelf
-from app.storage.uploaded_urdfs import Reach
+from app.storage.constants_store import kept_memory
+from app.storage.uploaded_urdfs import Reach, hold
 
 log = structlog.get_logger()
 
@@ -65,10 +64,11 @@ class Runner:
     """
 
     def __init__(self, scenario: Scenario, reach: Reach | None = None) -> None:
-        loop = ClosedLoop(scenario, memory=Memory(ConstantsShelf()))
+        loop = ClosedLoop(scenario, memory=kept_memory())
         loop.step()  # compiles, where no cache has it yet, what must not delay the loop
         loop.reset()
         self._line = Timeline(loop)
+        hold(loop.system.robot, scenario.robot.urdf)
         self._commands: queue.SimpleQueue[Command] = queue.SimpleQueue()
         self._closing = threading.Event()
         self._thread = threading.Thread(target=self._run, name="closed-loop", daemon=True)
@@ -293,7 +293,10 @@ class Runner:
                 self._edit(edited(scenario_now, path, value))
 
     def _edit(self, scenario: Scenario) -> None:
+        before = self._loop.system.robot
         self._runs += self._line.edit(scenario)
+        if self._loop.system.robot is not before:
+            hold(self._loop.system.robot, scenario.robot.urdf)
         self._told = ""
         self._revision += 1
 

@@ -15,12 +15,12 @@ from app.scenario.schema import Scenario, ScenarioError
 from app.simulation.closed_loop import ClosedLoop, LoopState
 from app.simulation.recording import Recording
 from app.simulation.system import System
+from app.storage.session_index import PINS
 from environments.push import Grip
 
 SPACING = 0.25  # s, between two states that are kept
 MOST = 6000  # states that are kept; a run of which all is known has 4800, and one for every change
 PINNED = 60.0  # s, of a run that a pin keeps
-PINS = 3
 
 
 @dataclass(frozen=True)

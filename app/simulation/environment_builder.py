@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import weakref
-
 import numpy as np
 
 from app.scenario.schema import (
@@ -21,7 +19,6 @@ from app.scenario.schema import (
     ScenarioError,
     Sphere,
 )
-from app.storage import uploaded_urdfs
 from controllers.modes import Mode
 from controllers.nominal_model import NominalModel
 from controllers.task_space import TaskLayout
@@ -36,8 +33,7 @@ UNLIMITED = 1e6  # N m: a URDF's effort limit beyond this says that there is non
 def robot_of(scenario: Scenario) -> robots.Robot:
     """The arm as the controller believes it to be. Raises RobotError."""
     r = scenario.robot
-    held = uploaded_urdfs.in_use(r.urdf)
-    robot = robots.load(
+    return robots.load(
         r.name,
         urdf=r.urdf,
         tool_frame=r.tool_frame,
@@ -45,9 +41,6 @@ def robot_of(scenario: Scenario) -> robots.Robot:
         posture=r.posture,
         rotor_inertia=r.rotor_inertia,
     )
-    if held is not None:
-        weakref.finalize(robot, held.close)  # used as long as anything knows the arm
-    return robot
 
 
 def truth_of(scenario: Scenario, robot: robots.Robot) -> Truth:

@@ -19,7 +19,7 @@ from pathlib import Path
 import msgspec
 
 from app.process.kernel_cache import cache_folder
-from app.simulation.search_memory import Numbers
+from app.simulation.search_memory import Memory, Numbers
 
 KEPT = 1000  # files
 LONGEST = 1000  # bytes of one
@@ -35,13 +35,13 @@ def _checksum(name: str, numbers: Numbers) -> str:
 
 
 class ConstantsShelf:
-    """A `memory.Shelf` in a folder, by default that of the kernels; no failure of the disk is anyone's business."""
+    """A `search_memory.Shelf` in a folder, by default that of the kernels; failures of the disk are not told."""
 
     def __init__(self, folder: Path | None = None) -> None:
         self._folder = folder if folder is not None else cache_folder() / "constants"
 
     def read(self, key: str, count: int) -> Numbers | None:
-        """See `memory.Shelf`."""
+        """See `search_memory.Shelf`."""
         path = self._path(key)
         try:
             if not path.is_file():
@@ -57,7 +57,7 @@ class ConstantsShelf:
         return entry.numbers if sound and entry.checksum == _checksum(path.name, entry.numbers) else None
 
     def write(self, key: str, numbers: Numbers) -> None:
-        """See `memory.Shelf`. The file is there as a whole or not at all; after a power cut it may be found again."""
+        """See `search_memory.Shelf`. A file is there as a whole or not at all; a power cut may take it."""
         path = self._path(key)
         content = msgspec.json.encode(_Entry(numbers, _checksum(path.name, numbers)))
         with contextlib.suppress(OSError):
@@ -83,11 +83,16 @@ class ConstantsShelf:
     @cached_property
     def _version(self) -> str:
         """Of every source that has a share in the numbers, and of the libraries beneath."""
-        root = Path(__file__).parents[1]
+        root = Path(__file__).parents[2]
         digest = hashlib.sha256()
-        for package in ("app", "controllers", "environments", "kernels"):
-            for file in sorted((root / package).glob("*.py")):
+        for package in ("app/scenario", "app/simulation", "controllers", "environments", "kernels"):
+            for file in sorted((root / package).rglob("*.py")):
                 digest.update(file.name.encode() + b" " + file.read_bytes())
         for library in ("numpy", "scipy", "pin", "numba"):
             digest.update(f"{library} {metadata.version(library)} ".encode())
         return digest.hexdigest()
+
+
+def kept_memory() -> Memory:
+    """Memory of what was searched for, which the next program has, too."""
+    return Memory(ConstantsShelf())

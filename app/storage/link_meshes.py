@@ -1,8 +1,8 @@
 """What an arm looks like: the meshes of its links.
 
 Readers of meshes unpack archives, expand entities and open whatever a file names. Meshes that come with the program are
-read here; those of any other URDF in a process of its own, `app.workers.link_meshes`, whose time and memory are bounded, and
-nobody waits for it.
+read here; those of any other URDF in a process of its own, `app.workers.link_meshes`, whose time and memory are
+bounded, and nobody waits for it.
 """
 
 from __future__ import annotations

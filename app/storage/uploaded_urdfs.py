@@ -14,15 +14,17 @@ import os
 import re
 import shutil
 import time
+import weakref
 from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
-from typing import BinaryIO, NamedTuple
+from typing import NamedTuple
 
 from app.process.atomic_write import write_whole
 from app.process.private_folder import PRIVATE, NotOwnError, private
 from app.scenario.schema import ScenarioError
 from environments import urdf
+from environments.robots import Robot
 
 MOST_KEPT, MOST_BYTES = 1000, 500_000_000  # files: a page that uploads for ever must not fill the disk
 MOST_OF_ONE, BYTES_OF_ONE = 100, 100_000_000  # of one browser, and of one address
@@ -99,17 +101,17 @@ class Reach:
             )
 
 
-def in_use(path: str | None) -> BinaryIO | None:
-    """An uploaded file is in use now, and as long as what is returned is open; None for any other."""
+def hold(robot: Robot, path: str | None) -> None:
+    """Keep the uploaded file that an arm was read from, as long as anything knows the arm; nothing for any other."""
     if path is None or Path(path).parents[1:2] != (folder(),):
-        return None
+        return
     try:
-        file = open(path, "rb")  # noqa: SIM115  # closed by who uses it
+        file = open(path, "rb")  # noqa: SIM115  # closed with the arm
         os.utime(path)
         fcntl.flock(file, fcntl.LOCK_SH)
     except OSError:  # it may have gone: whoever reads it will say so
-        return None
-    return file
+        return
+    weakref.finalize(robot, file.close)
 
 
 def note_use(path: str | None) -> None:

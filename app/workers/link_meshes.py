@@ -1,4 +1,7 @@
-"""The process that reads the meshes of one URDF: `python -m app.workers.link_meshes FD PATH`, started by `app.storage.link_meshes`."""
+"""The process that reads the meshes of one URDF: `python -m app.workers.link_meshes FD PATH`.
+
+Started by `app.storage.link_meshes`.
+"""
 
 from __future__ import annotations
 

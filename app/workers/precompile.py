@@ -6,31 +6,18 @@ Kernels are compiled once for each number of joints; they stay in the cache for 
 from __future__ import annotations
 
 import os
-import subprocess
 from collections.abc import Iterator
-from pathlib import Path
 
 import structlog
 
 from app.process import launcher
-from app.process.kernel_cache import cache_folder
 from app.process.log import configure_as_parent
+from app.process.precompile import mark
 from app.scenario.data import edited, load
 from app.scenario.schema import Scenario
 from app.session.changes import in_mode, on_robot
 from app.simulation.closed_loop import ClosedLoop
 from environments import robots
-
-
-def start() -> subprocess.Popen[bytes] | None:
-    """Begin, unless it has been done before. The process ends with this one."""
-    if _mark().exists():
-        return None
-    return launcher.start("app.workers.precompile", stdin=subprocess.PIPE)
-
-
-def _mark() -> Path:
-    return cache_folder() / "complete"
 
 
 def _to_compile() -> Iterator[Scenario]:
@@ -55,7 +42,7 @@ def main() -> None:
             loop = ClosedLoop(scenario, history=1)
             loop.step()
             loop.view()
-        _mark().touch()
+        mark().touch()
     except Exception as error:  # nobody waits for it: what it did not compile is compiled when it is needed
         structlog.get_logger().warning("compiling ahead failed", exc_info=error)
 

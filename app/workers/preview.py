@@ -1,6 +1,6 @@
-"""The process that answers what-if questions: `python -m app.workers.preview FD`, started by `app.session.preview_client`.
+"""The process that answers what-if questions: `python -m app.workers.preview FD`.
 
-It ends when the other end of the connection does.
+Started by `app.session.preview_client`; it ends when the other end of the connection does.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from app.scenario.schema import ScenarioError
 from app.session.preview import Done, Foresight, Question, Refusal
 from app.simulation.search_memory import Memory
 from app.simulation.system import System
-from app.storage.constants_store import ConstantsShelf
+from app.storage.constants_store import kept_memory
 
 log = structlog.get_logger()
 
@@ -30,7 +30,7 @@ NICENESS = 10  # the running loop comes first
 def serve(asker: Connection) -> None:
     """Answer one question at a time. Raises EOFError when nobody asks any more."""
     previous: System | None = None
-    memory = Memory(ConstantsShelf())
+    memory = kept_memory()
     while True:
         question = asker.recv()
         if isinstance(question, Question):  # a Hurry here was meant for the question before

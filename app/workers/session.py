@@ -36,17 +36,18 @@ from app.access.session_messages import (
     line,
     to_session,
 )
-from app.dashboard import Dashboard
+from app.dashboard.page import Dashboard
 from app.dashboard.theme.colors import Theme
 from app.dashboard.widgets.last_session import left_by, remark
 from app.process import log
 from app.scenario.data import from_toml, to_toml
 from app.scenario.schema import Scenario, ScenarioError
-from app.session.autosave import Keeper, StateError, StateFolder
+from app.session.autosave import Keeper, StateFolder
 from app.session.commands import Continue
 from app.session.runner import Runner
 from app.session.timeline import Pinned
 from app.storage import uploaded_urdfs
+from app.storage.session_index import StateError
 from app.storage.uploaded_urdfs import Reach
 
 events = structlog.get_logger()

@@ -12,7 +12,7 @@ from websockets.exceptions import InvalidStatus
 
 from app.access.admission import Tokens
 from app.access.given_token import VARIABLE, given_token
-from app.dashboard import Dashboard
+from app.dashboard.page import Dashboard
 from app.gateway.serve import serve
 from app.gateway.server_settings import Invitation, Look
 from app.process import other_users

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from app.analysis.ideal_response import Ghost, IdealResponse
+from app.analysis.ideal_response import IdealResponse
 from app.scenario.data import edited, shipped
 from app.scenario.schema import Scenario
+from app.session.ghost import Ghost
 from app.session.runner import Runner
 
 PUSH = np.array([0.0, 12.0, -6.0])

@@ -5,7 +5,8 @@ import socket
 
 import pytest
 
-from app.dashboard import Dashboard, PortBusy
+from app.access.admission import PortTaken
+from app.dashboard.page import Dashboard
 from app.dashboard.widgets.controls import Scale, decades
 from app.dashboard.widgets.equation import lines
 from app.dashboard.widgets.matrix_text import read_back, written
@@ -216,7 +217,7 @@ def test_a_busy_port_is_said():
     with socket.socket() as other:
         other.bind(("127.0.0.1", 0))
         other.listen()
-        with pytest.raises(PortBusy, match=str(other.getsockname()[1])):
+        with pytest.raises(PortTaken, match=str(other.getsockname()[1])):
             Dashboard(port=other.getsockname()[1])
 
 

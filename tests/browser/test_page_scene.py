@@ -10,7 +10,7 @@ import pytest
 from viser import ClientHandle
 from viser import transforms as tf
 
-from app.dashboard import Dashboard
+from app.dashboard.page import Dashboard
 from app.scenario.data import edited, shipped
 from app.session.commands import Load, Reset
 from app.session.runner import Runner

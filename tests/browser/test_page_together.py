@@ -8,7 +8,7 @@ from collections.abc import Callable
 import pytest
 from playwright.sync_api import Page
 
-from app.dashboard import Dashboard
+from app.dashboard.page import Dashboard
 from app.dashboard.widgets.matrix_text import written
 from app.dashboard.widgets.status import MODE_TITLES
 from app.scenario.data import from_toml, to_toml

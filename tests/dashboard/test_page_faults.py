@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from app.dashboard import Dashboard
+from app.dashboard.page import Dashboard
 from app.dashboard.transport.stalled_clients import Laggards
 from app.dashboard.widgets import playback
 from app.scenario.data import load

@@ -7,8 +7,8 @@ import pytest
 
 from app.dashboard.scene.arrows import LONGEST, UNIT, ForceScale, task_directions
 from app.dashboard.scene.trails import error_colors
-from app.dashboard.scene.view_options import rounded_up
 from app.dashboard.theme.colors import ERROR_COLORS
+from app.dashboard.view_options import rounded_up
 from environments.surfaces import Cartesian, Cylinder, Motion, Plane
 
 

@@ -6,7 +6,8 @@ from collections import Counter
 import msgspec
 import pytest
 
-from app.dashboard import Dashboard, page
+from app.dashboard import page
+from app.dashboard.page import Dashboard
 from app.dashboard.transport.stalled_clients import Laggards
 from app.scenario.data import shipped
 from app.session.runner import Runner

@@ -16,7 +16,7 @@ from app.dashboard.widgets.status import MODE_TITLES
 from app.scenario.data import shipped
 from app.session.commands import Edit, Load
 
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[2]
 THEMES = ("dark", "light")
 
 

@@ -13,7 +13,7 @@ import pytest
 import yourdfpy
 
 from app.dashboard.scene.robot_view import parts
-from app.dashboard.scene.view_options import FINE
+from app.dashboard.view_options import FINE
 from app.scenario.data import edited, from_toml, shipped, to_toml
 from app.scenario.schema import ScenarioError
 from app.session.changes import with_robot

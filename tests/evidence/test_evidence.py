@@ -22,7 +22,7 @@ from app.export.figures import Chart, Curve
 from app.process.markdown import Table
 from app.scenario.schema import ScenarioError
 
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[2]
 
 
 def test_numbers_tables_and_figures_are_on_the_page(tmp_path: Path) -> None:

@@ -17,12 +17,13 @@ import pytest
 import zstandard
 
 from app.dashboard.plots.charts import Setup
-from app.dashboard.plots.paper_figures import ALL_PLOTS, figure_of, plots_of, title_and_unit
+from app.dashboard.plots.paper_figures import figure_of, plots_of, title_and_unit
 from app.dashboard.plots.plot_table import TABS
 from app.dashboard.scene.standalone import snapshots, standalone_html
 from app.dashboard.theme.colors import SERIES
 from app.export.export_jobs import DataJob, FigureJob, Maker, PlaybackJob, TakeAwayError, file_name
 from app.export.figures import BINS, CONTRAST, Chart, Curve, Figure, printed, render, thinned
+from app.export.formats import ALL_PLOTS
 from app.export.playback_frames import FRAMES_PER_SECOND, Film, film
 from app.scenario.caption import caption
 from app.scenario.data import edited, from_file, from_toml, load, to_toml

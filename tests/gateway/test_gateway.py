@@ -18,13 +18,14 @@ from urllib.parse import urlsplit
 import pytest
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
+from app.access.admission import PortTaken
 from app.access.rate_limits import Limits
-from app.dashboard import Dashboard
+from app.dashboard.page import Dashboard
 from app.gateway.serve import serve
-from app.gateway.server_settings import Invitation, Look, PortTaken
+from app.gateway.server_settings import Invitation, Look
 from app.scenario.data import load
 from app.scenario.schema import ScenarioError
-from app.session.autosave import SESSION
+from app.storage.session_index import SESSION
 from drivers.viser_protocol import CAMERA
 from drivers.visitors import PATIENCE, Server, gone, serving, visiting
 

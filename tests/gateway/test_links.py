@@ -14,9 +14,9 @@ from aiohttp import WSMsgType
 
 from app.access.admission import Names, Tokens
 from app.gateway.session_store import Register
+from drivers.town import HELLO, Town, town
 from drivers.visitors import PATIENCE
 from tests.hostile.test_hostile_visitors import at, in_a_loop
-from tests.support.town import HELLO, Town, town
 
 PUBLIC = Names(public=("https://lab.example.org",))
 FAR = at("203.0.113.7")

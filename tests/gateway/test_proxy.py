@@ -26,7 +26,7 @@ from drivers.visitors import PATIENCE, Server, serving, visiting
 from tests.support import nginx
 
 NAME = "lab.example.org"
-PAGE = Path(__file__).parents[1] / "docs" / "security.md"
+PAGE = Path(__file__).parents[2] / "docs" / "security.md"
 
 
 class Site(NamedTuple):

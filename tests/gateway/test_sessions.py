@@ -19,7 +19,8 @@ from app.gateway.session_store import LINK, MOST, Register
 from app.gateway.visitors import NOBODY, Share, Shares, Viewer, Visitor
 from app.gateway.worker import WorkerError
 from app.scenario.data import from_toml, load, to_toml
-from app.session.autosave import StateError, StateFolder
+from app.session.autosave import StateFolder
+from app.storage.session_index import StateError
 
 USUAL = "usual"
 PAGE = Viewer(NOBODY, "steer")

@@ -11,10 +11,10 @@ from pathlib import Path
 
 import pytest
 
-from app.dashboard import Dashboard
 from app.dashboard.export import Stretch, write
-from app.dashboard.plots.paper_figures import ALL_PLOTS
+from app.dashboard.page import Dashboard
 from app.export.export_jobs import file_name
+from app.export.formats import ALL_PLOTS
 from app.scenario.data import edited, from_plain, load, shipped, to_plain
 from app.scenario.schema import Scenario
 from app.session.commands import Edit, Load, Pin

@@ -23,7 +23,7 @@ from hypothesis import strategies as st
 from viser._messages import Message
 from websockets.asyncio.client import ClientConnection
 
-from app.dashboard import Dashboard
+from app.dashboard.page import Dashboard
 from app.dashboard.theme.style import COMMIT
 from app.dashboard.transport.message_filter import BURST, RATE, STEERING, Meter
 from app.dashboard.transport.messages import LARGEST_UPLOAD, Page, Refused, Visitor

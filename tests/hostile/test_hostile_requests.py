@@ -14,7 +14,7 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect
 
 from app.access.admission import PAGE_HEADERS
-from app.dashboard import Dashboard
+from app.dashboard.page import Dashboard
 from app.gateway.session_store import LINK, Register
 from app.process.redaction import new_secret, redacted
 from drivers.visitors import PATIENCE, Server, serving

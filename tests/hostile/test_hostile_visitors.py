@@ -14,8 +14,8 @@ import pytest
 
 from app.access.admission import Names, Tokens
 from app.session.autosave import StateFolder
+from drivers.town import HELLO, Town, town
 from drivers.visitors import PATIENCE
-from tests.support.town import HELLO, Town, town
 
 PUBLIC = Names(public=("https://lab.example.org",))
 

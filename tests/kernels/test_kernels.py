@@ -156,7 +156,7 @@ def sums(sizes):
 def test_kernels_of_two_sizes_from_the_cache_of_two_processes(tmp_path: Path) -> None:
     """numba's own names for compiled functions made one size call the parts of another."""
     (tmp_path / "sized.py").write_text(MODULE)
-    root = Path(__file__).parents[1]
+    root = Path(__file__).parents[2]
     environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path / "cache"), "PYTHONPATH": f"{tmp_path}:{root}"}
 
     def sums(*sizes: int) -> str:

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from app.process.private_folder import NotOwnError, own, private
-from app.session.autosave import StateError, occupied
+from app.storage.session_index import StateError, occupied
 
 OTHER = 65_534  # "nobody"
 ROOT = pytest.mark.skipif(os.geteuid() != 0, reason="only root can give a folder to another user")

@@ -15,16 +15,17 @@ import numpy as np
 import pytest
 from playwright.sync_api import Page
 
-from app.dashboard import Dashboard
+from app.dashboard.page import Dashboard
 from app.dashboard.widgets.last_session import left_by
 from app.scenario.data import edited, load
 from app.scenario.schema import Scenario, ScenarioError
-from app.session.autosave import OFFER, SESSION, Keeper, StateError, StateFolder, default_folder
+from app.session.autosave import Keeper, StateFolder, default_folder
 from app.session.changes import with_robot
 from app.session.commands import Edit, Pin, Unpin
 from app.session.runner import Runner
 from app.session.timeline import Pinned, Timeline
 from app.simulation.closed_loop import ClosedLoop
+from app.storage.session_index import OFFER, SESSION, StateError
 from drivers.pages import PATIENCE, VIEWPORT
 from drivers.waiting import until
 from tests.support.drawn import drawn

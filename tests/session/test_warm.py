@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
+from app.process import precompile
 from app.simulation.system import assemble
-from app.workers import precompile
 from environments.robots import CATALOGUE
 
 
@@ -19,7 +19,7 @@ def test_every_number_of_joints_meets_every_contact_with_kernels_of_its_own() ->
 
 
 def test_it_ends_with_the_program_that_began_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(precompile, "_mark", lambda: tmp_path / "complete")
+    monkeypatch.setattr(precompile, "mark", lambda: tmp_path / "complete")
     process = precompile.start()
     assert process is not None
     assert process.stdin is not None
@@ -29,6 +29,6 @@ def test_it_ends_with_the_program_that_began_it(tmp_path: Path, monkeypatch: pyt
 
 
 def test_it_is_done_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(precompile, "_mark", lambda: tmp_path / "complete")
+    monkeypatch.setattr(precompile, "mark", lambda: tmp_path / "complete")
     (tmp_path / "complete").touch()
     assert precompile.start() is None

@@ -8,8 +8,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from app.scenario.data import from_plain
-from app.simulation.system import System, assemble
+from app.evidence.twins import arm, random_spd
+from app.simulation.system import System
 from controllers.bounds import Uncertainty
 from controllers.compensator import Compensator
 from controllers.switching import Switching, unit_factor
@@ -35,12 +35,6 @@ class State(NamedTuple):
     q: np.ndarray
     q_dot: np.ndarray
     t: float
-
-
-@cache
-def arm(robot: str) -> System:
-    """The arm in Cartesian coordinates, with nothing around it."""
-    return assemble(from_plain({"robot": {"name": robot}}))
 
 
 @cache
@@ -82,12 +76,6 @@ def random_reference(r: np.ndarray, random: np.random.Generator) -> Reference:
     """A reference near r (n,), with a desired force."""
     away, r_d_dot, r_d_ddot, F_cd = random.standard_normal((4, len(r)))
     return Reference(r + 0.05 * away, r_d_dot, r_d_ddot, F_cd)
-
-
-def random_spd(random: np.random.Generator, n: int, low: float, high: float) -> np.ndarray:
-    """A full symmetric matrix (n, n) with eigenvalues in [low, high]."""
-    Q, _ = np.linalg.qr(random.standard_normal((n, n)))
-    return Q @ np.diag(random.uniform(low, high, n)) @ Q.T
 
 
 def random_law(

@@ -6,7 +6,7 @@ import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from app.dashboard import Dashboard
+from app.dashboard.page import Dashboard
 from drivers.waiting import PATIENCE
 
 

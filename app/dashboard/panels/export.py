@@ -13,7 +13,7 @@ import viser
 from PIL import Image
 
 from app.dashboard.plots.charts import Setup
-from app.dashboard.plots.paper_figures import ALL_PLOTS, figure_of, plots_of
+from app.dashboard.plots.paper_figures import figure_of, plots_of
 from app.dashboard.plots.plot_table import TABS
 from app.dashboard.transport.callback_errors import guarded
 from app.dashboard.widgets.controls import Desk
@@ -26,7 +26,7 @@ from app.export.export_jobs import (
     TakeAwayError,
     file_name,
 )
-from app.export.figures import Format
+from app.export.formats import ALL_PLOTS, Format
 from app.export.playback_frames import film
 from app.scenario.data import from_file, to_toml
 from app.scenario.schema import ScenarioError

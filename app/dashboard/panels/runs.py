@@ -15,7 +15,8 @@ from app.dashboard.widgets.matrix_text import written
 from app.scenario.data import differences
 from app.session.commands import Pin, Unpin
 from app.session.snapshot import Snapshot
-from app.session.timeline import PINS, Pinned
+from app.session.timeline import Pinned
+from app.storage.session_index import PINS
 
 _EVERY = 1.0  # s, between two looks at the figures
 _TOLD = 4  # differences of a pinned run that are told

@@ -10,7 +10,6 @@ from typing import Any, Protocol
 import viser
 
 from app.dashboard.scene.camera import VIEWS, fly, viewpoint
-from app.dashboard.scene.view_options import FINE, LIGHT, Legend, Look, Viewing
 from app.dashboard.theme.colors import (
     DESIRED,
     ERROR_COLORS,
@@ -23,6 +22,7 @@ from app.dashboard.theme.colors import (
     Rgb,
     css,
 )
+from app.dashboard.view_options import FINE, LIGHT, Legend, Look, Viewing
 from app.dashboard.widgets.controls import Desk
 from app.session.snapshot import Snapshot
 from environments.push import MOST_FORCE, MOST_STIFF

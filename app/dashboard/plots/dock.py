@@ -13,8 +13,8 @@ from app.analysis.perturbation import Hindsight
 from app.analysis.thinning import Grid
 from app.dashboard.plots.charts import BUCKETS, Chart, Frame, Pinned, Setup, Signals
 from app.dashboard.plots.plot_table import LEAD, TABS, Chooser, Tab
-from app.dashboard.scene.view_options import Viewing
 from app.dashboard.transport.visible_tabs import Lookers, marker_html
+from app.dashboard.view_options import Viewing
 from app.dashboard.widgets.equation import symbol
 from app.session.preview import Outlook
 from app.session.snapshot import Snapshot

@@ -13,11 +13,11 @@ from app.analysis.thinning import Grid
 from app.dashboard.plots.charts import Drawing, Plot, Setup, Signals
 from app.dashboard.plots.plot_table import TABS
 from app.export.figures import FREQUENCY, TIME, Area, Chart, Curve, Figure
+from app.export.formats import ALL_PLOTS
 from app.scenario.caption import caption, promised
 from app.scenario.schema import ScenarioError
 from app.session.snapshot import Snapshot
 
-ALL_PLOTS = "all plots"
 EXAMINED = 300  # instants at which the true arm is looked at
 WIDTH = 0.6  # points of a line on paper for each of its pixels on the page
 

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 import viser
 
-from app.dashboard.scene.view_options import rounded_up
 from app.dashboard.theme.colors import SERIES, Rgb
+from app.dashboard.view_options import rounded_up
 from environments.surfaces import Surface
 
 UNIT = 0.1  # m: the length that the scale is said for

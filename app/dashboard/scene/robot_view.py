@@ -13,8 +13,8 @@ import structlog
 import trimesh
 import viser
 
-from app.dashboard.scene.view_options import FINE
 from app.dashboard.theme.colors import Rgb
+from app.dashboard.view_options import FINE
 from app.storage.link_meshes import LinkMesh, link_meshes
 from environments.robots import Robot
 

@@ -14,9 +14,9 @@ from viser.infra import StateSerializer
 
 from app.access.admission import Names
 from app.dashboard.scene.view import SceneView
-from app.dashboard.scene.view_options import Look
 from app.dashboard.transport.handshake import behind_doors
 from app.dashboard.transport.message_filter import Gate
+from app.dashboard.view_options import Look
 from app.export.playback_frames import FRAMES_PER_SECOND, Film
 from app.process.redaction import new_secret
 from app.session.snapshot import Snapshot, snapshot_of

@@ -7,8 +7,8 @@ from collections import deque
 import numpy as np
 import viser
 
-from app.dashboard.scene.view_options import rounded_up
 from app.dashboard.theme.colors import ERROR_COLORS, Rgb
+from app.dashboard.view_options import rounded_up
 
 LENGTH = 500  # points
 SPACING = 0.001  # m

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import viser
 
-from app.analysis.ideal_response import Ghost, Shade
 from app.dashboard.scene.arrows import ForceArrow, ForceScale, TaskFrame
 from app.dashboard.scene.camera import look as look_from
 from app.dashboard.scene.camera import viewpoint
@@ -13,8 +12,9 @@ from app.dashboard.scene.pinned_arms import PinnedArms
 from app.dashboard.scene.robot_view import Paint, RobotView
 from app.dashboard.scene.surface_view import SurfaceView
 from app.dashboard.scene.trails import Trail
-from app.dashboard.scene.view_options import Legend, Look
 from app.dashboard.theme.colors import DESIRED, GHOST, GRID, GRID_SECTION, MEASURED, TOOL_PATH, Theme
+from app.dashboard.view_options import Legend, Look
+from app.session.ghost import Ghost, Shade
 from app.session.snapshot import Snapshot
 
 _ASIDE = np.array([0.0, 0.03, 0.0])  # m: keeps the desired force apart from the measured one

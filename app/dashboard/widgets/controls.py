@@ -16,8 +16,8 @@ from typing import Any, Protocol
 import viser
 from msgspec import Struct
 
-from app.dashboard.scene.view_options import Viewing
 from app.dashboard.theme.style import COMMIT, ESCAPED, MARKS, RELEASED
+from app.dashboard.view_options import Viewing
 from app.dashboard.widgets.matrix_text import read_back, written
 from app.dashboard.widgets.whatif import Held, WhatIf
 from app.export.export_jobs import Maker

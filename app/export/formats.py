@@ -1,0 +1,8 @@
+"""Kinds of files to take away."""
+
+from typing import Literal
+
+Format = Literal["svg", "pdf", "png"]  # of figures
+DataFormat = Literal["csv", "npz"]
+Kind = Format | DataFormat | Literal["html", "toml"]
+ALL_PLOTS = "all plots"  # instead of the title of a tab of the page

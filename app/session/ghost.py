@@ -1,0 +1,127 @@
+"""The ghost: where the arm would be if the target model (8) held exactly, for drawing beside the real one.
+
+The motion error of the ghost solves M_m e'' + B_m e' + K_m e = -K_f e_Fc with the force error as recorded, from the
+arm's own state at the last change of the scenario on; the ghost stands at r_d + e. So what parts it from the arm
+solves (8) with nothing but the residual on the right side, in every mode and against every surface, and pushed by hand.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from app.analysis.ideal_response import IdealResponse
+from app.session.snapshot import Snapshot
+from app.simulation.control_period import Observer
+from app.simulation.recording import Recording
+from controllers.blend import ModelBlend
+from controllers.nominal_model import NominalModel
+
+SIGNALS = ("t", "q", "r_d", "e_r", "e_r_dot", "F_c", "F_cd", "tool")
+REACH_BACK = 5.0  # s: a ghost that is switched on later begins so long ago at most
+BLENDED = 0.02  # s: for so long a model on the way of a blend stands for its neighbours
+NEWTON_STEPS, CLOSE = 8, 1e-9  # m
+FAR = 1.0  # rad: a posture beyond this from the last one is none of the same arm's
+
+
+@dataclass(frozen=True)
+class Shade:
+    """The ghost at time t (s): q (n,) rad, its tool point (3,) m, and how far the arm's own is from that, m."""
+
+    t: float
+    q: np.ndarray
+    tool: np.ndarray
+    distance: float
+
+
+@dataclass
+class _Run:
+    """The ghost of the run since one change: its response, that of one model or of those of a blend, sampled with the
+    period (s), its arm, and where it is. x as in `IdealResponse`."""
+
+    key: object
+    response: IdealResponse
+    blend: ModelBlend | None
+    period: float
+    observer: Observer
+    t: float
+    x: np.ndarray
+    q: np.ndarray
+
+
+class Ghost:
+    """Follows a run as far as it is recorded; for one thread, not the loop's."""
+
+    def __init__(self) -> None:
+        self._run: _Run | None = None
+
+    def follow(self, snapshot: Snapshot) -> Shade | None:
+        """Where the ghost is at the last recorded instant of a snapshot; None before there is one, and where its arm
+        cannot be as (8) wants it."""
+        run, period = self._run, snapshot.scenario.controller.period
+        if run is None or run.key != self._key(snapshot) or not run.t <= snapshot.t <= run.t + REACH_BACK:
+            run = self._run = self._begun(snapshot)
+        if run is None:
+            return None
+        rows = _rows(snapshot.recording, run.t - 0.5 * period, snapshot.t)
+        if not len(rows["t"]) or np.ptp(rows["t"]) > 1.5 * period * len(rows["t"]):  # nothing, or thinned by now
+            return None
+        run.x = self._onward(run, rows["t"], rows["F_c"] - rows["F_cd"])
+        run.t = t = float(rows["t"][-1])
+        return self._shade(run, rows["r_d"][-1] + run.x[: len(run.q)], t, rows["tool"][-1])
+
+    def _onward(self, run: _Run, t: np.ndarray, e_Fc: np.ndarray) -> np.ndarray:
+        """x at the last of the instants t (N, 1) s; on the way of a blend by the model in the middle of each piece."""
+        if run.blend is None:
+            return run.response.onward(run.x, e_Fc)
+        x, size = run.x, max(1, round(BLENDED / run.period))
+        for first in range(0, len(t) - 1, size):
+            piece = slice(first, first + size + 1)
+            response = IdealResponse.of(vars(run.blend.at(float(t[piece].mean()))), run.period)
+            x = response.onward(x, e_Fc[piece])
+        return x
+
+    def _key(self, snapshot: Snapshot) -> object:
+        return snapshot.run, snapshot.revision, snapshot.state.t_0
+
+    def _begun(self, snapshot: Snapshot) -> _Run | None:
+        first = max(snapshot.state.t_0, snapshot.t - REACH_BACK)
+        rows = _rows(snapshot.recording, first - 0.25 * snapshot.scenario.controller.period, snapshot.t)
+        if not len(rows["t"]):
+            return None
+        robot, period = snapshot.robot, snapshot.scenario.controller.period
+        nominal = NominalModel(robot.model, robot.tool_joint, robot.tool_placement)  # the loop's one is the loop's
+        return _Run(
+            key=self._key(snapshot),
+            response=IdealResponse.of(snapshot.matrices, period),
+            blend=None if snapshot.blending is None else snapshot.system.blend,
+            period=period,
+            observer=Observer(nominal, snapshot.system.charted.shape, snapshot.system.layout),
+            t=float(rows["t"][0]),
+            x=np.concatenate([rows["e_r"][0], rows["e_r_dot"][0]]),
+            q=rows["q"][0],
+        )
+
+    def _shade(self, run: _Run, r: np.ndarray, t: float, tool: np.ndarray) -> Shade | None:
+        """The posture with these coordinates by Newton's method from the last one."""
+        q, rest = run.q, np.zeros_like(run.q)
+        for _ in range(NEWTON_STEPS):
+            try:
+                estimate, task = run.observer.at(q, rest, t)
+            except ValueError:  # J_q exactly singular
+                return None
+            away = task.J_q_inv @ (r - task.r)
+            if not np.linalg.norm(q - run.q) < FAR:
+                return None
+            if np.abs(r - task.r).max() < CLOSE:
+                run.q = q
+                return Shade(t, q, estimate.p.copy(), float(np.linalg.norm(tool - estimate.p)))
+            q = q + away
+        return None
+
+
+def _rows(recording: Recording, t_from: float, t_to: float) -> dict[str, np.ndarray]:
+    """Signals of all rows of a stretch, one row of n coordinates each, also where n is 1."""
+    rows = recording.rows(t_from, t_to)
+    return {name: rows[:, recording.columns[name]] for name in SIGNALS} | {"t": rows[:, 0]}

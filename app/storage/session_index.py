@@ -1,0 +1,106 @@
+"""The index of a session's folder: which scenario it was at, and which runs were pinned; read without a simulation."""
+
+from __future__ import annotations
+
+import contextlib
+import fcntl
+import os
+from pathlib import Path
+from typing import NamedTuple
+
+import msgspec
+
+from app.process.private_folder import NotOwnError, own
+from environments.regular_file import read_regular
+
+FORMAT, VERSION = "vsmrc-lab session", 1
+SESSION, OFFER, LOCK = "session.json", "offer.json", "lock"
+PINS = 3  # runs that a session keeps for comparison
+LARGEST = 4_000_000  # bytes of an index
+_PRIVATE = 0o600
+
+
+class StateError(ValueError):
+    """A folder that cannot be used, or a file in it: one sentence."""
+
+
+class SavedRun(msgspec.Struct, frozen=True):
+    """A pinned run of a folder: its number, the instant t (s) that it was pinned at, the name of its file."""
+
+    number: int
+    t: float
+    file: str
+
+
+class _Kind(msgspec.Struct, frozen=True):
+    format: str = ""
+    version: int = 0
+
+
+class Index(msgspec.Struct, frozen=True):
+    """What an index file holds: when it was saved (s since 1970), the scenario as TOML, the pinned runs."""
+
+    saved: float
+    scenario: str
+    pinned: list[SavedRun]
+    format: str = FORMAT
+    version: int = VERSION
+
+
+def occupied(path: Path) -> tuple[Path, int]:
+    """Make the folder, and have it alone: until the file that is returned is closed, or this process ends. With it
+    comes the path, links above the folder resolved.
+
+    Raises StateError when another process has it, it cannot be written, or another user has a hand in it.
+    """
+    try:
+        path = own(path)
+        lock = os.open(path / LOCK, os.O_RDWR | os.O_CREAT, _PRIVATE)
+    except NotOwnError as error:
+        raise StateError(f"--state-dir {path}: {error}; allowed: a folder that only its owner can write") from error
+    except OSError as error:
+        raise StateError(f"--state-dir {path}: cannot be written: {error.strerror}") from error
+    try:
+        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError as error:
+        os.close(lock)
+        raise StateError(f"--state-dir {path}: another server uses it; allowed: a folder of its own") from error
+    return path, lock
+
+
+class Last(NamedTuple):
+    """What a session was at: TOML, not judged, None where it is unknown; and how many pinned runs are kept of it."""
+
+    scenario: str | None
+    pinned: int
+
+
+def last_state(path: Path) -> Last:
+    """Of this folder's session, without using the folder."""
+    found = list[Index]()
+    for name in (SESSION, OFFER):
+        with contextlib.suppress(FileNotFoundError, StateError):
+            found.append(decoded(path / name))
+    return Last(found[0].scenario if found else None, sum(len(index.pinned) for index in found))
+
+
+def decoded(path: Path) -> Index:
+    """Its scenario may be none. Raises FileNotFoundError and StateError."""
+    try:
+        content = read_regular(path, LARGEST + 1)
+    except FileNotFoundError:
+        raise
+    except OSError as error:
+        raise StateError(f"{path} cannot be read: {error.strerror}") from error
+    if len(content) > LARGEST:
+        raise StateError(f"{path} has more than {LARGEST / 1e6:g} MB")
+    try:
+        kind = msgspec.json.decode(content, type=_Kind)
+        if kind.format != FORMAT:
+            raise StateError(f"{path} is no session of this program")
+        if kind.version > VERSION:
+            raise StateError(f"{path} was written by a newer version of this program")
+        index = msgspec.json.decode(content, type=Index)
+    except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError) as error:
+        raise StateError(f"{path} is no session of this program") from error
+    return index if len(index.pinned) <= PINS else msgspec.structs.replace(index, pinned=index.pinned[-PINS:])

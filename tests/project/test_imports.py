@@ -1,0 +1,30 @@
+"""What a command loads: only what it needs, so that none waits for the page's or the simulation's libraries."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+RUN = "from app.cli import execute; assert execute({}) == 0; "
+HEAVY = ("viser", "trimesh", "matplotlib", "aiohttp")
+NUMERIC = ("pinocchio", "numba", "scipy")
+
+
+@pytest.mark.parametrize(
+    ("code", "not_needed"),
+    [
+        (RUN.format(["list"]), (*HEAVY, "numba", "scipy")),
+        (RUN.format(["run", "planar2r-semicircle", "--duration", "0.01", "--out", "OUT"]), HEAVY),
+        ("import app.gateway.serve; ", ("viser", *NUMERIC)),
+        ("import app.workers.preview; ", HEAVY),
+        ("import app.workers.precompile; ", HEAVY),
+    ],
+    ids=["list", "run", "gateway", "preview", "precompile"],
+)
+def test_only_what_is_needed_is_loaded(code: str, not_needed: tuple[str, ...], tmp_path: Path) -> None:
+    code = "import sys; " + code.replace("OUT", str(tmp_path)) + f"print([m for m in {not_needed} if m in sys.modules])"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.splitlines()[-1] == "[]"
