@@ -34,7 +34,7 @@ from app.process.markdown import Table
 
 ROOT = Path(__file__).parents[1]
 PACKAGES = ("app", "controllers", "environments", "kernels")
-FOLDERS = (*PACKAGES, "static", "tests", "benchmarks")
+FOLDERS = (*PACKAGES, "static", "tests", "benchmarks", "drivers")
 # the quick ones, sharpest first: a row costs as much as what comes before the first test that fails
 TESTS = (
     "tests/simulation/test_independent.py",

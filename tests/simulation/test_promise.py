@@ -17,6 +17,7 @@ from app.scenario.schema import Scenario, ScenarioError
 from app.session.headless_run import simulate
 from app.session.snapshot import snapshot_of
 from app.simulation.closed_loop import ClosedLoop
+from app.simulation.sampled_stability import APART, judge_posture
 from controllers.premises import STATEMENTS, Premise
 from tests.support.arms import random_spd
 
@@ -57,7 +58,10 @@ def test_each_premise_that_fails_ends_the_promise(premise: str, name: str, field
     row = loop.recording.at(finding.failed + 1e-6)
     assert math.isnan(row["s_bound"][0])
     assert math.isnan(row["s_band"][0])
-    assert STATEMENTS[Premise[premise.upper()]].title in premises_html(snapshot_of(loop))
+    shown = premises_html(snapshot_of(loop))
+    assert STATEMENTS[Premise[premise.upper()]].title in shown
+    assert f"k_r′ = {loop.system.constants.k_r_low:.3g} kg" in shown
+    assert "with a margin of 2 %" in shown
 
 
 @pytest.mark.parametrize("name", ["ur5-hybrid", "ur5-motion", "planar3r-hybrid", "panda-hybrid", "ur5-hybrid-reaching"])
@@ -209,3 +213,41 @@ def test_the_band_is_what_one_period_of_the_worst_perturbation_leaves() -> None:
             s = max(candidates, key=lambda s: float(s @ H @ s) + 1e-3 * float(s @ s))
             worst = max(worst, float(np.linalg.norm(s)))
         assert worst <= band
+
+
+def judged_value(loop: ClosedLoop) -> float:
+    (found,) = [finding for finding in loop.standing.findings if finding.premise == "sampled_loop"]
+    assert found.value is not None
+    return found.value
+
+
+def test_the_sampled_loops_are_judged_along_the_way() -> None:
+    """At stations along the reference, once each however often they are passed, and where the arm is off it."""
+    loop = ClosedLoop(edited(changed("ur5-motion"), "simulation.duration", 3.0))
+    seen: dict[int, float] = {}
+    for _ in range(3000):
+        loop.step()
+        judged = loop.state().judged
+        assert judged.station is not None
+        assert np.abs(loop.state().judged.q - loop.view().q).max() < 3 * APART
+        value = seen.setdefault(judged.station, judged_value(loop))
+        assert judged_value(loop) == value
+    assert len(seen) >= 4
+    assert value == judge_posture(loop.system, judged.q, judged.t)[Premise.SAMPLED_LOOP]
+    assert len(set(seen.values())) == len(seen)
+
+    loop.edit(edited(loop.system.scenario, "truth.push", [0.0, 0.0, 4000.0]))
+    while loop.state().judged.station is not None and loop.t < 4.0:
+        loop.step()
+    assert np.abs(loop.state().judged.q - loop.view().q).max() <= APART
+
+
+def test_after_a_blend_the_sampled_loops_are_judged_anew() -> None:
+    still = edited(changed("ur5-impedance"), "motion", {"kind": "hold"})
+    loop = ClosedLoop(edited(still, "blend", {"to": {"B_m": [200.0] * 6}, "at": 0.05, "over": 0.1}))
+    before = judged_value(loop)
+    while loop.t < 0.3:
+        loop.step()
+    judged = loop.state().judged
+    assert judged_value(loop) == judge_posture(loop.system, judged.q, judged.t)[Premise.SAMPLED_LOOP]
+    assert judged_value(loop) != before

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from html import escape
 
+from app.scenario.units import JOINT
 from app.session.snapshot import Snapshot
+from app.simulation.domain import MARGIN
 from app.simulation.verdict import Finding
 from controllers.premises import STATEMENTS, Premise
 
@@ -23,7 +25,17 @@ def premises_html(snapshot: Snapshot) -> str:
         )
     rows = "".join(_row(finding) for finding in standing.findings)
     titles = "".join(f"<td>{title}</td>" for title in ("premise", "value", "limit", "least margin", "now", "failed"))
-    return f'{head}<table class="vs-facts vs-premises"><tr>{titles}</tr>{rows}</table>'
+    return f'{head}<table class="vs-facts vs-premises"><tr>{titles}</tr>{rows}</table>{_constants(snapshot)}'
+
+
+def _constants(snapshot: Snapshot) -> str:
+    """What (19) and (20) count with, and how it was found."""
+    constants = snapshot.system.constants
+    unit = "kg·m²" if snapshot.system.units == JOINT else "kg"
+    return (
+        f'<div class="vs-note">(19): k_r′ = {constants.k_r_low:.3g} {unit}, k_r″ = {constants.k_r_high:.3g} {unit} for '
+        f"every declared arm over Ω, found by search, with a margin of {100 * (MARGIN - 1):.0f} %.</div>"
+    )
 
 
 def _row(finding: Finding) -> str:
