@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -28,3 +29,9 @@ def test_only_what_is_needed_is_loaded(code: str, not_needed: tuple[str, ...], t
     code = "import sys; " + code.replace("OUT", str(tmp_path)) + f"print([m for m in {not_needed} if m in sys.modules])"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.splitlines()[-1] == "[]"
+
+
+def test_private_parts_of_viser_are_used_in_one_file() -> None:
+    private = re.compile(r"viser\._|\b_websock_server\b|\._impl\b|_from_uuid\b|\b_live_connections\b")
+    sources = (Path(__file__).parents[2] / "app").rglob("*.py")
+    assert {file.name for file in sources if private.search(file.read_text())} == {"viser_private.py"}

@@ -14,8 +14,6 @@ from typing import Any
 
 import structlog
 import viser
-from viser._gui_handles import GuiFormHandle
-from viser.infra import WebsockClientConnection
 from websockets.asyncio.server import ServerConnection
 from websockets.exceptions import ConnectionClosed
 
@@ -28,6 +26,7 @@ from app.dashboard.transport.messages import (
     Visitor,
     Widget,
 )
+from app.dashboard.transport.viser_private import forget_uploads, is_form, on_connection, widget_of
 
 log = structlog.get_logger()
 
@@ -64,15 +63,7 @@ class Gate:
     def __init__(self, server: viser.ViserServer, rate: float = RATE) -> None:
         self._server, self._rate = server, rate
         logging.getLogger("websockets.server").addFilter(_in_a_line)
-        websock = server._websock_server
-        websock.on_client_connect(self._on_connect)
-        for number, connection in list(websock._live_connections.items()):  # a page that was open and waited for us
-            self._stand_before(connection, number)
-
-    async def _on_connect(self, client: WebsockClientConnection) -> None:
-        connection = self._server._websock_server._live_connections.get(client.client_id)
-        if connection is not None:
-            self._stand_before(connection, client.client_id)
+        on_connection(server, self._stand_before)  # pages that were open and waited for us, too
 
     def _stand_before(self, connection: ServerConnection, number: int) -> None:
         visitor, receive, tally = Visitor(self._page(number)), connection.recv, _Tally(number)
@@ -104,20 +95,15 @@ class Gate:
 
     def _page(self, number: int) -> Page:
         """What everybody sees, and what this page alone does."""
-        shared = self._server.gui
 
         def widget(uuid: str) -> Widget | None:
-            client = self._server.get_clients().get(number)
-            own = None if client is None else client.gui._gui_input_handle_from_uuid.get(uuid)
-            return shared._gui_input_handle_from_uuid.get(uuid, own)
+            return widget_of(self._server, number, uuid)
 
-        return Page(widget, lambda uuid: isinstance(shared._container_handle_from_uuid.get(uuid), GuiFormHandle))
+        return Page(widget, lambda uuid: is_form(self._server, uuid))
 
     def _forget(self, uploads: set[str]) -> None:
         """viser keeps the receipts of every part of an upload for pages to come, which have no use for them."""
-        self._server._websock_server.get_message_buffer().remove_from_buffer(
-            lambda message: getattr(message, "transfer_uuid", None) in uploads
-        )
+        forget_uploads(self._server, uploads)
 
 
 class _Tally:

@@ -11,6 +11,8 @@ import time
 import structlog
 import viser
 
+from app.dashboard.transport.viser_private import connections
+
 log = structlog.get_logger()
 
 PATIENCE = 20.0  # s without a byte: a page that is busy, or far away, reads some
@@ -49,10 +51,10 @@ class Laggards:
                 self._abort(client)
 
     def _sizes(self) -> dict[int, int]:
-        connections = tuple(self._server._websock_server._live_connections.items())
-        return {client: connection.transport.get_write_buffer_size() for client, connection in connections}
+        found = connections(self._server).items()
+        return {client: connection.transport.get_write_buffer_size() for client, connection in found}
 
     def _abort(self, client: int) -> None:
-        connection = self._server._websock_server._live_connections.get(client)
+        connection = connections(self._server).get(client)
         if connection is not None:
             self._server.get_event_loop().call_soon_threadsafe(connection.transport.abort)

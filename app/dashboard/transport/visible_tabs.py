@@ -7,6 +7,8 @@ from html import escape
 
 import viser
 
+from app.dashboard.transport.viser_private import uuid_of
+
 
 def marker_html(tab: str, window: float = 0.0, ahead: float = 0.0, text: str = "") -> str:
     """What the script looks for: a tab counts as looked at while this is on the screen. window, ahead: the time axes go
@@ -27,7 +29,7 @@ class Lookers:
         """One more, in the current container."""
         gui.add_html('<i class="vs-looking"></i>')
         field = gui.add_text("", "")
-        self.fields |= {field._impl.uuid}  # viser keeps it to itself
+        self.fields |= {uuid_of(field)}
 
         async def on_report(event: viser.GuiEvent) -> None:
             if event.client is not None:

@@ -12,7 +12,8 @@ from inspect import isawaitable
 from typing import Any
 
 import viser
-from viser._messages import GuiUpdateMessage
+
+from app.dashboard.transport.viser_private import wrap_updates
 
 PATIENCE = 1.0  # s
 
@@ -27,11 +28,10 @@ class Turns:
     def __init__(self, server: viser.ViserServer) -> None:
         self.drawing = threading.RLock()
         self._hangs = False
-        handlers = server._websock_server._incoming_handlers
-        handlers[GuiUpdateMessage] = [self._in_turn(handler) for handler in handlers[GuiUpdateMessage]]
+        wrap_updates(server, self._in_turn)
 
     def _in_turn(self, handler: Callable[..., Any]) -> Callable[..., Any]:
-        async def handle(client: int, message: GuiUpdateMessage) -> None:
+        async def handle(client: int, message: Any) -> None:
             turn = self.drawing.acquire(timeout=0.0 if self._hangs else PATIENCE)
             self._hangs = not turn
             try:

@@ -1,0 +1,71 @@
+"""Private parts of viser that this program uses, all of them here: `pyproject.toml` pins viser for their sake.
+
+Each function says which public way is missing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import viser
+from viser._gui_handles import GuiFormHandle
+from viser._messages import GuiUpdateMessage
+from viser.infra import WebsockClientConnection
+from websockets.asyncio.server import ServerConnection
+
+Handler = Callable[..., Any]
+
+
+def connections(server: viser.ViserServer) -> dict[int, ServerConnection]:
+    """Web sockets of the pages, by the number of their clients. Missing: a `ClientHandle` does not give its own."""
+    return dict(server._websock_server._live_connections)
+
+
+def on_connection(server: viser.ViserServer, heed: Callable[[ServerConnection, int], None]) -> None:
+    """Call `heed` with the web socket of every page, at once of those that are open, and the number of its client.
+
+    Missing: `ViserServer.on_client_connect` comes when messages of the page have been read.
+    """
+    websock = server._websock_server
+
+    async def on_connect(client: WebsockClientConnection) -> None:
+        connection = websock._live_connections.get(client.client_id)
+        if connection is not None:
+            heed(connection, client.client_id)
+
+    websock.on_client_connect(on_connect)
+    for number, connection in list(websock._live_connections.items()):
+        heed(connection, number)
+
+
+def wrap_updates(server: viser.ViserServer, wrap: Callable[[Handler], Handler]) -> None:
+    """Put a function around each that heeds the new value of a widget. Missing: `on_update` is called when the value
+    has been written."""
+    handlers = server._websock_server._incoming_handlers
+    handlers[GuiUpdateMessage] = [wrap(handler) for handler in handlers[GuiUpdateMessage]]
+
+
+def forget_uploads(server: viser.ViserServer, uploads: set[str]) -> None:
+    """Take receipts of these uploads out of what is kept for pages to come. Missing: nothing public empties it."""
+    server._websock_server.get_message_buffer().remove_from_buffer(
+        lambda message: getattr(message, "transfer_uuid", None) in uploads
+    )
+
+
+def widget_of(server: viser.ViserServer, client: int, uuid: str) -> Any:
+    """The widget of this name that everybody or this client has, None without one. Missing: handles are given when they
+    are made, and cannot be asked for by the name that a page's messages use."""
+    page = server.get_clients().get(client)
+    own = None if page is None else page.gui._gui_input_handle_from_uuid.get(uuid)
+    return server.gui._gui_input_handle_from_uuid.get(uuid, own)
+
+
+def is_form(server: viser.ViserServer, uuid: str) -> bool:
+    """Whether everybody's container of this name is a form. Missing: as above."""
+    return isinstance(server.gui._container_handle_from_uuid.get(uuid), GuiFormHandle)
+
+
+def uuid_of(handle: viser.GuiInputHandle[Any]) -> str:
+    """The name of a widget in a page's messages. Missing: a handle keeps it to itself."""
+    return handle._impl.uuid
