@@ -22,9 +22,9 @@ WARM = 300  # steps before the first round
 
 
 def bare_calls(loop: ClosedLoop) -> Call:
-    """What Pinocchio must do in one period of this loop: Coriolis, mass, gravity and placements for the law; for the
-    plant mass and bias, the tool's Jacobian where it touches something, and on a rigid surface the Jacobian's rate, and
-    mass and Jacobian once more at the next posture, which is moved onto the surface and looked at again."""
+    """What Pinocchio must do in one period of this loop: Coriolis, with which the mass comes, and placements for the
+    law; for the plant mass and bias, the tool's Jacobian where it touches something, and on a rigid surface the
+    Jacobian's rate, and mass and Jacobian once more at the next posture, which is moved onto it and looked at again."""
     robot = loop.system.robot
     model, data = robot.model, robot.model.createData()
     true, true_data = loop.system.plant.model, loop.system.plant.model.createData()
@@ -32,7 +32,6 @@ def bare_calls(loop: ClosedLoop) -> Call:
 
     def law() -> None:
         pin.computeCoriolisMatrix(model, data, q, v)
-        pin.crba(model, data, q)
         pin.computeStaticRegressor(model, data, q)
 
     def plant() -> None:

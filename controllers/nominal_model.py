@@ -79,10 +79,11 @@ class LinkConstants(NamedTuple):
 
 
 class Terms(NamedTuple):
-    """Live views of Pinocchio's arrays: M, C (n, n); J, J_dot (6, n) spatial Jacobians of the world origin; placements
-    (3, 4n) the static regressor, whose blocks are the links' placements over the total mass."""
+    """Live views of Pinocchio's arrays: momenta (6, n), of the links from joint j on, per unit of that joint's rate; C
+    (n, n); J, J_dot (6, n) spatial Jacobians of the world origin; placements (3, 4n) the static regressor, whose blocks
+    are the links' placements over the total mass."""
 
-    M: np.ndarray
+    momenta: np.ndarray
     C: np.ndarray
     J: np.ndarray
     J_dot: np.ndarray
@@ -146,22 +147,26 @@ def _tool(links, J, J_dot, placements, q_dot, e):
 
 
 @part
-def estimates(links, M, C, J, J_dot, placements, q_dot, estimate):
+def estimates(links, momenta, C, J, J_dot, placements, q_dot, estimate):
     """The `Estimate` from the arrays of `Terms`."""
     n = q_dot.shape[0]
-    for i in range(n):
-        for j in range(n):
-            estimate.M_hat[i, j] = M[i, j]
-            estimate.M_links[i, j] = M[i, j]
+    for j in range(n):
+        for i in range(j + 1):
+            inertia = 0.0
+            for a in range(6):
+                inertia += J[a, i] * momenta[a, j]
+            estimate.M_links[i, j] = estimate.M_links[j, i] = inertia
+            estimate.M_hat[i, j] = estimate.M_hat[j, i] = inertia
+        estimate.M_hat[j, j] += links.rotor[j]
+        for i in range(n):
             estimate.C_hat[i, j] = C[i, j]
-        estimate.M_links[i, i] -= links.rotor[i]
     _gravity(links, J, placements, estimate.G_links, estimate.G_hat)
     _tool(links, J, J_dot, placements, q_dot, estimate)
 
 
 @kernel
-def _estimates_alone(links, M, C, J, J_dot, placements, q_dot, estimate):
-    estimates(links[0], M, C, J, J_dot, placements, q_dot, estimate[0])
+def _estimates_alone(links, momenta, C, J, J_dot, placements, q_dot, estimate):
+    estimates(links[0], momenta, C, J, J_dot, placements, q_dot, estimate[0])
 
 
 class NominalModel:
@@ -187,7 +192,7 @@ class NominalModel:
         self._links = Record(self.constants)
         self._blank = Record(Estimate.zeros(model.nv))
         d = self.data
-        self.terms = Terms(d.M, d.C, d.J, d.dJ, d.staticRegressor)
+        self.terms = Terms(d.Ag, d.C, d.J, d.dJ, d.staticRegressor)
 
     @property
     def fingerprint(self) -> bytes:
@@ -197,7 +202,6 @@ class NominalModel:
     def update(self, q: np.ndarray, q_dot: np.ndarray) -> Terms:
         """Pinocchio's terms at q (n,) rad, q_dot (n,) rad/s; they are overwritten by the next call."""
         pin.computeCoriolisMatrix(self.model, self.data, q, q_dot)
-        pin.crba(self.model, self.data, q)
         pin.computeStaticRegressor(self.model, self.data, q)
         return self.terms
 

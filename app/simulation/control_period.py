@@ -168,17 +168,17 @@ def reference_at(plan, t, reference):
 
 
 @part
-def observe(sight, M, C, J, J_dot, placements, t, seen):
+def observe(sight, momenta, C, J, J_dot, placements, t, seen):
     """Estimates and task coordinates of a state, Remark 1 and (3), from the arrays of `nominal_model.Terms` there."""
-    estimates(sight.links, M, C, J, J_dot, placements, seen.q_dot, seen.estimate)
+    estimates(sight.links, momenta, C, J, J_dot, placements, seen.q_dot, seen.estimate)
     surface_chart(sight.shape, seen.estimate.p, t, seen.chart)
     task_space(sight.layout, seen.chart, seen.estimate, seen.q, seen.q_dot, seen.work, seen.task)
 
 
 @kernel
-def control_period(setting, period, M, C, J, J_dot, placements, arm, F, t, row):
+def control_period(setting, period, momenta, C, J, J_dot, placements, arm, F, t, row):
     """Evaluate the law at time t (s) for the state of `arm` and the measured force F (3,) N, and write what it saw
-    and did into `row`. M ... placements: `nominal_model.Terms` at that state.
+    and did into `row`. momenta ... placements: `nominal_model.Terms` at that state.
     """
     setting, period, arm = setting[0], period[0], arm[0]
     seen, output, reference = period.seen, period.output, period.reference
@@ -186,7 +186,7 @@ def control_period(setting, period, M, C, J, J_dot, placements, arm, F, t, row):
     copy(arm.q, seen.q)
     copy(arm.q_dot, seen.q_dot)
     copy(F, period.F)
-    observe(setting.sight, M, C, J, J_dot, placements, t, seen)
+    observe(setting.sight, momenta, C, J, J_dot, placements, t, seen)
     reference_at(setting.plan, t, reference)
     if setting.online:
         believe(estimate, period.believed)
@@ -396,8 +396,8 @@ def watch_posture(setting, period, centres):
 
 
 @kernel
-def _observe_alone(sight, M, C, J, J_dot, placements, t, seen):
-    observe(sight[0], M, C, J, J_dot, placements, t, seen[0])
+def _observe_alone(sight, momenta, C, J, J_dot, placements, t, seen):
+    observe(sight[0], momenta, C, J, J_dot, placements, t, seen[0])
 
 
 @kernel
