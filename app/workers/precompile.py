@@ -20,7 +20,7 @@ from app.simulation.closed_loop import ClosedLoop
 from environments import robots
 
 
-def _to_compile() -> Iterator[Scenario]:
+def to_compile() -> Iterator[Scenario]:
     """One scenario for each number of joints and each kind of contact that has kernels of its own."""
     done: set[int] = set()
     for name, entry in robots.CATALOGUE.items():
@@ -38,7 +38,7 @@ def main() -> None:
     launcher.end_with_parent()
     os.nice(19)
     try:
-        for scenario in _to_compile():
+        for scenario in to_compile():
             loop = ClosedLoop(scenario, history=1)
             loop.step()
             loop.view()

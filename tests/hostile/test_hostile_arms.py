@@ -21,12 +21,14 @@ from hypothesis import strategies as st
 from app.dashboard.scene.robot_view import RobotView
 from app.scenario.data import edited, load
 from app.scenario.schema import ScenarioError
+from app.session import runner
 from app.session.commands import Command, Edit, Load
 from app.session.runner import Runner
 from app.simulation.environment_builder import robot_of
 from app.storage import link_meshes, uploaded_urdfs
 from drivers.visitors import PATIENCE, gone
 from environments import robots, urdf
+from environments.robots import Robot
 from environments.urdf import RobotError
 from tests.support.sentences import one_sentence
 
@@ -158,6 +160,26 @@ def test_whatever_is_uploaded_is_a_urdf_or_is_refused(content: bytes) -> None:
             urdf.parse(whole, "arm.urdf")
 
 
+def in_use(path: Path) -> Robot:
+    """The arm of an uploaded file, held as a run holds its own."""
+    robot = robot_of(edited(load("ur5-motion"), "robot", {"urdf": str(path)}))
+    uploaded_urdfs.hold(robot, str(path))
+    return robot
+
+
+def test_a_run_holds_the_file_of_its_arm(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    one, two = (edited(load("ur5-motion"), "robot", {"urdf": str(tmp_path / name)}) for name in ("1.urdf", "2.urdf"))
+    for scenario in (one, two):
+        Path(scenario.robot.urdf or "").write_text(BENT)
+    held: list[tuple[Robot, str | None]] = []
+    monkeypatch.setattr(runner, "hold", lambda robot, path: held.append((robot, path)))
+    running = Runner(one)
+    running.post(Load(two))
+    assert running._drain()
+    assert [path for _, path in held] == [one.robot.urdf, two.robot.urdf]
+    assert held[-1][0] is running._loop.system.robot
+
+
 def test_uploads_do_not_fill_the_disk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path))
 
@@ -179,11 +201,11 @@ def test_uploads_do_not_fill_the_disk(tmp_path: Path, monkeypatch: pytest.Monkey
     for file in (one, two, foreign):
         os.utime(file, (0, 0))  # long ago
     for file in (two, foreign):
-        robot_of(edited(load("ur5-motion"), "robot", {"urdf": str(file)}))
+        in_use(file)
     assert foreign.stat().st_mtime == 0
     three = another(3)
     assert left() == {two, three, foreign}  # the one that nobody has used has gone
-    running = robot_of(edited(load("ur5-motion"), "robot", {"urdf": str(two)}))
+    running = in_use(two)
     os.utime(two, (0, 0))  # the clock was put right, or the run goes on for months
     monkeypatch.setattr(uploaded_urdfs, "MOST_BYTES", int(3.5 * len(BENT)))
     four = another(4)
@@ -271,7 +293,7 @@ def test_an_upload_in_use_stays_also_where_its_visitor_has_too_many(
         return uploaded_urdfs.keep(f"arm{number}.urdf", BENT.replace("3.0", f"3.{number}").encode(), ("browser",))
 
     one, two = another(1), another(2)
-    running = robot_of(edited(load("ur5-motion"), "robot", {"urdf": str(one)}))
+    running = in_use(one)
     for path in (one, two):
         os.utime(path, (0, 0))  # the clock was put right
     three = another(3)
@@ -332,9 +354,9 @@ def test_the_process_that_reads_meshes_ends_with_the_one_that_began_it(tmp_path:
     arm.write_text(BENT.replace(UPPER, UPPER + '<visual><geometry><mesh filename="pipe.obj"/></geometry></visual>'))
     code = f"""
 import os, pathlib, time
-from app import visuals
+from app.storage import link_meshes
 from environments import robots
-visuals.link_meshes(robots.load("", urdf={str(arm)!r}))
+link_meshes.link_meshes(robots.load("", urdf={str(arm)!r}))
 children = pathlib.Path(f"/proc/{{os.getpid()}}/task")
 while not (found := "".join(path.read_text() for path in children.glob("*/children")).split()):
     time.sleep(0.05)

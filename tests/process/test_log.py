@@ -15,7 +15,7 @@ PROGRAM = """
 import logging, os, sys, threading, warnings
 from pathlib import Path
 import structlog
-from app import child, log
+from app.process import launcher, log
 log.configure({level!r}, Path(sys.argv[1]))
 events = structlog.get_logger()
 def failing():
@@ -93,7 +93,9 @@ def test_a_disk_that_is_full_is_said_once_and_survived() -> None:
 
 
 def test_processes_beside_this_one_log_to_the_same_file(tmp_path: Path) -> None:
-    inner = "import structlog; from app import log; log.configure_as_parent(); structlog.get_logger().info('inner')"
+    inner = (
+        "import structlog; from app.process import log; log.configure_as_parent(); structlog.get_logger().info('inner')"
+    )
     body = f'import subprocess\nsubprocess.run([sys.executable, "-c", {inner!r}], check=True)\nevents.info("outer")'
     file, _ = logged(tmp_path / "log", body)
     assert [line.partition(" event=")[2].split()[0] for line in file] == ["inner", "outer"]
