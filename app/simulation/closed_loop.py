@@ -262,8 +262,9 @@ class ClosedLoop:
         pushed = self._push_tool()
         F = self._reader.read(arm.views.load.force - self._push if pushed else arm.views.load.force)
         self._stage = "the control law"
-        self._control(F, row)
-        if self._ideal and not self._solve_for_force(row):
+        if not self._ideal:
+            self._control(F, row)
+        elif not self._solve_for_force(row):
             self._left("stop", "the loop through the multiplier has no solution")
         if self._steps % WATCH == 0:
             self._look_at_posture()
@@ -348,21 +349,24 @@ class ClosedLoop:
 
     def _solve_for_force(self, row: np.ndarray) -> bool:
         """The law fed with the force that its own torque causes: secant iteration on the multiplier; whether it is
-        found."""
-        plant, arm, t, h = self.system.plant, self._arm, self.t, self._h
-        guess = arm.read().load.multiplier
-        self._control(plant.force_of(arm, guess, t, h) - self._push, row)
-        error = plant.respond(arm, self._applied + self._push_torque, t, h).multiplier - guess
-        slope = -1.0
+        found. What the period began with is what every evaluation begins with."""
+        guess, slope, begun = self._arm.read().load.multiplier, -1.0, self._period.data.copy()
+        error = self._missed(guess, row)
         for _ in range(FORCE_ITERATIONS):
             if abs(error) <= 1e-10 * (1.0 + abs(guess)):
                 return True
             change = -error / slope if slope != 0.0 else error
             guess += change
-            self._control(plant.force_of(arm, guess, t, h) - self._push, row)
-            before, error = error, plant.respond(arm, self._applied + self._push_torque, t, h).multiplier - guess
+            self._period.data[:] = begun
+            before, error = error, self._missed(guess, row)
             slope = (error - before) / change
         return False
+
+    def _missed(self, guess: float, row: np.ndarray) -> float:
+        """By how much the multiplier (N) that the law's answer to a guess causes is more than the guess."""
+        plant, arm, t, h = self.system.plant, self._arm, self.t, self._h
+        self._control(plant.force_of(arm, guess, t, h) - self._push, row)
+        return plant.respond(arm, self._applied + self._push_torque, t, h).multiplier - guess
 
     def _grip_surface(self) -> None:
         """Begin pressing: before its first period the sensor reads what the law's own torque makes of the contact."""

@@ -262,3 +262,13 @@ def test_the_band_counts_with_d_on_the_sliding_surface_not_with_the_present_one(
     assert np.linalg.norm(on_surface.s) < 1e-12
     assert on_surface.d > 1.8 * now.part("output").d
     assert loop._period.part("watched").d == pytest.approx(on_surface.d, rel=0.05)  # chattering adds, Coriolis takes
+
+
+def test_a_period_counts_once_however_often_the_loop_through_the_multiplier_asks_for_the_law() -> None:
+    loop, metrics = simulate(changed("ur5-constrained", sensor__ideal=True))
+    assert loop.kept.periods == len(loop.recording.signals(("t",))["t"])
+    assert metrics.promise.verdict == "holds"
+    assert loop.recording.epochs[-1].reached == loop.kept.entered
+    held = loop.recording.signals(("held_error",), t_from=0.002)["held_error"]
+    assert held.min() > 1e-4  # from period to period, not from one iteration to the next
+    assert held.max() < 0.1
