@@ -45,7 +45,10 @@ COLORS: dict[str, Rgb] = {
     "the surface": SURFACE,
 }
 DOCUMENTS = {
-    "README.md": "the modes, what if, runs without a screen",
+    "README.md": "what it is, how to start, where to read on",
+    "docs/dashboard.md": "the page: edits, what if, time, the scene, plots, keys",
+    "docs/command-line.md": "runs without a screen",
+    "docs/extending.md": "a law, mode, surface, trajectory or arm of your own",
     "docs/symbols.md": "which symbol of the paper is which name in the code",
     "docs/evidence.md": "every claim held to something independent",
     "docs/robots.md": "which arms, your own URDF, the truth and what is declared of it",
