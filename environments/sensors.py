@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections import deque
+from copy import copy, deepcopy
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -25,15 +25,6 @@ class ForceSensor:
     def exact(self) -> bool:
         """Whether it shows the force as it is."""
         return self.noise == 0.0 and self.delay == 0.0 and self.cutoff == 0.0 and not self.bias.any()
-
-
-class ReaderMemory(NamedTuple):
-    """What a reader carries from one reading to the next. random: state of its stream; filtered (3,) N, None before
-    the first reading; line: readings under way, (3,) N each, oldest first."""
-
-    random: dict[str, Any]
-    filtered: np.ndarray | None
-    line: tuple[np.ndarray, ...]
 
 
 class ForceReader:
@@ -60,13 +51,8 @@ class ForceReader:
         self._line.append(reading)
         return self._line[0]
 
-    def memory(self) -> ReaderMemory:
-        """To go on from in another reader; no reading is ever changed in place."""
-        return ReaderMemory(dict(self._random.bit_generator.state), self._filtered, tuple(self._line))
-
-    def recall(self, memory: ReaderMemory) -> None:
-        """Go on where the reader of this memory stood; it must have had the same sensor."""
-        self._random.bit_generator.state = memory.random
-        self._filtered = memory.filtered
-        self._line.clear()
-        self._line.extend(memory.line)
+    def copy(self) -> ForceReader:
+        """A reader that goes on from the same memory; no reading is ever changed in place."""
+        twin = copy(self)
+        twin._random, twin._line = deepcopy(self._random), self._line.copy()
+        return twin

@@ -18,7 +18,7 @@ DICTIONARY = ("PK\x03\x04", "PK\x01\x02", "PK\x05\x06", "{'descr': '<f8'", "'sha
 def _seed() -> bytes:
     recording = Recording(2, history=8)
     for k in range(2):
-        recording.new_row()[:] = k
+        recording.new_row().view(float)[:] = k
         recording.commit()
     file = io.BytesIO()
     write_npz(table(load("planar2r-semicircle"), recording), file)

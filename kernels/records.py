@@ -42,6 +42,9 @@ class Record(Generic[T]):
         """Give the named tuple of this name other values of the same shapes."""
         _write(self.data[name], value)
 
+    def __reduce__(self) -> tuple[type[Record[T]], tuple[T]]:
+        return Record, (self.read(),)  # numba needs the dtype that all records of a layout share
+
     def copy(self) -> Record[T]:
         """Another piece of memory with the same content."""
         twin = object.__new__(Record)

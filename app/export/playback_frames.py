@@ -11,12 +11,12 @@ from app.scenario.schema import Scenario
 from app.simulation.recording import Recording
 
 FRAMES_PER_SECOND = 30
-SIGNALS = ("t", "q", "q_dot", "r_d", "F_cd", "tool", "F_true")
+DRAWN = ("t", "q", "q_dot", "r_d", "F_cd", "tool", "F_true")
 
 
 @dataclass(frozen=True)
 class Film:
-    """One recorded row per frame, oldest first: `SIGNALS` by name, (N,) or (N, width), SI units."""
+    """One recorded row per frame, oldest first: `DRAWN` by name, (N,) or (N, width), SI units."""
 
     scenario: Scenario
     signals: dict[str, np.ndarray]
@@ -33,5 +33,5 @@ def film(scenario: Scenario, recording: Recording, t_from: float = -math.inf, t_
         rows.append(piece[np.diff(frames, prepend=frame) > 0])
         frame = frames[-1]
     kept = np.concatenate(rows)
-    columns = {name: kept[:, recording.columns[name]] for name in SIGNALS}
+    columns = {name: kept[:, recording.columns[name]] for name in DRAWN}
     return Film(scenario, {name: values[:, 0] if name == "t" else values for name, values in columns.items()})

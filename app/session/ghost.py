@@ -18,7 +18,7 @@ from app.simulation.recording import Recording
 from controllers.blend import ModelBlend
 from controllers.nominal_model import NominalModel
 
-SIGNALS = ("t", "q", "r_d", "e_r", "e_r_dot", "F_c", "F_cd", "tool")
+DRAWN = ("t", "q", "r_d", "e_r", "e_r_dot", "F_c", "F_cd", "tool")
 REACH_BACK = 5.0  # s: a ghost that is switched on later begins so long ago at most
 BLENDED = 0.02  # s: for so long a model on the way of a blend stands for its neighbours
 NEWTON_STEPS, CLOSE = 8, 1e-9  # m
@@ -83,10 +83,10 @@ class Ghost:
         return x
 
     def _key(self, snapshot: Snapshot) -> object:
-        return snapshot.run, snapshot.revision, snapshot.state.t_0
+        return snapshot.run, snapshot.revision, snapshot.state.epoch.t
 
     def _begun(self, snapshot: Snapshot) -> _Run | None:
-        first = max(snapshot.state.t_0, snapshot.t - REACH_BACK)
+        first = max(snapshot.state.epoch.t, snapshot.t - REACH_BACK)
         rows = _rows(snapshot.recording, first - 0.25 * snapshot.scenario.controller.period, snapshot.t)
         if not len(rows["t"]):
             return None
@@ -124,4 +124,4 @@ class Ghost:
 def _rows(recording: Recording, t_from: float, t_to: float) -> dict[str, np.ndarray]:
     """Signals of all rows of a stretch, one row of n coordinates each, also where n is 1."""
     rows = recording.rows(t_from, t_to)
-    return {name: rows[:, recording.columns[name]] for name in SIGNALS} | {"t": rows[:, 0]}
+    return {name: rows[:, recording.columns[name]] for name in DRAWN} | {"t": rows[:, 0]}

@@ -9,9 +9,10 @@ from msgspec import Struct
 
 from app.analysis.metrics import force_error, motion_error, settling_time, steady_force_error, tail_of
 from app.scenario.schema import Scenario
-from app.simulation.closed_loop import ClosedLoop, LoopState
+from app.simulation.closed_loop import ClosedLoop
 from app.simulation.recording import Epoch
 from app.simulation.search_memory import Memory
+from app.simulation.state import State
 from app.simulation.system import System
 
 POINTS = 200  # about what a plot has pixels for ahead of now
@@ -25,7 +26,7 @@ class Question:
     is wanted too, and given even when a newer question is waiting."""
 
     number: int
-    state: LoopState
+    state: State
     scenario: Scenario
     horizon: float
     partial: bool = True

@@ -15,7 +15,7 @@ import structlog
 from app.process import launcher
 from app.scenario.schema import Scenario
 from app.session.preview import Done, Hurry, Outlook, Question, Refusal
-from app.simulation.closed_loop import LoopState
+from app.simulation.state import State
 
 log = structlog.get_logger()
 
@@ -61,12 +61,12 @@ class Previewer:
         worker = self._worker
         return None if worker is None else worker.process.pid
 
-    def warm_up(self, state: LoopState) -> None:
+    def warm_up(self, state: State) -> None:
         """Start the process, and have it load what a preview from this state needs; nobody waits for the answer."""
         with self._lock:
             self._put(Question(0, state, state.scenario, state.scenario.controller.period, partial=False))
 
-    def ask(self, state: LoopState, scenario: Scenario, horizon: float, *, partial: bool = True) -> None:
+    def ask(self, state: State, scenario: Scenario, horizon: float, *, partial: bool = True) -> None:
         """See `Question`."""
         with self._lock:
             self._number += 1

@@ -10,9 +10,10 @@ import numpy as np
 from app.scenario.schema import Scenario
 from app.session.pacing import Pace
 from app.session.timeline import Pinned
-from app.simulation.closed_loop import ClosedLoop, LoopState
+from app.simulation.closed_loop import ClosedLoop
 from app.simulation.recording import Recording
 from app.simulation.sampled_stability import SampledLoop
+from app.simulation.state import State
 from app.simulation.system import Coordinate, System
 from app.simulation.verdict import Standing
 from environments.robots import Robot
@@ -65,7 +66,7 @@ class Snapshot:
     sampled: SampledLoop
     recording: Recording
     pinned: tuple[Pinned, ...]
-    state: LoopState
+    state: State
 
     @property
     def looking_back(self) -> bool:
@@ -115,5 +116,5 @@ def snapshot_of(loop: ClosedLoop) -> Snapshot:
         recording=loop.recording,
         pinned=(),
         system=system,
-        state=loop.state(),
+        state=loop.state.copy(),
     )

@@ -12,8 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from app.scenario.schema import Scenario, ScenarioError
-from app.simulation.closed_loop import ClosedLoop, LoopState
+from app.simulation.closed_loop import ClosedLoop
 from app.simulation.recording import Recording
+from app.simulation.state import State
 from app.simulation.system import System
 from app.storage.session_index import PINS
 from environments.push import Grip
@@ -27,7 +28,7 @@ PINNED = 60.0  # s, of a run that a pin keeps
 class _Key:
     """A state of the run. changed: somebody had acted on the loop just before."""
 
-    state: LoopState
+    state: State
     system: System
     changed: bool
 
@@ -146,7 +147,7 @@ class Timeline:
     def hold(self, grip: Grip | None) -> None:
         """A hand takes hold of the tool, or lets go (None). What has been cannot be pushed: there it does nothing."""
         if self._back is None and self._end.grip != grip:
-            self._end.grip = grip
+            self._end.hold(grip)
             self._keep(changed=True)
 
     def reset(self) -> None:
@@ -182,7 +183,7 @@ class Timeline:
 
     def _so_far(self, loop: ClosedLoop) -> Recording:
         """The run's recording up to where that loop stands, in the epoch that it is in."""
-        recording, now = self.recording.branch(-np.inf, loop.t - 0.5 * loop.period), loop.recording.epochs[-1]
+        recording, now = self.recording.branch(-np.inf, loop.t - 0.5 * loop.period), loop.state.epoch
         if not recording.epochs or recording.epochs[-1].t < now.t:  # it has begun just here
             recording.epochs.append(now)
         return recording
@@ -190,14 +191,14 @@ class Timeline:
     def _go_on(self, loop: ClosedLoop) -> None:
         """Make this loop, which looks back, the end; no hand holds its tool."""
         self.pin()
-        loop.grip = None
+        loop.hold(None)
         while self._keys and self._keys[-1].state.t > loop.t - 0.5 * loop.period:
             self._keys.pop()
         self._end, self._back = loop, None
         self._keep(changed=True)
 
     def _keep(self, *, changed: bool) -> None:
-        key = _Key(self._end.state(), self._end.system, changed)
+        key = _Key(self._end.state.copy(), self._end.system, changed)
         if self._keys and self._keys[-1].state.t == key.state.t:
             self._keys.pop()  # of several changes of one instant only the last counts
         self._keys.append(key)

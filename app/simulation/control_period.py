@@ -178,7 +178,7 @@ def observe(sight, momenta, C, J, J_dot, placements, t, seen):
 @kernel
 def control_period(setting, period, momenta, C, J, J_dot, placements, arm, F, t, row):
     """Evaluate the law at time t (s) for the state of `arm` and the measured force F (3,) N, and write what it saw
-    and did into `row`. momenta ... placements: `nominal_model.Terms` at that state.
+    and did into the `Row`. momenta ... placements: `nominal_model.Terms` at that state.
     """
     setting, period, arm = setting[0], period[0], arm[0]
     seen, output, reference = period.seen, period.output, period.reference
@@ -196,7 +196,7 @@ def control_period(setting, period, momenta, C, J, J_dot, placements, arm, F, t,
     _prepare_residual(gains.model, seen, reference, output, period.residual)
 
     _judge_premises(setting, period, arm, t)
-    _write_row(row, t, arm, period)
+    _fill(row[0], t, arm, period)
 
 
 @part
@@ -251,60 +251,52 @@ def _prepare_residual(model, seen, reference, output, rest):
 
 
 @part
-def _put(row, i, part):
-    """Lay a part down in the row from i on; returns where the next one goes."""
-    for k in range(part.shape[0]):
-        row[i + k] = part[k]
-    return i + part.shape[0]
+def _fill(row, t, arm, period):
+    """Write down the period; what the plant's answer changes is written again by `complete_row`."""
+    output, task, needed = period.output, period.seen.task, period.output.needed
+    row.t = t
+    copy(arm.q, row.q)
+    copy(arm.q_dot, row.q_dot)
+    copy(task.r, row.r)
+    copy(task.r_dot, row.r_dot)
+    copy(period.reference.r_d, row.r_d)
+    copy(output.e_r, row.e_r)
+    copy(output.e_r_dot, row.e_r_dot)
+    copy(period.seen.estimate.p, row.tool)
+    copy(period.F, row.F)
+    copy(period.push, row.F_push)
+    copy(output.F_c, row.F_c)
+    copy(period.reference.F_cd, row.F_cd)
+    copy(period.z, row.z)
+    copy(output.s, row.s)
+    copy(output.terms.inertia, row.tau_inertia)
+    copy(output.terms.coriolis, row.tau_coriolis)
+    copy(output.terms.gravity, row.tau_gravity)
+    copy(output.terms.force, row.tau_force)
+    copy(output.terms.linear, row.tau_linear)
+    copy(output.terms.switching, row.tau_switching)
+    copy(output.tau, row.tau)
+    copy(period.applied, row.tau_applied)
+    copy(output.equivalent.q_ddot, row.q_eq_ddot)
+    row.needed[0], row.needed[1], row.needed[2] = needed.inertia, needed.coriolis, needed.gravity
+    row.needed[3], row.needed[4], row.needed[5] = needed.task_motion, needed.disturbance, needed.epsilon
+    row.d = output.d
+    row.d_required = sum_of(needed)
+    row.s_norm = output.s_norm
+    row.s_bound = period.kept.bound
+    row.s_band = period.kept.band
+    row.V_band = period.watched.V_band if period.kept.standing else np.nan
+    row.held_error = period.table.value[HELD]
+    row.sigma_min = 1.0 / task.J_q_inv_norm
+    copy(period.residual, row.residual)
+    _fill_load(row, arm.load)
+    row.phi = arm.load.phi
 
 
 @part
-def _write_row(row, t, arm, period):
-    """In the order of `recording.SIGNALS`; what the plant's answer changes is written again by `complete_row`."""
-    output, task, terms, needed = period.output, period.seen.task, period.output.terms, period.output.needed
-    row[0] = t
-    i = _put(row, 1, arm.q)
-    i = _put(row, i, arm.q_dot)
-    i = _put(row, i, task.r)
-    i = _put(row, i, task.r_dot)
-    i = _put(row, i, period.reference.r_d)
-    i = _put(row, i, output.e_r)
-    i = _put(row, i, output.e_r_dot)
-    i = _put(row, i, period.seen.estimate.p)
-    i = _put(row, i, period.F)
-    i = _put(row, i, period.push)
-    i = _put(row, i, output.F_c)
-    i = _put(row, i, period.reference.F_cd)
-    i = _put(row, i, period.z)
-    i = _put(row, i, output.s)
-    i = _put(row, i, terms.inertia)
-    i = _put(row, i, terms.coriolis)
-    i = _put(row, i, terms.gravity)
-    i = _put(row, i, terms.force)
-    i = _put(row, i, terms.linear)
-    i = _put(row, i, terms.switching)
-    i = _put(row, i, output.tau)
-    i = _put(row, i, period.applied)
-    i = _put(row, i, output.equivalent.q_ddot)
-    causes = (needed.inertia, needed.coriolis, needed.gravity, needed.task_motion, needed.disturbance, needed.epsilon)
-    for cause in causes:
-        row[i] = cause
-        i += 1
-    kept, held_error_now = period.kept, period.table.value[HELD]
-    V_band = period.watched.V_band if kept.standing else np.nan
-    for value in (output.d, sum_of(needed), output.s_norm, kept.bound, kept.band, V_band, held_error_now):
-        row[i] = value
-        i += 1
-    row[i] = 1.0 / task.J_q_inv_norm
-    i += 1
-    i = _put(row, i, period.residual)
-    _put_load(row, i, arm.load)
-
-
-@part
-def _put_load(row, i, load):
-    i = _put(row, i, load.force)
-    row[i], row[i + 1] = load.multiplier, load.phi
+def _fill_load(row, load):
+    copy(load.force, row.F_true)
+    row.multiplier = load.multiplier
 
 
 @kernel
@@ -319,12 +311,9 @@ def complete_row(setting, period, arm, row):
         period.z[i] += setting.period * period.output.z_dot[i]
     for i in range(n):
         residual[i] += row_times(setting.gains.model.M_m, i, r_ddot)
-    load = row.shape[0] - 5
-    _put(row, load - n, residual)
+    copy(residual, row[0].residual)
     if setting.heavy:
-        phi = row[load + 4]
-        _put_load(row, load, arm.load)
-        row[load + 4] = phi
+        _fill_load(row[0], arm.load)
     left = _leaving(setting.limits, period, arm.load.multiplier)
     return left + _saturation(period) + _alarms(setting.limits, period, norm(arm.q_dot), arm.load.multiplier)
 

@@ -5,92 +5,24 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
-from typing import Literal
 
 import numpy as np
 
 from app.scenario.schema import Scenario
+from app.simulation.signals import Row, columns_of
 from controllers.blend import ModelBlend
 from controllers.reaching import ReachingCertificate
 from controllers.target_model import TargetModel
+from kernels.records import Record
 
 BLOCK = 4096  # rows
 THINNING = 20  # of rows older than the full-rate history, one in this many is kept
 EPOCHS = 2000
 
 
-@dataclass(frozen=True)
-class Signal:
-    """A column group of the table. width: "n" for one per task coordinate or joint, otherwise a number; joint_unit:
-    where the task coordinates are the joints' angles, if that is another one."""
-
-    name: str
-    width: int | str
-    unit: str
-    doc: str
-    joint_unit: str = ""
-
-    def unit_in(self, kind: Literal["cartesian", "joint"]) -> str:
-        """In a task space of this kind."""
-        return self.joint_unit or self.unit if kind == "joint" else self.unit
-
-
-# in the order in which `app.simulation.control_period` fills a row; the last ones are known when the plant has answered
-SIGNALS = (
-    Signal("t", 1, "s", "simulated time"),
-    Signal("q", "n", "rad", "joint angles"),
-    Signal("q_dot", "n", "rad/s", "joint rates"),
-    Signal("r", "n", "m", "task coordinates, (3)", "rad"),
-    Signal("r_dot", "n", "m/s", "their rates", "rad/s"),
-    Signal("r_d", "n", "m", "desired task coordinates", "rad"),
-    Signal("e_r", "n", "m", "r - r_d", "rad"),
-    Signal("e_r_dot", "n", "m/s", "its rate", "rad/s"),
-    Signal("tool", 3, "m", "tool point in the world"),
-    Signal("F", 3, "N", "measured force of the tool on what touches it, surface and hand, world axes"),
-    Signal("F_push", 3, "N", "force of a hand, or of truth.push, on the tool"),
-    Signal("F_c", "n", "N", "controlled force, from the measured one", "N·m"),
-    Signal("F_cd", "n", "N", "desired controlled force", "N·m"),
-    Signal("z", "n", "m/s", "state of the compensator, (9)", "rad/s"),
-    Signal("s", "n", "m/s", "switching function, (10)", "rad/s"),
-    Signal("tau_inertia", "n", "N·m", "M_hat q_eq_ddot, (25)"),
-    Signal("tau_coriolis", "n", "N·m", "C_hat q_eq_dot, (25)"),
-    Signal("tau_gravity", "n", "N·m", "G_hat, (25)"),
-    Signal("tau_force", "n", "N·m", "J^T F, (25)"),
-    Signal("tau_linear", "n", "N·m", "-J_q^T K_s s, (25)"),
-    Signal("tau_switching", "n", "N·m", "-J_q^T d sigma(s), (25)"),
-    Signal("tau", "n", "N·m", "their sum"),
-    Signal("tau_applied", "n", "N·m", "what the drives make of it: tau, within truth.torque_limit"),
-    Signal("q_eq_ddot", "n", "rad/s^2", "joint acceleration that the law prescribes, (25)"),
-    Signal("needed", 6, "N", "terms of (17): inertia, Coriolis, gravity, moving task, disturbance, epsilon", "N·m"),
-    Signal("d", 1, "N", "gain of the switching term", "N·m"),
-    Signal("d_required", 1, "N", "what (17) needs: the sum of `needed`", "N·m"),
-    Signal("s_norm", 1, "m/s", "||s||", "rad/s"),
-    Signal("s_bound", 1, "m/s", "envelope of ||s||, (20); not a number where nothing is promised", "rad/s"),
-    Signal("s_band", 1, "m/s", "what sampling and the boundary layer add to it", "rad/s"),
-    Signal("V_band", 1, "J", "what they add to sqrt(V) of (24), squared"),
-    Signal("held_error", 1, "N", "what (25) without its robust terms changed within the period before", "N·m"),
-    Signal("sigma_min", 1, "m", "smallest singular value of J_q, at most 3 % too small", "1"),
-    Signal("residual", "n", "N", "left side of (8) minus its right side", "N·m"),
-    Signal("F_true", 3, "N", "the force on the surface itself; F is the reading of F_true - F_push"),
-    Signal("multiplier", 1, "N", "true normal force per gradient of phi, (32) or (39)"),
-    Signal("phi", 1, "m", "penetration of the tool into the surface"),
-)
-
-
 def _between(rows: np.ndarray, t_from: float, t_to: float) -> np.ndarray:
     first, last = np.searchsorted(rows[:, 0], t_from), np.searchsorted(rows[:, 0], t_to, side="right")
     return rows[first:last]
-
-
-def columns_of(n: int) -> dict[str, slice]:
-    """Where each signal stands in the rows of an arm with n joints."""
-    columns: dict[str, slice] = {}
-    start = 0
-    for signal in SIGNALS:
-        width = n if isinstance(signal.width, str) else signal.width
-        columns[signal.name] = slice(start, start + width)
-        start += width
-    return columns
 
 
 @dataclass(frozen=True)
@@ -165,6 +97,7 @@ class Recording:
         self.columns = columns_of(n)
         self.width = max(where.stop for where in self.columns.values())
         self.history, self._most = history, history // BLOCK + 2
+        self._dtype = Record(Row.zeros(n)).data.dtype
         self._blocks: deque[_Block] = deque()
         self._thinned: deque[np.ndarray] = deque(maxlen=self._most)
         self.epochs: deque[Epoch] = deque(maxlen=EPOCHS)
@@ -185,14 +118,14 @@ class Recording:
         return sum(block.filled for block in tuple(self._blocks))
 
     def new_row(self) -> np.ndarray:
-        """The row to be filled next, (width,); it counts from `commit` on."""
+        """The row to be filled next, the memory (1,) of a `Row`; it counts from `commit` on."""
         if not self._blocks or self._blocks[-1].filled == BLOCK:
             self._blocks.append(_Block(np.empty((BLOCK, self.width))))
             if len(self._blocks) > self._most:
                 self._thinned.append(self._blocks[0].rows[::THINNING].copy())  # first: readers never miss a row
                 self._blocks.popleft()
         last = self._blocks[-1]
-        return last.rows[last.filled]
+        return last.rows[last.filled].view(self._dtype)
 
     def commit(self) -> None:
         """The new row is complete."""

@@ -17,7 +17,6 @@ import pinocchio as pin
 from scipy.linalg import expm
 from scipy.optimize import linear_sum_assignment
 
-from app.simulation.extremes import Omega
 from app.simulation.system import System
 from controllers.bounds import Equivalent, RequiredGain, required_gain
 from controllers.force_loop import force_loop_factor
@@ -30,32 +29,6 @@ from controllers.vsmrc import Law
 from environments.stiffness import ROUNDING
 
 LONGEST_LINE = 100  # periods of delay, beyond which the matrix becomes too large to be judged in passing
-APART = 0.1  # rad, of a joint: from one place to the next
-
-
-@dataclass(frozen=True)
-class Stations:
-    """Postures along the reference, `APART` from each other, at which the loops are judged instead of at every one
-    between them. q (S, n) rad, t (S,) s; of (N,): which of them stands for each centre of Omega."""
-
-    q: np.ndarray
-    t: np.ndarray
-    of: np.ndarray
-
-    @classmethod
-    def along(cls, omega: Omega, duration: float) -> Stations:
-        """Of the centres of Omega along a reference of this duration, s."""
-        centres = omega.centres
-        chosen, of = [0], np.zeros(len(centres), dtype=int)
-        for k, q in enumerate(centres):
-            apart = np.abs(centres[chosen] - q).max(axis=1)
-            if apart.min() > APART:
-                chosen.append(k)
-                of[k] = len(chosen) - 1
-            else:
-                of[k] = apart.argmin()
-        times = np.concatenate([[0.0], np.linspace(0.0, duration, len(centres) - 1)])  # as `domain.centres` goes along
-        return cls(centres[chosen], times[chosen], of)
 
 
 @dataclass(frozen=True)

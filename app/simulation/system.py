@@ -26,6 +26,7 @@ from app.simulation.environment_builder import (
 from app.simulation.extremes import Omega
 from app.simulation.law_builder import blend_of, law_of, uncertainty_of
 from app.simulation.search_memory import Memory
+from app.simulation.stations import Stations
 from controllers import modes
 from controllers.blend import ModelBlend
 from controllers.modes import Mode
@@ -107,6 +108,11 @@ class System:
     def planned(self) -> Planned:
         """The reference."""
         return Planned(self.plan)
+
+    @cached_property
+    def stations(self) -> Stations:
+        """Where the sampled loops are judged."""
+        return Stations.along(self.constants.omega, self.scenario.simulation.duration)
 
     @property
     def units(self) -> Units:

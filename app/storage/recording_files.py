@@ -16,7 +16,8 @@ import numpy as np
 
 from app.scenario.data import from_toml, to_toml
 from app.scenario.schema import Scenario, ScenarioError
-from app.simulation.recording import SIGNALS, Recording, columns_of
+from app.simulation.recording import Recording
+from app.simulation.signals import SIGNALS, columns_of
 
 LINES = 512  # of a CSV, between two looks at how far it has got
 LARGEST_RECORDING = 1_200_000_000  # bytes, unpacked: 16 min at 1 kHz with six joints; the page keeps ten in full
@@ -78,7 +79,7 @@ def csv_header(data: Table) -> list[str]:
     """The names of the columns: "t [s]", "q[0] [rad]", ..."""
     names = []
     for signal in SIGNALS:
-        width = data.n if isinstance(signal.width, str) else signal.width
+        width = signal.wide(data.n)
         parts = [signal.name] if width == 1 else [f"{signal.name}[{i}]" for i in range(width)]
         names += [f"{part} [{signal.unit_in(data.scenario.task_space.kind)}]" for part in parts]
     return names

@@ -16,7 +16,7 @@ from app.export.export_jobs import DataJob, Done, Failure, FigureJob, Job, Playb
 from app.export.figures import render
 from app.process.log import configure_as_parent
 from app.scenario.schema import ScenarioError
-from app.simulation.recording import columns_of
+from app.simulation.signals import columns_of
 from app.storage.recording_files import Table, TooLarge, write_csv, write_npz
 
 log = structlog.get_logger()

@@ -51,7 +51,7 @@ def noise(rows: int, n: int = 2) -> Recording:
     """A recording of numbers with all their digits, some of which are no numbers."""
     recording, random = Recording(n, history=10 * BLOCK), np.random.default_rng(3)
     for k in range(rows):
-        row = recording.new_row()
+        row = recording.new_row().view(float)
         row[:] = random.standard_normal(recording.width) * 10.0 ** random.integers(-300, 300, recording.width)
         row[0] = 1e-3 * k
         row[3] = (np.nan, np.inf, -np.inf, -0.0)[k % 4]

@@ -20,8 +20,9 @@ from app.process.terminal_text import printable
 from app.scenario.data import LARGEST, edited, from_file, from_toml, load, shipped, to_toml
 from app.scenario.schema import Scenario, ScenarioError
 from app.simulation.recording import Recording
+from app.simulation.signals import SIGNALS
 from app.storage import recording_files
-from app.storage.recording_files import SIGNALS, read_npz, table, write_npz
+from app.storage.recording_files import read_npz, table, write_npz
 from environments.formula import FormulaError, parse
 from environments.tape import tape_of
 from fuzzing.matrix import read_typed
@@ -154,7 +155,7 @@ def test_settings_of_the_command_line_never_end_in_a_traceback() -> None:
 def npz(**changed: np.ndarray | None) -> bytes:
     recording = Recording(2, history=8)
     for k in range(3):
-        recording.new_row()[:] = float(k)
+        recording.new_row().view(float)[:] = float(k)
         recording.commit()
     file = io.BytesIO()
     write_npz(table(load("planar2r-semicircle"), recording), file)

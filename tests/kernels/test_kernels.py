@@ -16,6 +16,7 @@ from numba import njit
 from app.scenario.data import load
 from app.simulation.closed_loop import ClosedLoop
 from app.simulation.control_period import control_period
+from app.simulation.signals import Row
 from kernels import algebra
 from kernels.records import Record
 
@@ -116,13 +117,14 @@ def test_nothing_of_the_last_period_leaks_into_this_one(name: str) -> None:
         loop.step()
     rows = []
     for garbage in (0.0, 1e3):
-        period = loop._period.copy()
+        period = loop.state.period.copy()
         for part in ("seen", "reference", "believed", "output"):
             period.data[part].view(np.float64)[:] = garbage
-        row, arm = room(loop.recording.width), loop._arm
+        row, arm = Record(Row.zeros(loop.recording.n)).data, loop.state.arm
+        row.view(float)[:] = np.nan
         terms = loop.system.nominal.update(arm.views.q, arm.views.q_dot)
-        control_period(loop._settings.data, period.data, *terms, arm.data, arm.views.load.force, loop.t, row)
-        rows.append(row)
+        control_period(loop._controller.settings.data, period.data, *terms, arm.data, arm.views.load.force, loop.t, row)
+        rows.append(row.view(float))
     assert np.isfinite(rows[0]).all()
     assert np.array_equal(*rows)
 

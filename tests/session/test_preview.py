@@ -53,7 +53,7 @@ def disturbed() -> Scenario:
 
 
 def foreseen(loop: ClosedLoop, scenario: Scenario, horizon: float) -> np.ndarray:
-    foresight = Foresight(Question(1, loop.state(), scenario, horizon))
+    foresight = Foresight(Question(1, loop.state.copy(), scenario, horizon))
     while foresight.share < 1.0:
         foresight.advance(37)
     return foresight._loop.recording.rows()
@@ -86,7 +86,7 @@ def test_an_edit_does_what_it_would_do_in_the_loop(scenario: Scenario, path: str
 
 def test_a_state_is_not_changed_by_what_goes_on_from_it() -> None:
     loop = running(disturbed())
-    state = loop.state()
+    state = loop.state.copy()
     first, second = (ClosedLoop.resume(state, previous=loop.system) for _ in range(2))
     for going in (loop, first, second):
         for _ in range(50):
@@ -110,7 +110,7 @@ def test_final_force_error_is_that_of_37(K_m1: float, K_e: float) -> None:
     loop = running(shipped()["ur5-hybrid"])
     stiffness = [K_m1, 4000.0, 4000.0, 4000.0, 4000.0, 4000.0]
     scenario = edited(edited(loop.system.scenario, "target_model.K_m", stiffness), "contact.K_e", K_e)
-    foresight = Foresight(Question(1, loop.state(), scenario, 2.0))
+    foresight = Foresight(Question(1, loop.state.copy(), scenario, 2.0))
     foresight.advance(10_000)
     outlook = foresight.outlook()
     assert isinstance(outlook, Outlook)
@@ -127,7 +127,7 @@ def test_settling_of_the_force_is_that_of_the_target_model() -> None:
     # (1 + x) exp(-x) = 0.02 at x = 5.834
     known = edited(edited(shipped()["ur5-hybrid"], "truth.link_scaling", 1.0), "motion", "hold")
     loop = running(known, 1500)
-    foresight = Foresight(Question(1, loop.state(), edited(loop.system.scenario, "force.value", 30.0), 2.0))
+    foresight = Foresight(Question(1, loop.state.copy(), edited(loop.system.scenario, "force.value", 30.0), 2.0))
     foresight.advance(10_000)
     outlook = foresight.outlook()
     assert isinstance(outlook, Outlook)
@@ -138,7 +138,7 @@ def test_settling_of_the_force_is_that_of_the_target_model() -> None:
 
 def test_under_impedance_the_path_error_is_that_of_the_plots() -> None:
     loop = running(shipped()["ur5-impedance"], 3000)
-    foresight = Foresight(Question(0, loop.state(), loop.system.scenario, 1.0))
+    foresight = Foresight(Question(0, loop.state.copy(), loop.system.scenario, 1.0))
     foresight.advance(1000)
     outlook = foresight.outlook()
     assert isinstance(outlook, Outlook)
@@ -151,7 +151,7 @@ def test_under_impedance_the_path_error_is_that_of_the_plots() -> None:
 def test_a_horizon_of_any_length_is_answered(periods: int) -> None:
     loop = running(shipped()["planar2r-semicircle"], 5)
     period = loop.system.scenario.controller.period
-    foresight = Foresight(Question(1, loop.state(), loop.system.scenario, periods * period))
+    foresight = Foresight(Question(1, loop.state.copy(), loop.system.scenario, periods * period))
     foresight.advance(periods)
     outlook = foresight.outlook()
     assert isinstance(outlook, Outlook)
@@ -163,7 +163,7 @@ def test_a_horizon_of_any_length_is_answered(periods: int) -> None:
 def test_leaving_the_domain_is_said() -> None:
     loop = running(shipped()["ur5-hybrid"])
     weak = edited(edited(loop.system.scenario, "controller.gain", "constant"), "controller.d", 1.0)
-    foresight = Foresight(Question(1, loop.state(), edited(weak, "truth.payload_mass", 20.0), 1.0))
+    foresight = Foresight(Question(1, loop.state.copy(), edited(weak, "truth.payload_mass", 20.0), 1.0))
     foresight.advance(10_000)
     outlook = foresight.outlook()
     assert isinstance(outlook, Outlook)
@@ -186,7 +186,7 @@ def whole(previewer: Previewer) -> Outlook | None:
 
 def test_the_process_answers_the_newest_question_only(previewer: Previewer) -> None:
     loop = running(shipped()["ur5-hybrid"])
-    state = loop.state()
+    state = loop.state.copy()
     for force in range(21, 61):
         previewer.ask(state, edited(state.scenario, "force.value", float(force)), 0.3)
     answer = until(lambda: whole(previewer) if previewer.idle else None)
@@ -202,7 +202,7 @@ def test_the_process_answers_the_newest_question_only(previewer: Previewer) -> N
 
 
 def test_answers_on_the_way_come_first_and_a_dropped_one_never(previewer: Previewer) -> None:
-    state = running(shipped()["ur5-hybrid"]).state()
+    state = running(shipped()["ur5-hybrid"]).state.copy()
     changed = edited(state.scenario, "force.value", 30.0)
     previewer.ask(state, changed, 20.0)
     first = until(lambda: previewer.newest)
@@ -214,7 +214,7 @@ def test_answers_on_the_way_come_first_and_a_dropped_one_never(previewer: Previe
 
 
 def test_a_refused_scenario_is_a_sentence_and_the_next_question_is_answered(previewer: Previewer) -> None:
-    state = running(shipped()["ur5-hybrid"], 5).state()
+    state = running(shipped()["ur5-hybrid"], 5).state.copy()
     previewer.ask(state, edited(state.scenario, "target_model.M_m", [0.0] * 6), 0.1)
     refusal = until(lambda: previewer.newest)
     assert isinstance(refusal, Refusal)
@@ -224,7 +224,7 @@ def test_a_refused_scenario_is_a_sentence_and_the_next_question_is_answered(prev
 
 
 def test_a_killed_process_is_said_and_started_anew(previewer: Previewer) -> None:
-    state = running(shipped()["ur5-hybrid"], 5).state()
+    state = running(shipped()["ur5-hybrid"], 5).state.copy()
     previewer.ask(state, state.scenario, 0.05)
     until(lambda: whole(previewer))
     os.kill(previewer.process_id or 0, signal.SIGKILL)
@@ -236,7 +236,7 @@ def test_a_killed_process_is_said_and_started_anew(previewer: Previewer) -> None
 
 def test_closing_leaves_no_process_behind() -> None:
     previewer = Previewer()
-    state = running(shipped()["ur5-hybrid"], 5).state()
+    state = running(shipped()["ur5-hybrid"], 5).state.copy()
     previewer.ask(state, state.scenario, 20.0)
     until(lambda: previewer.newest)
     process = previewer.process_id
@@ -254,7 +254,7 @@ from app.simulation.closed_loop import ClosedLoop
 from app.session.preview_client import Previewer
 from app.scenario.data import shipped
 previewer = Previewer()
-state = ClosedLoop(shipped()["ur5-hybrid"]).state()
+state = ClosedLoop(shipped()["ur5-hybrid"]).state.copy()
 previewer.ask(state, state.scenario, 20.0)
 while previewer.newest is None:
     time.sleep(0.01)
@@ -268,5 +268,5 @@ os.kill(os.getpid(), signal.SIGKILL)
 def test_a_closed_previewer_starts_nothing() -> None:
     previewer = Previewer()
     previewer.close()
-    previewer.warm_up(running(shipped()["ur5-hybrid"], 1).state())
+    previewer.warm_up(running(shipped()["ur5-hybrid"], 1).state.copy())
     assert previewer.process_id is None

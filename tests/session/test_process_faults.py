@@ -37,7 +37,7 @@ def largest_file(size: int) -> Iterator[None]:
 def noise(rows: int) -> Recording:
     recording, random = Recording(6, history=rows), np.random.default_rng(1)
     for k in range(rows):
-        row = recording.new_row()
+        row = recording.new_row().view(float)
         row[:] = random.standard_normal(recording.width)
         row[0] = 1e-3 * k
         recording.commit()

@@ -197,7 +197,7 @@ def test_a_branch_shares_full_blocks_and_goes_on_by_itself() -> None:
     whole = line.recording.rows()
     twin = line.recording.branch(0.0, whole[BLOCK + 49, 0])
     np.testing.assert_array_equal(twin.rows(), whole[: BLOCK + 50])
-    twin.new_row()[:] = 7.0
+    twin.new_row().view(float)[:] = 7.0
     twin.commit()
     np.testing.assert_array_equal(line.recording.rows(), whole)
     assert np.shares_memory(twin._blocks[0].rows, line.recording._blocks[0].rows)
@@ -324,9 +324,9 @@ def test_estimates_along_the_reference_are_a_block_at_a_time_and_the_same_again(
     line = run(line_of(scenario), 700)
     calls = []
     posture = line.loop.system.posture_at
-    assert line.loop._along is not None
-    assert len(line.loop._along._block) == 20
-    line.loop._along._posture = lambda q, t: calls.append(t) or posture(q, t)
+    assert line.loop._controller.along is not None
+    assert len(line.loop._controller.along._block) == 20
+    line.loop._controller.along._posture = lambda q, t: calls.append(t) or posture(q, t)
     run(line, 100)
     assert len(calls) <= 120  # one for each period, not from the beginning
     before = line.recording.rows()
@@ -338,9 +338,9 @@ def test_estimates_along_the_reference_are_a_block_at_a_time_and_the_same_again(
     line.to_end()
     edit = edited(line.loop.system.scenario, "force.value", 25.0)
     line.edit(edit)
-    assert line.loop._along.start.k == 800  # and an edit goes on from there
+    assert line.loop._controller.along.start.k == 800  # and an edit goes on from there
     run(line, 50)
-    twin = ClosedLoop.resume(line.loop.state(), previous=line.loop.system)
+    twin = ClosedLoop.resume(line.loop.state.copy(), previous=line.loop.system)
     for _ in range(50):
         line.step()
         twin.step()

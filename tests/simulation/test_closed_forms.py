@@ -257,7 +257,7 @@ def test_theorem_in_every_variant_of_the_law(
         "simulation": {"bound_violation": "stop"},
     })  # fmt: skip
     loop = moved_aside(scenario, [0.03, -0.02])
-    s_0, s_since = float(loop.view().live["s_norm"]), loop.s_since
+    s_0, s_since = float(loop.view().live["s_norm"]), loop.state.epoch.t
     seen = record(steps(loop, 0.7 if robot == "panda" else 0.4), since=s_since)
     assert s_0 == pytest.approx(F_1 * np.hypot(0.03, 0.02), rel=0.1)
     assert s_0 > 2.0 * seen["s_band"][0]
@@ -273,7 +273,7 @@ def test_a_change_removes_s_or_leaves_it_to_be_reached() -> None:
         scenario = from_plain({"controller": {"on_change": choice}})
         loop = moved_aside(scenario, [0.03])
         assert loop.view().live["s_norm"] == pytest.approx(expected, abs=1e-6)
-        assert loop.s_since == pytest.approx(0.01)
+        assert loop.state.epoch.t == pytest.approx(0.01)
 
 
 CONTACTS: dict[str, tuple[ContactKind, Contact]] = {

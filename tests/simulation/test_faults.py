@@ -12,7 +12,7 @@ from app.scenario.schema import Scenario
 from app.session.commands import Blend, Edit, Load, Play, Reset, Seek
 from app.session.runner import Runner
 from app.session.snapshot import Snapshot
-from app.simulation import closed_loop
+from app.simulation import premise_watch
 from app.simulation.closed_loop import ClosedLoop
 from drivers.waiting import until
 from tests.support.faults import begun, boom, ended, running
@@ -39,22 +39,24 @@ def assert_kept_and_reset_works(runner: Runner, stopped: Snapshot) -> None:
 
 
 @pytest.mark.parametrize(
-    ("part", "stage"),
+    ("of", "part", "stage"),
     [
-        ("_push_tool", "the measurement"),
-        ("_control_period", "the control law"),
-        ("_complete_row", "the record"),
-        ("view", "the view of the loop"),
+        ("loop", "_push_tool", "the measurement"),
+        ("controller", "evaluate", "the control law"),
+        ("controller", "complete", "the record"),
+        ("loop", "view", "the view of the loop"),
     ],
 )
-def test_an_exception_in_any_stage_ends_the_run_and_not_its_thread(runner: Runner, part: str, stage: str) -> None:
+def test_an_exception_in_any_stage_ends_the_run_and_not_its_thread(
+    runner: Runner, of: str, part: str, stage: str
+) -> None:
     begun(runner, load("ur5-hybrid"))
     loop = runner._line.loop
-    setattr(loop, part, boom)
+    broken = loop if of == "loop" else loop._controller
+    setattr(broken, part, boom)
     stopped = ended(runner)
     assert stopped.reason == f"t = {stopped.end:.3f} s: {stage} failed (KeyError: 'boom')"
-    if part in vars(loop):
-        delattr(loop, part)
+    delattr(broken, part)
     assert_kept_and_reset_works(runner, stopped)
 
 
@@ -81,13 +83,13 @@ def test_the_loop_itself_failing_ends_the_run_and_not_its_thread(
 def test_a_law_that_gives_no_number_ends_the_run(runner: Runner) -> None:
     begun(runner, load("ur5-hybrid"))
     loop = runner._line.loop
-    law = loop._control_period
+    law = loop._controller._control
 
     def failing(*arguments: object) -> None:
         law(*arguments)
-        loop._period.views.output.tau[:] = loop._period.views.applied[:] = np.nan
+        loop.state.period.views.output.tau[:] = loop.state.period.views.applied[:] = np.nan
 
-    loop._control_period = failing
+    loop._controller._control = failing
     stopped = ended(runner)
     assert "the control law asks for a torque that is no finite number: [nan, nan" in stopped.reason
     assert_kept_and_reset_works(runner, stopped)
@@ -131,7 +133,7 @@ def test_an_edit_that_fails_half_way_leaves_the_loop_as_it_was(monkeypatch: pyte
         loop.step()
         twin.step()
     with monkeypatch.context() as patched:
-        patched.setattr(closed_loop, "judge_posture", boom)
+        patched.setattr(premise_watch, "judge_posture", boom)
         with pytest.raises(KeyError):
             loop.edit(edited(load("ur5-hybrid"), "force.value", 30.0))
     for _ in range(50):

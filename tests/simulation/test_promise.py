@@ -17,7 +17,8 @@ from app.scenario.schema import Scenario, ScenarioError
 from app.session.headless_run import simulate
 from app.session.snapshot import snapshot_of
 from app.simulation.closed_loop import ClosedLoop
-from app.simulation.sampled_stability import APART, judge_posture
+from app.simulation.sampled_stability import judge_posture
+from app.simulation.stations import APART
 from controllers.premises import STATEMENTS, Premise
 from tests.support.arms import random_spd
 
@@ -101,7 +102,7 @@ def test_the_band_does_not_grow_with_the_gain_that_it_bounds() -> None:
     rows = loop.recording.signals(("d", "s_band"))
     assert rows["d"].max() > 1.25 * rows["d"].min()
     assert rows["s_band"].max() < 1.05 * rows["s_band"].min()
-    watched = loop._period.part("watched")
+    watched = loop.state.period.part("watched")
     assert rows["s_band"][-1] == pytest.approx(0.01 * math.sqrt(watched.high / watched.low), rel=0.05)
 
 
@@ -154,12 +155,12 @@ def test_a_refused_gain_leaves_the_loop_as_it_was() -> None:
     loop = ClosedLoop(changed("ur5-constrained"))
     for _ in range(20):
         loop.step()
-    before = loop.state()
+    before = loop.state.copy()
     with pytest.raises(ScenarioError, match="raise each other"):
         loop.edit(edited(loop.system.scenario, "controller.bounds", "paper"))
-    after = loop.state()
+    after = loop.state.copy()
     assert after.scenario == before.scenario
-    assert after.period.tobytes() == before.period.tobytes()
+    assert after.period.data.tobytes() == before.period.data.tobytes()
     loop.step()
     assert loop.stopped is None
 
@@ -227,9 +228,9 @@ def test_the_sampled_loops_are_judged_along_the_way() -> None:
     seen: dict[int, float] = {}
     for _ in range(3000):
         loop.step()
-        judged = loop.state().judged
+        judged = loop.state.judged
         assert judged.station is not None
-        assert np.abs(loop.state().judged.q - loop.view().q).max() < 3 * APART
+        assert np.abs(loop.state.judged.q - loop.view().q).max() < 3 * APART
         value = seen.setdefault(judged.station, judged_value(loop))
         assert judged_value(loop) == value
     assert len(seen) >= 4
@@ -237,9 +238,9 @@ def test_the_sampled_loops_are_judged_along_the_way() -> None:
     assert len(set(seen.values())) == len(seen)
 
     loop.edit(edited(loop.system.scenario, "truth.push", [0.0, 0.0, 4000.0]))
-    while loop.state().judged.station is not None and loop.t < 4.0:
+    while loop.state.judged.station is not None and loop.t < 4.0:
         loop.step()
-    assert np.abs(loop.state().judged.q - loop.view().q).max() <= APART
+    assert np.abs(loop.state.judged.q - loop.view().q).max() <= APART
 
 
 def test_after_a_blend_the_sampled_loops_are_judged_anew() -> None:
@@ -248,7 +249,7 @@ def test_after_a_blend_the_sampled_loops_are_judged_anew() -> None:
     before = judged_value(loop)
     while loop.t < 0.3:
         loop.step()
-    judged = loop.state().judged
+    judged = loop.state.judged
     assert judged_value(loop) == judge_posture(loop.system, judged.q, judged.t)[Premise.SAMPLED_LOOP]
     assert judged_value(loop) != before
 
@@ -256,12 +257,14 @@ def test_after_a_blend_the_sampled_loops_are_judged_anew() -> None:
 def test_the_band_counts_with_d_on_the_sliding_surface_not_with_the_present_one() -> None:
     """The same arm at the same place, with the rates that make s zero, asks for nearly twice the gain of now."""
     loop = ClosedLoop(changed("ur5-hybrid-reaching", controller__switching="discontinuous"))
-    now = loop._evaluated()
-    loop._arm.views.q_dot[:] -= now.part("seen").task.J_q_inv @ now.part("output").s
-    on_surface = loop._evaluated().part("output")
+    now = loop._controller.evaluated(loop._push)
+    loop.state.arm.views.q_dot[:] -= now.part("seen").task.J_q_inv @ now.part("output").s
+    on_surface = loop._controller.evaluated(loop._push).part("output")
     assert np.linalg.norm(on_surface.s) < 1e-12
     assert on_surface.d > 1.8 * now.part("output").d
-    assert loop._period.part("watched").d == pytest.approx(on_surface.d, rel=0.05)  # chattering adds, Coriolis takes
+    assert loop.state.period.part("watched").d == pytest.approx(
+        on_surface.d, rel=0.05
+    )  # chattering adds, Coriolis takes
 
 
 def test_a_period_counts_once_however_often_the_loop_through_the_multiplier_asks_for_the_law() -> None:

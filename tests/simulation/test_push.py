@@ -12,7 +12,7 @@ from app.scenario.schema import Scenario
 from app.session.commands import Pause, Push
 from app.session.runner import Runner
 from app.simulation.closed_loop import ClosedLoop
-from app.simulation.recording import SIGNALS
+from app.simulation.signals import SIGNALS
 from environments.push import Grip, TimedPush
 from environments.trajectories import Shift
 
@@ -67,7 +67,7 @@ def test_a_hand_on_a_wall_is_felt_beside_the_wall() -> None:
     run(loop, 1.0)
     view = loop.view()
     n = loop.system.surface.chart(view.tool, loop.t).G[0]
-    loop.grip = Grip(tuple(view.tool + n), limit=5.0)
+    loop.hold(Grip(tuple(view.tool + n), limit=5.0))
     run(loop, 1.5)
     last = loop.recording.at(loop.t)
     np.testing.assert_allclose(last["F_push"] @ n, 5.0, rtol=1e-2)
@@ -82,7 +82,7 @@ def test_a_push_along_a_rigid_surface_and_into_it(ideal: bool) -> None:
     run(loop, 0.5)
     view = loop.view()
     n = loop.system.surface.chart(view.tool, loop.t).G[0]
-    loop.grip = Grip(tuple(view.tool + n), stiffness=500.0, limit=4.0)
+    loop.hold(Grip(tuple(view.tool + n), stiffness=500.0, limit=4.0))
     run(loop, 0.5)
     last = loop.recording.at(loop.t)
     assert abs(last["phi"]) < 1e-9
@@ -98,11 +98,11 @@ def pushed_about(loop: ClosedLoop) -> np.ndarray:
     """Take hold, pull on, let go; every row."""
     p = loop.view().tool
     run(loop, 0.05)
-    loop.grip = Grip(beside(p, 0.02))
+    loop.hold(Grip(beside(p, 0.02)))
     run(loop, 0.05)
-    loop.grip = Grip(beside(p, 0.2), 800.0, 30.0)
+    loop.hold(Grip(beside(p, 0.2), 800.0, 30.0))
     run(loop, 0.05)
-    loop.grip = None
+    loop.hold(None)
     run(loop, 0.05)
     return loop.recording.rows()
 
@@ -122,11 +122,11 @@ def test_the_same_hand_leaves_the_same_rows() -> None:
 def test_a_run_resumed_under_a_hand_and_a_shift_goes_on_exactly() -> None:
     loop = ClosedLoop(impedance())
     run(loop, 0.1)
-    loop.grip = Grip(beside(loop.view().tool, 0.03))
+    loop.hold(Grip(beside(loop.view().tool, 0.03)))
     loop.edit(edited(loop.system.scenario, "shift.by", [0.02, 0.01]))
     run(loop, 0.1)
-    twin = ClosedLoop.resume(loop.state())
-    free = ClosedLoop.resume(replace(loop.state(), grip=None))
+    twin = ClosedLoop.resume(loop.state.copy())
+    free = ClosedLoop.resume(replace(loop.state.copy(), grip=None))
     for one in (loop, twin, free):
         run(one, 0.1)
     mine, its = loop.recording.rows(0.2), twin.recording.rows()
@@ -137,7 +137,7 @@ def test_a_run_resumed_under_a_hand_and_a_shift_goes_on_exactly() -> None:
 def test_rows_hold_what_their_names_say() -> None:
     loop = ClosedLoop(impedance())
     run(loop, 0.02)
-    loop.grip = Grip((9.0, 9.0, 9.0), limit=7.0)
+    loop.hold(Grip((9.0, 9.0, 9.0), limit=7.0))
     before = loop.view()
     loop.step()
     last = loop.recording.at(loop.t)
@@ -163,7 +163,7 @@ def test_pause_and_a_new_run_let_go() -> None:
         runner.post(command)
         runner._drain()
         assert loop.grip is None
-    loop.grip = grip
+    loop.hold(grip)
     loop.reset()
     assert loop.grip is None
 

@@ -12,7 +12,7 @@ from app.simulation.recording import BLOCK, THINNING, Recording
 def filled(rows: int, history: int) -> Recording:
     recording = Recording(2, history)
     for k in range(rows):
-        recording.new_row()[:] = 1e-3 * k
+        recording.new_row().view(float)[:] = 1e-3 * k
         recording.commit()
     return recording
 
@@ -50,7 +50,7 @@ def test_reader_never_sees_an_incomplete_row() -> None:
 
     def write() -> None:
         for k in range(6 * BLOCK):
-            row = recording.new_row()
+            row = recording.new_row().view(float)
             row[0] = k
             row[1:] = k
             recording.commit()

@@ -213,7 +213,7 @@ def test_lost_contact_with_an_elastic_surface_is_said_with_its_instant() -> None
     while loop.t < 0.5:
         loop.step()
     assert loop.warning is None
-    resumed = ClosedLoop.resume(loop.state())
+    resumed = ClosedLoop.resume(loop.state.copy())
     for each in (loop, resumed):
         while each.t < 0.7:
             each.step()

@@ -1,0 +1,212 @@
+"""The premises of Theorem 1 in a run: begun anew at every change, looked at on the way, and what a period reports."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from app.scenario.declared_bounds import outside
+from app.scenario.schema import ScenarioError
+from app.simulation.control_period import Alarm, Period
+from app.simulation.controller import Controller
+from app.simulation.recording import Epoch
+from app.simulation.sampled_stability import SampledLoop, judge_posture, sampled_loop
+from app.simulation.state import Judged, State, blending, epoch_at
+from app.simulation.stations import APART
+from app.simulation.system import System
+from app.simulation.verdict import sentence
+from controllers.premises import Kept, Premise
+from controllers.switching import Switching
+from controllers.vsmrc import Law
+
+
+class PremiseWatch:
+    """Looks after what is promised of a run, in the period's memory of its state; says in the state's `flagged` and
+    `stopped` what the run has left, and when.
+
+    system: follows the model in force on the way of a blend.
+    """
+
+    def __init__(self, system: System, state: State, controller: Controller) -> None:
+        self.system = system
+        self._state, self._controller, self._h = state, controller, system.scenario.controller.period
+        self._stations, self._centres = system.stations, system.constants.centres
+        self._table = state.period.views.table
+        self._known: dict[int, dict[Premise, float]] = {}  # what was judged at a station
+        self._sampled: SampledLoop | None = None
+
+    def begin(self) -> None:
+        """Begin an epoch: the theorem promises anew, from the s of now."""
+        state = self._state
+        state.epoch, state.steps = epoch_at(self.system, state.t, state.arm, state.period), 0
+        self._promise_anew()
+        begun = self._controller.evaluated(state.period.views.push)
+        self._controller.look(begun)
+        state.period.data["watched"] = begun.data["watched"]
+        found = begun.views.table
+        for premise in (Premise.LAYER, Premise.GAIN_BY_CHATTER):
+            self._state_premise(premise, found.value[premise], found.limit[premise])
+        if not found.now.any():
+            state.epoch = self._with_instants(state.epoch)
+
+    def _with_instants(self, epoch: Epoch) -> Epoch:
+        """With the instants by which ||s|| is promised to be within the boundary layer and within the band."""
+        watched, certificate = self._state.period.part("watched"), epoch.certificate
+        banded = epoch.t + certificate.time_to(float(np.sqrt(2.0 * watched.V_band / watched.low)))
+        layered = watched.width > 0.0 and watched.radius <= watched.width  # V falls down to the layer
+        reached = epoch.t + certificate.time_to(watched.width) if layered else None
+        if self.system.law.switching is Switching.DISCONTINUOUS:
+            reached = banded
+        return replace(epoch, reached_by=reached, banded_by=banded)
+
+    def _promise_anew(self) -> None:
+        """Forget what was promised; how it was kept so far is the run's."""
+        state, system = self._state, self.system
+        period, before = state.period, state.period.part("kept")
+        period.data["saturated"] = period.data["held"]["known"] = False
+        period.data["watched"]["V_band"] = 0.0
+        anew = Kept.fresh()._replace(promise=state.epoch.certificate.promise, broken=before.broken, begun=state.t)
+        period.write("kept", anew._replace(periods=before.periods, lost=before.lost))
+        outsiders = len(outside(system.scenario))
+        self._state_premise(Premise.LAW, float(system.law.law is not Law.VSMRC), 0.0)
+        self._state_premise(Premise.DECLARED, float(outsiders), 0.0)
+        nearest, distance = system.constants.omega.centre_near(state.arm.views.q)
+        self._state_premise(Premise.DOMAIN, distance, system.constants.radius)
+        state.judged = Judged(None, np.full(system.robot.n, np.nan), state.t)
+        self._heed_posture(nearest)
+
+    def _state_premise(self, premise: Premise, value: float, limit: float) -> None:
+        """Give a premise that the compiled period does not compute its value; one of nan does not apply."""
+        table = self._table
+        table.value[premise], table.limit[premise] = value, np.nan if np.isnan(value) else limit
+
+    def look(self) -> None:
+        """Judge the premises that depend on where the arm is."""
+        self._heed_posture(self._controller.look(self._state.period))
+
+    def _heed_posture(self, nearest: int) -> None:
+        """Flag it when q has left Omega, whose centre of this number is the nearest, and judge the sampled loops when
+        the arm has moved: along the reference at a station, off it where the arm is."""
+        state, distance = self._state, self._table.value[Premise.DOMAIN]
+        if distance > self.system.constants.radius:
+            self.left("flag", "q has left Ω, over which the constants of (19) were computed")
+        station, judged, q = int(self._stations.of[nearest]), state.judged, state.arm.views.q
+        if distance > APART:
+            if judged.station is None and np.abs(q - judged.q).max() <= APART:
+                return
+            state.judged = Judged(None, q.copy(), state.t)
+        elif station == judged.station:
+            return
+        else:
+            state.judged = Judged(station, self._stations.q[station], float(self._stations.t[station]))
+        self._sampled = None
+        for premise, value in self._values_of(state.judged).items():
+            self._state_premise(premise, value, 1.0)
+            if value > 1.0:
+                self.left("flag", sentence(premise, value, 1.0, self.system.units))
+
+    def _values_of(self, judged: Judged) -> dict[Premise, float]:
+        """Of the premises about sampled loops; none where J_q is singular, as `Premise.REGULAR` says."""
+        if judged.station in self._known and not blending(self.system.blend, self._state.t, self._h):
+            return self._known[judged.station]
+        try:
+            values = judge_posture(self.system, judged.q, judged.t)
+        except (ValueError, np.linalg.LinAlgError):
+            values = {}
+        if judged.station is not None:
+            self._known[judged.station] = values
+        return values
+
+    @property
+    def sampled(self) -> SampledLoop:
+        """The sampled loop where it was judged last."""
+        if self._sampled is None:
+            judged = self._state.judged
+            self._sampled = sampled_loop(self.system, judged.q, judged.t)
+        return self._sampled
+
+    def require_bounded_gain(self) -> None:
+        """Raises ScenarioError where the gain by (17) feeds itself: it would grow without bound whatever else is
+        chosen."""
+        table, law = self._table, self.system.law
+        chatter, force = table.value[Premise.GAIN_BY_CHATTER], table.value[Premise.GAIN_BY_FORCE]
+        others = "bounds = 'tight', " if law.bounds == "paper" else ""
+        others += "controller.gain = 'constant', or a smaller declared.link_scaling"
+        if law.d is None and chatter >= 1.0:
+            raise ScenarioError(
+                f"controller.bounds: with {law.bounds!r} the gain (17) runs away at this control period, chattering "
+                f"feeds {chatter:.3g} of it back (δ_H ‖M_m⁻¹B_m‖ T / λ_min(H)), allowed below 1; allowed: "
+                f"controller.period <= {0.95 * self._h / chatter:.2g} s, {others}"
+            )
+        if law.d is None and force >= 1.0:
+            raise ScenarioError(
+                f"controller.bounds: with {law.bounds!r} the gain (17) and the force on the surface raise each other, "
+                f"by {force:.3g} of each change, allowed below 1, and no control period helps; allowed: {others}"
+            )
+
+    @property
+    def banded(self) -> float | None:
+        """When ||s|| was first within its band since the last change, s; None while it was not."""
+        reached = self._state.period.part("kept").reached
+        return None if np.isnan(reached) else reached
+
+    @property
+    def reached(self) -> float | None:
+        """When ||s|| was first within the boundary layer, or within the band of a law that has none, since the last
+        change, s; None while it was not."""
+        if self.system.law.switching is Switching.DISCONTINUOUS:
+            return self.banded
+        entered = self._state.period.part("kept").entered
+        return None if np.isnan(entered) else entered
+
+    def heed(self, alarms: Alarm) -> None:
+        """Has the run left the theorem's domain? Say which way and when; stop, or flag where the user chose so."""
+        state, rules = self._state, self.system.scenario.simulation
+        period, arm = state.period.read(), state.arm.read()
+        if Alarm.ENTERED in alarms or Alarm.REACHED in alarms:
+            state.epoch = replace(state.epoch, reached=self.reached, banded=self.banded)
+        if Alarm.AWAY in alarms:
+            self.left("flag", "contact lost: the tool has left the surface, so no force is controlled")
+        if Alarm.SATURATED in alarms and Alarm.NOT_FINITE not in alarms:
+            self.left("flag", _saturation(period.output.tau, period.applied))
+        if Alarm.NOT_FINITE in alarms:
+            self.left("stop", _infinity(period))
+        elif Alarm.PULLING in alarms and state.t > 0.0:
+            self.left("stop", f"contact lost, the surface would have to pull (λ = {arm.load.multiplier:.4g} N)")
+        elif Alarm.SINGULAR in alarms:
+            sigma_min = 1.0 / period.seen.task.J_q_inv_norm
+            self.left(rules.leaving_domain, f"J_q is nearly singular (σ_min = {sigma_min:.4g} m)")
+        elif Alarm.FAST in alarms:
+            self.left(rules.leaving_domain, f"the arm diverges (‖q̇‖ = {np.linalg.norm(arm.q_dot):.4g} rad/s)")
+        if Alarm.OVER_BOUND in alarms:
+            rate = self.system.units.rate
+            self.left(
+                rules.bound_violation,
+                f"‖s‖ = {1e3 * period.output.s_norm:.4g} {rate} is over its bound (20), "
+                f"{1e3 * (period.kept.bound + period.kept.band):.4g} {rate} with the band of sampling and layer, "
+                "though all premises hold",
+            )
+
+    def left(self, choice: str, reason: str) -> None:
+        """Say that the run has left the theorem's domain: "stop" or "flag"; what came first explains what follows."""
+        state = self._state
+        if choice == "stop":
+            state.stopped = state.stopped or f"t = {state.t:.3f} s: {reason}"
+        else:
+            state.flagged = state.flagged or f"t = {state.t:.3f} s: {reason}"
+
+
+def _saturation(tau: np.ndarray, applied: np.ndarray) -> str:
+    worst = int(np.argmax(np.abs(tau - applied)))
+    return (
+        f"the drive of joint {worst + 1} saturates, the law asks for {tau[worst]:.4g} N·m "
+        f"and gets {applied[worst]:.4g} N·m"
+    )
+
+
+def _infinity(period: Period) -> str:
+    seen, tau = period.seen, period.output.tau
+    if np.isfinite(seen.q).all() and np.isfinite(seen.q_dot).all() and not np.isfinite(tau).all():
+        return f"the control law asks for a torque that is no finite number: {tau.tolist()} N·m"
+    return "the state is no longer finite: the loop diverged"

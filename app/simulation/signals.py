@@ -1,0 +1,112 @@
+"""The row of a control period: what is recorded of it, field by field, with unit and meaning."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Annotated, Literal, NamedTuple, get_type_hints
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class Signal:
+    """A field of `Row`. unit, doc: of its numbers; joint_unit: where the task coordinates are the joints' angles, if
+    that is another one; width: how many numbers it has, None for one per task coordinate or joint."""
+
+    unit: str
+    doc: str
+    joint_unit: str = ""
+    width: int | None = None
+    name: str = ""
+
+    def unit_in(self, kind: Literal["cartesian", "joint"]) -> str:
+        """In a task space of this kind."""
+        return self.joint_unit or self.unit if kind == "joint" else self.unit
+
+    def wide(self, n: int) -> int:
+        """How many numbers it has with n coordinates."""
+        return n if self.width is None else self.width
+
+
+Number = float
+Vector = np.ndarray
+
+
+class Row(NamedTuple):
+    """What is recorded of one control period. `control_period` fills it, but for what is known only when the plant has
+    answered, which `complete_row` does."""
+
+    t: Annotated[Number, Signal("s", "simulated time")]
+    q: Annotated[Vector, Signal("rad", "joint angles")]
+    q_dot: Annotated[Vector, Signal("rad/s", "joint rates")]
+    r: Annotated[Vector, Signal("m", "task coordinates, (3)", "rad")]
+    r_dot: Annotated[Vector, Signal("m/s", "their rates", "rad/s")]
+    r_d: Annotated[Vector, Signal("m", "desired task coordinates", "rad")]
+    e_r: Annotated[Vector, Signal("m", "r - r_d", "rad")]
+    e_r_dot: Annotated[Vector, Signal("m/s", "its rate", "rad/s")]
+    tool: Annotated[Vector, Signal("m", "tool point in the world", width=3)]
+    F: Annotated[
+        Vector, Signal("N", "measured force of the tool on what touches it, surface and hand, world axes", width=3)
+    ]
+    F_push: Annotated[Vector, Signal("N", "force of a hand, or of truth.push, on the tool", width=3)]
+    F_c: Annotated[Vector, Signal("N", "controlled force, from the measured one", "N·m")]
+    F_cd: Annotated[Vector, Signal("N", "desired controlled force", "N·m")]
+    z: Annotated[Vector, Signal("m/s", "state of the compensator, (9)", "rad/s")]
+    s: Annotated[Vector, Signal("m/s", "switching function, (10)", "rad/s")]
+    tau_inertia: Annotated[Vector, Signal("N·m", "M_hat q_eq_ddot, (25)")]
+    tau_coriolis: Annotated[Vector, Signal("N·m", "C_hat q_eq_dot, (25)")]
+    tau_gravity: Annotated[Vector, Signal("N·m", "G_hat, (25)")]
+    tau_force: Annotated[Vector, Signal("N·m", "J^T F, (25)")]
+    tau_linear: Annotated[Vector, Signal("N·m", "-J_q^T K_s s, (25)")]
+    tau_switching: Annotated[Vector, Signal("N·m", "-J_q^T d sigma(s), (25)")]
+    tau: Annotated[Vector, Signal("N·m", "their sum")]
+    tau_applied: Annotated[Vector, Signal("N·m", "what the drives make of it: tau, within truth.torque_limit")]
+    q_eq_ddot: Annotated[Vector, Signal("rad/s^2", "joint acceleration that the law prescribes, (25)")]
+    needed: Annotated[
+        Vector, Signal("N", "terms of (17): inertia, Coriolis, gravity, moving task, disturbance, epsilon", "N·m", 6)
+    ]
+    d: Annotated[Number, Signal("N", "gain of the switching term", "N·m")]
+    d_required: Annotated[Number, Signal("N", "what (17) needs: the sum of `needed`", "N·m")]
+    s_norm: Annotated[Number, Signal("m/s", "||s||", "rad/s")]
+    s_bound: Annotated[
+        Number, Signal("m/s", "envelope of ||s||, (20); not a number where nothing is promised", "rad/s")
+    ]
+    s_band: Annotated[Number, Signal("m/s", "what sampling and the boundary layer add to it", "rad/s")]
+    V_band: Annotated[Number, Signal("J", "what they add to sqrt(V) of (24), squared")]
+    held_error: Annotated[
+        Number, Signal("N", "what (25) without its robust terms changed within the period before", "N·m")
+    ]
+    sigma_min: Annotated[Number, Signal("m", "smallest singular value of J_q, at most 3 % too small", "1")]
+    residual: Annotated[Vector, Signal("N", "left side of (8) minus its right side", "N·m")]
+    F_true: Annotated[
+        Vector, Signal("N", "the force on the surface itself; F is the reading of F_true - F_push", width=3)
+    ]
+    multiplier: Annotated[Number, Signal("N", "true normal force per gradient of phi, (32) or (39)")]
+    phi: Annotated[Number, Signal("m", "penetration of the tool into the surface")]
+
+    @classmethod
+    def zeros(cls, n: int) -> Row:
+        """Of n coordinates."""
+        return cls._make(0.0 if signal.width == 1 else np.zeros(signal.wide(n)) for signal in SIGNALS)
+
+
+def _signals() -> tuple[Signal, ...]:
+    """As the row states them; a field that is a number is one wide."""
+    stated = []
+    for name, hint in get_type_hints(Row, include_extras=True).items():
+        (signal,), kind = hint.__metadata__, hint.__origin__
+        stated.append(replace(signal, name=name, width=1 if kind is Number else signal.width))
+    return tuple(stated)
+
+
+SIGNALS = _signals()
+
+
+def columns_of(n: int) -> dict[str, slice]:
+    """Where each signal stands among the numbers of a row of n coordinates."""
+    columns: dict[str, slice] = {}
+    start = 0
+    for signal in SIGNALS:
+        columns[signal.name] = slice(start, start + signal.wide(n))
+        start += signal.wide(n)
+    return columns

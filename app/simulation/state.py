@@ -1,0 +1,113 @@
+"""The state of a run: where it stands between two control periods, as one value."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields, replace
+from typing import NamedTuple
+
+import numpy as np
+
+from app.scenario.schema import Scenario
+from app.simulation.control_period import Period
+from app.simulation.recording import Epoch
+from app.simulation.system import System
+from controllers.blend import ModelBlend
+from controllers.bounds import InertiaRange
+from controllers.nominal_model import Estimate
+from controllers.reaching import ReachingCertificate
+from controllers.reference_estimates import Start
+from controllers.switching import SAMPLING_SHARE
+from controllers.task_space import TaskSpace
+from environments.plant import PlantState
+from environments.push import Grip
+from environments.sensors import ForceReader
+from environments.trajectories import Shift
+from kernels.records import Record
+
+
+class Judged(NamedTuple):
+    """Where the sampled loops were judged last: at a station along the reference, None off it; q (n,) rad; t s."""
+
+    station: int | None
+    q: np.ndarray
+    t: float
+
+
+@dataclass(slots=True)
+class State:
+    """All that the next control periods depend on, beside the system that the scenario stands for.
+
+    A run changes its state in place; `copy` is a value, small enough to be kept by the thousand and sent to another
+    process. A fork without the hand: `replace(state.copy(), grip=None)`.
+    """
+
+    scenario: Scenario
+    t: float  # s
+    steps: int  # control periods since `epoch` began
+    arm: PlantState
+    period: Record[Period]  # z, and what the promise remembers
+    reader: ForceReader  # the force sensor's random stream, filter and delay line
+    shift: Shift  # of the reference, on its way
+    along: Start | None  # of `ReferenceEstimates`, None where estimates are taken on-line
+    grip: Grip | None  # the hand that holds the tool
+    epoch: Epoch  # what was begun at the last change
+    judged: Judged
+    stopped: str | None  # why the run has ended
+    flagged: str | None  # what was left first since the last change, and went on
+
+    @classmethod
+    def at_start(cls, system: System) -> State:
+        """At rest at t = 0."""
+        n, q = system.robot.n, system.robot.posture
+        arm, period = system.plant.start(q, np.zeros(n), 0.0), Record(Period.zeros(system.layout.n))
+        return cls(
+            scenario=system.scenario,
+            t=0.0,
+            steps=0,
+            arm=arm,
+            period=period,
+            reader=ForceReader(system.sensor, system.scenario.simulation.seed),
+            shift=system.plan.shift,
+            along=None,
+            grip=None,
+            epoch=epoch_at(system, 0.0, arm, period),
+            judged=Judged(None, np.full(n, np.nan), 0.0),
+            stopped=None,
+            flagged=None,
+        )
+
+    def copy(self) -> State:
+        """The same state in memory of its own: what a run changes in place is copied, the rest is frozen."""
+        of_its_own = {f.name: part.copy() for f in fields(self) if isinstance(part := getattr(self, f.name), CHANGING)}
+        return replace(self, **of_its_own)
+
+
+CHANGING = (Record, ForceReader)
+
+
+def observed(system: System, t: float, arm: PlantState) -> tuple[Estimate, TaskSpace, np.ndarray, np.ndarray]:
+    """What the controller sees of an arm at t (s), with the errors e_r and e_r_dot, (n,)."""
+    estimate, task = system.observe(arm.views.q, arm.views.q_dot, t)
+    reference = system.reference(t)
+    return estimate, task, task.r - reference.r_d, task.r_dot - reference.r_d_dot
+
+
+def epoch_at(system: System, t: float, arm: PlantState, period: Record[Period]) -> Epoch:
+    """What begins at t (s): the theorem promises anew, from the s of now."""
+    law, constants = system.law, system.constants
+    estimate, task, e_r, e_r_dot = observed(system, t, arm)
+    s = e_r_dot + law.compensator.F_1 @ e_r + law.compensator.F_2 @ period.views.z
+    H_high = InertiaRange.at(law.uncertainty, estimate, task).H_high
+    certificate = ReachingCertificate(
+        constants.k_r_low,
+        constants.k_r_high,
+        float(np.linalg.eigvalsh(law.K_s)[0]) * (1.0 - SAMPLING_SHARE),
+        law.epsilon * law.switching.kept,
+        V_0=float(0.5 * s @ H_high @ s),
+    )
+    return Epoch(t, system.scenario, law.model, certificate, blend=system.blend)
+
+
+def blending(blend: ModelBlend | None, t: float, period: float) -> bool:
+    """Whether the target model is on the way of a blend at t (s)."""
+    return blend is not None and t > blend.begins + 0.5 * period

@@ -1,0 +1,36 @@
+"""Stations: postures along the reference at which the sampled loops are judged, instead of at every one between."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from app.simulation.extremes import Omega
+
+APART = 0.1  # rad, of a joint: from one place to the next
+
+
+@dataclass(frozen=True)
+class Stations:
+    """Postures along the reference, `APART` from each other. q (S, n) rad, t (S,) s; of (N,): which of them stands for
+    each centre of Omega."""
+
+    q: np.ndarray
+    t: np.ndarray
+    of: np.ndarray
+
+    @classmethod
+    def along(cls, omega: Omega, duration: float) -> Stations:
+        """Of the centres of Omega along a reference of this duration, s."""
+        centres = omega.centres
+        chosen, of = [0], np.zeros(len(centres), dtype=int)
+        for k, q in enumerate(centres):
+            apart = np.abs(centres[chosen] - q).max(axis=1)
+            if apart.min() > APART:
+                chosen.append(k)
+                of[k] = len(chosen) - 1
+            else:
+                of[k] = apart.argmin()
+        times = np.concatenate([[0.0], np.linspace(0.0, duration, len(centres) - 1)])  # as `domain.centres` goes along
+        return cls(centres[chosen], times[chosen], of)
