@@ -1,10 +1,9 @@
 """What one control period makes of a small deviation from rest, with the torque held: the sampled closed loop's matrix.
 
 Theorem 1 is about continuous time. The law acts on samples: over a period its torque is constant while the arm moves
-and the surface's force changes. (9), (10), (15), (16), the force sensor, and the arm against its surface, all
-linearised at rest at one posture, make a matrix of that; the arm's part is exact, a matrix exponential. The loop
-contracts where the matrix has its spectral radius below 1, and its eigenvalues are the poles that the target model
-really gets, `docs/theory.md`.
+and the surface's force changes. The period itself, law, sensor and plant with its integrator, is differentiated at rest
+at one posture. The loop contracts where the matrix has its spectral radius below 1, and its eigenvalues are the poles
+that the target model really gets, `docs/theory.md`.
 """
 
 from __future__ import annotations
@@ -125,12 +124,13 @@ def sampled_loop(system: System, q: np.ndarray, t: float) -> SampledLoop:
     t (s)."""
     try:
         at = Posture.of(system, q, t)
-    except ValueError:  # J_q is singular: `Premise.REGULAR` says so
+        matrix = period_matrix(system, at) if _judged(system) else None
+    except (ValueError, np.linalg.LinAlgError):  # J_q is singular: `Premise.REGULAR` says so
         return SampledLoop(NO_POLES, NO_POLES, math.nan)
     factor = force_factor(system, at)
-    if not _judged(system):
+    if matrix is None:
         return SampledLoop(NO_POLES, NO_POLES, factor)
-    values = np.linalg.eigvals(period_matrix(system, at)).astype(complex)
+    values = np.linalg.eigvals(matrix).astype(complex)
     moving = values[np.abs(values) > NOISE]  # a reading that is passed on has no pole of its own
     poles, model = np.log(moving) / system.scenario.controller.period, model_poles(system, at)
     apart = np.abs(model[:, None] - poles[None, :]) / np.maximum(np.abs(model), 1e-6)[:, None]
@@ -191,15 +191,14 @@ class _PeriodMap:
         self._arm, self._row = ControlledArm(still, state), Record(Row.zeros(system.layout.n)).data
         _, _, e_r, e_r_dot = observed(still, at.t, state.arm)
         state.period.views.z[:] = law.compensator.without_reaching(e_r, e_r_dot)
-        reads = not system.scenario.sensor.ideal
-        while reads and not state.reader.full:
+        while not state.reader.full:
             state.reader.read(state.arm.views.load.force)
         self._parts = [state.arm.views.q, state.arm.views.q_dot]
         steps, speed = [], STEP * (law.phi if law.phi > 0.0 else 1.0)
         if law.law is Law.VSMRC:
             self._parts.append(state.period.views.z)
             steps += [speed] * system.layout.n
-        if still.plant.heavy and reads:
+        if still.plant.heavy and not system.scenario.sensor.ideal:
             self._parts.append(state.arm.views.load.force)
             steps += [FORCE_STEP] * 3
         self._base, k = self._vector(), basis.shape[1]

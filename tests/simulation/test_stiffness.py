@@ -295,6 +295,21 @@ def test_runs_on_either_side_of_the_limit_diverge_and_do_not(case: str) -> None:
     assert swing(1.25 * high) > 2.0
 
 
+@pytest.mark.parametrize("kind", ["elastic", "mass-damper-spring"])
+@pytest.mark.parametrize("ideal", [False, True])
+def test_every_sensor_is_judged(kind: str, ideal: bool) -> None:
+    """An ideal sensor shows the force of now only where that depends on the torque: elsewhere it is as late as any."""
+    fields = {"sensor__delay": 0.004, "sensor__cutoff": 100.0, "sensor__ideal": ideal, "contact__kind": kind}
+    quick, late = (
+        assemble(pressing("planar3r", 1e5, H, **fields | {"contact__M_e": 2.0} | given))
+        for given in ({"sensor__delay": 0.0, "sensor__cutoff": 0.0}, {})
+    )
+    sees_delay = not (ideal and kind == "mass-damper-spring")
+    assert (abs(radius(late) - radius(quick)) > 1e-6) == sees_delay
+    size = len(period_matrix(late, Posture.of(late, late.q_0, 0.0)))
+    assert size == 3 * 3 + 3 * (1 + 4) + 3 * (kind == "mass-damper-spring" and not ideal)
+
+
 @pytest.mark.parametrize("M_m1", [5.0, 10.0, 30.0])
 def test_the_closed_form_of_the_force_loop_is_an_eigenvalue_of_the_period(M_m1: float) -> None:
     scenario = changed(
