@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -302,7 +302,8 @@ class Plant:
         integrator: Integrator = "leapfrog",
         substeps: int = 1,
     ) -> None:
-        self.truth, self.surface, self.kind, self.contact = truth, surface, kind, contact
+        self.truth, self.surface, self.contact, self._robot = truth, surface, contact, robot
+        self.kind: ContactKind = kind
         self.heavy = kind in ("mass-damper-spring", "rigid")
         self.substeps = substeps
         self.model = truth.model(robot)
@@ -316,11 +317,20 @@ class Plant:
         self._tool = (self.data.J, carrier.rotation, carrier.translation)
         self._tool_moving = (self.data.J, self.data.dJ, carrier.rotation, carrier.translation)
         self._inertia = (self.data.M, self.data.nle)
-        self._integrator = integrator
+        self._integrator: Integrator = integrator
         self._integrate = {"leapfrog": self._leapfrog, "semi-implicit-euler": self._euler, "rk4": self._rk4}[integrator]
         light = {"free": self._accelerate_free, "elastic": self._accelerate_elastic}
         self._accelerate = light.get(kind, self._accelerate_heavy)
         self._resolve_kernels(robot.n)
+
+    def smooth(self, *, touching: bool) -> Plant:
+        """The same arm with nothing that has a kink or acts from outside: no Coulomb friction, no limits of the drives,
+        no disturbance, and a surface that also pulls, or, not touching, a spring that is none."""
+        truth = replace(self.truth, coulomb=0.0, disturbance=0.0, torque_limit=np.inf)
+        contact = self.contact._replace(unilateral=False, friction_coulomb=0.0)
+        if not touching:
+            contact = Contact(0.0, 0.0, 0.0, unilateral=False, friction_coulomb=0.0, friction_viscous=0.0)
+        return Plant(self._robot, truth, self.surface, self.kind, contact, self._integrator, self.substeps)
 
     def _resolve_kernels(self, n: int) -> None:
         around, arm, tau = self._around, Record(Arm.zeros(n)).data, np.zeros(n)

@@ -51,6 +51,26 @@ class ForceReader:
         self._line.append(reading)
         return self._line[0]
 
+    @property
+    def full(self) -> bool:
+        """Whether every reading under way has been taken."""
+        return self.sensor.exact or len(self._line) == self._line.maxlen
+
+    @property
+    def memory(self) -> np.ndarray:
+        """What the next readings are made of, beside the force: the filter's value, if it has one, and the readings
+        under way, oldest first; (k, 3) N."""
+        filtered = [] if self._filtered is None else [self._filtered]
+        return np.array([*filtered, *list(self._line)[1:]]).reshape(-1, 3)
+
+    def recall(self, memory: np.ndarray) -> None:
+        """Go on from another memory of the same shape."""
+        first = self._filtered is not None
+        if first:
+            self._filtered = memory[0]
+        if self._line:
+            self._line.extend((self._line[0], *memory[int(first) :]))
+
     def copy(self) -> ForceReader:
         """A reader that goes on from the same memory; no reading is ever changed in place."""
         twin = copy(self)

@@ -11,12 +11,11 @@ import structlog
 from app.scenario.declared_bounds import outside
 from app.scenario.schema import Scenario, ScenarioError, after_blend
 from app.simulation.control_period import Alarm
-from app.simulation.controller import Controller
+from app.simulation.controlled_arm import ControlledArm
 from app.simulation.premise_watch import PremiseWatch
 from app.simulation.recording import Recording
 from app.simulation.sampled_stability import SampledLoop
 from app.simulation.search_memory import Memory
-from app.simulation.signals import Row
 from app.simulation.state import State, blending, observed
 from app.simulation.system import System, assemble
 from app.simulation.verdict import Standing
@@ -26,11 +25,9 @@ from controllers.reaching import ReachingCertificate
 from controllers.reference_estimates import Start
 from environments.push import Grip
 from environments.sensors import ForceReader
-from kernels.records import Record
 
 log = structlog.get_logger()
 
-FORCE_ITERATIONS = 30
 HISTORY = 600_000  # rows
 # a change of one of these begins a new run; everything else takes effect in the running one
 RESTARTING = ("mode", "robot", "task_space", "surface", "simulation")
@@ -101,19 +98,15 @@ class ClosedLoop:
         self._take_up(system, State.at_start(system))
         self.recording.epochs.append(self.state.epoch)
         if system.plant.kind == "rigid":
-            self._grip_surface()
+            self._arm.press()
 
     def _bind(self, system: System, state: State) -> None:
         """Make this pair the run's. What else `step` has at hand follows from it."""
         state.scenario, state.shift = system.scenario, system.plan.shift
         self.system, self.state = system, state
-        self._controller = Controller(system, state)
-        self._watch = PremiseWatch(system, state, self._controller)
+        self._arm = ControlledArm(system, state)
+        self._watch = PremiseWatch(system, state, self._arm)
         self._h = system.scenario.controller.period
-        self._ideal = system.scenario.sensor.ideal and system.plant.heavy
-        self._applied, self._push = state.period.views.applied, state.period.views.push
-        self._push_torque, self._pushed = np.zeros(system.robot.n), True
-        self._timed = system.push if any(system.push.force) else None
         self._stage, self._share = "the beginning", 0.0
         if system.blend is not None and self.blending:
             self._follow(system.blend)
@@ -250,24 +243,20 @@ class ClosedLoop:
         """One control period. Call it only while `stopped` is None."""
         if self.system.blend is not None:
             self._blend(self.system.blend)
-        state, plant = self.state, self.system.plant
-        arm, t = state.arm, state.t
+        state, arm = self.state, self._arm
         row = self.recording.new_row()
 
         self._stage = "the measurement"
-        pushed = self._push_tool()
-        F = state.reader.read(arm.views.load.force - self._push if pushed else arm.views.load.force)
+        F = arm.measure()
         self._stage = "the control law"
-        if not self._ideal:
-            self._controller.evaluate(F, row)
-        elif not self._solve_for_force(row):
+        if not arm.control(F, row):
             self._watch.left("stop", "the loop through the multiplier has no solution")
         if state.steps % WATCH == 0:
             self._watch.look()
         self._stage = "the plant"
-        plant.advance(arm, self._applied + self._push_torque if pushed else self._applied, t, self._h)
+        arm.move()
         self._stage = "the record"
-        alarms = self._controller.complete(row)
+        alarms = arm.complete(row)
         self.recording.commit()
         if alarms:
             self._heed(Alarm(alarms))
@@ -322,60 +311,13 @@ class ClosedLoop:
         self._share = blend.share(self.t)
         self.system = replace(self.system, law=self.system.law.following(blend.at(self.t)))
         self._watch.system = self.system
-        self._controller.follow(self.system.law.gains)
-
-    def _push_tool(self) -> bool:
-        """Find what hand and script do to the tool over this period; False, as fast as can be, when they do nothing."""
-        grip = self.state.grip
-        timed = self._timed is not None and self._timed.acts(self.t)
-        pushed = timed or grip is not None
-        if pushed:
-            tool = self.system.plant.tool(self.state.arm)
-            self._push[:] = self.system.push.force if timed else 0.0
-            if grip is not None:
-                self._push += grip.force(tool.p)
-            self._push_torque = tool.J_v.T @ self._push
-        elif self._pushed:
-            self._push[:] = self._push_torque[:] = 0.0
-        self._pushed = pushed
-        return pushed
-
-    def _solve_for_force(self, row: np.ndarray) -> bool:
-        """The law fed with the force that its own torque causes: secant iteration on the multiplier; whether it is
-        found. What the period began with is what every evaluation begins with."""
-        period = self.state.period
-        guess, slope, begun = self.state.arm.read().load.multiplier, -1.0, period.data.copy()
-        error = self._missed(guess, row)
-        for _ in range(FORCE_ITERATIONS):
-            if abs(error) <= 1e-10 * (1.0 + abs(guess)):
-                return True
-            change = -error / slope if slope != 0.0 else error
-            guess += change
-            period.data[:] = begun
-            before, error = error, self._missed(guess, row)
-            slope = (error - before) / change
-        return False
-
-    def _missed(self, guess: float, row: np.ndarray) -> float:
-        """By how much the multiplier (N) that the law's answer to a guess causes is more than the guess."""
-        plant, arm, t, h = self.system.plant, self.state.arm, self.t, self._h
-        self._controller.evaluate(plant.force_of(arm, guess, t, h) - self._push, row)
-        return plant.respond(arm, self._applied + self._push_torque, t, h).multiplier - guess
-
-    def _grip_surface(self) -> None:
-        """Begin pressing: before its first period the sensor reads what the law's own torque makes of the contact."""
-        arm, period = self.state.arm, self.state.period
-        before, row = period.data.copy(), Record(Row.zeros(self.system.layout.n)).data
-        if self._solve_for_force(row):
-            load = self.system.plant.respond(arm, self._applied, self.t, self._h)
-            arm.write("load", load._replace(phi=arm.read().load.phi))
-        period.data[:] = before
+        self._arm.follow(self.system.law.gains)
 
     def view(self) -> View:
         """The present state as the screen shows it."""
         system, state, t = self.system, self.state, self.t
         arm = state.arm.views
-        period = self._controller.evaluated(self._push).read()
+        period = self._arm.evaluated().read()
         estimate, task, reference, output = period.seen.estimate, period.seen.task, period.reference, period.output
         required = float(sum(output.needed))
         H_hat = task.J_q_inv.T @ estimate.M_hat @ task.J_q_inv
@@ -400,6 +342,6 @@ class ClosedLoop:
             None if system.layout.joint else system.tool_at(reference, t),
             arm.load.force.copy(),
             task.normal * reference.F_cd[0] if system.m else np.zeros(3),
-            self._push.copy(),
+            self._arm.push.copy(),
             live,
         )

@@ -48,6 +48,12 @@ class ReferencePlan(NamedTuple):
     shift: Shift
     force: ForceCourse
 
+    def held(self, r: np.ndarray, f: float) -> ReferencePlan:
+        """The plan of staying at r (n,) with the force f (N) that there is."""
+        still = self.motion._replace(u=0.0 * self.motion.u, v=0.0 * self.motion.v)
+        here, force = Shift.fresh(np.zeros_like(r), 1.0), self.force._replace(start=f, change=0.0)
+        return self._replace(start=r, compliance=0.0, motion=still, shift=here, force=force)
+
 
 class Sight(NamedTuple):
     """How the controller looks at the arm. links: see `NominalModel`; shape: the surface (or Cartesian axes) that

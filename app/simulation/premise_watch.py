@@ -9,7 +9,7 @@ import numpy as np
 from app.scenario.declared_bounds import outside
 from app.scenario.schema import ScenarioError
 from app.simulation.control_period import Alarm, Period
-from app.simulation.controller import Controller
+from app.simulation.controlled_arm import ControlledArm
 from app.simulation.recording import Epoch
 from app.simulation.sampled_stability import SampledLoop, judge_posture, sampled_loop
 from app.simulation.state import Judged, State, blending, epoch_at
@@ -28,9 +28,9 @@ class PremiseWatch:
     system: follows the model in force on the way of a blend.
     """
 
-    def __init__(self, system: System, state: State, controller: Controller) -> None:
+    def __init__(self, system: System, state: State, arm: ControlledArm) -> None:
         self.system = system
-        self._state, self._controller, self._h = state, controller, system.scenario.controller.period
+        self._state, self._arm, self._h = state, arm, system.scenario.controller.period
         self._stations, self._centres = system.stations, system.constants.centres
         self._table = state.period.views.table
         self._known: dict[int, dict[Premise, float]] = {}  # what was judged at a station
@@ -41,8 +41,8 @@ class PremiseWatch:
         state = self._state
         state.epoch, state.steps = epoch_at(self.system, state.t, state.arm, state.period), 0
         self._promise_anew()
-        begun = self._controller.evaluated(state.period.views.push)
-        self._controller.look(begun)
+        begun = self._arm.evaluated()
+        self._arm.look(begun)
         state.period.data["watched"] = begun.data["watched"]
         found = begun.views.table
         for premise in (Premise.LAYER, Premise.GAIN_BY_CHATTER):
@@ -83,7 +83,7 @@ class PremiseWatch:
 
     def look(self) -> None:
         """Judge the premises that depend on where the arm is."""
-        self._heed_posture(self._controller.look(self._state.period))
+        self._heed_posture(self._arm.look(self._state.period))
 
     def _heed_posture(self, nearest: int) -> None:
         """Flag it when q has left Omega, whose centre of this number is the nearest, and judge the sampled loops when

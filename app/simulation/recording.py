@@ -78,9 +78,11 @@ class Stretch(Mapping[str, np.ndarray]):
 
 @dataclass
 class _Block:
-    """A piece of the table; `filled` grows only after a row is complete, so that readers never see half of one."""
+    """A piece of the table: rows (BLOCK, width) of numbers, and records (BLOCK,), the same memory by the names of
+    `Row`; `filled` grows only after a row is complete, so that readers never see half of one."""
 
     rows: np.ndarray
+    records: np.ndarray
     filled: int = 0
 
 
@@ -108,7 +110,7 @@ class Recording:
         are taken one after the other."""
         recording = cls(n, history=length)
         starts = range(0, length, BLOCK)
-        recording._blocks.extend(_Block(np.empty((BLOCK, recording.width)), min(BLOCK, length - at)) for at in starts)
+        recording._blocks.extend(recording._new_block(min(BLOCK, length - at)) for at in starts)
         for where, values in signals:
             for at, block in zip(starts, recording._blocks, strict=True):
                 block.rows[: block.filled, where] = values[at : at + BLOCK]
@@ -120,12 +122,16 @@ class Recording:
     def new_row(self) -> np.ndarray:
         """The row to be filled next, the memory (1,) of a `Row`; it counts from `commit` on."""
         if not self._blocks or self._blocks[-1].filled == BLOCK:
-            self._blocks.append(_Block(np.empty((BLOCK, self.width))))
+            self._blocks.append(self._new_block())
             if len(self._blocks) > self._most:
                 self._thinned.append(self._blocks[0].rows[::THINNING].copy())  # first: readers never miss a row
                 self._blocks.popleft()
         last = self._blocks[-1]
-        return last.rows[last.filled].view(self._dtype)
+        return last.records[last.filled : last.filled + 1]
+
+    def _new_block(self, filled: int = 0, rows: np.ndarray | None = None) -> _Block:
+        memory = np.empty((BLOCK, self.width)) if rows is None else rows.copy()
+        return _Block(memory, memory.view(self._dtype)[:, 0], filled)
 
     def commit(self) -> None:
         """The new row is complete."""
@@ -147,7 +153,7 @@ class Recording:
             rows = block.rows[: block.filled]
             filled = int(np.searchsorted(rows[:, 0], t_to, side="right"))
             if filled and rows[filled - 1, 0] >= t_from:
-                twin._blocks.append(block if filled == BLOCK else _Block(block.rows.copy(), filled))
+                twin._blocks.append(block if filled == BLOCK else self._new_block(filled, block.rows))
             if filled < block.filled:
                 break
         twin.epochs.extend(epoch.until(t_to) for epoch in tuple(self.epochs) if epoch.t <= t_to)

@@ -10,13 +10,16 @@ really gets, `docs/theory.md`.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pinocchio as pin
-from scipy.linalg import expm
+from scipy.linalg import block_diag
 from scipy.optimize import linear_sum_assignment
 
+from app.simulation.controlled_arm import ControlledArm
+from app.simulation.signals import Row
+from app.simulation.state import State, observed
 from app.simulation.system import System
 from controllers.bounds import Equivalent, RequiredGain, required_gain
 from controllers.force_loop import force_loop_factor
@@ -26,8 +29,12 @@ from controllers.switching import Switching
 from controllers.target_model import TargetModel
 from controllers.task_space import TaskSpace
 from controllers.vsmrc import Law
+from environments.push import TimedPush
 from environments.stiffness import ROUNDING
+from kernels.records import Record
 
+STEP, FORCE_STEP = 1e-3, 1e-3  # of the boundary layer, N: how far the differences go
+NOISE = 1e-6  # of an eigenvalue
 LONGEST_LINE = 100  # periods of delay, beyond which the matrix becomes too large to be judged in passing
 
 
@@ -123,8 +130,8 @@ def sampled_loop(system: System, q: np.ndarray, t: float) -> SampledLoop:
     factor = force_factor(system, at)
     if not _judged(system):
         return SampledLoop(NO_POLES, NO_POLES, factor)
-    values = np.linalg.eigvals(period_matrix(system, at, _late(system)))
-    moving = values[np.abs(values) > 1e-9].astype(complex)  # a reading that is passed on has no pole of its own
+    values = np.linalg.eigvals(period_matrix(system, at)).astype(complex)
+    moving = values[np.abs(values) > NOISE]  # a reading that is passed on has no pole of its own
     poles, model = np.log(moving) / system.scenario.controller.period, model_poles(system, at)
     apart = np.abs(model[:, None] - poles[None, :]) / np.maximum(np.abs(model), 1e-6)[:, None]
     rows, columns = linear_sum_assignment(apart)
@@ -136,15 +143,10 @@ def growth(system: System, at: Posture) -> float:
     not judged."""
     if not _judged(system):
         return math.nan
-    loops = [period_matrix(system, at, _late(system))]
+    loops = [period_matrix(system, at)]
     if not system.mode.on_surface and system.plant.kind != "free":
-        loops.append(period_matrix(system, at, _late(system), touching=False))
+        loops.append(period_matrix(system, at, touching=False))
     return max(float(np.abs(np.linalg.eigvals(loop)).max()) for loop in loops)
-
-
-def _late(system: System) -> int:
-    """Periods by which the sensor's reading is."""
-    return round(system.sensor.delay / system.sensor.period)
 
 
 def _judged(system: System) -> bool:
@@ -152,7 +154,88 @@ def _judged(system: System) -> bool:
     the sensor."""
     law = system.law
     chatters = law.law is Law.VSMRC and law.switching is Switching.DISCONTINUOUS
-    return not chatters and _late(system) <= LONGEST_LINE
+    return not chatters and round(system.sensor.delay / system.sensor.period) <= LONGEST_LINE
+
+
+def period_matrix(system: System, at: Posture, *, touching: bool = True) -> np.ndarray:
+    """The Jacobian (k, k) of one control period at rest, by central differences of the period itself."""
+    return _PeriodMap(system, at, touching=touching).jacobian()
+
+
+class _PeriodMap:
+    """One control period of a run, as a map of small deviations from rest and s = 0 at a posture: the arm with nothing
+    that has a kink, a constant reference where it stands, and no push.
+
+    Deviations x: of the arm along the directions in which it can move and of their rates, in task coordinates, m and
+    m/s; of z (m/s) under the law that has it; of what the force sensor will read, N: the load that a heavy contact has
+    kept from the period before, and the readings under way.
+    """
+
+    def __init__(self, system: System, at: Posture, *, touching: bool) -> None:
+        law, task, basis = system.law, at.task, _free_directions(system, at)
+        self._out, self._in = task.J_q_inv @ basis, basis.T @ task.J_q
+        self._plant = system.plant.smooth(touching=touching)
+        q_dot = -task.J_q_inv @ task.v_t
+        met = self._plant.start(at.q, q_dot, at.t).read().load.multiplier
+        e_Fc = np.zeros(system.layout.n) if system.m else law.controlled * at.across * met
+        r_d = task.r + np.linalg.pinv(law.model.K_m) @ law.model.K_f @ e_Fc  # where (8) rests under this force
+        still = replace(
+            system,
+            plant=self._plant,
+            plan=system.plan.held(r_d, met),
+            sensor=replace(system.sensor, noise=0.0, bias=np.zeros(3)),
+            push=TimedPush((0.0, 0.0, 0.0), 0.0, 0.0),
+            blend=None,
+        )
+        self._state = state = State.at(still, at.q, q_dot, at.t)
+        self._arm, self._row = ControlledArm(still, state), Record(Row.zeros(system.layout.n)).data
+        _, _, e_r, e_r_dot = observed(still, at.t, state.arm)
+        state.period.views.z[:] = law.compensator.without_reaching(e_r, e_r_dot)
+        reads = not system.scenario.sensor.ideal
+        while reads and not state.reader.full:
+            state.reader.read(state.arm.views.load.force)
+        self._parts = [state.arm.views.q, state.arm.views.q_dot]
+        steps, speed = [], STEP * (law.phi if law.phi > 0.0 else 1.0)
+        if law.law is Law.VSMRC:
+            self._parts.append(state.period.views.z)
+            steps += [speed] * system.layout.n
+        if still.plant.heavy and reads:
+            self._parts.append(state.arm.views.load.force)
+            steps += [FORCE_STEP] * 3
+        self._base, k = self._vector(), basis.shape[1]
+        steps += [FORCE_STEP] * state.reader.memory.size
+        self._steps = np.array([0.1 * speed] * k + [speed] * k + steps)
+
+    def _vector(self) -> np.ndarray:
+        """q, q_dot and the rest of the state that the next period depends on."""
+        return np.concatenate([*self._parts, self._state.reader.memory.ravel()])
+
+    def _after(self, vector: np.ndarray) -> np.ndarray:
+        """The state one period later. An elastic surface pushes at once as it is met."""
+        state, arm = self._state, self._arm
+        for part in self._parts:
+            part[:], vector = vector[: len(part)], vector[len(part) :]
+        state.reader.recall(vector.reshape(-1, 3))
+        self._plant.find_load(state.arm, state.t)
+        arm.control(arm.measure(), self._row)
+        arm.move()
+        arm.complete(self._row)
+        return self._vector()
+
+    def jacobian(self) -> np.ndarray:
+        """By central differences, (k, k)."""
+        spread, gather = _block(self._out, len(self._base)), _block(self._in.T, len(self._base)).T
+        columns = []
+        for way, step in zip(spread.T, self._steps, strict=True):
+            ahead, behind = (self._after(self._base + sign * step * way) for sign in (1.0, -1.0))
+            columns.append(gather @ (ahead - behind) / (2.0 * step))
+        return np.column_stack(columns)
+
+
+def _block(directions: np.ndarray, length: int) -> np.ndarray:
+    """From deviations to vectors of this length: by `directions` (n, k) of the arm and of its rate, the rest as it
+    is."""
+    return np.asarray(block_diag(directions, directions, np.eye(length - 2 * len(directions))))
 
 
 def model_poles(system: System, at: Posture) -> np.ndarray:
@@ -167,114 +250,12 @@ def model_poles(system: System, at: Posture) -> np.ndarray:
     return TargetModel(M, B, K, np.zeros_like(M)).poles()
 
 
-def period_matrix(system: System, at: Posture, late: int, *, touching: bool = True) -> np.ndarray:
-    """What one control period makes of (x, v, z, line): deviations of r, r_dot and z, and the sensor's readings, the
-    newest first, of which the law gets the one `late` periods old.
-
-    An elastic surface is read at the period's beginning. The force on a heavy one depends on the torque: what is read
-    then is the force that acted until then.
-    """
-    scenario, law, n = system.scenario, system.law, system.layout.n
-    period, heavy = scenario.controller.period, system.plant.heavy and touching
-    basis = _free_directions(system, at)
-    k, length = basis.shape[1], late + 1
-    size = 2 * k + n + length
-    unit = np.eye(size)
-    x, v, z, line = basis @ unit[:k], basis @ unit[k : 2 * k], unit[2 * k : 2 * k + n], unit[2 * k + n :]
-    arm = _HeldArm.of(system, at, basis, touching=touching)
-    cutoff = scenario.sensor.cutoff
-    passed = 1.0 - np.exp(-2 * np.pi * cutoff * period) if cutoff > 0.0 else 1.0
-
-    def read_on(line: np.ndarray, force: np.ndarray) -> np.ndarray:
-        return np.vstack([line[:1] + passed * (force - line[:1]), line[:-1]])
-
-    if not heavy:
-        line = read_on(line, arm.force(x, v, np.zeros((n, size))))
-    read = _own_force(system, at, arm, x, v, z) if heavy and scenario.sensor.ideal else line[late]
-    torque, z_dot = _law(system, at, x, v, z, read)
-    x_next, v_next = arm.after(x, v, torque)
-    if heavy:
-        line = read_on(line, arm.force(x_next, v_next, torque))
-    z_next = z + period * z_dot if law.law is Law.VSMRC else 0.0 * z  # it takes no part in the others
-    return np.vstack([basis.T @ x_next, basis.T @ v_next, z_next, line])
-
-
 def _free_directions(system: System, at: Posture) -> np.ndarray:
     """Orthonormal (n, k): the directions in which the arm can move; a rigid surface takes one."""
     n = system.layout.n
     if system.plant.kind != "rigid":
         return np.eye(n)
     return np.linalg.qr(np.column_stack([at.across, np.eye(n)]))[0][:, 1:n]
-
-
-def _law(
-    system: System, at: Posture, x: np.ndarray, v: np.ndarray, z: np.ndarray, read: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """T_r and z_dot, linear in the state."""
-    law, c = system.law, system.law.compensator
-    F_r = np.outer(at.across, read)
-    F_c = law.controlled[:, None] * F_r
-    z_dot = c.A @ z + c.K_pz @ x + c.K_vz @ v + c.K_fz @ F_c
-    if law.law is Law.VSMRC:
-        robust = law.K_s + at.d / law.phi * np.eye(len(x))
-        s = v + c.F_1 @ x + c.F_2 @ z
-        return at.H_hat @ (-c.F_1 @ v - c.F_2 @ z_dot) + F_r - robust @ s, z_dot
-    restoring = law.model.B_m @ v + law.model.K_m @ x
-    if law.law is Law.PD_GRAVITY:
-        return -restoring, z_dot
-    return F_r - at.H_hat @ np.linalg.solve(law.model.M_m, restoring + law.model.K_f @ F_c), z_dot
-
-
-@dataclass(frozen=True)
-class _HeldArm:
-    """The arm against its surface over one period under a constant T_r. advance: the exact exponential of its
-    equations, with the torque as a further state; of_state, of_torque: what makes up the multiplier."""
-
-    n: int
-    advance: np.ndarray
-    of_state: np.ndarray
-    of_torque: np.ndarray
-
-    @classmethod
-    def of(cls, system: System, at: Posture, basis: np.ndarray, *, touching: bool) -> _HeldArm:
-        contact, n, a = system.plant.contact, system.layout.n, at.across
-        kind = system.plant.kind if touching else "free"
-        springy = kind in ("elastic", "mass-damper-spring")
-        K, B = (contact.K_e, contact.B_e) if springy else (0.0, 0.0)
-        M_e = contact.M_e if kind == "mass-damper-spring" else 0.0
-        if kind == "rigid":
-            mobility = basis @ np.linalg.inv(basis.T @ at.H @ basis) @ basis.T
-        else:
-            mobility = np.linalg.inv(at.H + M_e * np.outer(a, a))
-        spring = np.concatenate([K * a, B * a])
-        rates = np.zeros((3 * n, 3 * n))
-        rates[:n, n : 2 * n] = np.eye(n)
-        rates[n : 2 * n] = np.hstack([-mobility @ np.outer(a, spring), mobility])
-        if kind == "rigid":
-            Y = np.linalg.solve(at.H, a)
-            of_state, of_torque = np.zeros(2 * n), Y / (Y @ a)
-        else:
-            pushed = M_e * a @ rates[n : 2 * n]  # by the surface's own mass
-            of_state, of_torque = spring + pushed[: 2 * n], pushed[2 * n :]
-        return cls(n, expm(rates * system.scenario.controller.period), of_state, of_torque)
-
-    def after(self, x: np.ndarray, v: np.ndarray, torque: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """x and v at the end of the period."""
-        end = self.advance @ np.vstack([x, v, torque])
-        return end[: self.n], end[self.n : 2 * self.n]
-
-    def force(self, x: np.ndarray, v: np.ndarray, torque: np.ndarray) -> np.ndarray:
-        """The multiplier under this torque."""
-        return self.of_state @ np.vstack([x, v]) + self.of_torque @ torque
-
-
-def _own_force(system: System, at: Posture, arm: _HeldArm, x: np.ndarray, v: np.ndarray, z: np.ndarray) -> np.ndarray:
-    """The reading of an ideal sensor: the multiplier that the law's own answer to it causes."""
-    zero, one = np.zeros(x.shape[1]), np.ones(1)
-    alone = arm.force(x, v, _law(system, at, x, v, z, zero)[0])
-    none = np.zeros((len(x), 1))
-    slope = float(arm.force(none, none, _law(system, at, none, none, none, one)[0])[0])
-    return alone / (1.0 - slope)
 
 
 def force_factor(system: System, at: Posture) -> float:

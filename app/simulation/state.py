@@ -57,12 +57,17 @@ class State:
 
     @classmethod
     def at_start(cls, system: System) -> State:
-        """At rest at t = 0."""
-        n, q = system.robot.n, system.robot.posture
-        arm, period = system.plant.start(q, np.zeros(n), 0.0), Record(Period.zeros(system.layout.n))
+        """At rest where the scenario begins."""
+        return cls.at(system, system.robot.posture, np.zeros(system.robot.n), 0.0)
+
+    @classmethod
+    def at(cls, system: System, q: np.ndarray, q_dot: np.ndarray, t: float) -> State:
+        """Of a run that begins at t (s) with the arm at q (n,) rad, q_dot (n,) rad/s; on a rigid surface it is brought
+        there. Raises ValueError when the rigid surface cannot be reached from q."""
+        arm, period = system.plant.start(q, q_dot, t), Record(Period.zeros(system.layout.n))
         return cls(
             scenario=system.scenario,
-            t=0.0,
+            t=t,
             steps=0,
             arm=arm,
             period=period,
@@ -70,8 +75,8 @@ class State:
             shift=system.plan.shift,
             along=None,
             grip=None,
-            epoch=epoch_at(system, 0.0, arm, period),
-            judged=Judged(None, np.full(n, np.nan), 0.0),
+            epoch=epoch_at(system, t, arm, period),
+            judged=Judged(None, np.full(system.robot.n, np.nan), t),
             stopped=None,
             flagged=None,
         )

@@ -211,7 +211,7 @@ def test_the_model_in_force_is_the_blend() -> None:
         np.testing.assert_allclose(sides[2], (1 - alpha) * sides[0] + alpha * sides[1], atol=1e-9)
     q, F_1, A = (getattr(loop.system.law.compensator, name) for name in ("K_vz", "F_1", "A"))
     np.testing.assert_allclose(q, np.linalg.solve(model.M_m, model.B_m) - F_1 + A, atol=1e-9)  # (13), F_2 = 1
-    np.testing.assert_array_equal(loop._controller.settings.read().gains.K_vz, q)
+    np.testing.assert_array_equal(loop._arm.settings.read().gains.K_vz, q)
 
 
 def test_a_blend_is_shown_again_to_the_last_bit() -> None:

@@ -324,9 +324,9 @@ def test_estimates_along_the_reference_are_a_block_at_a_time_and_the_same_again(
     line = run(line_of(scenario), 700)
     calls = []
     posture = line.loop.system.posture_at
-    assert line.loop._controller.along is not None
-    assert len(line.loop._controller.along._block) == 20
-    line.loop._controller.along._posture = lambda q, t: calls.append(t) or posture(q, t)
+    assert line.loop._arm.along is not None
+    assert len(line.loop._arm.along._block) == 20
+    line.loop._arm.along._posture = lambda q, t: calls.append(t) or posture(q, t)
     run(line, 100)
     assert len(calls) <= 120  # one for each period, not from the beginning
     before = line.recording.rows()
@@ -338,7 +338,7 @@ def test_estimates_along_the_reference_are_a_block_at_a_time_and_the_same_again(
     line.to_end()
     edit = edited(line.loop.system.scenario, "force.value", 25.0)
     line.edit(edit)
-    assert line.loop._controller.along.start.k == 800  # and an edit goes on from there
+    assert line.loop._arm.along.start.k == 800  # and an edit goes on from there
     run(line, 50)
     twin = ClosedLoop.resume(line.loop.state.copy(), previous=line.loop.system)
     for _ in range(50):

@@ -41,9 +41,9 @@ def assert_kept_and_reset_works(runner: Runner, stopped: Snapshot) -> None:
 @pytest.mark.parametrize(
     ("of", "part", "stage"),
     [
-        ("loop", "_push_tool", "the measurement"),
-        ("controller", "evaluate", "the control law"),
-        ("controller", "complete", "the record"),
+        ("arm", "measure", "the measurement"),
+        ("arm", "control", "the control law"),
+        ("arm", "complete", "the record"),
         ("loop", "view", "the view of the loop"),
     ],
 )
@@ -52,7 +52,7 @@ def test_an_exception_in_any_stage_ends_the_run_and_not_its_thread(
 ) -> None:
     begun(runner, load("ur5-hybrid"))
     loop = runner._line.loop
-    broken = loop if of == "loop" else loop._controller
+    broken = loop if of == "loop" else loop._arm
     setattr(broken, part, boom)
     stopped = ended(runner)
     assert stopped.reason == f"t = {stopped.end:.3f} s: {stage} failed (KeyError: 'boom')"
@@ -83,13 +83,13 @@ def test_the_loop_itself_failing_ends_the_run_and_not_its_thread(
 def test_a_law_that_gives_no_number_ends_the_run(runner: Runner) -> None:
     begun(runner, load("ur5-hybrid"))
     loop = runner._line.loop
-    law = loop._controller._control
+    law = loop._arm._control
 
     def failing(*arguments: object) -> None:
         law(*arguments)
         loop.state.period.views.output.tau[:] = loop.state.period.views.applied[:] = np.nan
 
-    loop._controller._control = failing
+    loop._arm._control = failing
     stopped = ended(runner)
     assert "the control law asks for a torque that is no finite number: [nan, nan" in stopped.reason
     assert_kept_and_reset_works(runner, stopped)

@@ -257,9 +257,9 @@ def test_after_a_blend_the_sampled_loops_are_judged_anew() -> None:
 def test_the_band_counts_with_d_on_the_sliding_surface_not_with_the_present_one() -> None:
     """The same arm at the same place, with the rates that make s zero, asks for nearly twice the gain of now."""
     loop = ClosedLoop(changed("ur5-hybrid-reaching", controller__switching="discontinuous"))
-    now = loop._controller.evaluated(loop._push)
+    now = loop._arm.evaluated()
     loop.state.arm.views.q_dot[:] -= now.part("seen").task.J_q_inv @ now.part("output").s
-    on_surface = loop._controller.evaluated(loop._push).part("output")
+    on_surface = loop._arm.evaluated().part("output")
     assert np.linalg.norm(on_surface.s) < 1e-12
     assert on_surface.d > 1.8 * now.part("output").d
     assert loop.state.period.part("watched").d == pytest.approx(

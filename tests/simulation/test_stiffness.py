@@ -15,7 +15,7 @@ from app.scenario.data import edited, shipped
 from app.scenario.schema import Scenario, ScenarioError
 from app.session.changes import in_mode, on_robot
 from app.simulation.closed_loop import ClosedLoop
-from app.simulation.sampled_stability import judge_posture
+from app.simulation.sampled_stability import Posture, force_factor, judge_posture, period_matrix
 from app.simulation.system import System, assemble
 from controllers.premises import Premise
 from environments.contact import Contact
@@ -245,6 +245,66 @@ def test_growth_on_the_surface_is_what_the_loop_does(robot: str, fields: dict[st
     if growth > 1.0:
         assert "the sampled loop swings up" in (loop.warning or "")
         assert loop.standing.now.verdict == "nothing promised"
+
+
+LIMITS: dict[str, tuple[str, str, tuple[float, float], dict[str, Any]]] = {
+    "leapfrog": ("planar3r", "contact__K_e", (1e5, 2e6), {"sensor__delay": 0.004}),
+    "semi-implicit Euler": (
+        "planar3r", "contact__K_e", (1e5, 2e6),
+        {"sensor__delay": 0.004, "simulation__integrator": "semi-implicit-euler"},
+    ),
+    "RK4": ("planar3r", "contact__K_e", (1e5, 2e6), {"sensor__delay": 0.004, "simulation__integrator": "rk4"}),
+    "low-pass": ("planar3r", "contact__K_e", (1e5, 2e6), {"sensor__delay": 0.003, "sensor__cutoff": 200.0}),
+    "computed torque": (
+        "planar3r", "contact__K_e", (1e5, 2e6), {"sensor__delay": 0.004, "controller__law": "computed-torque"}
+    ),
+    "PD with gravity": ("planar3r", "target_model__B_m", (500.0, 20000.0), {"controller__law": "pd-gravity"}),
+    "surface with a mass": (
+        "planar3r", "contact__K_e", (1e5, 4e6),
+        {"contact__kind": "mass-damper-spring", "contact__M_e": 2.0, "sensor__delay": 0.006},
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", LIMITS)
+def test_runs_on_either_side_of_the_limit_diverge_and_do_not(case: str) -> None:
+    """The limit as the period's own Jacobian has it, found by bisection, for every law, sensor and integrator."""
+    robot, field, (low, high), fields = LIMITS[case]
+    n = arm(robot).robot.n
+
+    def at(value: float) -> Scenario:
+        given = [value] * n if field == "target_model__B_m" else value
+        return pressing(robot, 1e4, H, **{"contact__unilateral": False} | fields | {field: given})
+
+    assert radius(assemble(at(low))) < 1.0 < radius(assemble(at(high)))
+    for _ in range(8):
+        middle = math.sqrt(low * high)
+        low, high = (low, middle) if radius(assemble(at(middle))) > 1.0 else (middle, high)
+
+    def swing(value: float) -> float:
+        """Of the force around 1e-5 N, late over early: of a deviation too small for anything but the linear."""
+        loop = ClosedLoop(edited(at(value), "force.value", 1e-5))
+        rate = abs(math.log(radius(loop.system)))
+        for _ in range(round(math.log(1e4) / rate)):
+            loop.step()
+        q_dot = loop.recording.signals(("q_dot",))["q_dot"]
+        fifth = len(q_dot) // 5
+        return float(np.abs(q_dot[4 * fifth :]).max() / np.abs(q_dot[fifth : 2 * fifth]).max())
+
+    assert swing(0.8 * low) < 0.5
+    assert swing(1.25 * high) > 2.0
+
+
+@pytest.mark.parametrize("M_m1", [5.0, 10.0, 30.0])
+def test_the_closed_form_of_the_force_loop_is_an_eigenvalue_of_the_period(M_m1: float) -> None:
+    scenario = changed(
+        shipped()["ur5-constrained"], controller__law="computed-torque", target_model={"M_m": [M_m1] + [12.0] * 5},
+        truth__link_scaling=1.0,
+    )  # fmt: skip
+    system = assemble(scenario)
+    at = Posture.of(system, system.q_0, 0.0)
+    values, factor = np.linalg.eigvals(period_matrix(system, at)), force_factor(system, at)
+    assert np.abs(values - factor).min() < 1e-4 * abs(factor)
 
 
 def test_growth_is_foretold_where_the_normal_is_oblique_to_every_coordinate() -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from html import escape
 
+from app.dashboard.widgets.chips import LOOK_OF, chip
 from app.scenario.units import JOINT
 from app.session.snapshot import Snapshot
 from app.simulation.domain import MARGIN
@@ -15,12 +16,10 @@ def premises_html(snapshot: Snapshot) -> str:
     """Every premise that applies, and the verdict above them."""
     standing = snapshot.standing
     promise, run = standing.now, standing.run
-    look = {"holds": "vs-good", "broken": "vs-bad", "nothing promised": "vs-warn"}
-    chip = f'<span class="vs-chip {look[promise.verdict]}">now: {promise.verdict}</span>'
-    head = f"<div>{chip} {escape(promise.because)}</div>"
+    head = f"<div>{chip(f'now: {promise.verdict}', LOOK_OF[promise.verdict])} {escape(promise.because)}</div>"
     if run.verdict != promise.verdict:
         head += (
-            f'<div><span class="vs-chip {look[run.verdict]}">this run: {run.verdict}</span> {escape(run.because)}; '
+            f"<div>{chip(f'this run: {run.verdict}', LOOK_OF[run.verdict])} {escape(run.because)}; "
             f"all premises held in {100 * run.share:.4g} % of its periods</div>"
         )
     rows = "".join(_row(finding) for finding in standing.findings)
@@ -43,12 +42,11 @@ def _row(finding: Finding) -> str:
     value = "—" if finding.value is None else f"{_small(finding.value)}"
     margin = "—" if finding.margin is None else f"{_small(finding.margin)}"
     limit = f"{finding.sign} {_small(finding.limit)} {finding.unit}"
-    chip = "holds" if finding.holds else "fails"
+    now = chip("holds", "vs-good") if finding.holds else chip("fails", "vs-bad")
     failed = "—" if finding.failed is None else f"{finding.failed:.3f} s"
-    look = "vs-good" if finding.holds else "vs-bad"
     return (
         f'<tr title="{escape(words.why)}"><td>{escape(finding.title)}</td><td>{value}</td><td>{escape(limit)}</td>'
-        f'<td>{margin}</td><td><span class="vs-chip {look}">{chip}</span></td><td>{failed}</td></tr>'
+        f"<td>{margin}</td><td>{now}</td><td>{failed}</td></tr>"
     )
 
 

@@ -6,6 +6,7 @@ from html import escape
 
 import numpy as np
 
+from app.dashboard.widgets.chips import LOOK_OF, Look, chip
 from app.scenario.declared_bounds import outside
 from app.session.pacing import Pace
 from app.session.snapshot import Snapshot
@@ -29,7 +30,7 @@ def status_html(snapshot: Snapshot, complaint: str) -> str:
     lines = [
         f'<div class="vs-row"><span class="vs-title">{escape(scenario.title or scenario.name)}</span></div>',
         '<div class="vs-row">'
-        f"{_chip(MODE_TITLES[scenario.mode], 'vs-mode')}{_phase(snapshot)}"
+        f"{chip(MODE_TITLES[scenario.mode], 'vs-mode')}{_phase(snapshot)}"
         f'<span class="vs-right"><span class="vs-dim">t</span> <b class="vs-number">{snapshot.t:.2f}</b> s</span>'
         "</div>",
         '<div class="vs-row vs-verdict-row">'
@@ -56,15 +57,14 @@ def splash_html(text: str) -> str:
 
 def _phase(snapshot: Snapshot) -> str:
     if snapshot.looking_back:
-        return _chip("shown again" if snapshot.phase == "running" else "looking back", "vs-warn")
-    look = {"running": "vs-good", "paused": "vs-warn", "stopped": "vs-bad"}[snapshot.phase]
-    return _chip(snapshot.phase, look)
+        return chip("shown again" if snapshot.phase == "running" else "looking back", "vs-warn")
+    looks: dict[str, Look] = {"running": "vs-good", "paused": "vs-warn", "stopped": "vs-bad"}
+    return chip(snapshot.phase, looks[snapshot.phase])
 
 
 def _promise(snapshot: Snapshot) -> str:
     """The verdict on the theorem's promise, and in a few words why."""
     promise = snapshot.standing.now
-    look = {"holds": "vs-good", "broken": "vs-bad", "nothing promised": "vs-warn"}[promise.verdict]
     text = {"holds": "promise holds", "broken": "promise broken"}.get(promise.verdict, promise.verdict)
     violated = outside(snapshot.scenario)
     if saturating := _saturating(snapshot):
@@ -74,7 +74,7 @@ def _promise(snapshot: Snapshot) -> str:
     else:
         why, whole = snapshot.standing.reason, promise.because
     return (
-        f'<span title="{escape(promise.because)}">{_chip(text, look)}</span>'
+        f'<span title="{escape(promise.because)}">{chip(text, LOOK_OF[promise.verdict])}</span>'
         f'<span class="vs-dim vs-why" title="{escape(whole)}">{escape(why)}</span>'
     )
 
@@ -100,10 +100,6 @@ def _slowed(snapshot: Snapshot) -> str:
         f"The loop cannot keep up: {snapshot.speed:g}× asked for, {snapshot.realtime_factor:.3g}× reached. "
         "Simulated time is slowed; no control step is skipped."
     )
-
-
-def _chip(text: str, look: str) -> str:
-    return f'<span class="vs-chip {look}">{escape(text)}</span>'
 
 
 def _message(look: str, text: str) -> str:

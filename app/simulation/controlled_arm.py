@@ -1,0 +1,158 @@
+"""The arm under its controller: one control period without recording and promise, compiled for a run."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from app.simulation.control_period import Limits, Period, Setting, complete_row, control_period, watch_posture
+from app.simulation.signals import Row
+from app.simulation.state import State
+from app.simulation.system import System
+from controllers.reference_estimates import ReferenceEstimates
+from controllers.vsmrc import Gains
+from kernels import resolved
+from kernels.records import Record
+
+SPEED_LIMIT = 20.0  # rad/s, beyond which a run counts as diverging
+FORCE_ITERATIONS = 30
+
+
+class ControlledArm:
+    """Plant, sensor and law of one system, at work in the memory of one state: `measure`, `control`, `move` and
+    `complete` make a control period.
+
+    settings: what the compiled functions read of the system; along: the estimates taken beforehand (Remark 3), None
+    where they are taken on-line; push (3,) N: what hand and script do to the tool over this period.
+    """
+
+    def __init__(self, system: System, state: State) -> None:
+        self._state, self._nominal, self._plant = state, system.nominal, system.plant
+        self._centres, self._h = system.constants.centres, system.scenario.controller.period
+        self.along = None
+        if state.along is not None:
+            lipschitz = system.constants.lipschitz
+            self.along = ReferenceEstimates(system.nominal, lipschitz, system.posture_at, self._h, state.along)
+        arm, period = state.arm, state.period
+        self._ideal = system.scenario.sensor.ideal and system.plant.heavy
+        self._scripted = system.push if any(system.push.force) else None
+        self._applied, self.push = period.views.applied, period.views.push
+        self._push_torque, self._pushed = np.zeros(system.robot.n), True
+        self.settings = settings = Record(_setting_of(system, online=self.along is None))
+        self._scratch = row = Record(Row.zeros(system.layout.n)).data
+        data = settings.data, period.data
+        force = arm.views.load.force
+        self._control = resolved(control_period, *data, *system.nominal.terms, arm.data, force, state.t, row)
+        self._complete = resolved(complete_row, *data, arm.data, row)
+        self._look = resolved(watch_posture, *data, self._centres)
+
+    def follow(self, gains: Gains) -> None:
+        """Go on with these gains, those of the model that is in force by now."""
+        self.settings.write("gains", gains)
+
+    def measure(self) -> np.ndarray:
+        """What the force sensor shows now, (3,) N, a push included; call it once per control period."""
+        state = self._state
+        force = state.arm.views.load.force
+        return state.reader.read(force - self.push if self._push_tool() else force)
+
+    def _push_tool(self) -> bool:
+        """Find what hand and script do to the tool over this period; False, as fast as can be, when they do nothing."""
+        grip, script = self._state.grip, self._scripted
+        force = script.force if script is not None and script.acts(self._state.t) else None
+        pushed = force is not None or grip is not None
+        if pushed:
+            tool = self._plant.tool(self._state.arm)
+            self.push[:] = 0.0 if force is None else force
+            if grip is not None:
+                self.push += grip.force(tool.p)
+            self._push_torque = tool.J_v.T @ self.push
+        elif self._pushed:
+            self.push[:] = self._push_torque[:] = 0.0
+        self._pushed = pushed
+        return pushed
+
+    def control(self, F: np.ndarray, row: np.ndarray) -> bool:
+        """The law's answer to the present state and the measured force F (3,) N, in the state's period and the row; an
+        ideal sensor shows the force that the answer causes instead of F. False where there is no such force."""
+        if self._ideal:
+            return self._solve_for_force(row)
+        self._evaluate(self._state.period, F, row)
+        return True
+
+    def move(self) -> None:
+        """The plant's answer to the torque, held over one period."""
+        tau = self._applied + self._push_torque if self._pushed else self._applied
+        self._plant.advance(self._state.arm, tau, self._state.t, self._h)
+
+    def complete(self, row: np.ndarray) -> int:
+        """Write what is known only when the plant has answered; returns the `Alarm` flags."""
+        state = self._state
+        return self._complete(self.settings.data, state.period.data, state.arm.data, row)
+
+    def evaluated(self) -> Record[Period]:
+        """A period that begins now, but for its consequences."""
+        twin = self._state.period.copy()
+        self._evaluate(twin, self._state.arm.views.load.force - self.push, self._scratch)
+        return twin
+
+    def look(self, period: Record[Period]) -> int:
+        """Look at the posture of an evaluated period, see `watch_posture`; the number of the nearest centre."""
+        return self._look(self.settings.data, period.data, self._centres)
+
+    def press(self) -> None:
+        """Begin pressing on a rigid surface: before the first period the sensor reads what the law's own torque makes
+        of the contact."""
+        arm, period = self._state.arm, self._state.period
+        before = period.data.copy()
+        if self._solve_for_force(self._scratch):
+            load = self._plant.respond(arm, self._applied, self._state.t, self._h)
+            arm.write("load", load._replace(phi=arm.read().load.phi))
+        period.data[:] = before
+
+    def _evaluate(self, period: Record[Period], F: np.ndarray, row: np.ndarray) -> None:
+        state, arm = self._state, self._state.arm
+        q, q_dot = arm.views.q, arm.views.q_dot
+        if self.along is not None:
+            period.write("believed", self.along.at(q, q_dot, state.t))
+            state.along = self.along.start
+        terms = self._nominal.update(q, q_dot)
+        self._control(self.settings.data, period.data, *terms, arm.data, F, state.t, row)
+
+    def _solve_for_force(self, row: np.ndarray) -> bool:
+        """The law fed with the force that its own torque causes: secant iteration on the multiplier; whether it is
+        found. What the period began with is what every evaluation begins with."""
+        period = self._state.period
+        guess, slope, begun = self._state.arm.read().load.multiplier, -1.0, period.data.copy()
+        error = self._missed(guess, row)
+        for _ in range(FORCE_ITERATIONS):
+            if abs(error) <= 1e-10 * (1.0 + abs(guess)):
+                return True
+            change = -error / slope if slope != 0.0 else error
+            guess += change
+            period.data[:] = begun
+            before, error = error, self._missed(guess, row)
+            slope = (error - before) / change
+        return False
+
+    def _missed(self, guess: float, row: np.ndarray) -> float:
+        """By how much the multiplier (N) that the law's answer to a guess causes is more than the guess."""
+        plant, arm, t, h = self._plant, self._state.arm, self._state.t, self._h
+        self._evaluate(self._state.period, plant.force_of(arm, guess, t, h) - self.push, row)
+        return plant.respond(arm, self._applied + self._push_torque, t, h).multiplier - guess
+
+
+def _setting_of(system: System, *, online: bool) -> Setting:
+    scenario, plant = system.scenario, system.plant
+    contact = scenario.contact
+    pushes_only = contact.kind == "rigid" and contact.unilateral
+    pressed = bool(system.m) and contact.unilateral and contact.kind in ("elastic", "mass-damper-spring")
+    return Setting(
+        sight=system.observer.sight,
+        plan=system.plan,
+        gains=system.law.gains,
+        period=scenario.controller.period,
+        online=online,
+        heavy=plant.heavy,
+        torque_limit=np.broadcast_to(plant.truth.torque_limit, system.robot.n),
+        limits=Limits(scenario.simulation.sigma_min, SPEED_LIMIT, pushes_only, pressed),
+    )
