@@ -1,5 +1,6 @@
 # make run          install into .venv and open the dashboard; ARGS="--port 8090"
-# make test         install, find a browser, run the tests;   ARGS="-k hybrid"
+# make test         install, compile kernels, find a browser, run all tests; ARGS="-k hybrid"
+# make test-fast    the tests without processes, servers, browsers and long simulations, for the inner loop
 # make check        lint, format, types, import rules
 # make bench        measure speed, pacing and memory, write docs/performance.md; ARGS="--quick", ARGS="--only step"
 # make evidence     every number and figure of docs/evidence.md anew
@@ -19,15 +20,22 @@ BIN := .venv/bin
 # The matrices are small: BLAS threads only take the cores from the loop and the page.
 export OMP_NUM_THREADS = 1
 
-.PHONY: run test check bench evidence soak soak-shared mutations fuzz screenshots constraints clean
+.PHONY: run test test-fast kernels check bench evidence soak soak-shared mutations fuzz screenshots constraints clean
 
 run: .venv/run.stamp
 	@$(BIN)/vsmrc serve $(ARGS)
 
-test: .venv/dev.stamp
+# Kernels need only what runs: they are compiled while what tests need is still being installed.
+test:
+	@$(MAKE) --no-print-directory -j 2 .venv/dev.stamp kernels
 	@$(BIN)/python -m drivers.browser
-	$(BIN)/python -m pytest -n 2 --dist worksteal -m "not browser" $(ARGS) || test $$? -eq 5
-	$(BIN)/python -m pytest -m browser $(ARGS) || test $$? -eq 5
+	$(BIN)/python -m pytest -n 2 --dist worksteal $(ARGS) || test $$? -eq 5
+
+test-fast: .venv/dev.stamp kernels
+	$(BIN)/python -m pytest -n 2 --dist worksteal -m "not browser and not slow" $(ARGS) || test $$? -eq 5
+
+kernels: .venv/run.stamp
+	@$(BIN)/python -m drivers.kernels
 
 check: .venv/dev.stamp
 	$(BIN)/ruff check

@@ -20,11 +20,11 @@ from app.simulation.closed_loop import ClosedLoop
 from environments import robots
 
 
-def to_compile() -> Iterator[Scenario]:
-    """One scenario for each number of joints and each kind of contact that has kernels of its own."""
+def to_compile(joints: int | None = None) -> Iterator[Scenario]:
+    """One scenario for each number of joints, or this one, and each kind of contact that has kernels of its own."""
     done: set[int] = set()
     for name, entry in robots.CATALOGUE.items():
-        if (n := len(entry.rotor_inertia)) not in done:
+        if (n := len(entry.rotor_inertia)) not in done and joints in (None, n):
             done.add(n)
             base = on_robot(load("ur5-hybrid"), name)
             yield base

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cache
 
 import numpy as np
 import pinocchio as pin
@@ -26,8 +27,11 @@ STEP = 1e-5  # of differences, rad and s
 MOVING = [(robot, surface) for robot in CATALOGUE for surface in SURFACES]
 
 
-def system_of(robot: str, surface: str) -> System:
-    return assemble(scenario_of(robot, "hybrid-impedance", "elastic", surface))
+@cache
+def system_of(robot: str, surface: str, bounds: str = "tight") -> System:
+    scenario = scenario_of(robot, "hybrid-impedance", "elastic", surface)
+    assert scenario.controller.bounds == "tight"
+    return assemble(edited(scenario, "controller.bounds", bounds))
 
 
 def random_state(system: System, seed: int) -> tuple[np.ndarray, np.ndarray, float]:
@@ -123,8 +127,7 @@ def test_inertia_is_spd_and_property_2_holds(robot: str, surface: str) -> None:
 @pytest.mark.parametrize(("robot", "surface"), MOVING)
 @pytest.mark.parametrize("bounds", ["tight", "paper"])
 def test_torque_25_is_force_15_in_task_space(robot: str, surface: str, bounds: str) -> None:
-    scenario = edited(scenario_of(robot, "hybrid-impedance", "elastic", surface), "controller.bounds", bounds)
-    system = assemble(scenario)
+    system = system_of(robot, surface, bounds)
     n, random = system.robot.n, np.random.default_rng(5)
     q, q_dot, t = random_state(system, 4)
     e, task = system.observe(q, q_dot, t)

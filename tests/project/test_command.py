@@ -8,11 +8,14 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import pytest
 
+from app import cli
 from app.analysis.metrics import FIGURES, unit_of
 from app.cli import run
 from app.scenario.data import edited, from_toml, load, to_toml
@@ -21,7 +24,27 @@ from app.scenario.units import CARTESIAN, JOINT
 
 
 def vsmrc(*arguments: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run([sys.executable, "-m", "app", *arguments], capture_output=True, text=True, timeout=120)
+    return subprocess.run([sys.executable, "-m", "app", *arguments], capture_output=True, text=True, timeout=600)
+
+
+class Done(NamedTuple):
+    returncode: int
+    stdout: str
+    stderr: str
+
+
+@pytest.fixture
+def here(capfd: pytest.CaptureFixture[str]) -> Callable[..., Done]:
+    """`vsmrc` within this process, which is spared two seconds of imports; what `main` adds has tests of its own."""
+
+    def execute(*arguments: str) -> Done:
+        try:
+            status = cli.execute([*arguments])
+        except SystemExit as ended:
+            status = int(ended.code or 0)
+        return Done(status, *capfd.readouterr())
+
+    return execute
 
 
 def test_run_writes_recording_and_metrics(tmp_path: Path) -> None:
@@ -65,23 +88,23 @@ def test_run_says_in_which_units_its_figures_are(
     assert units["force_error_tail"] == "-"
 
 
-def test_runs_are_compared_side_by_side() -> None:
-    done = vsmrc("compare", "planar3r-hybrid", "planar2r-semicircle", "--duration", "0.3", "--last", "0.1")
+def test_runs_are_compared_side_by_side(here: Callable[..., Done]) -> None:
+    done = here("compare", "planar3r-hybrid", "planar2r-semicircle", "--duration", "0.3", "--last", "0.1")
     assert done.returncode == 0, done.stderr
     figures = {line.split("│")[1].strip(): line.split("│")[2:4] for line in done.stdout.splitlines() if "│" in line}
     assert len(figures) == len(FIGURES)
     assert all(float(value) >= 0.0 for value in figures["‖s‖, largest [mm/s]"])
 
 
-def test_a_frame_rate_that_makes_no_sense_is_refused() -> None:
-    done = vsmrc("serve", "--port", "0", "--fps", "0")
+def test_a_frame_rate_that_makes_no_sense_is_refused(here: Callable[..., Done]) -> None:
+    done = here("serve", "--port", "0", "--fps", "0")
     assert done.returncode == 2
     assert "--fps: 0; allowed: 1 to 60" in done.stderr
 
 
-def test_a_port_that_is_none_is_refused() -> None:
-    for port in ("70000", "-1"):
-        done = vsmrc("serve", "--port", port)
+def test_a_port_that_is_none_is_refused(here: Callable[..., Done]) -> None:
+    for port, command in (("70000", vsmrc), ("-1", here)):
+        done = command("serve", "--port", port)
         assert (done.returncode, done.stderr) == (2, f"vsmrc: --port {port}; allowed: 0 to 65535\n")
 
 
@@ -94,9 +117,9 @@ def test_what_is_said_when_nobody_reads_any_more_stops_nothing() -> None:
     assert (done.returncode, done.stderr) == (0, "")
 
 
-def test_nothing_to_compare_is_said() -> None:
+def test_nothing_to_compare_is_said(here: Callable[..., Done]) -> None:
     for arguments, said in (((), "compare: no scenario"), (("ur5-hybrid", "--last", "-1"), "allowed: more than 0 s")):
-        done = vsmrc("compare", *arguments)
+        done = here("compare", *arguments)
         assert done.returncode == 2
         assert said in done.stderr
 
@@ -121,8 +144,10 @@ def test_list_shows_robots_and_scenarios() -> None:
         (("run", "ur5-hybrid", "--set", "robot.tool_frame=hand"), "robot.tool_frame: no frame 'hand'"),
     ],
 )
-def test_wrong_input_is_refused_in_one_sentence(arguments: tuple[str, ...], said: str, tmp_path: Path) -> None:
-    done = vsmrc(*arguments, "--out", str(tmp_path / "out"))
+def test_wrong_input_is_refused_in_one_sentence(
+    arguments: tuple[str, ...], said: str, tmp_path: Path, here: Callable[..., Done]
+) -> None:
+    done = here(*arguments, "--out", str(tmp_path / "out"))
     assert done.returncode == 2
     assert said in done.stderr
     assert "Traceback" not in done.stderr
@@ -240,8 +265,8 @@ def test_what_cannot_be_printed_is_no_success() -> None:
     assert "No space left on device" in done.stderr
 
 
-def test_any_urdf_runs_and_a_truth_outside_its_declaration_is_said(tmp_path: Path) -> None:
-    done = vsmrc(
+def test_any_urdf_runs_and_a_truth_outside_its_declaration_is_said(tmp_path: Path, here: Callable[..., Done]) -> None:
+    done = here(
         "run", "ur5-hybrid", "--duration", "0.1", "--out", str(tmp_path),
         "--set", "truth.payload_mass=2", "robot.tool_frame=flange", "robot.urdf=tests/support/robots/bent3r.urdf",
     )  # fmt: skip

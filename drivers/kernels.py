@@ -1,0 +1,57 @@
+"""Compiled kernels for the tests: `python -m drivers.kernels` compiles each once, before their workers need them.
+
+One process for each core takes one number of joints after the other. Nothing is done where all has been compiled: it
+is the mark of `app.process.precompile`, so that no server that a test starts begins to compile either.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+import time
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
+
+import app  # noqa: F401  # says where kernels are cached, which must come before numba
+from app.process.precompile import mark
+
+
+def joints() -> list[int]:
+    """Numbers of joints that arms have, the longest to compile first."""
+    from environments.robots import CATALOGUE
+
+    return sorted({len(entry.rotor_inertia) for entry in CATALOGUE.values()}, reverse=True)
+
+
+def compile_for(n: int) -> float:
+    """Compile what an arm of n joints runs, in every contact, and what only tests call; says how long it took, s."""
+    from app.simulation.closed_loop import ClosedLoop
+    from app.workers.precompile import to_compile
+    from controllers.reference_estimates import Believed
+
+    began = time.monotonic()
+    for scenario in to_compile(n):
+        loop = ClosedLoop(scenario, history=1)
+        loop.step()
+        loop.view()
+        system, F = loop.system, loop.view().force
+        q, q_dot = system.q_0, 0.0 * system.q_0
+        estimate, task = system.observe(q, q_dot, 0.0)
+        system.law.evaluate(q_dot, system.reference(0.0), task, estimate, Believed.at(estimate), q_dot, F)
+    return time.monotonic() - began
+
+
+def main() -> None:
+    """Compile, and leave the mark."""
+    if mark().exists():
+        return
+    began = time.monotonic()
+    with ProcessPoolExecutor(os.cpu_count(), mp_context=get_context("spawn"), max_tasks_per_child=None) as pool:
+        for n, took in zip(joints(), pool.map(compile_for, joints()), strict=True):
+            print(f"drivers.kernels: {n} joints, {took:.0f} s", flush=True)
+    mark().touch()
+    print(f"drivers.kernels: compiled in {time.monotonic() - began:.0f} s", flush=True)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
