@@ -1,6 +1,5 @@
 # make run          install into .venv and open the dashboard; ARGS="--port 8090"
 # make test         install, compile kernels, find a browser, run all tests; ARGS="-k hybrid"
-# make test-fast    the tests without processes, servers, browsers and long simulations, for the inner loop
 # make check        lint, format, types, import rules
 # make bench        measure speed, pacing and memory, write docs/performance.md; ARGS="--quick", ARGS="--only step"
 # make evidence     every number and figure of docs/evidence.md anew
@@ -20,7 +19,7 @@ BIN := .venv/bin
 # The matrices are small: BLAS threads only take the cores from the loop and the page.
 export OMP_NUM_THREADS = 1
 
-.PHONY: run test test-fast kernels check bench evidence soak soak-shared mutations fuzz screenshots constraints clean
+.PHONY: run test kernels check bench evidence soak soak-shared mutations fuzz screenshots constraints clean
 
 run: .venv/run.stamp
 	@$(BIN)/vsmrc serve $(ARGS)
@@ -30,9 +29,6 @@ test:
 	@$(MAKE) --no-print-directory -j 2 .venv/dev.stamp kernels
 	@$(BIN)/python -m drivers.browser
 	$(BIN)/python -m pytest -n 2 --dist worksteal $(ARGS) || test $$? -eq 5
-
-test-fast: .venv/dev.stamp kernels
-	$(BIN)/python -m pytest -n 2 --dist worksteal -m "not browser and not slow" $(ARGS) || test $$? -eq 5
 
 kernels: .venv/run.stamp
 	@$(BIN)/python -m drivers.kernels
