@@ -28,7 +28,8 @@ run: .venv/run.stamp
 test:
 	@$(MAKE) --no-print-directory -j 2 .venv/dev.stamp kernels
 	@$(BIN)/python -m drivers.browser
-	$(BIN)/python -m pytest -n 2 --dist worksteal $(ARGS) || test $$? -eq 5
+	$(BIN)/python -m pytest -n 2 --dist worksteal -m "not browser" $(ARGS) || test $$? -eq 5
+	$(BIN)/python -m pytest -m browser $(ARGS) || test $$? -eq 5
 
 kernels: .venv/run.stamp
 	@$(BIN)/python -m drivers.kernels

@@ -15,7 +15,6 @@ from app.session.commands import Load
 from drivers.pages import Session
 
 
-@pytest.mark.usefixtures("own_page")
 def test_the_page_comes_up_and_shows_the_running_loop(session: Session):
     page = session.page
     page.locator("canvas[data-engine]").wait_for()
@@ -124,7 +123,6 @@ def test_a_preview_that_cannot_be_says_why_and_the_run_goes_on(session: Session)
     assert session.now.phase == "running"
 
 
-@pytest.mark.usefixtures("own_page")
 def test_without_previews_a_slider_acts_at_once(session: Session):
     session.page.get_by_text("What if", exact=True).first.click()
     session.page.get_by_role("checkbox", name="Preview").click()

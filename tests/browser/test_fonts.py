@@ -83,7 +83,6 @@ def test_all_text_is_drawn_with_the_fonts_of_the_page(session: Session):
     assert {title: found for title in each_tab(session.page) if (found := strangers(session.page))} == {}
 
 
-@pytest.mark.usefixtures("own_page")
 def test_the_page_is_laid_out_alike_whatever_fonts_a_machine_has(session: Session, poor: Browser):
     session.wait(lambda now: now.t > 0.3)
     session.runner.post(Pause())

@@ -2,8 +2,6 @@
 
 import re
 
-import pytest
-
 from app.dashboard.widgets.help import KEYS
 from app.scenario.data import shipped
 from app.session.commands import Edit, Pause, Play
@@ -80,7 +78,6 @@ def test_keys_act_in_the_loop_but_not_while_typing(session: Session):
     session.wait(lambda now: now.scenario.name == "ur5-impedance")
 
 
-@pytest.mark.usefixtures("own_page")
 def test_nothing_is_cut_covered_or_faint_on_any_tab_in_either_theme(session: Session):
     page = session.page
     session.runner.post(Pause())  # what moves makes a walk slow
@@ -171,7 +168,6 @@ def test_a_message_moves_nothing(session: Session):
     }""")
 
 
-@pytest.mark.usefixtures("own_page")
 def test_the_target_model_stays_within_the_scene_of_a_small_window(session: Session):
     session.runner.post(Pause())
     for width, height in ((1024, 768), (853, 480), (1024, 768)):  # the second is 1280 x 720 at 150 %

@@ -41,7 +41,6 @@ def test_figures_data_and_scenario_are_handed_over_and_the_run_goes_on(session: 
     assert (session.now.revision, session.now.run, session.now.phase) == (before.revision, before.run, "running")
 
 
-@pytest.mark.usefixtures("own_page")
 def test_picture_and_playback_show_the_scene(session: Session, tmp_path: Path, open_page: Callable[..., Page]):
     session.wait(lambda now: now.t > 1.0)
     session.page.evaluate("window.undrawn = false")
