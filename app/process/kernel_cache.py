@@ -31,8 +31,8 @@ def cache_folder() -> Path:
 
 
 def _lasting() -> Path | None:
-    """A private folder below the user's cache, named after the contents of every source file that holds kernels and how
-    far they are optimised; None, with a sentence on the terminal, where there can be none."""
+    """A private folder below the user's cache, named after the contents of every source file that holds kernels; None,
+    with a sentence on the terminal, where there can be none."""
     shelf = "the user's cache"
     try:
         shelf = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "vsmrc-lab"
@@ -48,7 +48,7 @@ def _lasting() -> Path | None:
 
 def _digest() -> str:
     root = Path(__file__).parents[2]
-    digest = hashlib.sha256(os.environ.get("NUMBA_OPT", "").encode())
+    digest = hashlib.sha256()
     for package in ("app", "controllers", "environments", "kernels"):
         for file in sorted((root / package).rglob("*.py")):
             source = file.read_bytes()
