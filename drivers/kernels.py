@@ -25,15 +25,11 @@ def joints() -> list[int]:
 
 def compile_for(n: int) -> float:
     """Compile what an arm of n joints runs, in every contact, and what only tests call; says how long it took, s."""
-    from app.simulation.closed_loop import ClosedLoop
-    from app.workers.precompile import to_compile
+    from app.workers.precompile import compiled
     from controllers.reference_estimates import Believed
 
     began = time.monotonic()
-    for scenario in to_compile(n):
-        loop = ClosedLoop(scenario, history=1)
-        loop.step()
-        loop.view()
+    for loop in compiled(n):
         system, F = loop.system, loop.view().force
         q, q_dot = system.q_0, 0.0 * system.q_0
         estimate, task = system.observe(q, q_dot, 0.0)
@@ -46,7 +42,7 @@ def main() -> None:
     if mark().exists():
         return
     began = time.monotonic()
-    with ProcessPoolExecutor(os.cpu_count(), mp_context=get_context("spawn"), max_tasks_per_child=None) as pool:
+    with ProcessPoolExecutor(os.cpu_count(), mp_context=get_context("spawn")) as pool:
         for n, took in zip(joints(), pool.map(compile_for, joints()), strict=True):
             print(f"drivers.kernels: {n} joints, {took:.0f} s", flush=True)
     mark().touch()

@@ -15,7 +15,7 @@ from app.process.markdown import Table
 from app.scenario.data import edited, shipped
 from app.scenario.schema import Scenario
 from app.simulation.closed_loop import ClosedLoop
-from app.simulation.sampled_stability import judge_posture
+from app.simulation.sampled_stability import sampled_loop
 from app.simulation.system import System
 from controllers.premises import Premise
 
@@ -119,7 +119,7 @@ def row(name: str, y: float, xs: Sequence[float]) -> list[Cell]:
 def _cell(scenario: Scenario, previous: System | None) -> tuple[Cell, System]:
     substeps = max(1, round(scenario.controller.period / STEP))
     loop = ClosedLoop(edited(scenario, "simulation.substeps", substeps), previous=previous)
-    growth = judge_posture(loop.system, loop.system.robot.posture, 0.0)[Premise.SAMPLED_LOOP]
+    growth = sampled_loop(loop.system, loop.system.robot.posture, 0.0).premises[Premise.SAMPLED_LOOP]
     layer_factor = loop.view().live["layer_loop_factor"]
     while loop.t < DURATION and not loop.stopped:
         loop.advance()

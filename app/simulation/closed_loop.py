@@ -147,6 +147,7 @@ class ClosedLoop:
             self._bind(replace(self.system, scenario=scenario, blend=new.blend), self.state)
             return
         self._become(self._changed(new.after(self.system, self.t)))
+        self.recording.epochs.append(self.state.epoch)
 
     def _changed(self, system: System) -> ClosedLoop:
         """This run as it goes on with another system; nothing of this one changes."""
@@ -161,11 +162,8 @@ class ClosedLoop:
         return changed
 
     def _become(self, other: ClosedLoop) -> None:
-        same = other.recording is self.recording
-        self.recording = other.recording
-        self._bind(other.system, other.state)
-        if same:
-            self.recording.epochs.append(self.state.epoch)
+        self.recording, self.system, self.state = other.recording, other.system, other.state
+        self._arm, self._watch, self._h, self._share = other._arm, other._watch, other._h, other._share
 
     def reset(self) -> None:
         """Begin the same scenario anew."""

@@ -11,7 +11,7 @@ from app.scenario.schema import ScenarioError
 from app.simulation.control_period import Alarm, Period
 from app.simulation.controlled_arm import ControlledArm
 from app.simulation.recording import Epoch
-from app.simulation.sampled_stability import SampledLoop, judge_posture, sampled_loop
+from app.simulation.sampled_stability import SampledLoop, sampled_loop
 from app.simulation.state import Judged, State, blending, epoch_at
 from app.simulation.stations import APART
 from app.simulation.system import System
@@ -33,7 +33,7 @@ class PremiseWatch:
         self._state, self._arm, self._h = state, arm, system.scenario.controller.period
         self._stations, self._centres = system.stations, system.constants.centres
         self._table = state.period.views.table
-        self._known: dict[int, dict[Premise, float]] = {}  # what was judged at a station
+        self._known: dict[int, SampledLoop] = {}  # by station
         self._sampled: SampledLoop | None = None
 
     def begin(self) -> None:
@@ -101,30 +101,25 @@ class PremiseWatch:
         else:
             state.judged = Judged(station, self._stations.q[station], float(self._stations.t[station]))
         self._sampled = None
-        for premise, value in self._values_of(state.judged).items():
+        for premise, value in self.sampled.premises.items():
             self._state_premise(premise, value, 1.0)
             if value > 1.0:
                 self.left("flag", sentence(premise, value, 1.0, self.system.units))
-
-    def _values_of(self, judged: Judged) -> dict[Premise, float]:
-        """Of the premises about sampled loops; none where J_q is singular, as `Premise.REGULAR` says."""
-        if judged.station in self._known and not blending(self.system.blend, self._state.t, self._h):
-            return self._known[judged.station]
-        try:
-            values = judge_posture(self.system, judged.q, judged.t)
-        except (ValueError, np.linalg.LinAlgError):
-            values = {}
-        if judged.station is not None:
-            self._known[judged.station] = values
-        return values
 
     @property
     def sampled(self) -> SampledLoop:
         """The sampled loop where it was judged last."""
         if self._sampled is None:
-            judged = self._state.judged
-            self._sampled = sampled_loop(self.system, judged.q, judged.t)
+            self._sampled = self._loop_at(self._state.judged)
         return self._sampled
+
+    def _loop_at(self, judged: Judged) -> SampledLoop:
+        if judged.station in self._known and not blending(self.system.blend, self._state.t, self._h):
+            return self._known[judged.station]
+        loop = sampled_loop(self.system, judged.q, judged.t)
+        if judged.station is not None:
+            self._known[judged.station] = loop
+        return loop
 
     def require_bounded_gain(self) -> None:
         """Raises ScenarioError where the gain by (17) feeds itself: it would grow without bound whatever else is

@@ -9,10 +9,10 @@ that the target model really gets, `docs/theory.md`.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-import pinocchio as pin
 from scipy.linalg import block_diag
 from scipy.optimize import linear_sum_assignment
 
@@ -39,30 +39,23 @@ LONGEST_LINE = 100  # periods of delay, beyond which the matrix becomes too larg
 
 @dataclass(frozen=True)
 class Posture:
-    """A posture q (n,) rad at rest at time t (s), as the sampled loop needs it. H_hat, H (n, n) kg: believed and true;
-    across (n,): F_r per unit of the multiplier; d N: of the law there."""
+    """A posture q (n,) rad at rest at time t (s), as the sampled loop needs it. H_hat (n, n) kg; across (n,):
+    F_r per unit of the multiplier."""
 
     q: np.ndarray
     t: float
     estimate: Estimate
     task: TaskSpace
     H_hat: np.ndarray
-    H: np.ndarray
     across: np.ndarray
-    d: float
 
     @classmethod
     def of(cls, system: System, q: np.ndarray, t: float) -> Posture:
         """Of the system's arm, at rest on the surface. Raises ValueError where J_q is exactly singular."""
         estimate, task = system.observe(q, np.zeros_like(q), t)
         J_inv = task.J_q_inv
-        M = pin.crba(system.plant.model, system.plant.model.createData(), q)
-        law = system.law
-        d = sum(_needed(system, estimate, task)) + law.epsilon if law.d is None else law.d
         across = J_inv.T @ (estimate.J_v.T @ system.surface.chart(estimate.p, t).G[0])
-        return cls(
-            q, t, estimate, task, J_inv.T @ estimate.M_hat @ J_inv, J_inv.T @ M @ J_inv, across, float(d)
-        )  # fmt: skip
+        return cls(q, t, estimate, task, J_inv.T @ estimate.M_hat @ J_inv, across)
 
 
 def _needed(system: System, estimate: Estimate, task: TaskSpace, r_eq_ddot: np.ndarray | None = None) -> RequiredGain:
@@ -75,15 +68,20 @@ def _needed(system: System, estimate: Estimate, task: TaskSpace, r_eq_ddot: np.n
     return required_gain(system.law.bounds, system.law.uncertainty, ON_LINE, estimate, task, still, at_rest)
 
 
+NO_POLES = np.zeros(0, dtype=complex)
+
+
 @dataclass(frozen=True)
 class SampledLoop:
     """The loop at one posture. model (k,) 1/s: poles of (8) against the true contact; sampled (k,) 1/s: what each of
     them has become, none where nothing is judged; force_factor: what one sample makes of an error in the force of a
-    rigid or heavy surface, nan without one."""
+    rigid or heavy surface, nan without one; premises: values of those about sampled loops, nan where one does not
+    apply, none of them where J_q is singular."""
 
     model: np.ndarray
     sampled: np.ndarray
     force_factor: float
+    premises: Mapping[Premise, float]
 
 
 @dataclass(frozen=True)
@@ -116,37 +114,36 @@ def oscillations(loop: SampledLoop) -> list[Oscillation]:
     ]
 
 
-NO_POLES = np.zeros(0, dtype=complex)
-
-
 def sampled_loop(system: System, q: np.ndarray, t: float) -> SampledLoop:
     """The loop in contact, if the scenario has a contact, otherwise in free motion, at the posture q (n,) rad at time
     t (s)."""
     try:
         at = Posture.of(system, q, t)
-        matrix = period_matrix(system, at) if _judged(system) else None
+        factor, (given_back, added) = force_factor(system, at), gain_by_force(system, at)
+        model, sampled, growth = _poles(system, at) if _judged(system) else (NO_POLES, NO_POLES, math.nan)
     except (ValueError, np.linalg.LinAlgError):  # J_q is singular: `Premise.REGULAR` says so
-        return SampledLoop(NO_POLES, NO_POLES, math.nan)
-    factor = force_factor(system, at)
-    if matrix is None:
-        return SampledLoop(NO_POLES, NO_POLES, factor)
-    values = np.linalg.eigvals(matrix).astype(complex)
+        return SampledLoop(NO_POLES, NO_POLES, math.nan, {})
+    premises = {
+        Premise.FORCE_LOOP: abs(factor) + added,
+        Premise.GAIN_BY_FORCE: given_back,
+        Premise.SAMPLED_LOOP: growth - ROUNDING,
+    }
+    return SampledLoop(model, sampled, factor, premises)
+
+
+def _poles(system: System, at: Posture) -> tuple[np.ndarray, np.ndarray, float]:
+    """Poles of the model, what they have become, and the growth of a deviation per control period, in contact and,
+    where the arm may leave the surface, off it."""
+    values = np.linalg.eigvals(period_matrix(system, at)).astype(complex)
+    growth = float(np.abs(values).max())
+    if not system.mode.on_surface and system.plant.kind != "free":
+        off = np.linalg.eigvals(period_matrix(system, at, touching=False))
+        growth = max(growth, float(np.abs(off).max()))
     moving = values[np.abs(values) > NOISE]  # a reading that is passed on has no pole of its own
     poles, model = np.log(moving) / system.scenario.controller.period, model_poles(system, at)
     apart = np.abs(model[:, None] - poles[None, :]) / np.maximum(np.abs(model), 1e-6)[:, None]
     rows, columns = linear_sum_assignment(apart)
-    return SampledLoop(model[rows], poles[columns], factor)
-
-
-def growth(system: System, at: Posture) -> float:
-    """Of a deviation per control period, in contact and, where the arm may leave the surface, off it; nan where it is
-    not judged."""
-    if not _judged(system):
-        return math.nan
-    loops = [period_matrix(system, at)]
-    if not system.mode.on_surface and system.plant.kind != "free":
-        loops.append(period_matrix(system, at, touching=False))
-    return max(float(np.abs(np.linalg.eigvals(loop)).max()) for loop in loops)
+    return model[rows], poles[columns], growth
 
 
 def _judged(system: System) -> bool:
@@ -289,15 +286,3 @@ def _slope_of_gain(system: System, at: Posture, r_eq_ddot: np.ndarray) -> float:
     rest = at.task._replace(v_t=still, v_t_dot=still)
     without, with_it = _needed(system, at.estimate, rest), _needed(system, at.estimate, rest, r_eq_ddot)
     return float(with_it.inertia - without.inertia)
-
-
-def judge_posture(system: System, q: np.ndarray, t: float) -> dict[Premise, float]:
-    """Values of the premises about the sampled loops at the posture q (n,) rad at time t (s); nan where one does not
-    apply. Raises ValueError or LinAlgError where J_q is singular."""
-    at = Posture.of(system, q, t)
-    given_back, added = gain_by_force(system, at)
-    return {
-        Premise.FORCE_LOOP: abs(force_factor(system, at)) + added,
-        Premise.GAIN_BY_FORCE: given_back,
-        Premise.SAMPLED_LOOP: growth(system, at) - ROUNDING,
-    }

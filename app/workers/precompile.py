@@ -20,7 +20,16 @@ from app.simulation.closed_loop import ClosedLoop
 from environments import robots
 
 
-def to_compile(joints: int | None = None) -> Iterator[Scenario]:
+def compiled(joints: int | None = None) -> Iterator[ClosedLoop]:
+    """Run a period of what needs kernels of its own, as the page would, for all numbers of joints or this one."""
+    for scenario in to_compile(joints):
+        loop = ClosedLoop(scenario, history=1)
+        loop.step()
+        loop.view()
+        yield loop
+
+
+def to_compile(joints: int | None) -> Iterator[Scenario]:
     """One scenario for each number of joints, or this one, and each kind of contact that has kernels of its own."""
     done: set[int] = set()
     for name, entry in robots.CATALOGUE.items():
@@ -38,10 +47,8 @@ def main() -> None:
     launcher.end_with_parent()
     os.nice(19)
     try:
-        for scenario in to_compile():
-            loop = ClosedLoop(scenario, history=1)
-            loop.step()
-            loop.view()
+        for _ in compiled():
+            pass
         mark().touch()
     except Exception as error:  # nobody waits for it: what it did not compile is compiled when it is needed
         structlog.get_logger().warning("compiling ahead failed", exc_info=error)

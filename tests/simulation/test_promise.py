@@ -17,7 +17,7 @@ from app.scenario.schema import Scenario, ScenarioError
 from app.session.headless_run import simulate
 from app.session.snapshot import snapshot_of
 from app.simulation.closed_loop import ClosedLoop
-from app.simulation.sampled_stability import judge_posture
+from app.simulation.sampled_stability import sampled_loop
 from app.simulation.stations import APART
 from controllers.premises import STATEMENTS, Premise
 from tests.support.arms import random_spd
@@ -234,7 +234,7 @@ def test_the_sampled_loops_are_judged_along_the_way() -> None:
         value = seen.setdefault(judged.station, judged_value(loop))
         assert judged_value(loop) == value
     assert len(seen) >= 4
-    assert value == judge_posture(loop.system, judged.q, judged.t)[Premise.SAMPLED_LOOP]
+    assert value == sampled_loop(loop.system, judged.q, judged.t).premises[Premise.SAMPLED_LOOP]
     assert len(set(seen.values())) == len(seen)
 
     loop.edit(edited(loop.system.scenario, "truth.push", [0.0, 0.0, 4000.0]))
@@ -250,7 +250,7 @@ def test_after_a_blend_the_sampled_loops_are_judged_anew() -> None:
     while loop.t < 0.3:
         loop.step()
     judged = loop.state.judged
-    assert judged_value(loop) == judge_posture(loop.system, judged.q, judged.t)[Premise.SAMPLED_LOOP]
+    assert judged_value(loop) == sampled_loop(loop.system, judged.q, judged.t).premises[Premise.SAMPLED_LOOP]
     assert judged_value(loop) != before
 
 

@@ -15,7 +15,7 @@ from app.scenario.data import edited, shipped
 from app.scenario.schema import Scenario, ScenarioError
 from app.session.changes import in_mode, on_robot
 from app.simulation.closed_loop import ClosedLoop
-from app.simulation.sampled_stability import Posture, force_factor, judge_posture, period_matrix
+from app.simulation.sampled_stability import Posture, force_factor, period_matrix, sampled_loop
 from app.simulation.system import System, assemble
 from controllers.premises import Premise
 from environments.contact import Contact
@@ -29,7 +29,7 @@ H = 1e-3  # s
 
 def radius(system: System) -> float:
     """Growth of a deviation per control period, on the surface if there is one."""
-    return judge_posture(system, system.q_0, 0.0)[Premise.SAMPLED_LOOP]
+    return sampled_loop(system, system.q_0, 0.0).premises[Premise.SAMPLED_LOOP]
 
 
 INTEGRATORS: tuple[Integrator, ...] = tuple(STEPS)

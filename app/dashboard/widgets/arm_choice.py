@@ -12,6 +12,7 @@ import numpy as np
 import viser
 
 from app.dashboard.theme.style import COMMIT, MARKS
+from app.dashboard.widgets.chips import chip
 from app.dashboard.widgets.controls import Answer, Desk, Place
 from app.scenario.declared_bounds import outside
 from app.scenario.schema import ScenarioError
@@ -144,10 +145,10 @@ class Verdict:
 
     def show(self, snapshot: Snapshot) -> None:
         violated = outside(snapshot.scenario)
-        look, word = ("vs-bad", "outside") if violated else ("vs-good", "within")
-        chip = f'<span class="vs-chip {look}">truth {word} the declared bounds</span>'
+        word, look = ("outside", "vs-bad") if violated else ("within", "vs-good")
+        told = chip(f"truth {word} the declared bounds", look)
         lines = "".join(f'<div class="vs-message vs-bad">{escape(violation)}</div>' for violation in violated)
-        self._html.content = f'<div class="vs-verdict">{chip} {_drives(snapshot)}{lines}</div>'
+        self._html.content = f'<div class="vs-verdict">{told} {_drives(snapshot)}{lines}</div>'
 
 
 def _drives(snapshot: Snapshot) -> str:
@@ -157,4 +158,4 @@ def _drives(snapshot: Snapshot) -> str:
         return '<div class="vs-note">torque limit × 0: drives without a limit</div>'
     told = ", ".join(f"{limit:.3g}" for limit in limits)
     note = f'<div class="vs-note">at most {told} N·m, whatever the law asks for</div>'
-    return f'<span class="vs-chip vs-warn">drives limited</span>{note}'
+    return f"{chip('drives limited', 'vs-warn')}{note}"

@@ -8,6 +8,7 @@ from html import escape
 
 import numpy as np
 
+from app.dashboard.widgets.chips import chip
 from app.dashboard.widgets.matrix_text import short
 from app.dashboard.widgets.model_fields import pressed_on
 from app.dashboard.widgets.pole_map import grouped, pole_map_html
@@ -111,7 +112,7 @@ def checks_html(snapshot: Snapshot, edit: Edit | None) -> str:
 def _verdict(judgement: Judgement, prefix: str) -> str:
     word, look = ("stable", "vs-good") if judgement.slowest < 0.0 else ("not stable", "vs-bad")
     rightmost = f"{judgement.slowest:.3g}".replace("-", "−")
-    return f'<span class="vs-chip {look}">{prefix}{word}, rightmost pole at {rightmost} 1/s</span>'
+    return chip(f"{prefix}{word}, rightmost pole at {rightmost} 1/s", look)
 
 
 def _table(now: Judgement, asked: Judgement | None) -> str:
@@ -127,10 +128,10 @@ def _spread(matrix: np.ndarray) -> str:
     """Smallest and largest eigenvalue."""
     values = np.linalg.eigvals(matrix)
     if np.abs(values.imag).max() > 1e-9 * max(np.abs(values).max(), 1e-300):
-        return '<span class="vs-chip vs-bad">not symmetric</span>'
+        return chip("not symmetric", "vs-bad")
     low, high = float(values.real.min()), float(values.real.max())
     text = short(low) if math.isclose(low, high, rel_tol=1e-6) else f"{short(low)} … {short(high)}"
-    return f'<span class="vs-chip vs-bad">{text}</span>' if low < -1e-12 else text
+    return chip(text, "vs-bad") if low < -1e-12 else text
 
 
 def loops_html(snapshot: Snapshot) -> str:

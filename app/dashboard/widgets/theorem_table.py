@@ -6,6 +6,7 @@ import math
 
 import viser
 
+from app.dashboard.widgets.chips import chip
 from app.scenario.units import JOINT
 from app.session.snapshot import Snapshot
 
@@ -109,13 +110,12 @@ def _reached(since: float, measured: float | None, promised: float | None) -> tu
 
 def verdict(holds: bool) -> str:
     """A chip that says whether a condition holds."""
-    return '<span class="vs-chip vs-good">holds</span>' if holds else '<span class="vs-chip vs-bad">violated</span>'
+    return chip("holds", "vs-good") if holds else chip("violated", "vs-bad")
 
 
 def judged(value: float, unit: str = "", low: float = -math.inf, high: float = math.inf) -> str:
     """A number as a chip, green within its limits and red outside; "—" where there is none."""
     if not math.isfinite(value):
         return "—"
-    look = "vs-good" if low <= value <= high else "vs-bad"
     shown = 0.0 if abs(value) <= 1e-9 else value
-    return f'<span class="vs-chip {look}">{shown:.3g}{unit}</span>'
+    return chip(f"{shown:.3g}{unit}", "vs-good" if low <= value <= high else "vs-bad")
