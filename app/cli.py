@@ -22,7 +22,7 @@ from app.access.given_token import given_token
 from app.access.rate_limits import Limits
 from app.dashboard.theme.colors import Theme
 from app.export.formats import ALL_PLOTS, Kind
-from app.gateway.server_settings import Invitation, Look, Token
+from app.gateway.server_settings import Look, ServerSettings, Token
 from app.process import log, open_files
 from app.process.other_users import other_people
 from app.process.terminal_text import printable, say
@@ -102,7 +102,7 @@ def serve(
         raise ScenarioError(f"--port {port}; allowed: 0 to 65535")
     chosen = _configured(scenario, settings)
     people = other_people() if token == "auto" else []
-    invitation = Invitation(
+    server_settings = ServerSettings(
         host=host,
         port=port,
         shared=shared,
@@ -121,13 +121,13 @@ def serve(
         raise ScenarioError(f"--{error}") from error
     if people and Names(host).local and not origin:
         say(f"{', '.join(people[:3])} can use this machine, too: the link has a token (--token never: none)")
-    if invitation.open:
+    if server_settings.open:
         from app.gateway.serve import serve as serve_others
 
-        serve_others(chosen, Look(theme, fps), invitation, None if stateless else state_dir)
+        serve_others(chosen, Look(theme, fps), server_settings, None if stateless else state_dir)
         return DONE
     open_files.require(FILES, "for the session and its pages")
-    dashboard = Dashboard(host=host, port=port, theme=theme, fps=fps, tokens=invitation.tokens)
+    dashboard = Dashboard(host=host, port=port, theme=theme, fps=fps, tokens=server_settings.tokens)
     local_server.serve(chosen, dashboard, state_dir=state_dir, stateless=stateless)
     return DONE
 

@@ -16,7 +16,7 @@ import viser
 
 from app.dashboard.page import FPS, REFRESH
 from app.dashboard.plots.dock import Plots, Shown
-from app.dashboard.transport.visible_tabs import Lookers
+from app.dashboard.transport.visible_tabs import VisibleTabs
 from app.dashboard.view_options import Viewing
 from app.dashboard.widgets.whatif import HORIZON, Held, WhatIf
 from app.process.markdown import Table
@@ -113,7 +113,9 @@ def dragged(scenario: str, seconds: float, horizon: float = HORIZON) -> PreviewF
     server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
     runner, previewer = Runner(load(scenario)), Previewer()
     viewing = Viewing()
-    page = _Page(runner, WhatIf(previewer), Plots(server.gui, Lookers(), viewing, contextlib.nullcontext()), viewing)
+    page = _Page(
+        runner, WhatIf(previewer), Plots(server.gui, VisibleTabs(), viewing, contextlib.nullcontext()), viewing
+    )
     page.whatif.horizon = horizon
     try:
         runner.start()

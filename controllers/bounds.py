@@ -18,7 +18,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from controllers.nominal_model import Deviation, Estimate
-from controllers.task_space import TaskSpace, Work
+from controllers.task_space import Scratch, TaskSpace
 from kernels import kernel, part
 from kernels.algebra import congruence, multiply, norm, norm_of_product, quadratic, spectral_norm
 from kernels.records import Record
@@ -149,7 +149,7 @@ class _Question(NamedTuple):
     task: TaskSpace
     q_dot: np.ndarray
     equivalent: Equivalent
-    work: Work
+    work: Scratch
 
 
 @kernel
@@ -171,7 +171,7 @@ def required_gain(
     equivalent: Equivalent,
 ) -> RequiredGain:
     """What (17) needs at one state but for its epsilon, N; q_dot (n,) rad/s."""
-    question = Record(_Question(u, deviation, estimate, task, q_dot, equivalent, Work.zeros(len(q_dot))))
+    question = Record(_Question(u, deviation, estimate, task, q_dot, equivalent, Scratch.zeros(len(q_dot))))
     answer = Record(RequiredGain.zeros())
     _required_gain(bounds == "tight", question.data, answer.data)
     return answer.read()

@@ -15,7 +15,7 @@ import numpy as np
 from controllers.bounds import Equivalent, RequiredGain, paper_bound, sum_of, tight_bound
 from controllers.reaching import Promise, envelope
 from controllers.switching import SAMPLING_SHARE, layer_width
-from controllers.task_space import Work
+from controllers.task_space import Scratch
 from controllers.vsmrc import joint_motion
 from kernels import kernel, part
 from kernels.algebra import (
@@ -210,7 +210,7 @@ class Kept(NamedTuple):
 class Room(NamedTuple):
     """Room for what is in between; equivalent, needed: of `gain_on_surface`."""
 
-    work: Work
+    work: Scratch
     equivalent: Equivalent
     needed: RequiredGain
     e_dot: np.ndarray
@@ -220,7 +220,7 @@ class Room(NamedTuple):
     @classmethod
     def zeros(cls, n: int) -> Room:
         """Of n coordinates."""
-        return cls(Work.zeros(n), Equivalent.zeros(n), RequiredGain.zeros(), np.zeros(n), np.zeros(n), np.zeros(3))
+        return cls(Scratch.zeros(n), Equivalent.zeros(n), RequiredGain.zeros(), np.zeros(n), np.zeros(n), np.zeros(3))
 
 
 class Held(NamedTuple):

@@ -12,7 +12,7 @@ from kernels import part
 from kernels.algebra import copy, copy_matrix
 
 
-class Believed(NamedTuple):
+class FeedforwardModel(NamedTuple):
     """M_hat, C_hat (n, n), G_hat (n,) that (25) uses, and how far they may be from the estimates at q."""
 
     M_hat: np.ndarray
@@ -21,7 +21,7 @@ class Believed(NamedTuple):
     deviation: Deviation
 
     @classmethod
-    def at(cls, estimate: Estimate) -> Believed:
+    def at(cls, estimate: Estimate) -> FeedforwardModel:
         """The estimates at q themselves."""
         return cls(estimate.M_hat, estimate.C_hat, estimate.G_hat, ON_LINE)
 
@@ -64,7 +64,7 @@ class ReferenceEstimates:
         self.start = start
         self._block: list[tuple[np.ndarray, np.ndarray, Estimate]] = []
 
-    def at(self, q: np.ndarray, q_dot: np.ndarray, t: float) -> Believed:
+    def at(self, q: np.ndarray, q_dot: np.ndarray, t: float) -> FeedforwardModel:
         """M_hat, C_hat, G_hat from the table at time t, not before its start, and how far they may be from those at q,
         q_dot."""
         k = round(t / self._period)
@@ -72,7 +72,7 @@ class ReferenceEstimates:
             self._go_on()
         q_d, q_d_dot, along = self._block[k - self.start.k]
         deviation = self._lipschitz.deviation(q, q_dot, q_d, q_d_dot)
-        return Believed(along.M_hat, along.C_hat, along.G_hat, deviation)
+        return FeedforwardModel(along.M_hat, along.C_hat, along.G_hat, deviation)
 
     def _go_on(self) -> None:
         if self._block:

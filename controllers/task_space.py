@@ -53,7 +53,7 @@ class TaskLayout(NamedTuple):
     R_ref: np.ndarray
 
 
-class Work(NamedTuple):
+class Scratch(NamedTuple):
     """Room for what is in between: S, T, U (n, n), u (n,), and in space V, W (3, 3), Y (3, n)."""
 
     S: np.ndarray
@@ -65,7 +65,7 @@ class Work(NamedTuple):
     Y: np.ndarray
 
     @classmethod
-    def zeros(cls, n: int) -> Work:
+    def zeros(cls, n: int) -> Scratch:
         """For n joints."""
         square, space = np.zeros((n, n)), np.zeros((3, 3))
         return cls(square, square, square, np.zeros(n), space, space, np.zeros((3, n)))
@@ -193,7 +193,7 @@ def _joint(q, q_dot, task):
 def task_space(layout, chart, estimate, q, q_dot, work, task):
     """The `TaskSpace` at one instant, (3).
 
-    chart: g, G, G_p, g_t, G_t, g_tt of the tool point, as `environments.surfaces.Chart` has them; work: a `Work`.
+    chart: g, G, G_p, g_t, G_t, g_tt of the tool point, as `environments.surfaces.Chart` has them; work: a `Scratch`.
     Raises ValueError where J_q is exactly singular.
     """
     for k in range(3):

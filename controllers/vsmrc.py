@@ -12,10 +12,10 @@ import numpy as np
 from controllers.bounds import Equivalent, RequiredGain, Uncertainty, paper_bound, sum_of, tight_bound
 from controllers.compensator import Compensator
 from controllers.nominal_model import Estimate
-from controllers.reference_estimates import Believed
+from controllers.reference_estimates import FeedforwardModel
 from controllers.switching import Switching, unit_factor
 from controllers.target_model import InvalidGain, TargetModel, as_matrix, require_spd
-from controllers.task_space import TaskSpace, Work
+from controllers.task_space import Scratch, TaskSpace
 from kernels import kernel, part
 from kernels.algebra import copy, dot, norm, row_times, times, transposed_times
 from kernels.records import Record
@@ -261,10 +261,10 @@ class _Question(NamedTuple):
     reference: Reference
     task: TaskSpace
     estimate: Estimate
-    believed: Believed
+    believed: FeedforwardModel
     q_dot: np.ndarray
     F: np.ndarray
-    work: Work
+    work: Scratch
 
 
 @kernel
@@ -343,16 +343,16 @@ class Vsmrc:
         reference: Reference,
         task: TaskSpace,
         estimate: Estimate,
-        believed: Believed,
+        believed: FeedforwardModel,
         q_dot: np.ndarray,
         F: np.ndarray,
     ) -> ControlOutput:
         """(25) at one instant; z (n,) m/s, q_dot (n,) rad/s, F (3,) N measured force of the tool on the environment.
 
-        believed: `Believed.at(estimate)` when estimates are taken on-line, otherwise see Remark 3.
+        believed: `FeedforwardModel.at(estimate)` when estimates are taken on-line, otherwise see Remark 3.
         """
         n = self.model.n
-        work, answer = Work.zeros(n), Record(ControlOutput.zeros(n))
+        work, answer = Scratch.zeros(n), Record(ControlOutput.zeros(n))
         question = _Question(self.gains, z, reference, task, estimate, believed, q_dot, F, work)
         _control_law_alone(Record(question).data, answer.data)
         return answer.read()

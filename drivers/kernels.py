@@ -26,14 +26,14 @@ def joints() -> list[int]:
 def compile_for(n: int) -> float:
     """Compile what an arm of n joints runs, in every contact, and what only tests call; says how long it took, s."""
     from app.workers.precompile import compiled
-    from controllers.reference_estimates import Believed
+    from controllers.reference_estimates import FeedforwardModel
 
     began = time.monotonic()
     for loop in compiled(n):
         system, F = loop.system, loop.view().force
         q, q_dot = system.q_0, 0.0 * system.q_0
         estimate, task = system.observe(q, q_dot, 0.0)
-        system.law.evaluate(q_dot, system.reference(0.0), task, estimate, Believed.at(estimate), q_dot, F)
+        system.law.evaluate(q_dot, system.reference(0.0), task, estimate, FeedforwardModel.at(estimate), q_dot, F)
     return time.monotonic() - began
 
 

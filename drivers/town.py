@@ -15,8 +15,8 @@ from aiohttp import WSMsgType, web
 from app.access.admission import Names, Tokens
 from app.access.session_messages import Begin, Kept
 from app.gateway.server import Doors, Gateway, serving
-from app.gateway.session_pool import House
-from app.gateway.session_store import Register
+from app.gateway.session_pool import SessionPool
+from app.gateway.session_store import SessionStore
 
 HELLO = b"hello"
 
@@ -55,9 +55,9 @@ class Actor:
 
 @dataclass
 class Town:
-    """A gateway that answers at `port`, its house, and its sessions' processes in the order of their making."""
+    """A gateway that answers at `port`, its pool, and its sessions' processes in the order of their making."""
 
-    house: House
+    pool: SessionPool
     gateway: Gateway
     client: aiohttp.ClientSession
     port: int = 0
@@ -123,7 +123,7 @@ async def town(
     **more: Any,
 ) -> AsyncIterator[Town]:
     """While it lasts, the gateway answers. state: the folder that keeps sessions; serves: see
-    `app.gateway.server.serving`; more: see `House`."""
+    `app.gateway.server.serving`; more: see `SessionPool`."""
     inner = web.Application()
     inner.router.add_get("/", _session)
     runner = web.AppRunner(inner, access_log=None, shutdown_timeout=0.1)
@@ -136,14 +136,14 @@ async def town(
         actors.append(Actor(runner.addresses[0][1]))
         return actors[-1]
 
-    register = Register(state) if state is not None else None
-    with closing(register) if register is not None else nullcontext():
-        house = House("usual", launch, places, 600.0, register=register, spare=False, **more)
-        gateway = Gateway(house, Doors(names or Names(), tokens, copies=copies))
+    store = SessionStore(state) if state is not None else None
+    with closing(store) if store is not None else nullcontext():
+        pool = SessionPool("usual", launch, places, 600.0, store=store, spare=False, **more)
+        gateway = Gateway(pool, Doors(names or Names(), tokens, copies=copies))
         # many cookies: a visitor's are said in each request
         client = aiohttp.ClientSession(cookie_jar=aiohttp.DummyCookieJar(), connector=aiohttp.TCPConnector(limit=0))
         try:
             async with client, serving(gateway, "127.0.0.1", 0, **serves or {}) as port:
-                yield Town(house, gateway, client, port, actors)
+                yield Town(pool, gateway, client, port, actors)
         finally:
             await runner.cleanup()

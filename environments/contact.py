@@ -33,7 +33,7 @@ class Contact(NamedTuple):
     friction_viscous: float
 
 
-class Touch(NamedTuple):
+class ContactKinematics(NamedTuple):
     """The contact's geometry at one state. p (3,) m, p_dot (3,) m/s, J_v (3, n) of the tool point; chart: the surface
     there; drag (3,): friction per unit multiplier; v_rel (3,) m/s: slip; phi m, phi_dot m/s, phi_ddot_bias m/s^2:
     phi_ddot without its part in q_ddot; pull (n,): phi_dot per unit of q_dot."""
@@ -50,13 +50,13 @@ class Touch(NamedTuple):
     pull: np.ndarray
 
     @classmethod
-    def zeros(cls, n: int) -> Touch:
+    def zeros(cls, n: int) -> ContactKinematics:
         """Of an arm with n joints."""
         v = np.zeros(3)
         return cls(v, v, np.zeros((3, n)), Chart.zeros(), v, v, 0.0, 0.0, 0.0, np.zeros(n))
 
 
-class Load(NamedTuple):
+class ContactForce(NamedTuple):
     """force (3,) N of the tool on the environment, torque (n,) N m = J_v^T force, multiplier N, phi m."""
 
     force: np.ndarray
@@ -65,7 +65,7 @@ class Load(NamedTuple):
     phi: float
 
     @classmethod
-    def zeros(cls, n: int) -> Load:
+    def zeros(cls, n: int) -> ContactForce:
         """Of an arm with n joints that touches nothing."""
         return cls(np.zeros(3), np.zeros(n), 0.0, 0.0)
 
@@ -82,8 +82,8 @@ class World(NamedTuple):
 
 @part
 def touch_at(world, J, rotation, translation, q_dot, t, touch):
-    """The `Touch` for the world Jacobian J (6, n) of the joint that carries the tool and that joint's placement; its
-    phi_ddot_bias lacks the tool's own drift, see `add_drift`."""
+    """`ContactKinematics` from the world Jacobian J (6, n) of the joint that carries the tool and that joint's
+    placement; its phi_ddot_bias lacks the tool's own drift, see `add_drift`."""
     lever, shape, n = world.lever, world.shape, q_dot.shape[0]
     p, p_dot, chart = touch.p, touch.p_dot, touch.chart
     for a in range(3):
@@ -148,7 +148,7 @@ def contact_force(contact, multiplier, touching, touch, force):
 
 @part
 def elastic_load(contact, touch, load):
-    """The `Load` of an elastic surface: it does not depend on the torque."""
+    """The `ContactForce` of an elastic surface: it does not depend on the torque."""
     load.multiplier, load.phi = spring(contact, touch.phi, touch.phi_dot), touch.phi
     contact_force(contact, load.multiplier, load.multiplier != 0.0, touch, load.force)
     transposed_times(touch.J_v, load.force, load.torque)

@@ -10,8 +10,8 @@ import pinocchio as pin
 
 from environments.contact import (
     Contact,
-    Load,
-    Touch,
+    ContactForce,
+    ContactKinematics,
     World,
     add_drift,
     contact_force,
@@ -84,19 +84,19 @@ class Resistance(NamedTuple):
 
 
 class Arm(NamedTuple):
-    """q (n,), q_dot (n,) and the contact's `Load` there; q_ddot (n,) of the period that led here: of its first
+    """q (n,), q_dot (n,) and the contact's `ContactForce` there; q_ddot (n,) of the period that led here: of its first
     integration step. With a rigid or heavy environment the load is that of the last step, since it depends on the
     torque."""
 
     q: np.ndarray
     q_dot: np.ndarray
-    load: Load
+    load: ContactForce
     q_ddot: np.ndarray
 
     @classmethod
     def zeros(cls, n: int) -> Arm:
         """At rest, all joints at zero."""
-        return cls(np.zeros(n), np.zeros(n), Load.zeros(n), np.zeros(n))
+        return cls(np.zeros(n), np.zeros(n), ContactForce.zeros(n), np.zeros(n))
 
 
 PlantState = Record[Arm]
@@ -136,13 +136,13 @@ def _resistance_alone(resistance, q_dot, t, torque):
     _resistance(resistance[0], q_dot, t, torque)
 
 
-class Surroundings(NamedTuple):
+class PlantWorkspace(NamedTuple):
     """What resists the arm, and what the plant works with between two of Pinocchio's calls: the contact's geometry,
     the torque (n,) N m that moves the arm, and room (3,), (n,), (n,), (n, n)."""
 
     world: World
     resistance: Resistance
-    touch: Touch
+    touch: ContactKinematics
     torque: np.ndarray
     push: np.ndarray
     pushed: np.ndarray
@@ -150,10 +150,10 @@ class Surroundings(NamedTuple):
     factor: np.ndarray
 
     @classmethod
-    def of(cls, world: World, resistance: Resistance, n: int) -> Surroundings:
+    def of(cls, world: World, resistance: Resistance, n: int) -> PlantWorkspace:
         """Of an arm with n joints."""
         v = np.zeros(n)
-        return cls(world, resistance, Touch.zeros(n), v, np.zeros(3), v, v, np.zeros((n, n)))
+        return cls(world, resistance, ContactKinematics.zeros(n), v, np.zeros(3), v, v, np.zeros((n, n)))
 
 
 @part
@@ -310,7 +310,7 @@ class Plant:
         self.data = self.model.createData()
         self._lever = np.array(robot.tool_placement.translation)
         world = World(self._lever, surface.shape, contact, kind == "rigid")
-        around = Record(Surroundings.of(world, truth.resistance, robot.n))
+        around = Record(PlantWorkspace.of(world, truth.resistance, robot.n))
         self._around, self._torque = around.data, around.views.torque
         # live views: Pinocchio fills them at every call
         carrier = self.data.oMi[robot.tool_joint]
@@ -380,7 +380,7 @@ class Plant:
         pin.computeJointJacobians(self.model, self.data, state.views.q)
         self._find(self._around, *self._tool, state.data, t)
 
-    def respond(self, state: PlantState, tau: np.ndarray, t: float, period: float) -> Load:
+    def respond(self, state: PlantState, tau: np.ndarray, t: float, period: float) -> ContactForce:
         """The contact's load that the torque tau (n,) N m will cause in the period (s) from time t on."""
         acting, at = self._evaluated_at(state, t, period / self.substeps)
         self._accelerate(acting, tau, at)

@@ -18,7 +18,7 @@ from app.process import precompile
 from app.process.deadline import end_within
 from app.process.terminal_text import say
 from app.scenario.schema import Scenario, ScenarioError
-from app.session.autosave import Keeper, StateFolder, default_folder
+from app.session.autosave import Autosave, StateFolder, default_folder
 from app.session.runner import Runner
 from app.storage.session_index import StateError
 
@@ -32,7 +32,7 @@ def serve(scenario: Scenario, dashboard: Dashboard, *, state_dir: Path | None, s
     """
     runner: Runner | None = None
     warming: Popen[bytes] | None = None
-    keeper: Keeper | None = None
+    autosave: Autosave | None = None
     try:
         say(f"VSMRC Lab: {dashboard.link}  (Ctrl-C ends it)")
         events.info("listening", url=dashboard.url)
@@ -42,8 +42,8 @@ def serve(scenario: Scenario, dashboard: Dashboard, *, state_dir: Path | None, s
         events.info("session opened", scenario=scenario.name)
         dashboard.attach(runner)
         if folder is not None:
-            keeper = Keeper(folder, lambda: runner.snapshot, dashboard.fail)
-            if (last_session := left_by(folder, keeper, scenario)) is not None:
+            autosave = Autosave(folder, lambda: runner.snapshot, dashboard.fail)
+            if (last_session := left_by(folder, autosave, scenario)) is not None:
                 if last_session.problem:
                     say(last_session.problem)
                 dashboard.offer(last_session)
@@ -55,8 +55,8 @@ def serve(scenario: Scenario, dashboard: Dashboard, *, state_dir: Path | None, s
         for ending in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
             signal.signal(ending, signal.SIG_IGN)  # an impatient second Ctrl-C must not interrupt the ending
         end_within()
-        if keeper is not None:  # first: what hangs may use up the time
-            keeper.close()
+        if autosave is not None:  # first: what hangs may use up the time
+            autosave.close()
         dashboard.close()
         if warming is not None:
             warming.terminate()

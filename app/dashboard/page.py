@@ -23,10 +23,10 @@ from app.dashboard.theme.colors import Theme
 from app.dashboard.theme.style import injected_html
 from app.dashboard.transport.callback_errors import watch
 from app.dashboard.transport.handshake import behind_doors
-from app.dashboard.transport.message_filter import Gate
-from app.dashboard.transport.stalled_clients import Laggards
-from app.dashboard.transport.visible_tabs import Lookers
-from app.dashboard.transport.widget_lock import Turns
+from app.dashboard.transport.message_filter import MessageFilter
+from app.dashboard.transport.stalled_clients import StalledClients
+from app.dashboard.transport.visible_tabs import VisibleTabs
+from app.dashboard.transport.widget_lock import WidgetLock
 from app.dashboard.view_options import Viewing
 from app.dashboard.widgets.controls import Desk
 from app.dashboard.widgets.equation import equation_html
@@ -37,7 +37,7 @@ from app.dashboard.widgets.shortcuts import Shortcuts
 from app.dashboard.widgets.status import splash_html, status_html
 from app.dashboard.widgets.whatif import WhatIf
 from app.dashboard.widgets.whatif_panel import WhatIfPanel
-from app.export.export_jobs import Maker
+from app.export.export_jobs import ExportJobs
 from app.session.preview_client import Previewer
 from app.session.runner import Runner
 from app.session.snapshot import Snapshot
@@ -81,7 +81,7 @@ class Dashboard:
         self._view: _View | None = None
         with behind_doors(Names(host), key, tokens, self._fault):
             self._server = viser.ViserServer(host=host, port=port, label="VSMRC Lab", verbose=False)
-        Gate(self._server)
+        MessageFilter(self._server)
         self._tokens = tokens
         self.host, self.port = host, self._server.get_port()
         if port and self.port != port:
@@ -97,7 +97,7 @@ class Dashboard:
         self._help = Help(self._server)
         self._closed, self._drawing = threading.Event(), threading.RLock()
         self.shelf = Shelf()
-        self._laggards = Laggards(self._server)
+        self._stalled_clients = StalledClients(self._server)
         watch(self._server.get_event_loop(), self.fail)
         self._server.on_client_connect(self._on_connect)
         self._server.on_client_disconnect(self._on_disconnect)
@@ -154,7 +154,7 @@ class Dashboard:
         while not self._closed.is_set():
             started = time.monotonic()
             with self._drawing:
-                self._laggards.drop()
+                self._stalled_clients.drop()
                 if self._view is not None and self._server.get_clients() and not self._closed.is_set():
                     self._draw(self._view, started)
             self._closed.wait(max(self._frame - (time.monotonic() - started), 0.002))
@@ -167,7 +167,7 @@ class Dashboard:
         try:
             if self._view is not None:
                 self._view.close()
-            self._laggards.drop_all()
+            self._stalled_clients.drop_all()
             self._stop()
         finally:
             if drawn:
@@ -217,7 +217,7 @@ class _View:
         self._previewer = Previewer()
         self._whatif = WhatIf(self._previewer)
         self._viewing = Viewing()
-        self._maker = Maker()
+        self._export_jobs = ExportJobs()
         desk = Desk(
             server.gui,
             runner.post,
@@ -225,17 +225,17 @@ class _View:
             self._whatif,
             self._viewing,
             self.complain,
-            self._maker,
+            self._export_jobs,
             shelf,
         )
         self._hand = Hand(server.scene, desk, lambda client: client in server.get_clients())
         self._playback = Playback(desk)
         self._shortcuts = Shortcuts(desk)
         self._whatif_panel = WhatIfPanel(desk)
-        self._turns = Turns(server)
-        self._lookers = Lookers()
-        self._lookers.add_field(server.gui)
-        self._plots = Plots(server.gui, self._lookers, self._viewing, self._turns.drawing)
+        self._widget_lock = WidgetLock(server)
+        self._visible_tabs = VisibleTabs()
+        self._visible_tabs.add_field(server.gui)
+        self._plots = Plots(server.gui, self._visible_tabs, self._viewing, self._widget_lock.drawing)
         self._plots_due = 0.0
         tabs = server.gui.add_tab_group()
         self._panels: list[Panel] = []
@@ -252,7 +252,7 @@ class _View:
 
     @property
     def looking_fields(self) -> frozenset[str]:
-        return self._lookers.fields
+        return self._visible_tabs.fields
 
     @property
     def hang(self) -> str:
@@ -286,7 +286,7 @@ class _View:
     def close(self) -> None:
         """End what was started for the page. The runner is the caller's."""
         self._previewer.close()
-        self._maker.close()
+        self._export_jobs.close()
 
     def draw(self, now: float) -> None:
         """One frame: the scene always, everything else less often."""
@@ -310,7 +310,7 @@ class _View:
         self._status.content = status_html(snapshot, self.hang or self._complaint)
         self._equation.content = equation_html(snapshot)
         for part in (self._playback, self._whatif_panel, *self._panels):
-            with self._turns.drawing:
+            with self._widget_lock.drawing:
                 part.show(snapshot)
         self._fit()
         self._scene.draw_paths(self._viewing.look)
@@ -318,7 +318,7 @@ class _View:
             self._plot(snapshot, now)
 
     def _plot(self, snapshot: Snapshot, now: float) -> None:
-        whatif, looked_at = self._whatif, self._lookers.tabs(self._server.get_clients())
+        whatif, looked_at = self._whatif, self._visible_tabs.tabs(self._server.get_clients())
         pinned = tuple(Pinned(f"run {p.number}", p.recording) for p in snapshot.pinned)
         shown = Shown(snapshot.t, self._viewing.window, pinned, whatif.outlook, whatif.horizon)
         began = time.thread_time()

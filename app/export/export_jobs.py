@@ -1,6 +1,6 @@
 """Files to take away, made in a process of their own: the loop's thread must not share its interpreter with them.
 
-A job says what to make; `Maker.made` starts `app.workers.export` for it and waits.
+A job says what to make; `ExportJobs.made` starts `app.workers.export` for it and waits.
 """
 
 from __future__ import annotations
@@ -86,7 +86,7 @@ def file_name(scenario_name: str, t: float, extension: str) -> str:
     return f"vsmrc-{name}-{t:.2f}s.{extension}"
 
 
-class Maker:
+class ExportJobs:
     """Makes files; may be used from any thread."""
 
     def __init__(self) -> None:

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from typing import NamedTuple, get_args
 
 from app.gateway.session import Phase
-from app.gateway.session_pool import House
+from app.gateway.session_pool import SessionPool
 
 TYPE = "text/plain; version=0.0.4"
 
@@ -21,17 +21,17 @@ class _Family(NamedTuple):
     values: Iterable[tuple[str, float]]
 
 
-def metrics(house: House, refusals: Counter[str]) -> str:
+def metrics(pool: SessionPool, refusals: Counter[str]) -> str:
     """The page. refusals: by their reason, none of which a visitor can make up."""
-    sessions = house.sessions
+    sessions = pool.sessions
     phases = Counter(session.phase for session in sessions)
     pages = Counter(page.kind for session in sessions for page in session.pages)
     late = [process.late for session in sessions if (process := session.process) and process.late is not None]
     families = [
         _Family("sessions", "gauge", "Sessions by phase.", [(f'phase="{p}"', phases[p]) for p in get_args(Phase)]),
-        _Family("places", "gauge", "Sessions that may run at once.", [("", house.places)]),
+        _Family("places", "gauge", "Sessions that may run at once.", [("", pool.places)]),
         _Family("pages", "gauge", "Open pages.", [(f'kind="{kind}"', pages[kind]) for kind in ("steer", "watch")]),
-        _Family("crashes_total", "counter", "Processes of sessions that ended or hung.", [("", house.crashes)]),
+        _Family("crashes_total", "counter", "Processes of sessions that ended or hung.", [("", pool.crashes)]),
         _Family(
             "lateness_seconds",
             "gauge",

@@ -15,9 +15,9 @@ import structlog
 from app.access.admission import Names, OriginError, Tokens
 from app.gateway.connections import ARRIVING
 from app.gateway.server import Doors, Gateway, serving
-from app.gateway.server_settings import Invitation, Look
-from app.gateway.session_pool import House
-from app.gateway.session_store import Register
+from app.gateway.server_settings import Look, ServerSettings
+from app.gateway.session_pool import SessionPool
+from app.gateway.session_store import SessionStore
 from app.gateway.visitors import Shares
 from app.gateway.worker import Worker
 from app.process import open_files, precompile
@@ -32,25 +32,25 @@ log = structlog.get_logger()
 SESSIONS_PER_CORE = 2.0  # at 1 kHz, each looked at by one page: docs/performance.md
 
 
-def serve(scenario: Scenario, look: Look, invitation: Invitation, state_dir: Path | None) -> None:
+def serve(scenario: Scenario, look: Look, server_settings: ServerSettings, state_dir: Path | None) -> None:
     """Serve until Ctrl-C or SIGTERM. state_dir: where sessions are kept for the next start, None for nowhere.
 
     Raises ScenarioError for settings that make no sense, and PortTaken.
     """
-    names, tokens = _names(invitation), _tokens(invitation)
-    if invitation.places is not None and invitation.places < 1:
-        raise ScenarioError(f"--max-sessions: {invitation.places}; allowed: 1 or more")
-    if invitation.of_one_address is not None and invitation.of_one_address < 1:
-        raise ScenarioError(f"--per-address: {invitation.of_one_address}; allowed: 1 or more")
-    if not 0 < invitation.idle_minutes < math.inf:
-        raise ScenarioError(f"--idle-minutes: {invitation.idle_minutes:g}; allowed: more than 0")
-    sessions = (invitation.places or places()) if invitation.shared else 1
+    names, tokens = _names(server_settings), _tokens(server_settings)
+    if server_settings.places is not None and server_settings.places < 1:
+        raise ScenarioError(f"--max-sessions: {server_settings.places}; allowed: 1 or more")
+    if server_settings.of_one_address is not None and server_settings.of_one_address < 1:
+        raise ScenarioError(f"--per-address: {server_settings.of_one_address}; allowed: 1 or more")
+    if not 0 < server_settings.idle_minutes < math.inf:
+        raise ScenarioError(f"--idle-minutes: {server_settings.idle_minutes:g}; allowed: more than 0")
+    sessions = (server_settings.places or places()) if server_settings.shared else 1
     open_files.require(_files(sessions), f"for {sessions} {'session' if sessions == 1 else 'sessions'} and their pages")
     try:
         # apart from each other, and from what a server for its own user keeps there
-        register = Register(state_dir / ("shared" if invitation.shared else "everyone")) if state_dir else None
-        with contextlib.closing(register) if register else contextlib.nullcontext():
-            asyncio.run(_serve(to_toml(scenario), look, invitation, names, tokens, register))
+        store = SessionStore(state_dir / ("shared" if server_settings.shared else "everyone")) if state_dir else None
+        with contextlib.closing(store) if store else contextlib.nullcontext():
+            asyncio.run(_serve(to_toml(scenario), look, server_settings, names, tokens, store))
     except StateError as error:
         raise ScenarioError(str(error)) from error
 
@@ -70,63 +70,63 @@ def _files(sessions: int) -> int:
     return 64 + 2 * Shares().pages.total + ARRIVING + 4 * (sessions + 1)
 
 
-def _names(invitation: Invitation) -> Names:
+def _names(server_settings: ServerSettings) -> Names:
     try:
-        return Names(invitation.host, invitation.origins)
+        return Names(server_settings.host, server_settings.origins)
     except OriginError as error:
         raise ScenarioError(f"--{error}") from error
 
 
-def _tokens(invitation: Invitation) -> Tokens | None:
+def _tokens(server_settings: ServerSettings) -> Tokens | None:
     """Raises ScenarioError where none is wanted and one is needed or given."""
-    if invitation.token == "never":
-        if not Names(invitation.host).local:
-            raise ScenarioError(f"--token: never, with --host {invitation.host}; allowed: only with 127.0.0.1")
-        if invitation.given is not None:
+    if server_settings.token == "never":
+        if not Names(server_settings.host).local:
+            raise ScenarioError(f"--token: never, with --host {server_settings.host}; allowed: only with 127.0.0.1")
+        if server_settings.given is not None:
             raise ScenarioError("--token: never, with a token given; allowed: auto, always")
-    return invitation.tokens
+    return server_settings.tokens
 
 
 async def _serve(
     scenario: str,
     look: Look,
-    invitation: Invitation,
+    server_settings: ServerSettings,
     names: Names,
     tokens: Tokens | None,
-    register: Register | None,
+    store: SessionStore | None,
 ) -> None:
-    shared = invitation.shared
-    house = House(
+    shared = server_settings.shared
+    pool = SessionPool(
         scenario,
         lambda toml: Worker.prepared(toml, look),
-        (invitation.places or places()) if shared else 1,
-        60.0 * invitation.idle_minutes if shared else None,
-        register=register,
+        (server_settings.places or places()) if shared else 1,
+        60.0 * server_settings.idle_minutes if shared else None,
+        store=store,
         spare=shared,
-        of_one_address=invitation.of_one_address,
+        of_one_address=server_settings.of_one_address,
     )
-    everyone = None if shared else house.everyone()
+    everyone = None if shared else pool.everyone()
     stop = asyncio.Event()
     endings = [signal.SIGINT, signal.SIGTERM]
     if signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN:  # nohup
         endings.append(signal.SIGHUP)
     for number in endings:
         asyncio.get_running_loop().add_signal_handler(number, stop.set)
-    gateway = Gateway(house, Doors(names, tokens, everyone, copies=invitation.copies))
+    gateway = Gateway(pool, Doors(names, tokens, everyone, copies=server_settings.copies))
     warming = None
     try:
-        async with serving(gateway, invitation.host, invitation.port) as port:
+        async with serving(gateway, server_settings.host, server_settings.port) as port:
             warming = precompile.start()
-            address = _address(invitation, port)
+            address = _address(server_settings, port)
             # a token that was given is known to who is to have it, and need not be in the journal
-            shown = tokens if invitation.given is None else Tokens("TOKEN", "WATCH-TOKEN")
+            shown = tokens if server_settings.given is None else Tokens("TOKEN", "WATCH-TOKEN")
             say(f"VSMRC Lab: {_link(address, shown, '')}  (Ctrl-C ends it)")
             if everyone is not None:
                 watch = f"watch/{everyone.watch}/"
                 say(f"to watch:  {address}/{watch}" + (f"?token={shown.watch}" if shown else ""))
             else:
-                listening = f", listening at {invitation.host}:{port}" if invitation.origins else ""
-                say(f"{house.places} sessions at once (--max-sessions){listening}")
+                listening = f", listening at {server_settings.host}:{port}" if server_settings.origins else ""
+                say(f"{pool.places} sessions at once (--max-sessions){listening}")
             log.info("listening", url=address)
             await stop.wait()
             end_within()
@@ -140,11 +140,11 @@ def _link(address: str, tokens: Tokens | None, path: str) -> str:
     return f"{address}/{path}" + (f"?token={tokens.steer}" if tokens else "")
 
 
-def _address(invitation: Invitation, port: int) -> str:
+def _address(server_settings: ServerSettings, port: int) -> str:
     """By which others reach the server."""
-    if invitation.origins:
-        return invitation.origins[0].rstrip("/")
-    host = invitation.host
+    if server_settings.origins:
+        return server_settings.origins[0].rstrip("/")
+    host = server_settings.host
     if host in ("0.0.0.0", "::"):
         host = _outward() or socket.gethostname()
     return f"http://[{host}]:{port}" if ":" in host else f"http://{host}:{port}"

@@ -33,7 +33,7 @@ from app.gateway.metrics import TYPE, metrics
 from app.gateway.relay import ANSWER, closed, relay
 from app.gateway.responses import Runner, with_headers
 from app.gateway.session import Session
-from app.gateway.session_pool import HURRIED, Excess, House
+from app.gateway.session_pool import HURRIED, Excess, SessionPool
 from app.gateway.visitor_origin import asks_status, is_local, port_of, visitor_cookie, visitor_of
 from app.gateway.visitors import Viewer, Visitor
 from app.process.redaction import new_secret
@@ -64,8 +64,8 @@ class Doors:
 class Gateway:
     """The web application, for `aiohttp.web`. answered: the connections whose request is being answered."""
 
-    def __init__(self, house: House, doors: Doors) -> None:
-        self._house, self._doors = house, doors
+    def __init__(self, pool: SessionPool, doors: Doors) -> None:
+        self._pool, self._doors = pool, doors
         self._copies = doors.copies and doors.everyone is None
         self._refusals = Counter[str]()
         self.answered = set[asyncio.BaseTransport]()
@@ -93,7 +93,7 @@ class Gateway:
     @property
     def most_pages(self) -> int:
         """Open at once."""
-        return self._house.shares.pages.total
+        return self._pool.shares.pages.total
 
     async def _living(self, _: web.Application) -> AsyncIterator[None]:
         async with aiohttp.ClientSession(connector=aiohttp.TCPConnector(limit=0)) as self._client:
@@ -103,13 +103,13 @@ class Gateway:
 
     async def _end(self, _: web.Application) -> None:
         """Before anybody waits for the pages: they end with their sessions."""
-        await self._house.close()
+        await self._pool.close()
 
     async def _tick(self) -> None:
         while True:
             if self._doors.everyone is not None:
-                self._house.want(self._doors.everyone)
-            self._house.tick()
+                self._pool.want(self._doors.everyone)
+            self._pool.tick()
             await asyncio.sleep(TICK)
 
     # who may come in
@@ -181,7 +181,7 @@ class Gateway:
     def _opens_session(self, request: web.Request, shown: str) -> bool:
         """Whether this is the token of the session that is asked for, to steer it."""
         tokens, name = self._doors.tokens, request.match_info.get("name", "")
-        asked = request.match_info.get("kind") == "s" and self._house.named(name) is not None
+        asked = request.match_info.get("kind") == "s" and self._pool.named(name) is not None
         return tokens is not None and asked and tokens.opens_session(name, shown)
 
     def _not_steered(self, request: web.Request) -> web.StreamResponse | None:
@@ -189,7 +189,7 @@ class Gateway:
         owner of a copy; and where there is no such session."""
         if request[_PASS] == "steer" or request.match_info.get("kind") != "s":
             return None
-        session = self._house.named(request.match_info["name"])
+        session = self._pool.named(request.match_info["name"])
         shown = (request.query.get("token", ""), request.cookies.get(session_token_cookie(port_of(request)), ""))
         if session is None or self._owns(request, session) or any(self._opens_session(request, s) for s in shown):
             return None
@@ -232,7 +232,7 @@ class Gateway:
             return _notice("This request is refused", "Sec-Fetch-Dest is not a page; allowed: document", 403)
         cookie = f"vsmrc-session-{port_of(request)}"
         visitor = self._greeted(request)
-        session = self._doors.everyone or self._house.named(request.cookies.get(cookie, "")) or self._house.new(visitor)
+        session = self._doors.everyone or self._pool.named(request.cookies.get(cookie, "")) or self._pool.new(visitor)
         response = web.Response(status=303, headers={"Location": f"s/{session.name}/"})
         self._remember(response, request, cookie, session.name)
         return response
@@ -246,8 +246,8 @@ class Gateway:
         if not request.path.endswith("/"):
             return web.Response(status=303, headers={"Location": f"{request.match_info['name']}/"})
         self._greeted(request)
-        self._house.want(session)
-        if await self._house.soon(session, WAITS) and (document := await self._page(session)):
+        self._pool.want(session)
+        if await self._pool.soon(session, WAITS) and (document := await self._page(session)):
             return _sent(document, request)
         return _html(pages.waiting())
 
@@ -267,12 +267,12 @@ class Gateway:
     async def _socket(self, request: web.Request) -> web.StreamResponse:
         session, limits = self._meant(request), self._doors.limits
         taken_back = session.taken_back  # of the link as it is now
-        self._house.want(session)
+        self._pool.want(session)
         if (process := session.process) is None or self._client is None:
             return await closed(request, WSCloseCode.SERVICE_RESTART, "the session is being started")
         watches = _watches(request)
         viewer = Viewer(visitor_of(request, self._doors.names), "watch" if watches else "steer")
-        if reason := self._house.crowded(session, viewer):
+        if reason := self._pool.crowded(session, viewer):
             self._refusals["too many pages"] += 1
             log.info("page refused", reason=reason)
             return await closed(request, WSCloseCode.TRY_AGAIN_LATER, reason)
@@ -282,18 +282,18 @@ class Gateway:
         def watching(raw: bytes) -> bytes | None:
             return harmless(raw, process.looking)
 
-        with self._house.viewing(session, viewer):
+        with self._pool.viewing(session, viewer):
             judge = watching if watches else bytes
             return await relay(request, self._client, process, meter, judge, taken_back)
 
     async def _about(self, request: web.Request) -> web.StreamResponse:
         session = self._meant(request)
         if "wait" in request.query:
-            self._house.want(session)
-        refusal = self._house.refusal(session)
+            self._pool.want(session)
+        refusal = self._pool.refusal(session)
         about = {
             "phase": session.phase,
-            "place": self._house.place(session),
+            "place": self._pool.place(session),
             "full": session.phase == "resting" and bool(refusal),
             "why": refusal,
             "rest": round(HURRIED),
@@ -312,7 +312,7 @@ class Gateway:
         return web.json_response(about)
 
     async def _again(self, request: web.Request) -> web.StreamResponse:
-        self._house.again(self._meant(request))
+        self._pool.again(self._meant(request))
         return web.Response(status=204)
 
     async def _renew(self, request: web.Request) -> web.StreamResponse:
@@ -323,7 +323,7 @@ class Gateway:
             return _notice("No new links", "To take links back, come in by the link printed at the start.", 403)
         comes_back = request.cookies.get(cookie) == session.name
         try:
-            await self._house.renew(session)
+            await self._pool.renew(session)
         except OSError as error:
             return _notice("The links are the old ones", f"New ones cannot be kept on disk: {error.strerror}.", 503)
         response = web.Response(status=303, headers={"Location": f"../../s/{session.name}/"})
@@ -338,7 +338,7 @@ class Gateway:
         if not self._copies:
             return _notice("No private copies", "This server was started with --no-copies.", 403)
         try:
-            session = self._house.copy(watched, self._greeted(request))
+            session = self._pool.copy(watched, self._greeted(request))
         except Excess as error:
             self._refusals["too many copies"] += 1
             log.info("request refused", reason=str(error))
@@ -361,7 +361,7 @@ class Gateway:
         return self._status(request, "ok\n", "text/plain")
 
     async def _metrics(self, request: web.Request) -> web.StreamResponse:
-        return self._status(request, metrics(self._house, self._refusals), TYPE)
+        return self._status(request, metrics(self._pool, self._refusals), TYPE)
 
     def _status(self, request: web.Request, text: str, kind: str) -> web.StreamResponse:
         if request[_PASS] != "steer" or not (self._doors.tokens is not None or is_local(request)):
@@ -371,7 +371,7 @@ class Gateway:
     def _meant(self, request: web.Request) -> Session:
         """Raises HTTPNotFound."""
         name = request.match_info["name"]
-        session = self._house.watched(name) if _watches(request) else self._house.named(name)
+        session = self._pool.watched(name) if _watches(request) else self._pool.named(name)
         if session is None:
             raise web.HTTPNotFound
         return session

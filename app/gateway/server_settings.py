@@ -19,7 +19,7 @@ class Look:
 
 
 @dataclass(frozen=True)
-class Invitation:
+class ServerSettings:
     """To whom a server is open. shared: a session for each visitor, else one for all; token: asked for where others
     than this user's programs can come (auto); given: the token to steer, None for a fresh one; crowded: other people
     are on this machine; origins: public addresses behind a proxy; places: sessions that run at once, None for what this

@@ -12,7 +12,7 @@ import structlog
 
 from app.access.session_messages import Begin, Kept
 from app.gateway.session import Process, Session
-from app.gateway.session_store import MOST, Known, Register
+from app.gateway.session_store import MOST, Known, SessionStore
 from app.gateway.visitors import NOBODY, Shares, Viewer, Visitor, places_share
 from app.gateway.worker import WorkerError
 from app.process.redaction import new_secret
@@ -25,7 +25,7 @@ UNSEEN = 60.0  # s: a process that nobody ever looked at is closed
 HURRIED = 120.0  # s: while others wait, a place that nobody looks at is free so soon
 CRASHES, WITHIN = 3, 60.0  # so many ends of a process within so many s, and it is not begun again
 SPARE_AFTER = 2.0  # s after a start, for the page that is just being loaded has the processor first
-MOST_KEPT = 2000  # sessions without a folder; see `House._has_room`
+MOST_KEPT = 2000  # sessions without a folder; see `SessionPool._has_room`
 UNKEPT = f"this session is not kept on disk: {MOST} others are, and none of them may go for it"
 
 
@@ -33,12 +33,12 @@ class Excess(Exception):
     """More than a visitor may have: one sentence."""
 
 
-class House:
+class SessionPool:
     """Sessions and their processes, at most `places` of them at once; all in one event loop.
 
     scenario: TOML of a new session; launch: makes a process with this scenario ready; idle: s after which a session
-    that nobody looks at is closed, its scenario kept, None for never; register: where sessions are kept beyond the
-    life of the house, None for nowhere; spare: have a process ready in advance; shares: what one visitor may have;
+    that nobody looks at is closed, its scenario kept, None for never; store: where sessions are kept beyond the
+    life of the pool, None for nowhere; spare: have a process ready in advance; shares: what one visitor may have;
     of_one_address: places, see `places_share`.
     """
 
@@ -49,14 +49,14 @@ class House:
         places: int,
         idle: float | None,
         *,
-        register: Register | None = None,
+        store: SessionStore | None = None,
         spare: bool = True,
         shares: Shares | None = None,
         of_one_address: int | None = None,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         self._scenario, self._launch, self.places, self._idle = scenario, launch, places, idle
-        self._register, self._wants_spare, self._clock = register, spare, clock
+        self._store, self._wants_spare, self._clock = store, spare, clock
         self.shares, self._place_share = shares or Shares(), places_share(places, of_one_address)
         self._by_name: dict[str, Session] = {}
         self._by_watch: dict[str, Session] = {}
@@ -67,7 +67,7 @@ class House:
         self.crashes = 0
         self._started = clock() - SPARE_AFTER
         self._noting = asyncio.Lock()  # what is on disk of a session's links is what was noted last
-        for known in register.known() if register is not None else ():
+        for known in store.known() if store is not None else ():
             session = Session(
                 known.scenario, known.name, known.watch, known.pinned, known.folder, owner=Visitor(known.owner)
             )
@@ -122,7 +122,7 @@ class House:
         return self._add(session)
 
     def everyone(self) -> Session:
-        """The session of a house that has one for all: its links are the old ones, its scenario is the usual one."""
+        """The session of a pool that has one for all: its links are the old ones, its scenario is the usual one."""
         session = next(iter(self._by_name.values()), None) or self.new()
         session.scenario, session.offers = self._scenario, True
         return session
@@ -178,8 +178,8 @@ class House:
     async def _renewed(self, session: Session) -> None:
         async with self._noting:
             name, watch = new_secret(16), new_secret(16)
-            if self._register is not None and session.kept:
-                await asyncio.to_thread(self._register.enter, _known(session)._replace(name=name, watch=watch))
+            if self._store is not None and session.kept:
+                await asyncio.to_thread(self._store.enter, _known(session)._replace(name=name, watch=watch))
             if self._by_name.pop(session.name, None) is None:
                 return  # it has been forgotten meanwhile
             del self._by_watch[session.watch]
@@ -267,7 +267,7 @@ class House:
         return asks and free and not self._place_share.refusal(session.owner, self._holders)
 
     async def _live(self, session: Session) -> None:
-        """From its place in the house to its end, over as many processes as it takes."""
+        """From its place in the pool to its end, over as many processes as it takes."""
         try:
             while not session._closing:
                 session.phase = "starting"
@@ -327,15 +327,15 @@ class House:
 
     async def _folder(self, session: Session) -> Kept | None:
         """Where this session is kept, which is made if need be."""
-        if self._register is None:
+        if self._store is None:
             return None
         async with self._noting:
-            folder = await asyncio.to_thread(self._register.entered, _known(session))
+            folder = await asyncio.to_thread(self._store.entered, _known(session))
         return Kept(str(folder), "offered" if session.offers else "shown")
 
     async def _keep(self, session: Session) -> None:
         """Have the process keep the session, which somebody looks at, from now on, where there is room."""
-        if self._register is None or session.kept or (process := session.process) is None:
+        if self._store is None or session.kept or (process := session.process) is None:
             return
         if not self._has_room(session, MOST, kept=True):
             process.remark(UNKEPT)
@@ -365,8 +365,8 @@ class House:
 
     def _forget(self, session: Session) -> None:
         del self._by_name[session.name], self._by_watch[session.watch]
-        if self._register is not None and session.kept:
-            self._do(asyncio.to_thread(self._register.forget, session.folder))
+        if self._store is not None and session.kept:
+            self._do(asyncio.to_thread(self._store.forget, session.folder))
 
 
 _ASKING = ("waiting", "starting", "running")

@@ -42,7 +42,7 @@ class Known(NamedTuple):
     folder: str
 
 
-class Register:
+class SessionStore:
     """A folder that only this gateway uses, as long as it lives or until `close`.
 
     A session's own folder is named after its first link to watch: what its pages show of it lets nobody steer. Its

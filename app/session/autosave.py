@@ -165,7 +165,7 @@ class StateFolder:
                 file.unlink(missing_ok=True)
 
 
-class Keeper:
+class Autosave:
     """Saves scenario and pinned runs as they change, in a thread of its own. What a run begins with is no change.
 
     complain: is told in a sentence, once until it goes well again, that it cannot be saved. begun: the run has begun

@@ -25,9 +25,9 @@ from controllers.premises import (
     keep_promise,
     watch,
 )
-from controllers.reference_estimates import Believed, believe
+from controllers.reference_estimates import FeedforwardModel, believe
 from controllers.switching import SAMPLING_SHARE
-from controllers.task_space import TaskLayout, TaskSpace, Work, task_space
+from controllers.task_space import Scratch, TaskLayout, TaskSpace, task_space
 from controllers.vsmrc import ControlOutput, Gains, Reference, control_law
 from environments.plant import limited
 from environments.surfaces import Chart, Shape, surface_chart
@@ -55,7 +55,7 @@ class ReferencePlan(NamedTuple):
         return self._replace(start=r, compliance=0.0, motion=still, shift=here, force=force)
 
 
-class Sight(NamedTuple):
+class ObservationModel(NamedTuple):
     """How the controller looks at the arm. links: see `NominalModel`; shape: the surface (or Cartesian axes) that
     gives the task coordinates."""
 
@@ -72,12 +72,12 @@ class Observation(NamedTuple):
     estimate: Estimate
     chart: Chart
     task: TaskSpace
-    work: Work
+    work: Scratch
 
     @classmethod
     def zeros(cls, n: int) -> Observation:
         """Of n coordinates."""
-        return cls(np.zeros(n), np.zeros(n), Estimate.zeros(n), Chart.zeros(), TaskSpace.zeros(n), Work.zeros(n))
+        return cls(np.zeros(n), np.zeros(n), Estimate.zeros(n), Chart.zeros(), TaskSpace.zeros(n), Scratch.zeros(n))
 
 
 class Alarm(IntFlag):
@@ -111,7 +111,7 @@ class Setting(NamedTuple):
     """What stays the same between two edits. period s; online: whether estimates are taken at q, not beforehand
     (Remark 3); heavy: the contact's force depends on tau; torque_limit (n,) N m: of the drives."""
 
-    sight: Sight
+    observation_model: ObservationModel
     plan: ReferencePlan
     gains: Gains
     period: float
@@ -133,7 +133,7 @@ class Period(NamedTuple):
     push: np.ndarray
     seen: Observation
     reference: Reference
-    believed: Believed
+    believed: FeedforwardModel
     output: ControlOutput
     applied: np.ndarray
     residual: np.ndarray
@@ -150,7 +150,7 @@ class Period(NamedTuple):
     def zeros(cls, n: int) -> Period:
         """Of n coordinates."""
         v, seen, reference = np.zeros(n), Observation.zeros(n), Reference.zeros(n)
-        believed = Believed(np.zeros((n, n)), np.zeros((n, n)), v, ON_LINE)
+        believed = FeedforwardModel(np.zeros((n, n)), np.zeros((n, n)), v, ON_LINE)
         output, f = ControlOutput.zeros(n), np.zeros(3)
         watched = Watched(1.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0)
         law = (v, f, f, seen, reference, believed, output, v, v, False, False, 0)
@@ -174,11 +174,11 @@ def reference_at(plan, t, reference):
 
 
 @part
-def observe(sight, momenta, C, J, J_dot, placements, t, seen):
+def observe(observation_model, momenta, C, J, J_dot, placements, t, seen):
     """Estimates and task coordinates of a state, Remark 1 and (3), from the arrays of `nominal_model.Terms` there."""
-    estimates(sight.links, momenta, C, J, J_dot, placements, seen.q_dot, seen.estimate)
-    surface_chart(sight.shape, seen.estimate.p, t, seen.chart)
-    task_space(sight.layout, seen.chart, seen.estimate, seen.q, seen.q_dot, seen.work, seen.task)
+    estimates(observation_model.links, momenta, C, J, J_dot, placements, seen.q_dot, seen.estimate)
+    surface_chart(observation_model.shape, seen.estimate.p, t, seen.chart)
+    task_space(observation_model.layout, seen.chart, seen.estimate, seen.q, seen.q_dot, seen.work, seen.task)
 
 
 @kernel
@@ -192,7 +192,7 @@ def control_period(setting, period, momenta, C, J, J_dot, placements, arm, F, t,
     copy(arm.q, seen.q)
     copy(arm.q_dot, seen.q_dot)
     copy(F, period.F)
-    observe(setting.sight, momenta, C, J, J_dot, placements, t, seen)
+    observe(setting.observation_model, momenta, C, J, J_dot, placements, t, seen)
     reference_at(setting.plan, t, reference)
     if setting.online:
         believe(estimate, period.believed)
@@ -391,8 +391,8 @@ def watch_posture(setting, period, centres):
 
 
 @kernel
-def _observe_alone(sight, momenta, C, J, J_dot, placements, t, seen):
-    observe(sight[0], momenta, C, J, J_dot, placements, t, seen[0])
+def _observe_alone(observation_model, momenta, C, J, J_dot, placements, t, seen):
+    observe(observation_model[0], momenta, C, J, J_dot, placements, t, seen[0])
 
 
 @kernel
@@ -404,13 +404,13 @@ class Observer:
     """`observe` for use outside kernels."""
 
     def __init__(self, model: NominalModel, shape: Shape, layout: TaskLayout) -> None:
-        self.sight = Sight(model.constants, shape, layout)
-        self._model, self._record = model, Record(self.sight)
+        self.observation_model = ObservationModel(model.constants, shape, layout)
+        self._model, self._record = model, Record(self.observation_model)
         self._blank = Record(Observation.zeros(layout.n))
 
     @property
     def fingerprint(self) -> bytes:
-        """All of `sight`: observers that share it, and the arm, see the same."""
+        """All of `observation_model`: observers that share it, and the arm, see the same."""
         return self._record.data.tobytes()
 
     def at(self, q: np.ndarray, q_dot: np.ndarray, t: float) -> tuple[Estimate, TaskSpace]:

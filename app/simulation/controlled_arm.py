@@ -147,7 +147,7 @@ def _setting_of(system: System, *, online: bool) -> Setting:
     pushes_only = contact.kind == "rigid" and contact.unilateral
     pressed = bool(system.m) and contact.unilateral and contact.kind in ("elastic", "mass-damper-spring")
     return Setting(
-        sight=system.observer.sight,
+        observation_model=system.observer.observation_model,
         plan=system.plan,
         gains=system.law.gains,
         period=scenario.controller.period,

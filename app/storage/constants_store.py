@@ -34,7 +34,7 @@ def _checksum(name: str, numbers: Numbers) -> str:
     return hashlib.sha256(f"{name} {numbers!r}".encode()).hexdigest()
 
 
-class ConstantsShelf:
+class ConstantsStore:
     """A `search_memory.Shelf` in a folder, by default that of the kernels; failures of the disk are not told."""
 
     def __init__(self, folder: Path | None = None) -> None:
@@ -95,4 +95,4 @@ class ConstantsShelf:
 
 def kept_memory() -> Memory:
     """Memory of what was searched for, which the next program has, too."""
-    return Memory(ConstantsShelf())
+    return Memory(ConstantsStore())

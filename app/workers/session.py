@@ -42,7 +42,7 @@ from app.dashboard.widgets.last_session import left_by, remark
 from app.process import log
 from app.scenario.data import from_toml, to_toml
 from app.scenario.schema import Scenario, ScenarioError
-from app.session.autosave import Keeper, StateFolder
+from app.session.autosave import Autosave, StateFolder
 from app.session.commands import Continue
 from app.session.runner import Runner
 from app.session.timeline import Pinned
@@ -114,7 +114,7 @@ def serve(gateway: Gateway) -> None:
     assert isinstance(begin, Begin)
     dashboard.shelf.marks = begin.marks
     begun = from_toml(begin.scenario) if begin.scenario else scenario
-    keeper, runs = (None, ()) if begin.kept is None else _keeper(begin.kept, begun, runner, dashboard)
+    autosave, runs = (None, ()) if begin.kept is None else _autosave(begin.kept, begun, runner, dashboard)
     if begin.scenario or runs:
         runner.post(Continue(begun, runs))
     runner.start()
@@ -124,13 +124,13 @@ def serve(gateway: Gateway) -> None:
     try:
         while True:  # until the other end has gone
             match gateway.next():
-                case Keep(kept) if keeper is None:
-                    keeper = _kept_from_now(kept, runner, dashboard)
+                case Keep(kept) if autosave is None:
+                    autosave = _kept_from_now(kept, runner, dashboard)
                 case Remark(sentence):
                     dashboard.offer(remark(sentence))
     finally:
-        if keeper is not None:
-            keeper.close()
+        if autosave is not None:
+            autosave.close()
 
 
 def _folder(kept: Kept, dashboard: Dashboard) -> StateFolder | None:
@@ -142,34 +142,34 @@ def _folder(kept: Kept, dashboard: Dashboard) -> StateFolder | None:
         return None
 
 
-def _kept_from_now(kept: Kept, runner: Runner, dashboard: Dashboard) -> Keeper | None:
+def _kept_from_now(kept: Kept, runner: Runner, dashboard: Dashboard) -> Autosave | None:
     """Keeps a session that has begun without a folder."""
     folder = _folder(kept, dashboard)
-    return None if folder is None else Keeper(folder, lambda: runner.snapshot, dashboard.fail, begun=True)
+    return None if folder is None else Autosave(folder, lambda: runner.snapshot, dashboard.fail, begun=True)
 
 
-def _keeper(
+def _autosave(
     kept: Kept, scenario: Scenario, runner: Runner, dashboard: Dashboard
-) -> tuple[Keeper | None, tuple[Pinned, ...]]:
+) -> tuple[Autosave | None, tuple[Pinned, ...]]:
     """Keeps the session from its beginning, in its folder, unless that cannot be used; and the pinned runs that are
     taken up from there. What cannot be taken up is shown or offered."""
     if (folder := _folder(kept, dashboard)) is None:
         return None, ()
-    keeper = Keeper(folder, lambda: runner.snapshot, dashboard.fail)
-    left = left_by(folder, keeper, scenario)
+    autosave = Autosave(folder, lambda: runner.snapshot, dashboard.fail)
+    left = left_by(folder, autosave, scenario)
     if left is None:
-        return keeper, ()
+        return autosave, ()
     if left.offer is None or kept.earlier == "offered":
         dashboard.offer(left)
-        return keeper, ()
+        return autosave, ()
     try:
-        runs, problem = keeper.take_up(left.offer)
+        runs, problem = autosave.take_up(left.offer)
     except ScenarioError:  # it is older than the one that runs, and cannot run now
         dashboard.offer(left)
-        return keeper, ()
+        return autosave, ()
     if problem:
         dashboard.offer(remark(problem))
-    return keeper, runs
+    return autosave, runs
 
 
 def _report(gateway: Gateway, runner: Runner, told: Scenario) -> None:

@@ -14,7 +14,7 @@ from app.access.admission import Tokens
 from app.access.given_token import VARIABLE, given_token
 from app.dashboard.page import Dashboard
 from app.gateway.serve import serve
-from app.gateway.server_settings import Invitation, Look
+from app.gateway.server_settings import Look, ServerSettings
 from app.process import other_users
 from app.scenario.data import load
 from app.scenario.schema import ScenarioError
@@ -51,18 +51,20 @@ def test_the_token_to_watch_follows_from_a_given_one_and_a_restart_keeps_both() 
     assert tokens == Tokens.given(OWN)
     assert tokens.watch != Tokens.given(OWN[:-1] + "x").watch
     assert (tokens.opens(OWN), tokens.opens(tokens.watch)) == ("steer", "watch")
-    assert OWN not in repr(tokens) + repr(Invitation(given=OWN))
+    assert OWN not in repr(tokens) + repr(ServerSettings(given=OWN))
 
 
 def test_a_token_is_asked_for_wherever_others_can_come() -> None:
     asked = [
-        Invitation("0.0.0.0"), Invitation(token="always"), Invitation(origins=("https://lab.example.org",)),
-        Invitation(crowded=True), Invitation(shared=True, crowded=True), Invitation(given=OWN),
+        ServerSettings("0.0.0.0"), ServerSettings(token="always"), ServerSettings(origins=("https://lab.example.org",)),
+        ServerSettings(crowded=True), ServerSettings(shared=True, crowded=True), ServerSettings(given=OWN),
     ]  # fmt: skip
-    assert all(invitation.tokens for invitation in asked)
-    assert not any(invitation.tokens for invitation in (Invitation(), Invitation(crowded=True, token="never")))
+    assert all(server_settings.tokens for server_settings in asked)
+    assert not any(
+        server_settings.tokens for server_settings in (ServerSettings(), ServerSettings(crowded=True, token="never"))
+    )
     with pytest.raises(ScenarioError, match="--token: never, with a token given; allowed: auto, always"):
-        serve(load("ur5-hybrid"), Look(), Invitation(token="never", given=OWN), None)
+        serve(load("ur5-hybrid"), Look(), ServerSettings(token="never", given=OWN), None)
 
 
 def test_who_else_can_use_the_machine(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

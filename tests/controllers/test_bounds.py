@@ -12,7 +12,7 @@ import pytest
 from app.simulation.system import System
 from controllers.bounds import Equivalent, InertiaRange, Uncertainty, required_gain
 from controllers.nominal_model import ON_LINE, Estimate
-from controllers.reference_estimates import Believed
+from controllers.reference_estimates import FeedforwardModel
 from controllers.switching import Switching
 from controllers.task_space import TaskSpace
 from controllers.vsmrc import Vsmrc
@@ -72,7 +72,7 @@ class Need(NamedTuple):
 
 
 def compare(
-    system: System, law: Vsmrc, plant: Plant, state: State, seed: int, override: Believed | None = None
+    system: System, law: Vsmrc, plant: Plant, state: State, seed: int, override: FeedforwardModel | None = None
 ) -> Need:
     """||J_q^-T (Delta M q_eq_ddot + Delta C q_eq_dot + Delta G + f - J_v^T error)|| against d - epsilon.
 
@@ -83,7 +83,7 @@ def compare(
     estimate, task = system.observe(q, q_dot, t)
     reference = random_reference(task.r, random)
     reference = reference._replace(r_d_dot=10 ** random.uniform(-2.0, 0.3) * reference.r_d_dot)
-    believed = Believed.at(estimate) if override is None else override
+    believed = FeedforwardModel.at(estimate) if override is None else override
     z, F = random.uniform(0.0, 1.0) * random.standard_normal(n), random.standard_normal(3)
     out = law.evaluate(z, reference, task, estimate, believed, q_dot, F)
 
@@ -123,7 +123,7 @@ def test_gain_covers_estimates_taken_along_the_reference(robot: str, bounds: Bou
         q_d_dot = state.q_dot + 10 ** random.uniform(-3.0, 0.0) * direction(random, n)
         there: Estimate = system.nominal.evaluate(q_d, q_d_dot)
         deviation = system.constants.lipschitz.deviation(state.q, state.q_dot, q_d, q_d_dot)
-        override = Believed(there.M_hat, there.C_hat, there.G_hat, deviation)
+        override = FeedforwardModel(there.M_hat, there.C_hat, there.G_hat, deviation)
         need = compare(system, law, plant, state, seed, override)
         assert need.needed <= need.offered
 
@@ -158,7 +158,7 @@ def test_paper_bounds_are_those_of_7(robot: str) -> None:
     q, q_dot, t = draw_state(system, random)
     estimate, task = system.observe(q, q_dot, t)
     reference, z = random_reference(task.r, random), random.standard_normal(system.robot.n)
-    out = law.evaluate(z, reference, task, estimate, Believed.at(estimate), q_dot, np.zeros(3))
+    out = law.evaluate(z, reference, task, estimate, FeedforwardModel.at(estimate), q_dot, np.zeros(3))
 
     r_eq_dot = task.r_dot - out.s
     r_eq_ddot = reference.r_d_ddot - law.compensator.F_1 @ out.e_r_dot - law.compensator.F_2 @ out.z_dot

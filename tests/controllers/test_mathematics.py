@@ -14,12 +14,12 @@ from app.simulation.system import System
 from controllers.baselines import ComputedTorque
 from controllers.modes import MODES
 from controllers.reaching import ReachingCertificate
-from controllers.reference_estimates import Believed
+from controllers.reference_estimates import FeedforwardModel
 from controllers.switching import Switching
 from controllers.target_model import InvalidGain, TargetModel, require_spd
 from controllers.task_space import TaskSpace
 from controllers.vsmrc import Vsmrc
-from environments.contact import Contact, Touch, World, add_drift, touch_at
+from environments.contact import Contact, ContactKinematics, World, add_drift, touch_at
 from environments.trajectories import Circle, ForceSinusoid, ForceStep, Line, PointToPoint
 from kernels.records import Record
 from tests.support.arms import (
@@ -122,7 +122,7 @@ def test_law_in_joint_space_is_the_law_in_task_space(
     q, q_dot, t = random_state(system, random)
     estimate, task = system.observe(q, q_dot, t)
     reference, z, F = random_reference(task.r, random), random.standard_normal(n), random.standard_normal(3)
-    out = law.evaluate(z, reference, task, estimate, Believed.at(estimate), q_dot, F)
+    out = law.evaluate(z, reference, task, estimate, FeedforwardModel.at(estimate), q_dot, F)
 
     c, J_inv, H = law.compensator, task.J_q_inv, task.J_q_inv.T @ estimate.M_hat @ task.J_q_inv
     C = coriolis(system, q, q_dot, t)
@@ -157,7 +157,7 @@ def test_known_arm_obeys_the_target_model(
     q, q_dot, t = random_state(system, random)
     estimate, task = system.observe(q, q_dot, t)
     reference, z, F = random_reference(task.r, random), random.standard_normal(n), random.standard_normal(3)
-    out = law.evaluate(z, reference, task, estimate, Believed.at(estimate), q_dot, F)
+    out = law.evaluate(z, reference, task, estimate, FeedforwardModel.at(estimate), q_dot, F)
 
     q_ddot = pin.aba(system.robot.model, system.robot.model.createData(), q, q_dot, out.tau - estimate.J_v.T @ F)
     e_r_ddot = task.J_q @ q_ddot + task.J_q_dot @ q_dot + task.v_t_dot - reference.r_d_ddot
@@ -195,9 +195,9 @@ def test_contact_acceleration_of_a_moving_surface(chart: str, random: np.random.
     u, v = random.standard_normal((2, 3))
     world = Record(World(np.zeros(3), shape, Contact(0.0, 0.0, 1.0, False, 0.0, 0.0), False)).data
 
-    def touch(time: float, p: np.ndarray, p_dot: np.ndarray, p_ddot: np.ndarray) -> Touch:
+    def touch(time: float, p: np.ndarray, p_dot: np.ndarray, p_ddot: np.ndarray) -> ContactKinematics:
         """Of three orthogonal sliders whose directions turn just so that p_ddot follows without their acceleration."""
-        J, J_dot, at = np.eye(6, 3), np.zeros((6, 3)), Record(Touch.zeros(3))
+        J, J_dot, at = np.eye(6, 3), np.zeros((6, 3)), Record(ContactKinematics.zeros(3))
         J_dot[:3] = np.outer(p_ddot, p_dot) / max(p_dot @ p_dot, 1e-9)
         touch_of_point(world, J, J_dot, np.eye(3), p, p_dot, time, at.data)
         return at.read()

@@ -14,7 +14,7 @@ from app.scenario.schema import ScenarioError
 from app.simulation.system import System, assemble
 from controllers.compensator import Compensator
 from controllers.nominal_model import Estimate
-from controllers.reference_estimates import Believed
+from controllers.reference_estimates import FeedforwardModel
 from controllers.switching import Switching, layer_width
 from controllers.target_model import InvalidGain, TargetModel
 from controllers.vsmrc import Reference
@@ -135,7 +135,7 @@ def test_torque_25_is_force_15_in_task_space(robot: str, surface: str, bounds: s
         task.r + 0.01 * random.standard_normal(n), *(random.standard_normal(n) for _ in range(2)), np.zeros(n)
     )
     z, F = random.standard_normal(n), random.standard_normal(3)
-    out = system.law.evaluate(z, reference, task, e, Believed.at(e), q_dot, F)
+    out = system.law.evaluate(z, reference, task, e, FeedforwardModel.at(e), q_dot, F)
     c, J_inv = system.law.compensator, task.J_q_inv
     e_r, e_r_dot = task.r - reference.r_d, task.r_dot - reference.r_d_dot
     F_r = J_inv.T @ e.J_v.T @ F

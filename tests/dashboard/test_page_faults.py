@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from app.dashboard.page import Dashboard
-from app.dashboard.transport.stalled_clients import Laggards
+from app.dashboard.transport.stalled_clients import StalledClients
 from app.dashboard.widgets import playback
 from app.scenario.data import load
 from app.session.commands import Edit, SetSpeed
@@ -135,15 +135,15 @@ def test_a_client_that_does_not_read_is_dropped_and_bounded_meanwhile(server: Se
     begun(server.runner, load("ur5-hybrid"))
     reading, stuck = server.open(), server.open(reads=False)
     websock = server.dashboard._server._websock_server
-    laggards = Laggards(server.dashboard._server, patience=2.0)
+    stalled_clients = StalledClients(server.dashboard._server, patience=2.0)
     # something big enough to fill every buffer on the way
     server.dashboard.clients[stuck.number].send_file_download("file", bytes(20_000_000))
-    until(lambda: laggards._sizes().get(stuck.number, 0) > 20_000)
+    until(lambda: stalled_clients._sizes().get(stuck.number, 0) > 20_000)
     kept = len(websock._broadcast_buffer.message_from_id)
     counter = websock._broadcast_buffer.message_counter
     until(lambda: websock._broadcast_buffer.message_counter > counter + 200)
     assert len(websock._broadcast_buffer.message_from_id) < kept + 50  # of each kind the newest
-    until(lambda: laggards.drop() or stuck.number not in server.dashboard.clients)
+    until(lambda: stalled_clients.drop() or stuck.number not in server.dashboard.clients)
     assert reading.number in server.dashboard.clients
     reading.vanish()
 

@@ -8,7 +8,7 @@ import pytest
 
 from app.dashboard import page
 from app.dashboard.page import Dashboard
-from app.dashboard.transport.stalled_clients import Laggards
+from app.dashboard.transport.stalled_clients import StalledClients
 from app.scenario.data import shipped
 from app.session.runner import Runner
 from drivers.waiting import PATIENCE, until
@@ -36,12 +36,12 @@ def test_no_part_of_the_schema_is_translated_twice(monkeypatch: pytest.MonkeyPat
 def test_a_dashboard_is_closed_between_two_frames(monkeypatch: pytest.MonkeyPatch):
     drawing, go_on, order = threading.Event(), threading.Event(), []
 
-    def drop(_: Laggards) -> None:  # a part of every frame
+    def drop(_: StalledClients) -> None:  # a part of every frame
         drawing.set()
         go_on.wait(PATIENCE)
         order.append("drawn")
 
-    monkeypatch.setattr(Laggards, "drop", drop)
+    monkeypatch.setattr(StalledClients, "drop", drop)
     monkeypatch.setattr(page, "FRAME_ENDING", PATIENCE)
     dashboard = Dashboard(port=0)
     stop = dashboard._server.stop

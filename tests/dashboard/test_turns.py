@@ -7,14 +7,14 @@ import time
 
 import viser
 
-from app.dashboard.transport.widget_lock import Turns
+from app.dashboard.transport.widget_lock import WidgetLock
 from drivers.visitors import visiting
 
 
 def test_what_is_chosen_is_read_before_the_widget_shows_something_else() -> None:
     with contextlib.redirect_stdout(io.StringIO()):
         server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
-    turns, over, heard = Turns(server), threading.Event(), list[str]()
+    widget_lock, over, heard = WidgetLock(server), threading.Event(), list[str]()
     dropdown = server.gui.add_dropdown("Mode", ("motion", "hybrid", "impedance"))
 
     @dropdown.on_update
@@ -25,7 +25,7 @@ def test_what_is_chosen_is_read_before_the_widget_shows_something_else() -> None
 
     def draw() -> None:
         while not over.wait(0.001):
-            with turns.drawing:
+            with widget_lock.drawing:
                 dropdown.value = "motion"
 
     drawing = threading.Thread(target=draw)

@@ -21,7 +21,7 @@ from app.dashboard.plots.paper_figures import figure_of, plots_of, title_and_uni
 from app.dashboard.plots.plot_table import TABS
 from app.dashboard.scene.standalone import snapshots, standalone_html
 from app.dashboard.theme.colors import SERIES
-from app.export.export_jobs import DataJob, FigureJob, Maker, PlaybackJob, TakeAwayError, file_name
+from app.export.export_jobs import DataJob, ExportJobs, FigureJob, PlaybackJob, TakeAwayError, file_name
 from app.export.figures import BINS, CONTRAST, Chart, Curve, Figure, printed, render, thinned
 from app.export.formats import ALL_PLOTS
 from app.export.playback_frames import FRAMES_PER_SECOND, Film, film
@@ -34,7 +34,7 @@ from app.simulation.closed_loop import ClosedLoop
 from app.simulation.recording import BLOCK, Recording
 from app.storage.recording_files import TooLarge, read_npz, table, write_csv, write_npz
 
-made = Maker().made
+made = ExportJobs().made
 
 
 @pytest.fixture(scope="module")

@@ -22,7 +22,7 @@ from app.access.admission import PortTaken
 from app.access.rate_limits import Limits
 from app.dashboard.page import Dashboard
 from app.gateway.serve import serve
-from app.gateway.server_settings import Invitation, Look
+from app.gateway.server_settings import Look, ServerSettings
 from app.scenario.data import load
 from app.scenario.schema import ScenarioError
 from app.storage.session_index import SESSION
@@ -292,23 +292,23 @@ def test_a_dashboard_alone_answers_its_own_pages_only() -> None:
 
 
 @pytest.mark.parametrize(
-    ("invitation", "said"),
+    ("server_settings", "said"),
     [
-        (Invitation("0.0.0.0", token="never"), "--token: never, with --host 0.0.0.0; allowed: only with 127.0.0.1"),
-        (Invitation(shared=True, places=0), "--max-sessions: 0; allowed: 1 or more"),
-        (Invitation(shared=True, of_one_address=0), "--per-address: 0; allowed: 1 or more"),
-        (Invitation(shared=True, idle_minutes=-1.0), "--idle-minutes: -1; allowed: more than 0"),
-        (Invitation(origins=("lab.example.org",)), "--origin 'lab.example.org'; allowed: scheme and name"),
+        (ServerSettings("0.0.0.0", token="never"), "--token: never, with --host 0.0.0.0; allowed: only with 127.0.0.1"),
+        (ServerSettings(shared=True, places=0), "--max-sessions: 0; allowed: 1 or more"),
+        (ServerSettings(shared=True, of_one_address=0), "--per-address: 0; allowed: 1 or more"),
+        (ServerSettings(shared=True, idle_minutes=-1.0), "--idle-minutes: -1; allowed: more than 0"),
+        (ServerSettings(origins=("lab.example.org",)), "--origin 'lab.example.org'; allowed: scheme and name"),
     ],
 )
-def test_settings_that_make_no_sense_are_refused(invitation: Invitation, said: str) -> None:
-    assert invitation.open
+def test_settings_that_make_no_sense_are_refused(server_settings: ServerSettings, said: str) -> None:
+    assert server_settings.open
     with pytest.raises(ScenarioError, match=re.escape(said)):
-        serve(load("ur5-hybrid"), Look(), invitation, None)
+        serve(load("ur5-hybrid"), Look(), server_settings, None)
 
 
 def test_an_address_in_use_is_said() -> None:
     with socket.create_server(("127.0.0.1", 0)) as busy:
         port = busy.getsockname()[1]
         with pytest.raises(PortTaken, match=f"port {port} of 127.0.0.1 cannot be used"):
-            serve(load("ur5-hybrid"), Look(), Invitation(shared=True, port=port), None)
+            serve(load("ur5-hybrid"), Look(), ServerSettings(shared=True, port=port), None)

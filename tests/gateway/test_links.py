@@ -13,7 +13,7 @@ import pytest
 from aiohttp import WSMsgType
 
 from app.access.admission import Names, Tokens
-from app.gateway.session_store import Register
+from app.gateway.session_store import SessionStore
 from drivers.town import HELLO, Town, town
 from drivers.visitors import PATIENCE
 from tests.hostile.test_hostile_visitors import at, in_a_loop
@@ -149,13 +149,13 @@ def test_links_taken_back_stay_so_after_a_restart_or_are_not_taken_back(
     async def before() -> None:
         async with town(state=tmp_path) as lab:
             # a proxy asks for the token, say: the session is nobody's, as the one for all
-            session = lab.house.everyone()
+            session = lab.pool.everyone()
             first = Links(f"/s/{session.name}/", f"/watch/{session.watch}/")
             await lab.looked_at(first.steer)
             while lab.actors[0].kept is None:
                 await asyncio.sleep(0.01)
             with monkeypatch.context() as broken:
-                broken.setattr(Register, "enter", full)
+                broken.setattr(SessionStore, "enter", full)
                 refused = await lab.ask(f"{first.steer}renew", "POST")
             assert (refused.status, await links(lab, first.steer)) == (503, first)
             assert "New ones cannot be kept on disk: No space left on device." in await refused.text()
@@ -164,7 +164,7 @@ def test_links_taken_back_stay_so_after_a_restart_or_are_not_taken_back(
             statuses = sorted(answer.status for answer in await asyncio.gather(*asked))
             assert statuses[0] == 303
             session.pinned = 1  # and what is noted of it later on has the new links
-            await lab.house._folder(session)
+            await lab.pool._folder(session)
             known.append((first, Links(f"/s/{session.name}/", f"/watch/{session.watch}/")))
 
     @in_a_loop
@@ -176,8 +176,8 @@ def test_links_taken_back_stay_so_after_a_restart_or_are_not_taken_back(
 
     known = list[tuple[Links, Links]]()
     before()
-    with closing(Register(tmp_path)) as register:
-        assert len(register.known()) == 1
+    with closing(SessionStore(tmp_path)) as store:
+        assert len(store.known()) == 1
     after()
 
 

@@ -14,8 +14,8 @@ import pytest
 from app.access.session_messages import Begin, Changed, Kept
 from app.gateway import session_pool
 from app.gateway.session import Session
-from app.gateway.session_pool import House
-from app.gateway.session_store import LINK, MOST, Register
+from app.gateway.session_pool import SessionPool
+from app.gateway.session_store import LINK, MOST, SessionStore
 from app.gateway.visitors import NOBODY, Share, Shares, Viewer, Visitor
 from app.gateway.worker import WorkerError
 from app.scenario.data import from_toml, load, to_toml
@@ -63,21 +63,21 @@ class Fake:
 
 
 class Town:
-    """A house, its processes in the order of their making, and the time."""
+    """A pool, its processes in the order of their making, and the time."""
 
     def __init__(
         self,
         places: int,
         idle: float | None = 600.0,
         *,
-        register: Register | None = None,
+        store: SessionStore | None = None,
         spare: bool = False,
         shares: Shares | None = None,
     ) -> None:
         self.now, self.made, self.broken = 1000.0, list[Fake](), False
-        self._beat = 0.0 if register is None else 0.005  # s: what is on disk takes real time
-        self.house = House(
-            USUAL, self._launch, places, idle, register=register, spare=spare, shares=shares, clock=lambda: self.now
+        self._beat = 0.0 if store is None else 0.005  # s: what is on disk takes real time
+        self.pool = SessionPool(
+            USUAL, self._launch, places, idle, store=store, spare=spare, shares=shares, clock=lambda: self.now
         )
 
     async def _launch(self, scenario: str) -> Fake:
@@ -89,20 +89,20 @@ class Town:
     async def pass_time(self, seconds: float = 0.0) -> None:
         """What is to happen within, happens."""
         self.now += seconds
-        self.house.tick()
+        self.pool.tick()
         for _ in range(20):
             await asyncio.sleep(self._beat)
 
     async def wanted(self, session: Session) -> str:
-        self.house.want(session)
+        self.pool.want(session)
         await self.pass_time()
         return session.phase
 
     async def looked_at(self, session: Session, seconds: float = 0.0) -> None:
         """A page of it is open meanwhile."""
-        self.house.want(session)
+        self.pool.want(session)
         await self.pass_time()
-        with self.house.viewing(session, PAGE):
+        with self.pool.viewing(session, PAGE):
             await self.pass_time(seconds)
 
 
@@ -120,38 +120,38 @@ def in_a_loop(test: Callable[..., Awaitable[None]]) -> Callable[..., None]:
 @in_a_loop
 async def test_who_comes_too_late_queues_moves_up_and_is_forgotten_when_gone() -> None:
     town = Town(places=2)
-    a, b, c, d = (town.house.new() for _ in range(4))
+    a, b, c, d = (town.pool.new() for _ in range(4))
     assert [await town.wanted(s) for s in (a, b, c, d)] == ["running", "running", "waiting", "waiting"]
-    assert [town.house.place(s) for s in (a, c, d)] == [0, 1, 2]
-    with town.house.viewing(a, PAGE):
+    assert [town.pool.place(s) for s in (a, c, d)] == [0, 1, 2]
+    with town.pool.viewing(a, PAGE):
         for _ in range(30):  # c goes away, d keeps asking; b is looked at by nobody
             await town.pass_time(5.0)
-            town.house.want(d)
-            town.house.want(a)
+            town.pool.want(d)
+            town.pool.want(a)
         assert (c.phase, d.phase, b.phase, a.phase) == ("resting", "running", "resting", "running")
     assert len(town.made) == 3
-    await town.house.close()
+    await town.pool.close()
     assert not any(process.alive for process in town.made)
 
 
 @in_a_loop
 async def test_a_page_that_sleeps_keeps_its_number_and_is_passed_over() -> None:
     town = Town(places=1, shares=Shares(waiting=Share("sessions that wait", 2, 2, 2)))
-    a, b, c, d = (town.house.new() for _ in range(4))
+    a, b, c, d = (town.pool.new() for _ in range(4))
     assert [await town.wanted(s) for s in (a, b, c, d)] == ["running", "waiting", "waiting", "resting"]
-    assert town.house.refusal(d) == "2 sessions that wait; allowed: no more"
+    assert town.pool.refusal(d) == "2 sessions that wait; allowed: no more"
     await town.pass_time(session_pool.SILENT + 1)
-    town.house.want(c)
+    town.pool.want(c)
     town.made[0].fall()
     a._closing = True
     await town.pass_time()
     await town.pass_time()
     assert (b.phase, c.phase) == ("waiting", "running")
-    assert town.house.place(b) == 1
+    assert town.pool.place(b) == 1
     assert await town.wanted(d) == "waiting"
     await town.pass_time(session_pool.FORGOTTEN + 1)
     assert b.phase == "resting"
-    await town.house.close()
+    await town.pool.close()
     assert await town.wanted(b) == "waiting"  # nothing begins any more
     assert len(town.made) == 2
 
@@ -159,16 +159,16 @@ async def test_a_page_that_sleeps_keeps_its_number_and_is_passed_over() -> None:
 @in_a_loop
 async def test_a_session_that_nobody_looks_at_rests_with_its_scenario_and_comes_back_with_it() -> None:
     town = Town(places=1, idle=600.0)
-    session = town.house.new()
+    session = town.pool.new()
     await town.wanted(session)
-    with town.house.viewing(session, PAGE):
+    with town.pool.viewing(session, PAGE):
         town.made[0].say("changed")
         await town.pass_time(10_000.0)
         assert session.phase == "running"
     await town.pass_time(599.0)
     assert session.phase == "running"
     await town.pass_time(2.0)
-    assert (session.phase, town.made[0].alive, town.house.taken) == ("resting", False, 0)
+    assert (session.phase, town.made[0].alive, town.pool.taken) == ("resting", False, 0)
     assert await town.wanted(session) == "running"
     assert town.made[1].begun == "changed"
     assert session.crashes == 0
@@ -177,7 +177,7 @@ async def test_a_session_that_nobody_looks_at_rests_with_its_scenario_and_comes_
 @in_a_loop
 async def test_a_fall_is_told_and_mended_without_touching_the_others() -> None:
     town = Town(places=2)
-    a, b = town.house.new(), town.house.new()
+    a, b = town.pool.new(), town.pool.new()
     await town.wanted(a), await town.wanted(b)
     first, other = town.made
     first.say("as it was last")
@@ -193,7 +193,7 @@ async def test_a_fall_is_told_and_mended_without_touching_the_others() -> None:
 @in_a_loop
 async def test_what_falls_again_and_again_is_given_up_and_begun_anew_on_request() -> None:
     town = Town(places=1)
-    session, waiting = town.house.new(), town.house.new()
+    session, waiting = town.pool.new(), town.pool.new()
     session.scenario = "falls"
     await town.wanted(session)
     for _ in range(session_pool.CRASHES):
@@ -203,10 +203,10 @@ async def test_what_falls_again_and_again_is_given_up_and_begun_anew_on_request(
     assert "3 times within a minute" in session.told
     assert await town.wanted(session) == "failed"  # and a page that asks again does not begin it
     assert await town.wanted(waiting) == "running"  # its place is free
-    town.house.again(session)
+    town.pool.again(session)
     assert (session.phase, session.scenario) == ("waiting", USUAL)
     await town.pass_time(session_pool.UNSEEN + 1)  # nobody has ever looked at the other one
-    town.house.want(session)
+    town.pool.want(session)
     await town.pass_time()
     assert (session.phase, town.made[-1].begun) == ("running", USUAL)
 
@@ -216,7 +216,7 @@ async def test_a_spare_is_ready_beforehand_and_takes_no_place() -> None:
     town = Town(places=2, spare=True)
     await town.pass_time()
     assert [process.begun for process in town.made] == [""]
-    a = town.house.new()
+    a = town.pool.new()
     a.scenario = "another"
     assert await town.wanted(a) == "running"
     assert town.made[0].begun == "another"
@@ -224,11 +224,11 @@ async def test_a_spare_is_ready_beforehand_and_takes_no_place() -> None:
     assert len(town.made) == 2
     town.made[1].fall()  # a spare that has died is replaced, and never given away
     await town.pass_time(session_pool.SPARE_AFTER)
-    assert await town.wanted(town.house.new()) == "running"
+    assert await town.wanted(town.pool.new()) == "running"
     assert [process.begun for process in town.made] == ["another", "", USUAL]
     await town.pass_time(session_pool.SPARE_AFTER)
     assert len(town.made) == 3  # all places are taken: none is needed
-    await town.house.close()
+    await town.pool.close()
     assert not any(process.alive for process in town.made)
 
 
@@ -236,33 +236,33 @@ async def test_a_spare_is_ready_beforehand_and_takes_no_place() -> None:
 async def test_a_process_that_cannot_begin_is_told() -> None:
     town = Town(places=1)
     town.broken = True
-    session = town.house.new()
+    session = town.pool.new()
     assert await town.wanted(session) == "failed"
     assert "could not begin" in session.told
-    assert town.house.taken == 0
+    assert town.pool.taken == 0
 
 
 @in_a_loop
 async def test_links_are_told_apart_and_only_resting_sessions_are_forgotten() -> None:
     town = Town(places=1)
-    kept = town.house.new()
+    kept = town.pool.new()
     await town.wanted(kept)
     await town.looked_at(kept)
     town.made[0].fall()
     kept._closing = True
     await town.pass_time()
     assert kept.phase == "resting"
-    await town.wanted(town.house.new())
-    asked = town.house.new()
+    await town.wanted(town.pool.new())
+    asked = town.pool.new()
     assert await town.wanted(asked) == "waiting"
     await town.pass_time(session_pool.FORGOTTEN + 1)
     assert asked.phase == "resting"
-    others = [town.house.new() for _ in range(session_pool.MOST_KEPT + 5)]
-    assert town.house.named(kept.name) is kept is town.house.watched(kept.watch)  # somebody looked at it
-    assert town.house.named(asked.name) is None
-    assert town.house.named(others[0].name) is None
-    assert town.house.named(others[-1].name) is others[-1]
-    assert town.house.named(kept.watch) is None is town.house.watched(kept.name)
+    others = [town.pool.new() for _ in range(session_pool.MOST_KEPT + 5)]
+    assert town.pool.named(kept.name) is kept is town.pool.watched(kept.watch)  # somebody looked at it
+    assert town.pool.named(asked.name) is None
+    assert town.pool.named(others[0].name) is None
+    assert town.pool.named(others[-1].name) is others[-1]
+    assert town.pool.named(kept.watch) is None is town.pool.watched(kept.name)
 
 
 def test_a_house_that_is_opened_again_knows_its_sessions_and_their_links(tmp_path: Path) -> None:
@@ -271,11 +271,11 @@ def test_a_house_that_is_opened_again_knows_its_sessions_and_their_links(tmp_pat
 
     @in_a_loop
     async def before() -> None:
-        with closing(Register(tmp_path)) as register:
+        with closing(SessionStore(tmp_path)) as store:
             with pytest.raises(StateError, match="another server uses it"):
-                Register(tmp_path)
-            town = Town(places=3, register=register)
-            left = [town.house.new() for _ in range(3)]
+                SessionStore(tmp_path)
+            town = Town(places=3, store=store)
+            left = [town.pool.new() for _ in range(3)]
             left[1].scenario = "a copy"
             links.extend((session.name, session.watch) for session in left)
             for session in left[:2]:
@@ -288,7 +288,7 @@ def test_a_house_that_is_opened_again_knows_its_sessions_and_their_links(tmp_pat
                 assert session.name not in process.kept.folder  # pages may show it, also to those who only watch
             with closing(StateFolder(tmp_path / left[0].watch)) as folder:
                 folder.save(from_toml(changed), ())
-            await town.house.close()
+            await town.pool.close()
 
     @in_a_loop
     async def after() -> None:
@@ -298,16 +298,16 @@ def test_a_house_that_is_opened_again_knows_its_sessions_and_their_links(tmp_pat
             (tmp_path / f"broken{number}" / LINK).write_bytes(content)
         (tmp_path / "pipe").mkdir()
         os.mkfifo(tmp_path / "pipe" / LINK)
-        with closing(Register(tmp_path)) as register:
-            house = Town(places=3, register=register).house
-            known = [house.named(name) for name, _ in links]
+        with closing(SessionStore(tmp_path)) as store:
+            pool = Town(places=3, store=store).pool
+            known = [pool.named(name) for name, _ in links]
             assert [session and session.scenario for session in known] == [changed, "a copy", None]
-            assert [house.watched(watch) for _, watch in links] == known
-            assert house.watched("broken2") is None
+            assert [pool.watched(watch) for _, watch in links] == known
+            assert pool.watched("broken2") is None
 
             # where there is one for all, it begins as asked, and what was is offered until it has changed
-            town = Town(places=1, register=register)
-            everyone = town.house.everyone()
+            town = Town(places=1, store=store)
+            everyone = town.pool.everyone()
             assert everyone.watch in dict(links).values()
             await town.looked_at(everyone)
             town.made[0].fall()
@@ -318,24 +318,22 @@ def test_a_house_that_is_opened_again_knows_its_sessions_and_their_links(tmp_pat
             await town.pass_time()
             assert [process.kept and process.kept.earlier for process in town.made] == ["offered", "offered", "shown"]
             assert [process.begun for process in town.made] == [USUAL, USUAL, "another"]
-            await town.house.close()
+            await town.pool.close()
 
             for _ in range(MOST):
-                house.new()
-            assert [house.named(name) for name, _ in links] == known  # nobody loses anything by calls at the door
-            crowded = Town(places=MOST, register=register)
-            ran = [s for name, _ in links if (s := crowded.house.named(name))]
+                pool.new()
+            assert [pool.named(name) for name, _ in links] == known  # nobody loses anything by calls at the door
+            crowded = Town(places=MOST, store=store)
+            ran = [s for name, _ in links if (s := crowded.pool.named(name))]
             for _ in range(MOST - len(ran)):
-                crowded.house._add(Session(USUAL, kept=True, looked_at=True, seen=2000.0))
-            new = crowded.house.new()
+                crowded.pool._add(Session(USUAL, kept=True, looked_at=True, seen=2000.0))
+            new = crowded.pool.new()
             await crowded.wanted(new)
-            assert [crowded.house.named(s.name) for s in ran] == ran  # nor by a session that nobody looks at
+            assert [crowded.pool.named(s.name) for s in ran] == ran  # nor by a session that nobody looks at
             await crowded.looked_at(new)
-            assert [
-                crowded.house.named(s.name) for s in ran
-            ] != ran  # but one that is looked at takes the oldest's room
+            assert [crowded.pool.named(s.name) for s in ran] != ran  # but one that is looked at takes the oldest's room
             assert sum((tmp_path / watch).exists() for _, watch in links) == len(ran) - 1
-            await crowded.house.close()
+            await crowded.pool.close()
 
     before()
     after()
@@ -343,14 +341,14 @@ def test_a_house_that_is_opened_again_knows_its_sessions_and_their_links(tmp_pat
 
 def test_sessions_with_pinned_runs_stay_for_those_without(tmp_path: Path) -> None:
     @in_a_loop
-    async def check(register: Register) -> None:
-        town = Town(places=4, register=register)
-        house, mine, theirs = town.house, Visitor("b" * 22, "203.0.113.1"), Visitor("c" * 22, "203.0.113.2")
+    async def check(store: SessionStore) -> None:
+        town = Town(places=4, store=store)
+        pool, mine, theirs = town.pool, Visitor("b" * 22, "203.0.113.1"), Visitor("c" * 22, "203.0.113.2")
         for owner in (mine, *(theirs,) * (MOST - 1)):
-            house._add(Session(USUAL, owner=owner, pinned=1, kept=True, looked_at=True, seen=house._clock()))
+            pool._add(Session(USUAL, owner=owner, pinned=1, kept=True, looked_at=True, seen=pool._clock()))
             town.now += 1.0
-        oldest = next(iter(house._by_name.values()))
-        new = house.new(theirs)
+        oldest = next(iter(pool._by_name.values()))
+        new = pool.new(theirs)
         await town.looked_at(new)
         assert "none of them may go for it" in town.made[0].remarks[0]
         assert (new.kept, town.made[0].kept) == (False, None)
@@ -358,9 +356,9 @@ def test_sessions_with_pinned_runs_stay_for_those_without(tmp_path: Path) -> Non
         await town.pass_time()
         assert new.kept  # with pinned runs of its own it takes the room of one of who has most, not of the oldest
         assert town.made[0].kept is not None
-        assert house.named(oldest.name) is oldest
-        assert len([session for session in house._by_name.values() if session.kept]) == MOST
-        await house.close()
+        assert pool.named(oldest.name) is oldest
+        assert len([session for session in pool._by_name.values() if session.kept]) == MOST
+        await pool.close()
 
-    with closing(Register(tmp_path)) as register:
-        check(register)
+    with closing(SessionStore(tmp_path)) as store:
+        check(store)

@@ -9,7 +9,7 @@ import subprocess
 from pathlib import Path
 
 from app.gateway.server_settings import Look
-from app.gateway.session_pool import House
+from app.gateway.session_pool import SessionPool
 from app.gateway.visitors import NOBODY, Viewer
 from app.gateway.worker import Worker
 from app.process import launcher
@@ -29,14 +29,14 @@ def test_a_session_that_hangs_is_killed_and_begun_again_and_it_is_said() -> None
         return made[-1]
 
     async def check() -> None:
-        house = House(SCENARIO, launch, 1, None, spare=False)
-        session = house.new()
-        house.want(session)
+        pool = SessionPool(SCENARIO, launch, 1, None, spare=False)
+        session = pool.new()
+        pool.want(session)
         try:
             async with asyncio.timeout(PATIENCE):
                 while session.phase != "running":
                     await asyncio.sleep(0.05)
-                with house.viewing(session, Viewer(NOBODY, "steer")):
+                with pool.viewing(session, Viewer(NOBODY, "steer")):
                     os.kill(made[0].process_id, signal.SIGSTOP)
                     while not (session.crashes and session.phase == "running"):
                         await asyncio.sleep(0.05)
@@ -44,7 +44,7 @@ def test_a_session_that_hangs_is_killed_and_begun_again_and_it_is_said() -> None
             assert not made[0].alive
             assert made[1].alive
         finally:
-            await house.close()
+            await pool.close()
 
     asyncio.run(check())
 

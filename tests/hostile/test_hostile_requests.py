@@ -15,7 +15,7 @@ from websockets.sync.client import connect
 
 from app.access.admission import PAGE_HEADERS
 from app.dashboard.page import Dashboard
-from app.gateway.session_store import LINK, Register
+from app.gateway.session_store import LINK, SessionStore
 from app.process.redaction import new_secret, redacted
 from drivers.visitors import PATIENCE, Server, serving
 from tests.gateway.test_gateway import ask
@@ -28,7 +28,7 @@ HOST = b"Host: 127.0.0.1\r\nConnection: close\r\n"
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Of the sessions, with one that cannot be read; its log is log."""
     folder = tmp_path_factory.mktemp("state")
-    Register(folder / "everyone").close()
+    SessionStore(folder / "everyone").close()
     return folder
 
 

@@ -119,7 +119,7 @@ async def test_copies_that_nobody_looks_at_take_no_folder_and_no_kept_session_aw
             if answer.status == 303:
                 await lab.about(answer.headers["Location"].removeprefix("../.."))
         assert [path.name for path in tmp_path.iterdir() if path.is_dir()] == [folder.name]
-        assert lab.house.watched(folder.name) is not None
+        assert lab.pool.watched(folder.name) is not None
 
 
 # one visitor takes all that is shared
@@ -159,7 +159,7 @@ async def test_one_address_leaves_a_place_to_others() -> None:
     async with town(places=4, names=PUBLIC) as lab:
         for _ in range(6):
             await lab.arrive(**at("203.0.113.66"))
-        assert lab.house.taken == 3
+        assert lab.pool.taken == 3
         other = await lab.arrive(**at("203.0.113.99"))
         assert (await lab.about(other))["phase"] == "running"
 

@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from app.export.export_jobs import DataJob, Maker, TakeAwayError
+from app.export.export_jobs import DataJob, ExportJobs, TakeAwayError
 from app.scenario.data import load
 from app.simulation.recording import Recording
 from app.storage.recording_files import table
@@ -48,7 +48,7 @@ def noise(rows: int) -> Recording:
 def test_a_disk_that_is_full_while_exporting_is_said(form: str) -> None:
     job = DataJob(table(load("ur5-hybrid"), noise(6000)), form, np.inf)  # pyright: ignore[reportArgumentType]
     with largest_file(2_000_000), pytest.raises(TakeAwayError, match="the file cannot be written: File too large"):
-        Maker().made(job, lambda _: None)
+        ExportJobs().made(job, lambda _: None)
 
 
 def vsmrc(*arguments: str, preexec: Callable[[], None] | None = None) -> subprocess.CompletedProcess[str]:
@@ -68,22 +68,22 @@ def test_a_disk_that_is_full_leaves_no_half_file(tmp_path: Path) -> None:
 
 
 def test_a_process_that_makes_a_file_and_is_killed_is_said_and_leaves_nothing() -> None:
-    maker, killed = Maker(), []
+    export_jobs, killed = ExportJobs(), []
 
     def kill(_: float) -> None:
         if not killed:
-            (process,) = maker._working
+            (process,) = export_jobs._working
             os.kill(process.pid, signal.SIGKILL)
             killed.append(process)
 
     with pytest.raises(TakeAwayError, match=r"the process that makes it has ended \(exit status -9\)"):
-        maker.made(DataJob(table(load("ur5-hybrid"), noise(6000)), "csv", np.inf), kill)
+        export_jobs.made(DataJob(table(load("ur5-hybrid"), noise(6000)), "csv", np.inf), kill)
     assert killed[0].returncode == -signal.SIGKILL
-    assert not maker._working
+    assert not export_jobs._working
     with pytest.raises(TakeAwayError, match="has ended"):  # and so at the end of the program
-        maker.made(DataJob(table(load("ur5-hybrid"), noise(6000)), "csv", np.inf), lambda _: maker.close())
+        export_jobs.made(DataJob(table(load("ur5-hybrid"), noise(6000)), "csv", np.inf), lambda _: export_jobs.close())
     with pytest.raises(TakeAwayError, match="the program is ending"):
-        maker.made(DataJob(table(load("ur5-hybrid"), noise(10)), "csv", np.inf), lambda _: None)
+        export_jobs.made(DataJob(table(load("ur5-hybrid"), noise(10)), "csv", np.inf), lambda _: None)
 
 
 def children(process: int) -> list[int]:

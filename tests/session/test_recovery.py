@@ -19,7 +19,7 @@ from app.dashboard.page import Dashboard
 from app.dashboard.widgets.last_session import left_by
 from app.scenario.data import edited, load
 from app.scenario.schema import Scenario, ScenarioError
-from app.session.autosave import Keeper, StateFolder, default_folder
+from app.session.autosave import Autosave, StateFolder, default_folder
 from app.session.changes import with_robot
 from app.session.commands import Edit, Pin, Unpin
 from app.session.runner import Runner
@@ -182,7 +182,7 @@ def test_changes_are_saved_as_they_come_and_at_the_end(tmp_path: Path) -> None:
     runner = Runner(SCENARIO)
     runner.start()
     said: list[str] = []
-    keeper = Keeper(StateFolder(tmp_path), lambda: runner.snapshot, said.append)
+    autosave = Autosave(StateFolder(tmp_path), lambda: runner.snapshot, said.append)
     until(lambda: runner.snapshot.t > 1.0)
     assert left(tmp_path) == set()  # nothing has been changed
     runner.post(Edit("controller.layer", 0.02))
@@ -202,7 +202,7 @@ def test_changes_are_saved_as_they_come_and_at_the_end(tmp_path: Path) -> None:
     runner.post(Edit("controller.layer", 0.04))
     until(lambda: not runner.snapshot.pinned and runner.snapshot.scenario == changed(0.04))
     runner.close()
-    keeper.close()
+    autosave.close()
     folder = StateFolder(tmp_path)
     offer = folder.offer()
     assert offer is not None
@@ -213,7 +213,7 @@ def test_changes_are_saved_as_they_come_and_at_the_end(tmp_path: Path) -> None:
 def test_what_could_not_be_saved_is_saved_at_the_end_when_there_is_room_again(tmp_path: Path) -> None:
     runner, said = Runner(SCENARIO), list[str]()
     runner.start()
-    keeper = Keeper(StateFolder(tmp_path), lambda: runner.snapshot, said.append)
+    autosave = Autosave(StateFolder(tmp_path), lambda: runner.snapshot, said.append)
     soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (100, hard))
     try:
@@ -222,7 +222,7 @@ def test_what_could_not_be_saved_is_saved_at_the_end_when_there_is_room_again(tm
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
     runner.close()
-    keeper.close()
+    autosave.close()
     folder = StateFolder(tmp_path)
     offer = folder.offer()
     assert offer is not None
@@ -297,12 +297,12 @@ def test_a_page_continues_where_it_was_left_off(
     folder = StateFolder(tmp_path)
     dashboard, runner = Dashboard(port=0, fps=8.0), Runner(load("ur5-hybrid"))
     runner.start()
-    keeper = Keeper(folder, lambda: runner.snapshot, dashboard.fail)
+    autosave = Autosave(folder, lambda: runner.snapshot, dashboard.fail)
     dashboard.attach(runner)
-    left = left_by(folder, keeper, runner.snapshot.scenario)
+    left = left_by(folder, autosave, runner.snapshot.scenario)
     assert left is not None
     dashboard.offer(left)
-    with closing(runner), closing(keeper), drawn(dashboard):
+    with closing(runner), closing(autosave), drawn(dashboard):
         page = open_page(dashboard.url, viewport=VIEWPORT)
         page.set_default_timeout(PATIENCE * 1e3)
         offer = page.get_by_text("with 2 pinned runs, saved")

@@ -19,7 +19,7 @@ from app.simulation.domain import MARGIN
 from app.simulation.extremes import OUTSIDE, Effort, Look, Omega, Place, largest
 from app.simulation.search_memory import Memory
 from app.simulation.system import System, assemble
-from app.storage.constants_store import KEPT, ConstantsShelf
+from app.storage.constants_store import KEPT, ConstantsStore
 from controllers.bounds import InertiaRange
 from environments.robots import CATALOGUE
 from tests.support.cases import scenario_of
@@ -209,13 +209,13 @@ def test_the_same_is_found_again_and_remembered(tmp_path: Path, monkeypatch: pyt
 
     first = numbers(assemble(scenario, memory=Memory()))
     assert numbers(assemble(scenario, memory=Memory())) == first
-    assert numbers(assemble(scenario, memory=Memory(ConstantsShelf(tmp_path)))) == first
+    assert numbers(assemble(scenario, memory=Memory(ConstantsStore(tmp_path)))) == first
 
     def search(*_: object) -> tuple[float, ...]:
         raise AssertionError("searched again")
 
     monkeypatch.setattr(app.simulation.domain, "largest", search)
-    system = assemble(scenario, memory=Memory(ConstantsShelf(tmp_path)))
+    system = assemble(scenario, memory=Memory(ConstantsStore(tmp_path)))
     assert numbers(system) == first
     indifferent = edited(edited(scenario, "simulation.seed", 5), "simulation.substeps", 4)
     assert numbers(assemble(indifferent, system)) == first
@@ -232,16 +232,16 @@ DEPENDED_ON = {
 
 
 def test_a_shelf_is_trusted_only_where_it_is_sound(tmp_path: Path) -> None:
-    shelf, numbers = ConstantsShelf(tmp_path / "shelf"), (0.353, 2.0)
-    shelf.write("a", numbers)
-    shelf.write("b", (3.0, 4.0))
-    paths = {p.read_bytes(): p for p in (tmp_path / "shelf").iterdir()}
+    constants_store, numbers = ConstantsStore(tmp_path / "constants_store"), (0.353, 2.0)
+    constants_store.write("a", numbers)
+    constants_store.write("b", (3.0, 4.0))
+    paths = {p.read_bytes(): p for p in (tmp_path / "constants_store").iterdir()}
     (content,) = (c for c in paths if b"0.353" in c)
     (other,) = (c for c in paths if c != content)
     path = paths[content]
-    assert shelf.read("a", 2) == numbers
-    assert shelf.read("a", 3) is None
-    assert shelf.read("c", 2) is None
+    assert constants_store.read("a", 2) == numbers
+    assert constants_store.read("a", 3) is None
+    assert constants_store.read("c", 2) is None
     spoiled = (
         b"", content[:-5], other, content.replace(b"0.353", b"0.354"), content.replace(b"0.353", b"NaN"),
         content.replace(b"0.353", b"-1"), content.replace(b"0.353", b"1e999"), content + b" " * 2000, b"[" * 900,
@@ -249,31 +249,31 @@ def test_a_shelf_is_trusted_only_where_it_is_sound(tmp_path: Path) -> None:
     )  # fmt: skip
     for wrong in spoiled:
         path.write_bytes(wrong)
-        assert shelf.read("a", 2) is None
-    shelf.write("a", numbers)
-    assert shelf.read("a", 2) == numbers
+        assert constants_store.read("a", 2) is None
+    constants_store.write("a", numbers)
+    assert constants_store.read("a", 2) == numbers
     path.unlink()
     os.mkfifo(path)
-    assert shelf.read("a", 2) is None
+    assert constants_store.read("a", 2) is None
 
 
 def test_a_disk_that_fails_is_nobody_s_business(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("in the way")
-    shelf = ConstantsShelf(tmp_path / "file" / "folder")
-    assert Memory(shelf).recall("a", 1, lambda: (2.0,)) == (2.0,)
-    assert shelf.read("a", 1) is None
-    shelf = ConstantsShelf(tmp_path)
-    (tmp_path / shelf._path("a").name).mkdir()
-    shelf.write("a", (2.0,))
-    assert shelf.read("a", 1) is None
+    constants_store = ConstantsStore(tmp_path / "file" / "folder")
+    assert Memory(constants_store).recall("a", 1, lambda: (2.0,)) == (2.0,)
+    assert constants_store.read("a", 1) is None
+    constants_store = ConstantsStore(tmp_path)
+    (tmp_path / constants_store._path("a").name).mkdir()
+    constants_store.write("a", (2.0,))
+    assert constants_store.read("a", 1) is None
 
 
 def test_a_shelf_has_an_end(tmp_path: Path) -> None:
     for k in range(KEPT):
         (tmp_path / f"{k}.json").touch()
-    shelf = ConstantsShelf(tmp_path)
-    shelf.write("a", (2.0,))
-    assert shelf.read("a", 1) == (2.0,)
+    constants_store = ConstantsStore(tmp_path)
+    constants_store.write("a", (2.0,))
+    assert constants_store.read("a", 1) == (2.0,)
     assert len(list(tmp_path.iterdir())) == KEPT // 2 + 1
 
 

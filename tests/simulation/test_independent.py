@@ -14,7 +14,7 @@ from app.scenario.data import from_plain, shipped, to_plain
 from app.scenario.schema import Scenario
 from app.simulation.closed_loop import ClosedLoop
 from app.simulation.system import assemble
-from controllers.reference_estimates import Believed
+from controllers.reference_estimates import FeedforwardModel
 from environments.plant import Integrator
 
 SPHERE = 0.3  # m
@@ -45,7 +45,9 @@ def test_each_term_at_random_states(twin: Twin) -> None:
             np.testing.assert_allclose(getattr(task, name), getattr(m, name), atol=1e-7, err_msg=name)
 
         lam = random.uniform(0.0, 30.0)
-        out = system.law.evaluate(z, system.reference(t), task, estimate, Believed.at(estimate), q_dot, lam * m.normal)
+        out = system.law.evaluate(
+            z, system.reference(t), task, estimate, FeedforwardModel.at(estimate), q_dot, lam * m.normal
+        )
         answer = paper.law(m, q, q_dot, z, lam, t)
         np.testing.assert_allclose(out.s, answer.s, atol=1e-9)
         np.testing.assert_allclose(out.z_dot, answer.z_dot, atol=1e-6)

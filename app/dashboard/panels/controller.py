@@ -7,7 +7,7 @@ from html import escape
 import viser
 
 from app.dashboard.widgets.controls import Choice, Control, Desk, Number, Place, PlaceWhere, decades
-from app.dashboard.widgets.theorem_table import Facts
+from app.dashboard.widgets.theorem_table import TheoremTable
 from app.session.snapshot import Snapshot
 from controllers.premises import STATEMENTS, Premise
 
@@ -35,7 +35,7 @@ class ControllerPanel:
         }
         law = Choice(desk, "controller.law", "Law", _LAWS)
         self._baseline = gui.add_html("")
-        self._facts = Facts(gui)
+        self._facts = TheoremTable(gui)
         self._controls: list[Control] = [law]
         term, surface = gui.add_folder("Robust term"), gui.add_folder("Sliding surface")
         self._robust_only: list[viser.GuiFolderHandle] = [term, surface]

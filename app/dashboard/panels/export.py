@@ -87,7 +87,7 @@ class ExportPanel:
         def make(snapshot: Snapshot, tell: Tell) -> bytes:
             setup = Setup.of(snapshot, viewing.coordinate, viewing.joint)
             figure = figure_of(plots, snapshot, setup, snapshot.t - viewing.window, snapshot.t)
-            return self._desk.maker.made(FigureJob(figure, form), tell)
+            return self._desk.export_jobs.made(FigureJob(figure, form), tell)
 
         self._give(event, "Figure", form, make)
 
@@ -97,7 +97,7 @@ class ExportPanel:
 
         def make(snapshot: Snapshot, tell: Tell) -> bytes:
             rows = table(snapshot.scenario, snapshot.recording, snapshot.t - back, snapshot.t)
-            return self._desk.maker.made(DataJob(rows, form, DATA_LIMIT), tell)
+            return self._desk.export_jobs.made(DataJob(rows, form, DATA_LIMIT), tell)
 
         self._give(event, "Data", form, make)
 
@@ -106,7 +106,7 @@ class ExportPanel:
 
         def make(snapshot: Snapshot, tell: Tell) -> bytes:
             frames = film(snapshot.scenario, snapshot.recording, snapshot.t - back, snapshot.t)
-            return self._desk.maker.made(PlaybackJob(frames, PLAYBACK_LIMIT), tell)
+            return self._desk.export_jobs.made(PlaybackJob(frames, PLAYBACK_LIMIT), tell)
 
         self._give(event, "3-D playback", "html", make)
 

@@ -13,7 +13,7 @@ from app.analysis.perturbation import Hindsight
 from app.analysis.thinning import Grid
 from app.dashboard.plots.charts import BUCKETS, Chart, Frame, Pinned, Setup, Signals
 from app.dashboard.plots.plot_table import LEAD, TABS, Chooser, Tab
-from app.dashboard.transport.visible_tabs import Lookers, marker_html
+from app.dashboard.transport.visible_tabs import VisibleTabs, marker_html
 from app.dashboard.view_options import Viewing
 from app.dashboard.widgets.equation import symbol
 from app.session.preview import Outlook
@@ -42,7 +42,7 @@ class Plots:
     """What is chosen above the plots goes into `viewing`. turn: is taken while choices are shown, see `turns`."""
 
     def __init__(
-        self, gui: viser.GuiApi, lookers: Lookers, viewing: Viewing, turn: AbstractContextManager[object]
+        self, gui: viser.GuiApi, visible_tabs: VisibleTabs, viewing: Viewing, turn: AbstractContextManager[object]
     ) -> None:
         self._viewing = viewing
         panel = gui.add_panel()
@@ -50,7 +50,7 @@ class Plots:
         for title, tab in TABS.items():
             with panel.add_tab(title):
                 self._tabs[title] = _TabView(gui, title, tab, viewing, turn)
-                lookers.add_field(gui)
+                visible_tabs.add_field(gui)
         panel.dock_left()
         panel.expand()  # on a phone too
         panel.set_width(400)

@@ -15,7 +15,7 @@ from viser.infra import StateSerializer
 from app.access.admission import Names
 from app.dashboard.scene.view import SceneView
 from app.dashboard.transport.handshake import behind_doors
-from app.dashboard.transport.message_filter import Gate
+from app.dashboard.transport.message_filter import MessageFilter
 from app.dashboard.view_options import Look
 from app.export.playback_frames import FRAMES_PER_SECOND, Film
 from app.process.redaction import new_secret
@@ -77,7 +77,7 @@ def _server() -> Iterator[viser.ViserServer]:
     with contextlib.redirect_stdout(io.StringIO()):  # it says its address, which is nobody's business here
         with behind_doors(Names(), new_secret()):  # nobody is let in
             server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
-        Gate(server)
+        MessageFilter(server)
         try:
             yield server
         finally:

@@ -54,7 +54,7 @@ class Meter:
         return max(0.0, -self.credit / self.rate)
 
 
-class Gate:
+class MessageFilter:
     """Stands before a server from its beginning; every connection of it is guarded from its first message on.
 
     rate: messages a second that one page may send for long.

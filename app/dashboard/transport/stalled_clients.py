@@ -19,7 +19,7 @@ PATIENCE = 20.0  # s without a byte: a page that is busy, or far away, reads som
 EVERY = 1.0  # s between two looks
 
 
-class Laggards:
+class StalledClients:
     """Drops connections on which bytes wait and none has gone for `patience` s; a page that lives comes back by itself.
 
     Not to be used by two threads at once.

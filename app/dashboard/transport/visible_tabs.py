@@ -17,7 +17,7 @@ def marker_html(tab: str, window: float = 0.0, ahead: float = 0.0, text: str = "
     return f'<div class="vs-plots" data-plots="{escape(tab)}" {ends}>{text}</div>'
 
 
-class Lookers:
+class VisibleTabs:
     """Text fields that nobody sees, in one of which every page's script writes the tabs that are on its screen. There
     are several since a collapsed panel takes its own away."""
 

@@ -18,8 +18,8 @@ from app.dashboard.transport.viser_private import wrap_updates
 PATIENCE = 1.0  # s
 
 
-class Turns:
-    """Between viser's event loop and the thread that draws: `with turns.drawing` no page's value is on its way.
+class WidgetLock:
+    """Between viser's event loop and the thread that draws: `with widget_lock.drawing` no page's value is on its way.
 
     So a callback of a widget must not wait for anything: what takes longer is a task of its own. A drawing that hangs
     is waited for once; meanwhile pages, whose messages all come through one event loop, are heard all the same.

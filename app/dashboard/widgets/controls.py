@@ -20,7 +20,7 @@ from app.dashboard.theme.style import COMMIT, ESCAPED, MARKS, RELEASED
 from app.dashboard.view_options import Viewing
 from app.dashboard.widgets.matrix_text import read_back, written
 from app.dashboard.widgets.whatif import Held, WhatIf
-from app.export.export_jobs import Maker
+from app.export.export_jobs import ExportJobs
 from app.scenario.schema import Scenario, field_info
 from app.session.commands import Command, Edit
 from app.session.snapshot import Snapshot
@@ -38,7 +38,7 @@ class Desk:
     whatif: WhatIf
     viewing: Viewing
     complain: Callable[[str], None]
-    maker: Maker
+    export_jobs: ExportJobs
     shelf: Shelf
 
 

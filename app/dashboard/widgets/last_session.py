@@ -12,7 +12,7 @@ import viser
 
 from app.dashboard.transport.callback_errors import Complain, guarded
 from app.scenario.schema import Scenario, ScenarioError
-from app.session.autosave import Keeper, Offer, StateFolder
+from app.session.autosave import Autosave, Offer, StateFolder
 from app.session.commands import Command, Continue
 from app.session.timeline import Pinned
 
@@ -35,14 +35,14 @@ def remark(problem: str) -> LastSession:
     return LastSession(None, problem, lambda _: ((), ""), lambda: None)
 
 
-def left_by(folder: StateFolder, keeper: Keeper, chosen: Scenario) -> LastSession | None:
+def left_by(folder: StateFolder, autosave: Autosave, chosen: Scenario) -> LastSession | None:
     """What there is to offer; nothing where it would be what runs anyway."""
     offer = folder.offer()
     if offer is not None and offer.scenario == chosen and not offer.runs:
         return None
     if offer is None and not folder.problem:
         return None
-    return LastSession(offer, folder.problem, keeper.take_up, keeper.refuse_offer)
+    return LastSession(offer, folder.problem, autosave.take_up, autosave.refuse_offer)
 
 
 def add_last_session(

@@ -11,7 +11,7 @@ from app.scenario.units import JOINT
 from app.session.snapshot import Snapshot
 
 
-class Facts:
+class TheoremTable:
     """Gain condition, reaching time, sliding variable and the factors of the sampled loops, each with its limit."""
 
     def __init__(self, gui: viser.GuiApi) -> None:
