@@ -28,6 +28,7 @@ from app.process.other_users import other_people
 from app.process.terminal_text import printable, say
 from app.scenario.data import edited, load, shipped
 from app.scenario.schema import Scenario, ScenarioError
+from controllers.laws import KINDS
 
 if TYPE_CHECKING:
     from app.analysis.metrics import Metrics
@@ -37,6 +38,7 @@ if TYPE_CHECKING:
 DONE, FAULT, BAD_INPUT, STOPPED, BROKEN, UNPROMISED = 0, 1, 2, 3, 4, 5
 FILES = 64 + 2 * Limits().per_session  # open at once in a server for oneself: its own, pages and who is just arriving
 events = structlog.get_logger()
+Files = Annotated[tyro.conf.UseAppendAction[tuple[Path, ...]], tyro.conf.arg(metavar="FILE.py")]
 Settings = Annotated[
     tyro.conf.UseAppendAction[tuple[tuple[str, ...], ...]],
     tyro.conf.arg(name="set", metavar="KEY=VALUE", help="change fields, e.g. --set force.value=30 contact.K_e=2e4"),
@@ -63,6 +65,7 @@ def serve(
     per_address: int | None = None,
     copies: bool = True,
     idle_minutes: float = 30.0,
+    use: Files = (),
     settings: Settings = (),
 ) -> int:
     """Open the dashboard, for yourself or for an audience.
@@ -86,6 +89,7 @@ def serve(
         per_address: with --shared, how many of them one address may have, instead of all but a quarter
         copies: with --shared, whether who watches may take a private copy of the session
         idle_minutes: with --shared, a session that nobody looks at so long is closed; its link brings it back
+        use: a file with a control law of your own (docs/extending.md); it runs as your program
     """
     from app.dashboard import local_server
     from app.dashboard.page import Dashboard, check_fps
@@ -100,6 +104,7 @@ def serve(
             signal.signal(ending, signal.default_int_handler)
     if not 0 <= port <= 65535:
         raise ScenarioError(f"--port {port}; allowed: 0 to 65535")
+    _use(use)
     chosen = _configured(scenario, settings)
     people = other_people() if token == "auto" else []
     server_settings = ServerSettings(
@@ -142,6 +147,7 @@ def run(
     blend_at: float = 0.0,
     blend_over: float = 2.0,
     strict: bool = False,
+    use: Files = (),
     settings: Settings = (),
 ) -> int:
     """Simulate a scenario without a screen; writes recording.npz, metrics.json and scenario.toml.
@@ -154,6 +160,7 @@ def run(
         blend_at: when that begins, s
         blend_over: how long it takes, s
         strict: end with status 4 when what the theorem promises is broken, 5 when it promises nothing
+        use: a file with a control law of your own (docs/extending.md)
     """
     from app.analysis.metrics import unit_of
     from app.scenario.declared_bounds import outside
@@ -161,6 +168,7 @@ def run(
     from app.session.changes import blending_to
     from app.storage.constants_store import kept_memory
 
+    _use(use)
     chosen = _configured(scenario, settings, duration)
     if blend_to is not None:
         chosen = blending_to(chosen, load(blend_to), blend_at, blend_over)
@@ -203,6 +211,7 @@ def compare(
     *,
     last: float | None = None,
     duration: float | None = None,
+    use: Files = (),
     settings: Settings = (),
 ) -> int:
     """Simulate scenarios and put their figures side by side, as the tab Runs does with pinned runs.
@@ -211,6 +220,7 @@ def compare(
         scenarios: shipped scenarios or .toml files
         last: how much of the end counts, in s, instead of the whole run
         duration: simulated time in s, instead of the scenarios'
+        use: a file with a control law of your own (docs/extending.md)
     """
     from app.analysis.metrics import FIGURES, account
     from app.session import headless_run
@@ -220,6 +230,7 @@ def compare(
         raise ScenarioError(f"--last {last:g}: allowed: more than 0 s")
     if not scenarios:
         raise ScenarioError("compare: no scenario; allowed: one or more (see `vsmrc list`)")
+    _use(use)
     systems, accounts, stopped = [], [], False
     for name, scenario in [(name, _configured(name, settings, duration)) for name in scenarios]:
         loop, _ = headless_run.simulate(scenario, show_progress=True, memory=kept_memory())
@@ -245,6 +256,7 @@ def export(
     plots: str = ALL_PLOTS,
     start: float = 0.0,
     end: float = math.inf,
+    use: Files = (),
     settings: Settings = (),
 ) -> int:
     """Make what the page's Export tab makes, from a recording or a scenario, which is simulated first.
@@ -256,6 +268,7 @@ def export(
         plots: the plots of a figure: a tab of the page by its title, or all of them
         start: first instant, s
         end: last instant, s
+        use: a file with a control law of your own (docs/extending.md)
     """
     from app.dashboard.export import Stretch, write
     from app.dashboard.plots.paper_figures import plots_of
@@ -264,6 +277,7 @@ def export(
     from app.storage.recording_files import read_npz
 
     plots_of(plots)  # before the simulation, which would be in vain
+    _use(use)
     status = DONE
     if run.endswith(".npz"):
         if settings:
@@ -321,6 +335,13 @@ def list_() -> int:
     return DONE
 
 
+def _use(files: tuple[Path, ...]) -> None:
+    if files:
+        from app.process import own_code
+
+        own_code.use(files)
+
+
 def _configured(name_or_file: str, settings: Settings, duration: float | None = None) -> Scenario:
     scenario = load(name_or_file)
     changes = [_setting(setting) for group in settings for setting in group]
@@ -332,6 +353,10 @@ def _configured(name_or_file: str, settings: Settings, duration: float | None = 
     for path, value in changes:
         if not path.startswith("robot."):
             scenario = edited(scenario, path, value)
+    if scenario.controller.law not in KINDS:
+        from app.simulation.controller_builder import law_of
+
+        law_of(scenario)
     return scenario if duration is None else edited(scenario, "simulation.duration", duration)
 
 

@@ -13,10 +13,10 @@ from typing import NamedTuple
 import numpy as np
 
 from controllers.bounds import Equivalent, RequiredGain, paper_bound, sum_of, tight_bound
+from controllers.control_law import joint_acceleration, joint_velocity
 from controllers.reaching import Promise, envelope
 from controllers.switching import SAMPLING_SHARE, layer_width
 from controllers.task_space import Scratch
-from controllers.vsmrc import joint_motion
 from kernels import kernel, part
 from kernels.algebra import (
     congruence,
@@ -290,7 +290,8 @@ def inertia_error(gains, deviation, estimate, task, work):
 def _gain_of(gains, task, estimate, deviation, q_dot, room):
     """d by (17) for the r_eq_dot and r_eq_ddot of `room`, N."""
     work, eq, u, needed = room.work, room.equivalent, gains.uncertainty, room.needed
-    joint_motion(task, eq.r_dot, eq.r_ddot, eq.q_dot, work, eq.q_dot, eq.q_ddot)
+    joint_velocity(task, eq.r_dot, work, eq.q_dot)
+    joint_acceleration(task, eq.r_ddot, eq.q_dot, work, eq.q_ddot)
     if gains.tight:
         tight_bound(u, deviation, estimate, task, q_dot, eq, work, needed)
     else:
@@ -326,9 +327,9 @@ def gain_on_surface(gains, z, reference, task, estimate, deviation, q_dot, outpu
 
 
 @part
-def watch(gains, z, reference, task, estimate, believed, q_dot, output, room, promise, period, table, watched):
+def watch(gains, z, reference, task, estimate, feedforward, q_dot, output, room, promise, period, table, watched):
     """Look at the posture's inertia: the band, and the premises that depend on it."""
-    u, work, deviation = gains.uncertainty, room.work, believed.deviation
+    u, work, deviation = gains.uncertainty, room.work, feedforward.deviation
     watched.low, watched.high = inertia_range(u, estimate, task, work)
     growth = inertia_error(gains, deviation, estimate, task, work) * gains.damping_rate * period / watched.low
     table.limit[GAIN_BY_CHATTER] = 1.0 if gains.by_theorem else NEVER
@@ -356,7 +357,7 @@ def watch(gains, z, reference, task, estimate, believed, q_dot, output, room, pr
 
 
 @part
-def held_error(gains, believed, task, estimate, F_true, output, held, room):
+def held_error(gains, feedforward, task, estimate, F_true, output, held, room):
     """What (25) without its robust terms would have changed during the period before, in task space, N.
 
     F_true (3,) N: the force at its end. F_2 z_dot is not among it: z goes on evenly within a period, so that r_eq_ddot
@@ -369,7 +370,7 @@ def held_error(gains, believed, task, estimate, F_true, output, held, room):
     transposed_times(estimate.J_v, F_true, room.torque)
     terms = output.terms
     for i in range(n):
-        model = terms.inertia[i] + row_times(believed.M_hat, i, room.e_dot) + terms.coriolis[i] + terms.gravity[i]
+        model = terms.inertia[i] + row_times(feedforward.M_hat, i, room.e_dot) + terms.coriolis[i] + terms.gravity[i]
         room.torque[i] += model - held.model[i]
     transposed_times(task.J_q_inv, room.torque, work.u)
     return norm(work.u)

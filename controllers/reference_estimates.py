@@ -27,12 +27,12 @@ class FeedforwardModel(NamedTuple):
 
 
 @part
-def believe(estimate, believed):
+def take_estimates(estimate, feedforward):
     """Take the estimates at q themselves."""
-    copy_matrix(estimate.M_hat, believed.M_hat)
-    copy_matrix(estimate.C_hat, believed.C_hat)
-    copy(estimate.G_hat, believed.G_hat)
-    deviation = believed.deviation
+    copy_matrix(estimate.M_hat, feedforward.M_hat)
+    copy_matrix(estimate.C_hat, feedforward.C_hat)
+    copy(estimate.G_hat, feedforward.G_hat)
+    deviation = feedforward.deviation
     deviation.delta_M, deviation.delta_C, deviation.delta_G = 0.0, 0.0, 0.0
 
 

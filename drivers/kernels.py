@@ -33,7 +33,9 @@ def compile_for(n: int) -> float:
         system, F = loop.system, loop.view().force
         q, q_dot = system.q_0, 0.0 * system.q_0
         estimate, task = system.observe(q, q_dot, 0.0)
-        system.law.evaluate(q_dot, system.reference(0.0), task, estimate, FeedforwardModel.at(estimate), q_dot, F)
+        system.controller.evaluate(
+            q_dot, system.reference(0.0), task, estimate, FeedforwardModel.at(estimate), q, q_dot, F
+        )
     return time.monotonic() - began
 
 

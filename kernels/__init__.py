@@ -12,9 +12,11 @@ from typing import Any
 
 import numpy as np
 from numba import from_dtype, jit, njit, types
+from numba.core.registry import CPUDispatcher
 
 # contracting a b + c to one rounding is the only liberty that the compiler may take
 kernel = njit(cache=True, error_model="numpy", fastmath={"contract"})
+not_kept = njit(error_model="numpy", fastmath={"contract"})  # a kernel that is compiled anew in each process
 # a part is called by kernels only, and compiles faster for that
 part = jit(
     nopython=True,
@@ -23,6 +25,11 @@ part = jit(
     error_model="numpy",
     fastmath={"contract"},
 )
+
+
+def compiled(function: Callable[..., Any]) -> bool:
+    """Whether a function is a kernel or a part."""
+    return isinstance(function, CPUDispatcher)
 
 
 def resolved(kernel: Any, *arguments: np.ndarray | float) -> Callable[..., Any]:

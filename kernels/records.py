@@ -53,6 +53,31 @@ class Record(Generic[T]):
         return twin
 
 
+class Fields:
+    """The fields of a record as attributes, in the interpreter as they are in a kernel: arrays are its memory, numbers
+    are read and written there."""
+
+    def __init__(self, data: np.ndarray) -> None:
+        fields = data.dtype.fields or {}
+        known = {"_data": data}
+        for name, (kind, *_) in fields.items():
+            if kind.fields is not None:
+                known[name] = Fields(data[name])  # pyright: ignore[reportArgumentType]
+            elif kind.subdtype is not None:
+                known[name] = data[name][0]
+        vars(self).update(known)
+
+    def __getattr__(self, name: str) -> Any:  # only numbers are not there
+        if name not in self._data.dtype.fields:
+            raise AttributeError(f"no field {name!r}; there are {', '.join(self._data.dtype.fields)}")
+        return self._data[name][0].item()
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        if name not in self._data.dtype.fields:
+            raise AttributeError(f"no field {name!r}; there are {', '.join(self._data.dtype.fields)}")
+        self._data[name][0] = value
+
+
 def _layout(value: NamedTuple) -> Layout:
     """What a dtype is made of, in a form that can be compared."""
     layout: list[tuple[Any, ...]] = []

@@ -11,7 +11,7 @@ from msgspec import Struct
 
 from app.scenario.units import Units
 from app.simulation.closed_loop import ClosedLoop
-from app.simulation.law_builder import compensation
+from app.simulation.controller_builder import compensation
 from app.simulation.recording import Epoch, Recording
 from app.simulation.system import System
 from app.simulation.verdict import Finding, Promise
@@ -146,12 +146,12 @@ def steady_force_error(system: System, f_nd: float, s: np.ndarray) -> float | No
     """
     if not system.m:
         return None
-    law = system.law
-    rest = float(law.model.left_by_layer(compensation(system.scenario, system.layout.n), s)[0])
+    controller = system.controller
+    rest = float(controller.model.left_by_layer(compensation(system.scenario, system.layout.n), s)[0])
     if system.scenario.contact.kind == "rigid":
-        return rest / float(law.model.K_f[0, 0])
+        return rest / float(controller.model.K_f[0, 0])
     r_fd = f_nd * system.plan.compliance
-    return float(law.model.steady_force(0, system.scenario.contact.K_e, 0.0, r_fd, f_nd, rest)) - f_nd
+    return float(controller.model.steady_force(0, system.scenario.contact.K_e, 0.0, r_fd, f_nd, rest)) - f_nd
 
 
 def settling_time(t: np.ndarray, signal: np.ndarray, resolution: float) -> float:

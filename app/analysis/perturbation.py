@@ -11,8 +11,8 @@ import pinocchio as pin
 
 from app.scenario.schema import Scenario
 from app.simulation.control_period import Observer
+from app.simulation.controller_builder import compensation, law_of
 from app.simulation.environment_builder import truth_of
-from app.simulation.law_builder import compensation
 from app.simulation.recording import Epoch
 from app.simulation.system import System
 from controllers.nominal_model import NominalModel
@@ -73,7 +73,7 @@ class Hindsight:
             estimate, task = self._observer.at(q, q_dot, t)
         except ValueError:  # J_q exactly singular
             return NOWHERE
-        behind = task.J_q_inv @ row["s"] if scenario.controller.law == "vsmrc" else np.zeros_like(q)
+        behind = task.J_q_inv @ row["s"] if law_of(scenario).robust else np.zeros_like(q)
         q_eq_dot = q_dot - behind
         C = pin.computeCoriolisMatrix(model, data, q, q_dot).copy()
         M = pin.crba(model, data, q)
@@ -207,7 +207,7 @@ class Known(Mapping[str, np.ndarray]):
         found = {name: np.zeros(len(t)) for name in ("reaching", "promised", "measured")}
         for epoch, following in zip(self._epochs, (*self._epochs[1:], None), strict=True):
             end = np.inf if following is None else following.t
-            if end < t[0] or epoch.scenario.controller.law != "vsmrc":
+            if end < t[0] or not law_of(epoch.scenario).robust:
                 continue
             reached = np.inf if epoch.reached is None else epoch.reached
             found["reaching"][(t >= epoch.t) & (t < min(reached, end) - SAME)] = 1.0

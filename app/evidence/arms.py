@@ -191,7 +191,7 @@ def _with_hindsight(
     """What only the simulation can know: V, and the perturbation that d outweighs."""
     looks = np.unique(np.concatenate([_some(np.flatnonzero(early)), _some(np.flatnonzero(promised & ~early))]))
     known = Hindsight(loop.system).recorded(record, tuple(loop.recording.epochs), looks)
-    real, d, epsilon = known["perturbation"][looks], record["d"][looks], loop.system.law.epsilon
+    real, d, epsilon = known["perturbation"][looks], record["d"][looks], loop.system.controller.epsilon
     V, V_bound, reaching = known["V"][looks], known["V_bound"][looks], early[looks]
     hindsight = np.nan
     if found.band is not None and reaching.any():

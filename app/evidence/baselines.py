@@ -47,7 +47,7 @@ class Contestant:
         data["motion"]["period"] = 2.0
         data["simulation"]["duration"] = DURATION
         scenario = from_plain(data)
-        model = assemble(scenario).law.model
+        model = assemble(scenario).controller.model
         K_m, B_m = np.diag(model.K_m).copy(), np.diag(model.B_m).copy()
         K_m[1:] *= self.stiffer**2
         B_m[1:] *= self.stiffer

@@ -146,7 +146,7 @@ def steady(stiffness: float, duration: float) -> Steady:
     system = assemble(scenario)
     tool = system.plant.tool(system.plant.start(system.robot.posture, np.zeros(system.robot.n), 0.0)).p
     depth = INTO + float(system.surface.chart(tool, 0.0).g[0])
-    K_m = float(system.law.model.K_m[2, 2])
+    K_m = float(system.controller.model.K_m[2, 2])
     ours, theirs = (float(run(scenario, mujoco=mujoco)["multiplier"][-1]) for mujoco in (False, True))
     return Steady(stiffness, ours, theirs, stiffness * K_m * depth / (K_m + stiffness))
 

@@ -8,8 +8,8 @@ import numpy as np
 from msgspec import Struct
 
 from app.scenario.schema import Scenario, field_info
+from controllers.controller import Controller
 
-_BASELINES = {"computed-torque": "Computed torque", "pd-gravity": "PD + gravity"}
 _LAW = ("A", "F_1", "F_2", "K_s")
 _MODEL_UNITS = {"M_m": " kg", "B_m": " N·s/m", "K_m": " N/m", "K_f": ""}
 _ELSEWHERE = ("name", "title", "mode", "robot", "target_model", "controller", "simulation")
@@ -17,15 +17,18 @@ _IN_FULL = ("motion", "force")  # of these, defaults that are not zero are said 
 _SPRINGS = ("elastic", "mass-damper-spring")  # and of these contacts
 
 
-def caption(scenario: Scenario, model: Mapping[str, np.ndarray], t_from: float, t_to: float) -> str:
-    """What was run and which part is shown. model: the matrices of (8) in force, each (n, n); times in s."""
+def caption(
+    scenario: Scenario, controller: Controller, model: Mapping[str, np.ndarray], t_from: float, t_to: float
+) -> str:
+    """What was run and which part is shown. controller: the scenario's; model: the matrices of (8) in force, each
+    (n, n); times in s."""
     arm = scenario.robot.urdf or scenario.robot.name
     matrices = ", ".join(f"{name} = {_matrix(model[name])}{unit}" for name, unit in _MODEL_UNITS.items())
     sentences = [
         f"{scenario.title or scenario.name} ({scenario.name}): {scenario.mode} mode, {arm}, "
         f"t = {t_from:.4g} to {t_to:.4g} s",
         f"Target model (8): {matrices}",
-        _law(scenario),
+        _law(scenario, controller),
         *(_section(scenario, name) for name in scenario.__struct_fields__ if name not in _ELSEWHERE),
     ]
     return " ".join(f"{sentence}." for sentence in sentences if sentence)
@@ -44,10 +47,11 @@ def promised(signals: Mapping[str, np.ndarray]) -> str:
     return f"Theorem 1's promise for the sampled loop holds {share}."
 
 
-def _law(scenario: Scenario) -> str:
-    law = scenario.controller
-    if law.law in _BASELINES:
-        return f"{_BASELINES[law.law]}, T = {law.period * 1e3:g} ms"
+def _law(scenario: Scenario, controller: Controller) -> str:
+    law, own = scenario.controller, controller.law
+    if not own.robust:
+        numbers = (f"{p.name} = {controller.parameters[p.name]:g} {p.unit}".rstrip() for p in own.parameters)
+        return ", ".join((f"{own.title[:1].upper()}{own.title[1:]}", *numbers, f"T = {law.period * 1e3:g} ms"))
     gains = ", ".join(f"{name} = {_value(getattr(law, name))}" for name in _LAW)
     d = f"d by (17) with ε = {law.epsilon:g} N, bounds: {law.bounds}" if law.gain == "theorem" else f"d = {law.d:g} N"
     layer = "" if law.switching == "discontinuous" else f" over {law.layer:g} m/s"

@@ -16,6 +16,7 @@ from app.scenario.schema import Scenario, ScenarioError, field_info, types_of
 
 LARGEST = 100_000  # bytes of a TOML file; what is shipped has 2000, and no reader of TOML is quick
 MOST_DOTS = 300  # in a line: a key a.b.c... of 50,000 parts keeps tomllib busy for minutes
+OWN = "controller.own."  # tables of laws of one's own, whose fields have the names that these give them
 DEEPEST = 16  # tables and lists within each other: a scenario has four
 
 
@@ -74,6 +75,9 @@ def edited(scenario: Scenario, path: str, value: object) -> Scenario:
     data = msgspec.to_builtins(scenario)
     *sections, last = path.split(".")
     table: Any = data
+    if path.startswith(OWN) and len(sections) == 3:
+        data["controller"]["own"] = own = data["controller"]["own"] or {}
+        own.setdefault(sections[2], {}).setdefault(last, 0.0)
     for section in sections:
         if not isinstance(table, dict) or not isinstance(table.get(section), dict):
             raise ScenarioError(f"{path}: no such field; {_allowed(table)}")
@@ -157,7 +161,7 @@ def _refuse_unfit(value: object, path: str, depth: int) -> None:
 def _sentence(message: str, data: object) -> str:
     """msgspec's "Expected ... - at `$.a.b`" as "a.b: value; expected ..."."""
     reason, _, place = message.partition(" - at `")
-    path = place.rstrip("`").removeprefix("$").removeprefix(".")
+    path = _keys_named(place.rstrip("`").removeprefix("$").removeprefix("."), data)
     if unknown := re.fullmatch("Object contains unknown field `(.*)`", reason, re.DOTALL):
         where = f"{path}." if path else ""
         return f"{where}{unknown[1]:.60}: no such field; allowed: {', '.join(_fields_at(path, data))}"
@@ -174,6 +178,24 @@ def _sentence(message: str, data: object) -> str:
         kinds = types_of(Scenario, path.partition(".")[0])
         reason = f"allowed: {', '.join(str(kind.__struct_config__.tag) for kind in kinds)}"
     return f"{path}: {shown}{reason[:1].lower()}{reason[1:]}"
+
+
+def _keys_named(path: str, data: object) -> str:
+    """msgspec's path; where that says "[...]", the first key that is wrong: of a table of tables of numbers."""
+    for fits in (_numbers, _number):
+        place, unnamed, rest = path.partition("[...]")
+        if unnamed:
+            wrong = next((key for key, value in _at(place, data).items() if not fits(value)), "*")
+            path = f"{place}.{wrong:.60}{rest}"
+    return path
+
+
+def _number(value: object) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)
+
+
+def _numbers(value: object) -> bool:
+    return isinstance(value, dict) and all(_number(item) for item in value.values())
 
 
 def _at(path: str, data: Any) -> Any:

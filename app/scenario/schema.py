@@ -115,9 +115,14 @@ class Controller(_Section, frozen=True, forbid_unknown_fields=True):
     """The control law (25)."""
 
     law: Annotated[
-        Literal["vsmrc", "computed-torque", "pd-gravity"],
-        _number("the paper's law; or without a robust term: computed torque, or PD with gravity compensation", ""),
+        Name,
+        _number(
+            "vsmrc, the paper's; without a robust term: computed-torque, pd-gravity; or of a file of one's own", ""
+        ),
     ] = "vsmrc"
+    own: Annotated[
+        dict[Name, dict[Name, float]] | None, _number("parameters of laws of your own, by law and name", "")
+    ] = None
     A: Annotated[Matrix | float, _number("compensator (9): diagonal, <= 0", "1/s")] = 0.0
     F_1: Annotated[Matrix | float, _number("sliding gain on e_r (10): diagonal", "1/s")] = 10.0
     F_2: Annotated[Matrix | float, _number("sliding gain on z (10): diagonal, nonsingular", "1")] = 1.0

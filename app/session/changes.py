@@ -11,8 +11,8 @@ import numpy as np
 
 from app.scenario.data import edited, from_plain, to_plain
 from app.scenario.schema import Circle, Line, PointToPoint, Robot, Scenario, ScenarioError, TargetModel
+from app.simulation.controller_builder import target_model
 from app.simulation.environment_builder import positions_of, robot_of, surface_of, task_axes, tool_at_start
-from app.simulation.law_builder import target_model
 from controllers import modes
 from controllers.nominal_model import NominalModel
 from controllers.target_model import InvalidGain

@@ -100,7 +100,7 @@ def snapshot_of(loop: ClosedLoop) -> Snapshot:
         robot=system.robot,
         coordinates=system.coordinates,
         fixed=system.mode.fixed(system.layout.n),
-        matrices={name: getattr(system.law.model, name) for name in ("M_m", "B_m", "K_m", "K_f")},
+        matrices={name: getattr(system.controller.model, name) for name in ("M_m", "B_m", "K_m", "K_f")},
         blending=system.blend.share(loop.t) if system.blend is not None and loop.blending else None,
         q=view.q,
         tool=view.tool,

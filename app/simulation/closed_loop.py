@@ -8,9 +8,10 @@ import msgspec
 import numpy as np
 import structlog
 
+from app.process.own_code import OwnCodeError
 from app.scenario.declared_bounds import outside
 from app.scenario.schema import Scenario, ScenarioError, after_blend
-from app.simulation.control_period import Alarm
+from app.simulation.control_period import Alarm, Period
 from app.simulation.controlled_arm import ControlledArm
 from app.simulation.premise_watch import PremiseWatch
 from app.simulation.recording import Recording
@@ -25,6 +26,7 @@ from controllers.reaching import ReachingCertificate
 from controllers.reference_estimates import Start
 from environments.push import Grip
 from environments.sensors import ForceReader
+from kernels.records import Record
 
 log = structlog.get_logger()
 
@@ -117,10 +119,12 @@ class ClosedLoop:
         begins = Start(round(state.t / controller.period), arm.views.q.copy())
         state.along = begins if controller.estimates == "along-reference" else None
         state.flagged = None
+        if state.scenario.controller.law != controller.law:
+            state.x = system.controller.law.at_rest(system.layout.n)
         period.data["touching"] = arm.data["load"]["multiplier"] != 0.0
         if controller.on_change == "remove":
             _, _, e_r, e_r_dot = observed(system, state.t, arm)
-            period.views.z[:] = system.law.compensator.without_reaching(e_r, e_r_dot)
+            period.views.z[:] = system.controller.compensator.without_reaching(e_r, e_r_dot)
         self._bind(system, state)
         self._watch.begin()
         self._watch.require_bounded_gain()
@@ -290,8 +294,10 @@ class ClosedLoop:
         half = 0.5 * self._h
         if self.t > blend.begins + blend.over - half:
             system = self.system
-            law = system.law.following(blend.end)
-            self._bind(replace(system, scenario=after_blend(system.scenario), law=law, blend=None), self.state)
+            controller = system.controller.following(blend.end)
+            self._bind(
+                replace(system, scenario=after_blend(system.scenario), controller=controller, blend=None), self.state
+            )
             self._new_epoch()
         elif self.t > blend.begins - half:
             if self.state.epoch.t < blend.begins - half:
@@ -307,15 +313,22 @@ class ClosedLoop:
     def _follow(self, blend: ModelBlend) -> None:
         """Take up the model of now."""
         self._share = blend.share(self.t)
-        self.system = replace(self.system, law=self.system.law.following(blend.at(self.t)))
+        self.system = replace(self.system, controller=self.system.controller.following(blend.at(self.t)))
         self._watch.system = self.system
-        self._arm.follow(self.system.law.gains)
+        self._arm.follow(self.system.controller.gains)
+
+    def _evaluated(self) -> Record[Period]:
+        """The period that begins now; the one before, where the user's own law fails."""
+        try:
+            return self._arm.evaluated()
+        except OwnCodeError:
+            return self.state.period
 
     def view(self) -> View:
         """The present state as the screen shows it."""
         system, state, t = self.system, self.state, self.t
         arm = state.arm.views
-        period = self._arm.evaluated().read()
+        period = self._evaluated().read()
         estimate, task, reference, output = period.seen.estimate, period.seen.task, period.reference, period.output
         required = float(sum(output.needed))
         H_hat = task.J_q_inv.T @ estimate.M_hat @ task.J_q_inv

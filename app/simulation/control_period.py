@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from enum import IntFlag
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from controllers.bounds import sum_of
+from controllers.control_law import ControlOutput, Gains, Reference, Told, add_up, clear
+from controllers.laws import table
 from controllers.nominal_model import ON_LINE, Estimate, LinkConstants, NominalModel, estimates
 from controllers.premises import (
     DOMAIN,
@@ -25,10 +28,10 @@ from controllers.premises import (
     keep_promise,
     watch,
 )
-from controllers.reference_estimates import FeedforwardModel, believe
+from controllers.reference_estimates import FeedforwardModel, take_estimates
+from controllers.sliding import measure
 from controllers.switching import SAMPLING_SHARE
 from controllers.task_space import Scratch, TaskLayout, TaskSpace, task_space
-from controllers.vsmrc import ControlOutput, Gains, Reference, control_law
 from environments.plant import limited
 from environments.surfaces import Chart, Shape, surface_chart
 from environments.trajectories import Course, ForceCourse, Shift, add_shift, force_at, path_at
@@ -133,7 +136,7 @@ class Period(NamedTuple):
     push: np.ndarray
     seen: Observation
     reference: Reference
-    believed: FeedforwardModel
+    feedforward: FeedforwardModel
     output: ControlOutput
     applied: np.ndarray
     residual: np.ndarray
@@ -150,10 +153,10 @@ class Period(NamedTuple):
     def zeros(cls, n: int) -> Period:
         """Of n coordinates."""
         v, seen, reference = np.zeros(n), Observation.zeros(n), Reference.zeros(n)
-        believed = FeedforwardModel(np.zeros((n, n)), np.zeros((n, n)), v, ON_LINE)
+        feedforward = FeedforwardModel(np.zeros((n, n)), np.zeros((n, n)), v, ON_LINE)
         output, f = ControlOutput.zeros(n), np.zeros(3)
         watched = Watched(1.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-        law = (v, f, f, seen, reference, believed, output, v, v, False, False, 0)
+        law = (v, f, f, seen, reference, feedforward, output, v, v, False, False, 0)
         return cls(*law, PremiseTable.fresh(), watched, Held.zeros(n), Kept.fresh(), Room.zeros(n))
 
 
@@ -181,35 +184,88 @@ def observe(observation_model, momenta, C, J, J_dot, placements, t, seen):
     task_space(observation_model.layout, seen.chart, seen.estimate, seen.q, seen.q_dot, seen.work, seen.task)
 
 
+def asked(torque: Callable[..., None]) -> Any:
+    """A part that tells a law all that there is, with these parameters of its own, and lets it write its torque; state:
+    x and x_dot of a law with a state of its own."""
+
+    @part
+    def ask(setting, period, parameters, *state):
+        seen = period.seen
+        told = Told(
+            setting.gains,
+            parameters,
+            period.reference,
+            seen.task,
+            seen.estimate,
+            period.feedforward,
+            period.z,
+            seen.q,
+            seen.q_dot,
+            period.F,
+            seen.work,
+        )
+        torque(told, period.output, *state)
+
+    return ask
+
+
+_ask = asked(table.torque)
+
+
 @kernel
 def control_period(setting, period, momenta, C, J, J_dot, placements, arm, F, t, row):
     """Evaluate the law at time t (s) for the state of `arm` and the measured force F (3,) N, and write what it saw
     and did into the `Row`. momenta ... placements: `nominal_model.Terms` at that state.
     """
-    setting, period, arm = setting[0], period[0], arm[0]
+    _see(setting[0], period[0], momenta, C, J, J_dot, placements, arm[0], F, t)
+    _ask(setting[0], period[0], setting[0].gains)
+    _conclude(setting[0], period[0], arm[0], t, row[0])
+
+
+@kernel
+def begin_period(setting, period, momenta, C, J, J_dot, placements, arm, F, t):
+    """The half of `control_period` that comes before the law's torque."""
+    _see(setting[0], period[0], momenta, C, J, J_dot, placements, arm[0], F, t)
+
+
+@kernel
+def end_period(setting, period, arm, t, row):
+    """The half of `control_period` that comes after the law's torque."""
+    _conclude(setting[0], period[0], arm[0], t, row[0])
+
+
+@part
+def _see(setting, period, momenta, C, J, J_dot, placements, arm, F, t):
+    """Look at the arm and the reference, and measure what every law is told."""
     seen, output, reference = period.seen, period.output, period.reference
-    gains, task, estimate = setting.gains, seen.task, seen.estimate
+    gains, task, estimate, feedforward = setting.gains, seen.task, seen.estimate, period.feedforward
     copy(arm.q, seen.q)
     copy(arm.q_dot, seen.q_dot)
     copy(F, period.F)
     observe(setting.observation_model, momenta, C, J, J_dot, placements, t, seen)
     reference_at(setting.plan, t, reference)
     if setting.online:
-        believe(estimate, period.believed)
-    believed = period.believed
-    control_law(gains, period.z, reference, task, estimate, believed, seen.q_dot, period.F, seen.work, output)
-    limited(setting.torque_limit, output.tau, period.applied)
-    _prepare_residual(gains.model, seen, reference, output, period.residual)
+        take_estimates(estimate, feedforward)
+    measure(gains, period.z, reference, task, estimate, feedforward, seen.q_dot, period.F, seen.work, output)
+    clear(output)
 
+
+@part
+def _conclude(setting, period, arm, t, row):
+    """Add up the torque, judge the premises and write the period down."""
+    output = period.output
+    add_up(output)
+    limited(setting.torque_limit, output.tau, period.applied)
+    _prepare_residual(setting.gains.model, period.seen, period.reference, output, period.residual)
     _judge_premises(setting, period, arm, t)
-    _fill(row[0], t, arm, period)
+    _fill(row, t, arm, period)
 
 
 @part
 def _judge_premises(setting, period, arm, t):
     """Do the premises of Theorem 1 hold now, and is ||s|| where it is promised to be?"""
     gains, output, table, watched, held = setting.gains, period.output, period.table, period.watched, period.held
-    task, estimate, believed, room = period.seen.task, period.seen.estimate, period.believed, period.room
+    task, estimate, feedforward, room = period.seen.task, period.seen.estimate, period.feedforward, period.room
     table.value[REGULAR], table.limit[REGULAR] = 1.0 / task.J_q_inv_norm, setting.limits.sigma_min
     table.value[DRIVES], table.limit[DRIVES] = _share_of_drives(setting.torque_limit, output.tau), 1.0
     table.value[GAIN], table.limit[GAIN] = sum_of(output.needed), output.d
@@ -219,7 +275,7 @@ def _judge_premises(setting, period, arm, t):
         F = room.F
         for a in range(3):
             F[a] = arm.load.force[a] - held.push[a]
-        table.value[HELD] = held_error(gains, believed, task, estimate, F, output, held, room)
+        table.value[HELD] = held_error(gains, feedforward, task, estimate, F, output, held, room)
     terms = output.terms
     for i in range(held.model.shape[0]):
         held.model[i] = terms.inertia[i] + terms.coriolis[i] + terms.gravity[i] + terms.force[i]
@@ -283,7 +339,7 @@ def _fill(row, t, arm, period):
     copy(output.terms.switching, row.tau_switching)
     copy(output.tau, row.tau)
     copy(period.applied, row.tau_applied)
-    copy(output.equivalent.q_ddot, row.q_eq_ddot)
+    copy(output.q_ddot, row.q_eq_ddot)
     row.needed[0], row.needed[1], row.needed[2] = needed.inertia, needed.coriolis, needed.gravity
     row.needed[3], row.needed[4], row.needed[5] = needed.task_motion, needed.disturbance, needed.epsilon
     row.d = output.d
@@ -378,7 +434,7 @@ def watch_posture(setting, period, centres):
         period.reference,
         period.seen.task,
         period.seen.estimate,
-        period.believed,
+        period.feedforward,
         period.seen.q_dot,
         period.output,
         period.room,

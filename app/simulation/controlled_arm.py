@@ -4,12 +4,22 @@ from __future__ import annotations
 
 import numpy as np
 
-from app.simulation.control_period import Limits, Period, Setting, complete_row, control_period, watch_posture
+from app.simulation.control_period import (
+    Limits,
+    Period,
+    Setting,
+    begin_period,
+    complete_row,
+    control_period,
+    end_period,
+    watch_posture,
+)
+from app.simulation.separate_law import SeparateLaw
 from app.simulation.signals import Row
 from app.simulation.state import State
 from app.simulation.system import System
+from controllers.control_law import Gains
 from controllers.reference_estimates import ReferenceEstimates
-from controllers.vsmrc import Gains
 from kernels import resolved
 from kernels.records import Record
 
@@ -40,8 +50,14 @@ class ControlledArm:
         self.settings = settings = Record(_setting_of(system, online=self.along is None))
         self._scratch = row = Record(Row.zeros(system.layout.n)).data
         data = settings.data, period.data
-        force = arm.views.load.force
-        self._control = resolved(control_period, *data, *system.nominal.terms, arm.data, force, state.t, row)
+        self._law = None
+        before = (*data, *system.nominal.terms, arm.data, arm.views.load.force, state.t)
+        if system.controller.gains.law >= 0:
+            self._control = resolved(control_period, *before, row)
+        else:
+            self._law = SeparateLaw(system.controller, settings)
+            self._begin = resolved(begin_period, *before)
+            self._end = resolved(end_period, *data, arm.data, state.t, row)
         self._complete = resolved(complete_row, *data, arm.data, row)
         self._look = resolved(watch_posture, *data, self._centres)
 
@@ -87,6 +103,8 @@ class ControlledArm:
     def complete(self, row: np.ndarray) -> int:
         """Write what is known only when the plant has answered; returns the `Alarm` flags."""
         state = self._state
+        if self._law is not None:
+            state.x += self._h * self._law.x_dot
         return self._complete(self.settings.data, state.period.data, state.arm.data, row)
 
     def evaluated(self) -> Record[Period]:
@@ -113,10 +131,16 @@ class ControlledArm:
         state, arm = self._state, self._state.arm
         q, q_dot = arm.views.q, arm.views.q_dot
         if self.along is not None:
-            period.write("believed", self.along.at(q, q_dot, state.t))
+            period.write("feedforward", self.along.at(q, q_dot, state.t))
             state.along = self.along.start
         terms = self._nominal.update(q, q_dot)
-        self._control(self.settings.data, period.data, *terms, arm.data, F, state.t, row)
+        before = (self.settings.data, period.data, *terms, arm.data, F, state.t)
+        if self._law is None:
+            self._control(*before, row)
+        else:
+            self._begin(*before)
+            self._law.act(period, state.x)
+            self._end(self.settings.data, period.data, arm.data, state.t, row)
 
     def _solve_for_force(self, row: np.ndarray) -> bool:
         """The law fed with the force that its own torque causes: secant iteration on the multiplier; whether it is
@@ -149,7 +173,7 @@ def _setting_of(system: System, *, online: bool) -> Setting:
     return Setting(
         observation_model=system.observer.observation_model,
         plan=system.plan,
-        gains=system.law.gains,
+        gains=system.controller.gains,
         period=scenario.controller.period,
         online=online,
         heavy=plant.heavy,

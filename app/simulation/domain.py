@@ -13,9 +13,9 @@ from app.simulation.control_period import Observer, Planned
 from app.simulation.extremes import OUTSIDE, Effort, Look, Looker, Omega, Place, largest
 from app.simulation.search_memory import Memory, Numbers, key_of
 from controllers.bounds import InertiaRange, Uncertainty
+from controllers.control_law import Reference
 from controllers.nominal_model import Estimate, Lipschitz, NominalModel, Steepness
 from controllers.task_space import TaskSpace
-from controllers.vsmrc import Reference
 from environments.plant import Plant
 from environments.stiffness import Mobility
 from environments.surfaces import Surface

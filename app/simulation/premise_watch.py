@@ -18,7 +18,6 @@ from app.simulation.system import System
 from app.simulation.verdict import sentence
 from controllers.premises import Kept, Premise
 from controllers.switching import Switching
-from controllers.vsmrc import Law
 
 
 class PremiseWatch:
@@ -56,7 +55,7 @@ class PremiseWatch:
         banded = epoch.t + certificate.time_to(float(np.sqrt(2.0 * watched.V_band / watched.low)))
         layered = watched.width > 0.0 and watched.radius <= watched.width  # V falls down to the layer
         reached = epoch.t + certificate.time_to(watched.width) if layered else None
-        if self.system.law.switching is Switching.DISCONTINUOUS:
+        if self.system.controller.switching is Switching.DISCONTINUOUS:
             reached = banded
         return replace(epoch, reached_by=reached, banded_by=banded)
 
@@ -69,7 +68,7 @@ class PremiseWatch:
         anew = Kept.fresh()._replace(promise=state.epoch.certificate.promise, broken=before.broken, begun=state.t)
         period.write("kept", anew._replace(periods=before.periods, lost=before.lost))
         outsiders = len(outside(system.scenario))
-        self._state_premise(Premise.LAW, float(system.law.law is not Law.VSMRC), 0.0)
+        self._state_premise(Premise.LAW, float(not system.controller.law.robust), 0.0)
         self._state_premise(Premise.DECLARED, float(outsiders), 0.0)
         nearest, distance = system.constants.omega.centre_near(state.arm.views.q)
         self._state_premise(Premise.DOMAIN, distance, system.constants.radius)
@@ -124,20 +123,22 @@ class PremiseWatch:
     def require_bounded_gain(self) -> None:
         """Raises ScenarioError where the gain by (17) feeds itself: it would grow without bound whatever else is
         chosen."""
-        table, law = self._table, self.system.law
+        table, controller = self._table, self.system.controller
+        if not controller.law.robust:
+            return
         chatter, force = table.value[Premise.GAIN_BY_CHATTER], table.value[Premise.GAIN_BY_FORCE]
-        others = "bounds = 'tight', " if law.bounds == "paper" else ""
+        others = "bounds = 'tight', " if controller.bounds == "paper" else ""
         others += "controller.gain = 'constant', or a smaller declared.link_scaling"
-        if law.d is None and chatter >= 1.0:
+        if controller.d is None and chatter >= 1.0:
             raise ScenarioError(
-                f"controller.bounds: with {law.bounds!r} the gain (17) runs away at this control period, chattering "
-                f"feeds {chatter:.3g} of it back (δ_H ‖M_m⁻¹B_m‖ T / λ_min(H)), allowed below 1; allowed: "
+                f"controller.bounds: with {controller.bounds!r} the gain (17) runs away at this control period, "
+                f"chattering feeds {chatter:.3g} of it back (δ_H ‖M_m⁻¹B_m‖ T / λ_min(H)), allowed below 1; allowed: "
                 f"controller.period <= {0.95 * self._h / chatter:.2g} s, {others}"
             )
-        if law.d is None and force >= 1.0:
+        if controller.d is None and force >= 1.0:
             raise ScenarioError(
-                f"controller.bounds: with {law.bounds!r} the gain (17) and the force on the surface raise each other, "
-                f"by {force:.3g} of each change, allowed below 1, and no control period helps; allowed: {others}"
+                f"controller.bounds: with {controller.bounds!r} the gain (17) and the force on the surface raise each "
+                f"other, by {force:.3g} of each change, allowed below 1, and no control period helps; allowed: {others}"
             )
 
     @property
@@ -150,7 +151,7 @@ class PremiseWatch:
     def reached(self) -> float | None:
         """When ||s|| was first within the boundary layer, or within the band of a law that has none, since the last
         change, s; None while it was not."""
-        if self.system.law.switching is Switching.DISCONTINUOUS:
+        if self.system.controller.switching is Switching.DISCONTINUOUS:
             return self.banded
         entered = self._state.period.part("kept").entered
         return None if np.isnan(entered) else entered

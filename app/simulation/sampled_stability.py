@@ -27,7 +27,6 @@ from controllers.premises import Premise
 from controllers.switching import Switching
 from controllers.target_model import TargetModel
 from controllers.task_space import TaskSpace
-from controllers.vsmrc import Law
 from environments.push import TimedPush
 from environments.stiffness import ROUNDING
 from kernels.records import Record
@@ -65,7 +64,9 @@ def _needed(system: System, estimate: Estimate, task: TaskSpace, r_eq_ddot: np.n
     asked = still if r_eq_ddot is None else r_eq_ddot
     q_eq_ddot = task.J_q_inv @ (asked - task.J_q_dot @ q_eq_dot - task.v_t_dot)
     at_rest = Equivalent(still, asked, q_eq_dot, q_eq_ddot)
-    return required_gain(system.law.bounds, system.law.uncertainty, ON_LINE, estimate, task, still, at_rest)
+    return required_gain(
+        system.controller.bounds, system.controller.uncertainty, ON_LINE, estimate, task, still, at_rest
+    )
 
 
 NO_POLES = np.zeros(0, dtype=complex)
@@ -149,8 +150,8 @@ def _poles(system: System, at: Posture) -> tuple[np.ndarray, np.ndarray, float]:
 def _judged(system: System) -> bool:
     """Not under the discontinuous law, which chatters in any case and has no linear part, nor with a very long delay of
     the sensor."""
-    law = system.law
-    chatters = law.law is Law.VSMRC and law.switching is Switching.DISCONTINUOUS
+    controller = system.controller
+    chatters = controller.law.robust and controller.switching is Switching.DISCONTINUOUS
     return not chatters and round(system.sensor.delay / system.sensor.period) <= LONGEST_LINE
 
 
@@ -164,18 +165,20 @@ class _PeriodMap:
     that has a kink, a constant reference where it stands, and no push.
 
     Deviations x: of the arm along the directions in which it can move and of their rates, in task coordinates, m and
-    m/s; of z (m/s) under the law that has it; of what the force sensor will read, N: the load that a heavy contact has
-    kept from the period before, and the readings under way.
+    m/s; of z (m/s) under the law that has it, and of what else a law has for a state; of what the force sensor will
+    read, N: the load that a heavy contact has kept from the period before, and the readings under way.
     """
 
     def __init__(self, system: System, at: Posture, *, touching: bool) -> None:
-        law, task, basis = system.law, at.task, _free_directions(system, at)
+        controller, task, basis = system.controller, at.task, _free_directions(system, at)
         self._out, self._in = task.J_q_inv @ basis, basis.T @ task.J_q
         self._plant = system.plant.smooth(touching=touching)
         q_dot = -task.J_q_inv @ task.v_t
         met = self._plant.start(at.q, q_dot, at.t).read().load.multiplier
-        e_Fc = np.zeros(system.layout.n) if system.m else law.controlled * at.across * met
-        r_d = task.r + np.linalg.pinv(law.model.K_m) @ law.model.K_f @ e_Fc  # where (8) rests under this force
+        e_Fc = np.zeros(system.layout.n) if system.m else controller.controlled * at.across * met
+        r_d = (
+            task.r + np.linalg.pinv(controller.model.K_m) @ controller.model.K_f @ e_Fc
+        )  # where (8) rests under this force
         still = replace(
             system,
             plant=self._plant,
@@ -187,14 +190,17 @@ class _PeriodMap:
         self._state = state = State.at(still, at.q, q_dot, at.t)
         self._arm, self._row = ControlledArm(still, state), Record(Row.zeros(system.layout.n)).data
         _, _, e_r, e_r_dot = observed(still, at.t, state.arm)
-        state.period.views.z[:] = law.compensator.without_reaching(e_r, e_r_dot)
+        state.period.views.z[:] = controller.compensator.without_reaching(e_r, e_r_dot)
         while not state.reader.full:
             state.reader.read(state.arm.views.load.force)
         self._parts = [state.arm.views.q, state.arm.views.q_dot]
-        steps, speed = [], STEP * (law.phi if law.phi > 0.0 else 1.0)
-        if law.law is Law.VSMRC:
+        steps, speed = [], STEP * (controller.phi if controller.phi > 0.0 else 1.0)
+        if controller.law.robust:
             self._parts.append(state.period.views.z)
             steps += [speed] * system.layout.n
+        if len(state.x):
+            self._parts.append(state.x)
+            steps += [speed] * len(state.x)
         if still.plant.heavy and not system.scenario.sensor.ideal:
             self._parts.append(state.arm.views.load.force)
             steps += [FORCE_STEP] * 3
@@ -236,9 +242,9 @@ def _block(directions: np.ndarray, length: int) -> np.ndarray:
 
 def model_poles(system: System, at: Posture) -> np.ndarray:
     """Poles (k,) 1/s of (8) against the true contact, as far as the arm can move."""
-    model, contact, kind, a = system.law.model, system.plant.contact, system.plant.kind, at.across
+    model, contact, kind, a = system.controller.model, system.plant.contact, system.plant.kind, at.across
     basis = _free_directions(system, at)
-    felt = model.K_f @ np.outer(system.law.controlled * a, a)
+    felt = model.K_f @ np.outer(system.controller.controlled * a, a)
     springy, heavy = kind in ("elastic", "mass-damper-spring"), kind == "mass-damper-spring"
     M = basis.T @ (model.M_m + felt * (contact.M_e if heavy else 0.0)) @ basis
     B = basis.T @ (model.B_m + felt * (contact.B_e if springy else 0.0)) @ basis
@@ -256,10 +262,10 @@ def _free_directions(system: System, at: Posture) -> np.ndarray:
 
 def force_factor(system: System, at: Posture) -> float:
     """See `controllers.force_loop`; nan where no force is fed back through a loop that sampling closes."""
-    if not system.plant.heavy or system.scenario.sensor.ideal or system.law.law is Law.PD_GRAVITY:
+    if not system.plant.heavy or system.scenario.sensor.ideal or not system.controller.law.feels_force:
         return math.nan
-    felt = system.law.controlled * at.across
-    return force_loop_factor(at.H_hat, at.H_hat, system.law.model, at.across, felt, _surface_mass(system))
+    felt = system.controller.controlled * at.across
+    return force_loop_factor(at.H_hat, at.H_hat, system.controller.model, at.across, felt, _surface_mass(system))
 
 
 def _surface_mass(system: System) -> float:
@@ -269,11 +275,11 @@ def _surface_mass(system: System) -> float:
 def gain_by_force(system: System, at: Posture) -> tuple[float, float]:
     """Of a change in the force on a rigid or heavy surface, the share that d by (17) gives back when the loop through
     the force is solved, and what d adds to `force_factor`; nan and 0 where d does not depend on the force."""
-    law = system.law
-    if not system.plant.heavy or law.d is not None or law.law is not Law.VSMRC:
+    controller = system.controller
+    if not system.plant.heavy or controller.d is not None or not controller.law.robust:
         return math.nan, 0.0
     M_e, Y = _surface_mass(system), np.linalg.solve(at.H_hat, at.across)
-    asked = np.linalg.solve(law.model.M_m, law.model.K_f @ (law.controlled * at.across))
+    asked = np.linalg.solve(controller.model.M_m, controller.model.K_f @ (controller.controlled * at.across))
     pulled, back = float(np.linalg.norm(Y)) * _slope_of_gain(system, at, asked), float(at.across @ asked)
     if math.isinf(M_e):
         return (pulled / back if back > 0.0 else math.inf), pulled / float(Y @ at.across)

@@ -46,6 +46,7 @@ class State:
     steps: int  # control periods since `epoch` began
     arm: PlantState
     period: Record[Period]  # z, and what the promise remembers
+    x: np.ndarray  # (k,), what a law has for a state of its own; z of (25) is in `period`
     reader: ForceReader  # the force sensor's random stream, filter and delay line
     shift: Shift  # of the reference, on its way
     along: Start | None  # of `ReferenceEstimates`, None where estimates are taken on-line
@@ -71,6 +72,7 @@ class State:
             steps=0,
             arm=arm,
             period=period,
+            x=system.controller.law.at_rest(system.layout.n),
             reader=ForceReader(system.sensor, system.scenario.simulation.seed),
             shift=system.plan.shift,
             along=None,
@@ -87,7 +89,7 @@ class State:
         return replace(self, **of_its_own)
 
 
-CHANGING = (Record, ForceReader)
+CHANGING = (Record, ForceReader, np.ndarray)
 
 
 def observed(system: System, t: float, arm: PlantState) -> tuple[Estimate, TaskSpace, np.ndarray, np.ndarray]:
@@ -99,18 +101,18 @@ def observed(system: System, t: float, arm: PlantState) -> tuple[Estimate, TaskS
 
 def epoch_at(system: System, t: float, arm: PlantState, period: Record[Period]) -> Epoch:
     """What begins at t (s): the theorem promises anew, from the s of now."""
-    law, constants = system.law, system.constants
+    controller, constants = system.controller, system.constants
     estimate, task, e_r, e_r_dot = observed(system, t, arm)
-    s = e_r_dot + law.compensator.F_1 @ e_r + law.compensator.F_2 @ period.views.z
-    H_high = InertiaRange.at(law.uncertainty, estimate, task).H_high
+    s = e_r_dot + controller.compensator.F_1 @ e_r + controller.compensator.F_2 @ period.views.z
+    H_high = InertiaRange.at(controller.uncertainty, estimate, task).H_high
     certificate = ReachingCertificate(
         constants.k_r_low,
         constants.k_r_high,
-        float(np.linalg.eigvalsh(law.K_s)[0]) * (1.0 - SAMPLING_SHARE),
-        law.epsilon * law.switching.kept,
+        float(np.linalg.eigvalsh(controller.K_s)[0]) * (1.0 - SAMPLING_SHARE),
+        controller.epsilon * controller.switching.kept,
         V_0=float(0.5 * s @ H_high @ s),
     )
-    return Epoch(t, system.scenario, law.model, certificate, blend=system.blend)
+    return Epoch(t, system.scenario, controller.model, certificate, blend=system.blend)
 
 
 def blending(blend: ModelBlend | None, t: float, period: float) -> bool:

@@ -10,6 +10,7 @@ import numpy as np
 from app.scenario.schema import Scenario, ScenarioError, field_info
 from app.scenario.units import CARTESIAN, JOINT, Units
 from app.simulation.control_period import Observer, Planned, ReferencePlan
+from app.simulation.controller_builder import blend_of, controller_of, uncertainty_of
 from app.simulation.domain import Constants, centres, constants_over, mobility_over, posture_at, span_of
 from app.simulation.environment_builder import (
     force_of,
@@ -24,16 +25,16 @@ from app.simulation.environment_builder import (
     truth_of,
 )
 from app.simulation.extremes import Omega
-from app.simulation.law_builder import blend_of, law_of, uncertainty_of
 from app.simulation.search_memory import Memory
 from app.simulation.stations import Stations
 from controllers import modes
 from controllers.blend import ModelBlend
+from controllers.control_law import Reference
+from controllers.controller import Controller
 from controllers.modes import Mode
 from controllers.nominal_model import Estimate, NominalModel
 from controllers.target_model import InvalidGain
 from controllers.task_space import TaskLayout, TaskSpace
-from controllers.vsmrc import Reference, Vsmrc
 from environments import robots, surfaces, trajectories
 from environments.contact import Contact
 from environments.formula import FormulaError
@@ -70,8 +71,8 @@ class Coordinate:
 @dataclass(frozen=True)
 class System:
     """A scenario's objects. `charted` gives the task coordinates: the surface, or Cartesian axes; `mobility` is the
-    true arm's largest over Omega; law: with the target model in force, from which `blend`, if there is one, leads to
-    another; q_0 (n,) rad; memory: of what was searched for."""
+    true arm's largest over Omega; controller: with the target model in force, from which `blend`, if there is one,
+    leads to another; q_0 (n,) rad; memory: of what was searched for."""
 
     scenario: Scenario
     robot: robots.Robot
@@ -84,7 +85,7 @@ class System:
     plant: Plant
     constants: Constants
     mobility: Mobility
-    law: Vsmrc
+    controller: Controller
     blend: ModelBlend | None
     motion: trajectories.Trajectory
     force: trajectories.ForceProfile
@@ -142,7 +143,7 @@ class System:
         """As it begins at t = 0: its shift goes there from rest, and a blend is still to come."""
         shift = self.plan.shift
         begun = self.with_shift(trajectories.Shift.fresh(shift.end, shift.duration))
-        return begun if self.blend is None else replace(begun, law=self.law.following(self.blend.start))
+        return begun if self.blend is None else replace(begun, controller=self.controller.following(self.blend.start))
 
     def with_shift(self, shift: trajectories.Shift) -> System:
         """With this shift in place of the scenario's, which begins at t = 0."""
@@ -248,7 +249,7 @@ def _assemble(scenario: Scenario, previous: System | None, memory: Memory) -> Sy
         plant=plant,
         constants=constants,
         mobility=mobility,
-        law=law_of(scenario, mode, layout, constants),
+        controller=controller_of(scenario, mode, layout, constants),
         blend=blend_of(scenario, mode, layout),
         motion=motion,
         force=force,

@@ -187,7 +187,7 @@ def test_a_blend_in_the_loop() -> None:
     assert [epoch.t for epoch in of_plan.recording.epochs] == pytest.approx([0.0, 0.4, 0.7])
     assert of_plan.system.scenario == edited(edited(shipped()["planar3r-hybrid"], "target_model.B_m", TO["B_m"]),
                                              "target_model.K_m", TO["K_m"])  # fmt: skip
-    np.testing.assert_array_equal(np.diag(of_plan.system.law.model.K_m), TO["K_m"])
+    np.testing.assert_array_equal(np.diag(of_plan.system.controller.model.K_m), TO["K_m"])
     posted = run(ClosedLoop(shipped()["planar3r-hybrid"]), 400)
     posted.edit(edited(posted.system.scenario, "blend", {"to": TO, "at": posted.t, "over": 0.3}))
     np.testing.assert_array_equal(run(posted, 600).recording.rows(), rows)
@@ -201,15 +201,15 @@ def test_a_blend_in_the_loop() -> None:
 
 def test_the_model_in_force_is_the_blend() -> None:
     loop = ClosedLoop(planned(0.0, over=0.2))
-    start, blend = loop.system.law.model, loop.system.blend
+    start, blend = loop.system.controller.model, loop.system.blend
     assert blend is not None
     run(loop, 100)
-    model, alpha = loop.system.law.model, blend.share(0.099)
+    model, alpha = loop.system.controller.model, blend.share(0.099)
     assert alpha == pytest.approx(0.5, abs=0.01)
     for name in ("B_m", "K_m"):
         sides = [np.linalg.solve(m.M_m, getattr(m, name)) for m in (start, blend.end, model)]
         np.testing.assert_allclose(sides[2], (1 - alpha) * sides[0] + alpha * sides[1], atol=1e-9)
-    q, F_1, A = (getattr(loop.system.law.compensator, name) for name in ("K_vz", "F_1", "A"))
+    q, F_1, A = (getattr(loop.system.controller.compensator, name) for name in ("K_vz", "F_1", "A"))
     np.testing.assert_allclose(q, np.linalg.solve(model.M_m, model.B_m) - F_1 + A, atol=1e-9)  # (13), F_2 = 1
     np.testing.assert_array_equal(loop._arm.settings.read().gains.K_vz, q)
 

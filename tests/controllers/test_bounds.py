@@ -11,11 +11,11 @@ import pytest
 
 from app.simulation.system import System
 from controllers.bounds import Equivalent, InertiaRange, Uncertainty, required_gain
+from controllers.controller import Controller
 from controllers.nominal_model import ON_LINE, Estimate
 from controllers.reference_estimates import FeedforwardModel
 from controllers.switching import Switching
 from controllers.task_space import TaskSpace
-from controllers.vsmrc import Vsmrc
 from environments.plant import Truth
 from tests.support.arms import CERTAIN, ROBOTS, State, charted, random_law, random_reference
 
@@ -57,7 +57,7 @@ def draw_state(system: System, random: np.random.Generator) -> State:
     return State(q, 10 ** random.uniform(-2.0, 0.5) * direction(random, n), random.uniform(0.0, 2.0))
 
 
-def law_for(system: System, u: Uncertainty, bounds: Bounds) -> Vsmrc:
+def law_for(system: System, u: Uncertainty, bounds: Bounds) -> Controller:
     """A law that takes d from the theorem."""
     n = system.robot.n
     law = random_law(np.random.default_rng(1), n, Switching.SATURATION, np.zeros(n))
@@ -72,7 +72,7 @@ class Need(NamedTuple):
 
 
 def compare(
-    system: System, law: Vsmrc, plant: Plant, state: State, seed: int, override: FeedforwardModel | None = None
+    system: System, law: Controller, plant: Plant, state: State, seed: int, override: FeedforwardModel | None = None
 ) -> Need:
     """||J_q^-T (Delta M q_eq_ddot + Delta C q_eq_dot + Delta G + f - J_v^T error)|| against d - epsilon.
 
@@ -83,12 +83,12 @@ def compare(
     estimate, task = system.observe(q, q_dot, t)
     reference = random_reference(task.r, random)
     reference = reference._replace(r_d_dot=10 ** random.uniform(-2.0, 0.3) * reference.r_d_dot)
-    believed = FeedforwardModel.at(estimate) if override is None else override
+    feedforward = FeedforwardModel.at(estimate) if override is None else override
     z, F = random.uniform(0.0, 1.0) * random.standard_normal(n), random.standard_normal(3)
-    out = law.evaluate(z, reference, task, estimate, believed, q_dot, F)
+    out = law.evaluate(z, reference, task, estimate, feedforward, q, q_dot, F)
 
     q_eq_dot = task.J_q_inv @ (task.r_dot - out.s - task.v_t)
-    q_eq_ddot = np.linalg.solve(believed.M_hat, out.terms.inertia)
+    q_eq_ddot = np.linalg.solve(feedforward.M_hat, out.terms.inertia)
     model = plant.truth.model(system.robot)
     data = model.createData()
     wanted = pin.crba(model, data, q) @ q_eq_ddot + pin.computeCoriolisMatrix(model, data, q, q_dot) @ q_eq_dot
@@ -158,7 +158,7 @@ def test_paper_bounds_are_those_of_7(robot: str) -> None:
     q, q_dot, t = draw_state(system, random)
     estimate, task = system.observe(q, q_dot, t)
     reference, z = random_reference(task.r, random), random.standard_normal(system.robot.n)
-    out = law.evaluate(z, reference, task, estimate, FeedforwardModel.at(estimate), q_dot, np.zeros(3))
+    out = law.evaluate(z, reference, task, estimate, FeedforwardModel.at(estimate), q, q_dot, np.zeros(3))
 
     r_eq_dot = task.r_dot - out.s
     r_eq_ddot = reference.r_d_ddot - law.compensator.F_1 @ out.e_r_dot - law.compensator.F_2 @ out.z_dot

@@ -13,11 +13,11 @@ from app.scenario.data import edited, from_plain, shipped, to_plain
 from app.scenario.schema import ScenarioError
 from app.simulation.system import System, assemble
 from controllers.compensator import Compensator
+from controllers.control_law import Reference
 from controllers.nominal_model import Estimate
 from controllers.reference_estimates import FeedforwardModel
 from controllers.switching import Switching, layer_width
 from controllers.target_model import InvalidGain, TargetModel
-from controllers.vsmrc import Reference
 from environments.robots import CATALOGUE
 from kernels.algebra import spectral_norm
 from tests.support.arms import unit_vector
@@ -135,8 +135,8 @@ def test_torque_25_is_force_15_in_task_space(robot: str, surface: str, bounds: s
         task.r + 0.01 * random.standard_normal(n), *(random.standard_normal(n) for _ in range(2)), np.zeros(n)
     )
     z, F = random.standard_normal(n), random.standard_normal(3)
-    out = system.law.evaluate(z, reference, task, e, FeedforwardModel.at(e), q_dot, F)
-    c, J_inv = system.law.compensator, task.J_q_inv
+    out = system.controller.evaluate(z, reference, task, e, FeedforwardModel.at(e), q, q_dot, F)
+    c, J_inv = system.controller.compensator, task.J_q_inv
     e_r, e_r_dot = task.r - reference.r_d, task.r_dot - reference.r_d_dot
     F_r = J_inv.T @ e.J_v.T @ F
     z_dot = c.A @ z + c.K_pz @ e_r + c.K_vz @ e_r_dot + c.K_fz @ out.F_c
@@ -145,7 +145,7 @@ def test_torque_25_is_force_15_in_task_space(robot: str, surface: str, bounds: s
     H = J_inv.T @ e.M_hat @ J_inv
     C = J_inv.T @ e.C_hat @ J_inv - H @ task.J_q_dot @ J_inv
     F_t = -H @ task.v_t_dot - C @ task.v_t
-    robust = system.law.K_s @ s + out.d * s / max(np.linalg.norm(s), system.law.phi)
+    robust = system.controller.K_s @ s + out.d * s / max(np.linalg.norm(s), system.controller.phi)
     T_r = H @ r_eq_ddot + C @ r_eq_dot + J_inv.T @ e.G_hat + F_t + F_r - robust
     np.testing.assert_allclose(out.tau, task.J_q.T @ T_r, atol=1e-8 * np.abs(out.tau).max())
     np.testing.assert_allclose(out.s, s, atol=1e-12)

@@ -215,7 +215,7 @@ def test_predicted_steady_force_has_what_the_boundary_layer_leaves_where_a_is_no
     loop = ran(edited(still, "sensor.ideal", True) if name == "ur5-constrained" else still, 2.0)
     seen = known(loop, loop.t - 0.2)
     steady = seen["steady_force"][np.isfinite(seen["steady_force"])][-1]
-    without = loop.system.law.model.M_m @ loop.system.law.compensator.A @ seen["s"][-1]
+    without = loop.system.controller.model.M_m @ loop.system.controller.compensator.A @ seen["s"][-1]
     assert np.abs(without).max() > 0.5
     assert seen["multiplier"][-1] == pytest.approx(steady, abs=0.01)
     if loop.system.m:

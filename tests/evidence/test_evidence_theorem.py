@@ -117,7 +117,7 @@ def test_solved_multiplier_misses_by_M_s_dot() -> None:
     s_dot = np.diff(record["s"][:, 0]) / np.diff(record["t"])
     error = (record["multiplier"] - record["F_cd"][:, 0])[:-1]
     assert np.abs(error).max() > 1e-3
-    np.testing.assert_allclose(error, loop.system.law.model.M_m[0, 0] * s_dot, atol=0.02 * np.abs(error).max())
+    np.testing.assert_allclose(error, loop.system.controller.model.M_m[0, 0] * s_dot, atol=0.02 * np.abs(error).max())
 
 
 @pytest.mark.parametrize(("omega", "zeta"), [(3.0, 0.05), (20.0, 0.7), (31.6, 0.95)])

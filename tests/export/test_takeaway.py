@@ -32,6 +32,7 @@ from app.session import headless_run
 from app.session.snapshot import Snapshot, snapshot_of
 from app.simulation.closed_loop import ClosedLoop
 from app.simulation.recording import BLOCK, Recording
+from app.simulation.system import assemble
 from app.storage.recording_files import TooLarge, read_npz, table, write_csv, write_npz
 
 made = ExportJobs().made
@@ -201,14 +202,14 @@ def test_printed_colours_can_be_seen_on_white_and_told_apart() -> None:
 def test_caption_says_the_scenario_in_numbers() -> None:
     scenario = edited(edited(load("ur5-hybrid"), "truth.payload_mass", 1.5), "declared.payload_mass", 2.0)
     model = {"M_m": 10 * np.eye(2), "B_m": np.diag([632.5, 4]), "K_m": np.array([[2, 1], [1, 2.0]]), "K_f": np.eye(2)}
-    said = caption(scenario, model, 1.0, 9.0)
+    said = caption(scenario, assemble(scenario).controller, model, 1.0, 9.0)
     for words in (
         "ur5-hybrid", "hybrid mode", "t = 1 to 9 s", "M_m = 10 I kg", "diag(632.5, 4) N·s/m", "[2 1; 1 2] N/m",
         "True arm: link scaling 1.15, payload mass 1.5 kg", "Declared: link scaling 0.15, payload mass 2 kg",
         "T = 1 ms", "K_e = 10000 N/m", "Force: constant, value 20 N", "F_1 = 10",
     ):  # fmt: skip
         assert words in said
-    assert "True arm: as believed" in caption(Scenario(), model, 0.0, 1.0)
+    assert "True arm: as believed" in caption(Scenario(), assemble(Scenario()).controller, model, 0.0, 1.0)
 
 
 def test_film_has_a_row_for_each_thirtieth_of_a_second(loop: ClosedLoop) -> None:

@@ -118,7 +118,7 @@ def test_nothing_of_the_last_period_leaks_into_this_one(name: str) -> None:
     rows = []
     for garbage in (0.0, 1e3):
         period = loop.state.period.copy()
-        for part in ("seen", "reference", "believed", "output"):
+        for part in ("seen", "reference", "feedforward", "output"):
             period.data[part].view(np.float64)[:] = garbage
         row, arm = Record(Row.zeros(loop.recording.n)).data, loop.state.arm
         row.view(float)[:] = np.nan

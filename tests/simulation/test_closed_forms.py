@@ -177,8 +177,8 @@ def on_a_mass(mode: str, factor: float, M_e: float, *, ideal: bool) -> tuple[Clo
         sensor={"ideal": ideal},
     )
     loop = ClosedLoop(scenario)
-    felt = loop.system.law.controlled * normal
-    assert force_loop_factor(H, H, loop.system.law.model, normal, felt, M_e) == pytest.approx(factor, rel=1e-6)
+    felt = loop.system.controller.controlled * normal
+    assert force_loop_factor(H, H, loop.system.controller.model, normal, felt, M_e) == pytest.approx(factor, rel=1e-6)
     assert loop.view().live["force_loop_factor"] == pytest.approx(np.nan if ideal else factor, rel=1e-6, nan_ok=True)
     for _ in range(400):
         if loop.stopped is None:

@@ -91,7 +91,7 @@ def inertia_extremes(system: System) -> tuple[Value, Value]:
         estimate, task = system.observe(q, np.zeros_like(q), t)
         if np.linalg.svd(task.J_q, compute_uv=False)[-1] < limit:
             return 0.0, 0.0
-        inertia = InertiaRange.at(system.law.uncertainty, estimate, task)
+        inertia = InertiaRange.at(system.controller.uncertainty, estimate, task)
         return 1.0 / np.linalg.eigvalsh(inertia.H_low)[0], np.linalg.eigvalsh(inertia.H_high)[-1]
 
     return lambda q, t: float(at(q, t)[0]), lambda q, t: float(at(q, t)[1])

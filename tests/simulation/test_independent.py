@@ -45,8 +45,8 @@ def test_each_term_at_random_states(twin: Twin) -> None:
             np.testing.assert_allclose(getattr(task, name), getattr(m, name), atol=1e-7, err_msg=name)
 
         lam = random.uniform(0.0, 30.0)
-        out = system.law.evaluate(
-            z, system.reference(t), task, estimate, FeedforwardModel.at(estimate), q_dot, lam * m.normal
+        out = system.controller.evaluate(
+            z, system.reference(t), task, estimate, FeedforwardModel.at(estimate), q, q_dot, lam * m.normal
         )
         answer = paper.law(m, q, q_dot, z, lam, t)
         np.testing.assert_allclose(out.s, answer.s, atol=1e-9)

@@ -20,7 +20,6 @@ from app.session.runner import Runner
 from app.session.timeline import Timeline
 from app.simulation.closed_loop import ClosedLoop
 from app.simulation.system import assemble
-from controllers.baselines import PdGravity
 from controllers.reference_estimates import FeedforwardModel
 from controllers.switching import Switching
 from tests.support.arms import charted, random_law, random_reference, random_state
@@ -53,11 +52,11 @@ def test_pd_leaves_the_target_model_with_the_arm_s_own_inertia(robot: str) -> No
     random = np.random.default_rng(3)
     system = charted(robot, "sphere")
     n = system.robot.n
-    law = random_law(random, n, Switching.SATURATION, np.ones(n), kind=PdGravity)
+    law = random_law(random, n, Switching.SATURATION, np.ones(n), kind="pd-gravity")
     q, q_dot, t = random_state(system, random)
     estimate, task = system.observe(q, q_dot, t)
     reference, F = random_reference(task.r, random), 10.0 * random.standard_normal(3)
-    out = law.evaluate(np.zeros(n), reference, task, estimate, FeedforwardModel.at(estimate), q_dot, F)
+    out = law.evaluate(np.zeros(n), reference, task, estimate, FeedforwardModel.at(estimate), q, q_dot, F)
     tau_F = estimate.J_v.T @ F
     q_ddot = pin.aba(system.robot.model, system.robot.model.createData(), q, q_dot, out.tau - tau_F)
     moved = task.J_q_inv.T @ (estimate.M_hat @ q_ddot + estimate.C_hat @ q_dot + tau_F)

@@ -44,7 +44,7 @@ def test_an_impedance_yields_to_a_push_as_its_stiffness_says(law: str, scaling: 
     loop = ClosedLoop(impedance(**{"controller.law": law, "truth.link_scaling": scaling, **push}))
     run(loop, 1.5)
     last = loop.recording.at(loop.t)
-    model = loop.system.law.model
+    model = loop.system.controller.model
     np.testing.assert_allclose(last["F"], -FORCE, atol=1e-12)
     np.testing.assert_allclose(
         last["e_r"][:3], (np.linalg.solve(model.K_m, model.K_f) @ np.r_[FORCE, 0, 0, 0])[:3], rtol=1e-3

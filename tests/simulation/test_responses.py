@@ -30,7 +30,7 @@ def test_steady_force_of_a_wall_under_impedance(K_m: float, K_f: float) -> None:
     loop, _ = simulate(scenario)
     last = loop.recording.at(loop.t)
     x_d, x_e, K_e = last["r_d"][2], 0.17, scenario.contact.K_e
-    expected = loop.system.law.model.steady_force(2, K_e, -x_e, -x_d, 0.0)
+    expected = loop.system.controller.model.steady_force(2, K_e, -x_e, -x_d, 0.0)
     assert expected == pytest.approx(K_e * K_m * (x_e - x_d) / (K_m + K_f * K_e))
     assert last["multiplier"][0] == pytest.approx(expected, rel=1e-4)
 
@@ -95,7 +95,7 @@ def test_sampled_force_loop_diverges_where_its_factor_says() -> None:
     H = task.J_q_inv.T @ e.M_hat @ task.J_q_inv
     h = float(1.0 / np.linalg.inv(H)[0, 0])
     assert H[0, 0] > 1.1 * h
-    model, normal = system.law.model, np.eye(6)[0]
+    model, normal = system.controller.model, np.eye(6)[0]
     assert force_loop_factor(H, H, model, normal, normal) == pytest.approx(1 - h / model.M_m[0, 0])
     stable, error = on_rigid(h / 1.9)
     assert stable.warning is None

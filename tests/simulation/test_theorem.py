@@ -67,7 +67,7 @@ def bounds_at(system: System, state: tuple, q_eq_dot: np.ndarray, q_eq_ddot: np.
     """The tight bounds of inertia, Coriolis, gravity, friction and disturbance, and the paper's of the whole, N."""
     q, q_dot, t = state
     e, task = system.observe(q, q_dot, t)
-    u = system.law.uncertainty
+    u = system.controller.uncertainty
     r_eq_dot = task.J_q @ q_eq_dot + task.v_t
     r_eq_ddot = task.J_q @ q_eq_ddot + task.J_q_dot @ q_eq_dot + task.v_t_dot
     equivalent = Equivalent(r_eq_dot, r_eq_ddot, q_eq_dot, q_eq_ddot)
@@ -106,7 +106,7 @@ def test_inertia_stays_in_its_range(robot: str) -> None:
         eigenvalues = np.linalg.eigvalsh(H)
         assert constants.k_r_low <= eigenvalues[0]
         assert eigenvalues[-1] <= constants.k_r_high
-        inertia = InertiaRange.at(system.law.uncertainty, e, task)
+        inertia = InertiaRange.at(system.controller.uncertainty, e, task)
         scale = eigenvalues[-1]
         assert np.linalg.eigvalsh(H - inertia.H_low)[0] >= -1e-9 * scale
         assert np.linalg.eigvalsh(inertia.H_high - H)[0] >= -1e-9 * scale

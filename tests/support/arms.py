@@ -12,9 +12,11 @@ from app.evidence.twins import arm, random_spd
 from app.simulation.system import System
 from controllers.bounds import Uncertainty
 from controllers.compensator import Compensator
+from controllers.control_law import Reference
+from controllers.controller import Controller
+from controllers.laws.table import LAWS
 from controllers.switching import Switching, unit_factor
 from controllers.target_model import TargetModel
-from controllers.vsmrc import Reference, Vsmrc
 from environments.formula import parse
 from environments.robots import CATALOGUE
 from environments.surfaces import Cylinder, Motion, Plane, Sphere, Surface
@@ -79,13 +81,14 @@ def random_reference(r: np.ndarray, random: np.random.Generator) -> Reference:
 
 
 def random_law(
-    random: np.random.Generator, n: int, switching: Switching, controlled: np.ndarray, m: int = 0, kind: type = Vsmrc
-) -> Vsmrc:
-    """Full matrices wherever the paper allows them; d a constant."""
+    random: np.random.Generator, n: int, switching: Switching, controlled: np.ndarray, m: int = 0, kind: str = "vsmrc"
+) -> Controller:
+    """Of a law: full matrices wherever the paper allows them; d a constant."""
     M_m, B_m, K_m = (random_spd(random, n, 1.0, 30.0) for _ in range(3))
     model = TargetModel(M_m, B_m, K_m, random.standard_normal((n, n)))
     A, F_1, F_2 = -random.uniform(0.0, 5.0, n), random.uniform(-10.0, 10.0, n), random.uniform(0.5, 2.0, n)
-    return kind(
+    return Controller(
+        law=LAWS[kind],
         model=model,
         compensator=Compensator.design(model, A, F_1, F_2),
         K_s=random_spd(random, n, 1.0, 50.0),

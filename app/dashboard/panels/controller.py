@@ -2,24 +2,42 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from html import escape
 
 import viser
 
-from app.dashboard.widgets.controls import Choice, Control, Desk, Number, Place, PlaceWhere, decades
+from app.dashboard.widgets.controls import Choice, Control, Desk, Number, Place, PlaceWhere, Scale, decades
 from app.dashboard.widgets.theorem_table import TheoremTable
 from app.session.snapshot import Snapshot
+from app.simulation.controller_builder import laws
+from controllers.control_law import ControlLaw, Parameter
 from controllers.premises import STATEMENTS, Premise
 
-_LAWS = {"robust (25)": "vsmrc", "computed torque": "computed-torque", "PD + gravity": "pd-gravity"}
 _SAID = '<div class="vs-checks"><div class="vs-message vs-warn">{}</div></div>'
-_BASELINES = {
-    "vsmrc": "",
-    "computed-torque": "Computed torque, the baseline: the same target model without z, s and the robust term. "
-    "Residual and errors show what robustness buys.",
-    "pd-gravity": "PD + gravity, the simplest baseline: K_m and B_m as gains, Ĝ and the desired force added; "
-    "no model of inertia, no force sensor.",
-}
+
+
+@dataclass(frozen=True)
+class _OwnPlace(Place):
+    """A number that a law has of its own; its control is hidden under other laws."""
+
+    law: ControlLaw
+    parameter: Parameter
+
+    def read(self, snapshot: Snapshot) -> float | None:
+        controller = snapshot.system.controller
+        return controller.parameters[self.parameter.name] if controller.law is self.law else None
+
+    @property
+    def hint(self) -> str:
+        p = self.parameter
+        return f"{p.meaning} [{p.unit}] ≥ {p.low:g} ≤ {p.high:g}"
+
+
+def _own(desk: Desk, law: ControlLaw, p: Parameter) -> Number:
+    scale = decades(p.low, p.high) if p.low > 0.0 and p.high >= 100.0 * p.low else Scale(p.low, p.high)
+    unit = f" [{p.unit}]" if p.unit not in ("", "1") else ""
+    return Number(desk, _OwnPlace(f"controller.own.{law.kind}.{p.name}", law, p), f"{p.name}{unit}", scale)
 
 
 class ControllerPanel:
@@ -33,10 +51,10 @@ class ControllerPanel:
             "s / (‖s‖ + φ)": "rational",
             "tanh": "tanh",
         }
-        law = Choice(desk, "controller.law", "Law", _LAWS)
-        self._baseline = gui.add_html("")
+        law = Choice(desk, "controller.law", "Law", {law.title: kind for kind, law in laws().items()})
+        self._about = gui.add_html("")
         self._facts = TheoremTable(gui)
-        self._controls: list[Control] = [law]
+        self._controls: list[Control] = [law, *(_own(desk, law, p) for law in laws().values() for p in law.parameters)]
         term, surface = gui.add_folder("Robust term"), gui.add_folder("Sliding surface")
         self._robust_only: list[viser.GuiFolderHandle] = [term, surface]
         with term:
@@ -79,13 +97,12 @@ class ControllerPanel:
 
     def show(self, snapshot: Snapshot) -> None:
         self._facts.show(snapshot)
-        law = snapshot.scenario.controller.law
-        robust, baseline = law == "vsmrc", _BASELINES[law]
-        self._baseline.content = baseline and _SAID.format(baseline)
+        law = snapshot.system.controller.law
+        self._about.content = "" if law.robust else _SAID.format(escape(law.about))
         self._feedback.content = _feedback_html(snapshot)
         for folder in self._robust_only:
-            if folder.visible != robust:
-                folder.visible = robust
+            if folder.visible != law.robust:
+                folder.visible = law.robust
         for control in self._controls:
             control.show(snapshot)
 

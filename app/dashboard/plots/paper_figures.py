@@ -39,7 +39,7 @@ def figure_of(plots: Iterable[Plot], snapshot: Snapshot, setup: Setup, t_from: f
     openings = Grid.over(float(t[0]), float(t[-1]), EXAMINED).openings(t)
     known = Hindsight(snapshot.system).recorded(rows, tuple(recording.epochs), openings)
     charts = (_chart(plot, drawing, known) for plot in plots if (drawing := plot.draw(setup)) is not None)
-    told = caption(snapshot.scenario, snapshot.matrices, float(t[0]), float(t[-1]))
+    told = caption(snapshot.scenario, snapshot.system.controller, snapshot.matrices, float(t[0]), float(t[-1]))
     return Figure(tuple(charts), f"{told} {promised(rows)}")
 
 

@@ -299,7 +299,7 @@ def _residual(setup: Setup) -> Drawing:
 
 def _reaching_note(snapshot: Snapshot) -> str:
     epoch = snapshot.state.epoch
-    if snapshot.scenario.controller.law != "vsmrc":
+    if not snapshot.system.controller.law.robust:
         return "s means nothing under this law: it has no bound and nothing to reach"
     if epoch.certificate.t_r < snapshot.scenario.controller.period:
         return f"s(0) = 0: nothing to reach (Remark 2), from t = {epoch.t:.2f} s on"

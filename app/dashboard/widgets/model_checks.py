@@ -17,7 +17,7 @@ from app.scenario.data import edited
 from app.scenario.schema import Scenario, ScenarioError
 from app.session.commands import Edit
 from app.session.snapshot import Snapshot
-from app.simulation.law_builder import surfaces_met, target_model
+from app.simulation.controller_builder import surfaces_met, target_model
 from app.simulation.sampled_stability import oscillations
 from controllers.blend import BlendCertificate, certify
 from controllers.modes import MODES

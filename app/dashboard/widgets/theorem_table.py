@@ -42,7 +42,7 @@ def _facts(snapshot: Snapshot) -> list[tuple[str, str, str, str]]:
     def against(name: str, sign: str, limit: str, unit: str, factor: float = 1.0) -> str:
         return f"{number(name, factor)} {sign} {number(limit, factor)} {unit}"
 
-    robust = snapshot.scenario.controller.law == "vsmrc"
+    robust = snapshot.system.controller.law.robust
     rows = []
     if robust:
         allowed = live["s_bound"] + live["s_band"]

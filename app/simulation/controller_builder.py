@@ -1,25 +1,56 @@
-"""The law of a scenario, checked: its target model (8), the blend to another one, gains and declared bounds."""
+"""The controller of a scenario, checked: its target model (8), the blend to another one, gains and declared bounds."""
 
 from __future__ import annotations
 
 import numpy as np
 
+from app.process.own_code import own_laws
 from app.scenario.schema import Matrix, Scenario, ScenarioError, TargetModel, after_blend
 from app.simulation.domain import Constants
 from controllers import modes
-from controllers.baselines import ComputedTorque, PdGravity
 from controllers.blend import ModelBlend, certify
 from controllers.bounds import Uncertainty
 from controllers.compensator import Compensator
+from controllers.control_law import ControlLaw
+from controllers.controller import Controller
+from controllers.laws.table import LAWS
 from controllers.modes import Mode
 from controllers.surface_stability import SurfaceRange
 from controllers.switching import Switching
 from controllers.target_model import InvalidGain
 from controllers.target_model import TargetModel as Model
 from controllers.task_space import TaskLayout
-from controllers.vsmrc import Vsmrc
 
-LAWS = {"vsmrc": Vsmrc, "computed-torque": ComputedTorque, "pd-gravity": PdGravity}
+
+def laws() -> dict[str, ControlLaw]:
+    """The laws that there are, by kind: those of the program, then those of the user's own files."""
+    return LAWS | own_laws()
+
+
+def law_of(scenario: Scenario) -> ControlLaw:
+    """The scenario's law. Raises ScenarioError where there is none of its kind."""
+    known, kind = laws(), scenario.controller.law
+    if kind not in known:
+        raise ScenarioError(
+            f"controller.law: {kind!r:.60}; allowed: {', '.join(known)}, or that of a file of your own (--use FILE)"
+        )
+    return known[kind]
+
+
+def parameters_of(scenario: Scenario, law: ControlLaw) -> dict[str, float]:
+    """The numbers that the law has of its own, by name. Raises ScenarioError."""
+    place = f"controller.own.{law.kind}"
+    given = (scenario.controller.own or {}).get(law.kind, {})
+    names = [parameter.name for parameter in law.parameters]
+    for name in given:
+        if name not in names:
+            raise ScenarioError(f"{place}.{name:.60}: no such parameter; allowed: {', '.join(names) or 'none'}")
+    for p in law.parameters:
+        if not p.low <= given.get(p.name, p.value) <= p.high:
+            raise ScenarioError(
+                f"{place}.{p.name}: {given[p.name]:g} {p.unit}; allowed: {p.low:g} to {p.high:g} {p.unit}".rstrip()
+            )
+    return {p.name: given.get(p.name, p.value) for p in law.parameters}
 
 
 def uncertainty_of(scenario: Scenario, k_C: float) -> Uncertainty:
@@ -60,7 +91,7 @@ def square(path: str, value: Matrix | float, n: int) -> np.ndarray:
 
 def compensation(scenario: Scenario, n: int) -> np.ndarray:
     """A (n, n) of the compensator (9), 1/s; zero under a law that does without it."""
-    return square("controller.A", scenario.controller.A, n) if scenario.controller.law == "vsmrc" else np.zeros((n, n))
+    return square("controller.A", scenario.controller.A, n) if law_of(scenario).robust else np.zeros((n, n))
 
 
 def target_model(scenario: Scenario, n: int) -> Model:
@@ -113,13 +144,16 @@ def blend_of(scenario: Scenario, mode: Mode, layout: TaskLayout) -> ModelBlend |
     return ModelBlend(start, end, scenario.blend.at, scenario.blend.over, certificate)
 
 
-def law_of(scenario: Scenario, mode: Mode, layout: TaskLayout, constants: Constants) -> Vsmrc:
-    """The law (25), or a baseline in its place. Raises ScenarioError and InvalidGain."""
+def controller_of(scenario: Scenario, mode: Mode, layout: TaskLayout, constants: Constants) -> Controller:
+    """The scenario's law with its gains. Raises ScenarioError and InvalidGain."""
     n, c = layout.n, scenario.controller
     model = target_model(scenario, n)
     mode.check(model, c.K_e_hat, surfaces_met(scenario, mode, layout))
     gains = {f: square(f"controller.{f}", getattr(c, f), n) for f in ("A", "F_1", "F_2", "K_s")}
-    return LAWS[c.law](
+    law = law_of(scenario)
+    return Controller(
+        law=law,
+        parameters=parameters_of(scenario, law),
         model=model,
         compensator=Compensator.design(model, gains["A"], gains["F_1"], gains["F_2"]),
         K_s=gains["K_s"],

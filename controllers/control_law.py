@@ -1,0 +1,208 @@
+"""Control laws: what each is told, what it answers, and how one states what it is; they are in `controllers.laws`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from controllers.bounds import Equivalent, RequiredGain, Uncertainty
+from controllers.nominal_model import Estimate
+from controllers.reference_estimates import FeedforwardModel
+from controllers.task_space import Scratch, TaskSpace
+from kernels import compiled, part
+from kernels.algebra import row_times, times
+
+
+class Reference(NamedTuple):
+    """r_d m, r_d_dot m/s, r_d_ddot m/s^2, F_cd N: each (n,)."""
+
+    r_d: np.ndarray
+    r_d_dot: np.ndarray
+    r_d_ddot: np.ndarray
+    F_cd: np.ndarray
+
+    @classmethod
+    def zeros(cls, n: int) -> Reference:
+        """Of n coordinates."""
+        return cls(*4 * (np.zeros(n),))
+
+
+class TorqueTerms(NamedTuple):
+    """The terms of a torque, each (n,) N m, named after those of (25); tau is their sum."""
+
+    inertia: np.ndarray  # M_hat q_ddot
+    coriolis: np.ndarray  # C_hat q_dot
+    gravity: np.ndarray  # G_hat
+    force: np.ndarray  # J^T F
+    linear: np.ndarray  # -J_q^T K_s s
+    switching: np.ndarray  # -J_q^T d sigma(s)
+
+
+class ControlOutput(NamedTuple):
+    """What is computed in one control period.
+
+    Measured, whatever the law: errors e_r m, e_r_dot m/s, e_Fc N; F_c N; J_F N m, J^T F; z_dot m/s^2 of (9); s m/s of
+    (10) and its norm; equivalent: the motion that keeps s zero, (16); needed: (17) there, N.
+    The law's answer: the terms of its torque; q_ddot rad/s^2, for which its inertia term is meant; d N, of its
+    switching term. tau (n,) N m is the sum of the terms.
+    """
+
+    tau: np.ndarray
+    terms: TorqueTerms
+    e_r: np.ndarray
+    e_r_dot: np.ndarray
+    F_c: np.ndarray
+    e_Fc: np.ndarray
+    J_F: np.ndarray
+    z_dot: np.ndarray
+    s: np.ndarray
+    s_norm: float
+    d: float
+    q_ddot: np.ndarray
+    needed: RequiredGain
+    equivalent: Equivalent
+
+    @classmethod
+    def zeros(cls, n: int) -> ControlOutput:
+        """Of n coordinates."""
+        v = np.zeros(n)
+        terms = TorqueTerms(*6 * (v,))
+        return cls(v, terms, v, v, v, v, v, v, v, 0.0, 0.0, v, RequiredGain.zeros(), Equivalent.zeros(n))
+
+
+class ModelMatrices(NamedTuple):
+    """M_m, its inverse, B_m, K_m, K_f of (8), each (n, n)."""
+
+    M_m: np.ndarray
+    M_m_inv: np.ndarray
+    B_m: np.ndarray
+    K_m: np.ndarray
+    K_f: np.ndarray
+
+
+class Gains(NamedTuple):
+    """The parameters of (8) to (17), see `Compensator` and `Controller`; of the diagonal A, F_1, F_2 the diagonals
+    (n,). law: the law's number in `laws.table.LAWS`, -1 for one that is not there; damping_rate: ||M_m^-1 B_m + A||
+    (1/s), by which r_eq_ddot feeds e_r_dot back."""
+
+    law: int
+    model: ModelMatrices
+    A: np.ndarray
+    F_1: np.ndarray
+    F_2: np.ndarray
+    K_pz: np.ndarray
+    K_vz: np.ndarray
+    K_fz: np.ndarray
+    K_s: np.ndarray
+    controlled: np.ndarray
+    K_s_largest: float
+    K_s_smallest: float
+    damping_rate: float
+    m: int
+    by_theorem: bool
+    d: float
+    epsilon: float
+    tight: bool
+    switching: int
+    phi: float
+    uncertainty: Uncertainty
+
+
+class Told(NamedTuple):
+    """What a law is told. gains: those of (8) to (17); parameters: its own, by name (`ControlLaw.parameters`); z (n,)
+    m/s of (9); q (n,) rad, q_dot (n,) rad/s; F (3,) N: the measured force of the tool on the environment; work: room
+    for what is in between; feedforward: M_hat, C_hat, G_hat at q, or those of Remark 3."""
+
+    gains: Gains
+    parameters: Any
+    reference: Reference
+    task: TaskSpace
+    estimate: Estimate
+    feedforward: FeedforwardModel
+    z: np.ndarray
+    q: np.ndarray
+    q_dot: np.ndarray
+    F: np.ndarray
+    work: Scratch
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """A number that a law has of its own: its name, value unless the scenario says another, bounds, unit, meaning."""
+
+    name: str
+    value: float
+    low: float
+    high: float
+    unit: str
+    meaning: str
+
+
+@dataclass(frozen=True)
+class ControlLaw:
+    """A control law.
+
+    kind: how a scenario names it; title: how the page does; about: a sentence or two for the page and for captions.
+    torque: `torque(told, out)` writes `out.terms`, and `out.d` and `out.q_ddot` if it has such a thing; what it leaves
+    out is zero. Decorated with `kernels.part` it is compiled, else it is plain numpy.
+    robust: whether it is (25), of which Theorem 1 speaks: z and s act on the torque.
+    feels_force: whether the measured force acts on the torque.
+    states: says the length k of a state of the law's own for n coordinates; then it is `torque(told, out, x, x_dot)`,
+    which writes the rate x_dot (k,) of x (k,); x is zero at the start and when the law is chosen.
+    """
+
+    kind: str
+    title: str
+    about: str
+    torque: Callable[..., None]
+    robust: bool = False
+    feels_force: bool = True
+    states: Callable[[int], int] | None = None
+    parameters: tuple[Parameter, ...] = ()
+
+    def at_rest(self, n: int) -> np.ndarray:
+        """The law's own state (k,) as it begins, for n coordinates."""
+        return np.zeros(0 if self.states is None else self.states(n))
+
+    @property
+    def compiled(self) -> bool:
+        """Whether its torque is a compiled function."""
+        return compiled(self.torque)
+
+
+@part
+def joint_velocity(task, r_dot, work, q_dot):
+    """q_dot = J_q^-1 (r_dot - v_t), as in (25)."""
+    for i in range(work.u.shape[0]):
+        work.u[i] = r_dot[i] - task.v_t[i]
+    times(task.J_q_inv, work.u, q_dot)
+
+
+@part
+def joint_acceleration(task, r_ddot, q_dot, work, q_ddot):
+    """q_ddot = J_q^-1 (r_ddot - J_q_dot q_dot - v_t_dot), as in (25); q_ddot may be r_ddot."""
+    for i in range(work.u.shape[0]):
+        work.u[i] = r_ddot[i] - row_times(task.J_q_dot, i, q_dot) - task.v_t_dot[i]
+    times(task.J_q_inv, work.u, q_ddot)
+
+
+@part
+def clear(out):
+    """No torque yet: a law writes the terms that it has."""
+    terms = out.terms
+    out.d = 0.0
+    for i in range(out.tau.shape[0]):
+        out.q_ddot[i], terms.inertia[i], terms.coriolis[i], terms.gravity[i] = 0.0, 0.0, 0.0, 0.0
+        terms.force[i], terms.linear[i], terms.switching[i] = 0.0, 0.0, 0.0
+
+
+@part
+def add_up(out):
+    """tau, the sum of its terms, (25)."""
+    terms = out.terms
+    for i in range(out.tau.shape[0]):
+        predicted = terms.inertia[i] + terms.coriolis[i] + terms.gravity[i] + terms.force[i]
+        out.tau[i] = predicted + terms.linear[i] + terms.switching[i]

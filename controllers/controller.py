@@ -1,0 +1,143 @@
+"""A controller: a control law with its gains, for one target model."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Literal, NamedTuple
+
+import numpy as np
+
+from controllers.bounds import Uncertainty
+from controllers.compensator import Compensator
+from controllers.control_law import (
+    ControlLaw,
+    ControlOutput,
+    Gains,
+    ModelMatrices,
+    Reference,
+    Told,
+    add_up,
+    clear,
+)
+from controllers.laws import table
+from controllers.nominal_model import Estimate
+from controllers.reference_estimates import FeedforwardModel
+from controllers.sliding import measure
+from controllers.switching import Switching
+from controllers.target_model import InvalidGain, TargetModel, as_matrix, require_spd
+from controllers.task_space import Scratch, TaskSpace
+from kernels import kernel
+from kernels.records import Record
+
+
+class _Question(NamedTuple):
+    gains: Gains
+    z: np.ndarray
+    reference: Reference
+    task: TaskSpace
+    estimate: Estimate
+    feedforward: FeedforwardModel
+    q: np.ndarray
+    q_dot: np.ndarray
+    F: np.ndarray
+    work: Scratch
+
+
+@kernel
+def _answer(question, answer):
+    x, out = question[0], answer[0]
+    measure(x.gains, x.z, x.reference, x.task, x.estimate, x.feedforward, x.q_dot, x.F, x.work, out)
+    clear(out)
+    told = Told(x.gains, x.gains, x.reference, x.task, x.estimate, x.feedforward, x.z, x.q, x.q_dot, x.F, x.work)
+    table.torque(told, out)
+    add_up(out)
+
+
+@dataclass(frozen=True)
+class Controller:
+    """A control law with its gains, for one target model.
+
+    K_s (n, n) s.p.d., N s/m; d N: a constant, or None for the theorem's (17); epsilon N > 0; switching with boundary
+    layer phi m/s; bounds: see `controllers.bounds`; controlled (n,) and m: see `controllers.modes`; parameters: the
+    law's own, by name. Raises InvalidGain.
+    """
+
+    law: ControlLaw
+    model: TargetModel
+    compensator: Compensator
+    K_s: np.ndarray
+    d: float | None
+    epsilon: float
+    bounds: Literal["tight", "paper"]
+    switching: Switching
+    phi: float
+    uncertainty: Uncertainty
+    controlled: np.ndarray
+    m: int
+    parameters: Mapping[str, float] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "K_s", as_matrix("controller.K_s", self.K_s, self.model.n))
+        require_spd("controller.K_s", self.K_s)
+        for name, value, least in (("epsilon", self.epsilon, 0.0), ("d", self.d, 0.0)):
+            if value is not None and not (np.isfinite(value) and value > least):
+                raise InvalidGain(f"controller.{name}: {value}; allowed: a number > {least}")
+        if self.switching is not Switching.DISCONTINUOUS and not (np.isfinite(self.phi) and self.phi > 0.0):
+            raise InvalidGain(f"controller.layer: {self.phi}; allowed: a number > 0, or switching = 'discontinuous'")
+
+    @cached_property
+    def gains(self) -> Gains:
+        """The parameters in the kernel's form."""
+        c, model = self.compensator, self.model
+        return Gains(
+            law=table.number_of(self.law),
+            model=ModelMatrices(model.M_m, np.linalg.inv(model.M_m), model.B_m, model.K_m, model.K_f),
+            A=np.diag(c.A),
+            F_1=np.diag(c.F_1),
+            F_2=np.diag(c.F_2),
+            K_pz=c.K_pz,
+            K_vz=c.K_vz,
+            K_fz=c.K_fz,
+            K_s=self.K_s,
+            controlled=np.array(self.controlled, dtype=float),
+            K_s_largest=float(np.linalg.eigvalsh(self.K_s)[-1]),
+            K_s_smallest=float(np.linalg.eigvalsh(self.K_s)[0]),
+            damping_rate=float(np.linalg.norm(np.linalg.solve(model.M_m, model.B_m) + c.A, 2)),
+            m=self.m,
+            by_theorem=self.d is None,
+            d=float(self.d or 0.0),
+            epsilon=float(self.epsilon),
+            tight=self.bounds == "tight",
+            switching=int(self.switching),
+            phi=float(self.phi),
+            uncertainty=self.uncertainty,
+        )
+
+    def following(self, model: TargetModel) -> Controller:
+        """The same controller for another target model of as many coordinates: with (13) anew."""
+        c = self.compensator
+        return replace(self, model=model, compensator=Compensator.design(model, c.A, c.F_1, c.F_2))
+
+    def evaluate(
+        self,
+        z: np.ndarray,
+        reference: Reference,
+        task: TaskSpace,
+        estimate: Estimate,
+        feedforward: FeedforwardModel,
+        q: np.ndarray,
+        q_dot: np.ndarray,
+        F: np.ndarray,
+    ) -> ControlOutput:
+        """The answer of a law of the table at one instant; z (n,) m/s, q (n,) rad, q_dot (n,) rad/s, F (3,) N measured
+        force of the tool on the environment.
+
+        feedforward: `FeedforwardModel.at(estimate)` when estimates are taken on-line, otherwise see Remark 3.
+        """
+        n = self.model.n
+        work, answer = Scratch.zeros(n), Record(ControlOutput.zeros(n))
+        question = _Question(self.gains, z, reference, task, estimate, feedforward, q, q_dot, F, work)
+        _answer(Record(question).data, answer.data)
+        return answer.read()

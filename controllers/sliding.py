@@ -1,0 +1,68 @@
+"""What is measured of every control period, whatever the law: the errors of (8), the compensator (9), the sliding
+variable (10), the motion (16) that keeps it zero, and the gain (17) that would make up for the modelling errors."""
+
+from __future__ import annotations
+
+from controllers.bounds import paper_bound, tight_bound
+from controllers.control_law import joint_acceleration, joint_velocity
+from kernels import part
+from kernels.algebra import dot, norm, row_times, transposed_times
+
+
+@part
+def measure(gains, z, reference, task, estimate, feedforward, q_dot, F, work, out):
+    """All of it, for the compensator state z (n,) and the measured force F (3,) N."""
+    errors(gains, reference, task, estimate, F, out)
+    sliding(gains, z, reference, out)
+    eq = out.equivalent
+    joint_velocity(task, eq.r_dot, work, eq.q_dot)
+    joint_acceleration(task, eq.r_ddot, eq.q_dot, work, eq.q_ddot)
+    gain_needed(gains, feedforward.deviation, task, estimate, q_dot, work, out)
+
+
+@part
+def controlled_force(gains, task, tau_F, F, F_c):
+    """F_c (n,): the entries of F_r = J_q^-T J^T F in `controlled`; the first m are the multiplier, (39), (40)."""
+    transposed_times(task.J_q_inv, tau_F, F_c)
+    if gains.m > 0:
+        F_c[0] = dot(task.normal, F) / dot(task.normal, task.normal)
+    for i in range(F_c.shape[0]):
+        F_c[i] *= gains.controlled[i]
+
+
+@part
+def errors(gains, reference, task, estimate, F, out):
+    """e_r, e_r_dot and e_Fc, with J^T F and F_c on the way."""
+    transposed_times(estimate.J_v, F, out.J_F)
+    controlled_force(gains, task, out.J_F, F, out.F_c)
+    for i in range(out.s.shape[0]):
+        out.e_r[i] = task.r[i] - reference.r_d[i]
+        out.e_r_dot[i] = task.r_dot[i] - reference.r_d_dot[i]
+        out.e_Fc[i] = gains.controlled[i] * (out.F_c[i] - reference.F_cd[i])
+
+
+@part
+def sliding(gains, z, reference, out):
+    """The compensator (9), the sliding variable (10) and the velocity and acceleration that keep it zero, (16)."""
+    e_r, e_r_dot, eq = out.e_r, out.e_r_dot, out.equivalent
+    A, F_1, F_2 = gains.A, gains.F_1, gains.F_2
+    for i in range(z.shape[0]):
+        fed_back = (
+            row_times(gains.K_pz, i, e_r) + row_times(gains.K_vz, i, e_r_dot) + row_times(gains.K_fz, i, out.e_Fc)
+        )
+        out.z_dot[i] = A[i] * z[i] + fed_back  # (9)
+        out.s[i] = e_r_dot[i] + F_1[i] * e_r[i] + F_2[i] * z[i]  # (10)
+        eq.r_dot[i] = reference.r_d_dot[i] - F_1[i] * e_r[i] - F_2[i] * z[i]  # (16)
+        eq.r_ddot[i] = reference.r_d_ddot[i] - F_1[i] * e_r_dot[i] - F_2[i] * out.z_dot[i]
+    out.s_norm = norm(out.s)
+
+
+@part
+def gain_needed(gains, deviation, task, estimate, q_dot, work, out):
+    """What (17) needs, by the bounds that were chosen."""
+    u, needed = gains.uncertainty, out.needed
+    if gains.tight:
+        tight_bound(u, deviation, estimate, task, q_dot, out.equivalent, work, needed)
+    else:
+        paper_bound(u, deviation, estimate, task, q_dot, out.equivalent, work, needed)
+    needed.epsilon = gains.epsilon
