@@ -84,9 +84,11 @@ class ModelMatrices(NamedTuple):
 
 
 class Gains(NamedTuple):
-    """The parameters of (8) to (17), see `Compensator` and `Controller`; of the diagonal A, F_1, F_2 the diagonals
-    (n,). law: the law's number in `laws.table.LAWS`, -1 for one that is not there; damping_rate: ||M_m^-1 B_m + A||
-    (1/s), by which r_eq_ddot feeds e_r_dot back."""
+    """The parameters of (8) to (17), K_s, d and epsilon of (15) among them: see `Compensator` and `Controller`.
+
+    A, F_1, F_2: the diagonals (n,). law: number of the law, see `laws.table.number_of`. damping_rate: 1/s,
+    ||M_m^-1 B_m + A||, by which r_eq_ddot feeds e_r_dot back.
+    """
 
     law: int
     model: ModelMatrices

@@ -16,10 +16,12 @@ from app.dashboard.page import Dashboard
 from app.dashboard.widgets.last_session import left_by
 from app.process import precompile
 from app.process.deadline import end_within
+from app.process.own_code import own_laws
 from app.process.terminal_text import say
 from app.scenario.schema import Scenario, ScenarioError
 from app.session.autosave import Autosave, StateFolder, default_folder
 from app.session.runner import Runner
+from app.simulation.warm_up import warm_up_for_own_laws
 from app.storage.session_index import StateError
 
 events = structlog.get_logger()
@@ -82,7 +84,10 @@ def _prepared(scenario: Scenario, dashboard: Dashboard) -> Runner:
 
     def prepare() -> None:
         try:
-            ready.set_result(Runner(scenario))
+            runner = Runner(scenario)
+            if own_laws():
+                warm_up_for_own_laws(runner.snapshot.system)
+            ready.set_result(runner)
         except BaseException as error:
             ready.set_exception(error)
 

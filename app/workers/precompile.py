@@ -17,15 +17,15 @@ from app.scenario.data import edited, load
 from app.scenario.schema import Scenario
 from app.session.changes import in_mode, on_robot
 from app.simulation.closed_loop import ClosedLoop
+from app.simulation.warm_up import warm_up, warm_up_for_own_laws
 from environments import robots
 
 
 def compiled(joints: int | None = None) -> Iterator[ClosedLoop]:
     """Run a period of what needs kernels of its own, as the page would, for all numbers of joints or this one."""
     for scenario in to_compile(joints):
-        loop = ClosedLoop(scenario, history=1)
-        loop.step()
-        loop.view()
+        loop = warm_up(scenario)
+        warm_up_for_own_laws(loop.system)
         yield loop
 
 

@@ -1,0 +1,26 @@
+"""Compiling what a run needs before anybody waits for it: by a period of just such a run."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from app.scenario.schema import Scenario
+from app.simulation.closed_loop import ClosedLoop
+from app.simulation.system import System
+from controllers.control_law import ControlLaw
+
+SILENT = ControlLaw("silent", "silent", "It asks for no torque.", torque=lambda _told, _out: None)
+
+
+def warm_up(scenario: Scenario) -> ClosedLoop:
+    """A run of the scenario after one period, as the page would show it."""
+    loop = ClosedLoop(scenario, history=1)
+    loop.step()
+    loop.view()
+    return loop
+
+
+def warm_up_for_own_laws(system: System) -> None:
+    """What laws of a user's own are called between; the system itself stays as it is."""
+    silent = replace(system, controller=replace(system.controller, law=SILENT, parameters={}))
+    ClosedLoop.of(silent, history=1).step()

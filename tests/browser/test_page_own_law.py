@@ -1,0 +1,59 @@
+"""A control law of a user's own on the page: chosen from the menu like ours, with its parameter and what it is."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+from playwright.sync_api import Page
+
+from app.dashboard.page import Dashboard
+from app.process import own_code
+from app.scenario.data import load
+from app.session.runner import Runner
+from drivers.pages import PATIENCE, VIEWPORT, Session
+from tests.support.drawn import drawn
+
+PID = Path(__file__).parents[2] / "docs" / "examples" / "pid_gravity.py"
+
+
+@pytest.fixture
+def own(monkeypatch: pytest.MonkeyPatch, open_page: Callable[..., Page]) -> Iterator[Session]:
+    """A page of a server that was started with the example."""
+    monkeypatch.setenv(own_code.VARIABLE, "")
+    own_code.use([PID])
+    dashboard, runner = Dashboard(port=0, fps=8.0), Runner(load("ur5-impedance"))
+    dashboard.attach(runner)
+    runner.start()
+    with drawn(dashboard):
+        page = open_page(dashboard.url, viewport=VIEWPORT)
+        page.set_default_timeout(PATIENCE * 1e3)
+        page.get_by_text("real time").wait_for(timeout=60_000)
+        yield Session(page, runner)
+    runner.close()
+    own_code.own_laws.cache_clear()
+
+
+def test_a_law_of_one_s_own_stands_in_the_menu_with_its_parameter(own: Session) -> None:
+    own.tab("Controller")
+    assert own.row("k_i [N/(m·s)]").count() == 0
+    own.choose("Law", "PID + gravity")
+    own.wait(lambda now: now.scenario.controller.law == "pid-gravity" and now.live["d"] == 0.0)
+    own.page.get_by_text("with the integral of the error so that no weight leaves one behind").wait_for()
+    own.row("K_s [N·s/m]").wait_for(state="detached")
+
+    own.number("k_i [N/(m·s)]").fill("800")
+    own.number("k_i [N/(m·s)]").press("Enter")
+    own.wait(lambda now: now.scenario.controller.own == {"pid-gravity": {"k_i": 800.0}})
+    own.number("k_i [N/(m·s)]").fill("-1")
+    own.number("k_i [N/(m·s)]").press("Enter")
+    own.page.locator(
+        ".vs-status", has_text="controller.own.pid-gravity.k_i: -1 N/(m·s); allowed: 0 to 50000"
+    ).wait_for()
+    assert own.now.scenario.controller.own == {"pid-gravity": {"k_i": 800.0}}
+
+    own.choose("Law", "robust (25)")
+    own.wait(lambda now: now.scenario.controller.law == "vsmrc")
+    own.row("k_i [N/(m·s)]").wait_for(state="detached")
+    assert own.now.phase == "running"
