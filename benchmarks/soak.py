@@ -26,12 +26,12 @@ import tyro
 from tqdm import tqdm
 from websockets.exceptions import ConnectionClosed
 
-from app.dashboard.widgets.status import MODE_TITLES
 from app.export.figures import Chart, Curve, Figure, render
 from app.process.markdown import Table
 from benchmarks import machine, processes
 from benchmarks.served import Served, served
 from benchmarks.visitor import Visitor, visit
+from controllers.modes import MODES
 from environments.robots import CATALOGUE
 
 PAGE = Path(__file__).parents[1] / "docs" / "reliability.md"
@@ -106,7 +106,7 @@ def act(visitor: Visitor, chance: random.Random) -> None:
         case "type":
             visitor.type(FORCE, f"{chance.uniform(5.0, 40.0):.3g}")
         case "mode":
-            visitor.choose("Mode", chance.choice(tuple(MODE_TITLES.values())))
+            visitor.choose("Mode", chance.choice(tuple(mode.label for mode in MODES.values())))
         case "arm":
             visitor.choose("Arm", chance.choice(ARMS))
         case "pause":

@@ -15,17 +15,30 @@ from controllers.target_model import InvalidGain, TargetModel, require_spd, requ
 class Mode:
     """One row of section IV.
 
-    equation: the paper's number of the mode's target model; on_surface: r begins with phi (31), otherwise it is
-    Cartesian (or r = q); feedback: which part of the interaction force is F_c.
+    label: the mode's short name, title: its whole one, summary: a sentence about it; equation: the paper's number of
+    its target model; on_surface: r begins with phi (31), otherwise it is Cartesian (or r = q); feedback: which part of
+    the interaction force is F_c; contacts: kinds that it is for; stiffness N/m: what K_m has where nothing is said.
     """
 
     name: str
+    label: str
     title: str
     equation: str
     summary: str
     on_surface: bool
     feedback: Literal["none", "normal", "all"]
     contacts: tuple[str, ...]
+    stiffness: float = 4000.0
+
+    @property
+    def rigid(self) -> bool:
+        """Whether its surface is rigid, (39): the multiplier is controlled."""
+        return self.contacts == ("rigid",)
+
+    @property
+    def in_joints(self) -> bool:
+        """Whether r may be q: where no force has to be felt in space."""
+        return self.feedback == "none"
 
     def m(self) -> int:
         """Number of force-controlled directions: our environments are one surface."""
@@ -46,8 +59,8 @@ class Mode:
         coupling = inside.copy()
         coupling[:m, :m] = coupling[m:, m:] = False
         stiffness = coupling.copy()
-        stiffness[:m, :m] |= self.name == "constrained"
-        force = inside.copy() if self.name == "motion" else coupling.copy()
+        stiffness[:m, :m] |= self.rigid
+        force = inside.copy() if self.feedback == "none" else coupling.copy()
         if self.feedback == "normal":
             force[m:, :] = True
             force[:, m:] = True
@@ -57,7 +70,7 @@ class Mode:
         """Stiffness (n,) N/m that the model meets along each coordinate: K_e_hat (33) or a rigid surface (41) along
         the controlled normal, 0 elsewhere."""
         stiffness = np.zeros(n)
-        stiffness[: self.m()] = np.inf if self.name == "constrained" else K_e_hat
+        stiffness[: self.m()] = np.inf if self.rigid else K_e_hat
         return stiffness
 
     def poles(self, model: TargetModel, K_e_hat: float) -> np.ndarray:
@@ -106,6 +119,7 @@ MODES: dict[str, Mode] = {
     for mode in (
         Mode(
             "motion",
+            "Motion",
             "Robust motion control",
             "(26)",
             "The tool follows r_d(t) whatever the modelling errors; forces are compensated, not controlled.",
@@ -115,15 +129,18 @@ MODES: dict[str, Mode] = {
         ),
         Mode(
             "impedance",
+            "Impedance",
             "Impedance control",
             "(27)",
             "The tool yields to forces like the mass, damper and spring that you choose.",
             on_surface=False,
             feedback="all",
             contacts=("free", "elastic", "mass-damper-spring"),
+            stiffness=1000.0,
         ),
         Mode(
             "hybrid",
+            "Hybrid position / force",
             "Hybrid position/force control",
             "(34)",
             "The normal force follows f_nd(t) while the tool follows r_pd(t) along the surface.",
@@ -133,6 +150,7 @@ MODES: dict[str, Mode] = {
         ),
         Mode(
             "hybrid-impedance",
+            "Hybrid impedance / force",
             "Hybrid impedance/force control",
             "(38)",
             "The normal force is controlled, and the tool yields along the surface.",
@@ -142,6 +160,7 @@ MODES: dict[str, Mode] = {
         ),
         Mode(
             "constrained",
+            "Constrained motion",
             "Constrained motion control",
             "(41)",
             "The surface is rigid: the multiplier follows lambda_d(t) while the tool moves on the surface.",

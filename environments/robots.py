@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import xml.etree.ElementTree as ElementTree
 from dataclasses import dataclass, field
+from functools import cache
 from importlib import metadata, resources
 from pathlib import Path
 from typing import Any
@@ -185,6 +186,7 @@ class Robot:
         return [str(name) for name in list(self.model.names)[1:]]
 
 
+@cache
 def robot_data_root() -> Path:
     """The folder of example-robot-data that holds the robot descriptions."""
     files = metadata.files("example-robot-data") or []

@@ -34,7 +34,7 @@ def in_mode(scenario: Scenario, mode_name: str) -> Scenario:
     data["target_model"] = data["blend"] = data["shift"] = {}
     if scenario.contact.kind not in mode.contacts:
         data["contact"]["kind"] = mode.contacts[0]
-    if mode_name != "motion":
+    if not mode.in_joints:
         data["task_space"]["kind"] = "cartesian"
     return _adapted(from_plain(data))
 

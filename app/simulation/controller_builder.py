@@ -65,11 +65,11 @@ def default_target_model(mode: Mode, n: int, K_e_hat: float) -> dict[str, np.nda
     """Diagonals for a mode: critically damped at 20 rad/s; softer where it meets forces. K_m1 = 0 in all that control a
     force, also where (38) has it s.p.d.: so (37) leaves no force error."""
     M = np.full(n, 10.0)
-    K = np.full(n, 1000.0 if mode.name == "impedance" else 4000.0)
+    K = np.full(n, mode.stiffness)
     B = 2.0 * np.sqrt(K * M)
     m = mode.m()
     K[:m] = 0.0
-    if mode.name == "constrained":
+    if mode.rigid:
         M[:m], B[:m] = 15.0, 100.0
     else:
         B[:m] = 2.0 * np.sqrt(K_e_hat * M[:m])

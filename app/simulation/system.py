@@ -175,7 +175,7 @@ def _assemble(scenario: Scenario, previous: System | None, memory: Memory) -> Sy
         raise ScenarioError(
             f"contact.kind: {scenario.contact.kind!r} in {mode.name} mode; allowed: {', '.join(mode.contacts)}"
         )
-    if scenario.task_space.kind == "joint" and mode.name != "motion":
+    if scenario.task_space.kind == "joint" and not mode.in_joints:
         raise ScenarioError(
             f"task_space.kind: 'joint' in {mode.name} mode; allowed: 'cartesian' (joint in motion mode)"
         )
@@ -212,7 +212,7 @@ def _assemble(scenario: Scenario, previous: System | None, memory: Memory) -> Sy
         ) from error
     plan = ReferencePlan(
         start=start,
-        compliance=0.0 if mode.name == "constrained" else 1.0 / scenario.controller.K_e_hat,
+        compliance=0.0 if mode.rigid else 1.0 / scenario.controller.K_e_hat,
         m=mode.m(),
         motion=motion.course,
         shift=trajectories.Shift.fresh(shift, scenario.shift.duration),

@@ -10,10 +10,10 @@ from playwright.sync_api import Page
 
 from app.dashboard.page import Dashboard
 from app.dashboard.widgets.matrix_text import written
-from app.dashboard.widgets.status import MODE_TITLES
 from app.scenario.data import from_toml, to_toml
 from app.session.commands import Reset
 from app.session.runner import Runner
+from controllers.modes import MODES
 from drivers.pages import PATIENCE, VIEWPORT, Session
 from environments.robots import CATALOGUE
 
@@ -54,7 +54,7 @@ def test_fifty_hurried_changes_of_mode_and_arm_leave_a_loop_that_runs_and_a_page
     settled = session.now
     session.wait(lambda now: now.t > settled.t + 0.5)
     assert from_toml(to_toml(session.now.scenario)) == settled.scenario
-    session.page.locator(".vs-status").get_by_text(MODE_TITLES[last]).wait_for()
+    session.page.locator(".vs-status").get_by_text(MODES[last].label).wait_for()
     arm = session.page.get_by_label("Arm", exact=True)
     session.wait(lambda _: arm.input_value() == CATALOGUE[ARMS[-1]].title)
     assert (session.now.revision, session.now.refusal_number) == (settled.revision, settled.refusal_number)
@@ -78,8 +78,8 @@ def test_two_pages_of_one_loop(session: Session, served: tuple[Dashboard, Runner
     again = Session(open_page(served[0].url, viewport=VIEWPORT), session.runner)
     session.wait(lambda _: again.number("F_d [N]").input_value() == "26")
     again.page.locator("#webgl-software-rendering button").click()
-    again.choose("Mode", MODE_TITLES["motion"])
-    session.page.locator(".vs-status").get_by_text(MODE_TITLES["motion"]).wait_for()
+    again.choose("Mode", MODES["motion"].label)
+    session.page.locator(".vs-status").get_by_text(MODES["motion"].label).wait_for()
     session.page.wait_for_timeout(1000)  # for an echo, if there were one
     assert session.now.revision == before.revision + 2
     assert session.now.refusal_number == before.refusal_number

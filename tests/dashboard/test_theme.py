@@ -12,9 +12,9 @@ from app.dashboard.theme.colors import EDGE, INKS, PAGE, SERIES, Rgb, css_variab
 from app.dashboard.widgets.controls import Desk
 from app.dashboard.widgets.help import DOCUMENTS, help_html
 from app.dashboard.widgets.shortcuts import Shortcuts
-from app.dashboard.widgets.status import MODE_TITLES
 from app.scenario.data import shipped
 from app.session.commands import Edit, Load
+from controllers.modes import MODES
 
 ROOT = Path(__file__).parents[2]
 THEMES = ("dark", "light")
@@ -93,7 +93,7 @@ def test_digits_choose_the_modes_in_their_order(desk):
     gui, posted = desk
     for digit in "12345":
         gui.trigger(digit)
-    assert posted == [Edit("mode", mode) for mode in MODE_TITLES]
+    assert posted == [Edit("mode", mode) for mode in MODES]
 
 
 def test_every_shipped_scenario_is_a_command(desk):
@@ -105,6 +105,6 @@ def test_every_shipped_scenario_is_a_command(desk):
 
 def test_help_names_modes_by_their_number_and_documents_that_exist():
     text = help_html().lower()
-    for digit, title in enumerate(MODE_TITLES.values(), start=1):
+    for digit, title in enumerate((mode.label for mode in MODES.values()), start=1):
         assert f"<kbd>{digit}</kbd></td><td>{title.lower()}" in text
     assert all((ROOT / name).is_file() for name in DOCUMENTS)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import viser
 
 from app.dashboard.widgets.controls import Choice, Control, Desk, Number, Place, Scale, decades
-from app.dashboard.widgets.status import MODE_TITLES
 from app.scenario.data import shipped
 from app.session.commands import Load
 from app.session.snapshot import Snapshot
@@ -26,7 +25,7 @@ class TaskPanel:
             "Scenario", (*self._titles, _EDITED), hint="Load one of the shipped scenarios."
         )
         self._scenario.on_update(self._load)
-        self._mode = Choice(desk, "mode", "Mode", {title: mode for mode, title in MODE_TITLES.items()})
+        self._mode = Choice(desk, "mode", "Mode", {mode.label: name for name, mode in MODES.items()})
         self._note = gui.add_html("")
         self._controls: list[Control] = [self._mode]
         self._force = gui.add_folder("Desired force")

@@ -7,6 +7,7 @@ from collections.abc import Callable
 import viser
 
 from app.dashboard.theme.colors import BOUND, DESIRED, MEASURED, SURFACE, Rgb, css
+from controllers.modes import MODES
 
 # What viser shows of each key in its palette, except for "?" and Esc, which the page's script adds.
 KEYS: dict[str, str] = {
@@ -19,11 +20,7 @@ KEYS: dict[str, str] = {
     "F": "fork: go on from the instant looked at",
     "P": "pin this run, to compare it with others",
     "R": "begin anew, from t = 0",
-    "1": "motion",
-    "2": "impedance",
-    "3": "hybrid position / force",
-    "4": "hybrid impedance / force",
-    "5": "constrained motion",
+    **{str(number): mode.label.lower() for number, mode in enumerate(MODES.values(), start=1)},
     "T": "dark or light",
     "H": "this help, also ?",
 }

@@ -1,4 +1,4 @@
-"""Keys 1 to 5 and the command palette: every mode and every shipped scenario."""
+"""Keys 1, 2, ... and the command palette: every mode and every shipped scenario."""
 
 from __future__ import annotations
 
@@ -6,21 +6,21 @@ from collections.abc import Callable, Coroutine
 from typing import Literal, get_args
 
 from app.dashboard.widgets.controls import Desk
-from app.dashboard.widgets.status import MODE_TITLES
 from app.scenario.data import shipped
 from app.scenario.schema import Scenario
 from app.session.commands import Edit, Load
+from controllers.modes import MODES
 
-_Digit = Literal["1", "2", "3", "4", "5"]
+_Digit = Literal["1", "2", "3", "4", "5", "6", "7", "8", "9"]
 
 
 class Shortcuts:
-    """Modes by their place in MODE_TITLES, scenarios by title or name."""
+    """Modes by their place in MODES, scenarios by title or name."""
 
     def __init__(self, desk: Desk) -> None:
         self._desk = desk
-        for digit, (mode, title) in zip(get_args(_Digit), MODE_TITLES.items(), strict=True):
-            desk.gui.add_command(f"Mode: {title}", hotkey=digit).on_trigger(self._change(mode))
+        for digit, mode in zip(get_args(_Digit), MODES.values(), strict=False):
+            desk.gui.add_command(f"Mode: {mode.label}", hotkey=digit).on_trigger(self._change(mode.name))
         for name, scenario in shipped().items():
             label = f"Scenario: {scenario.title or name}"
             desk.gui.add_command(label, description=name).on_trigger(self._load(scenario))

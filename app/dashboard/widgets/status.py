@@ -10,16 +10,9 @@ from app.dashboard.widgets.chips import LOOK_OF, Look, chip
 from app.scenario.declared_bounds import outside
 from app.session.pacing import Pace
 from app.session.snapshot import Snapshot
+from controllers.modes import MODES
 
 _LATELY = 0.2  # s, what the badge looks back
-
-MODE_TITLES = {
-    "motion": "Motion",
-    "impedance": "Impedance",
-    "hybrid": "Hybrid position / force",
-    "hybrid-impedance": "Hybrid impedance / force",
-    "constrained": "Constrained motion",
-}
 
 
 def status_html(snapshot: Snapshot, complaint: str) -> str:
@@ -30,7 +23,7 @@ def status_html(snapshot: Snapshot, complaint: str) -> str:
     lines = [
         f'<div class="vs-row"><span class="vs-title">{escape(scenario.title or scenario.name)}</span></div>',
         '<div class="vs-row">'
-        f"{chip(MODE_TITLES[scenario.mode], 'vs-mode')}{_phase(snapshot)}"
+        f"{chip(MODES[scenario.mode].label, 'vs-mode')}{_phase(snapshot)}"
         f'<span class="vs-right"><span class="vs-dim">t</span> <b class="vs-number">{snapshot.t:.2f}</b> s</span>'
         "</div>",
         '<div class="vs-row vs-verdict-row">'

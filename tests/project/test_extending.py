@@ -1,0 +1,172 @@
+"""docs/extending.md: each of its sentences, done with something small, which then runs and is on the page."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+from contextlib import nullcontext
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+from unittest.mock import MagicMock
+
+import numpy as np
+import pytest
+
+from app.dashboard.panels.robot import RobotPanel
+from app.dashboard.plots import plot_table
+from app.dashboard.plots.charts import Drawing, Line, Plot, Setup
+from app.dashboard.plots.dock import Plots
+from app.dashboard.plots.paper_figures import figure_of, plots_of
+from app.dashboard.plots.plot_table import Tab, column
+from app.dashboard.transport.visible_tabs import VisibleTabs
+from app.dashboard.view_options import Viewing
+from app.dashboard.widgets.controls import Desk
+from app.scenario.data import edited, load
+from app.session.changes import on_robot, on_surface
+from app.session.snapshot import snapshot_of
+from app.simulation.closed_loop import ClosedLoop
+from environments.robots import CATALOGUE
+
+ROOT = Path(__file__).parents[2]
+DAMPING = '''"""Damping: a brake in every task coordinate."""
+
+from controllers.control_law import ControlLaw
+from kernels import part
+from kernels.algebra import copy, transposed_times
+
+
+@part
+def torque(told, out):
+    """-J_q^T B_m r_dot + G_hat."""
+    braked = told.work.u
+    for i in range(out.tau.shape[0]):
+        braked[i] = -told.gains.model.B_m[i, i] * told.task.r_dot[i]
+    transposed_times(told.task.J_q, braked, out.terms.linear)
+    copy(told.feedforward.G_hat, out.terms.gravity)
+
+
+LAW = ControlLaw(kind="damping", title="damping", about="A brake.", torque=torque)
+'''
+SOFT = """        Mode(
+            "soft",
+            "Soft",
+            "Soft impedance control",
+            "(27)",
+            "The tool yields like a soft spring.",
+            on_surface=False,
+            feedback="all",
+            contacts=("free", "elastic"),
+            stiffness=50.0,
+        ),
+    )
+}
+"""
+ASKED = """
+import json
+from unittest.mock import MagicMock
+from app.dashboard.panels.controller import ControllerPanel
+from app.dashboard.panels.task import TaskPanel
+from app.scenario.data import edited, load, shipped
+from app.simulation.closed_loop import ClosedLoop
+from controllers.laws.table import number_of
+
+desk = MagicMock()
+ControllerPanel(desk)
+TaskPanel(desk)
+menus = [list(call.args[1]) for call in desk.gui.add_dropdown.call_args_list]
+loop = ClosedLoop(edited(edited(load("mine"), "controller.law", "damping"), "mode", "soft"))
+for _ in range(20):
+    loop.step()
+row = loop.recording.rows()[-1]
+columns = loop.recording.columns
+print(json.dumps({
+    "menus": [option for options in menus for option in options],
+    "scenarios": list(shipped()),
+    "number": number_of(loop.system.controller.law),
+    "stiffness": loop.system.controller.model.K_m[0, 0],
+    "gravity": row[columns["tau_gravity"]].tolist(),
+    "tau": row[columns["tau"]].tolist(),
+    "stopped": loop.stopped,
+}))
+"""
+
+
+def insert(file: Path, before: str, text: str) -> None:
+    source = file.read_text(encoding="utf-8")
+    assert source.count(before) == 1
+    file.write_text(source.replace(before, text), encoding="utf-8")
+
+
+@pytest.fixture(scope="module")
+def extended(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
+    """What a copy of the program says that has got a law, a mode and a scenario, each as its sentence says."""
+    tree = tmp_path_factory.mktemp("extended")
+    for folder in ("app", "controllers", "environments", "kernels", "static"):
+        shutil.copytree(ROOT / folder, tree / folder, ignore=shutil.ignore_patterns("__pycache__"))
+    (tree / "controllers" / "laws" / "damping.py").write_text(DAMPING, encoding="utf-8")
+    insert(tree / "controllers" / "laws" / "__init__.py", '"pd-gravity")', '"pd-gravity", "damping")')
+    insert(tree / "controllers" / "modes.py", "    )\n}\n", SOFT)
+    insert(tree / "app" / "scenario" / "schema.py", '"constrained"],', '"constrained", "soft"],')
+    (tree / "static" / "scenarios" / "mine.toml").write_text('title = "Mine"\nrobot.name = "planar2r"\n')
+    environment = os.environ | {"NUMBA_CACHE_DIR": str(tree / "cache"), "PYTHONPATH": str(tree)}
+    command = [sys.executable, "-c", ASKED]
+    done = subprocess.run(command, cwd=tree, env=environment, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    return json.loads(done.stdout.splitlines()[-1])
+
+
+def test_a_law_is_a_file_and_its_name(extended: dict[str, Any]) -> None:
+    assert extended["number"] == 3
+    assert extended["stopped"] is None
+    assert extended["tau"] == pytest.approx(extended["gravity"])  # at rest a brake has nothing else to do
+    assert np.abs(extended["gravity"]).min() > 1.0
+    assert "damping" in extended["menus"]
+
+
+def test_a_mode_is_a_row_and_its_name(extended: dict[str, Any]) -> None:
+    assert extended["stiffness"] == 50.0
+    assert "Soft" in extended["menus"]
+
+
+def test_a_scenario_is_a_file(extended: dict[str, Any]) -> None:
+    assert "mine" in extended["scenarios"]
+    assert "Mine" in extended["menus"]
+
+
+def test_an_arm_is_a_row(monkeypatch: pytest.MonkeyPatch) -> None:
+    entry = replace(CATALOGUE["planar3r"], title="Mine", tool_offset=(0.05, 0.0, 0.0))
+    monkeypatch.setitem(CATALOGUE, "mine", entry)
+    loop = ClosedLoop(on_robot(load("planar3r-hybrid"), "mine"))
+    for _ in range(20):
+        loop.step()
+    assert loop.stopped is None
+    gui = MagicMock()
+    RobotPanel(MagicMock(spec=Desk, gui=gui))
+    assert any("Mine" in call.args[1] for call in gui.add_dropdown.call_args_list)
+
+
+def test_a_plot_is_a_row(monkeypatch: pytest.MonkeyPatch) -> None:
+    def heights(_: Setup) -> Drawing:
+        return Drawing("height of the tool  [m]", [Line("z", (66, 135, 245), column("tool", 2))])
+
+    monkeypatch.setitem(plot_table.TABS, "Mine", Tab((Plot(heights),)))
+    loop = ClosedLoop(load("planar3r-hybrid"))
+    for _ in range(20):
+        loop.step()
+    snapshot = snapshot_of(loop)
+    figure = figure_of(plots_of("Mine"), snapshot, Setup.of(snapshot, 0, 0), 0.0, 1.0)
+    np.testing.assert_array_equal(figure.charts[0].curves[0].y, loop.recording.signals(("tool",))["tool"][:, 2])
+    gui = MagicMock()
+    Plots(gui, VisibleTabs(), Viewing(), nullcontext())
+    assert "Mine" in str(gui.mock_calls)
+
+
+def test_a_surface_is_a_formula() -> None:
+    loop = ClosedLoop(edited(on_surface(load("ur5-hybrid"), "formula"), "surface.text", "z - 0.01*cos(5*x)"))
+    for _ in range(20):
+        loop.step()
+    assert loop.stopped is None
