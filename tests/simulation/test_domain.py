@@ -28,6 +28,11 @@ HARDER = 1.0 + (MARGIN - 1.0) / 2  # half of the margin is all that another sear
 Value = Callable[[np.ndarray, float], float]
 
 
+@pytest.fixture(autouse=True, scope="module")
+def constants_searched_once() -> None:
+    """Not here (tests/conftest.py): it is the search that is tried."""
+
+
 class Walk:
     """A search of another kind: random steps that are taken where they lead up, longer while they often do."""
 
