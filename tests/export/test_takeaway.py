@@ -35,6 +35,8 @@ from app.simulation.closed_loop import ClosedLoop
 from app.simulation.recording import BLOCK, Recording
 from app.storage.recording_files import TooLarge, read_npz, table, write_csv, write_npz
 
+pytestmark = pytest.mark.slow  # processes of its own
+
 made = ExportJobs().made
 
 

@@ -22,6 +22,8 @@ from app.simulation.closed_loop import ClosedLoop
 from app.storage.session_index import OFFER, SESSION, StateError
 from drivers.waiting import until
 
+pytestmark = pytest.mark.slow  # processes of its own
+
 SCENARIO = load("planar2r-semicircle")
 
 

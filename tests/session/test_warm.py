@@ -11,6 +11,8 @@ from app.simulation.system import assemble
 from app.workers.precompile import to_compile
 from environments.robots import CATALOGUE
 
+pytestmark = pytest.mark.slow  # processes of its own
+
 
 def test_every_number_of_joints_meets_every_contact_with_kernels_of_its_own() -> None:
     systems = [assemble(scenario) for scenario in to_compile(None)]

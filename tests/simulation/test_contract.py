@@ -16,6 +16,8 @@ from controllers.modes import MODES
 from environments.robots import CATALOGUE
 from tests.support.cases import scenario_of, surfaces_for
 
+pytestmark = pytest.mark.slow  # long or many simulations
+
 STEPS = 60
 
 

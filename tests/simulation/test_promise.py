@@ -22,6 +22,8 @@ from app.simulation.stations import APART
 from controllers.premises import STATEMENTS, Premise
 from tests.support.arms import random_spd
 
+pytestmark = pytest.mark.slow  # long or many simulations
+
 
 def changed(name: str, **fields: object) -> Scenario:
     scenario = edited(shipped()[name], "simulation.duration", 0.3)
