@@ -1,5 +1,6 @@
 # make run          install into .venv and open the dashboard; ARGS="--port 8090"
 # make test         install, compile kernels, find a browser, run all tests; ARGS="-k hybrid"
+# make test-fast    tests that take seconds, for the inner loop: no browser, no processes, no long simulations
 # make check        lint, format, types, import rules
 # make bench        measure speed, pacing and memory, write docs/performance.md; ARGS="--quick", ARGS="--only step"
 # make evidence     every number and figure of docs/evidence.md anew
@@ -19,7 +20,7 @@ BIN := .venv/bin
 # The matrices are small: BLAS threads only take the cores from the loop and the page.
 export OMP_NUM_THREADS = 1
 
-.PHONY: run test kernels check bench evidence soak soak-shared mutations fuzz screenshots constraints clean
+.PHONY: run test test-fast kernels check bench evidence soak soak-shared mutations fuzz screenshots constraints clean
 
 run: .venv/run.stamp
 	@$(BIN)/vsmrc serve $(ARGS)
@@ -30,6 +31,9 @@ test:
 	@$(BIN)/python -m drivers.browser
 	$(BIN)/python -m pytest -n 2 --dist worksteal -m "not browser" $(ARGS) || test $$? -eq 5
 	$(BIN)/python -m pytest -m browser $(ARGS) || test $$? -eq 5
+
+test-fast: .venv/dev.stamp kernels
+	$(BIN)/python -m pytest -n 2 --dist worksteal --ignore tests/browser -m "not slow" $(ARGS)
 
 kernels: .venv/run.stamp
 	@$(BIN)/python -m drivers.kernels

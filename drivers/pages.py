@@ -12,10 +12,11 @@ from app.session.snapshot import Snapshot
 VIEWPORT = {"width": 1280, "height": 720}
 # as a browser that has been here before; a page without an address has no storage
 NO_HINTS = "try { localStorage.setItem('vsmrc.hints', 'dismissed'); } catch { }"
-# Drawing in software takes a whole core, and few tests look at the picture; those set `undrawn` to false.
+# Drawing in software takes a whole core, and few tests look at the picture; those set `undrawn` to false. A canvas that
+# is not cleared either is not put on the screen again.
 UNDRAWN = """
   window.undrawn = true;
-  for (const name of ["drawElements", "drawArrays", "drawElementsInstanced", "drawArraysInstanced"]) {
+  for (const name of ["drawElements", "drawArrays", "drawElementsInstanced", "drawArraysInstanced", "clear"]) {
     const draw = WebGL2RenderingContext.prototype[name];
     WebGL2RenderingContext.prototype[name] = function (...what) { if (!window.undrawn) draw.apply(this, what); };
   }

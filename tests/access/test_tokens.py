@@ -21,6 +21,8 @@ from app.scenario.schema import ScenarioError
 from drivers.visitors import serving, visiting
 from tests.gateway.test_gateway import ask
 
+pytestmark = pytest.mark.slow  # servers
+
 OWN = secrets.token_urlsafe()
 
 

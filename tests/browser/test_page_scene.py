@@ -11,9 +11,11 @@ from viser import ClientHandle
 from viser import transforms as tf
 
 from app.dashboard.page import Dashboard
+from app.dashboard.scene.camera import viewpoint
 from app.scenario.data import edited, shipped
 from app.session.commands import Load, Reset
 from app.session.runner import Runner
+from app.session.snapshot import Snapshot
 from drivers.pages import Session
 
 
@@ -36,8 +38,15 @@ class Scene:
     def view(self, name: str) -> tuple[np.ndarray, np.ndarray]:
         """Press a camera button; returns position and point looked at when the flight is over."""
         self.page.get_by_role("button", name=name, exact=True).click()
-        self.page.wait_for_timeout(1500)
-        return self.client.camera.position.copy(), self.client.camera.look_at.copy()
+        camera = self.client.camera
+
+        def there(now: Snapshot) -> bool:
+            goal = viewpoint(name, now)
+            away = np.linalg.norm(camera.position - goal.position), np.linalg.norm(camera.look_at - goal.look_at)
+            return max(away) < 2e-3
+
+        self.session.wait(there)
+        return camera.position.copy(), camera.look_at.copy()
 
     def pixel(self, point: np.ndarray) -> tuple[float, float]:
         """Where a point (3,) m of the scene is on the page."""
@@ -49,9 +58,17 @@ class Scene:
 
     def drag_tool(self, right: float, down: float) -> None:
         """Take hold of the tool's handle and move on by so many pixels; the button stays down."""
-        x, y = self.pixel(self.session.now.tool)
-        self.page.mouse.move(x, y)
-        self.page.wait_for_timeout(300)
+        x, y = 0.0, 0.0
+        canvas = self.page.locator("canvas[data-engine]")
+
+        def over_it(now: Snapshot) -> bool:
+            nonlocal x, y
+            x, y = self.pixel(now.tool)
+            self.page.mouse.move(x + 1.0, y)  # it is a movement that the page asks what it is over
+            self.page.mouse.move(x, y)
+            return canvas.evaluate("(canvas) => canvas.style.cursor") == "pointer"
+
+        self.session.wait(over_it)
         self.page.mouse.down()
         self.page.mouse.move(x + right, y + down, steps=12)
 

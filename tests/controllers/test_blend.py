@@ -134,6 +134,7 @@ def test_axes_in_sliding_coordinates() -> None:
     assert np.isnan(shared_sliding((30.0, 125.0), (12.0, 40.0)))  # underdamped
 
 
+@pytest.mark.slow
 def test_no_unstable_blend_is_certified() -> None:
     counts = section.coupled(3, 4, 120)
     assert counts["wrong"] == 0
@@ -296,6 +297,7 @@ def test_an_unstable_blend_is_refused_on_the_page() -> None:
     assert re.search(r"vs-bad.*blend: refused: at α = 0\.\d+ a pole at \d", blend_html(snapshot, draft))
 
 
+@pytest.mark.slow
 def test_the_section_shows_no_violation() -> None:
     jobs = section.SECTION.jobs(20)
     findings = section.SECTION.conclude([job.function(*job.arguments) for job in jobs])

@@ -21,10 +21,10 @@ from controllers.target_model import InvalidGain, TargetModel
 from environments.robots import CATALOGUE
 from kernels.algebra import spectral_norm
 from tests.support.arms import unit_vector
-from tests.support.cases import SURFACES, scenario_of
+from tests.support.cases import scenario_of, surfaces_for
 
 STEP = 1e-5  # of differences, rad and s
-MOVING = [(robot, surface) for robot in CATALOGUE for surface in SURFACES]
+MOVING = [(robot, surface) for robot in CATALOGUE for surface in surfaces_for(robot)]
 
 
 @cache

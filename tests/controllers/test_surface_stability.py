@@ -15,6 +15,8 @@ from controllers.surface_stability import SurfaceRange, passive, unstable_surfac
 from controllers.target_model import TargetModel
 from tests.support.arms import random_spd
 
+pytestmark = pytest.mark.slow  # long searches
+
 # B_m, K_m and K_f of two coordinates, stable in free motion; on 9000 N/m along (0.927, -0.376) a pole at +6.68 1/s
 TWISTED = TargetModel(10.0 * np.eye(2), 60.0 * np.eye(2), np.diag([4000.0, 200.0]), np.array([[3.1, 2.2], [2.2, 1.7]]))
 

@@ -22,6 +22,8 @@ from tests.gateway.test_gateway import ask
 from tests.support.drawn import drawn
 from tests.support.faults import Client, begun, boom, running, warp
 
+pytestmark = pytest.mark.slow  # servers
+
 
 @pytest.fixture(scope="module")
 def runner() -> Iterator[Runner]:

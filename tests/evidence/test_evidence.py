@@ -22,6 +22,8 @@ from app.export.figures import Chart, Curve
 from app.process.markdown import Table
 from app.scenario.schema import ScenarioError
 
+pytestmark = pytest.mark.slow  # processes of its own
+
 ROOT = Path(__file__).parents[2]
 
 

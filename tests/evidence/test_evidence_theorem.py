@@ -20,6 +20,8 @@ from app.scenario.declared_bounds import outside
 from app.scenario.schema import Scenario
 from app.session.headless_run import simulate
 
+pytestmark = pytest.mark.slow  # long or many simulations
+
 
 def run(section: Section, thin: int) -> list[Any]:
     """The results of few jobs; every name in the prose has its number, table or figure."""

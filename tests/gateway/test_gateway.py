@@ -29,6 +29,8 @@ from app.storage.session_index import SESSION
 from drivers.viser_protocol import CAMERA
 from drivers.visitors import PATIENCE, Server, gone, serving, visiting
 
+pytestmark = pytest.mark.slow  # servers
+
 MOTION, IMPEDANCE, PIN = "Mode: Motion", "Mode: Impedance", "Pin this run for comparison"
 
 

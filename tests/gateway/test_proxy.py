@@ -25,6 +25,8 @@ from app.gateway.relay import relay
 from drivers.visitors import PATIENCE, Server, serving, visiting
 from tests.support import nginx
 
+pytestmark = pytest.mark.slow  # servers
+
 NAME = "lab.example.org"
 PAGE = Path(__file__).parents[2] / "docs" / "security.md"
 

@@ -32,6 +32,8 @@ from environments.robots import Robot
 from environments.urdf import RobotError
 from tests.support.sentences import one_sentence
 
+pytestmark = pytest.mark.slow  # processes of its own
+
 BENT = (Path(__file__).parents[1] / "support" / "robots" / "bent3r.urdf").read_text(encoding="utf-8")
 UPPER = '<link name="upper">'
 

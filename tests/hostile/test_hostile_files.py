@@ -28,6 +28,8 @@ from environments.tape import tape_of
 from fuzzing.matrix import read_typed
 from tests.support.sentences import one_sentence
 
+pytestmark = pytest.mark.slow  # processes of its own
+
 # scenarios
 
 

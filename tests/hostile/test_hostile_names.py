@@ -21,6 +21,8 @@ from app.session.commands import Edit, Load, Pin
 from app.session.headless_run import simulate
 from app.session.runner import Runner
 
+pytestmark = pytest.mark.slow  # processes of its own
+
 EVIL = '<img src=x onerror="window.hacked=1">'
 BENT = (Path(__file__).parents[1] / "support" / "robots" / "bent3r.urdf").read_text(encoding="utf-8")
 

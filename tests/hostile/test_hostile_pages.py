@@ -32,6 +32,8 @@ from app.session.runner import Runner
 from drivers.viser_protocol import PROTOCOL
 from tests.support.drawn import drawn
 
+pytestmark = pytest.mark.slow  # servers
+
 pack = msgspec.msgpack.encode
 POINT, PIXEL = [0.0, 0.0, 0.0], [0.0, 0.0]
 CAMERA = {"type": "ViewerCameraMessage", "wxyz": [1, 0, 0, 0], "position": [1, 1, 1], "look_at": POINT, "fov": 1.0}

@@ -8,6 +8,8 @@ import signal
 import subprocess
 from pathlib import Path
 
+import pytest
+
 from app.gateway.server_settings import Look
 from app.gateway.session_pool import SessionPool
 from app.gateway.visitors import NOBODY, Viewer
@@ -17,6 +19,7 @@ from app.scenario.data import load, to_toml
 from drivers.visitors import PATIENCE, gone, serving
 from drivers.waiting import until
 
+pytestmark = pytest.mark.slow  # servers
 HELPER = ("timeit", "-n", "1", "-r", "1", "input()")
 SCENARIO = to_toml(load("planar2r-semicircle"))
 

@@ -21,6 +21,8 @@ from drivers.visitors import PATIENCE, Server, serving
 from tests.gateway.test_gateway import ask
 from tests.support.raw_requests import answer_to
 
+pytestmark = pytest.mark.slow  # servers
+
 HOST = b"Host: 127.0.0.1\r\nConnection: close\r\n"
 
 

@@ -17,6 +17,8 @@ from app.session.autosave import StateFolder
 from drivers.town import HELLO, Town, town
 from drivers.visitors import PATIENCE
 
+pytestmark = pytest.mark.slow  # servers
+
 PUBLIC = Names(public=("https://lab.example.org",))
 
 

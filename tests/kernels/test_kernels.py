@@ -155,6 +155,7 @@ def sums(sizes):
 """
 
 
+@pytest.mark.slow
 def test_kernels_of_two_sizes_from_the_cache_of_two_processes(tmp_path: Path) -> None:
     """numba's own names for compiled functions made one size call the parts of another."""
     (tmp_path / "sized.py").write_text(MODULE)

@@ -11,6 +11,8 @@ import pytest
 
 from app.process import log_file
 
+pytestmark = pytest.mark.slow  # processes of its own
+
 PROGRAM = """
 import logging, os, sys, threading, warnings
 from pathlib import Path

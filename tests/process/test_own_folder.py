@@ -13,6 +13,8 @@ import pytest
 from app.process.private_folder import NotOwnError, own, private
 from app.storage.session_index import StateError, occupied
 
+pytestmark = pytest.mark.slow  # processes of its own
+
 OTHER = 65_534  # "nobody"
 ROOT = pytest.mark.skipif(os.geteuid() != 0, reason="only root can give a folder to another user")
 TELL = "import os, app, app.process.kernel_cache as k; print(os.environ[k.VARIABLE])"

@@ -22,6 +22,8 @@ from app.scenario.data import edited, from_toml, load, to_toml
 from app.scenario.schema import Scenario, ScenarioError
 from app.scenario.units import CARTESIAN, JOINT
 
+pytestmark = pytest.mark.slow  # processes of its own
+
 
 def vsmrc(*arguments: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run([sys.executable, "-m", "app", *arguments], capture_output=True, text=True, timeout=600)

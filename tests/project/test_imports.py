@@ -9,6 +9,8 @@ from pathlib import Path
 
 import pytest
 
+pytestmark = pytest.mark.slow  # processes of its own
+
 RUN = "from app.cli import execute; assert execute({}) == 0; "
 HEAVY = ("viser", "trimesh", "matplotlib", "aiohttp")
 NUMERIC = ("pinocchio", "numba", "scipy")

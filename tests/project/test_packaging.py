@@ -10,6 +10,8 @@ from zipfile import ZipFile
 
 import pytest
 
+pytestmark = pytest.mark.slow  # processes of its own
+
 ROOT = Path(__file__).parents[2]
 PACKAGES = ("app", "controllers", "environments", "kernels", "static")
 

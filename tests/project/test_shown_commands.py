@@ -28,7 +28,10 @@ RUN_HERE = ("run", "compare", "export", "list_")
 SHOWN = [(page, command) for page in PAGES for command in page.commands]
 SHORT = 0.05  # s of simulated time
 
-pytestmark = pytest.mark.filterwarnings("ignore:.*found in sys.modules:RuntimeWarning")  # runpy, of what we import
+pytestmark = [
+    pytest.mark.slow,  # simulations, as pages show them
+    pytest.mark.filterwarnings("ignore:.*found in sys.modules:RuntimeWarning"),  # runpy, of what we import
+]
 
 
 class Call(NamedTuple):

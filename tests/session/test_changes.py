@@ -8,6 +8,8 @@ from app.session.changes import in_mode, told
 from app.simulation.system import assemble
 from controllers import modes
 
+pytestmark = pytest.mark.slow  # long or many simulations
+
 
 @pytest.mark.parametrize("name", shipped())
 @pytest.mark.parametrize("mode", modes.MODES)

@@ -17,6 +17,8 @@ from app.session.runner import Runner
 from app.session.snapshot import Snapshot
 from environments.push import Grip
 
+pytestmark = pytest.mark.slow  # loops in real time
+
 CANNOT = "The loop cannot keep up"
 
 

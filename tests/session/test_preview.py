@@ -21,6 +21,8 @@ from app.session.preview_client import Previewer
 from app.simulation.closed_loop import ClosedLoop
 from drivers.waiting import until
 
+pytestmark = pytest.mark.slow  # processes of its own
+
 T = TypeVar("T")
 EDITS: dict[str, object] = {
     "force.value": 33.0,

@@ -22,6 +22,8 @@ from app.storage.recording_files import table
 from drivers.waiting import PATIENCE, until
 from tests.support.faults import Client
 
+pytestmark = pytest.mark.slow  # processes of its own
+
 
 @contextmanager
 def largest_file(size: int) -> Iterator[None]:

@@ -3,20 +3,14 @@
 from __future__ import annotations
 
 import json
-import os
 import resource
 import subprocess
 import sys
-from collections.abc import Callable
-from contextlib import closing
 from pathlib import Path
 
 import numpy as np
 import pytest
-from playwright.sync_api import Page
 
-from app.dashboard.page import Dashboard
-from app.dashboard.widgets.last_session import left_by
 from app.scenario.data import edited, load
 from app.scenario.schema import Scenario, ScenarioError
 from app.session.autosave import Autosave, StateFolder, default_folder
@@ -26,9 +20,9 @@ from app.session.runner import Runner
 from app.session.timeline import Pinned, Timeline
 from app.simulation.closed_loop import ClosedLoop
 from app.storage.session_index import OFFER, SESSION, StateError
-from drivers.pages import PATIENCE, VIEWPORT
 from drivers.waiting import until
-from tests.support.drawn import drawn
+
+pytestmark = pytest.mark.slow  # processes of its own
 
 SCENARIO = load("planar2r-semicircle")
 
@@ -286,40 +280,3 @@ def test_a_process_that_is_killed_at_any_instant_leaves_no_broken_file(tmp_path:
 def test_the_default_folder_is_the_users(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("XDG_STATE_HOME", "/somewhere")
     assert default_folder() == Path("/somewhere/vsmrc-lab")
-
-
-def test_a_page_continues_where_it_was_left_off(
-    tmp_path: Path, pinned: tuple[Pinned, ...], open_page: Callable[..., Page]
-) -> None:
-    folder = StateFolder(tmp_path)
-    folder.save(changed(), pinned[:2])
-    folder.close()
-    folder = StateFolder(tmp_path)
-    dashboard, runner = Dashboard(port=0, fps=8.0), Runner(load("ur5-hybrid"))
-    runner.start()
-    autosave = Autosave(folder, lambda: runner.snapshot, dashboard.fail)
-    dashboard.attach(runner)
-    left = left_by(folder, autosave, runner.snapshot.scenario)
-    assert left is not None
-    dashboard.offer(left)
-    with closing(runner), closing(autosave), drawn(dashboard):
-        page = open_page(dashboard.url, viewport=VIEWPORT)
-        page.set_default_timeout(PATIENCE * 1e3)
-        offer = page.get_by_text("with 2 pinned runs, saved")
-        offer.wait_for()
-        run = page.get_by_role("button", name="play / pause")
-        places = [place.bounding_box() for place in (page.get_by_text("real time"), offer, run)]
-        heights = [place["y"] for place in places if place is not None]
-        assert heights == sorted(heights)  # below the status, above the controls
-        if where := os.environ.get("VSMRC_SCREENSHOTS"):
-            page.locator("#webgl-software-rendering button").click()
-            page.evaluate("window.undrawn = false")
-            page.wait_for_timeout(3000)
-            page.screenshot(path=f"{where}/last-session.png")
-        assert runner.snapshot.scenario == load("ur5-hybrid")  # nothing is applied by itself
-        page.get_by_role("button", name="Continue where you left off").click()
-        until(lambda: runner.snapshot.scenario == changed() and len(runner.snapshot.pinned) == 2)
-        offer.wait_for(state="hidden")
-        until(lambda: (tmp_path / SESSION).exists() and not (tmp_path / OFFER).exists())
-        page.get_by_role("tab", name="Runs", exact=True).click()
-        page.get_by_role("button", name="Forget run 2").wait_for()

@@ -21,6 +21,8 @@ from app.simulation.recording import BLOCK
 from environments.push import Grip
 from environments.robots import Robot
 
+pytestmark = pytest.mark.slow  # long or many simulations
+
 
 def line_of(scenario: Scenario) -> Timeline:
     return Timeline(ClosedLoop(scenario))

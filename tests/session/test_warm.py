@@ -11,9 +11,11 @@ from app.simulation.system import assemble
 from app.workers.precompile import to_compile
 from environments.robots import CATALOGUE
 
+pytestmark = pytest.mark.slow  # processes of its own
+
 
 def test_every_number_of_joints_meets_every_contact_with_kernels_of_its_own() -> None:
-    systems = [assemble(scenario) for scenario in to_compile()]
+    systems = [assemble(scenario) for scenario in to_compile(None)]
     compiled = {(system.robot.n, system.scenario.contact.kind) for system in systems}
     joints = {len(entry.rotor_inertia) for entry in CATALOGUE.values()}
     assert compiled == {(n, kind) for n in joints for kind in ("elastic", "mass-damper-spring", "rigid")}

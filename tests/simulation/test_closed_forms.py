@@ -26,6 +26,8 @@ from environments.sensors import ForceReader, ForceSensor
 from tests.support.arms import CHARTS, arm, at_rest, charted, random_spd
 from tests.support.cases import scenario_of
 
+pytestmark = pytest.mark.slow  # long or many simulations
+
 PERIODS = (0.001, 0.0005)
 FREE = {"K_s": 1.0, "epsilon": 0.01, "layer": 1.0}  # the robust term has nothing to do where s = 0
 EXACT = {

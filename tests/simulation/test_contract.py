@@ -14,12 +14,11 @@ from app.session.runner import Runner
 from app.simulation.closed_loop import ClosedLoop
 from controllers.modes import MODES
 from environments.robots import CATALOGUE
-from tests.support.cases import SURFACES, scenario_of
+from tests.support.cases import scenario_of, surfaces_for
+
+pytestmark = pytest.mark.slow  # long or many simulations
 
 STEPS = 60
-
-
-ALIKE = ("ur3", "ur10", "xarm7", "z1")  # the kernels see nothing in them that other arms do not have
 
 
 def cases() -> list[tuple[str, str, str, str]]:
@@ -28,7 +27,7 @@ def cases() -> list[tuple[str, str, str, str]]:
         for robot in CATALOGUE
         for mode in MODES.values()
         for contact in mode.contacts
-        for surface in (["plane"] if contact == "free" else SURFACES[-2:] if robot in ALIKE else SURFACES)
+        for surface in (["plane"] if contact == "free" else surfaces_for(robot))
     ]
 
 

@@ -24,8 +24,15 @@ from controllers.bounds import InertiaRange
 from environments.robots import CATALOGUE
 from tests.support.cases import scenario_of
 
+pytestmark = pytest.mark.slow  # long searches
+
 HARDER = 1.0 + (MARGIN - 1.0) / 2  # half of the margin is all that another search may use up
 Value = Callable[[np.ndarray, float], float]
+
+
+@pytest.fixture(autouse=True, scope="module")
+def constants_searched_once() -> None:
+    """Not here (tests/conftest.py): it is the search that is tried."""
 
 
 class Walk:

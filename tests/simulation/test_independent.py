@@ -17,6 +17,8 @@ from app.simulation.system import assemble
 from controllers.reference_estimates import FeedforwardModel
 from environments.plant import Integrator
 
+pytestmark = pytest.mark.slow  # long or many simulations
+
 SPHERE = 0.3  # m
 TWINS = {
     "planar2r on a moving sphere": Twin("planar2r", "hybrid", SPHERE),

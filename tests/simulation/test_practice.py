@@ -24,6 +24,8 @@ from controllers.reference_estimates import FeedforwardModel
 from controllers.switching import Switching
 from tests.support.arms import charted, random_law, random_reference, random_state
 
+pytestmark = pytest.mark.slow  # long or many simulations
+
 SPEEDY = {"motion.period": 0.8, "motion.ramp": 0.5, "truth.torque_limit": 0.3}  # asks for 40 % of what the drives have
 
 AT_THE_STATE = {"simulation.integrator": "semi-implicit-euler"}  # the acceleration is that at the recorded state

@@ -19,6 +19,8 @@ from controllers.force_loop import force_loop_factor
 from environments.plant import Truth
 from tests.support.cases import scenario_of
 
+pytestmark = pytest.mark.slow  # long or many simulations
+
 
 @pytest.mark.parametrize(("K_m", "K_f"), [(2000.0, 1.0), (500.0, 1.0), (2000.0, 0.4)])
 def test_steady_force_of_a_wall_under_impedance(K_m: float, K_f: float) -> None:

@@ -11,6 +11,8 @@ from app.analysis.metrics import Metrics
 from app.scenario.data import shipped
 from app.session.headless_run import simulate
 
+pytestmark = pytest.mark.slow  # long or many simulations
+
 SCENARIOS = shipped()
 SMOOTH = [name for name in SCENARIOS if "discontinuous" not in name]
 TWINS = [name for name in SCENARIOS if "discontinuous" in name]

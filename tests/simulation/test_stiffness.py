@@ -24,6 +24,8 @@ from environments.stiffness import STEPS, Mobility, Oscillator, oscillators, res
 from environments.surfaces import Motion, Plane
 from tests.support.arms import arm
 
+pytestmark = pytest.mark.slow  # long or many simulations
+
 H = 1e-3  # s
 
 

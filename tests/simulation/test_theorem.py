@@ -20,6 +20,8 @@ from controllers.reaching import ReachingCertificate, lyapunov_bound
 from environments.plant import Truth
 from tests.support.cases import scenario_of
 
+pytestmark = pytest.mark.slow  # long or many simulations
+
 RHO, PAYLOAD, OFFSET, COULOMB, VISCOUS, PUSH = 0.2, 1.0, 0.05, 0.5, 0.3, 2.0
 PLANTS = 350  # of each arm, 1,050 in all
 

@@ -3,9 +3,13 @@
 `faults(page)` names each by its text; a test or a person fixes what it lists.
 """
 
+import time
+
 from playwright.sync_api import Page
 
 from drivers.pages import each_tab
+
+SETTLED = 20.0  # s, for a machine that has other things to do
 
 _SCRIPT = """
 () => {
@@ -104,7 +108,15 @@ def faults(page: Page) -> list[str]:
     return page.evaluate(_SCRIPT)
 
 
+def lasting_faults(page: Page) -> list[str]:
+    """Those that are still there after a while: a page that is being laid out has some that go by themselves."""
+    until = time.monotonic() + SETTLED
+    while (found := faults(page)) and time.monotonic() < until:
+        page.wait_for_timeout(200)
+    return found
+
+
 def walk(page: Page) -> dict[str, list[str]]:
     """The faults under each tab of the page, by its title; tabs without faults are left out."""
-    found = {title: faults(page) for title in each_tab(page)}
+    found = {title: lasting_faults(page) for title in each_tab(page)}
     return {title: lines for title, lines in found.items() if lines}
