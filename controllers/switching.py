@@ -6,7 +6,7 @@ from enum import IntEnum
 
 import numpy as np
 
-from kernels import kernel
+from kernels import choice, kernel, part
 
 SAMPLING_SHARE = 0.25  # of epsilon in (17) and of K_s s: kept for what the law does not know of within a period
 
@@ -27,17 +27,59 @@ class Switching(IntEnum):
         return 1.0 - SAMPLING_SHARE - given_up
 
 
+@part
+def _discontinuous(size, _):
+    """eta(||s||) / ||s|| for ||s|| = size m/s > 0 and the layer phi m/s, as all versions have it."""
+    return 1.0 / size
+
+
+@part
+def _saturation(size, phi):
+    return 1.0 / max(size, phi)
+
+
+@part
+def _rational(size, phi):
+    return 1.0 / (size + phi)
+
+
+@part
+def _tanh(size, phi):
+    return np.tanh(size / phi) / size
+
+
+@part
+def _no_width(_phi, _given_up):
+    """||s|| (m/s) from which on eta is 1 less the share of d that is given up, as all versions have it."""
+    return 0.0
+
+
+@part
+def _saturation_width(phi, _):
+    return phi
+
+
+@part
+def _rational_width(phi, given_up):
+    return phi * (1.0 - given_up) / given_up
+
+
+@part
+def _tanh_width(phi, given_up):
+    return phi * np.arctanh(1.0 - given_up)
+
+
+_factor = choice((_discontinuous, _saturation, _rational, _tanh))
+_width = choice((_no_width, _saturation_width, _rational_width, _tanh_width))
+
+
 @kernel
 def layer_width(kind, phi, d, epsilon):
     """||s|| (m/s) from which on d eta keeps its share of the margin epsilon in (17): outside, the proof holds."""
-    if kind == 0 or d <= 0.0:
+    if d <= 0.0:
         return 0.0
-    if kind == 1:
-        return phi
     given_up = min(0.5 * epsilon / d, 1.0)  # a d below half of epsilon keeps it nowhere, and promises nothing
-    if kind == 2:
-        return phi * (1.0 - given_up) / given_up
-    return phi * np.arctanh(1.0 - given_up)
+    return _width(kind, phi, given_up)
 
 
 @kernel
@@ -45,10 +87,4 @@ def unit_factor(size, kind, phi):
     """eta(||s||) / ||s||, s/m: sigma(s) is s times this, for ||s|| = size m/s; zero at s = 0."""
     if size == 0.0:
         return 0.0
-    if kind == 1:
-        return 1.0 / max(size, phi)
-    if kind == 2:
-        return 1.0 / (size + phi)
-    if kind == 3:
-        return np.tanh(size / phi) / size
-    return 1.0 / size
+    return _factor(kind, size, phi)

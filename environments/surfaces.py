@@ -16,7 +16,7 @@ import numpy as np
 
 from environments.level_set import distance
 from environments.tape import BLANK, Tape
-from kernels import kernel, part
+from kernels import choice, kernel, part
 from kernels.algebra import dot
 from kernels.records import Record
 
@@ -69,17 +69,26 @@ class Shape(NamedTuple):
     tape: Tape
 
 
-PLANE, CYLINDER, SPHERE, FORMULA = 0, 1, 2, 3
+STILL = (0.0, 0.0, 0.0, 0.0, 0.0)  # what a form that does not change adds to phi's derivatives, see `distance`
 
 
 @part
-def _plane(zeta, shape, chart):
+def _plane(zeta, shape, _t, chart):
+    """Coordinates of zeta (3,) m in the frame of the surface, as all surfaces have them; returns what the form adds in
+    time to the derivatives of phi."""
     for i in range(3):
         chart.g[i] = dot(shape.frame[i], zeta)
         for k in range(3):
             chart.G[i, k] = shape.frame[i, k]
             for a in range(3):
                 chart.G_p[i, k, a] = 0.0
+    return STILL
+
+
+@part
+def _formula(zeta, shape, t, chart):
+    _plane(zeta, shape, t, chart)
+    return distance(shape.tape, shape.side, zeta, t, chart)
 
 
 @part
@@ -104,7 +113,7 @@ def _arc(i, radius, rho, theta, e_rho, e_theta, chart):
 
 
 @part
-def _cylinder(zeta, shape, chart):
+def _cylinder(zeta, shape, _t, chart):
     """Rows of the frame: reference direction, tangent, axis."""
     frame, side = shape.frame, shape.side
     rho, theta, e_rho, e_theta = _in_plane(zeta, frame[0], frame[1])
@@ -115,10 +124,11 @@ def _cylinder(zeta, shape, chart):
         for a in range(3):
             chart.G_p[0, k, a] = -side * e_theta[k] * e_theta[a] / rho
             chart.G_p[2, k, a] = 0.0
+    return STILL
 
 
 @part
-def _sphere(zeta, shape, chart):
+def _sphere(zeta, shape, _t, chart):
     """psi_1, psi_2: arc lengths of the angles seen from the reference direction towards each tangent."""
     frame, side = shape.frame, shape.side
     for i in range(1, 3):
@@ -131,6 +141,11 @@ def _sphere(zeta, shape, chart):
         for a in range(3):
             across = (1.0 if k == a else 0.0) - zeta[k] * zeta[a] / rho**2
             chart.G_p[0, k, a] = -side * across / rho
+    return STILL
+
+
+PLANE, CYLINDER, SPHERE, FORMULA = range(4)
+_local_chart = choice((_plane, _cylinder, _sphere, _formula))
 
 
 @part
@@ -139,21 +154,12 @@ def surface_chart(shape, p, t, chart):
     omega = 2 * np.pi * shape.frequency
     moved, speed = shape.amplitude * np.sin(omega * t), shape.amplitude * omega * np.cos(omega * t)
     u = shape.direction
-    form = (0.0, 0.0, 0.0, 0.0, 0.0)
     zeta = (
         p[0] - shape.origin[0] - moved * u[0],
         p[1] - shape.origin[1] - moved * u[1],
         p[2] - shape.origin[2] - moved * u[2],
     )
-    if shape.kind == PLANE:
-        _plane(zeta, shape, chart)
-    elif shape.kind == CYLINDER:
-        _cylinder(zeta, shape, chart)
-    elif shape.kind == SPHERE:
-        _sphere(zeta, shape, chart)
-    else:
-        _plane(zeta, shape, chart)
-        form = distance(shape.tape, shape.side, zeta, t, chart)
+    form = _local_chart(shape.kind, zeta, shape, t, chart)
     for i in range(3):  # derivatives in time of g(p - a(t)): the chain rule, exact
         chart.g_t[i], chart.g_tt[i] = 0.0, 0.0
         for k in range(3):
@@ -162,12 +168,11 @@ def surface_chart(shape, p, t, chart):
                 chart.G_t[i, k] -= chart.G_p[i, k, a] * speed * u[a]
             chart.g_t[i] -= chart.G[i, k] * speed * u[k]
             chart.g_tt[i] += -chart.G_t[i, k] * speed * u[k] + chart.G[i, k] * omega**2 * moved * u[k]
-    if shape.kind == FORMULA:  # and those of its form
-        chart.g_t[0] += form[0]
-        chart.g_tt[0] += form[1]
-        for k in range(3):
-            chart.G_t[0, k] += form[2 + k]
-            chart.g_tt[0] -= 2.0 * form[2 + k] * speed * u[k]
+    chart.g_t[0] += form[0]  # and those of its form
+    chart.g_tt[0] += form[1]
+    for k in range(3):
+        chart.G_t[0, k] += form[2 + k]
+        chart.g_tt[0] -= 2.0 * form[2 + k] * speed * u[k]
 
 
 @kernel

@@ -1,7 +1,7 @@
 """References r_d(t) and F_cd(t), each with two exact derivatives.
 
-A trajectory is a displacement from where it starts. A new one is a short frozen class with its `course`, and a branch
-in `_in_plane` or `force_at`.
+A trajectory is a displacement from where it starts. A new one is a short frozen class with its `course`, and a part
+among those of `_in_plane` or `_profile`.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from kernels import kernel, part
+from kernels import choice, kernel, part
 from kernels.records import Record
 
 
@@ -84,10 +84,6 @@ class Shift(NamedTuple):
         return path.read()
 
 
-POINT_TO_POINT, CIRCLE, LINE = 0, 1, 2
-STEP, SINUSOID = 0, 1
-
-
 @part
 def minimum_jerk(t, duration):
     """sigma(t) from 0 to 1 in `duration` s with zero speed and acceleration at both ends, and two derivatives."""
@@ -116,24 +112,35 @@ def _phase(t, omega, ramp):
 
 
 @part
-def _in_plane(course, t):
-    """x, y of a course and their first and second derivatives."""
-    if course.kind == POINT_TO_POINT:
-        sigma, sigma_dot, sigma_ddot = minimum_jerk(t, course.ramp)
-        return sigma, 0.0, sigma_dot, 0.0, sigma_ddot, 0.0
+def _move(course, t):
+    """x, y of a course and their first and second derivatives, as all trajectories have them."""
+    sigma, sigma_dot, sigma_ddot = minimum_jerk(t, course.ramp)
+    return sigma, 0.0, sigma_dot, 0.0, sigma_ddot, 0.0
+
+
+@part
+def _circle(course, t):
     theta, theta_dot, theta_ddot = _phase(t, course.omega, course.ramp)
     c, s = np.cos(theta), np.sin(theta)
     s_dot, c_dot = c * theta_dot, -s * theta_dot
     s_ddot, c_ddot = c * theta_ddot - s * theta_dot**2, -s * theta_ddot - c * theta_dot**2
-    if course.kind == CIRCLE:
-        return c - 1.0, s, c_dot, s_dot, c_ddot, s_ddot
-    return 0.5 * (1.0 - c), 0.0, -0.5 * c_dot, 0.0, -0.5 * c_ddot, 0.0
+    return c - 1.0, s, c_dot, s_dot, c_ddot, s_ddot
+
+
+@part
+def _line(course, t):
+    x, _, x_dot, _, x_ddot, _ = _circle(course, t)
+    return -0.5 * x, 0.0, -0.5 * x_dot, 0.0, -0.5 * x_ddot, 0.0
+
+
+POINT_TO_POINT, CIRCLE, LINE = range(3)
+_in_plane = choice((_move, _circle, _line))
 
 
 @part
 def path_at(course, t, value, rate, acceleration):
     """The displacement (n,) and its derivatives at time t (s)."""
-    x, y, x_dot, y_dot, x_ddot, y_ddot = _in_plane(course, t)
+    x, y, x_dot, y_dot, x_ddot, y_ddot = _in_plane(course.kind, course, t)
     for i in range(value.shape[0]):
         value[i] = x * course.u[i] + y * course.v[i]
         rate[i] = x_dot * course.u[i] + y_dot * course.v[i]
@@ -158,14 +165,27 @@ def add_shift(shift, t, value, rate, acceleration):
 
 
 @part
-def force_at(course, t):
-    """The force (N) and its derivatives at time t (s)."""
-    if course.kind == STEP:
-        sigma, sigma_dot, sigma_ddot = minimum_jerk(t - course.time, course.rise)
-        return course.start + course.change * sigma, course.change * sigma_dot, course.change * sigma_ddot
+def _step(course, t):
+    """A force (N) and its derivatives, as all profiles have them."""
+    sigma, sigma_dot, sigma_ddot = minimum_jerk(t - course.time, course.rise)
+    return course.start + course.change * sigma, course.change * sigma_dot, course.change * sigma_ddot
+
+
+@part
+def _sinusoid(course, t):
     omega = course.omega
     s, c = course.change * np.sin(omega * t), course.change * np.cos(omega * t)
     return course.start + s, omega * c, -(omega**2) * s
+
+
+STEP, SINUSOID = range(2)
+_profile = choice((_step, _sinusoid))
+
+
+@part
+def force_at(course, t):
+    """The force (N) and its derivatives at time t (s)."""
+    return _profile(course.kind, course, t)
 
 
 @kernel

@@ -6,7 +6,7 @@ arguments.
 """
 
 import hashlib
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import cache
 from typing import Any
 
@@ -25,6 +25,30 @@ part = jit(
     error_model="numpy",
     fastmath={"contract"},
 )
+
+
+def choice(parts: Sequence[Callable[..., Any]], first: int = 0) -> Callable[..., Any]:
+    """A part `chosen(number, *arguments)` that calls the part of this number with the arguments; `first`: number of the
+    first one looked at. It raises ValueError where there is no part of that number."""
+    here = parts[first]
+    if first == len(parts) - 1:
+
+        @part
+        def last(number, *arguments):
+            if number != first:
+                raise ValueError("there is no part of this number")
+            return here(*arguments)
+
+        return last
+    others = choice(parts, first + 1)
+
+    @part
+    def chosen(number, *arguments):
+        if number == first:
+            return here(*arguments)
+        return others(number, *arguments)
+
+    return chosen
 
 
 def compiled(function: Callable[..., Any]) -> bool:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from collections.abc import Iterator
 
@@ -16,6 +17,15 @@ def known_constants() -> object:
     from app.simulation.search_memory import Memory
 
     return Memory()
+
+
+@pytest.fixture(autouse=True)
+def no_own_laws() -> Iterator[None]:
+    """Laws of one's own that a test has used are unknown to the next one."""
+    yield
+    own_code = sys.modules.get("app.process.own_code")
+    if own_code is not None and os.environ.pop(own_code.VARIABLE, None) is not None:
+        own_code.own_laws.cache_clear()
 
 
 @pytest.fixture(autouse=True, scope="module")

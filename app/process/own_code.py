@@ -31,9 +31,14 @@ class OwnCodeError(ScenarioError):
 def use(paths: Sequence[Path]) -> None:
     """From now on the laws of these files are there, in this process and in those that it starts. Raises
     OwnCodeError."""
+    before = os.environ.get(VARIABLE, "")
     os.environ[VARIABLE] = os.pathsep.join(str(path.resolve()) for path in paths)
     own_laws.cache_clear()
-    own_laws()
+    try:
+        own_laws()
+    except OwnCodeError:
+        os.environ[VARIABLE] = before
+        raise
 
 
 @cache

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from importlib import import_module
-from typing import Any
 
 from controllers.control_law import ControlLaw
 from controllers.laws import KINDS
-from kernels import part
+from kernels import choice, part
 
 LAWS: dict[str, ControlLaw] = {kind: import_module(f"controllers.laws.{kind.replace('-', '_')}").LAW for kind in KINDS}
 WITHIN = tuple(kind for kind, law in LAWS.items() if law.compiled and law.states is None)  # within the compiled period
@@ -19,25 +17,10 @@ def number_of(law: ControlLaw) -> int:
     return WITHIN.index(law.kind) if LAWS.get(law.kind) is law and law.kind in WITHIN else -1
 
 
-def _choice(number: int) -> Callable[..., Any]:
-    """`torque(told, out)` of the laws from this number on, compiled, by the number of the law in `told.gains`."""
-    if number == len(WITHIN):
-
-        @part
-        def unknown(_told, _out):
-            raise ValueError("gains.law: no law of this number within the compiled period")
-
-        return unknown
-    torque, others = LAWS[WITHIN[number]].torque, _choice(number + 1)
-
-    @part
-    def chosen(told, out):
-        if told.gains.law == number:
-            torque(told, out)
-        else:
-            others(told, out)
-
-    return chosen
+_torque = choice([LAWS[kind].torque for kind in WITHIN])
 
 
-torque = _choice(0)
+@part
+def torque(told, out):
+    """The torque of the law within the compiled period that `told.gains` names."""
+    _torque(told.gains.law, told, out)

@@ -19,9 +19,8 @@ PID = Path(__file__).parents[2] / "docs" / "examples" / "pid_gravity.py"
 
 
 @pytest.fixture
-def own(monkeypatch: pytest.MonkeyPatch, open_page: Callable[..., Page]) -> Iterator[Session]:
+def own(open_page: Callable[..., Page]) -> Iterator[Session]:
     """A page of a server that was started with the example."""
-    monkeypatch.setenv(own_code.VARIABLE, "")
     own_code.use([PID])
     dashboard, runner = Dashboard(port=0, fps=8.0), Runner(load("ur5-impedance"))
     dashboard.attach(runner)
@@ -32,7 +31,6 @@ def own(monkeypatch: pytest.MonkeyPatch, open_page: Callable[..., Page]) -> Iter
         page.get_by_text("real time").wait_for(timeout=60_000)
         yield Session(page, runner)
     runner.close()
-    own_code.own_laws.cache_clear()
 
 
 def test_a_law_of_one_s_own_stands_in_the_menu_with_its_parameter(own: Session) -> None:

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from app.cli import execute
-from app.process import own_code
-from app.process.own_code import OwnCodeError, own_laws, use
+from app.process.own_code import OwnCodeError, use
 from app.scenario.caption import caption
 from app.scenario.data import edited, from_toml, load, to_toml
 from app.scenario.schema import Scenario, ScenarioError
@@ -20,6 +19,8 @@ from app.simulation.closed_loop import ClosedLoop
 from app.simulation.sampled_stability import sampled_loop
 from app.simulation.system import assemble
 from controllers.premises import Premise
+
+pytestmark = pytest.mark.slow  # it compiles what is of no use to another process
 
 PID = Path(__file__).parents[2] / "docs" / "examples" / "pid_gravity.py"
 HEAD = "from controllers.control_law import ControlLaw, Parameter\nfrom kernels import part\n\n"
@@ -44,15 +45,6 @@ def torque(told, out):
         out.terms.gravity[j] = told.feedforward.G_hat[j]
 
 """
-
-
-@pytest.fixture(autouse=True)
-def nothing_used(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
-    """No file is used before a test, nor after it."""
-    monkeypatch.setenv(own_code.VARIABLE, "")
-    own_laws.cache_clear()
-    yield
-    own_laws.cache_clear()
 
 
 @pytest.fixture

@@ -31,6 +31,8 @@ from app.session.snapshot import snapshot_of
 from app.simulation.closed_loop import ClosedLoop
 from environments.robots import CATALOGUE
 
+pytestmark = pytest.mark.slow  # a process that compiles
+
 ROOT = Path(__file__).parents[2]
 DAMPING = '''"""Damping: a brake in every task coordinate."""
 

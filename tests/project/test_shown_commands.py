@@ -89,6 +89,8 @@ def check(words: list[str], parse: Parse) -> None:
             for recipe in recipes:
                 if has_parser(recipe):
                     check(recipe, parse)
+                elif recipe[:3] == ["python", "-m", "pytest"]:
+                    assert all((ROOT / s.removeprefix("ARGS=")).exists() for s in settings), "no such tests"
                 else:
                     assert not settings, f"nothing says what {shlex.join(recipe)} takes"
         case ["python", "-m", "app", *arguments]:
@@ -159,6 +161,7 @@ def test_simulations_of_a_page_run_one_after_the_other(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     shutil.copy(ROOT / "tests" / "support" / "robots" / "bent3r.urdf", "arm.urdf")
+    shutil.copytree(ROOT / "docs" / "examples", "docs/examples")
     for command in page.commands:
         if command.in_prose or command.output or command.words[0] != "vsmrc" or "--help" in command.words:
             continue
