@@ -19,7 +19,7 @@ import numpy as np
 
 from controllers.nominal_model import Deviation, Estimate
 from controllers.task_space import Scratch, TaskSpace
-from kernels import kernel, part
+from kernels import inline, kernel
 from kernels.algebra import congruence, multiply, norm, norm_of_product, quadratic, spectral_norm
 from kernels.records import Record
 
@@ -60,7 +60,7 @@ class RequiredGain(NamedTuple):
         return cls(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
-@part
+@inline
 def sum_of(needed):
     """What d must be at least, (17)."""
     known = needed.inertia + needed.coriolis + needed.gravity + needed.task_motion + needed.disturbance
@@ -82,7 +82,7 @@ class Equivalent(NamedTuple):
         return cls(*4 * (np.zeros(n),))
 
 
-@part
+@inline
 def paper_bound(u, deviation, estimate, task, q_dot, eq, work, needed):
     """Each product of (17) with the bounds (7); delta_Ft stands in `task_motion`."""
     J_inv = task.J_q_inv_norm
@@ -109,7 +109,7 @@ def paper_bound(u, deviation, estimate, task, q_dot, eq, work, needed):
     needed.disturbance = J_inv * delta_f
 
 
-@part
+@inline
 def tight_bound(u, deviation, estimate, task, q_dot, eq, work, needed):
     """The same perturbation bounded in task space, term by term."""
     J_inv = task.J_q_inv_norm

@@ -12,7 +12,7 @@ from controllers.bounds import Equivalent, RequiredGain, Uncertainty
 from controllers.nominal_model import Estimate
 from controllers.reference_estimates import FeedforwardModel
 from controllers.task_space import Scratch, TaskSpace
-from kernels import compiled, part
+from kernels import compiled, inline
 from kernels.algebra import row_times, times
 
 
@@ -149,7 +149,7 @@ class ControlLaw:
 
     kind: how a scenario names it; title: how the page does; about: a sentence or two for the page and for captions.
     torque: `torque(told, out)` writes `out.terms`, and `out.d` and `out.q_ddot` if it has such a thing; what it leaves
-    out is zero. Decorated with `kernels.part` it is compiled, else it is plain numpy.
+    out is zero. Decorated with `kernels.inline` it is compiled, else it is plain numpy.
     robust: whether it is (25), of which Theorem 1 speaks: z and s act on the torque.
     feels_force: whether the measured force acts on the torque.
     states: says the length k of a state of the law's own for n coordinates; then it is `torque(told, out, x, x_dot)`,
@@ -175,7 +175,7 @@ class ControlLaw:
         return compiled(self.torque)
 
 
-@part
+@inline
 def joint_velocity(task, r_dot, work, q_dot):
     """q_dot = J_q^-1 (r_dot - v_t), as in (25)."""
     for i in range(work.u.shape[0]):
@@ -183,7 +183,7 @@ def joint_velocity(task, r_dot, work, q_dot):
     times(task.J_q_inv, work.u, q_dot)
 
 
-@part
+@inline
 def joint_acceleration(task, r_ddot, q_dot, work, q_ddot):
     """q_ddot = J_q^-1 (r_ddot - J_q_dot q_dot - v_t_dot), as in (25); q_ddot may be r_ddot."""
     for i in range(work.u.shape[0]):
@@ -191,7 +191,7 @@ def joint_acceleration(task, r_ddot, q_dot, work, q_ddot):
     times(task.J_q_inv, work.u, q_ddot)
 
 
-@part
+@inline
 def clear(out):
     """No torque yet: a law writes the terms that it has."""
     terms = out.terms
@@ -201,7 +201,7 @@ def clear(out):
         terms.force[i], terms.linear[i], terms.switching[i] = 0.0, 0.0, 0.0
 
 
-@part
+@inline
 def add_up(out):
     """tau, the sum of its terms, (25)."""
     terms = out.terms

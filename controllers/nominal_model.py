@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 import pinocchio as pin
 
-from kernels import kernel, part
+from kernels import inline, kernel
 from kernels.algebra import cross
 from kernels.records import Record
 
@@ -90,7 +90,7 @@ class Terms(NamedTuple):
     placements: np.ndarray
 
 
-@part
+@inline
 def _placed(links, placements, link, point):
     """A point of a link, counted from 0, in the world: (x, y, z) m."""
     k, total = 4 * link, links.total_mass
@@ -102,7 +102,7 @@ def _placed(links, placements, link, point):
     )
 
 
-@part
+@inline
 def _gravity(links, J, placements, G_links, G_hat):
     """Row i of G_links: what holding link i against gravity takes of every joint before it."""
     n = G_hat.shape[0]
@@ -121,7 +121,7 @@ def _gravity(links, J, placements, G_links, G_hat):
             G_hat[j] += G_links[i, j]
 
 
-@part
+@inline
 def _tool(links, J, J_dot, placements, q_dot, e):
     """The tool's placement, velocity and Jacobians from those of the world's origin."""
     n = q_dot.shape[0]
@@ -146,7 +146,7 @@ def _tool(links, J, J_dot, placements, q_dot, e):
             e.J_v_dot[a, j] = J_dot[a, j] - around[a] - moving[a]
 
 
-@part
+@inline
 def estimates(links, momenta, C, J, J_dot, placements, q_dot, estimate):
     """The `Estimate` from the arrays of `Terms`."""
     n = q_dot.shape[0]

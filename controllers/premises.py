@@ -17,7 +17,7 @@ from controllers.control_law import joint_acceleration, joint_velocity
 from controllers.reaching import Promise, envelope
 from controllers.switching import SAMPLING_SHARE, layer_width
 from controllers.task_space import Scratch
-from kernels import kernel, part
+from kernels import inline, kernel
 from kernels.algebra import (
     congruence,
     copy,
@@ -238,7 +238,7 @@ class Held(NamedTuple):
         return cls(np.zeros(n), np.zeros(n), np.zeros(3), False)
 
 
-@part
+@inline
 def inertia_range(u, estimate, task, work):
     """(low, high): H of every declared arm lies between them at this state, kg, at most 3 % too wide; see
     `bounds.InertiaRange`."""
@@ -265,7 +265,7 @@ def inertia_range(u, estimate, task, work):
     return 1.0 / spectral_norm(work.U, work.S, work.T), high
 
 
-@part
+@inline
 def inertia_error(gains, deviation, estimate, task, work):
     """delta_H of (6), kg: what (17) takes per m/s^2 of r_eq_ddot, at most."""
     u, J_inv = gains.uncertainty, task.J_q_inv_norm
@@ -300,7 +300,7 @@ def _gain_of(gains, task, estimate, deviation, q_dot, room):
     return sum_of(needed)
 
 
-@part
+@inline
 def gain_at_rest(gains, reference, task, estimate, deviation, q_dot, room):
     """d where all errors are zero, N."""
     if not gains.by_theorem:
@@ -310,7 +310,7 @@ def gain_at_rest(gains, reference, task, estimate, deviation, q_dot, room):
     return _gain_of(gains, task, estimate, deviation, q_dot, room)
 
 
-@part
+@inline
 def gain_on_surface(gains, z, reference, task, estimate, deviation, q_dot, output, room):
     """d as it is on the sliding surface, N: at the present e_r and z, with the e_r_dot that makes s zero."""
     if not gains.by_theorem:
@@ -326,7 +326,7 @@ def gain_on_surface(gains, z, reference, task, estimate, deviation, q_dot, outpu
     return _gain_of(gains, task, estimate, deviation, q_dot, room)
 
 
-@part
+@inline
 def watch(gains, z, reference, task, estimate, feedforward, q_dot, output, room, promise, period, table, watched):
     """Look at the posture's inertia: the band, and the premises that depend on it."""
     u, work, deviation = gains.uncertainty, room.work, feedforward.deviation
@@ -356,7 +356,7 @@ def watch(gains, z, reference, task, estimate, feedforward, q_dot, output, room,
         watched.allowed += u.force_error * spectral_norm(work.Y, work.V, work.W)
 
 
-@part
+@inline
 def held_error(gains, feedforward, task, estimate, F_true, output, held, room):
     """What (25) without its robust terms would have changed during the period before, in task space, N.
 
@@ -376,7 +376,7 @@ def held_error(gains, feedforward, task, estimate, F_true, output, held, room):
     return norm(work.u)
 
 
-@part
+@inline
 def judge(table, t):
     """Compare each value with its limit; returns whether all premises hold."""
     all_hold = True
@@ -397,7 +397,7 @@ def judge(table, t):
     return all_hold
 
 
-@part
+@inline
 def keep_promise(all_hold, s_norm, watched, t, kept):
     """Begin, go on with or end the promise, and see whether ||s|| (m/s) is where it is promised to be.
 

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from controllers.nominal_model import ON_LINE, Deviation, Estimate, Lipschitz, NominalModel
-from kernels import part
+from kernels import inline
 from kernels.algebra import copy, copy_matrix
 
 
@@ -26,7 +26,7 @@ class FeedforwardModel(NamedTuple):
         return cls(estimate.M_hat, estimate.C_hat, estimate.G_hat, ON_LINE)
 
 
-@part
+@inline
 def take_estimates(estimate, feedforward):
     """Take the estimates at q themselves."""
     copy_matrix(estimate.M_hat, feedforward.M_hat)

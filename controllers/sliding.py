@@ -5,11 +5,11 @@ from __future__ import annotations
 
 from controllers.bounds import paper_bound, tight_bound
 from controllers.control_law import joint_acceleration, joint_velocity
-from kernels import part
+from kernels import inline
 from kernels.algebra import dot, norm, row_times, transposed_times
 
 
-@part
+@inline
 def measure(gains, z, reference, task, estimate, feedforward, q_dot, F, work, out):
     """All of it, for the compensator state z (n,) and the measured force F (3,) N."""
     errors(gains, reference, task, estimate, F, out)
@@ -20,7 +20,7 @@ def measure(gains, z, reference, task, estimate, feedforward, q_dot, F, work, ou
     gain_needed(gains, feedforward.deviation, task, estimate, q_dot, work, out)
 
 
-@part
+@inline
 def controlled_force(gains, task, tau_F, F, F_c):
     """F_c (n,): the entries of F_r = J_q^-T J^T F in `controlled`; the first m are the multiplier, (39), (40)."""
     transposed_times(task.J_q_inv, tau_F, F_c)
@@ -30,7 +30,7 @@ def controlled_force(gains, task, tau_F, F, F_c):
         F_c[i] *= gains.controlled[i]
 
 
-@part
+@inline
 def errors(gains, reference, task, estimate, F, out):
     """e_r, e_r_dot and e_Fc, with J^T F and F_c on the way."""
     transposed_times(estimate.J_v, F, out.J_F)
@@ -41,7 +41,7 @@ def errors(gains, reference, task, estimate, F, out):
         out.e_Fc[i] = gains.controlled[i] * (out.F_c[i] - reference.F_cd[i])
 
 
-@part
+@inline
 def sliding(gains, z, reference, out):
     """The compensator (9), the sliding variable (10) and the velocity and acceleration that keep it zero, (16)."""
     e_r, e_r_dot, eq = out.e_r, out.e_r_dot, out.equivalent
@@ -57,7 +57,7 @@ def sliding(gains, z, reference, out):
     out.s_norm = norm(out.s)
 
 
-@part
+@inline
 def gain_needed(gains, deviation, task, estimate, q_dot, work, out):
     """What (17) needs, by the bounds that were chosen."""
     u, needed = gains.uncertainty, out.needed

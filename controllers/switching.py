@@ -6,7 +6,7 @@ from enum import IntEnum
 
 import numpy as np
 
-from kernels import choice, kernel, part
+from kernels import choice, inline, kernel
 
 SAMPLING_SHARE = 0.25  # of epsilon in (17) and of K_s s: kept for what the law does not know of within a period
 
@@ -27,44 +27,44 @@ class Switching(IntEnum):
         return 1.0 - SAMPLING_SHARE - given_up
 
 
-@part
+@inline
 def _discontinuous(size, _):
     """eta(||s||) / ||s|| for ||s|| = size m/s > 0 and the layer phi m/s, as all versions have it."""
     return 1.0 / size
 
 
-@part
+@inline
 def _saturation(size, phi):
     return 1.0 / max(size, phi)
 
 
-@part
+@inline
 def _rational(size, phi):
     return 1.0 / (size + phi)
 
 
-@part
+@inline
 def _tanh(size, phi):
     return np.tanh(size / phi) / size
 
 
-@part
+@inline
 def _no_width(_phi, _given_up):
     """||s|| (m/s) from which on eta is 1 less the share of d that is given up, as all versions have it."""
     return 0.0
 
 
-@part
+@inline
 def _saturation_width(phi, _):
     return phi
 
 
-@part
+@inline
 def _rational_width(phi, given_up):
     return phi * (1.0 - given_up) / given_up
 
 
-@part
+@inline
 def _tanh_width(phi, given_up):
     return phi * np.arctanh(1.0 - given_up)
 

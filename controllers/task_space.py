@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from kernels import part
+from kernels import inline
 from kernels.algebra import copy, invert, spectral_norm, times
 
 
@@ -71,7 +71,7 @@ class Scratch(NamedTuple):
         return cls(square, square, square, np.zeros(n), space, space, np.zeros((3, n)))
 
 
-@part
+@inline
 def euler_angles(R_ref, R):
     """Angles (alpha, beta, gamma) of R_ref^T R = R_z(gamma) R_y(beta) R_x(alpha)."""
     xx, yx, zx = _relative(R_ref, R, 0)
@@ -80,7 +80,7 @@ def euler_angles(R_ref, R):
     return np.arctan2(zy, zz), np.arctan2(-zx, np.hypot(xx, yx)), np.arctan2(yx, xx)
 
 
-@part
+@inline
 def _relative(R_ref, A, j):
     """Column j of R_ref^T A, as a tuple."""
     x, y, z = A[0, j], A[1, j], A[2, j]
@@ -91,14 +91,14 @@ def _relative(R_ref, A, j):
     )
 
 
-@part
+@inline
 def _euler_rates(sb, cb, sc, cc, omega):
     """Rates of the Euler angles, E^-1 omega; s and c are sine and cosine of beta and gamma."""
     along = (cc * omega[0] + sc * omega[1]) / cb
     return along, cc * omega[1] - sc * omega[0], sb * along + omega[2]
 
 
-@part
+@inline
 def _positions(layout, chart, estimate, task):
     """(phi, psi_1, psi_2), or Cartesian coordinates, of the tool point: (31) and its derivatives."""
     p_dot = estimate.p_dot
@@ -117,7 +117,7 @@ def _positions(layout, chart, estimate, task):
                 task.J_q_dot[i, j] += gradient_dot * estimate.J_v[k, j] + gradient * estimate.J_v_dot[k, j]
 
 
-@part
+@inline
 def _angles(layout, estimate, q_dot, task):
     """l times three Euler angles, or the one of a planar arm."""
     n, i, l = task.r.shape[0], layout.positions, layout.l
@@ -155,7 +155,7 @@ def _angles(layout, estimate, q_dot, task):
         task.J_q_dot[i, j], task.J_q_dot[i + 1, j], task.J_q_dot[i + 2, j] = l * rates[0], l * rates[1], l * rates[2]
 
 
-@part
+@inline
 def _cartesian(layout, chart, estimate, q, q_dot, work, task):
     n = task.r.shape[0]
     _positions(layout, chart, estimate, task)
@@ -177,7 +177,7 @@ def _cartesian(layout, chart, estimate, q, q_dot, work, task):
     task.J_q_inv_norm = spectral_norm(task.J_q_inv, work.S, work.T)
 
 
-@part
+@inline
 def _joint(q, q_dot, task):
     copy(q, task.r)
     copy(q_dot, task.r_dot)
@@ -189,7 +189,7 @@ def _joint(q, q_dot, task):
     task.J_q_inv_norm = 1.0
 
 
-@part
+@inline
 def task_space(layout, chart, estimate, q, q_dot, work, task):
     """The `TaskSpace` at one instant, (3).
 

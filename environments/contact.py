@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from environments.surfaces import Chart, Shape, surface_chart
-from kernels import part
+from kernels import inline
 from kernels.algebra import cross, dot, transposed_times
 
 SLIP_SPEED = 1e-3  # m/s, where Coulomb friction has reached 0.7 of its value: the smooth transition through rest
@@ -80,7 +80,7 @@ class World(NamedTuple):
     rigid: bool
 
 
-@part
+@inline
 def touch_at(world, J, rotation, translation, q_dot, t, touch):
     """`ContactKinematics` from the world Jacobian J (6, n) of the joint that carries the tool and that joint's
     placement; its phi_ddot_bias lacks the tool's own drift, see `add_drift`."""
@@ -115,7 +115,7 @@ def touch_at(world, J, rotation, translation, q_dot, t, touch):
         touch.phi_ddot_bias += p_dot[a] * dot(chart.G_p[0, a], p_dot)
 
 
-@part
+@inline
 def add_drift(J, J_dot, q_dot, touch):
     """Add the part of phi_ddot in the tool's acceleration without q_ddot, J_v_dot q_dot."""
     for a in range(3):
@@ -128,7 +128,7 @@ def add_drift(J, J_dot, q_dot, touch):
         touch.phi_ddot_bias += touch.chart.G[0, a] * drift
 
 
-@part
+@inline
 def spring(contact, phi, phi_dot):
     """lambda (N) of an elastic surface, (32) with damping; zero in the air unless the surface is bilateral."""
     pull = contact.B_e * phi_dot + contact.K_e * phi
@@ -137,7 +137,7 @@ def spring(contact, phi, phi_dot):
     return pull
 
 
-@part
+@inline
 def contact_force(contact, multiplier, touching, touch, force):
     """Force (3,) N of the tool on the environment for a multiplier, friction included where they touch."""
     viscous = contact.friction_viscous if touching else 0.0
@@ -146,7 +146,7 @@ def contact_force(contact, multiplier, touching, touch, force):
         force[a] = multiplier * touch.chart.G[0, a] + along
 
 
-@part
+@inline
 def elastic_load(contact, touch, load):
     """The `ContactForce` of an elastic surface: it does not depend on the torque."""
     load.multiplier, load.phi = spring(contact, touch.phi, touch.phi_dot), touch.phi
@@ -154,7 +154,7 @@ def elastic_load(contact, touch, load):
     transposed_times(touch.J_v, load.force, load.torque)
 
 
-@part
+@inline
 def heavy_multiplier(contact, rigid, touch, phi_ddot_free, mobility):
     """lambda (N) where it depends on the acceleration phi_ddot = phi_ddot_free - mobility lambda: (28), (39).
 

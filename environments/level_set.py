@@ -12,8 +12,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from environments.tape import GRADIENT, GRADIENT_RATE, HESSIAN, RATE, SECOND_RATE, VALUE, run
-from kernels import kernel, part
+from environments.bytecode import GRADIENT, GRADIENT_RATE, HESSIAN, RATE, SECOND_RATE, VALUE, run
+from kernels import inline, kernel
 from kernels.algebra import dot, invert
 
 ITERATIONS = 15
@@ -21,18 +21,18 @@ NEAREST = 1e-12  # m: the step of Newton's method below which p* is found; the n
 SCAN = 0.01  # m, between two looks for a change of sign along a line
 
 
-@part
+@inline
 def _entry(k, a):
-    """Where the tape has the second derivative with respect to coordinates k and a."""
+    """Where the bytecode has the second derivative with respect to coordinates k and a."""
     low, high = min(k, a), max(k, a)
     return HESSIAN + low + high + (1 if low > 0 else 0)
 
 
-@part
-def _foot(tape, zeta, t):
+@inline
+def _foot(bytecode, zeta, t):
     """Newton's method for (p*, mu): K, K_inv and the registers are those at p*. Returns p*, mu, and whether found."""
-    r, out, K = tape.registers, tape.outputs, tape.K
-    run(tape, zeta[0], zeta[1], zeta[2], t)
+    r, out, K = bytecode.registers, bytecode.outputs, bytecode.K
+    run(bytecode, zeta[0], zeta[1], zeta[2], t)
     square = r[out[GRADIENT]] ** 2 + r[out[GRADIENT + 1]] ** 2 + r[out[GRADIENT + 2]] ** 2
     mu = r[out[VALUE]] / square
     x, y, z = (
@@ -41,7 +41,7 @@ def _foot(tape, zeta, t):
         zeta[2] - mu * r[out[GRADIENT + 2]],
     )
     for _ in range(ITERATIONS):
-        run(tape, x, y, z, t)
+        run(bytecode, x, y, z, t)
         for k in range(3):
             for a in range(3):
                 K[k, a] = mu * r[out[_entry(k, a)]]
@@ -50,15 +50,15 @@ def _foot(tape, zeta, t):
         K[3, 3] = 0.0
         if not np.isfinite(np.sum(K)):
             break
-        invert(K, tape.work, tape.K_inv)
+        invert(K, bytecode.work, bytecode.K_inv)
         rest = (
             x - zeta[0] + mu * r[out[GRADIENT]],
             y - zeta[1] + mu * r[out[GRADIENT + 1]],
             z - zeta[2] + mu * r[out[GRADIENT + 2]],
             r[out[VALUE]],
         )
-        dx, dy, dz = dot(tape.K_inv[0], rest), dot(tape.K_inv[1], rest), dot(tape.K_inv[2], rest)
-        mu -= dot(tape.K_inv[3], rest)
+        dx, dy, dz = dot(bytecode.K_inv[0], rest), dot(bytecode.K_inv[1], rest), dot(bytecode.K_inv[2], rest)
+        mu -= dot(bytecode.K_inv[3], rest)
         if abs(dx) + abs(dy) + abs(dz) < NEAREST:
             return mu, True
         x, y, z = x - dx, y - dy, z - dz
@@ -66,20 +66,20 @@ def _foot(tape, zeta, t):
 
 
 @kernel
-def distance(tape, side, zeta, t, chart):
+def distance(bytecode, side, zeta, t, chart):
     """Row 0 of a `Chart`: side times the distance of zeta (3,) m at time t (s), and what the formula's own time adds
     to its derivatives in time, as a tuple (phi_t, phi_tt, phi_xt, phi_yt, phi_zt).
 
     Where no nearest point is found, far from a curved surface, it is Phi / |grad Phi|, without second derivatives.
     """
-    r, out = tape.registers, tape.outputs
-    mu, found = _foot(tape, zeta, t)
+    r, out = bytecode.registers, bytecode.outputs
+    mu, found = _foot(bytecode, zeta, t)
     if not found:
-        return _to_first_order(tape, side, zeta, t, chart)
+        return _to_first_order(bytecode, side, zeta, t, chart)
     g = (r[out[GRADIENT]], r[out[GRADIENT + 1]], r[out[GRADIENT + 2]])
     size = np.sqrt(g[0] ** 2 + g[1] ** 2 + g[2] ** 2)
     n = (g[0] / size, g[1] / size, g[2] / size)
-    D, change = tape.K_inv, tape.work  # D: p* by p
+    D, change = bytecode.K_inv, bytecode.work  # D: p* by p
     rate = r[out[RATE]]
     for k in range(3):  # change[0]: p* by t
         change[0, k] = -D[k, 3] * rate
@@ -92,15 +92,15 @@ def distance(tape, side, zeta, t, chart):
         second += r[out[GRADIENT_RATE + k]] * change[0, k]
         for a in range(3):
             change[1, k] += r[out[_entry(k, a)]] * change[0, a]
-            tape.K[k, a] = 0.0
+            bytecode.K[k, a] = 0.0
             for b in range(3):
-                tape.K[k, a] += r[out[_entry(k, b)]] * D[b, a]
+                bytecode.K[k, a] += r[out[_entry(k, b)]] * D[b, a]
         stretch += n[k] * change[1, k]
     chart.g[0] = side * mu * size
     for a in range(3):
-        along = n[0] * tape.K[0, a] + n[1] * tape.K[1, a] + n[2] * tape.K[2, a]
+        along = n[0] * bytecode.K[0, a] + n[1] * bytecode.K[1, a] + n[2] * bytecode.K[2, a]
         for k in range(3):
-            chart.G_p[0, k, a] = side * (tape.K[k, a] - n[k] * along) / size
+            chart.G_p[0, k, a] = side * (bytecode.K[k, a] - n[k] * along) / size
     for k in range(3):
         chart.G[0, k] = side * n[k]
         change[1, k] = side * (change[1, k] - n[k] * stretch) / size
@@ -108,10 +108,10 @@ def distance(tape, side, zeta, t, chart):
     return side * rate / size, phi_tt, change[1, 0], change[1, 1], change[1, 2]
 
 
-@part
-def _to_first_order(tape, side, zeta, t, chart):
-    r, out = tape.registers, tape.outputs
-    run(tape, zeta[0], zeta[1], zeta[2], t)
+@inline
+def _to_first_order(bytecode, side, zeta, t, chart):
+    r, out = bytecode.registers, bytecode.outputs
+    run(bytecode, zeta[0], zeta[1], zeta[2], t)
     size = np.sqrt(r[out[GRADIENT]] ** 2 + r[out[GRADIENT + 1]] ** 2 + r[out[GRADIENT + 2]] ** 2)
     chart.g[0] = side * r[out[VALUE]] / size
     for k in range(3):
@@ -121,21 +121,21 @@ def _to_first_order(tape, side, zeta, t, chart):
     return side * r[out[RATE]] / size, 0.0, 0.0, 0.0, 0.0
 
 
-@part
-def _on_line(tape, start, along, h, t):
+@inline
+def _on_line(bytecode, start, along, h, t):
     """Phi at start + h along, and its derivative by h."""
-    r, out = tape.registers, tape.outputs
-    run(tape, start[0] + h * along[0], start[1] + h * along[1], start[2] + h * along[2], t)
+    r, out = bytecode.registers, bytecode.outputs
+    run(bytecode, start[0] + h * along[0], start[1] + h * along[1], start[2] + h * along[2], t)
     g = (r[out[GRADIENT]], r[out[GRADIENT + 1]], r[out[GRADIENT + 2]])
     return r[out[VALUE]], g[0] * along[0] + g[1] * along[1] + g[2] * along[2]
 
 
-@part
-def _between(tape, start, along, low, high, at_low, t):
+@inline
+def _between(bytecode, start, along, low, high, at_low, t):
     """The root between low and high, where the signs of Phi differ: Newton's method, halving where that leaves them."""
     h = 0.5 * (low + high)
     for _ in range(60):
-        value, slope = _on_line(tape, start, along, h, t)
+        value, slope = _on_line(bytecode, start, along, h, t)
         if (value < 0.0) == (at_low < 0.0):
             low = h
         else:
@@ -150,22 +150,22 @@ def _between(tape, start, along, low, high, at_low, t):
 
 
 @kernel
-def crossings(tape, starts, along, reach, t, heights):
+def crossings(bytecode, starts, along, reach, t, heights):
     """heights (N,): where the lines starts (N, 3) + h along (3,), m, meet Phi = 0 at time t (s), nan if nowhere within
     `reach` m. Of several crossings the one nearest to that of the line before counts, on the first line to h = 0."""
-    tape, near = tape[0], 0.0
+    bytecode, near = bytecode[0], 0.0
     for i in range(starts.shape[0]):
         start = starts[i]
-        up, _ = _on_line(tape, start, along, near, t)
+        up, _ = _on_line(bytecode, start, along, near, t)
         down, heights[i] = up, np.nan
         for step in range(int(reach / SCAN)):
             h, above, below = step * SCAN, up, down
-            up, _ = _on_line(tape, start, along, near + h + SCAN, t)
+            up, _ = _on_line(bytecode, start, along, near + h + SCAN, t)
             if (up < 0.0) != (above < 0.0) and np.isfinite(up - above):
-                heights[i] = _between(tape, start, along, near + h, near + h + SCAN, above, t)
-            down, _ = _on_line(tape, start, along, near - h - SCAN, t)
+                heights[i] = _between(bytecode, start, along, near + h, near + h + SCAN, above, t)
+            down, _ = _on_line(bytecode, start, along, near - h - SCAN, t)
             if (down < 0.0) != (below < 0.0) and np.isfinite(down - below):
-                other = _between(tape, start, along, near - h, near - h - SCAN, below, t)
+                other = _between(bytecode, start, along, near - h, near - h - SCAN, below, t)
                 if not abs(other - near) > abs(heights[i] - near):
                     heights[i] = other
             if np.isfinite(heights[i]):

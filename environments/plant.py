@@ -21,7 +21,7 @@ from environments.contact import (
 )
 from environments.robots import Robot
 from environments.surfaces import Surface
-from kernels import kernel, part, resolved
+from kernels import compiled_for, inline, kernel
 from kernels.algebra import dot, solve_spd, transposed_times
 from kernels.records import Record
 
@@ -109,14 +109,14 @@ class Tool(NamedTuple):
     J_v: np.ndarray
 
 
-@part
+@inline
 def limited(limits, tau, applied):
     """What the drives make of a commanded torque: applied (n,) = tau, within the limits (n,) N m."""
     for i in range(applied.shape[0]):
         applied[i] = min(max(tau[i], -limits[i]), limits[i])
 
 
-@part
+@inline
 def _resistance(resistance, q_dot, t, torque):
     n = q_dot.shape[0]
     for i in range(n):
@@ -156,7 +156,7 @@ class PlantWorkspace(NamedTuple):
         return cls(world, resistance, ContactKinematics.zeros(n), v, np.zeros(3), v, v, np.zeros((n, n)))
 
 
-@part
+@inline
 def _accelerate(around, M, bias, arm, tau, t):
     """q_ddot under the torque tau and the load at hand."""
     torque = around.torque
@@ -181,7 +181,7 @@ def _accelerate_elastic(around, M, bias, J, rotation, translation, arm, tau, t):
     _accelerate(around, M, bias, arm, tau, t)
 
 
-@part
+@inline
 def _touching(world, touch):
     return world.rigid or touch.phi > 0.0 or not world.contact.unilateral
 
@@ -334,19 +334,19 @@ class Plant:
 
     def _resolve_kernels(self, n: int) -> None:
         around, arm, tau = self._around, Record(Arm.zeros(n)).data, np.zeros(n)
-        self._drift = resolved(_drift, arm, 0.0)
-        self._kick_and_drift = resolved(_kick_and_drift, arm, 0.0)
-        self._step_of_euler = resolved(_semi_implicit_euler, arm, 0.0)
+        self._drift = compiled_for(_drift, arm, 0.0)
+        self._kick_and_drift = compiled_for(_kick_and_drift, arm, 0.0)
+        self._step_of_euler = compiled_for(_semi_implicit_euler, arm, 0.0)
         if self.kind in FINDERS:
-            self._find = resolved(FINDERS[self.kind], around, *self._tool, arm, 0.0)
+            self._find = compiled_for(FINDERS[self.kind], around, *self._tool, arm, 0.0)
         inertia, M = self._inertia, self.data.M
         if self.kind == "free":
-            self._answer = resolved(_accelerate_free, around, *inertia, arm, tau, 0.0)
+            self._answer = compiled_for(_accelerate_free, around, *inertia, arm, tau, 0.0)
         elif self.kind == "elastic":
-            self._answer = resolved(_accelerate_elastic, around, *inertia, *self._tool, arm, tau, 0.0)
+            self._answer = compiled_for(_accelerate_elastic, around, *inertia, *self._tool, arm, tau, 0.0)
         else:
-            self._answer = resolved(_accelerate_heavy, around, *inertia, *self._tool_moving, arm, tau, 0.0)
-            self._onto_surface = resolved(_onto_surface, around, *self._tool, M, arm, 0.0)
+            self._answer = compiled_for(_accelerate_heavy, around, *inertia, *self._tool_moving, arm, tau, 0.0)
+            self._onto_surface = compiled_for(_onto_surface, around, *self._tool, M, arm, 0.0)
 
     def start(self, q: np.ndarray, q_dot: np.ndarray, t: float) -> PlantState:
         """The state q (n,), q_dot (n,) at time t; on a rigid surface it is moved onto it.

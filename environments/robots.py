@@ -18,8 +18,8 @@ import numpy as np
 import pinocchio as pin
 
 from environments import urdf as description
-from environments.dexterity import Geometry, Tool, geometry_of
 from environments.urdf import RobotError
+from environments.working_posture import Geometry, Tool, geometry_of
 
 FEWEST_JOINTS, MOST_JOINTS = 2, 8  # between base and tool
 USUAL_JOINTS = 7  # what lies beyond is probably a gripper

@@ -14,9 +14,9 @@ from typing import ClassVar, NamedTuple
 
 import numpy as np
 
+from environments.bytecode import BLANK, Bytecode
 from environments.level_set import distance
-from environments.tape import BLANK, Tape
-from kernels import choice, kernel, part
+from kernels import choice, inline, kernel
 from kernels.algebra import dot
 from kernels.records import Record
 
@@ -56,7 +56,7 @@ class Motion:
 
 class Shape(NamedTuple):
     """A surface in the kernels' form: which one, origin (3,) m, frame (3, 3) of unit rows, radius m, side +-1, its
-    `Motion`, and the tape of its formula."""
+    `Motion`, and the bytecode of its formula."""
 
     kind: int
     origin: np.ndarray
@@ -66,13 +66,13 @@ class Shape(NamedTuple):
     direction: np.ndarray
     amplitude: float
     frequency: float
-    tape: Tape
+    bytecode: Bytecode
 
 
 STILL = (0.0, 0.0, 0.0, 0.0, 0.0)  # what a form that does not change adds to phi's derivatives, see `distance`
 
 
-@part
+@inline
 def _plane(zeta, shape, _t, chart):
     """Coordinates of zeta (3,) m in the frame of the surface, as all surfaces have them; returns what the form adds in
     time to the derivatives of phi."""
@@ -85,13 +85,13 @@ def _plane(zeta, shape, _t, chart):
     return STILL
 
 
-@part
+@inline
 def _formula(zeta, shape, t, chart):
     _plane(zeta, shape, t, chart)
-    return distance(shape.tape, shape.side, zeta, t, chart)
+    return distance(shape.bytecode, shape.side, zeta, t, chart)
 
 
-@part
+@inline
 def _in_plane(zeta, u, v):
     """Radius and angle of zeta in the plane of the unit vectors u, v, with their unit directions e_rho, e_theta."""
     x, y = dot(u, zeta), dot(v, zeta)
@@ -102,7 +102,7 @@ def _in_plane(zeta, u, v):
     return rho, np.arctan2(y, x), e_rho, e_theta
 
 
-@part
+@inline
 def _arc(i, radius, rho, theta, e_rho, e_theta, chart):
     """Coordinate i is radius * theta."""
     chart.g[i] = radius * theta
@@ -112,7 +112,7 @@ def _arc(i, radius, rho, theta, e_rho, e_theta, chart):
             chart.G_p[i, k, a] = -radius * (e_rho[k] * e_theta[a] + e_theta[k] * e_rho[a]) / rho**2
 
 
-@part
+@inline
 def _cylinder(zeta, shape, _t, chart):
     """Rows of the frame: reference direction, tangent, axis."""
     frame, side = shape.frame, shape.side
@@ -127,7 +127,7 @@ def _cylinder(zeta, shape, _t, chart):
     return STILL
 
 
-@part
+@inline
 def _sphere(zeta, shape, _t, chart):
     """psi_1, psi_2: arc lengths of the angles seen from the reference direction towards each tangent."""
     frame, side = shape.frame, shape.side
@@ -148,7 +148,7 @@ PLANE, CYLINDER, SPHERE, FORMULA = range(4)
 _local_chart = choice((_plane, _cylinder, _sphere, _formula))
 
 
-@part
+@inline
 def surface_chart(shape, p, t, chart):
     """The `Chart` of a point p (3,) m at time t (s)."""
     omega = 2 * np.pi * shape.frequency
@@ -215,7 +215,7 @@ class Surface:
     motion: Motion
     radius: float = 0.0
     side: float = 1.0
-    tape: Tape = BLANK
+    bytecode: Bytecode = BLANK
     kind: ClassVar[int]
     resolution: ClassVar[int] = 41
 
@@ -229,7 +229,7 @@ class Surface:
         """The surface in the kernels' form."""
         m = self.motion
         radius, side, amplitude, frequency = (float(x) for x in (self.radius, self.side, m.amplitude, m.frequency))
-        return Shape(self.kind, self.origin, self.frame, radius, side, m.direction, amplitude, frequency, self.tape)
+        return Shape(self.kind, self.origin, self.frame, radius, side, m.direction, amplitude, frequency, self.bytecode)
 
     @cached_property
     def _packed(self) -> np.ndarray:

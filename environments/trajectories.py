@@ -1,7 +1,7 @@
 """References r_d(t) and F_cd(t), each with two exact derivatives.
 
-A trajectory is a displacement from where it starts. A new one is a short frozen class with its `course`, and a part
-among those of `_in_plane` or `_profile`.
+A trajectory is a displacement from where it starts. A new one is a short frozen class with its `course`, and a
+kernel among those of `_in_plane` or `_profile`.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from kernels import choice, kernel, part
+from kernels import choice, inline, kernel
 from kernels.records import Record
 
 
@@ -84,7 +84,7 @@ class Shift(NamedTuple):
         return path.read()
 
 
-@part
+@inline
 def minimum_jerk(t, duration):
     """sigma(t) from 0 to 1 in `duration` s with zero speed and acceleration at both ends, and two derivatives."""
     if t <= 0.0:
@@ -99,7 +99,7 @@ def minimum_jerk(t, duration):
     )
 
 
-@part
+@inline
 def _phase(t, omega, ramp):
     """theta(t) whose rate rises smoothly from 0 to omega within `ramp` s (the integral of minimum jerk)."""
     if ramp <= 0.0:
@@ -111,14 +111,14 @@ def _phase(t, omega, ramp):
     return omega * ramp * u**4 * (2.5 - 3 * u + u**2), omega * sigma, omega * sigma_dot
 
 
-@part
+@inline
 def _move(course, t):
     """x, y of a course and their first and second derivatives, as all trajectories have them."""
     sigma, sigma_dot, sigma_ddot = minimum_jerk(t, course.ramp)
     return sigma, 0.0, sigma_dot, 0.0, sigma_ddot, 0.0
 
 
-@part
+@inline
 def _circle(course, t):
     theta, theta_dot, theta_ddot = _phase(t, course.omega, course.ramp)
     c, s = np.cos(theta), np.sin(theta)
@@ -127,7 +127,7 @@ def _circle(course, t):
     return c - 1.0, s, c_dot, s_dot, c_ddot, s_ddot
 
 
-@part
+@inline
 def _line(course, t):
     x, _, x_dot, _, x_ddot, _ = _circle(course, t)
     return -0.5 * x, 0.0, -0.5 * x_dot, 0.0, -0.5 * x_ddot, 0.0
@@ -137,7 +137,7 @@ POINT_TO_POINT, CIRCLE, LINE = range(3)
 _in_plane = choice((_move, _circle, _line))
 
 
-@part
+@inline
 def path_at(course, t, value, rate, acceleration):
     """The displacement (n,) and its derivatives at time t (s)."""
     x, y, x_dot, y_dot, x_ddot, y_ddot = _in_plane(course.kind, course, t)
@@ -147,7 +147,7 @@ def path_at(course, t, value, rate, acceleration):
         acceleration[i] = x_ddot * course.u[i] + y_ddot * course.v[i]
 
 
-@part
+@inline
 def add_shift(shift, t, value, rate, acceleration):
     """Add a shift to a path: the polynomial of fifth order that meets both ends with two derivatives."""
     T = shift.duration
@@ -164,14 +164,14 @@ def add_shift(shift, t, value, rate, acceleration):
         acceleration[i] += (A + u * (6 * a + u * (12 * b + u * 20 * c))) / T**2
 
 
-@part
+@inline
 def _step(course, t):
     """A force (N) and its derivatives, as all profiles have them."""
     sigma, sigma_dot, sigma_ddot = minimum_jerk(t - course.time, course.rise)
     return course.start + course.change * sigma, course.change * sigma_dot, course.change * sigma_ddot
 
 
-@part
+@inline
 def _sinusoid(course, t):
     omega = course.omega
     s, c = course.change * np.sin(omega * t), course.change * np.cos(omega * t)
@@ -182,7 +182,7 @@ STEP, SINUSOID = range(2)
 _profile = choice((_step, _sinusoid))
 
 
-@part
+@inline
 def force_at(course, t):
     """The force (N) and its derivatives at time t (s)."""
     return _profile(course.kind, course, t)

@@ -13,11 +13,11 @@ from typing import Literal
 
 import numpy as np
 
+from environments.bytecode import bytecode_of
 from environments.expression import T
 from environments.formula import Formula, FormulaError, parse
 from environments.level_set import crossings
 from environments.surfaces import FORMULA, Motion, Surface, grid, tangent_frame, triangles
-from environments.tape import tape_of
 from kernels.records import Record
 
 REACH = 0.4  # m along the normal, within which the surface is looked for
@@ -52,7 +52,7 @@ class TypedSurface(Surface):
         """solid: where the formula is negative ("below") or positive. Raises FormulaError."""
         formula = parse(text)
         graph = formula.graph
-        tape = tape_of(formula)
+        bytecode = bytecode_of(formula)
         if all(graph.derivative(formula.root, space) == graph.zero for space in range(3)):
             raise FormulaError("the formula depends on none of x, y, z; allowed: one that does")
         return cls(
@@ -60,7 +60,7 @@ class TypedSurface(Surface):
             tangent_frame(normal),
             motion,
             side=-1.0 if solid == "below" else 1.0,
-            tape=tape,
+            bytecode=bytecode,
             formula=formula,
             near=np.asarray(near, dtype=float),
         )
@@ -71,13 +71,13 @@ class TypedSurface(Surface):
         return graph.derivative(self.formula.root, T) != graph.zero
 
     @cached_property
-    def _packed_tape(self) -> np.ndarray:
-        return Record(self.tape).data
+    def _packed_bytecode(self) -> np.ndarray:
+        return Record(self.bytecode).data
 
     def _heights(self, starts: np.ndarray, t: float) -> np.ndarray:
         """How far (N,) m along the normal the surface is from the points (N, 3) m from its origin; nan: nowhere."""
         heights = np.empty(len(starts))
-        crossings(self._packed_tape, np.ascontiguousarray(starts), self.frame[0], REACH, t, heights)
+        crossings(self._packed_bytecode, np.ascontiguousarray(starts), self.frame[0], REACH, t, heights)
         return heights
 
     def point(self, g: np.ndarray, t: float) -> np.ndarray:

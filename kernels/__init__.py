@@ -17,8 +17,8 @@ from numba.core.registry import CPUDispatcher
 # contracting a b + c to one rounding is the only liberty that the compiler may take
 kernel = njit(cache=True, error_model="numpy", fastmath={"contract"})
 not_kept = njit(error_model="numpy", fastmath={"contract"})  # a kernel that is compiled anew in each process
-# a part is called by kernels only, and compiles faster for that
-part = jit(
+# an inline kernel is called by kernels only, and compiles faster for that
+inline = jit(
     nopython=True,
     no_cpython_wrapper=True,  # pyright: ignore[reportCallIssue]
     no_cfunc_wrapper=True,
@@ -27,22 +27,22 @@ part = jit(
 )
 
 
-def choice(parts: Sequence[Callable[..., Any]], first: int = 0) -> Callable[..., Any]:
-    """A part `chosen(number, *arguments)` that calls the part of this number with the arguments; `first`: number of the
-    first one looked at. It raises ValueError where there is no part of that number."""
-    here = parts[first]
-    if first == len(parts) - 1:
+def choice(kernels: Sequence[Callable[..., Any]], first: int = 0) -> Callable[..., Any]:
+    """An inline kernel `chosen(number, *arguments)` that calls the one of this number with the arguments; `first`: the
+    number that is looked at first. It raises ValueError where there is none of that number."""
+    here = kernels[first]
+    if first == len(kernels) - 1:
 
-        @part
+        @inline
         def last(number, *arguments):
             if number != first:
-                raise ValueError("there is no part of this number")
+                raise ValueError("there is no kernel of this number")
             return here(*arguments)
 
         return last
-    others = choice(parts, first + 1)
+    others = choice(kernels, first + 1)
 
-    @part
+    @inline
     def chosen(number, *arguments):
         if number == first:
             return here(*arguments)
@@ -52,11 +52,11 @@ def choice(parts: Sequence[Callable[..., Any]], first: int = 0) -> Callable[...,
 
 
 def compiled(function: Callable[..., Any]) -> bool:
-    """Whether a function is a kernel or a part."""
+    """Whether a function is a kernel, inline or not."""
     return isinstance(function, CPUDispatcher)
 
 
-def resolved(kernel: Any, *arguments: np.ndarray | float) -> Callable[..., Any]:
+def compiled_for(kernel: Any, *arguments: np.ndarray | float) -> Callable[..., Any]:
     """The kernel compiled for arguments of these types, to be called again and again with arguments of just these.
 
     It takes 0.1 us less per argument than the kernel itself, which looks at their types in every call.

@@ -8,17 +8,17 @@ from __future__ import annotations
 
 import numpy as np
 
-from kernels import kernel, part
+from kernels import inline, kernel
 
 
-@part
+@inline
 def copy(a, out):
     """out = a, vectors."""
     for i in range(out.shape[0]):
         out[i] = a[i]
 
 
-@part
+@inline
 def copy_matrix(A, out):
     """out = A."""
     for i in range(out.shape[0]):
@@ -26,13 +26,13 @@ def copy_matrix(A, out):
             out[i, j] = A[i, j]
 
 
-@part
+@inline
 def cross(a, b):
     """a x b of two vectors in space, as a tuple."""
     return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
-@part
+@inline
 def times(A, x, out):
     """out = A x."""
     for i in range(out.shape[0]):
@@ -42,7 +42,7 @@ def times(A, x, out):
         out[i] = total
 
 
-@part
+@inline
 def transposed_times(A, x, out):
     """out = A^T x."""
     for j in range(out.shape[0]):
@@ -52,7 +52,7 @@ def transposed_times(A, x, out):
         out[j] = total
 
 
-@part
+@inline
 def row_times(A, i, x):
     """(A x)_i."""
     total = 0.0
@@ -61,7 +61,7 @@ def row_times(A, i, x):
     return total
 
 
-@part
+@inline
 def multiply(A, B, out):
     """out = A B."""
     for i in range(out.shape[0]):
@@ -72,7 +72,7 @@ def multiply(A, B, out):
             out[i, j] = total
 
 
-@part
+@inline
 def congruence(T, A, work, out):
     """out = T^T A T for a symmetric A; work has its shape."""
     multiply(A, T, work)
@@ -86,7 +86,7 @@ def congruence(T, A, work, out):
             out[j, i] = total
 
 
-@part
+@inline
 def dot(a, b):
     """a . b."""
     total = 0.0
@@ -95,13 +95,13 @@ def dot(a, b):
     return total
 
 
-@part
+@inline
 def norm(v):
     """Euclidean norm of a vector, the norm of (6)."""
     return np.sqrt(dot(v, v))
 
 
-@part
+@inline
 def quadratic(x, A):
     """x . A x."""
     total = 0.0
@@ -110,7 +110,7 @@ def quadratic(x, A):
     return total
 
 
-@part
+@inline
 def norm_of_product(A, x):
     """||A x||."""
     square = 0.0
@@ -157,7 +157,7 @@ def spectral_norm(A, S, T):
     return np.exp(logarithm + power * np.log(trace))
 
 
-@part
+@inline
 def invert(A, work, out):
     """out = A^-1 by Gauss and Jordan with row pivots; work has its shape. Raises ValueError when A is singular."""
     n = out.shape[0]
@@ -189,7 +189,7 @@ def invert(A, work, out):
                     out[i, j] -= share * out[c, j]
 
 
-@part
+@inline
 def solve_spd(A, b, work, out):
     """out = A^-1 b for a symmetric positive definite A, by Cholesky's factor, which stays in work."""
     n = out.shape[0]

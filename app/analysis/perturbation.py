@@ -41,7 +41,7 @@ class Instant(NamedTuple):
 NOWHERE = Instant(*7 * (np.nan,))
 
 
-class Hindsight:
+class PerturbationAnalysis:
     """The true arm of one run, looked at from outside its loop's thread."""
 
     def __init__(self, system: System) -> None:
@@ -130,13 +130,19 @@ class Known(Mapping[str, np.ndarray]):
 
     def __init__(
         self,
-        hindsight: Hindsight,
+        analysis: PerturbationAnalysis,
         rows: Signals,
         epochs: Sequence[Epoch],
         openings: np.ndarray,
         kept: dict[float, Instant],
     ) -> None:
-        self._hindsight, self._rows, self._epochs, self._openings, self._kept = hindsight, rows, epochs, openings, kept
+        self._analysis, self._rows, self._epochs, self._openings, self._kept = (
+            analysis,
+            rows,
+            epochs,
+            openings,
+            kept,
+        )
         self._found: dict[str, np.ndarray] = {}
         self._makers = {
             **dict.fromkeys(Instant._fields, self._examine),
@@ -175,13 +181,13 @@ class Known(Mapping[str, np.ndarray]):
             key = float(t[i])
             if key not in self._kept:
                 row = {name: self._rows[name][i] for name in _LOOKED_AT}
-                self._kept[key] = self._hindsight.at(row, self._epochs[int(numbers[i])])
+                self._kept[key] = self._analysis.at(row, self._epochs[int(numbers[i])])
             found[i] = self._kept[key]
         return dict(zip(Instant._fields, found.T, strict=True))
 
     def _steady_force(self) -> np.ndarray:
         """Where a mode controls the force (37) for what is desired now, or (42), with what the s of now leaves (14)."""
-        system, f_nd, s = self._hindsight.system, self._rows["F_cd"][:, 0], self._rows["s"]
+        system, f_nd, s = self._analysis.system, self._rows["F_cd"][:, 0], self._rows["s"]
         if not system.m:
             return self["yielding_force"]
         numbers, settled = self._numbers(), np.empty_like(f_nd)
@@ -220,7 +226,7 @@ class Known(Mapping[str, np.ndarray]):
         return found
 
 
-# of a row, by `Hindsight.at`
+# of a row, by `PerturbationAnalysis.at`
 _LOOKED_AT = (
     "t", "q", "q_dot", "s", "q_eq_ddot", "tau_inertia", "tau_coriolis", "tau_gravity", "tau_force", "tau",
     "tau_applied", "F_true", "F_push", "r_d",

@@ -41,7 +41,7 @@ from app.export.export_jobs import ExportJobs
 from app.session.preview_client import Previewer
 from app.session.runner import Runner
 from app.session.snapshot import Snapshot
-from app.storage.uploaded_urdfs import Shelf
+from app.storage.uploaded_urdfs import UploadedUrdfs
 
 log = structlog.get_logger()
 
@@ -96,7 +96,7 @@ class Dashboard:
         self._appearance = Appearance(gui, self._scene, theme)
         self._help = Help(self._server)
         self._closed, self._drawing = threading.Event(), threading.RLock()
-        self.shelf = Shelf()
+        self.uploads = UploadedUrdfs()
         self._stalled_clients = StalledClients(self._server)
         watch(self._server.get_event_loop(), self.fail)
         self._server.on_client_connect(self._on_connect)
@@ -137,7 +137,7 @@ class Dashboard:
 
     def attach(self, runner: Runner) -> None:
         """Build the controls for this runner and show it from now on."""
-        self._view = _View(self._server, self._status, self._scene, runner, self.shelf)
+        self._view = _View(self._server, self._status, self._scene, runner, self.uploads)
 
     def offer(self, last_session: LastSession) -> None:
         """Ask whether to go on with it, above the controls; nothing before `attach`."""
@@ -208,7 +208,7 @@ class _View:
         status: viser.GuiHtmlHandle,
         scene: SceneView,
         runner: Runner,
-        shelf: Shelf,
+        uploads: UploadedUrdfs,
     ) -> None:
         self._server, self._status, self._scene, self._runner = server, status, scene, runner
         self._complaint, self._complaint_until, self._complaint_revision = "", 0.0, -1
@@ -226,7 +226,7 @@ class _View:
             self._viewing,
             self.complain,
             self._export_jobs,
-            shelf,
+            uploads,
         )
         self._hand = Hand(server.scene, desk, lambda client: client in server.get_clients())
         self._playback = Playback(desk)

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 import msgspec
 import numpy as np
 
-from app.analysis.perturbation import Hindsight
+from app.analysis.perturbation import PerturbationAnalysis
 from app.evidence.plants import Departure, built, drawn, random_of, run, situation, with_arm_of, with_gains
 from app.scenario.data import edited
 from app.scenario.schema import Scenario, ScenarioError
@@ -190,7 +190,7 @@ def _with_hindsight(
 ) -> Reaching:
     """What only the simulation can know: V, and the perturbation that d outweighs."""
     looks = np.unique(np.concatenate([_some(np.flatnonzero(early)), _some(np.flatnonzero(promised & ~early))]))
-    known = Hindsight(loop.system).recorded(record, tuple(loop.recording.epochs), looks)
+    known = PerturbationAnalysis(loop.system).recorded(record, tuple(loop.recording.epochs), looks)
     real, d, epsilon = known["perturbation"][looks], record["d"][looks], loop.system.controller.epsilon
     V, V_bound, reaching = known["V"][looks], known["V_bound"][looks], early[looks]
     hindsight = np.nan
@@ -242,7 +242,7 @@ def _outside(loop: ClosedLoop, scenario: Scenario, scale: float) -> Outside:
         return Outside(scale, np.nan, np.nan, np.nan, loop.stopped is not None)
     looks = promised[np.unique(np.linspace(0, len(promised) - 1, 4 * LOOKS).astype(int))]
     epochs = [replace(epoch, scenario=scenario) for epoch in loop.recording.epochs]  # of the true arm
-    known = Hindsight(loop.system).recorded(record, epochs, looks)
+    known = PerturbationAnalysis(loop.system).recorded(record, epochs, looks)
     margin = float((record["d"][looks] - known["perturbation"][looks]).min())
     s, limit, c = record["s_norm"][promised], limit[promised], loop.certificate
     rest = np.sqrt(c.k_r_high / c.k_r_low) * max(-margin, 0.0) / c.lambda_min_K_s

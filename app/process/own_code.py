@@ -18,6 +18,7 @@ from pathlib import Path
 from app.scenario.schema import ScenarioError
 from controllers.control_law import ControlLaw
 from controllers.laws import KINDS
+from controllers.laws.table import LAWS
 
 VARIABLE = "VSMRC_USE"
 _KIND, _NAME = re.compile("[a-z][a-z0-9]*(-[a-z0-9]+)*"), re.compile("[A-Za-z][A-Za-z0-9_]*")
@@ -55,15 +56,13 @@ def own_laws() -> dict[str, ControlLaw]:
 
 def _law_of(path: Path) -> ControlLaw:
     spec = spec_from_file_location(f"own_{path.stem}", path)
-    if path.suffix != ".py" or spec is None or spec.loader is None:
+    if path.suffix != ".py" or not path.is_file() or spec is None or spec.loader is None:
         raise OwnCodeError(f"--use {path}: no Python file; allowed: {_ALLOWED}")
     module = module_from_spec(spec)
     sys.modules[module.__name__] = module
     try:
         spec.loader.exec_module(module)
-    except FileNotFoundError as error:
-        raise OwnCodeError(f"--use {path}: no such file; allowed: {_ALLOWED}") from error
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         raise OwnCodeError(f"--use {located(error, path)}") from error
     law = getattr(module, "LAW", None)
     if not isinstance(law, ControlLaw):
@@ -77,6 +76,11 @@ def _check(law: ControlLaw, path: Path) -> None:
         raise OwnCodeError(
             f"--use {path}: kind {law.kind!r:.60}; allowed: lower-case words joined by '-', but {', '.join(KINDS)}"
         )
+    titles = [known.title for known in LAWS.values()]
+    if not (isinstance(law.title, str) and isinstance(law.about, str)) or law.title in ("", *titles):
+        raise OwnCodeError(f"--use {path}: title {law.title!r:.60}; allowed: text other than {', '.join(titles)}")
+    if law.robust:
+        raise OwnCodeError(f"--use {path}: robust = True; allowed: False, Theorem 1 is about (25) and no other law")
     for p in law.parameters:
         if not _NAME.fullmatch(p.name):
             raise OwnCodeError(f"--use {path}: parameter {p.name!r:.60}; allowed: letters, digits and '_'")
@@ -84,7 +88,7 @@ def _check(law: ControlLaw, path: Path) -> None:
             raise OwnCodeError(f"--use {path}: {p.name} = {p.value:g}; allowed: {p.low:g} to {p.high:g}, its bounds")
 
 
-def located(error: Exception, path: Path) -> str:
+def located(error: BaseException, path: Path) -> str:
     """What went wrong in a file, with the line of it that was reached last."""
     lines = [frame.lineno for frame in traceback.extract_tb(error.__traceback__) if frame.filename == str(path)]
     if isinstance(error, SyntaxError) and error.filename == str(path):

@@ -35,7 +35,7 @@ from controllers.task_space import Scratch, TaskLayout, TaskSpace, task_space
 from environments.plant import limited
 from environments.surfaces import Chart, Shape, surface_chart
 from environments.trajectories import Course, ForceCourse, Shift, add_shift, force_at, path_at
-from kernels import kernel, part
+from kernels import inline, kernel
 from kernels.algebra import copy, norm, row_times
 from kernels.records import Record
 
@@ -160,7 +160,7 @@ class Period(NamedTuple):
         return cls(*law, PremiseTable.fresh(), watched, Held.zeros(n), Kept.fresh(), Room.zeros(n))
 
 
-@part
+@inline
 def reference_at(plan, t, reference):
     """r_d(t) = start + motion + shift, but r_fd = f_nd / K_e_hat (33) in the first m coordinates; F_cd = f_nd there."""
     path_at(plan.motion, t, reference.r_d, reference.r_d_dot, reference.r_d_ddot)
@@ -176,7 +176,7 @@ def reference_at(plan, t, reference):
         reference.F_cd[i] = f
 
 
-@part
+@inline
 def observe(observation_model, momenta, C, J, J_dot, placements, t, seen):
     """Estimates and task coordinates of a state, Remark 1 and (3), from the arrays of `nominal_model.Terms` there."""
     estimates(observation_model.links, momenta, C, J, J_dot, placements, seen.q_dot, seen.estimate)
@@ -185,10 +185,10 @@ def observe(observation_model, momenta, C, J, J_dot, placements, t, seen):
 
 
 def asked(torque: Callable[..., None]) -> Any:
-    """A part that tells a law all that there is, with these parameters of its own, and lets it write its torque; state:
-    x and x_dot of a law with a state of its own."""
+    """An inline kernel that tells a law all that there is, with these parameters of its own, and lets it write its
+    torque; state: x and x_dot of a law with a state of its own."""
 
-    @part
+    @inline
     def ask(setting, period, parameters, *state):
         seen = period.seen
         told = Told(
@@ -234,7 +234,7 @@ def end_period(setting, period, arm, t, row):
     _conclude(setting[0], period[0], arm[0], t, row[0])
 
 
-@part
+@inline
 def _see(setting, period, momenta, C, J, J_dot, placements, arm, F, t):
     """Look at the arm and the reference, and measure what every law is told."""
     seen, output, reference = period.seen, period.output, period.reference
@@ -250,7 +250,7 @@ def _see(setting, period, momenta, C, J, J_dot, placements, arm, F, t):
     clear(output)
 
 
-@part
+@inline
 def _conclude(setting, period, arm, t, row):
     """Add up the torque, judge the premises and write the period down."""
     output = period.output
@@ -261,7 +261,7 @@ def _conclude(setting, period, arm, t, row):
     _fill(row, t, arm, period)
 
 
-@part
+@inline
 def _judge_premises(setting, period, arm, t):
     """Do the premises of Theorem 1 hold now, and is ||s|| where it is promised to be?"""
     gains, output, table, watched, held = setting.gains, period.output, period.table, period.watched, period.held
@@ -292,7 +292,7 @@ def _judge_premises(setting, period, arm, t):
         period.news += REACHED
 
 
-@part
+@inline
 def _share_of_drives(limits, tau):
     """Largest |tau| over its limit, 1."""
     largest = 0.0
@@ -301,7 +301,7 @@ def _share_of_drives(limits, tau):
     return largest
 
 
-@part
+@inline
 def _prepare_residual(model, seen, reference, output, rest):
     """The left side of (8) minus its right side but for the part in q_ddot."""
     task, known = seen.task, seen.work.u
@@ -312,7 +312,7 @@ def _prepare_residual(model, seen, reference, output, rest):
         rest[i] = inert + damped + row_times(model.K_m, i, output.e_r) + row_times(model.K_f, i, output.e_Fc)
 
 
-@part
+@inline
 def _fill(row, t, arm, period):
     """Write down the period; what the plant's answer changes is written again by `complete_row`."""
     output, task, needed = period.output, period.seen.task, period.output.needed
@@ -355,7 +355,7 @@ def _fill(row, t, arm, period):
     row.phi = arm.load.phi
 
 
-@part
+@inline
 def _fill_load(row, load):
     copy(load.force, row.F_true)
     row.multiplier = load.multiplier
@@ -380,13 +380,13 @@ def complete_row(setting, period, arm, row):
     return left + _saturation(period) + _alarms(setting.limits, period, norm(arm.q_dot), arm.load.multiplier)
 
 
-@part
+@inline
 def _leaving(limits, period, multiplier):
     was, period.touching = period.touching, multiplier != 0.0
     return AWAY if limits.pressed and was and not period.touching else 0
 
 
-@part
+@inline
 def _saturation(period):
     was, period.saturated = period.saturated, False
     for i in range(period.applied.shape[0]):
@@ -395,7 +395,7 @@ def _saturation(period):
     return SATURATED if period.saturated and not was else 0
 
 
-@part
+@inline
 def _alarms(limits, period, speed, multiplier):
     s_norm, flags = period.output.s_norm, period.news
     if not np.isfinite(speed + s_norm):
@@ -409,7 +409,7 @@ def _alarms(limits, period, speed, multiplier):
     return flags
 
 
-@part
+@inline
 def _nearest(rows, x):
     """Which of the rows (N, n) is nearest to x (n,), and how far it is."""
     nearest, least = 0, np.inf

@@ -20,7 +20,7 @@ from app.simulation.state import State
 from app.simulation.system import System
 from controllers.control_law import Gains
 from controllers.reference_estimates import ReferenceEstimates
-from kernels import resolved
+from kernels import compiled_for
 from kernels.records import Record
 
 SPEED_LIMIT = 20.0  # rad/s, beyond which a run counts as diverging
@@ -53,13 +53,13 @@ class ControlledArm:
         self._law = None
         before = (*data, *system.nominal.terms, arm.data, arm.views.load.force, state.t)
         if system.controller.gains.law >= 0:
-            self._control = resolved(control_period, *before, row)
+            self._control = compiled_for(control_period, *before, row)
         else:
             self._law = SeparateLaw(system.controller, settings)
-            self._begin = resolved(begin_period, *before)
-            self._end = resolved(end_period, *data, arm.data, state.t, row)
-        self._complete = resolved(complete_row, *data, arm.data, row)
-        self._look = resolved(watch_posture, *data, self._centres)
+            self._begin = compiled_for(begin_period, *before)
+            self._end = compiled_for(end_period, *data, arm.data, state.t, row)
+        self._complete = compiled_for(complete_row, *data, arm.data, row)
+        self._look = compiled_for(watch_posture, *data, self._centres)
 
     def follow(self, gains: Gains) -> None:
         """Go on with these gains, those of the model that is in force by now."""

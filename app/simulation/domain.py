@@ -17,7 +17,7 @@ from controllers.control_law import Reference
 from controllers.nominal_model import Estimate, Lipschitz, NominalModel, Steepness
 from controllers.task_space import TaskSpace
 from environments.plant import Plant
-from environments.stiffness import Mobility
+from environments.step_resolution import Mobility
 from environments.surfaces import Surface
 
 CENTRES = 192  # postures along the reference, around which Omega lies

@@ -28,7 +28,7 @@ from controllers.switching import Switching
 from controllers.target_model import TargetModel
 from controllers.task_space import TaskSpace
 from environments.push import TimedPush
-from environments.stiffness import ROUNDING
+from environments.step_resolution import ROUNDING
 from kernels.records import Record
 
 STEP, FORCE_STEP = 1e-3, 1e-3  # of the boundary layer, N: how far the differences go

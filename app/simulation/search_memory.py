@@ -14,7 +14,7 @@ Numbers = tuple[float, ...]
 Part = str | bytes | float | np.ndarray
 
 
-class Shelf(Protocol):
+class AnswerStore(Protocol):
     """Where answers outlive the process."""
 
     def read(self, key: str, count: int) -> Numbers | None:
@@ -27,21 +27,21 @@ class Shelf(Protocol):
 
 
 class Memory:
-    """Answers by what they depend on: in this process, and on a shelf where there is one."""
+    """Answers by what they depend on: in this process, and on a store where there is one."""
 
-    def __init__(self, shelf: Shelf | None = None) -> None:
-        self._shelf = shelf
+    def __init__(self, store: AnswerStore | None = None) -> None:
+        self._store = store
         self._known: dict[str, Numbers] = {}
 
     def recall(self, key: str, count: int, find: Callable[[], Numbers]) -> Numbers:
         """The answer of `count` numbers of this key, found where it is not known yet. Raises what `find` raises."""
         known = self._known.get(key)
         if known is None:
-            known = self._shelf.read(key, count) if self._shelf is not None else None
+            known = self._store.read(key, count) if self._store is not None else None
             if known is None:
                 known = tuple(float(number) for number in find())  # numpy's are written otherwise
-                if self._shelf is not None:
-                    self._shelf.write(key, known)
+                if self._store is not None:
+                    self._store.write(key, known)
             if len(self._known) >= MOST:
                 self._known.clear()
             self._known[key] = known

@@ -41,7 +41,7 @@ from environments.formula import FormulaError
 from environments.plant import Plant
 from environments.push import TimedPush
 from environments.sensors import ForceSensor
-from environments.stiffness import Mobility, oscillators, resolved, substeps_needed
+from environments.step_resolution import Mobility, oscillators, resolved, substeps_needed
 from environments.typed_surface import TypedSurface
 from environments.urdf import RobotError
 

@@ -35,13 +35,13 @@ def _checksum(name: str, numbers: Numbers) -> str:
 
 
 class ConstantsStore:
-    """A `search_memory.Shelf` in a folder, by default that of the kernels; failures of the disk are not told."""
+    """A `search_memory.AnswerStore` in a folder, by default that of the kernels; failures of the disk are not told."""
 
     def __init__(self, folder: Path | None = None) -> None:
         self._folder = folder if folder is not None else cache_folder() / "constants"
 
     def read(self, key: str, count: int) -> Numbers | None:
-        """See `search_memory.Shelf`."""
+        """See `search_memory.AnswerStore`."""
         path = self._path(key)
         try:
             if not path.is_file():
@@ -57,7 +57,7 @@ class ConstantsStore:
         return entry.numbers if sound and entry.checksum == _checksum(path.name, entry.numbers) else None
 
     def write(self, key: str, numbers: Numbers) -> None:
-        """See `search_memory.Shelf`. A file is there as a whole or not at all; a power cut may take it."""
+        """See `search_memory.AnswerStore`. A file is there as a whole or not at all; a power cut may take it."""
         path = self._path(key)
         content = msgspec.json.encode(_Entry(numbers, _checksum(path.name, numbers)))
         with contextlib.suppress(OSError):

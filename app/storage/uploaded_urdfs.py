@@ -42,7 +42,7 @@ class _Upload(NamedTuple):
     marks: frozenset[str]
 
 
-class Shelf:
+class UploadedUrdfs:
     """Where one visitor's uploads go. marks: by which the visitor is known, as soon as it is; none are not counted."""
 
     def __init__(self) -> None:

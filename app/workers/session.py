@@ -112,7 +112,7 @@ def serve(gateway: Gateway) -> None:
     gateway.tell(Ready(dashboard.port, dashboard.looking_fields))
     begin = gateway.next()
     assert isinstance(begin, Begin)
-    dashboard.shelf.marks = begin.marks
+    dashboard.uploads.marks = begin.marks
     begun = from_toml(begin.scenario) if begin.scenario else scenario
     autosave, runs = (None, ()) if begin.kept is None else _autosave(begin.kept, begun, runner, dashboard)
     if begin.scenario or runs:

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from controllers.control_law import ControlLaw, joint_acceleration
-from kernels import part
+from kernels import inline
 from kernels.algebra import copy, row_times, times
 
 
-@part
+@inline
 def torque(told, out):
     """M_hat q_ddot + C_hat q_dot + G_hat + J^T F with the r_ddot that (8) asks for."""
     model, task, q_dot = told.gains.model, told.task, told.q_dot

@@ -8,11 +8,11 @@ inertia the arm has; it needs neither force sensor nor M_hat, C_hat.
 from __future__ import annotations
 
 from controllers.control_law import ControlLaw
-from kernels import part
+from kernels import inline
 from kernels.algebra import copy, row_times, transposed_times
 
 
-@part
+@inline
 def torque(told, out):
     """J_q^T (F_cd - K_m e_r - B_m e_r_dot) + G_hat."""
     model, terms, pulled = told.gains.model, out.terms, told.work.u

@@ -6,7 +6,7 @@ from importlib import import_module
 
 from controllers.control_law import ControlLaw
 from controllers.laws import KINDS
-from kernels import choice, part
+from kernels import choice, inline
 
 LAWS: dict[str, ControlLaw] = {kind: import_module(f"controllers.laws.{kind.replace('-', '_')}").LAW for kind in KINDS}
 WITHIN = tuple(kind for kind, law in LAWS.items() if law.compiled and law.states is None)  # within the compiled period
@@ -20,7 +20,7 @@ def number_of(law: ControlLaw) -> int:
 _torque = choice([LAWS[kind].torque for kind in WITHIN])
 
 
-@part
+@inline
 def torque(told, out):
     """The torque of the law within the compiled period that `told.gains` names."""
     _torque(told.gains.law, told, out)

@@ -5,11 +5,11 @@ from __future__ import annotations
 from controllers.bounds import sum_of
 from controllers.control_law import ControlLaw
 from controllers.switching import unit_factor
-from kernels import part
+from kernels import inline
 from kernels.algebra import copy, times
 
 
-@part
+@inline
 def torque(told, out):
     """M_hat q_eq_ddot + C_hat q_eq_dot + G_hat + J^T F - J_q^T (K_s s + d sigma(s)), (25)."""
     gains, model, J_q = told.gains, told.feedforward, told.task.J_q

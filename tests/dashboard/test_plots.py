@@ -9,7 +9,7 @@ import pinocchio as pin
 import pytest
 
 from app.analysis.metrics import FIGURES, steady_force_error
-from app.analysis.perturbation import Hindsight, Known
+from app.analysis.perturbation import Known, PerturbationAnalysis
 from app.analysis.spectrum import amplitude_spectrum, variation_rate
 from app.analysis.thinning import Grid
 from app.dashboard.plots.charts import BUCKETS, Frame, Line, Setup
@@ -33,7 +33,7 @@ def ran(scenario: Scenario, seconds: float) -> ClosedLoop:
 def known(loop: ClosedLoop, t_from: float = 0.0) -> Known:
     rows = loop.recording.stretch(t_from)
     grid = Grid.over(t_from, loop.t, BUCKETS)
-    return Hindsight(loop.system).recorded(rows, tuple(loop.recording.epochs), grid.openings(rows["t"]))
+    return PerturbationAnalysis(loop.system).recorded(rows, tuple(loop.recording.epochs), grid.openings(rows["t"]))
 
 
 @pytest.fixture(scope="module")
@@ -145,7 +145,7 @@ def test_the_perturbation_is_what_moves_s_besides_the_law(name: str):
     """(22) in joint space, by the acceleration that the true arm had: an independent way to the same vector."""
     at_the_state = edited(shipped()[name], "simulation.integrator", "semi-implicit-euler")  # is the acceleration
     loop = ran(edited(edited(at_the_state, "truth.viscous", 0.4), "truth.payload_mass", 0.3), 0.4)
-    rows, hindsight = loop.recording.stretch(), Hindsight(loop.system)
+    rows, analysis = loop.recording.stretch(), PerturbationAnalysis(loop.system)
     scenario, h = loop.system.scenario, loop.system.scenario.controller.period
     model = loop.system.plant.truth.model(loop.system.robot)
     data = model.createData()
@@ -157,7 +157,7 @@ def test_the_perturbation_is_what_moves_s_besides_the_law(name: str):
         M = pin.crba(model, data, q).copy()
         q_ddot = (rows["q_dot"][i + 1] - q_dot) / h
         moved = M @ (q_ddot - rows["q_eq_ddot"][i]) + C @ behind - rows["tau_linear"][i] - rows["tau_switching"][i]
-        instant = hindsight.at({key: rows[key][i] for key in rows}, loop.recording.epochs[-1])
+        instant = analysis.at({key: rows[key][i] for key in rows}, loop.recording.epochs[-1])
         assert instant.perturbation == pytest.approx(np.linalg.norm(moved @ task.J_q_inv), rel=1e-3)
         assert pytest.approx(0.5 * behind @ M @ behind) == instant.V
     assert scenario.truth.viscous == 0.4

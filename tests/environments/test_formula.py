@@ -15,9 +15,9 @@ from app.scenario.schema import Scenario, ScenarioError
 from app.session.changes import on_surface
 from app.simulation.closed_loop import ClosedLoop
 from app.simulation.system import assemble
+from environments.bytecode import OUTPUTS, bytecode_of, run
 from environments.formula import FormulaError, parse
 from environments.surfaces import Cylinder, Motion, Plane, Sphere, Surface
-from environments.tape import OUTPUTS, run, tape_of
 from environments.typed_surface import TypedSurface
 from kernels import kernel
 from kernels.records import Record
@@ -34,13 +34,13 @@ WAVES = (
 
 
 @kernel
-def _run_alone(tape, x, y, z, t):
-    run(tape[0], x, y, z, t)
+def _run_alone(bytecode, x, y, z, t):
+    run(bytecode[0], x, y, z, t)
 
 
 def outputs(text: str, *at: float) -> np.ndarray:
     """In the order of `OUTPUTS`."""
-    record = Record(tape_of(parse(text)))
+    record = Record(bytecode_of(parse(text)))
     _run_alone(record.data, *map(float, at))
     return record.read().registers[record.read().outputs]
 
@@ -101,14 +101,14 @@ def test_what_a_text_means(text: str, value: float) -> None:
 )
 def test_what_is_refused(text: str, sentence: str) -> None:
     with pytest.raises(FormulaError, match=sentence):
-        tape_of(parse(text))
+        bytecode_of(parse(text))
 
 
 @given(st.one_of(st.text(max_size=60), st.text("xyzt()+-*/^., 0129episncohgqrtal", max_size=40)))
 @settings(max_examples=400, deadline=None)
 def test_whatever_is_typed_is_a_formula_or_a_formula_error(text: str) -> None:
     with suppress(FormulaError):
-        tape_of(parse(text))
+        bytecode_of(parse(text))
 
 
 def _texts() -> st.SearchStrategy[str]:

@@ -21,8 +21,8 @@ from app.simulation.closed_loop import ClosedLoop
 from app.simulation.system import assemble
 from app.storage import uploaded_urdfs
 from environments import robots, urdf
-from environments.dexterity import Tool
 from environments.robots import CATALOGUE, Robot, RobotError
+from environments.working_posture import Tool
 from tests.support.arms import arm
 
 BENT = Path(__file__).parents[1] / "support" / "robots" / "bent3r.urdf"

@@ -23,8 +23,8 @@ from app.simulation.recording import Recording
 from app.simulation.signals import SIGNALS
 from app.storage import recording_files
 from app.storage.recording_files import read_npz, table, write_npz
+from environments.bytecode import bytecode_of
 from environments.formula import FormulaError, parse
-from environments.tape import tape_of
 from fuzzing.matrix import read_typed
 from tests.support.sentences import one_sentence
 
@@ -135,7 +135,7 @@ def test_whatever_is_loaded_is_a_scenario_or_is_refused(content: bytes, at: int)
 )  # fmt: skip
 def test_formulas_that_are_refused(text: str) -> None:
     with pytest.raises(FormulaError) as caught:
-        tape_of(parse(text))
+        bytecode_of(parse(text))
     one_sentence(caught.value)
 
 

@@ -133,13 +133,13 @@ MODULE = """
 import sys
 from typing import NamedTuple
 import numpy as np
-from kernels import kernel, part
+from kernels import kernel, inline
 from kernels.records import Record
 
 class Vector(NamedTuple):
     x: np.ndarray
 
-@part
+@inline
 def total(x):
     s = 0.0
     for i in range(x.shape[0]):

@@ -23,7 +23,7 @@ from controllers.premises import Premise
 pytestmark = pytest.mark.slow  # it compiles what is of no use to another process
 
 PID = Path(__file__).parents[2] / "docs" / "examples" / "pid_gravity.py"
-HEAD = "from controllers.control_law import ControlLaw, Parameter\nfrom kernels import part\n\n"
+HEAD = "from controllers.control_law import ControlLaw, Parameter\nfrom kernels import inline\n\n"
 LAW = 'LAW = ControlLaw(kind="mine", title="mine", about="mine", torque=torque, feels_force=False{})\n'
 NUMPY = """def torque(told, out):
     model, J_q = told.gains.model, told.task.J_q
@@ -32,7 +32,7 @@ NUMPY = """def torque(told, out):
     out.terms.gravity[:] = told.feedforward.G_hat
 
 """
-COMPILED = """@part
+COMPILED = """@inline
 def torque(told, out):
     model, J_q = told.gains.model, told.task.J_q
     for j in range(out.tau.shape[0]):
@@ -153,6 +153,14 @@ def test_its_parameters_are_said_by_the_scenario() -> None:
         ("def torque(:\n", "my_law.py, line 1: SyntaxError: "),
         (HEAD + "nonsense\n", "my_law.py, line 4: NameError: name 'nonsense' is not defined"),
         (HEAD, "my_law.py: LAW is missing; allowed: a Python file with LAW = ControlLaw(...)"),
+        (HEAD + "raise SystemExit(3)\n", "my_law.py, line 4: SystemExit: 3"),
+        (HEAD + "open('/nowhere')\n", "my_law.py, line 4: FileNotFoundError: [Errno 2] No such file"),
+        (HEAD + NUMPY + LAW.format(", robust=True"), "robust = True; allowed: False, Theorem 1 is about (25)"),
+        (
+            HEAD + NUMPY + LAW.format("").replace('title="mine"', 'title="PD + gravity"'),
+            "title 'PD + gravity'; allowed",
+        ),
+        (HEAD + NUMPY + LAW.format("").replace('title="mine"', "title=None"), "title None; allowed: text other than"),
         (HEAD + "LAW = 3\n", "my_law.py: LAW is 3; allowed: a Python file with LAW = ControlLaw(...)"),
         (HEAD + NUMPY + LAW.format("").replace('"mine"', '"vsmrc"', 1), "kind 'vsmrc'; allowed: lower-case words"),
         (HEAD + NUMPY + LAW.format("").replace('"mine"', '"<b>"', 1), "kind '<b>'; allowed: lower-case words"),
@@ -178,7 +186,7 @@ def test_a_file_that_fails_is_said_in_one_sentence_with_its_line(
 
 
 def test_a_file_that_is_none_is_said(tmp_path: Path) -> None:
-    with pytest.raises(OwnCodeError, match=r"nowhere\.py: no such file; allowed: a Python file with LAW"):
+    with pytest.raises(OwnCodeError, match=r"nowhere\.py: no Python file; allowed: a Python file with LAW"):
         use([tmp_path / "nowhere.py"])
     with pytest.raises(OwnCodeError, match="no Python file; allowed"):
         use([tmp_path])
@@ -191,7 +199,7 @@ def test_a_file_that_is_none_is_said(tmp_path: Path) -> None:
         ("def torque(told, out):\n    out.nothing = 1.0\n", "line 5: AttributeError: no field 'nothing'; there are"),
         ("def torque(told):\n    pass\n", "TypeError: torque() takes 1 positional argument but 2 were given"),
         (
-            "@part\ndef torque(told, out):\n    out.d = told.nothing\n",
+            "@inline\ndef torque(told, out):\n    out.d = told.nothing\n",
             "line 6: TypingError: Unknown attribute 'nothing'",
         ),
     ],

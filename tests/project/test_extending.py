@@ -37,11 +37,11 @@ ROOT = Path(__file__).parents[2]
 DAMPING = '''"""Damping: a brake in every task coordinate."""
 
 from controllers.control_law import ControlLaw
-from kernels import part
+from kernels import inline
 from kernels.algebra import copy, transposed_times
 
 
-@part
+@inline
 def torque(told, out):
     """-J_q^T B_m r_dot + G_hat."""
     braked = told.work.u

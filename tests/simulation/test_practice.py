@@ -10,7 +10,7 @@ import pinocchio as pin
 import pytest
 
 from app.analysis.metrics import measure
-from app.analysis.perturbation import Hindsight
+from app.analysis.perturbation import PerturbationAnalysis
 from app.dashboard.widgets.status import status_html
 from app.evidence import baselines, practice, simulators
 from app.evidence.section import Section
@@ -94,13 +94,13 @@ def test_the_arm_moves_by_the_torque_that_the_drives_give() -> None:
 
 
 def test_what_the_drives_withhold_is_part_of_the_perturbation() -> None:
-    """H s_dot + C s + K_s s + d sigma = perturbation, (23): its norm from the run against that of hindsight."""
+    """H s_dot + C s + K_s s + d sigma = perturbation, (23): its norm from the run against that of the analysis."""
     loop = run(changed(shipped()["ur5-motion"], SPEEDY | AT_THE_STATE), 0.7)
     recording = loop.recording
     rows = recording.signals(tuple(recording.columns))
     k = int(np.flatnonzero((rows["tau"] != rows["tau_applied"]).any(axis=1))[3])
     one = {name: values[k : k + 1] for name, values in rows.items()}
-    perturbation = Hindsight(loop.system).recorded(one, recording.epochs, np.array([0]))["perturbation"][0]
+    perturbation = PerturbationAnalysis(loop.system).recorded(one, recording.epochs, np.array([0]))["perturbation"][0]
     q, q_dot, true = rows["q"][k], rows["q_dot"][k], loop.system.plant.model
     _, task = loop.system.observe(q, q_dot, rows["t"][k])
     M, C = pin.crba(true, true.createData(), q), pin.computeCoriolisMatrix(true, true.createData(), q, q_dot)

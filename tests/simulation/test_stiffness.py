@@ -20,7 +20,15 @@ from app.simulation.system import System, assemble
 from controllers.premises import Premise
 from environments.contact import Contact
 from environments.plant import ContactKind, Integrator, Plant
-from environments.stiffness import STEPS, Mobility, Oscillator, oscillators, resolved, spectral_radius, substeps_needed
+from environments.step_resolution import (
+    STEPS,
+    Mobility,
+    Oscillator,
+    oscillators,
+    resolved,
+    spectral_radius,
+    substeps_needed,
+)
 from environments.surfaces import Motion, Plane
 from tests.support.arms import arm
 

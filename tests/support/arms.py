@@ -17,10 +17,10 @@ from controllers.controller import Controller
 from controllers.laws.table import LAWS
 from controllers.switching import Switching, unit_factor
 from controllers.target_model import TargetModel
+from environments.bytecode import bytecode_of
 from environments.formula import parse
 from environments.robots import CATALOGUE
 from environments.surfaces import Cylinder, Motion, Plane, Sphere, Surface
-from environments.tape import tape_of
 from environments.typed_surface import TypedSurface
 
 ROBOTS = tuple(CATALOGUE)
@@ -61,8 +61,8 @@ def charted(robot: str, chart: str) -> System:
 def at_rest(surface: Surface) -> Surface:
     """The surface without its motion, a wave as it is at an instant."""
     if isinstance(surface, TypedSurface):
-        frozen = tape_of(parse(WAVE.replace("2*t", "0.6")))
-        return replace(surface, motion=Motion(), tape=frozen)
+        frozen = bytecode_of(parse(WAVE.replace("2*t", "0.6")))
+        return replace(surface, motion=Motion(), bytecode=frozen)
     return replace(surface, motion=Motion())
 
 

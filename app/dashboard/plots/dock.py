@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 import viser
 
-from app.analysis.perturbation import Hindsight
+from app.analysis.perturbation import PerturbationAnalysis
 from app.analysis.thinning import Grid
 from app.dashboard.plots.charts import BUCKETS, Chart, Frame, Pinned, Setup, Signals
 from app.dashboard.plots.plot_table import LEAD, TABS, Chooser, Tab
@@ -23,7 +23,7 @@ WINDOWS = {"2 s": 2.0, "4 s": 4.0, "8 s": 8.0, "20 s": 20.0, "60 s": 60.0}
 WINDOW = "8 s"
 ABOVE, NOTE, AROUND, LEGEND, LEAST, MOST = 134, 20, 36, 18, 90, 400  # px
 _NONE: str = "–"
-FORESEEN_EVERY = 4  # of a preview's instants, one in so many is examined in hindsight
+FORESEEN_EVERY = 4  # of a preview's instants, one in so many is examined
 
 
 @dataclass(frozen=True)
@@ -54,7 +54,7 @@ class Plots:
         panel.dock_left()
         panel.expand()  # on a phone too
         panel.set_width(400)
-        self._hindsight: Hindsight | None = None
+        self._analysis: PerturbationAnalysis | None = None
         self._recording: object = None
         self._drawn: dict[str, object] = {}
 
@@ -76,18 +76,18 @@ class Plots:
 
     def _frame(self, snapshot: Snapshot, shown: Shown) -> Frame:
         recording, outlook = snapshot.recording, shown.outlook
-        if self._hindsight is None or self._recording is not recording:
-            self._hindsight, self._recording = Hindsight(snapshot.system), recording
+        if self._analysis is None or self._recording is not recording:
+            self._analysis, self._recording = PerturbationAnalysis(snapshot.system), recording
         begin = shown.now - shown.window
         grid = Grid.over(begin, shown.now, BUCKETS)
         rows = recording.stretch(begin - LEAD, shown.now)
-        known = self._hindsight.recorded(rows, tuple(recording.epochs), grid.openings(rows["t"]))
+        known = self._analysis.recorded(rows, tuple(recording.epochs), grid.openings(rows["t"]))
         pinned = [_laid(p, begin - LEAD, shown.now, recording.n) for p in shown.pinned]
         if outlook is None:
             return Frame(shown.now, shown.window, grid, known, pinned)
         # a run that begins anew is another one: the arm of this one tells nothing of it
         openings = np.arange(0, 0 if outlook.restarts else len(outlook.ahead), FORESEEN_EVERY)
-        foreseen = self._hindsight.foreseen(outlook.signals, outlook.epochs, openings)
+        foreseen = self._analysis.foreseen(outlook.signals, outlook.epochs, openings)
         return Frame(shown.now, shown.window, grid, known, pinned, outlook.ahead, foreseen)
 
     def fit(self, page_height: int) -> None:

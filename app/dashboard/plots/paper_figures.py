@@ -7,7 +7,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from app.analysis.perturbation import Hindsight
+from app.analysis.perturbation import PerturbationAnalysis
 from app.analysis.spectrum import amplitude_spectrum
 from app.analysis.thinning import Grid
 from app.dashboard.plots.charts import Drawing, Plot, Setup, Signals
@@ -37,7 +37,7 @@ def figure_of(plots: Iterable[Plot], snapshot: Snapshot, setup: Setup, t_from: f
     if len(t) < 2:
         raise ValueError("figure: nothing recorded there yet")
     openings = Grid.over(float(t[0]), float(t[-1]), EXAMINED).openings(t)
-    known = Hindsight(snapshot.system).recorded(rows, tuple(recording.epochs), openings)
+    known = PerturbationAnalysis(snapshot.system).recorded(rows, tuple(recording.epochs), openings)
     charts = (_chart(plot, drawing, known) for plot in plots if (drawing := plot.draw(setup)) is not None)
     told = caption(snapshot.scenario, snapshot.system.controller, snapshot.matrices, float(t[0]), float(t[-1]))
     return Figure(tuple(charts), f"{told} {promised(rows)}")

@@ -77,7 +77,7 @@ class Upload:
     async def _on_upload(self, event: viser.GuiEvent[viser.GuiUploadButtonHandle]) -> None:
         file = event.target.value
         try:
-            path = await asyncio.to_thread(self._desk.shelf.keep, file.name, file.content)
+            path = await asyncio.to_thread(self._desk.uploads.keep, file.name, file.content)
         except ScenarioError as error:
             self._desk.complain(str(error))
         else:

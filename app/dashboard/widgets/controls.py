@@ -24,7 +24,7 @@ from app.export.export_jobs import ExportJobs
 from app.scenario.schema import Scenario, field_info
 from app.session.commands import Command, Edit
 from app.session.snapshot import Snapshot
-from app.storage.uploaded_urdfs import Shelf
+from app.storage.uploaded_urdfs import UploadedUrdfs
 
 
 @dataclass(frozen=True)
@@ -39,7 +39,7 @@ class Desk:
     viewing: Viewing
     complain: Callable[[str], None]
     export_jobs: ExportJobs
-    shelf: Shelf
+    uploads: UploadedUrdfs
 
 
 class Control(Protocol):

@@ -1,6 +1,6 @@
 """A formula with all its derivatives as a list of instructions for kernels: no formula needs compiling.
 
-Registers hold x, y, z, t, then the constants, then one result after the other. Tapes are all of one size, so that the
+Registers hold x, y, z, t, then the constants, then one result after the other. All are of one size, so that the
 records around them are too.
 """
 
@@ -16,12 +16,12 @@ from kernels import kernel
 
 INSTRUCTIONS, REGISTERS = 512, 640
 
-# what a tape computes: the value, then derivatives with respect to each of these in turn
+# what a bytecode computes: the value, then derivatives with respect to each of these in turn
 OUTPUTS = ((), (X,), (Y,), (Z,), (X, X), (X, Y), (X, Z), (Y, Y), (Y, Z), (Z, Z), (T,), (X, T), (Y, T), (Z, T), (T, T))
 VALUE, GRADIENT, HESSIAN, RATE, GRADIENT_RATE, SECOND_RATE = 0, 1, 4, 10, 11, 14
 
 
-class Tape(NamedTuple):
+class Bytecode(NamedTuple):
     """code (INSTRUCTIONS, 3): operation and two registers, of which `length` count; the first result goes to register
     `first`; registers (REGISTERS,) with the constants in place; outputs (15,): the registers of `OUTPUTS`; K, K_inv,
     work (4, 4): room for the search of the nearest point."""
@@ -36,17 +36,17 @@ class Tape(NamedTuple):
     work: np.ndarray
 
 
-def _tape(code: np.ndarray, length: int, first: int, registers: np.ndarray, outputs: np.ndarray) -> Tape:
+def _bytecode(code: np.ndarray, length: int, first: int, registers: np.ndarray, outputs: np.ndarray) -> Bytecode:
     room = np.zeros((4, 4))
-    return Tape(code, length, first, registers, outputs, room, room, room)
+    return Bytecode(code, length, first, registers, outputs, room, room, room)
 
 
-BLANK = _tape(
+BLANK = _bytecode(
     np.zeros((INSTRUCTIONS, 3), np.int16), 0, 4, np.zeros(REGISTERS), np.zeros(len(OUTPUTS), np.int16)
 )  # for surfaces that have no formula
 
 
-def tape_of(formula: Formula) -> Tape:
+def bytecode_of(formula: Formula) -> Bytecode:
     """Raises FormulaError when its derivatives are too long or not finite."""
     graph = formula.graph
     try:
@@ -73,7 +73,7 @@ def tape_of(formula: Formula) -> Tape:
         sources = [place[b] for b in operands(graph.parts[a])]
         code[i, : 1 + len(sources)] = [graph.parts[a].op, *sources]
     outputs = np.array([place[a] for a in wanted], np.int16)
-    return _tape(code, len(results), first, registers, outputs)
+    return _bytecode(code, len(results), first, registers, outputs)
 
 
 _ADD, _SUBTRACT, _MULTIPLY, _DIVIDE, _POWER, _NEGATE, _SQRT, _SIN, _COS, _TAN, _EXP, _LOG, _TANH, _ATAN = (
@@ -82,11 +82,11 @@ _ADD, _SUBTRACT, _MULTIPLY, _DIVIDE, _POWER, _NEGATE, _SQRT, _SIN, _COS, _TAN, _
 
 
 @kernel
-def run(tape, x, y, z, t):
+def run(bytecode, x, y, z, t):
     """Fill the registers for one point (m) and instant (s)."""
-    r, code = tape.registers, tape.code
+    r, code = bytecode.registers, bytecode.code
     r[0], r[1], r[2], r[3] = x, y, z, t
-    for i in range(tape.length):
+    for i in range(bytecode.length):
         op, a, b = code[i, 0], r[code[i, 1]], r[code[i, 2]]
         if op == _MULTIPLY:
             c = a * b
@@ -116,4 +116,4 @@ def run(tape, x, y, z, t):
             c = np.tanh(a)
         else:
             c = np.arctan(a)
-        r[tape.first + i] = c
+        r[bytecode.first + i] = c
