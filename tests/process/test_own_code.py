@@ -158,7 +158,7 @@ def test_its_parameters_are_said_by_the_scenario() -> None:
         (HEAD + NUMPY + LAW.format(", robust=True"), "robust = True; allowed: False, Theorem 1 is about (25)"),
         (
             HEAD + NUMPY + LAW.format("").replace('title="mine"', 'title="PD + gravity"'),
-            "title 'PD + gravity'; allowed",
+            "title 'PD + gravity'",
         ),
         (HEAD + NUMPY + LAW.format("").replace('title="mine"', "title=None"), "title None; allowed: text other than"),
         (HEAD + "LAW = 3\n", "my_law.py: LAW is 3; allowed: a Python file with LAW = ControlLaw(...)"),
