@@ -15,16 +15,40 @@ from numba import from_dtype, jit, njit, types
 from numba.core.registry import CPUDispatcher
 
 # contracting a b + c to one rounding is the only liberty that the compiler may take
-kernel = njit(cache=True, error_model="numpy", fastmath={"contract"})
-not_kept = njit(error_model="numpy", fastmath={"contract"})  # a kernel that is compiled anew in each process
-# an inline kernel is called by kernels only, and compiles faster for that
-inline = jit(
-    nopython=True,
-    no_cpython_wrapper=True,  # pyright: ignore[reportCallIssue]
-    no_cfunc_wrapper=True,
-    error_model="numpy",
-    fastmath={"contract"},
-)
+_ARITHMETIC: dict[str, Any] = {"error_model": "numpy", "fastmath": {"contract"}}
+
+
+def kernel(function: Callable[..., Any]) -> Any:
+    """A compiled function, kept in the cache of the next processes."""
+    return njit(cache=True, **_ARITHMETIC)(_named(function))
+
+
+def not_kept(function: Callable[..., Any]) -> Any:
+    """A kernel that is compiled anew in each process."""
+    return njit(**_ARITHMETIC)(_named(function))
+
+
+def inline(function: Callable[..., Any]) -> Any:
+    """A kernel that is called by kernels only, and compiles faster for that."""
+    own_way = {"nopython": True, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+    return jit(**own_way, **_ARITHMETIC)(_named(function))
+
+
+def _named(function: Callable[..., Any]) -> Callable[..., Any]:
+    """The function, with what it is made of in its name.
+
+    Compiled code is linked by the function's name, the types of its arguments and a number that begins anew in each
+    process. Two functions that one line of code makes of different parts would have one name; read from the cache of
+    two processes, the second would be taken for the first.
+    """
+    parts = [cell.cell_contents for cell in function.__closure__ or ()]
+    if parts:
+        function.__qualname__ += f" of {', '.join(_name(part) for part in parts)}"
+    return function
+
+
+def _name(part: Any) -> str:
+    return f"{part.__module__}.{part.__qualname__}" if callable(part) else repr(part)
 
 
 def choice(kernels: Sequence[Callable[..., Any]], first: int = 0) -> Callable[..., Any]:

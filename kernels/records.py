@@ -30,6 +30,11 @@ class Record(Generic[T]):
         """The named tuple, whose arrays are this memory; its numbers are those of the first call."""
         return self.read()
 
+    @cached_property
+    def fields(self) -> Fields:
+        """The fields as attributes, whose numbers are those of now."""
+        return Fields(self.data)
+
     def read(self) -> T:
         """The named tuple with the numbers of now; its arrays are this memory."""
         return _read(self.data, self._template)

@@ -129,7 +129,7 @@ def test_nothing_of_the_last_period_leaks_into_this_one(name: str) -> None:
     assert np.array_equal(*rows)
 
 
-MODULE = """
+SIZED = """
 import sys
 from typing import NamedTuple
 import numpy as np
@@ -150,24 +150,67 @@ def total(x):
 def summed(vector):
     return total(vector[0].x)
 
-def sums(sizes):
+def answers(sizes):
     return [summed(Record(Vector(np.ones(n))).data) for n in sizes]
+"""
+
+CHOSEN = """
+import numpy as np
+from kernels import choice, kernel, inline
+
+@inline
+def plus(x, out):
+    for i in range(x.shape[0]):
+        out[i] = x[i] + 7.0
+
+@inline
+def minus(x, out):
+    for i in range(x.shape[0]):
+        out[i] = x[i] - 7.0
+
+_up, _down = choice((plus, minus)), choice((minus, plus))
+
+@kernel
+def up(number, x, out):
+    _up(number, x, out)
+
+@kernel
+def down(number, x, out):
+    _down(number, x, out)
+
+def answers(names):
+    out = np.zeros(3)
+    def answer(name, number):
+        globals()[name](number, np.zeros(3), out)
+        return out[0]
+    return [answer(name, number) for name in names for number in (0, 1)]
 """
 
 
 @pytest.mark.slow
-def test_kernels_of_two_sizes_from_the_cache_of_two_processes(tmp_path: Path) -> None:
-    """numba's own names for compiled functions made one size call the parts of another."""
-    (tmp_path / "sized.py").write_text(MODULE)
+@pytest.mark.parametrize(
+    ("module", "alone", "together"),
+    [
+        (SIZED, {(6,): [6.0], (7,): [7.0], (3,): [3.0]}, (3, 6, 7)),
+        (CHOSEN, {("up",): [7.0, -7.0], ("down",): [-7.0, 7.0]}, ("down", "up")),
+    ],
+    ids=["of two sizes", "made of other parts"],
+)
+def test_kernels_from_the_cache_of_two_processes(
+    tmp_path: Path, module: str, alone: dict[tuple, list[float]], together: tuple
+) -> None:
+    """numba's own names for compiled functions made one size, or one choice, call the parts of another."""
+    (tmp_path / "kept.py").write_text(module)
     root = Path(__file__).parents[2]
     environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path / "cache"), "PYTHONPATH": f"{tmp_path}:{root}"}
 
-    def sums(*sizes: int) -> str:
-        command = [sys.executable, "-c", f"import sized; print(sized.sums({list(sizes)}))"]
-        return subprocess.run(command, env=environment, capture_output=True, text=True, check=True).stdout.strip()
+    def answers(asked: tuple) -> list[float]:
+        command = [sys.executable, "-c", f"import kept; print(*kept.answers({asked}))"]
+        told = subprocess.run(command, env=environment, capture_output=True, text=True, check=True).stdout
+        return [float(number) for number in told.split()]
 
-    assert [sums(6), sums(7), sums(3)] == ["[6.0]", "[7.0]", "[3.0]"]
-    assert sums(3, 6, 7) == "[3.0, 6.0, 7.0]"
+    assert {asked: answers(asked) for asked in alone} == alone
+    assert answers(together) == [number for part in together for number in alone[(part,)]]
 
 
 @pytest.mark.parametrize("shape", [(1, 1), (2, 2), (3, 6), (6, 6)])
