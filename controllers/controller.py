@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Literal, NamedTuple
+from typing import Literal
 
 import numpy as np
 
@@ -32,25 +32,11 @@ from kernels import kernel
 from kernels.records import Record
 
 
-class _Question(NamedTuple):
-    gains: Gains
-    z: np.ndarray
-    reference: Reference
-    task: TaskSpace
-    estimate: Estimate
-    feedforward: FeedforwardModel
-    q: np.ndarray
-    q_dot: np.ndarray
-    F: np.ndarray
-    work: Scratch
-
-
 @kernel
 def _answer(question, answer):
-    x, out = question[0], answer[0]
-    measure(x.gains, x.z, x.reference, x.task, x.estimate, x.feedforward, x.q_dot, x.F, x.work, out)
+    told, out = question[0], answer[0]
+    measure(told, out)
     clear(out)
-    told = Told(x.gains, x.gains, x.reference, x.task, x.estimate, x.feedforward, x.z, x.q, x.q_dot, x.F, x.work)
     table.torque(told, out)
     add_up(out)
 
@@ -138,6 +124,6 @@ class Controller:
         """
         n = self.model.n
         work, answer = Scratch.zeros(n), Record(ControlOutput.zeros(n))
-        question = _Question(self.gains, z, reference, task, estimate, feedforward, q, q_dot, F, work)
+        question = Told(self.gains, self.gains, reference, task, estimate, feedforward, z, q, q_dot, F, work)
         _answer(Record(question).data, answer.data)
         return answer.read()

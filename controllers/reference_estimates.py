@@ -13,7 +13,8 @@ from kernels.algebra import copy, copy_matrix
 
 
 class FeedforwardModel(NamedTuple):
-    """M_hat, C_hat (n, n), G_hat (n,) that (25) uses, and how far they may be from the estimates at q."""
+    """Model of the arm that laws feed forward: M_hat, C_hat (n, n), G_hat (n,) of (25), and how far they may be from
+    the estimates at q."""
 
     M_hat: np.ndarray
     C_hat: np.ndarray

@@ -10,14 +10,14 @@ from kernels.algebra import dot, norm, row_times, transposed_times
 
 
 @inline
-def measure(gains, z, reference, task, estimate, feedforward, q_dot, F, work, out):
-    """All of it, for the compensator state z (n,) and the measured force F (3,) N."""
-    errors(gains, reference, task, estimate, F, out)
-    sliding(gains, z, reference, out)
-    eq = out.equivalent
-    joint_velocity(task, eq.r_dot, work, eq.q_dot)
-    joint_acceleration(task, eq.r_ddot, eq.q_dot, work, eq.q_ddot)
-    gain_needed(gains, feedforward.deviation, task, estimate, q_dot, work, out)
+def measure(told, out):
+    """All of it, into the output, from what laws are told."""
+    gains, task, estimate, eq = told.gains, told.task, told.estimate, out.equivalent
+    errors(gains, told.reference, task, estimate, told.F, out)
+    sliding(gains, told.z, told.reference, out)
+    joint_velocity(task, eq.r_dot, told.work, eq.q_dot)
+    joint_acceleration(task, eq.r_ddot, eq.q_dot, told.work, eq.q_ddot)
+    gain_needed(gains, told.feedforward.deviation, task, estimate, told.q_dot, told.work, out)
 
 
 @inline

@@ -54,7 +54,7 @@ class TaskLayout(NamedTuple):
 
 
 class Scratch(NamedTuple):
-    """Room for what is in between: S, T, U (n, n), u (n,), and in space V, W (3, 3), Y (3, n)."""
+    """Scratch memory, for what is in between: S, T, U (n, n), u (n,), and in space V, W (3, 3), Y (3, n)."""
 
     S: np.ndarray
     T: np.ndarray

@@ -22,9 +22,9 @@ VALUE, GRADIENT, HESSIAN, RATE, GRADIENT_RATE, SECOND_RATE = 0, 1, 4, 10, 11, 14
 
 
 class Bytecode(NamedTuple):
-    """code (INSTRUCTIONS, 3): operation and two registers, of which `length` count; the first result goes to register
-    `first`; registers (REGISTERS,) with the constants in place; outputs (15,): the registers of `OUTPUTS`; K, K_inv,
-    work (4, 4): room for the search of the nearest point."""
+    """Bytecode of a formula. code (INSTRUCTIONS, 3): operation and two registers, of which `length` count; the first
+    result goes to register `first`; registers (REGISTERS,) with the constants in place; outputs (15,): the registers of
+    `OUTPUTS`; K, K_inv, work (4, 4): room for the search of the nearest point."""
 
     code: np.ndarray
     length: int

@@ -34,9 +34,9 @@ class Contact(NamedTuple):
 
 
 class ContactKinematics(NamedTuple):
-    """The contact's geometry at one state. p (3,) m, p_dot (3,) m/s, J_v (3, n) of the tool point; chart: the surface
-    there; drag (3,): friction per unit multiplier; v_rel (3,) m/s: slip; phi m, phi_dot m/s, phi_ddot_bias m/s^2:
-    phi_ddot without its part in q_ddot; pull (n,): phi_dot per unit of q_dot."""
+    """Kinematics of the contact at one state. p (3,) m, p_dot (3,) m/s, J_v (3, n) of the tool point; chart: the
+    surface there; drag (3,): friction per unit multiplier; v_rel (3,) m/s: slip; phi m, phi_dot m/s, phi_ddot_bias
+    m/s^2: phi_ddot without its part in q_ddot; pull (n,): phi_dot per unit of q_dot."""
 
     p: np.ndarray
     p_dot: np.ndarray
@@ -57,7 +57,8 @@ class ContactKinematics(NamedTuple):
 
 
 class ContactForce(NamedTuple):
-    """force (3,) N of the tool on the environment, torque (n,) N m = J_v^T force, multiplier N, phi m."""
+    """Force of the contact: force (3,) N of the tool on the environment, torque (n,) N m = J_v^T force, multiplier N,
+    phi m."""
 
     force: np.ndarray
     torque: np.ndarray

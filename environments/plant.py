@@ -137,8 +137,8 @@ def _resistance_alone(resistance, q_dot, t, torque):
 
 
 class PlantWorkspace(NamedTuple):
-    """What resists the arm, and what the plant works with between two of Pinocchio's calls: the contact's geometry,
-    the torque (n,) N m that moves the arm, and room (3,), (n,), (n,), (n, n)."""
+    """Workspace of the plant: what resists the arm, and what is needed between two of Pinocchio's calls: the contact's
+    geometry, the torque (n,) N m that moves the arm, and room (3,), (n,), (n,), (n, n)."""
 
     world: World
     resistance: Resistance

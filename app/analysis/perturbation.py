@@ -42,7 +42,7 @@ NOWHERE = Instant(*7 * (np.nan,))
 
 
 class PerturbationAnalysis:
-    """The true arm of one run, looked at from outside its loop's thread."""
+    """Analysis of one run's perturbation: its true arm, looked at from outside the loop's thread."""
 
     def __init__(self, system: System) -> None:
         robot = system.robot
@@ -136,13 +136,8 @@ class Known(Mapping[str, np.ndarray]):
         openings: np.ndarray,
         kept: dict[float, Instant],
     ) -> None:
-        self._analysis, self._rows, self._epochs, self._openings, self._kept = (
-            analysis,
-            rows,
-            epochs,
-            openings,
-            kept,
-        )
+        self._analysis, self._rows, self._epochs = analysis, rows, epochs
+        self._openings, self._kept = openings, kept
         self._found: dict[str, np.ndarray] = {}
         self._makers = {
             **dict.fromkeys(Instant._fields, self._examine),

@@ -87,7 +87,7 @@ def file_name(scenario_name: str, t: float, extension: str) -> str:
 
 
 class ExportJobs:
-    """Makes files; may be used from any thread."""
+    """Export jobs, done one after the other: they make files. May be used from any thread."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()

@@ -20,11 +20,14 @@ class Look:
 
 @dataclass(frozen=True)
 class ServerSettings:
-    """To whom a server is open. shared: a session for each visitor, else one for all; token: asked for where others
-    than this user's programs can come (auto); given: the token to steer, None for a fresh one; crowded: other people
-    are on this machine; origins: public addresses behind a proxy; places: sessions that run at once, None for what this
-    machine holds; of_one_address: how many of them, None for all but a quarter; copies: whether who watches may take a
-    private one; idle_minutes: after which a session that nobody looks at is closed."""
+    """Settings of a server: to whom it is open.
+
+    shared: a session for each visitor, else one for all; token: asked for where others than this user's programs can
+    come (auto); given: the token to steer, None for a fresh one; crowded: other people are on this machine; origins:
+    public addresses behind a proxy; places: sessions that run at once, None for what this machine holds;
+    of_one_address: how many of them, None for all but a quarter; copies: whether who watches may take a private one;
+    idle_minutes: after which a session that nobody looks at is closed.
+    """
 
     host: str = "127.0.0.1"
     port: int = 8080

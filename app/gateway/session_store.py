@@ -43,7 +43,7 @@ class Known(NamedTuple):
 
 
 class SessionStore:
-    """A folder that only this gateway uses, as long as it lives or until `close`.
+    """Sessions kept on disk, in a folder that only this gateway uses, as long as it lives or until `close`.
 
     A session's own folder is named after its first link to watch: what its pages show of it lets nobody steer. Its
     process keeps scenario and pinned runs there, see `app.session.autosave`. Raises StateError when another

@@ -17,7 +17,6 @@ from pathlib import Path
 
 from app.scenario.schema import ScenarioError
 from controllers.control_law import ControlLaw
-from controllers.laws import KINDS
 from controllers.laws.table import LAWS
 
 VARIABLE = "VSMRC_USE"
@@ -72,9 +71,9 @@ def _law_of(path: Path) -> ControlLaw:
 
 
 def _check(law: ControlLaw, path: Path) -> None:
-    if not _KIND.fullmatch(law.kind) or law.kind in KINDS:
+    if not _KIND.fullmatch(law.kind) or law.kind in LAWS:
         raise OwnCodeError(
-            f"--use {path}: kind {law.kind!r:.60}; allowed: lower-case words joined by '-', but {', '.join(KINDS)}"
+            f"--use {path}: kind {law.kind!r:.60}; allowed: lower-case words joined by '-', but {', '.join(LAWS)}"
         )
     titles = [known.title for known in LAWS.values()]
     if not (isinstance(law.title, str) and isinstance(law.about, str)) or law.title in ("", *titles):

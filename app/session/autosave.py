@@ -166,7 +166,7 @@ class StateFolder:
 
 
 class Autosave:
-    """Saves scenario and pinned runs as they change, in a thread of its own. What a run begins with is no change.
+    """Autosave of scenario and pinned runs as they change, in a thread of its own. What a run begins with is no change.
 
     complain: is told in a sentence, once until it goes well again, that it cannot be saved. begun: the run has begun
     before, so that it is saved as it is.

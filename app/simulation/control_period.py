@@ -59,8 +59,8 @@ class ReferencePlan(NamedTuple):
 
 
 class ObservationModel(NamedTuple):
-    """How the controller looks at the arm. links: see `NominalModel`; shape: the surface (or Cartesian axes) that
-    gives the task coordinates."""
+    """Model by which the controller observes the arm. links: see `NominalModel`; shape: the surface (or Cartesian axes)
+    that gives the task coordinates."""
 
     links: LinkConstants
     shape: Shape
@@ -185,8 +185,8 @@ def observe(observation_model, momenta, C, J, J_dot, placements, t, seen):
 
 
 def asked(torque: Callable[..., None]) -> Any:
-    """An inline kernel that tells a law all that there is, with these parameters of its own, and lets it write its
-    torque; state: x and x_dot of a law with a state of its own."""
+    """An inline kernel that tells a law, or whatever else looks at what laws are told, all that there is, and lets it
+    write into the output; parameters: the law's own; state: x and x_dot of a law with a state of its own."""
 
     @inline
     def ask(setting, period, parameters, *state):
@@ -209,7 +209,7 @@ def asked(torque: Callable[..., None]) -> Any:
     return ask
 
 
-_ask = asked(table.torque)
+_measure, _ask = asked(measure), asked(table.torque)
 
 
 @kernel
@@ -237,17 +237,16 @@ def end_period(setting, period, arm, t, row):
 @inline
 def _see(setting, period, momenta, C, J, J_dot, placements, arm, F, t):
     """Look at the arm and the reference, and measure what every law is told."""
-    seen, output, reference = period.seen, period.output, period.reference
-    gains, task, estimate, feedforward = setting.gains, seen.task, seen.estimate, period.feedforward
+    seen = period.seen
     copy(arm.q, seen.q)
     copy(arm.q_dot, seen.q_dot)
     copy(F, period.F)
     observe(setting.observation_model, momenta, C, J, J_dot, placements, t, seen)
-    reference_at(setting.plan, t, reference)
+    reference_at(setting.plan, t, period.reference)
     if setting.online:
-        take_estimates(estimate, feedforward)
-    measure(gains, period.z, reference, task, estimate, feedforward, seen.q_dot, period.F, seen.work, output)
-    clear(output)
+        take_estimates(seen.estimate, period.feedforward)
+    _measure(setting, period, setting.gains)
+    clear(period.output)
 
 
 @inline

@@ -64,9 +64,8 @@ def _needed(system: System, estimate: Estimate, task: TaskSpace, r_eq_ddot: np.n
     asked = still if r_eq_ddot is None else r_eq_ddot
     q_eq_ddot = task.J_q_inv @ (asked - task.J_q_dot @ q_eq_dot - task.v_t_dot)
     at_rest = Equivalent(still, asked, q_eq_dot, q_eq_ddot)
-    return required_gain(
-        system.controller.bounds, system.controller.uncertainty, ON_LINE, estimate, task, still, at_rest
-    )
+    controller = system.controller
+    return required_gain(controller.bounds, controller.uncertainty, ON_LINE, estimate, task, still, at_rest)
 
 
 NO_POLES = np.zeros(0, dtype=complex)
@@ -176,9 +175,8 @@ class _PeriodMap:
         q_dot = -task.J_q_inv @ task.v_t
         met = self._plant.start(at.q, q_dot, at.t).read().load.multiplier
         e_Fc = np.zeros(system.layout.n) if system.m else controller.controlled * at.across * met
-        r_d = (
-            task.r + np.linalg.pinv(controller.model.K_m) @ controller.model.K_f @ e_Fc
-        )  # where (8) rests under this force
+        model = controller.model
+        r_d = task.r + np.linalg.pinv(model.K_m) @ model.K_f @ e_Fc  # where (8) rests under this force
         still = replace(
             system,
             plant=self._plant,

@@ -15,7 +15,7 @@ Part = str | bytes | float | np.ndarray
 
 
 class AnswerStore(Protocol):
-    """Where answers outlive the process."""
+    """Store in which answers outlive the process."""
 
     def read(self, key: str, count: int) -> Numbers | None:
         """The answer of `count` numbers of this key; None where there is none that can be trusted."""

@@ -17,7 +17,7 @@ from app.simulation.control_period import Period, Setting, asked
 from controllers.control_law import ControlLaw
 from controllers.controller import Controller
 from kernels import not_kept
-from kernels.records import Fields, Record
+from kernels.records import Record
 
 
 class SeparateLaw:
@@ -25,33 +25,32 @@ class SeparateLaw:
     rate of the law's own state in the period that was evaluated last."""
 
     def __init__(self, controller: Controller, settings: Record[Setting]) -> None:
-        law, self._settings = controller.law, settings.data
-        self._ask, self._file = asked(law.torque).py_func, _file_of(law)
-        self._parameters = _parameters(controller)
-        self._x, self.x_dot = law.at_rest(controller.model.n), law.at_rest(controller.model.n)
+        law, n = controller.law, controller.model.n
+        self._x, self.x_dot = law.at_rest(n), law.at_rest(n)
         self._state = () if law.states is None else (self._x, self.x_dot)
-        self._setting = Fields(settings.data)
-        self._seen: tuple[np.ndarray, Fields] | None = None
-        self._act = self._compiled(_kernel_of(law)) if law.compiled else self._interpreted
+        self._file = _file_of(law)
+        self._torque = (_compiled if law.compiled else _interpreted)(law, settings, _parameters(controller))
 
     def act(self, period: Record[Period], x: np.ndarray) -> None:
         """Write the terms of the torque into the period, and `x_dot`, for the law's own state x (k,). Raises
         OwnCodeError."""
         self._x[:], self.x_dot[:] = x, 0.0
         try:
-            self._act(period.data)
+            self._torque(period, *self._state)
         except Exception as error:
             raise OwnCodeError(located(error, self._file)) from error
 
-    def _interpreted(self, period: np.ndarray) -> None:
-        if self._seen is None or self._seen[0] is not period:
-            self._seen = period, Fields(period)
-        parameters = self._setting.gains if self._parameters is None else self._parameters
-        self._ask(self._setting, self._seen[1], parameters, *self._state)
 
-    def _compiled(self, kernel: Callable[..., None]) -> Callable[[np.ndarray], None]:
-        parameters = self._settings["gains"] if self._parameters is None else Record(self._parameters).data
-        return lambda period: kernel(self._settings, period, parameters, *self._state)
+def _interpreted(law: ControlLaw, settings: Record[Setting], parameters: Any) -> Callable[..., None]:
+    """The law's torque, as a function of a period and of the law's own state, in the interpreter."""
+    ask, own = asked(law.torque).py_func, parameters or settings.fields.gains
+    return lambda period, *state: ask(settings.fields, period.fields, own, *state)
+
+
+def _compiled(law: ControlLaw, settings: Record[Setting], parameters: Any) -> Callable[..., None]:
+    """The same, compiled."""
+    answer, own = _kernel_of(law), Record(parameters).data if parameters else settings.data["gains"]
+    return lambda period, *state: answer(settings.data, period.data, own, *state)
 
 
 def _parameters(controller: Controller) -> Any:

@@ -35,7 +35,8 @@ def _checksum(name: str, numbers: Numbers) -> str:
 
 
 class ConstantsStore:
-    """A `search_memory.AnswerStore` in a folder, by default that of the kernels; failures of the disk are not told."""
+    """Constants kept on disk, a `search_memory.AnswerStore`: in a folder, by default that of the kernels; failures of
+    the disk are not told."""
 
     def __init__(self, folder: Path | None = None) -> None:
         self._folder = folder if folder is not None else cache_folder() / "constants"

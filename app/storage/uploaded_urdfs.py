@@ -43,7 +43,8 @@ class _Upload(NamedTuple):
 
 
 class UploadedUrdfs:
-    """Where one visitor's uploads go. marks: by which the visitor is known, as soon as it is; none are not counted."""
+    """Uploaded URDFs of one visitor, on disk. marks: by which the visitor is known, as soon as it is; none are not
+    counted."""
 
     def __init__(self) -> None:
         self.marks: tuple[str, ...] = ()

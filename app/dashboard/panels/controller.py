@@ -9,6 +9,7 @@ import viser
 
 from app.dashboard.widgets.controls import Choice, Control, Desk, Number, Place, PlaceWhere, Scale, decades
 from app.dashboard.widgets.theorem_table import TheoremTable
+from app.scenario.schema import FieldInfo
 from app.session.snapshot import Snapshot
 from app.simulation.controller_builder import laws
 from controllers.control_law import ControlLaw, Parameter
@@ -29,9 +30,9 @@ class _OwnPlace(Place):
         return controller.parameters[self.parameter.name] if controller.law is self.law else None
 
     @property
-    def hint(self) -> str:
+    def info(self) -> FieldInfo:
         p = self.parameter
-        return f"{p.meaning} [{p.unit}] ≥ {p.low:g} ≤ {p.high:g}"
+        return FieldInfo(p.meaning, p.unit, p.low, p.high, choices=())
 
 
 def _own(desk: Desk, law: ControlLaw, p: Parameter) -> Number:

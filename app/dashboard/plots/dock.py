@@ -39,7 +39,7 @@ class Shown:
 
 
 class Plots:
-    """What is chosen above the plots goes into `viewing`. turn: is taken while choices are shown, see `turns`."""
+    """What is chosen above the plots goes into `viewing`. turn: is taken while choices are shown, see `WidgetLock`."""
 
     def __init__(
         self, gui: viser.GuiApi, visible_tabs: VisibleTabs, viewing: Viewing, turn: AbstractContextManager[object]

@@ -55,7 +55,7 @@ class Meter:
 
 
 class MessageFilter:
-    """Stands before a server from its beginning; every connection of it is guarded from its first message on.
+    """Filter of the messages to a server, from its beginning; each connection is guarded from its first message on.
 
     rate: messages a second that one page may send for long.
     """

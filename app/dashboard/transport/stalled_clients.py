@@ -20,7 +20,8 @@ EVERY = 1.0  # s between two looks
 
 
 class StalledClients:
-    """Drops connections on which bytes wait and none has gone for `patience` s; a page that lives comes back by itself.
+    """Stalled clients are dropped: connections on which bytes wait and none has gone for `patience` s. A page that
+    lives comes back by itself.
 
     Not to be used by two threads at once.
     """

@@ -18,8 +18,8 @@ def marker_html(tab: str, window: float = 0.0, ahead: float = 0.0, text: str = "
 
 
 class VisibleTabs:
-    """Text fields that nobody sees, in one of which every page's script writes the tabs that are on its screen. There
-    are several since a collapsed panel takes its own away."""
+    """Visible tabs of every page: its script writes them into one of these text fields, which nobody sees. There are
+    several since a collapsed panel takes its own away."""
 
     def __init__(self) -> None:
         self._tabs: dict[int, frozenset[str]] = {}

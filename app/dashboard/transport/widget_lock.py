@@ -19,7 +19,8 @@ PATIENCE = 1.0  # s
 
 
 class WidgetLock:
-    """Between viser's event loop and the thread that draws: `with widget_lock.drawing` no page's value is on its way.
+    """Lock between viser's event loop and the thread that draws: `with widget_lock.drawing` no page's value is on its
+    way.
 
     So a callback of a widget must not wait for anything: what takes longer is a task of its own. A drawing that hangs
     is waited for once; meanwhile pages, whose messages all come through one event loop, are heard all the same.

@@ -21,7 +21,7 @@ from app.dashboard.view_options import Viewing
 from app.dashboard.widgets.matrix_text import read_back, written
 from app.dashboard.widgets.whatif import Held, WhatIf
 from app.export.export_jobs import ExportJobs
-from app.scenario.schema import Scenario, field_info
+from app.scenario.schema import FieldInfo, Scenario, field_info
 from app.session.commands import Command, Edit
 from app.session.snapshot import Snapshot
 from app.storage.uploaded_urdfs import UploadedUrdfs
@@ -85,11 +85,18 @@ class Place:
         return Edit(self.path, value)
 
     @property
-    def hint(self) -> str:
-        """The meaning, unit and bounds that the scenario's schema gives."""
+    def info(self) -> FieldInfo | None:
+        """Meaning, unit and bounds that the scenario's schema gives; None for a field that it does not describe."""
         try:
-            info = field_info(self.path)
+            return field_info(self.path)
         except KeyError:
+            return None
+
+    @property
+    def hint(self) -> str:
+        """Meaning, unit and bounds in words."""
+        info = self.info
+        if info is None:
             return self.path
         unit = f" [{info.unit}]" if info.unit not in ("", "1") else ""
         low = "" if info.least is None else f" ≥ {info.least:g}"

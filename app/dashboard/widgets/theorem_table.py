@@ -12,7 +12,8 @@ from app.session.snapshot import Snapshot
 
 
 class TheoremTable:
-    """Gain condition, reaching time, sliding variable and the factors of the sampled loops, each with its limit."""
+    """Table of what the theorem says: gain condition, reaching time, sliding variable and the factors of the sampled
+    loops, each with its limit."""
 
     def __init__(self, gui: viser.GuiApi) -> None:
         self._html = gui.add_html("")
