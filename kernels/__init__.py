@@ -5,33 +5,60 @@ known when it is compiled, so that loops unroll, and nothing is allocated while 
 arguments.
 """
 
-import hashlib
+from __future__ import annotations
+
+import sys
 from collections.abc import Callable, Sequence
-from functools import cache
+from functools import cached_property, update_wrapper
 from typing import Any
 
 import numpy as np
-from numba import from_dtype, jit, njit, types
-from numba.core.registry import CPUDispatcher
 
 # contracting a b + c to one rounding is the only liberty that the compiler may take
 _ARITHMETIC: dict[str, Any] = {"error_model": "numpy", "fastmath": {"contract"}}
 
 
+class Kernel:
+    """A function that is compiled when it is first called, or when another kernel that calls it is.
+
+    Until then numba is not imported: whoever reads only what a surface is called does not wait for it.
+    """
+
+    def __init__(self, function: Callable[..., Any], **options: Any) -> None:
+        self._options = options
+        update_wrapper(self, _named(function))
+        self.py_func = function
+
+    @cached_property
+    def dispatcher(self) -> Any:
+        """The same as numba has it."""
+        from kernels.symbols import jit
+
+        return jit(nopython=True, **_ARITHMETIC, **self._options)(self.py_func)
+
+    @property
+    def _numba_type_(self) -> Any:  # where numba looks for what another kernel calls
+        from numba import types
+
+        return types.Dispatcher(self.dispatcher)
+
+    def __call__(self, *arguments: Any) -> Any:
+        return self.dispatcher(*arguments)
+
+
 def kernel(function: Callable[..., Any]) -> Any:
     """A compiled function, kept in the cache of the next processes."""
-    return njit(cache=True, **_ARITHMETIC)(_named(function))
+    return Kernel(function, cache=True)
 
 
 def not_kept(function: Callable[..., Any]) -> Any:
     """A kernel that is compiled anew in each process."""
-    return njit(**_ARITHMETIC)(_named(function))
+    return Kernel(function)
 
 
 def inline(function: Callable[..., Any]) -> Any:
     """A kernel that is called by kernels only, and compiles faster for that."""
-    own_way = {"nopython": True, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
-    return jit(**own_way, **_ARITHMETIC)(_named(function))
+    return Kernel(function, no_cpython_wrapper=True, no_cfunc_wrapper=True)
 
 
 def _named(function: Callable[..., Any]) -> Callable[..., Any]:
@@ -76,40 +103,18 @@ def choice(kernels: Sequence[Callable[..., Any]], first: int = 0) -> Callable[..
 
 
 def compiled(function: Callable[..., Any]) -> bool:
-    """Whether a function is a kernel, inline or not."""
-    return isinstance(function, CPUDispatcher)
+    """Whether a function is a kernel, or one that numba has."""
+    if isinstance(function, Kernel):
+        return True
+    registry = sys.modules.get("numba.core.registry")  # who has no numba has no function of it
+    return registry is not None and isinstance(function, registry.CPUDispatcher)
 
 
-def compiled_for(kernel: Any, *arguments: np.ndarray | float) -> Callable[..., Any]:
+def compiled_for(kernel: Kernel, *arguments: np.ndarray | float) -> Callable[..., Any]:
     """The kernel compiled for arguments of these types, to be called again and again with arguments of just these.
 
     It takes 0.1 us less per argument than the kernel itself, which looks at their types in every call.
     """
-    return kernel.compile(tuple(_type_of(argument) for argument in arguments))
+    from kernels.symbols import type_of
 
-
-def _type_of(argument: np.ndarray | float) -> types.Type:
-    if isinstance(argument, np.ndarray):
-        layout = "C" if argument.flags.c_contiguous else "F" if argument.flags.f_contiguous else "A"
-        return _array_type(argument.dtype, argument.ndim, layout)
-    return types.float64
-
-
-@cache
-def _array_type(dtype: np.dtype, ndim: int, layout: str) -> types.Type:
-    return types.Array(from_dtype(dtype), ndim, layout)
-
-
-def _array_symbol(array: types.NestedArray) -> tuple[str, list[Any]]:
-    return "NestedArray", [array.dtype, *array.shape]
-
-
-def _record_symbol(record: types.Record) -> tuple[str, list[Any]]:
-    return "Record", [hashlib.sha256(record.name.encode()).hexdigest()[:16]]
-
-
-# numba names a compiled function after the types of its arguments, but of an array within a record it leaves out the
-# shape, and of a record it takes a number that counts types in the order in which a process meets them: kernels for
-# arms with 6 and with 7 joints, compiled by two processes and read from the cache into a third, called each other's
-types.NestedArray.mangling_args = property(_array_symbol)  # pyright: ignore[reportAttributeAccessIssue]
-types.Record.mangling_args = property(_record_symbol)  # pyright: ignore[reportAttributeAccessIssue]
+    return kernel.dispatcher.compile(tuple(type_of(argument) for argument in arguments))

@@ -1,0 +1,38 @@
+"""numba's own compiler and types, with names of which no two things in a cache have the same."""
+
+import hashlib
+from functools import cache
+from typing import Any
+
+import numpy as np
+from numba import from_dtype, jit, types
+
+__all__ = ["jit", "type_of"]
+
+
+def type_of(argument: np.ndarray | float) -> types.Type:
+    """The type of an argument."""
+    if isinstance(argument, np.ndarray):
+        layout = "C" if argument.flags.c_contiguous else "F" if argument.flags.f_contiguous else "A"
+        return _array_type(argument.dtype, argument.ndim, layout)
+    return types.float64
+
+
+@cache
+def _array_type(dtype: np.dtype, ndim: int, layout: str) -> types.Type:
+    return types.Array(from_dtype(dtype), ndim, layout)
+
+
+def _array_symbol(array: types.NestedArray) -> tuple[str, list[Any]]:
+    return "NestedArray", [array.dtype, *array.shape]
+
+
+def _record_symbol(record: types.Record) -> tuple[str, list[Any]]:
+    return "Record", [hashlib.sha256(record.name.encode()).hexdigest()[:16]]
+
+
+# numba names a compiled function after the types of its arguments, but of an array within a record it leaves out the
+# shape, and of a record it takes a number that counts types in the order in which a process meets them: kernels for
+# arms with 6 and with 7 joints, compiled by two processes and read from the cache into a third, called each other's
+types.NestedArray.mangling_args = property(_array_symbol)  # pyright: ignore[reportAttributeAccessIssue]
+types.Record.mangling_args = property(_record_symbol)  # pyright: ignore[reportAttributeAccessIssue]
