@@ -21,10 +21,11 @@ from scipy.linalg.lapack import dgesv, dposv  # pyright: ignore[reportAttributeA
 
 from app.evidence.mujoco_arm import arm_spec
 from app.evidence.mujoco_arm import compiled as compiled_arm
-from app.scenario.schema import Circle as CirclePath
 from app.simulation.system import System
 from benchmarks.rounds import Call
-from environments.trajectories import Circle, Path, path_at
+from environments.force_profiles.table import course_of as force_course
+from environments.trajectories.table import course_of, path_at
+from environments.trajectories.trajectory import Path
 
 K_P, K_D = 400.0, 40.0  # 1/s^2, 1/s: critically damped
 K_I = 10.0  # 1/s
@@ -57,11 +58,8 @@ class Press:
         self.start = self.data.site_xpos[self.site].copy()
         self.attitude = np.empty(4)
         mujoco.mju_mat2Quat(self.attitude, self.data.site_xmat[self.site])
-        x, y, _ = np.eye(3)
-        path = scenario.motion
-        assert isinstance(path, CirclePath)
-        self.course = Circle(x, y, path.radius, path.period, path.ramp).course
-        self.force = scenario.force.value
+        self.course = course_of(scenario.motion, 3, range(2))
+        self.force = force_course(scenario.force).start
         self.missing = 0.0  # N s, integral of the force error
 
     def step(self, law: Callable[[], np.ndarray]) -> None:

@@ -54,7 +54,8 @@ def bare_calls(loop: ClosedLoop) -> Call:
         pin.crba(true, true_data, q, pin.Convention.WORLD)
         pin.computeJointJacobians(true, true_data, q)
 
-    return {"free": free, "elastic": elastic, "rigid": rigid}[loop.system.plant.kind]
+    kind = loop.system.plant.kind
+    return rigid if kind.rigid else elastic if kind.touches else free
 
 
 def measure(effort: Effort) -> Table:

@@ -14,6 +14,7 @@ from controllers.reference_estimates import FeedforwardModel
 from controllers.task_space import Scratch, TaskSpace
 from kernels import compiled, inline
 from kernels.algebra import row_times, times
+from parameters import Parameter
 
 
 class Reference(NamedTuple):
@@ -129,18 +130,6 @@ class Told(NamedTuple):
     q_dot: np.ndarray
     F: np.ndarray
     work: Scratch
-
-
-@dataclass(frozen=True)
-class Parameter:
-    """A number that a law has of its own: its name, value unless the scenario says another, bounds, unit, meaning."""
-
-    name: str
-    value: float
-    low: float
-    high: float
-    unit: str
-    meaning: str
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from environments.surfaces import Chart, Shape, surface_chart
+from environments.surfaces.chart import Chart, Shape
+from environments.surfaces.table import surface_chart
 from kernels import inline
 from kernels.algebra import cross, dot, transposed_times
 

@@ -19,13 +19,13 @@ from environments.contact import (
     heavy_multiplier,
     touch_at,
 )
+from environments.contact_kinds import ContactKind
 from environments.robots import Robot
-from environments.surfaces import Surface
+from environments.surfaces.table import Surface
 from kernels import compiled_for, inline, kernel
 from kernels.algebra import dot, solve_spd, transposed_times
 from kernels.records import Record
 
-ContactKind = Literal["free", "elastic", "mass-damper-spring", "rigid"]
 Integrator = Literal["leapfrog", "semi-implicit-euler", "rk4"]
 WORLD = pin.Convention.WORLD
 ON_SURFACE = 1e-12  # m
@@ -232,10 +232,6 @@ def _penetration(around, J, rotation, translation, arm, t):
     arm[0].load.phi = around[0].touch.phi
 
 
-# what there is to find at a new state: nothing in free space, and on a rigid surface `_onto_surface` has been there
-FINDERS = {"elastic": _load, "mass-damper-spring": _penetration}
-
-
 @kernel
 def _force_of(around, J, rotation, translation, arm, multiplier, t, force):
     world, around = around[0].world, around[0]
@@ -287,10 +283,7 @@ def _semi_implicit_euler(arm, h):
 
 
 class Plant:
-    """M q_ddot + C q_dot + G + J^T F + f = tau, integrated with tau held over each control period.
-
-    heavy: the contact force depends on the torque, as on rigid surfaces and those with a mass.
-    """
+    """M q_ddot + C q_dot + G + J^T F + f = tau, integrated with tau held over each control period."""
 
     def __init__(
         self,
@@ -303,13 +296,12 @@ class Plant:
         substeps: int = 1,
     ) -> None:
         self.truth, self.surface, self.contact, self._robot = truth, surface, contact, robot
-        self.kind: ContactKind = kind
-        self.heavy = kind in ("mass-damper-spring", "rigid")
+        self.kind = kind
         self.substeps = substeps
         self.model = truth.model(robot)
         self.data = self.model.createData()
         self._lever = np.array(robot.tool_placement.translation)
-        world = World(self._lever, surface.shape, contact, kind == "rigid")
+        world = World(self._lever, surface.shape, contact, kind.rigid)
         around = Record(PlantWorkspace.of(world, truth.resistance, robot.n))
         self._around, self._torque = around.data, around.views.torque
         # live views: Pinocchio fills them at every call
@@ -319,8 +311,13 @@ class Plant:
         self._inertia = (self.data.M, self.data.nle)
         self._integrator: Integrator = integrator
         self._integrate = {"leapfrog": self._leapfrog, "semi-implicit-euler": self._euler, "rk4": self._rk4}[integrator]
-        light = {"free": self._accelerate_free, "elastic": self._accelerate_elastic}
-        self._accelerate = light.get(kind, self._accelerate_heavy)
+        self._accelerate = (
+            self._accelerate_heavy
+            if kind.heavy
+            else self._accelerate_elastic
+            if kind.springs
+            else self._accelerate_free
+        )
         self._resolve_kernels(robot.n)
 
     def smooth(self, *, touching: bool) -> Plant:
@@ -337,16 +334,17 @@ class Plant:
         self._drift = compiled_for(_drift, arm, 0.0)
         self._kick_and_drift = compiled_for(_kick_and_drift, arm, 0.0)
         self._step_of_euler = compiled_for(_semi_implicit_euler, arm, 0.0)
-        if self.kind in FINDERS:
-            self._find = compiled_for(FINDERS[self.kind], around, *self._tool, arm, 0.0)
+        if self.kind.springs:
+            find = _penetration if self.kind.massive else _load
+            self._find = compiled_for(find, around, *self._tool, arm, 0.0)
         inertia, M = self._inertia, self.data.M
-        if self.kind == "free":
-            self._answer = compiled_for(_accelerate_free, around, *inertia, arm, tau, 0.0)
-        elif self.kind == "elastic":
-            self._answer = compiled_for(_accelerate_elastic, around, *inertia, *self._tool, arm, tau, 0.0)
-        else:
+        if self.kind.heavy:
             self._answer = compiled_for(_accelerate_heavy, around, *inertia, *self._tool_moving, arm, tau, 0.0)
             self._onto_surface = compiled_for(_onto_surface, around, *self._tool, M, arm, 0.0)
+        elif self.kind.springs:
+            self._answer = compiled_for(_accelerate_elastic, around, *inertia, *self._tool, arm, tau, 0.0)
+        else:
+            self._answer = compiled_for(_accelerate_free, around, *inertia, arm, tau, 0.0)
 
     def start(self, q: np.ndarray, q_dot: np.ndarray, t: float) -> PlantState:
         """The state q (n,), q_dot (n,) at time t; on a rigid surface it is moved onto it.
@@ -354,9 +352,9 @@ class Plant:
         Raises ValueError when the rigid surface cannot be reached from q.
         """
         state = Record(Arm.zeros(len(q))._replace(q=q, q_dot=q_dot))
-        if self.kind == "rigid":
+        if self.kind.rigid:
             self._constrain(state, t)
-        if self.kind in FINDERS:
+        if self.kind.springs:
             pin.computeJointJacobians(self.model, self.data, state.views.q)
             _load(self._around, *self._tool, state.data, t)
         return state
@@ -375,7 +373,7 @@ class Plant:
     def find_load(self, state: PlantState, t: float) -> None:
         """The contact's load at a state at time t (s); a heavy contact keeps the one of the torque that led there, but
         for phi."""
-        if self.kind not in FINDERS:
+        if not self.kind.springs:  # in free space there is none, and on a rigid surface `_onto_surface` has been there
             return
         pin.computeJointJacobians(self.model, self.data, state.views.q)
         self._find(self._around, *self._tool, state.data, t)
@@ -445,13 +443,13 @@ class Plant:
         self._drift(state.data, 0.5 * h)
         self._accelerate(state, tau, t + 0.5 * h)
         self._kick_and_drift(state.data, h)
-        if self.kind == "rigid":
+        if self.kind.rigid:
             self._constrain(state, t + h)
 
     def _euler(self, state: PlantState, tau: np.ndarray, t: float, h: float) -> None:
         self._accelerate(state, tau, t)
         self._step_of_euler(state.data, h)
-        if self.kind == "rigid":
+        if self.kind.rigid:
             self._constrain(state, t + h)
 
     def _rk4(self, state: PlantState, tau: np.ndarray, t: float, h: float) -> None:
@@ -472,7 +470,7 @@ class Plant:
         a_4 = acceleration(q + h * v_3, v_4, t + h)
         state.views.q[:] = q + (h / 6) * (q_dot + 2 * v_2 + 2 * v_3 + v_4)
         state.views.q_dot[:] = q_dot + (h / 6) * (a_1 + 2 * a_2 + 2 * a_3 + a_4)
-        if self.kind == "rigid":
+        if self.kind.rigid:
             self._constrain(state, t + h)
 
     def _constrain(self, state: PlantState, t: float) -> None:

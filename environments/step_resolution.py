@@ -16,7 +16,8 @@ from typing import NamedTuple
 import numpy as np
 
 from environments.contact import Contact
-from environments.plant import ContactKind, Integrator, Truth
+from environments.contact_kinds import ContactKind
+from environments.plant import Integrator, Truth
 
 ROUNDING = 1e-7  # of the radius of an undamped oscillator, which is 1
 
@@ -54,12 +55,12 @@ class Oscillator(NamedTuple):
 def oscillators(kind: ContactKind, contact: Contact, truth: Truth, mobility: Mobility) -> Iterator[Oscillator]:
     """What pulls the arm back, each cause by itself."""
     c, Y = contact, mobility.normal
-    if kind in ("elastic", "mass-damper-spring"):
-        if kind == "mass-damper-spring":
+    if kind.springs:
+        if kind.massive:
             Y = Y / (1.0 + c.M_e * Y)
         yield Oscillator("contact.B_e", c.B_e, "N·s/m", 0.0, Y * c.B_e)
         yield Oscillator("contact.K_e", c.K_e, "N/m", Y * c.K_e, Y * c.B_e)
-    if kind != "free":
+    if kind.touches:
         viscous = c.friction_viscous
         yield Oscillator("contact.friction_viscous", viscous, "N·s/m", 0.0, mobility.tangential * viscous)
     yield Oscillator("truth.viscous", truth.viscous, "N·m·s/rad", 0.0, mobility.joints * truth.viscous)

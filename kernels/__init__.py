@@ -10,12 +10,13 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable, Sequence
 from functools import cached_property, update_wrapper
+from importlib import import_module
 from typing import Any
 
 import numpy as np
 
 # contracting a b + c to one rounding is the only liberty that the compiler may take
-_ARITHMETIC: dict[str, Any] = {"error_model": "numpy", "fastmath": {"contract"}}
+ARITHMETIC: dict[str, Any] = {"error_model": "numpy", "fastmath": {"contract"}}
 
 
 class Kernel:
@@ -34,7 +35,7 @@ class Kernel:
         """The same as numba has it."""
         from kernels.symbols import jit
 
-        return jit(nopython=True, **_ARITHMETIC, **self._options)(self.py_func)
+        return jit(nopython=True, **ARITHMETIC, **self._options)(self.py_func)
 
     @property
     def _numba_type_(self) -> Any:  # where numba looks for what another kernel calls
@@ -118,3 +119,14 @@ def compiled_for(kernel: Kernel, *arguments: np.ndarray | float) -> Callable[...
     from kernels.symbols import type_of
 
     return kernel.dispatcher.compile(tuple(type_of(argument) for argument in arguments))
+
+
+class Elsewhere:
+    """A kernel of a module that imports numba, which is left alone until another kernel that calls it is compiled."""
+
+    def __init__(self, module: str, name: str) -> None:
+        self._module, self._name = module, name
+
+    @property
+    def _numba_type_(self) -> Any:
+        return getattr(import_module(self._module), self._name)._numba_type_

@@ -25,7 +25,7 @@ def no_own_laws() -> Iterator[None]:
     yield
     own_code = sys.modules.get("app.process.own_code")
     if own_code is not None and os.environ.pop(own_code.VARIABLE, None) is not None:
-        own_code.own_laws.cache_clear()
+        own_code.own_code.cache_clear()
 
 
 @pytest.fixture(autouse=True, scope="module")

@@ -74,7 +74,7 @@ def measure(loop: ClosedLoop, realtime_factor: float | None = None) -> Metrics:
     tail = tail_of(t)
     last = {name: values[tail] for name, values in record.items()}
     system, begun = loop.system, loop.recording.epochs[0]
-    rigid = system.scenario.contact.kind == "rigid"
+    rigid = system.plant.kind.rigid
     tau = record["tau"]
     duration = max(float(t[-1] - t[0]), system.scenario.controller.period)
     excess = record["s_norm"] - record["s_bound"] - record["s_band"]
@@ -127,7 +127,7 @@ def motion_error(system: System, record: Mapping[str, np.ndarray]) -> np.ndarray
     if system.layout.joint:
         return record["e_r"]
     error = record["e_r"][:, system.m : system.layout.positions]
-    if system.m or system.scenario.contact.kind == "free":
+    if system.m or not system.plant.kind.touches:
         return error
     # Cartesian coordinates against a surface: the part along the normal is the force's business
     axes = system.charted.frame[: system.layout.positions]
@@ -148,7 +148,7 @@ def steady_force_error(system: System, f_nd: float, s: np.ndarray) -> float | No
         return None
     controller = system.controller
     rest = float(controller.model.left_by_layer(compensation(system.scenario, system.layout.n), s)[0])
-    if system.scenario.contact.kind == "rigid":
+    if system.plant.kind.rigid:
         return rest / float(controller.model.K_f[0, 0])
     r_fd = f_nd * system.plan.compliance
     return float(controller.model.steady_force(0, system.scenario.contact.K_e, 0.0, r_fd, f_nd, rest)) - f_nd

@@ -103,7 +103,7 @@ class PerturbationAnalysis:
         """Of an impedance (27) against a surface K_e: with r_d at depth phi_d, along the normal n there, phi = phi_d -
         n^T K_m^-1 (K_f n K_e phi + M_m A s), (14)."""
         system, K_e = self.system, epoch.scenario.contact.K_e
-        if system.m or system.layout.joint or system.plant.kind not in ("elastic", "mass-damper-spring"):
+        if system.m or system.layout.joint or not system.plant.kind.springs:
             return np.nan
         t, positions = float(row["t"]), system.layout.positions
         g = np.zeros(3)
@@ -192,7 +192,7 @@ class Known(Mapping[str, np.ndarray]):
             for piece in [rows] if epoch.blend is None else rows[:, None]:
                 model = epoch.model_at(float(self._rows["t"][piece[0]]))
                 rest = model.left_by_layer(compensation(epoch.scenario, model.n), s[piece].T)[0]
-                if system.plant.kind == "rigid":
+                if system.plant.kind.rigid:
                     settled[piece] = f_nd[piece] + rest / model.K_f[0, 0]
                 else:
                     settled[piece] = f_nd[piece] * model.steady_force(0, K_e, 0.0, compliance, 1.0)

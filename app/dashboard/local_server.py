@@ -16,7 +16,7 @@ from app.dashboard.page import Dashboard
 from app.dashboard.widgets.last_session import left_by
 from app.process import precompile
 from app.process.deadline import end_within
-from app.process.own_code import own_laws
+from app.process.own_code import own_code
 from app.process.terminal_text import say
 from app.scenario.schema import Scenario, ScenarioError
 from app.session.autosave import Autosave, StateFolder, default_folder
@@ -85,7 +85,7 @@ def _prepared(scenario: Scenario, dashboard: Dashboard) -> Runner:
     def prepare() -> None:
         try:
             runner = Runner(scenario)
-            if own_laws():
+            if own_code().laws:
                 warm_up_for_own_laws(runner.snapshot.system)
             ready.set_result(runner)
         except BaseException as error:

@@ -83,7 +83,7 @@ class Ground:
 
     def off(self, x: np.ndarray) -> np.ndarray:
         """Where the arm starts away from its posture, (n,) rad."""
-        return START * x[self.n + SHARED :] * (self.system.plant.kind != "rigid")
+        return START * x[self.n + SHARED :] * (not self.system.plant.kind.rigid)
 
     def attempt(self, x: np.ndarray) -> ClosedLoop:
         """One try. Raises ScenarioError."""

@@ -84,20 +84,22 @@ class MujocoPlant(Plant):
     def __init__(self, system: System, substeps: int) -> None:
         scenario, contact = system.scenario, system.plant.contact
         super().__init__(
-            system.robot, system.plant.truth, system.surface, scenario.contact.kind, contact, substeps=substeps
+            system.robot, system.plant.truth, system.surface, scenario.contact.nature, contact, substeps=substeps
         )
-        if self.kind not in ("free", "mass-damper-spring") or scenario.surface.motion.amplitude > 0.0:
-            raise ValueError(f"MuJoCo's plant: contact {self.kind!r}; allowed: free, or a mass-damper-spring at rest")
+        if (self.kind.touches and not self.kind.massive) or scenario.surface.motion.amplitude > 0.0:
+            raise ValueError(
+                f"MuJoCo's plant: contact {scenario.contact.kind!r}; allowed: free, or a mass-damper-spring at rest"
+            )
         spec = arm_spec(system)
         spec.option.timestep = scenario.controller.period / substeps
         spec.option.integrator = INTEGRATORS[scenario.simulation.integrator]
         spec.option.tolerance, spec.option.iterations = 0.0, 20
         chart = system.surface.chart(np.zeros(3), 0.0)
         self._into, self._depth = chart.G[0].copy(), float(chart.g[0])  # phi = depth + into . p
-        if self.kind != "free":
+        if self.kind.touches:
             _add_contact(spec, system, self._into, self._depth)
         self.engine = compiled(spec, system)
-        if self.kind != "free":
+        if self.kind.touches:
             _set_contact(self.engine, contact)
         self.world = mujoco.MjData(self.engine)
         self._site = self.engine.site("tool").id
@@ -112,7 +114,7 @@ class MujocoPlant(Plant):
             if step == 0:
                 arm.q_ddot[:] = world.qacc
         arm.q[:], arm.q_dot[:] = world.qpos, world.qvel
-        if self.kind != "free":
+        if self.kind.touches:
             mujoco.mj_kinematics(self.engine, world)
             push = float(world.efc_force[0]) if world.nefc else 0.0
             load = state.data["load"]

@@ -154,7 +154,7 @@ def with_arm_of(scenario: Scenario, system: System) -> System:
         system.robot,
         truth_of(scenario, system.robot),
         system.surface,
-        scenario.contact.kind,
+        scenario.contact.nature,
         Contact(*(getattr(scenario.contact, f) for f in Contact._fields)),
         scenario.simulation.integrator,
         scenario.simulation.substeps,

@@ -20,8 +20,12 @@ from app.session.changes import on_robot
 from app.simulation.closed_loop import ClosedLoop
 from app.simulation.system import System, assemble
 from environments.contact import Contact
+from environments.contact_kinds import CONTACTS
 from environments.plant import Plant
-from environments.surfaces import Cylinder, Motion, Plane, Sphere, Surface
+from environments.surfaces.cylinder import Cylinder
+from environments.surfaces.plane import Plane
+from environments.surfaces.sphere import Sphere
+from environments.surfaces.table import Surface
 
 ROBOTS = ("ur5", "ur10", "xarm7")
 FREE, TOUCHING = 4.0, 3.0  # s
@@ -195,7 +199,7 @@ def constraint(kind: Kind, seed: int, states: int) -> Constraint:
     p = system.plant.tool(system.plant.start(robot.posture, np.zeros(n), 0.0)).p
     ground, surface = _ground(kind, p, random)
     bilateral = Contact(0.0, 0.0, 0.0, unilateral=False, friction_coulomb=0.0, friction_viscous=0.0)
-    plant = Plant(robot, system.plant.truth, surface, "rigid", bilateral, "semi-implicit-euler")
+    plant = Plant(robot, system.plant.truth, surface, CONTACTS["rigid"], bilateral, "semi-implicit-euler")
     tool, found = _tool(system), []
     for _ in range(states):
         state = plant.start(robot.posture + random.uniform(-0.2, 0.2, n), random.uniform(-1.0, 1.0, n), 0.0)
@@ -214,18 +218,23 @@ def _ground(kind: Kind, p: np.ndarray, random: np.random.Generator) -> tuple[Gro
     """A surface near the tool point p (3,) m, of random direction, for both."""
     normal = _unit(np.array([0.0, 0.0, -1.0]) + 0.4 * random.standard_normal(3))
     axis = _unit(np.array([0.0, 1.0, 0.0]) + 0.2 * random.standard_normal(3))
-    radius, rest = 0.3, Motion(np.array([0.0, 0.0, 1.0]), 0.0, 1.0)
+    radius = 0.3
     match kind:
         case "plane":
             origin = p + 0.02 * normal
-            surface: Surface = Plane.create(origin, normal, rest)
+            form = Plane(origin=_triple(origin), normal=_triple(normal))
         case "cylinder":
             origin = p + 1.05 * radius * normal
-            surface = Cylinder.create(origin, axis, -normal, radius, 1.0, rest)
+            form = Cylinder(origin=_triple(origin), axis=_triple(axis), reference=_triple(-normal), radius=radius)
         case "sphere":
             origin = p + 1.05 * radius * normal
-            surface = Sphere.create(origin, -normal, radius, 1.0, rest)
-    return Ground(kind, origin, normal, axis, radius), surface
+            form = Sphere(origin=_triple(origin), reference=_triple(-normal), radius=radius)
+    return Ground(kind, origin, normal, axis, radius), Surface.of(form)
+
+
+def _triple(vector: np.ndarray) -> tuple[float, float, float]:
+    x, y, z = vector.tolist()
+    return x, y, z
 
 
 def _unit(vector: np.ndarray) -> np.ndarray:

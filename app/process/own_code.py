@@ -1,4 +1,5 @@
-"""Files of a user's own, named on the command line by `--use`: control laws beside those of the program.
+"""Files of a user's own, named on the command line by `--use`: control laws, surfaces and trajectories beside those of
+the program.
 
 Nothing else can name such a file, neither a scenario nor an upload nor a page. Processes that this one starts are told
 by the environment.
@@ -6,54 +7,153 @@ by the environment.
 
 from __future__ import annotations
 
+import inspect
 import os
 import re
 import sys
 import traceback
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from functools import cache
 from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
+from types import ModuleType
+from typing import Any, TypeVar
+
+from msgspec import Struct
 
 from app.scenario.schema import ScenarioError
 from controllers.control_law import ControlLaw
 from controllers.laws.table import LAWS
+from environments.own_function import MOST
+from environments.surfaces import own as own_surfaces
+from environments.surfaces.chart import Shape
+from environments.surfaces.own import OwnSurface
+from environments.surfaces.table import SURFACES
+from environments.trajectories import own as own_trajectories
+from environments.trajectories.own import OwnTrajectory
+from environments.trajectories.table import TRAJECTORIES
+from environments.trajectories.trajectory import Course
+from kernels import compiled
+from parameters import Parameter
 
 VARIABLE = "VSMRC_USE"
 _KIND, _NAME = re.compile("[a-z][a-z0-9]*(-[a-z0-9]+)*"), re.compile("[A-Za-z][A-Za-z0-9_]*")
-_ALLOWED = "a Python file with LAW = ControlLaw(...), see docs/extending.md"
+_ALLOWED = (
+    "a Python file with LAW = ControlLaw(...), SURFACE = OwnSurface(...) or TRAJECTORY = OwnTrajectory(...), see "
+    "docs/extending.md"
+)
+_Own = ControlLaw | OwnSurface | OwnTrajectory
+_Result = TypeVar("_Result")
 
 
 class OwnCodeError(ScenarioError):
     """A file of the user's own that cannot be used: one sentence with file, line and reason."""
 
 
+@dataclass(frozen=True)
+class OwnCode:
+    """What the files hold that were named, by kind."""
+
+    laws: dict[str, ControlLaw] = field(default_factory=dict)
+    surfaces: dict[str, OwnSurface] = field(default_factory=dict)
+    trajectories: dict[str, OwnTrajectory] = field(default_factory=dict)
+
+
 def use(paths: Sequence[Path]) -> None:
-    """From now on the laws of these files are there, in this process and in those that it starts. Raises
-    OwnCodeError."""
+    """From now on what these files hold is there, in this process and in those that it starts. Raises OwnCodeError."""
     before = os.environ.get(VARIABLE, "")
     os.environ[VARIABLE] = os.pathsep.join(str(path.resolve()) for path in paths)
-    own_laws.cache_clear()
+    own_code.cache_clear()
     try:
-        own_laws()
+        own_code()
     except OwnCodeError:
         os.environ[VARIABLE] = before
         raise
 
 
 @cache
-def own_laws() -> dict[str, ControlLaw]:
-    """The laws of the files that were named, by kind. Raises OwnCodeError."""
-    found: dict[str, ControlLaw] = {}
-    for path in filter(None, os.environ.get(VARIABLE, "").split(os.pathsep)):
-        law = _law_of(Path(path))
-        if law.kind in found:
-            raise OwnCodeError(f"--use {path}: kind {law.kind!r} is that of another file; allowed: a kind of its own")
-        found[law.kind] = law
+def own_code() -> OwnCode:
+    """What the files hold that were named. Raises OwnCodeError."""
+    found = OwnCode()
+    for path in (Path(name) for name in os.environ.get(VARIABLE, "").split(os.pathsep) if name):
+        module, empty = _loaded(path), True
+        for name, kind, ours, known in _kinds(found):
+            own = getattr(module, name, None)
+            if own is None:
+                continue
+            if not isinstance(own, kind):
+                raise OwnCodeError(f"--use {path}: {name} is {own!r:.60}; allowed: {_ALLOWED}")
+            _check(own, ours, path)
+            if own.kind in known:
+                raise OwnCodeError(
+                    f"--use {path}: kind {own.kind!r} is that of another file; allowed: a kind of its own"
+                )
+            known[own.kind], empty = own, False
+        if empty:
+            raise OwnCodeError(f"--use {path}: LAW, SURFACE and TRAJECTORY are missing; allowed: {_ALLOWED}")
     return found
 
 
-def _law_of(path: Path) -> ControlLaw:
+def _kinds(found: OwnCode) -> list[tuple[str, type[Any], dict[str, str], dict[str, Any]]]:
+    """What a file may hold: its name there, its class, titles of the program's own ones by kind, where it goes."""
+    return [
+        ("LAW", ControlLaw, {law.kind: law.title for law in LAWS.values()}, found.laws),
+        ("SURFACE", OwnSurface, {_tag(form): form.title for form in SURFACES}, found.surfaces),
+        ("TRAJECTORY", OwnTrajectory, {_tag(each): each.title for each in TRAJECTORIES}, found.trajectories),
+    ]
+
+
+def own_shape(form: own_surfaces.Own) -> Shape:
+    """A surface of the user's own for kernels. Raises ScenarioError where there is none of its name, OwnCodeError where
+    it cannot be compiled."""
+    own = _named("surface", form.name, form.parameters, own_code().surfaces)
+    return _located_in(own.chart, lambda: own.shape(form))
+
+
+def own_course(path: own_trajectories.Own, n: int, free: range) -> Course:
+    """A trajectory of the user's own, as a displacement of n coordinates, of which it may move those in `free`. Raises
+    ScenarioError where there is none of its name, OwnCodeError where it cannot be compiled."""
+    own = _named("motion", path.name, path.parameters, own_code().trajectories)
+    return _located_in(own.path, lambda: own.course(path, n, free))
+
+
+_Member = TypeVar("_Member", OwnSurface, OwnTrajectory)
+
+
+def _named(section: str, name: str, values: Mapping[str, float], known: Mapping[str, _Member]) -> _Member:
+    own = known.get(name)
+    if own is None:
+        there = ", ".join(known) or "none, since no file that --use names has one"
+        raise ScenarioError(f"{section}.name: {name!r:.60}; allowed: {there}")
+    by_name = {p.name: p for p in own.parameters}
+    for parameter, value in values.items():
+        p = by_name.get(parameter)
+        if p is None:
+            raise ScenarioError(
+                f"{section}.parameters.{parameter:.60}: no such field; allowed: {', '.join(by_name) or 'none'}"
+            )
+        if not p.low <= value <= p.high:
+            raise ScenarioError(f"{section}.parameters.{parameter}: {value:g}; allowed: {p.low:g} to {p.high:g}")
+    return own
+
+
+def _located_in(function: Callable[..., None], made: Callable[[], _Result]) -> _Result:
+    try:
+        return made()
+    except ScenarioError:
+        raise
+    except ValueError as error:
+        raise ScenarioError(str(error)) from error
+    except Exception as error:
+        raise OwnCodeError(located(error, Path(inspect.getfile(inspect.unwrap(function))))) from error
+
+
+def _tag(kind: type[Struct]) -> str:
+    return str(kind.__struct_config__.tag)
+
+
+def _loaded(path: Path) -> ModuleType:
     spec = spec_from_file_location(f"own_{path.stem}", path)
     if path.suffix != ".py" or not path.is_file() or spec is None or spec.loader is None:
         raise OwnCodeError(f"--use {path}: no Python file; allowed: {_ALLOWED}")
@@ -63,28 +163,37 @@ def _law_of(path: Path) -> ControlLaw:
         spec.loader.exec_module(module)
     except (Exception, SystemExit) as error:
         raise OwnCodeError(f"--use {located(error, path)}") from error
-    law = getattr(module, "LAW", None)
-    if not isinstance(law, ControlLaw):
-        raise OwnCodeError(f"--use {path}: LAW is {'missing' if law is None else repr(law)[:60]}; allowed: {_ALLOWED}")
-    _check(law, path)
-    return law
+    return module
 
 
-def _check(law: ControlLaw, path: Path) -> None:
-    if not _KIND.fullmatch(law.kind) or law.kind in LAWS:
+def _check(own: _Own, ours: Mapping[str, str], path: Path) -> None:
+    """ours: titles of the program's own ones, by kind."""
+    if not _KIND.fullmatch(own.kind) or own.kind in ours:
         raise OwnCodeError(
-            f"--use {path}: kind {law.kind!r:.60}; allowed: lower-case words joined by '-', but {', '.join(LAWS)}"
+            f"--use {path}: kind {own.kind!r:.60}; allowed: lower-case words joined by '-', but {', '.join(ours)}"
         )
-    titles = [known.title for known in LAWS.values()]
-    if not (isinstance(law.title, str) and isinstance(law.about, str)) or law.title in ("", *titles):
-        raise OwnCodeError(f"--use {path}: title {law.title!r:.60}; allowed: text other than {', '.join(titles)}")
-    if law.robust:
+    titles = ours.values()
+    if not (isinstance(own.title, str) and isinstance(own.about, str)) or own.title in ("", *titles):
+        raise OwnCodeError(f"--use {path}: title {own.title!r:.60}; allowed: text other than {', '.join(titles)}")
+    if isinstance(own, ControlLaw) and own.robust:
         raise OwnCodeError(f"--use {path}: robust = True; allowed: False, Theorem 1 is about (25) and no other law")
-    for p in law.parameters:
-        if not _NAME.fullmatch(p.name):
-            raise OwnCodeError(f"--use {path}: parameter {p.name!r:.60}; allowed: letters, digits and '_'")
-        if not p.low <= p.value <= p.high:
-            raise OwnCodeError(f"--use {path}: {p.name} = {p.value:g}; allowed: {p.low:g} to {p.high:g}, its bounds")
+    function = own.chart if isinstance(own, OwnSurface) else own.path if isinstance(own, OwnTrajectory) else None
+    if function is not None and not compiled(function):
+        raise OwnCodeError(
+            f"--use {path}: {getattr(function, '__name__', function)} is not compiled; allowed: one decorated with "
+            "kernels.inline"
+        )
+    if function is not None and len(own.parameters) > MOST:
+        raise OwnCodeError(f"--use {path}: {len(own.parameters)} parameters; allowed: {MOST}")
+    for p in own.parameters:
+        _check_parameter(p, path)
+
+
+def _check_parameter(p: Parameter, path: Path) -> None:
+    if not _NAME.fullmatch(p.name):
+        raise OwnCodeError(f"--use {path}: parameter {p.name!r:.60}; allowed: letters, digits and '_'")
+    if not p.low <= p.value <= p.high:
+        raise OwnCodeError(f"--use {path}: {p.name} = {p.value:g}; allowed: {p.low:g} to {p.high:g}, its bounds")
 
 
 def located(error: BaseException, path: Path) -> str:

@@ -13,8 +13,7 @@ from controllers.controller import Controller
 _LAW = ("A", "F_1", "F_2", "K_s")
 _MODEL_UNITS = {"M_m": " kg", "B_m": " N·s/m", "K_m": " N/m", "K_f": ""}
 _ELSEWHERE = ("name", "title", "mode", "robot", "target_model", "controller", "simulation")
-_IN_FULL = ("motion", "force")  # of these, defaults that are not zero are said too
-_SPRINGS = ("elastic", "mass-damper-spring")  # and of these contacts
+_IN_FULL = ("motion", "force")  # of these, and of springs, defaults that are not zero are said too
 
 
 def caption(
@@ -62,7 +61,7 @@ def _section(scenario: Scenario, name: str) -> str:
     """The kind of a section and its fields that differ from their defaults; "" when there is nothing to say."""
     section: Struct = getattr(scenario, name)
     tag = section.__struct_config__.tag
-    in_full = name in _IN_FULL or (name == "contact" and scenario.contact.kind in _SPRINGS)
+    in_full = name in _IN_FULL or (name == "contact" and scenario.contact.nature.springs)
     said = ", ".join([*([] if tag is None else [str(tag)]), *_changed(section, name, in_full=in_full)])
     if name == "truth":
         return f"True arm: {said or 'as believed'}"
@@ -75,6 +74,8 @@ def _changed(section: Struct, path: str, *, in_full: bool) -> Iterator[str]:
         value = getattr(section, name)
         if isinstance(value, Struct):
             yield from _changed(value, f"{path}.{name}", in_full=in_full)
+        elif isinstance(value, dict):
+            yield from (f"{parameter} {number:g}" for parameter, number in value.items())
         elif value != getattr(plain, name) or (in_full and isinstance(value, float | tuple) and np.any(value)):
             label = f"{name} = " if "_" in name and name[0].isupper() else f"{name.replace('_', ' ')} "
             yield f"{'' if name == 'kind' else label}{_value(value)}{_unit(f'{path}.{name}')}"

@@ -16,7 +16,8 @@ from app.scenario.schema import Scenario, ScenarioError, field_info, types_of
 
 LARGEST = 100_000  # bytes of a TOML file; what is shipped has 2000, and no reader of TOML is quick
 MOST_DOTS = 300  # in a line: a key a.b.c... of 50,000 parts keeps tomllib busy for minutes
-OWN = "controller.own."  # tables of laws of one's own, whose fields have the names that these give them
+OWN = "own"  # the kind of what a file of the user's own brings: "own:spiral" is the one that it calls "spiral"
+OWN_PARAMETERS = ("controller.own.", "surface.parameters.", "motion.parameters.")  # whose names such a file gives
 DEEPEST = 16  # tables and lists within each other: a scenario has four
 
 
@@ -75,17 +76,30 @@ def edited(scenario: Scenario, path: str, value: object) -> Scenario:
     data = msgspec.to_builtins(scenario)
     *sections, last = path.split(".")
     table: Any = data
-    if path.startswith(OWN) and len(sections) == 3:
-        data["controller"]["own"] = own = data["controller"]["own"] or {}
-        own.setdefault(sections[2], {}).setdefault(last, 0.0)
     for section in sections:
+        if path.startswith(OWN_PARAMETERS) and isinstance(table, dict):
+            table[section] = table.get(section) or {}
         if not isinstance(table, dict) or not isinstance(table.get(section), dict):
             raise ScenarioError(f"{path}: no such field; {_allowed(table)}")
         table = table[section]
+    if path.startswith(OWN_PARAMETERS):
+        table.setdefault(last, 0.0)
     if not isinstance(table, dict) or last not in table:
         raise ScenarioError(f"{path}: no such field; {_allowed(table)}")
-    table[last] = {"kind": value} if isinstance(table[last], dict) and isinstance(value, str) else value
+    table[last] = of_kind(value) if isinstance(table[last], dict) and isinstance(value, str) else value
     return from_plain(_without_none(data))
+
+
+def of_kind(kind: str) -> dict[str, str]:
+    """A section of this kind at its defaults, as plain data; "own:name" is one of the user's own."""
+    own, _, name = kind.partition(":")
+    return {"kind": own, "name": name} if own == OWN else {"kind": kind}
+
+
+def kind_of(section: Struct) -> str:
+    """The inverse of `of_kind`."""
+    tag = str(section.__struct_config__.tag)
+    return f"{tag}:{section.name}" if tag == OWN else tag  # pyright: ignore[reportAttributeAccessIssue]
 
 
 def differences(scenario: Scenario, other: Scenario) -> dict[str, tuple[Any, Any]]:

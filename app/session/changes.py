@@ -9,8 +9,8 @@ from pathlib import Path
 import msgspec
 import numpy as np
 
-from app.scenario.data import edited, from_plain, to_plain
-from app.scenario.schema import Circle, Line, PointToPoint, Robot, Scenario, ScenarioError, TargetModel
+from app.scenario.data import edited, from_plain, of_kind, to_plain
+from app.scenario.schema import Robot, Scenario, ScenarioError, TargetModel
 from app.simulation.controller_builder import target_model
 from app.simulation.environment_builder import positions_of, robot_of, surface_of, task_axes, tool_at_start
 from controllers import modes
@@ -46,17 +46,10 @@ def _along_surface(scenario: Scenario, changed: Scenario) -> Scenario:
     if not mode.on_surface or modes.MODES[scenario.mode].on_surface:
         return changed
     robot, p = _start(scenario)
-    tangents = positions_of(robot) - mode.m()
-    if isinstance(path, PointToPoint | Line) and len(path.displacement) > tangents:
-        if scenario.task_space.kind == "joint":  # angles, which say nothing of the surface
-            return edited(changed, "motion", {"kind": "hold"})
-        axes = task_axes(robot)[: len(path.displacement)]
-        along = surface_of(scenario, p).chart(p, 0.0).G[mode.m() :][:tangents]
-        kept = along @ axes.T @ np.array(path.displacement[: len(axes)])
-        return edited(changed, "motion.displacement", kept.round(6).tolist())
-    if isinstance(path, Circle) and max(path.axes) >= tangents > 1:
-        return edited(changed, "motion.axes", [0, 1])
-    return changed
+    k = positions_of(robot) - mode.m()
+    tangents = surface_of(scenario, p).chart(p, 0.0).G[mode.m() :][:k] @ task_axes(robot).T
+    known = None if scenario.task_space.kind == "joint" else tangents[:, : positions_of(robot)]
+    return msgspec.structs.replace(changed, motion=path.on_surface(known, k))
 
 
 def told(before: Scenario, after: Scenario) -> str:
@@ -117,12 +110,11 @@ def on_surface(scenario: Scenario, kind: str) -> Scenario:
 
     Raises ScenarioError for an unknown kind.
     """
-    changed = edited(scenario, "surface", {"kind": kind, "motion": to_plain(scenario)["surface"]["motion"]})
+    changed = edited(scenario, "surface", {**of_kind(kind), "motion": to_plain(scenario)["surface"]["motion"]})
     _, p = _start(scenario)
     phi = float(np.clip(surface_of(scenario, p).chart(p, 0.0).g[0], -NEAR, NEAR))
-    if kind == "formula":
-        height = p[2] + phi - 0.015 * np.sin(15 * p[0])
-        return edited(changed, "surface.text", f"z {-height:+.4f} - 0.015*sin(15*x - 2*t)")
+    if (below := changed.surface.below(p, phi)) is not None:
+        return msgspec.structs.replace(changed, surface=below)
     at_origin = surface_of(changed, np.zeros(3)).point(np.array([phi, 0.0, 0.0]), 0.0)
     return edited(changed, "surface.origin", (p - at_origin).round(4).tolist())
 
@@ -138,11 +130,8 @@ def _adapted(scenario: Scenario) -> Scenario:
         if abs(chart.g[0]) > NEAR:
             origin = np.array(scenario.surface.origin) + chart.G[0] * chart.g[0]
             scenario = edited(scenario, "surface.origin", origin.tolist())
-    path = scenario.motion
-    if robot.geometry == "planar" and isinstance(path, Circle):
-        line = {"kind": "line", "displacement": [2 * path.radius], "period": path.period, "ramp": path.ramp}
-        scenario = edited(scenario, "motion", line)
-    return scenario
+    k = positions_of(robot) - modes.MODES[scenario.mode].m()
+    return msgspec.structs.replace(scenario, motion=scenario.motion.flattened()) if k == 1 else scenario
 
 
 def _start(scenario: Scenario) -> tuple[robots.Robot, np.ndarray]:

@@ -17,7 +17,7 @@ from app.simulation.state import State
 from app.simulation.system import Coordinate, System
 from app.simulation.verdict import Standing
 from environments.robots import Robot
-from environments.surfaces import Surface
+from environments.surfaces.table import Surface
 
 
 @dataclass(frozen=True)
@@ -108,7 +108,7 @@ def snapshot_of(loop: ClosedLoop) -> Snapshot:
         force=view.force,
         force_desired=view.force_desired,
         push=view.push,
-        surface=None if scenario.contact.kind == "free" and not system.m else system.surface,
+        surface=None if not scenario.contact.nature.touches and not system.m else system.surface,
         surface_offset=system.surface.motion.offset(loop.t),
         live=view.live,
         standing=loop.standing,

@@ -99,7 +99,7 @@ class ClosedLoop:
         self.recording = Recording(system.layout.n, history)
         self._take_up(system, State.at_start(system))
         self.recording.epochs.append(self.state.epoch)
-        if system.plant.kind == "rigid":
+        if system.plant.kind.rigid:
             self._arm.press()
 
     def _bind(self, system: System, state: State) -> None:

@@ -32,9 +32,15 @@ from controllers.reference_estimates import FeedforwardModel, take_estimates
 from controllers.sliding import measure
 from controllers.switching import SAMPLING_SHARE
 from controllers.task_space import Scratch, TaskLayout, TaskSpace, task_space
+from environments.force_profiles.force_profile import ForceCourse
+from environments.force_profiles.table import force_at
 from environments.plant import limited
-from environments.surfaces import Chart, Shape, surface_chart
-from environments.trajectories import Course, ForceCourse, Shift, add_shift, force_at, path_at
+from environments.shift import Shift, add_shift
+from environments.surfaces.chart import Chart, Shape
+from environments.surfaces.table import surface_chart
+from environments.trajectories.point_to_point import Hold
+from environments.trajectories.table import course_of, path_at
+from environments.trajectories.trajectory import Course
 from kernels import inline, kernel
 from kernels.algebra import copy, norm, row_times
 from kernels.records import Record
@@ -53,7 +59,7 @@ class ReferencePlan(NamedTuple):
 
     def held(self, r: np.ndarray, f: float) -> ReferencePlan:
         """The plan of staying at r (n,) with the force f (N) that there is."""
-        still = self.motion._replace(u=0.0 * self.motion.u, v=0.0 * self.motion.v)
+        still = course_of(Hold(), len(r), range(0))
         here, force = Shift.fresh(np.zeros_like(r), 1.0), self.force._replace(start=f, change=0.0)
         return self._replace(start=r, compliance=0.0, motion=still, shift=here, force=force)
 

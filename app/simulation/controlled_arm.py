@@ -43,7 +43,7 @@ class ControlledArm:
             lipschitz = system.constants.lipschitz
             self.along = ReferenceEstimates(system.nominal, lipschitz, system.posture_at, self._h, state.along)
         arm, period = state.arm, state.period
-        self._ideal = system.scenario.sensor.ideal and system.plant.heavy
+        self._ideal = system.scenario.sensor.ideal and system.plant.kind.heavy
         self._scripted = system.push if any(system.push.force) else None
         self._applied, self.push = period.views.applied, period.views.push
         self._push_torque, self._pushed = np.zeros(system.robot.n), True
@@ -168,15 +168,15 @@ class ControlledArm:
 def _setting_of(system: System, *, online: bool) -> Setting:
     scenario, plant = system.scenario, system.plant
     contact = scenario.contact
-    pushes_only = contact.kind == "rigid" and contact.unilateral
-    pressed = bool(system.m) and contact.unilateral and contact.kind in ("elastic", "mass-damper-spring")
+    pushes_only = contact.nature.rigid and contact.unilateral
+    pressed = bool(system.m) and contact.unilateral and contact.nature.springs
     return Setting(
         observation_model=system.observer.observation_model,
         plan=system.plan,
         gains=system.controller.gains,
         period=scenario.controller.period,
         online=online,
-        heavy=plant.heavy,
+        heavy=plant.kind.heavy,
         torque_limit=np.broadcast_to(plant.truth.torque_limit, system.robot.n),
         limits=Limits(scenario.simulation.sigma_min, SPEED_LIMIT, pushes_only, pressed),
     )

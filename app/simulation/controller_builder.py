@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from app.process.own_code import own_laws
+from app.process.own_code import own_code
 from app.scenario.schema import Matrix, Scenario, ScenarioError, TargetModel, after_blend
 from app.simulation.domain import Constants
 from controllers import modes
@@ -24,7 +24,7 @@ from controllers.task_space import TaskLayout
 
 def laws() -> dict[str, ControlLaw]:
     """The laws that there are, by kind: those of the program, then those of the user's own files."""
-    return LAWS | own_laws()
+    return LAWS | own_code().laws
 
 
 def law_of(scenario: Scenario) -> ControlLaw:
@@ -110,14 +110,14 @@ def target_model(scenario: Scenario, n: int) -> Model:
 def surfaces_met(scenario: Scenario, mode: Mode, layout: TaskLayout) -> SurfaceRange | None:
     """The surfaces on which the target model has to be stable: as stiff as the scenario's or as believed, if any."""
     contact, m = scenario.contact, mode.m()
-    if contact.kind not in ("elastic", "mass-damper-spring") or mode.feedback != "all":
+    if not contact.nature.springs or mode.feedback != "all":
         return None
     if m:  # the normal has its coordinate to itself
         return SurfaceRange(0.0, 0.0, 0.0, contact.friction_viscous, m, layout.positions - m, normal=False)
     return SurfaceRange(
         K_e=max(contact.K_e, scenario.controller.K_e_hat),
         B_e=contact.B_e,
-        M_e=contact.M_e if contact.kind == "mass-damper-spring" else 0.0,
+        M_e=contact.M_e if contact.nature.massive else 0.0,
         friction=contact.friction_viscous,
         first=0,
         directions=layout.positions,

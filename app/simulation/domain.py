@@ -18,7 +18,7 @@ from controllers.nominal_model import Estimate, Lipschitz, NominalModel, Steepne
 from controllers.task_space import TaskSpace
 from environments.plant import Plant
 from environments.step_resolution import Mobility
-from environments.surfaces import Surface
+from environments.surfaces.table import Surface
 
 CENTRES = 192  # postures along the reference, around which Omega lies
 SWEEPS = 4  # how often they go over from the reference to the shifted one and back

@@ -4,28 +4,20 @@ from __future__ import annotations
 
 import numpy as np
 
-from app.scenario.schema import (
-    Circle,
-    ConstantForce,
-    Cylinder,
-    ForceSinusoid,
-    ForceStep,
-    Formula,
-    Hold,
-    Line,
-    Plane,
-    PointToPoint,
-    Scenario,
-    ScenarioError,
-    Sphere,
-)
+from app.process.own_code import own_course, own_shape
+from app.scenario.schema import Scenario, ScenarioError
 from controllers.modes import Mode
 from controllers.nominal_model import NominalModel
 from controllers.task_space import TaskLayout
-from environments import robots, surfaces, trajectories
-from environments.formula import FormulaError
+from environments import robots
+from environments.force_profiles.force_profile import ForceCourse
+from environments.force_profiles.table import course_of as force_course
 from environments.plant import Truth
-from environments.typed_surface import TypedSurface
+from environments.surfaces import own as own_surfaces
+from environments.surfaces.table import Surface
+from environments.trajectories import own as own_trajectories
+from environments.trajectories.table import course_of, numbered
+from environments.trajectories.trajectory import Course, spread
 
 UNLIMITED = 1e6  # N m: a URDF's effort limit beyond this says that there is none
 
@@ -92,38 +84,16 @@ def tool_at_start(robot: robots.Robot, nominal: NominalModel) -> np.ndarray:
     return nominal.evaluate(robot.posture, np.zeros(robot.n)).p
 
 
-def surface_of(scenario: Scenario, near: np.ndarray) -> surfaces.Surface:
+def surface_of(scenario: Scenario, near: np.ndarray) -> Surface:
     """near (3,) m: where the tool is, which says what part of a typed surface is meant. Raises ScenarioError."""
-    s = scenario.surface
-    m = s.motion
-    motion = surfaces.Motion(_direction("surface.motion.direction", m.direction), m.amplitude, m.frequency)
-    match s:
-        case Plane():
-            return surfaces.Plane.create(np.array(s.origin), _direction("surface.normal", s.normal), motion)
-        case Cylinder():
-            side = 1.0 if s.side == "outside" else -1.0
-            axis, reference = _direction("surface.axis", s.axis), _direction("surface.reference", s.reference)
-            try:
-                return surfaces.Cylinder.create(np.array(s.origin), axis, reference, s.radius, side, motion)
-            except ValueError as error:
-                raise ScenarioError(str(error)) from error
-        case Sphere():
-            side = 1.0 if s.side == "outside" else -1.0
-            reference = _direction("surface.reference", s.reference)
-            return surfaces.Sphere.create(np.array(s.origin), reference, s.radius, side, motion)
-        case Formula():
-            normal = _direction("surface.normal", s.normal)
-            try:
-                return TypedSurface.create(s.text, np.array(s.origin), normal, s.solid, motion, near)
-            except FormulaError as error:
-                raise ScenarioError(f"surface.text: {error}") from error
-
-
-def _direction(path: str, vector: tuple[float, float, float]) -> np.ndarray:
-    length = float(np.linalg.norm(vector))
-    if length < 1e-9:
-        raise ScenarioError(f"{path}: {list(vector)}; allowed: a vector that is not zero")
-    return np.array(vector) / length
+    form = scenario.surface
+    try:
+        shape = own_shape(form) if isinstance(form, own_surfaces.Own) else None
+        return Surface.of(form, near, shape)
+    except ScenarioError:
+        raise
+    except ValueError as error:
+        raise ScenarioError(str(error)) from error
 
 
 def task_axes(robot: robots.Robot) -> np.ndarray:
@@ -136,44 +106,30 @@ def positions_of(robot: robots.Robot) -> int:
     return 2 if robot.geometry == "planar" else 3
 
 
-def _free(mode: Mode, layout: TaskLayout) -> int:
-    """How many coordinates a trajectory may move."""
-    return layout.n if layout.joint else layout.positions - mode.m()
+def _free(mode: Mode, layout: TaskLayout) -> range:
+    """The coordinates that a trajectory may move."""
+    return range(mode.m(), layout.n if layout.joint else layout.positions)
 
 
 def spread_over(path: str, displacement: tuple[float, ...], mode: Mode, layout: TaskLayout) -> np.ndarray:
     """A displacement of the free coordinates as one of all n. Raises ScenarioError with `path` for too long a one."""
-    m, free = mode.m(), _free(mode, layout)
-    if len(displacement) > free:
-        raise ScenarioError(f"{path}: {len(displacement)} values; allowed: at most {free} in this mode with this arm")
-    vector = np.zeros(layout.n)
-    vector[m : m + len(displacement)] = displacement
-    return vector
+    try:
+        return spread(path, displacement, layout.n, _free(mode, layout))
+    except ValueError as error:
+        raise ScenarioError(str(error)) from error
 
 
-def motion_of(scenario: Scenario, mode: Mode, layout: TaskLayout) -> trajectories.Trajectory:
+def motion_of(scenario: Scenario, mode: Mode, layout: TaskLayout) -> Course:
     """What the free coordinates are asked to do, (n,) from the start on. Raises ScenarioError."""
-    m, n, free = mode.m(), layout.n, _free(mode, layout)
-
-    def spread(displacement: tuple[float, ...]) -> np.ndarray:
-        return spread_over("motion.displacement", displacement, mode, layout)
-
-    match scenario.motion:
-        case Hold():
-            return trajectories.PointToPoint(np.zeros(n))
-        case PointToPoint() as p:
-            return trajectories.PointToPoint(spread(p.displacement), p.duration)
-        case Line() as p:
-            return trajectories.Line(spread(p.displacement), p.period, p.ramp)
-        case Circle() as p:
-            if p.axes[0] == p.axes[1] or not all(0 <= a < free for a in p.axes):
-                raise ScenarioError(
-                    f"motion.axes: {list(p.axes)}; allowed: two different numbers from 0 to {free - 1}"
-                    if free > 1
-                    else "motion.kind: 'circle' needs two free coordinates; allowed here: hold, point-to-point, line"
-                )
-            u, v = np.eye(n)[m + p.axes[0]], np.eye(n)[m + p.axes[1]]
-            return trajectories.Circle(u, v, p.radius, p.period, p.ramp)
+    path, free = scenario.motion, _free(mode, layout)
+    try:
+        if isinstance(path, own_trajectories.Own):
+            return numbered(path, own_course(path, layout.n, free))
+        return course_of(path, layout.n, free)
+    except ScenarioError:
+        raise
+    except ValueError as error:
+        raise ScenarioError(str(error)) from error
 
 
 def require_pushing(scenario: Scenario, mode: Mode) -> None:
@@ -181,29 +137,15 @@ def require_pushing(scenario: Scenario, mode: Mode) -> None:
 
     A rigid surface is left to the run, which stops when contact is lost.
     """
-    contact, f = scenario.contact, scenario.force
-    if not (mode.m() and contact.unilateral) or contact.kind == "rigid":
-        return
-    otherwise = "contact.unilateral = false"
-    if isinstance(f, ForceSinusoid) and f.amplitude > f.value >= 0.0:
+    contact, pulling = scenario.contact, scenario.force.pulling()
+    if pulling and mode.m() and contact.unilateral and not contact.nature.rigid:
+        said, allowed = pulling
         raise ScenarioError(
-            f"force.amplitude: {f.amplitude:g} N around {f.value:g} N, but the surface only pushes "
-            f"(contact.unilateral); allowed: at most the mean, or {otherwise}"
+            f"{said}, but the surface only pushes (contact.unilateral); allowed: {allowed}, or "
+            "contact.unilateral = false"
         )
-    for name in ("value", "start"):
-        if (force := getattr(f, name, 0.0)) < 0.0:
-            raise ScenarioError(
-                f"force.{name}: {force:g} N, but the surface only pushes (contact.unilateral); "
-                f"allowed: at least 0 N, or {otherwise}"
-            )
 
 
-def force_of(scenario: Scenario) -> trajectories.ForceProfile:
+def force_of(scenario: Scenario) -> ForceCourse:
     """The desired normal force, N."""
-    match scenario.force:
-        case ConstantForce() as f:
-            return trajectories.ForceStep(f.value, f.value)
-        case ForceStep() as f:
-            return trajectories.ForceStep(f.value, f.start, f.time, f.rise)
-        case ForceSinusoid() as f:
-            return trajectories.ForceSinusoid(f.value, f.amplitude, f.frequency)
+    return force_course(scenario.force)

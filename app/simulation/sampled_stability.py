@@ -136,7 +136,7 @@ def _poles(system: System, at: Posture) -> tuple[np.ndarray, np.ndarray, float]:
     where the arm may leave the surface, off it."""
     values = np.linalg.eigvals(period_matrix(system, at)).astype(complex)
     growth = float(np.abs(values).max())
-    if not system.mode.on_surface and system.plant.kind != "free":
+    if not system.mode.on_surface and system.plant.kind.touches:
         off = np.linalg.eigvals(period_matrix(system, at, touching=False))
         growth = max(growth, float(np.abs(off).max()))
     moving = values[np.abs(values) > NOISE]  # a reading that is passed on has no pole of its own
@@ -199,7 +199,7 @@ class _PeriodMap:
         if len(state.x):
             self._parts.append(state.x)
             steps += [speed] * len(state.x)
-        if still.plant.heavy and not system.scenario.sensor.ideal:
+        if still.plant.kind.heavy and not system.scenario.sensor.ideal:
             self._parts.append(state.arm.views.load.force)
             steps += [FORCE_STEP] * 3
         self._base, k = self._vector(), basis.shape[1]
@@ -243,38 +243,37 @@ def model_poles(system: System, at: Posture) -> np.ndarray:
     model, contact, kind, a = system.controller.model, system.plant.contact, system.plant.kind, at.across
     basis = _free_directions(system, at)
     felt = model.K_f @ np.outer(system.controller.controlled * a, a)
-    springy, heavy = kind in ("elastic", "mass-damper-spring"), kind == "mass-damper-spring"
-    M = basis.T @ (model.M_m + felt * (contact.M_e if heavy else 0.0)) @ basis
-    B = basis.T @ (model.B_m + felt * (contact.B_e if springy else 0.0)) @ basis
-    K = basis.T @ (model.K_m + felt * (contact.K_e if springy else 0.0)) @ basis
+    M = basis.T @ (model.M_m + felt * (contact.M_e if kind.massive else 0.0)) @ basis
+    B = basis.T @ (model.B_m + felt * (contact.B_e if kind.springs else 0.0)) @ basis
+    K = basis.T @ (model.K_m + felt * (contact.K_e if kind.springs else 0.0)) @ basis
     return TargetModel(M, B, K, np.zeros_like(M)).poles()
 
 
 def _free_directions(system: System, at: Posture) -> np.ndarray:
     """Orthonormal (n, k): the directions in which the arm can move; a rigid surface takes one."""
     n = system.layout.n
-    if system.plant.kind != "rigid":
+    if not system.plant.kind.rigid:
         return np.eye(n)
     return np.linalg.qr(np.column_stack([at.across, np.eye(n)]))[0][:, 1:n]
 
 
 def force_factor(system: System, at: Posture) -> float:
     """See `controllers.force_loop`; nan where no force is fed back through a loop that sampling closes."""
-    if not system.plant.heavy or system.scenario.sensor.ideal or not system.controller.law.feels_force:
+    if not system.plant.kind.heavy or system.scenario.sensor.ideal or not system.controller.law.feels_force:
         return math.nan
     felt = system.controller.controlled * at.across
     return force_loop_factor(at.H_hat, at.H_hat, system.controller.model, at.across, felt, _surface_mass(system))
 
 
 def _surface_mass(system: System) -> float:
-    return math.inf if system.plant.kind == "rigid" else system.plant.contact.M_e
+    return math.inf if system.plant.kind.rigid else system.plant.contact.M_e
 
 
 def gain_by_force(system: System, at: Posture) -> tuple[float, float]:
     """Of a change in the force on a rigid or heavy surface, the share that d by (17) gives back when the loop through
     the force is solved, and what d adds to `force_factor`; nan and 0 where d does not depend on the force."""
     controller = system.controller
-    if not system.plant.heavy or controller.d is not None or not controller.law.robust:
+    if not system.plant.kind.heavy or controller.d is not None or not controller.law.robust:
         return math.nan, 0.0
     M_e, Y = _surface_mass(system), np.linalg.solve(at.H_hat, at.across)
     asked = np.linalg.solve(controller.model.M_m, controller.model.K_f @ (controller.controlled * at.across))

@@ -21,7 +21,7 @@ from controllers.task_space import TaskSpace
 from environments.plant import PlantState
 from environments.push import Grip
 from environments.sensors import ForceReader
-from environments.trajectories import Shift
+from environments.shift import Shift
 from kernels.records import Record
 
 

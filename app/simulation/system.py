@@ -35,14 +35,14 @@ from controllers.modes import Mode
 from controllers.nominal_model import Estimate, NominalModel
 from controllers.target_model import InvalidGain
 from controllers.task_space import TaskLayout, TaskSpace
-from environments import robots, surfaces, trajectories
+from environments import robots
 from environments.contact import Contact
-from environments.formula import FormulaError
 from environments.plant import Plant
 from environments.push import TimedPush
 from environments.sensors import ForceSensor
+from environments.shift import Shift
 from environments.step_resolution import Mobility, oscillators, resolved, substeps_needed
-from environments.typed_surface import TypedSurface
+from environments.surfaces.table import Surface
 from environments.urdf import RobotError
 
 EASE = 1.5  # times as many substeps as keep the plant from exploding let it settle, too
@@ -79,16 +79,14 @@ class System:
     mode: Mode
     layout: TaskLayout
     coordinates: tuple[Coordinate, ...]
-    surface: surfaces.Surface
-    charted: surfaces.Surface
+    surface: Surface
+    charted: Surface
     nominal: NominalModel
     plant: Plant
     constants: Constants
     mobility: Mobility
     controller: Controller
     blend: ModelBlend | None
-    motion: trajectories.Trajectory
-    force: trajectories.ForceProfile
     sensor: ForceSensor
     push: TimedPush
     plan: ReferencePlan
@@ -142,10 +140,10 @@ class System:
     def anew(self) -> System:
         """As it begins at t = 0: its shift goes there from rest, and a blend is still to come."""
         shift = self.plan.shift
-        begun = self.with_shift(trajectories.Shift.fresh(shift.end, shift.duration))
+        begun = self.with_shift(Shift.fresh(shift.end, shift.duration))
         return begun if self.blend is None else replace(begun, controller=self.controller.following(self.blend.start))
 
-    def with_shift(self, shift: trajectories.Shift) -> System:
+    def with_shift(self, shift: Shift) -> System:
         """With this shift in place of the scenario's, which begins at t = 0."""
         return replace(self, plan=self.plan._replace(shift=shift))
 
@@ -191,14 +189,14 @@ def _assemble(scenario: Scenario, previous: System | None, memory: Memory) -> Sy
         robot,
         truth_of(scenario, robot),
         surface,
-        scenario.contact.kind,
+        scenario.contact.nature,
         Contact(*(getattr(scenario.contact, f) for f in Contact._fields)),
         scenario.simulation.integrator,
         scenario.simulation.substeps,
     )
     q_0 = _start(plant, robot)
     layout = _layout(scenario, robot, nominal, q_0)
-    charted = surface if mode.on_surface else surfaces.Cartesian.along(task_axes(robot))
+    charted = surface if mode.on_surface else Surface.cartesian(task_axes(robot))
     require_pushing(scenario, mode)
     motion, force = motion_of(scenario, mode, layout), force_of(scenario)
     shift = spread_over("shift.by", scenario.shift.by, mode, layout)
@@ -214,16 +212,16 @@ def _assemble(scenario: Scenario, previous: System | None, memory: Memory) -> Sy
         start=start,
         compliance=0.0 if mode.rigid else 1.0 / scenario.controller.K_e_hat,
         m=mode.m(),
-        motion=motion.course,
-        shift=trajectories.Shift.fresh(shift, scenario.shift.duration),
-        force=force.course,
+        motion=motion,
+        shift=Shift.fresh(shift, scenario.shift.duration),
+        force=force,
     )
     if previous is not None and _shaping(previous.scenario) == _shaping(scenario):
         constants = previous.constants
     else:
         # the arm is on the surface, not where (33) puts r_fd within it; only estimates taken along r_d are there, too
         compliance = plan.compliance if scenario.controller.estimates == "along-reference" else 0.0
-        unshifted = Planned(plan._replace(compliance=compliance, shift=trajectories.Shift.fresh(0.0 * shift, 1.0)))
+        unshifted = Planned(plan._replace(compliance=compliance, shift=Shift.fresh(0.0 * shift, 1.0)))
         rules = scenario.simulation
         if mode.on_surface:
             _require_within_reach(observer, unshifted.at(0.0), q_0)
@@ -251,8 +249,6 @@ def _assemble(scenario: Scenario, previous: System | None, memory: Memory) -> Sy
         mobility=mobility,
         controller=controller_of(scenario, mode, layout, constants),
         blend=blend_of(scenario, mode, layout),
-        motion=motion,
-        force=force,
         sensor=ForceSensor(
             scenario.sensor.noise,
             np.array(scenario.sensor.bias),
@@ -267,19 +263,17 @@ def _assemble(scenario: Scenario, previous: System | None, memory: Memory) -> Sy
     )
 
 
-def _surface_in_use(
-    scenario: Scenario, robot: robots.Robot, nominal: NominalModel, previous: System | None
-) -> surfaces.Surface:
+def _surface_in_use(scenario: Scenario, robot: robots.Robot, nominal: NominalModel, previous: System | None) -> Surface:
     """The scenario's surface; one typed as a formula has been looked at where the tool will meet it."""
     if previous is not None and _judged_by(previous.scenario) == _judged_by(scenario):
         return previous.surface
     surface = surface_of(scenario, tool_at_start(robot, nominal))
-    met = modes.MODES[scenario.mode].on_surface or scenario.contact.kind != "free"
-    if isinstance(surface, TypedSurface) and met:
+    met = modes.MODES[scenario.mode].on_surface or scenario.contact.nature.touches
+    if met:
         try:
             surface.require_regular(scenario.simulation.duration)
-        except FormulaError as error:
-            raise ScenarioError(f"surface.text: {error}") from error
+        except ValueError as error:
+            raise ScenarioError(str(error)) from error
     return surface
 
 
@@ -350,7 +344,7 @@ def _require_resolved(scenario: Scenario, plant: Plant, mobility: Mobility) -> N
     """Refuse what the plant's step cannot follow where the arm is most mobile: it would explode whatever the
     controller does."""
     integrator, period = scenario.simulation.integrator, scenario.controller.period
-    for o in oscillators(scenario.contact.kind, plant.contact, plant.truth, mobility):
+    for o in oscillators(plant.kind, plant.contact, plant.truth, mobility):
         if resolved(integrator, o, period / plant.substeps):
             continue
         enough = substeps_needed(integrator, o, EASE * period, int(field_info("simulation.substeps").largest or 1))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pinocchio as pin
@@ -18,7 +19,13 @@ from controllers.switching import Switching
 from controllers.target_model import InvalidGain, TargetModel, require_spd
 from controllers.task_space import TaskSpace
 from environments.contact import Contact, ContactKinematics, World, add_drift, touch_at
-from environments.trajectories import Circle, ForceSinusoid, ForceStep, Line, PointToPoint
+from environments.force_profiles import table as forces
+from environments.force_profiles.sinusoid import ForceSinusoid
+from environments.force_profiles.step import ForceStep
+from environments.trajectories import table as paths
+from environments.trajectories.circle import Circle
+from environments.trajectories.line import Line
+from environments.trajectories.point_to_point import PointToPoint
 from kernels.records import Record
 from tests.support.arms import (
     CHARTS,
@@ -276,24 +283,27 @@ def test_poles_are_those_of_the_response(random: np.random.Generator) -> None:
 
 
 PATHS = {
-    "point to point": PointToPoint(np.array([0.1, -0.2]), 0.8),
-    "circle": Circle(np.array([1.0, 0.0]), np.array([0.0, 1.0]), 0.3, 2.0, 0.7),
-    "circle at once": Circle(np.array([1.0, 0.0]), np.array([0.0, 1.0]), 0.3, 2.0, 0.0),
-    "line": Line(np.array([0.3, 0.1]), 1.5, 0.7),
-    "force step": ForceStep(20.0, 5.0, 0.2, 0.5),
-    "force sinusoid": ForceSinusoid(20.0, 5.0, 1.5),
+    "point to point": PointToPoint(displacement=(0.1, -0.2), duration=0.8),
+    "circle": Circle(radius=0.3, period=2.0, ramp=0.7),
+    "circle at once": Circle(radius=0.3, period=2.0, ramp=0.0),
+    "line": Line(displacement=(0.3, 0.1), period=1.5, ramp=0.7),
+    "force step": ForceStep(value=20.0, start=5.0, time=0.2, rise=0.5),
+    "force sinusoid": ForceSinusoid(value=20.0, amplitude=5.0, frequency=1.5),
 }
 
 
 @pytest.mark.parametrize("path", PATHS.values(), ids=PATHS.keys())
 def test_references_have_exact_derivatives(path: PointToPoint | Circle | Line | ForceStep | ForceSinusoid) -> None:
     h = 1e-5
+    if isinstance(path, ForceStep | ForceSinusoid):
+        at = partial(forces.evaluated, forces.course_of(path))
+    else:
+        at = partial(paths.evaluated, paths.course_of(path, 2, range(2)))
+        np.testing.assert_allclose(at(0.0).value, 0.0, atol=1e-15)
     for t in np.linspace(0.013, 1.2, 9):
-        before, here, after = (path.evaluate(float(t + dt)) for dt in (-h, 0.0, h))
+        before, here, after = (at(float(t + dt)) for dt in (-h, 0.0, h))
         np.testing.assert_allclose((after[0] - before[0]) / (2 * h), here[1], atol=1e-6)
         np.testing.assert_allclose((after[1] - before[1]) / (2 * h), here[2], atol=1e-5)
-    if not isinstance(path, ForceSinusoid | ForceStep):
-        np.testing.assert_allclose(path.evaluate(0.0).value, 0.0, atol=1e-15)
 
 
 @pytest.mark.parametrize(

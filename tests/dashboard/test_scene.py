@@ -9,7 +9,9 @@ from app.dashboard.scene.arrows import LONGEST, UNIT, ForceScale, task_direction
 from app.dashboard.scene.trails import error_colors
 from app.dashboard.theme.colors import ERROR_COLORS
 from app.dashboard.view_options import rounded_up
-from environments.surfaces import Cartesian, Cylinder, Motion, Plane
+from environments.surfaces.form import SurfaceMotion
+from environments.surfaces.table import Surface
+from tests.support.surfaces import cylinder, plane
 
 
 def test_scales_are_round_numbers_not_below_the_value() -> None:
@@ -35,11 +37,11 @@ def test_the_force_scale_holds_still_until_arrows_leave_the_page() -> None:
 
 @pytest.mark.parametrize("t", [0.0, 0.3])
 def test_task_directions_change_one_coordinate_each(t: float) -> None:
-    motion = Motion(np.array([0.0, 0.0, 1.0]), 0.02, 0.5)
-    tilted = Plane.create(np.zeros(3), np.array([0.3, 0.1, -1.0]), motion)
-    round_ = Cylinder.create(np.zeros(3), np.array([0.0, 1.0, 0.2]), np.array([0.0, 0.0, 1.0]), 0.3, 1.0, motion)
+    motion = SurfaceMotion(amplitude=0.02, frequency=0.5)
+    tilted = plane(np.zeros(3), np.array([0.3, 0.1, -1.0]), motion)
+    round_ = cylinder(np.zeros(3), np.array([0.0, 1.0, 0.2]), np.array([0.0, 0.0, 1.0]), 0.3, "outside", motion)
     p, h = np.array([0.1, 0.05, 0.33]), 1e-6
-    for surface in (tilted, round_, Cartesian.along(np.eye(3)[[0, 2, 1]])):
+    for surface in (tilted, round_, Surface.cartesian(np.eye(3)[[0, 2, 1]])):
         directions = task_directions(surface, p, t)
         np.testing.assert_allclose(np.linalg.norm(directions, axis=1), 1.0)
         for i in (1, 2):

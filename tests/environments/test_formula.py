@@ -17,15 +17,17 @@ from app.simulation.closed_loop import ClosedLoop
 from app.simulation.system import assemble
 from environments.bytecode import OUTPUTS, bytecode_of, run
 from environments.formula import FormulaError, parse
-from environments.surfaces import Cylinder, Motion, Plane, Sphere, Surface
-from environments.typed_surface import TypedSurface
+from environments.surfaces.form import SurfaceMotion
+from environments.surfaces.plane import Plane
+from environments.surfaces.table import Surface
 from kernels import kernel
 from kernels.records import Record
 from tests.support.cases import scenario_of
+from tests.support.surfaces import AT_REST, DIAGONALLY, cylinder, formula, plane, sphere
 
 TOOL = np.array([0.5, 0.1, 0.2])
 DOWN = np.array([0.0, 0.0, -1.0])
-MOVING = Motion(np.array([0.6, 0.48, 0.64]), 0.03, 1.7)
+MOVING = DIAGONALLY
 WAVES = (
     "z - 0.2 - 0.02*sin(6*x - 2*t)",
     "2*z - 0.4 - 0.03*sin(6*x - 2*t)*cos(5*y + t) + 0.01*exp(-(x^2 + y^2)/0.1)*tanh(t)",
@@ -45,8 +47,10 @@ def outputs(text: str, *at: float) -> np.ndarray:
     return record.read().registers[record.read().outputs]
 
 
-def typed(text: str, motion: Motion | None = None, solid: str = "below", origin: object = (0.0, 0.0, 0.0)) -> Surface:
-    return TypedSurface.create(text, np.array(origin), DOWN, solid, motion or Motion(), TOOL)  # pyright: ignore
+def typed(
+    text: str, motion: SurfaceMotion = AT_REST, solid: str = "below", origin: tuple[float, ...] = (0.0, 0.0, 0.0)
+) -> Surface:
+    return formula(text, np.array(origin), DOWN, TOOL, motion, solid)
 
 
 def near(count: int = 12, within: float = 0.08) -> list[tuple[np.ndarray, float]]:
@@ -155,18 +159,18 @@ def test_derivatives_are_those_of_the_same_text_in_numpy(text: str, at: list[flo
 
 
 LIKE = {
-    "plane": (typed("3*z", MOVING, "below", (0, 0, 0.2)), Plane.create(np.array([0, 0, 0.2]), DOWN, MOVING)),
+    "plane": (typed("3*z", MOVING, "below", (0, 0, 0.2)), plane(np.array([0, 0, 0.2]), DOWN, MOVING)),
     "plane by its formula": (
-        typed("z - 0.02*sin(pi*t)", None, "below", (0, 0, 0.2)),
-        Plane.create(np.array([0, 0, 0.2]), DOWN, Motion(-DOWN, 0.02, 0.5)),
+        typed("z - 0.02*sin(pi*t)", AT_REST, "below", (0, 0, 0.2)),
+        plane(np.array([0, 0, 0.2]), DOWN, SurfaceMotion(amplitude=0.02, frequency=0.5)),
     ),
     "cylinder": (
         typed("x^2 + z^2 - 0.09", MOVING, "below", (0.5, 0, -0.1)),
-        Cylinder.create(np.array([0.5, 0, -0.1]), np.array([0, 1.0, 0]), -DOWN, 0.3, 1.0, MOVING),
+        cylinder(np.array([0.5, 0, -0.1]), np.array([0, 1.0, 0]), -DOWN, 0.3, "outside", MOVING),
     ),
     "inside of a sphere": (
         typed("exp(x^2 + y^2 + z^2) - exp(0.09)", MOVING, "above", (0.5, 0.1, 0.5)),
-        Sphere.create(np.array([0.5, 0.1, 0.5]), DOWN, 0.3, -1.0, MOVING),
+        sphere(np.array([0.5, 0.1, 0.5]), DOWN, 0.3, "inside", MOVING),
     ),
 }
 
@@ -176,13 +180,13 @@ def test_phi_is_the_distance_however_the_surface_is_written(pair: tuple[Surface,
     for p, t in near():
         formula, shape = (body.chart(p, t) for body in pair)
         for name in formula._fields:
-            rows = slice(None) if isinstance(pair[1], Plane) else 0  # psi of the round ones are arcs
+            rows = slice(None) if isinstance(pair[1].form, Plane) else 0  # psi of the round ones are arcs
             np.testing.assert_allclose(getattr(formula, name)[rows], getattr(shape, name)[rows], atol=1e-9)
 
 
-@pytest.mark.parametrize("motion", [Motion(), MOVING], ids=["at rest", "moving"])
+@pytest.mark.parametrize("motion", [AT_REST, MOVING], ids=["at rest", "moving"])
 @pytest.mark.parametrize("text", WAVES)
-def test_chart(text: str, motion: Motion) -> None:
+def test_chart(text: str, motion: SurfaceMotion) -> None:
     """Derivatives in space and time, unit gradient, the inverse, and the drawn points."""
     body, h = typed(text, motion), 1e-6
     for p, t in near(6, 0.04):
@@ -206,7 +210,7 @@ def test_chart(text: str, motion: Motion) -> None:
 
 
 def test_a_surface_that_ends_is_drawn_as_far_as_it_goes() -> None:
-    body = typed("x^2 + y^2 + z^2 - 0.04", None, "below", (0.5, 0.1, 0.0))
+    body = typed("x^2 + y^2 + z^2 - 0.04", AT_REST, "below", (0.5, 0.1, 0.0))
     vertices, faces = body.mesh(TOOL, 0.0)
     used = vertices[np.unique(faces)]
     np.testing.assert_allclose(np.linalg.norm(used - [0.5, 0.1, 0.0], axis=1), 0.2, atol=1e-12)
@@ -228,8 +232,8 @@ def test_a_surface_that_ends_is_drawn_as_far_as_it_goes() -> None:
     ],
 )
 def test_what_is_no_surface_for_the_tool(text: str, sentence: str) -> None:
-    with pytest.raises(FormulaError, match=sentence):
-        typed(text).require_regular(10.0)  # pyright: ignore[reportAttributeAccessIssue]
+    with pytest.raises(ValueError, match=sentence):
+        typed(text).require_regular(10.0)
 
 
 def rows(scenario: Scenario, steps: int = 300) -> dict[str, np.ndarray]:

@@ -5,26 +5,28 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from environments.surfaces import Cylinder, Motion, Plane, Sphere, Surface
+from environments.surfaces.form import SurfaceMotion
+from environments.surfaces.table import Surface
+from tests.support.surfaces import AT_REST, DIAGONALLY, cylinder, plane, sphere
 
 SURFACES = ("plane", "cylinder outside", "cylinder inside", "sphere outside", "sphere inside")
-MOTIONS = {"at rest": Motion(), "moving": Motion(np.array([0.6, 0.48, 0.64]), 0.03, 1.7)}
+MOTIONS = {"at rest": AT_REST, "moving": DIAGONALLY}
 TOOL = np.array([0.5, 0.1, 0.4])
 TOWARDS = np.array([0.28, 0.576, -0.768])  # from the tool to the middle of each surface, AWAY m from it
 AWAY, RADIUS = 0.03, 0.4
 STEP = 1e-6  # of central differences, m and s: wrong by some 1e-9 here
 
 
-def surface(kind: str, motion: Motion) -> Surface:
+def surface(kind: str, motion: SurfaceMotion) -> Surface:
     name, _, where = kind.partition(" ")
     middle = TOOL + AWAY * TOWARDS
     if name == "plane":
-        return Plane.create(middle, TOWARDS, motion)
+        return plane(middle, TOWARDS, motion)
     side = 1.0 if where == "outside" else -1.0
     centre, reference = middle + side * RADIUS * TOWARDS, -side * TOWARDS
     if name == "cylinder":
-        return Cylinder.create(centre, np.array([0.0, 0.8, 0.6]), reference, RADIUS, side, motion)
-    return Sphere.create(centre, reference, RADIUS, side, motion)
+        return cylinder(centre, np.array([0.0, 0.8, 0.6]), reference, RADIUS, where, motion)
+    return sphere(centre, reference, RADIUS, where, motion)
 
 
 @pytest.fixture(params=SURFACES)
@@ -70,7 +72,7 @@ def test_gradient_of_phi_is_a_unit_vector_across_the_others(body: Surface) -> No
 
 
 def test_phi_is_positive_inside_the_environment(kind: str) -> None:
-    body = surface(kind, Motion())
+    body = surface(kind, AT_REST)
     air, solid = body.chart(TOOL, 0.0), body.chart(TOOL + 2 * AWAY * TOWARDS, 0.0)
     assert air.g[0] == pytest.approx(-AWAY)
     assert solid.g[0] == pytest.approx(AWAY)
@@ -95,4 +97,4 @@ def test_moving_surface_carries_its_coordinates(body: Surface) -> None:
 def test_a_reference_along_the_axis_is_refused() -> None:
     axis = np.array([0.0, 1.0, 0.0])
     with pytest.raises(ValueError, match=r"surface\.reference.*parallel to the axis"):
-        Cylinder.create(np.zeros(3), axis, 2 * axis, 0.3, 1.0, Motion())
+        cylinder(np.zeros(3), axis, 2 * axis, 0.3, "outside")

@@ -21,7 +21,8 @@ from app.scenario.schema import Scenario
 from app.simulation.closed_loop import ClosedLoop
 from controllers.force_loop import force_loop_factor
 from environments.contact import Contact
-from environments.plant import ContactKind, Plant, Truth
+from environments.contact_kinds import CONTACTS as KINDS
+from environments.plant import Plant, Truth
 from environments.sensors import ForceReader, ForceSensor
 from tests.support.arms import CHARTS, arm, at_rest, charted, random_spd
 from tests.support.cases import scenario_of
@@ -278,7 +279,7 @@ def test_a_change_removes_s_or_leaves_it_to_be_reached() -> None:
         assert loop.state.epoch.t == pytest.approx(0.01)
 
 
-CONTACTS: dict[str, tuple[ContactKind, Contact]] = {
+CONTACTS: dict[str, tuple[str, Contact]] = {
     "free": ("free", Contact(0.0, 0.0, 0.0, True, 0.0, 0.0)),
     "elastic": ("elastic", Contact(0.0, 0.0, 2000.0, False, 0.0, 0.0)),
     "mass-damper-spring": ("mass-damper-spring", Contact(3.0, 0.0, 2000.0, False, 0.0, 0.0)),
@@ -295,7 +296,7 @@ def energies(
     system, (kind, law) = charted(robot, chart), CONTACTS[contact]
     surface, n, period = at_rest(system.charted), system.robot.n, 0.0005
     truth = replace(truth, link_scaling=np.linspace(0.8, 1.2, n))
-    plant = Plant(system.robot, truth, surface, kind, law._replace(**(change or {})), "rk4", substeps=2)
+    plant = Plant(system.robot, truth, surface, KINDS[kind], law._replace(**(change or {})), "rk4", substeps=2)
     state = plant.start(system.robot.posture, np.random.default_rng(3).uniform(-1.0, 1.0, n), 0.0)
     model, data, seen = plant.model, plant.model.createData(), []
     for k in range(round(duration / period)):

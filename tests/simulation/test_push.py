@@ -14,7 +14,7 @@ from app.session.runner import Runner
 from app.simulation.closed_loop import ClosedLoop
 from app.simulation.signals import SIGNALS
 from environments.push import Grip, TimedPush
-from environments.trajectories import Shift
+from environments.shift import Shift
 
 FORCE = np.array([3.0, -8.0, 5.0])
 

@@ -19,7 +19,8 @@ from app.simulation.sampled_stability import Posture, force_factor, period_matri
 from app.simulation.system import System, assemble
 from controllers.premises import Premise
 from environments.contact import Contact
-from environments.plant import ContactKind, Integrator, Plant
+from environments.contact_kinds import CONTACTS
+from environments.plant import Integrator, Plant
 from environments.step_resolution import (
     STEPS,
     Mobility,
@@ -29,8 +30,8 @@ from environments.step_resolution import (
     spectral_radius,
     substeps_needed,
 )
-from environments.surfaces import Motion, Plane
 from tests.support.arms import arm
+from tests.support.surfaces import plane
 
 pytestmark = pytest.mark.slow  # long or many simulations
 
@@ -81,7 +82,7 @@ def test_substeps_needed_are_the_fewest(integrator: Integrator, stiffness: float
         assert substeps_needed(integrator, stiff, 0.005, most=enough - 1) is None
 
 
-CAUSES: dict[str, tuple[ContactKind, dict[str, float]]] = {
+CAUSES: dict[str, tuple[str, dict[str, float]]] = {
     "contact.K_e": ("elastic", {}),
     "contact.K_e, damped": ("elastic", {"B_e": 300.0}),
     "contact.K_e, with a mass": ("mass-damper-spring", {"M_e": 4.0, "B_e": 100.0}),
@@ -104,7 +105,7 @@ def test_plant_explodes_where_its_step_is_said_to(robot: str, cause: str, integr
     """A nudged arm on a bilateral surface, gravity and contact balanced: quiet 3 % below the edge, wild 3 % above."""
     system, (kind, given), field = arm(robot), CAUSES[cause], cause.split(",")[0]
     still = np.zeros(system.robot.n)
-    surface = Plane.create(system.nominal.evaluate(system.q_0, still).p, np.array([0.28, 0.0, -0.96]), Motion())
+    surface = plane(system.nominal.evaluate(system.q_0, still).p, np.array([0.28, 0.0, -0.96]))
     name = field.split(".")[1]
 
     def plant_with(value: float) -> Plant:
@@ -114,11 +115,11 @@ def test_plant_explodes_where_its_step_is_said_to(robot: str, cause: str, integr
             truth = replace(truth, viscous=value)
         else:
             law = law._replace(**{name: value})
-        return Plant(system.robot, truth, surface, kind, law, integrator)
+        return Plant(system.robot, truth, surface, CONTACTS[kind], law, integrator)
 
     def settles(value: float) -> bool:
         plant = plant_with(value)
-        rows = oscillators(kind, plant.contact, plant.truth, mobility(system, plant))
+        rows = oscillators(CONTACTS[kind], plant.contact, plant.truth, mobility(system, plant))
         return resolved(integrator, next(o for o in rows if o.field == field), H)
 
     low, high = 0.0, 1e9

@@ -6,6 +6,7 @@ from dataclasses import replace
 from functools import cache
 from typing import NamedTuple
 
+import msgspec
 import numpy as np
 
 from app.evidence.twins import arm, random_spd
@@ -17,16 +18,15 @@ from controllers.controller import Controller
 from controllers.laws.table import LAWS
 from controllers.switching import Switching, unit_factor
 from controllers.target_model import TargetModel
-from environments.bytecode import bytecode_of
-from environments.formula import parse
 from environments.robots import CATALOGUE
-from environments.surfaces import Cylinder, Motion, Plane, Sphere, Surface
-from environments.typed_surface import TypedSurface
+from environments.surfaces.form import SurfaceMotion
+from environments.surfaces.table import Surface
+from tests.support.surfaces import AT_REST, cylinder, formula, plane, sphere
 
 ROBOTS = tuple(CATALOGUE)
 CHARTS = ("joint", "cartesian", "plane", "cylinder inside", "sphere outside", "typed wave")  # the surfaces move
 CERTAIN = Uncertainty(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-MOTION = Motion(np.array([0.6, 0.0, 0.8]), 0.03, 1.7)
+MOTION = SurfaceMotion(direction=(0.6, 0.0, 0.8), amplitude=0.03, frequency=1.7)
 
 WAVE = "0.96*z - 0.28*x - 0.02*sin(7*(x + z) - 2*t) + 0.3*x^2"
 
@@ -50,20 +50,20 @@ def charted(robot: str, chart: str) -> System:
     towards, radius, axis = np.array([0.28, 0.0, -0.96]), 0.4, np.array([0.0, 1.0, 0.0])
     middle = system.nominal.evaluate(system.q_0, np.zeros(system.robot.n)).p + 0.03 * towards
     if chart == "plane":
-        return replace(system, charted=Plane.create(middle, towards, MOTION))
+        return replace(system, charted=plane(middle, towards, MOTION))
     if chart == "cylinder inside":
-        return replace(system, charted=Cylinder.create(middle - radius * towards, axis, towards, radius, -1.0, MOTION))
+        return replace(system, charted=cylinder(middle - radius * towards, axis, towards, radius, "inside", MOTION))
     if chart == "typed wave":
-        return replace(system, charted=TypedSurface.create(WAVE, middle, towards, "below", MOTION, middle))
-    return replace(system, charted=Sphere.create(middle + radius * towards, -towards, radius, 1.0, MOTION))
+        return replace(system, charted=formula(WAVE, middle, towards, middle, MOTION))
+    return replace(system, charted=sphere(middle + radius * towards, -towards, radius, "outside", MOTION))
 
 
 def at_rest(surface: Surface) -> Surface:
     """The surface without its motion, a wave as it is at an instant."""
-    if isinstance(surface, TypedSurface):
-        frozen = bytecode_of(parse(WAVE.replace("2*t", "0.6")))
-        return replace(surface, motion=Motion(), bytecode=frozen)
-    return replace(surface, motion=Motion())
+    form = msgspec.structs.replace(surface.form, motion=AT_REST)
+    if surface.changing:
+        form = msgspec.structs.replace(form, text=WAVE.replace("2*t", "0.6"))
+    return Surface.of(form, surface.near)
 
 
 def random_state(system: System, random: np.random.Generator) -> State:

@@ -2,43 +2,30 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from html import escape
 
 import viser
 
-from app.dashboard.widgets.controls import Choice, Control, Desk, Number, Place, PlaceWhere, Scale, decades
+from app.dashboard.widgets.controls import Choice, Control, Desk, Number, Place, PlaceWhere, decades
+from app.dashboard.widgets.own_parameters import own_number
 from app.dashboard.widgets.theorem_table import TheoremTable
-from app.scenario.schema import FieldInfo
 from app.session.snapshot import Snapshot
 from app.simulation.controller_builder import laws
-from controllers.control_law import ControlLaw, Parameter
+from controllers.control_law import ControlLaw
 from controllers.premises import STATEMENTS, Premise
+from parameters import Parameter
 
 _SAID = '<div class="vs-checks"><div class="vs-message vs-warn">{}</div></div>'
 
 
-@dataclass(frozen=True)
-class _OwnPlace(Place):
-    """A number that a law has of its own; its control is hidden under other laws."""
-
-    law: ControlLaw
-    parameter: Parameter
-
-    def read(self, snapshot: Snapshot) -> float | None:
-        controller = snapshot.system.controller
-        return controller.parameters[self.parameter.name] if controller.law is self.law else None
-
-    @property
-    def info(self) -> FieldInfo:
-        p = self.parameter
-        return FieldInfo(p.meaning, p.unit, p.low, p.high, choices=())
-
-
 def _own(desk: Desk, law: ControlLaw, p: Parameter) -> Number:
-    scale = decades(p.low, p.high) if p.low > 0.0 and p.high >= 100.0 * p.low else Scale(p.low, p.high)
-    unit = f" [{p.unit}]" if p.unit not in ("", "1") else ""
-    return Number(desk, _OwnPlace(f"controller.own.{law.kind}.{p.name}", law, p), f"{p.name}{unit}", scale)
+    """The control of a number that a law has of its own; it is hidden under other laws."""
+
+    def running(snapshot: Snapshot) -> float | None:
+        controller = snapshot.system.controller
+        return controller.parameters[p.name] if controller.law is law else None
+
+    return own_number(desk, f"controller.own.{law.kind}.{p.name}", p, running)
 
 
 class ControllerPanel:

@@ -4,11 +4,15 @@ from __future__ import annotations
 
 import viser
 
-from app.dashboard.widgets.controls import Choice, Control, Desk, Number, Place, Scale, decades
+from app.dashboard.widgets.controls import Choice, Control, Desk, Number, Place, decades
+from app.dashboard.widgets.section_controls import field_controls, kind_choice
+from app.process.own_code import own_code
 from app.scenario.data import shipped
 from app.session.commands import Load
 from app.session.snapshot import Snapshot
 from controllers.modes import MODES
+from environments.force_profiles.table import FORCE_PROFILES
+from environments.trajectories.table import TRAJECTORIES
 
 _EDITED = "edited, or one of your own"
 
@@ -30,24 +34,13 @@ class TaskPanel:
         self._controls: list[Control] = [self._mode]
         self._force = gui.add_folder("Desired force")
         with self._force:
-            self._controls += [
-                Choice(desk, "force", "Profile", {"constant": "constant", "step": "step", "sinusoid": "sinusoid"}),
-                Number(desk, Place("force.value"), "F_d [N]", Scale(0, 60)),
-                Number(desk, Place("force.start"), "before [N]", Scale(0, 60)),
-                Number(desk, Place("force.time"), "at time [s]", Scale(0, 20)),
-                Number(desk, Place("force.rise"), "rise [s]", decades(0.01, 2)),
-                Number(desk, Place("force.amplitude"), "amplitude [N]", Scale(0, 20)),
-                Number(desk, Place("force.frequency"), "frequency [Hz]", decades(0.05, 5)),
-            ]
+            self._controls.append(kind_choice(desk, "force", "Profile", FORCE_PROFILES, {}))
+            self._controls += field_controls(desk, "force", FORCE_PROFILES, {})
         with gui.add_folder("Desired motion"):
-            kinds = {"hold": "hold", "point to point": "point-to-point", "circle": "circle", "line": "line"}
+            paths = own_code().trajectories
             self._controls += [
-                Choice(desk, "motion", "Path", kinds),
-                Number(desk, Place("motion.radius"), "radius [m]", Scale(0, 0.15)),
-                Number(desk, Place("motion.displacement"), "by [m]"),
-                Number(desk, Place("motion.period"), "period [s]", decades(1, 30)),
-                Number(desk, Place("motion.duration"), "duration [s]", decades(0.2, 20)),
-                Number(desk, Place("motion.ramp"), "ramp [s]", Scale(0, 5)),
+                kind_choice(desk, "motion", "Path", TRAJECTORIES, paths),
+                *field_controls(desk, "motion", TRAJECTORIES, paths),
                 Number(desk, Place("shift.by"), "shifted by [m]"),
                 Number(desk, Place("shift.duration"), "within [s]", decades(0.1, 10)),
             ]

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from app.dashboard.widgets.controls import Choice, Control, Desk, Number, Place, PlaceWhere, Scale, Switch, decades
-from app.dashboard.widgets.text_field import TextField
-from app.scenario.schema import Formula, Scenario
+from app.dashboard.widgets.section_controls import field_controls, kind_choice
+from app.process.own_code import own_code
+from app.scenario.schema import Scenario
 from app.session.snapshot import Snapshot
 from controllers.modes import MODES
-
-_SHAPES = {"plane": "plane", "cylinder": "cylinder", "sphere": "sphere", "formula": "formula"}
-_SIDES = {"outside": "outside", "inside": "inside"}
-_SOLID = {"where the formula < 0": "below", "where the formula > 0": "above"}
+from environments.contact_kinds import CONTACTS
+from environments.surfaces.formula import FormulaSurface
+from environments.surfaces.table import SURFACES
 
 _SYNTAX = (
     '<div class="vs-note vs-wide">The surface is where this is 0; x, y, z in m, t in s, numbers, pi, + - * / ^ ( ), '
@@ -19,24 +19,24 @@ _SYNTAX = (
 
 
 def _touching(scenario: Scenario) -> bool:
-    return scenario.contact.kind != "free"
+    return scenario.contact.nature.touches
 
 
 def _springy(scenario: Scenario) -> bool:
-    return scenario.contact.kind in ("elastic", "mass-damper-spring")
+    return scenario.contact.nature.springs
 
 
 def _massive(scenario: Scenario) -> bool:
-    return scenario.contact.kind == "mass-damper-spring"
+    return scenario.contact.nature.massive
 
 
 def _heavy(scenario: Scenario) -> bool:
-    return scenario.contact.kind in ("mass-damper-spring", "rigid")
+    return scenario.contact.nature.heavy
 
 
 def _foreseen(scenario: Scenario) -> bool:
     """Whether the law's reference needs a stiffness (33)."""
-    return MODES[scenario.mode].on_surface and scenario.contact.kind != "rigid"
+    return MODES[scenario.mode].on_surface and not scenario.contact.nature.rigid
 
 
 class WorldPanel:
@@ -46,12 +46,7 @@ class WorldPanel:
         gui = desk.gui
         self._controls: list[Control] = []
         with gui.add_folder("Contact"):
-            kinds = {
-                "none": "free",
-                "elastic": "elastic",
-                "mass, damper, spring": "mass-damper-spring",
-                "rigid": "rigid",
-            }
+            kinds = {contact.title: kind for kind, contact in CONTACTS.items()}
             self._controls += [
                 Choice(desk, "contact.kind", "Kind", kinds),
                 Number(desk, PlaceWhere("contact.K_e", _springy), "K_e [N/m]", decades(100, 1_000_000)),
@@ -69,21 +64,9 @@ class WorldPanel:
             ]
         self._surface = gui.add_folder("Surface")
         with self._surface:
-            self._controls.append(Choice(desk, "surface", "Shape", _SHAPES))
+            self._controls.append(kind_choice(desk, "surface", "Shape", SURFACES, own_code().surfaces))
             self._syntax = gui.add_html(_SYNTAX, visible=False)
-            self._controls += [
-                TextField(desk, Place("surface.text"), "0 ="),
-                Choice(desk, "surface.solid", "Solid", _SOLID),
-                Choice(desk, "surface.side", "Tool", _SIDES),
-                Number(desk, Place("surface.origin"), "origin [m]"),
-                Number(desk, Place("surface.normal"), "normal"),
-                Number(desk, Place("surface.axis"), "axis"),
-                Number(desk, Place("surface.reference"), "ψ = 0 towards"),
-                Number(desk, Place("surface.radius"), "radius [m]", decades(0.05, 2)),
-                Number(desk, Place("surface.motion.amplitude"), "moves by [m]", Scale(0, 0.05)),
-                Number(desk, Place("surface.motion.frequency"), "at [Hz]", Scale(0, 2)),
-                Number(desk, Place("surface.motion.direction"), "direction"),
-            ]
+            self._controls += field_controls(desk, "surface", SURFACES, own_code().surfaces)
         with gui.add_folder("Force sensor"):
             self._controls += [
                 Number(desk, Place("sensor.noise"), "noise [N]", decades(0.01, 10, zero=True)),
@@ -97,7 +80,11 @@ class WorldPanel:
                     desk,
                     "simulation.integrator",
                     "Integrator",
-                    {"semi-implicit Euler": "semi-implicit-euler", "Runge-Kutta 4": "rk4"},
+                    {
+                        "leapfrog": "leapfrog",
+                        "semi-implicit Euler": "semi-implicit-euler",
+                        "Runge-Kutta 4": "rk4",
+                    },
                 ),
                 Number(desk, Place("simulation.substeps"), "substeps"),
             ]
@@ -105,7 +92,7 @@ class WorldPanel:
     def show(self, snapshot: Snapshot) -> None:
         if self._surface.visible != (snapshot.surface is not None):
             self._surface.visible = snapshot.surface is not None
-        typed = isinstance(snapshot.scenario.surface, Formula)
+        typed = isinstance(snapshot.scenario.surface, FormulaSurface)
         if self._syntax.visible != typed:
             self._syntax.visible = typed
         for control in self._controls:

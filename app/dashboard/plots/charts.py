@@ -56,7 +56,7 @@ class Setup:
             coordinates,
             joints,
             normal=snapshot.system.m > 0,
-            touching=snapshot.scenario.contact.kind != "free",
+            touching=snapshot.scenario.contact.nature.touches,
             units=snapshot.system.units,
             coordinate=coordinate if coordinate < len(coordinates) else 0,
             joint=joint if joint < len(joints) else 0,

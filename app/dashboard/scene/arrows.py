@@ -9,7 +9,7 @@ import viser
 
 from app.dashboard.theme.colors import SERIES, Rgb
 from app.dashboard.view_options import rounded_up
-from environments.surfaces import Surface
+from environments.surfaces.table import Surface
 
 UNIT = 0.1  # m: the length that the scale is said for
 LONGEST, SHORTEST = 0.22, 0.06  # m: a scale is kept while the longest arrow lies between

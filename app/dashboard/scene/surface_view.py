@@ -9,7 +9,7 @@ import viser
 
 from app.dashboard.theme.colors import SURFACE, SURFACE_LINES
 from app.session.snapshot import Snapshot
-from environments.surfaces import Surface
+from environments.surfaces.table import Surface
 
 _REDRAW = 1 / 10  # s of wall time, between two forms of a surface that changes its own
 _LINE_EVERY = 4  # cells of the mesh

@@ -21,6 +21,7 @@ from app.dashboard.view_options import Viewing
 from app.dashboard.widgets.matrix_text import read_back, written
 from app.dashboard.widgets.whatif import Held, WhatIf
 from app.export.export_jobs import ExportJobs
+from app.scenario.data import kind_of
 from app.scenario.schema import FieldInfo, Scenario, field_info
 from app.session.commands import Command, Edit
 from app.session.snapshot import Snapshot
@@ -142,6 +143,11 @@ class Scale:
 
 def decades(low: float, high: float, *, zero: bool = False) -> Scale:
     return Scale(low, high, logarithmic=True, zero=zero)
+
+
+def labelled(label: str, unit: str) -> str:
+    """A control's label with the unit of its numbers."""
+    return label if unit in ("", "1") else f"{label} [{unit}]"
 
 
 def _rounded(value: float) -> float:
@@ -270,7 +276,7 @@ class Choice:
 
     def show(self, snapshot: Snapshot) -> None:
         value = self._place.read(snapshot)
-        value = value.__struct_config__.tag if isinstance(value, Struct) else value
+        value = kind_of(value) if isinstance(value, Struct) else value
         if self._dropdown.visible != (value is not None):
             self._dropdown.visible = value is not None
         if value in self._shown and not self._answer.awaited(snapshot):

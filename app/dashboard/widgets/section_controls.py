@@ -1,0 +1,73 @@
+"""The controls of a section that there is in several kinds: which kind, and the fields of all of them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from msgspec import Struct
+
+from app.dashboard.widgets.controls import Choice, Control, Desk, Number, Place, Scale, labelled
+from app.dashboard.widgets.own_parameters import own_number
+from app.dashboard.widgets.text_field import TextField
+from app.scenario.data import OWN, kind_of
+from app.scenario.schema import FieldInfo, field_info, types_of
+from app.session.snapshot import Snapshot
+from environments.surfaces.own import OwnSurface
+from environments.trajectories.own import OwnTrajectory
+from parameters import Parameter, Widget
+
+_Own = Mapping[str, OwnSurface] | Mapping[str, OwnTrajectory]
+
+
+def kind_choice(desk: Desk, section: str, label: str, kinds: Sequence[Any], own: _Own) -> Choice:
+    """The menu of a section's kinds. kinds: what it may be, each with its `title`; own: those of the user's own files,
+    by kind."""
+    options = {kind.title: str(kind.__struct_config__.tag) for kind in kinds}
+    options = {title: kind for title, kind in options.items() if kind != OWN}
+    return Choice(desk, section, label, options | {each.title: f"{OWN}:{name}" for name, each in own.items()})
+
+
+def field_controls(desk: Desk, section: str, kinds: Sequence[Any], own: _Own) -> list[Control]:
+    """The fields of all kinds; a control is shown where the section has its field."""
+    controls: list[Control] = []
+    for name, each in own.items():
+        controls += [_own_parameter(desk, section, f"{OWN}:{name}", p) for p in each.parameters]
+    for path in _paths(section, kinds):
+        info = field_info(path)
+        if info.widget is not None:
+            controls.append(_control(desk, path, info, info.widget))
+    return controls
+
+
+def _paths(prefix: str, kinds: Sequence[type[Struct]]) -> list[str]:
+    """Dotted paths of the fields of all kinds, each once: texts first, those of sections within last."""
+    texts, others, nested = [], [], []
+    for kind in kinds:
+        for name in kind.__struct_fields__:
+            path = f"{prefix}.{name}"
+            if within := types_of(kind, name):
+                nested += _paths(path, within)
+            else:
+                (texts if field_info(path).text else others).append(path)
+    return list(dict.fromkeys([*texts, *others, *nested]))
+
+
+def _control(desk: Desk, path: str, info: FieldInfo, shown: Widget) -> Control:
+    place = Place(path)
+    if shown.options:
+        return Choice(desk, path, shown.label, dict(shown.options))
+    if info.text:
+        return TextField(desk, place, shown.label)
+    scale = None
+    if shown.low is not None and shown.high is not None:
+        scale = Scale(shown.low, shown.high, shown.logarithmic, shown.zero)
+    return Number(desk, place, labelled(shown.label, info.unit), scale)
+
+
+def _own_parameter(desk: Desk, section: str, kind: str, p: Parameter) -> Number:
+    def running(snapshot: Snapshot) -> float | None:
+        now = getattr(snapshot.scenario, section)
+        return now.parameters.get(p.name, p.value) if kind_of(now) == kind else None
+
+    return own_number(desk, f"{section}.parameters.{p.name}", p, running)

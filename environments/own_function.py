@@ -1,0 +1,50 @@
+"""Functions of a user's own, compiled by themselves, that the program's kernels call."""
+
+from __future__ import annotations
+
+import hashlib
+import inspect
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from kernels import Elsewhere
+
+MOST = 16  # parameters
+call: Any = Elsewhere("kernels.pointers", "call")
+Shapes = tuple[tuple[int, ...], tuple[int, ...], tuple[int, ...]]
+
+
+class OwnFunction(NamedTuple):
+    """A function in the kernels' form. address: in this process; digest: of its source, since an address says nothing
+    in the next process; parameters (MOST,)."""
+
+    address: np.uint64
+    digest: np.uint64
+    parameters: np.ndarray
+
+
+NO_FUNCTION = OwnFunction(np.uint64(0), np.uint64(0), np.zeros(MOST))
+
+
+def own_function(
+    function: Callable[..., None], users: Callable[..., None], parameters: dict[str, float], shapes: Shapes
+) -> OwnFunction:
+    """`function(t, parameters, a, b, c)`, which writes into arrays of these shapes, and the function of the user's that
+    it calls. Raises numba's errors."""
+    numbers = np.zeros(MOST)
+    numbers[: len(parameters)] = list(parameters.values())
+    kept = _kept(function, tuple(parameters), shapes)
+    source = Path(inspect.getfile(inspect.unwrap(users))).read_bytes()
+    digest = int.from_bytes(hashlib.sha256(source).digest()[:8], "little")
+    return OwnFunction(np.uint64(kept.address), np.uint64(digest), numbers)
+
+
+@cache  # compiled code must not be forgotten while an address of it is about
+def _kept(function: Callable[..., None], names: tuple[str, ...], shapes: Shapes) -> Any:
+    from kernels.pointers import compiled_alone
+
+    return compiled_alone(function, names, shapes)

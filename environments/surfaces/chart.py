@@ -1,0 +1,86 @@
+"""Coordinates (phi, psi_1, psi_2) around a surface with their derivatives, (30), (31), and what their kernels share."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from environments.bytecode import Bytecode
+from environments.own_function import OwnFunction
+from kernels import inline
+from kernels.algebra import dot
+
+
+class Chart(NamedTuple):
+    """Three coordinates g(p, t) of a point p, in m, and their derivatives.
+
+    g (3,); G (3, 3) rows of gradients; G_p (3, 3, 3) Hessians; g_t (3,), G_t (3, 3), g_tt (3,) partial
+    derivatives in time of g, of G, and the second one of g.
+    """
+
+    g: np.ndarray
+    G: np.ndarray
+    G_p: np.ndarray
+    g_t: np.ndarray
+    G_t: np.ndarray
+    g_tt: np.ndarray
+
+    @classmethod
+    def zeros(cls) -> Chart:
+        """Not yet known."""
+        return cls(np.zeros(3), np.zeros((3, 3)), np.zeros((3, 3, 3)), np.zeros(3), np.zeros((3, 3)), np.zeros(3))
+
+
+class Shape(NamedTuple):
+    """A surface in the kernels' form: which one, origin (3,) m, frame (3, 3) of unit rows, radius m, side +-1, the
+    direction (3,), amplitude (m) and frequency (Hz) of its movement, the bytecode of its formula, a function of a
+    user's own."""
+
+    kind: int
+    origin: np.ndarray
+    frame: np.ndarray
+    radius: float
+    side: float
+    direction: np.ndarray
+    amplitude: float
+    frequency: float
+    bytecode: Bytecode
+    own: OwnFunction
+
+
+STILL = (0.0, 0.0, 0.0, 0.0, 0.0)  # what a form that does not change adds to phi's derivatives, see `distance`
+
+
+@inline
+def flat(zeta, shape, _t, chart):
+    """Coordinates of zeta (3,) m in the frame of the surface, as all surfaces have them; returns what the form adds in
+    time to the derivatives of phi."""
+    for i in range(3):
+        chart.g[i] = dot(shape.frame[i], zeta)
+        for k in range(3):
+            chart.G[i, k] = shape.frame[i, k]
+            for a in range(3):
+                chart.G_p[i, k, a] = 0.0
+    return STILL
+
+
+@inline
+def polar(zeta, u, v):
+    """Radius and angle of zeta in the plane of the unit vectors u, v, with their unit directions e_rho, e_theta."""
+    x, y = dot(u, zeta), dot(v, zeta)
+    rho = np.hypot(x, y)
+    c, s = x / rho, y / rho
+    e_rho = (c * u[0] + s * v[0], c * u[1] + s * v[1], c * u[2] + s * v[2])
+    e_theta = (c * v[0] - s * u[0], c * v[1] - s * u[1], c * v[2] - s * u[2])
+    return rho, np.arctan2(y, x), e_rho, e_theta
+
+
+@inline
+def arc(i, radius, rho, theta, e_rho, e_theta, chart):
+    """Coordinate i is radius * theta."""
+    chart.g[i] = radius * theta
+    for k in range(3):
+        chart.G[i, k] = radius * e_theta[k] / rho
+        for a in range(3):
+            chart.G_p[i, k, a] = -radius * (e_rho[k] * e_theta[a] + e_theta[k] * e_rho[a]) / rho**2

@@ -1,0 +1,133 @@
+"""What every surface is: the fields of a scenario, the compiled coordinates that they stand for, and their inverse."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar
+
+import msgspec
+import numpy as np
+
+from environments.bytecode import BLANK
+from environments.own_function import NO_FUNCTION
+from environments.surfaces.chart import Shape
+from parameters import Section, Vector3, Widget, field, slider
+
+if TYPE_CHECKING:
+    from environments.surfaces.table import Surface
+
+ORIGIN = Widget("origin")
+NORMAL = Widget("normal")
+SIDE = Widget("Tool", options=(("outside", "outside"), ("inside", "inside")))
+
+
+class SurfaceMotion(Section, frozen=True, forbid_unknown_fields=True):
+    """A translation along a direction, amplitude * sin(2 pi frequency t)."""
+
+    amplitude: Annotated[float, field("amplitude", "m", slider("moves by", 0, 0.05), ge=0, le=1)] = 0.0
+    frequency: Annotated[float, field("frequency", "Hz", slider("at", 0, 2), ge=0, le=20)] = 0.5
+    direction: Annotated[Vector3, field("direction", "1", Widget("direction"))] = (0.0, 0.0, 1.0)
+
+    def offset(self, t: float) -> np.ndarray:
+        """How far it is at time t (s) from where it begins, (3,) m."""
+        along = unit("surface.motion.direction", self.direction)
+        return along * (self.amplitude * np.sin(2 * np.pi * self.frequency * t))
+
+
+class Form(Section, frozen=True, forbid_unknown_fields=True, tag_field="kind"):
+    """A section `surface` of a scenario.
+
+    title: how the page calls it; chart: its kernel `chart(zeta, shape, t, chart)`, which writes the coordinates of a
+    point and their derivatives, zeta (3,) m from the origin in the surface's place at time t, and returns what the
+    form's change in time adds to the derivatives of phi, `STILL` for none; resolution: points of its mesh on a side.
+    """
+
+    title: ClassVar[str]
+    chart: ClassVar[Any]
+    resolution: ClassVar[int] = 41
+
+    origin: Annotated[Vector3, field("a point of it", "m", ORIGIN)] = (0.0, 0.0, 0.0)
+    motion: SurfaceMotion = msgspec.field(default_factory=SurfaceMotion)
+
+    @property
+    def shape(self) -> Shape:
+        """The surface for kernels; `kind` is the table's to say. Raises ValueError with one sentence."""
+        raise NotImplementedError
+
+    @property
+    def changing(self) -> bool:
+        """Whether its form changes in time, not only its place."""
+        return False
+
+    def local_point(self, frame: np.ndarray, g: np.ndarray) -> np.ndarray:
+        """The point (3,) m from the origin with coordinates g = (phi, psi_1, psi_2)."""
+        raise NotImplementedError
+
+    def extent(self) -> tuple[tuple[float, float], tuple[float, float]]:
+        """Ranges of psi_1 and psi_2 that are worth drawing, m."""
+        raise NotImplementedError
+
+    def point(self, surface: Surface, g: np.ndarray, t: float) -> np.ndarray:
+        """The point (3,) m with coordinates g at time t (s): the inverse of the chart."""
+        return surface.origin + self.motion.offset(t) + self.local_point(surface.frame, g)
+
+    def mesh(self, surface: Surface, around: np.ndarray, t: float) -> tuple[np.ndarray, np.ndarray]:
+        """Vertices (N, 3) m of phi = 0 at time t (s), less the motion's offset then, and triangles (M, 3). What has no
+        middle of its own is drawn around the point `around` (3,) m."""
+        del around, t
+        psi_1, psi_2 = grid(self.resolution, *self.extent())
+        points = [self.local_point(surface.frame, np.array([0.0, u, v])) for u, v in zip(psi_1, psi_2, strict=True)]
+        return surface.origin + np.array(points), triangles(self.resolution)
+
+    def below(self, p: np.ndarray, phi: float) -> Form | None:
+        """The surface at which the tool at p (3,) m begins at phi (m), where that is not a matter of its origin."""
+        del p, phi
+        return None
+
+    def require_regular(self, surface: Surface, until: float) -> None:
+        """Whether its coordinates are good for a run of `until` s. Raises ValueError with one sentence."""
+        del surface, until
+
+    def _placed(self, frame: np.ndarray, radius: float = 0.0, side: float = 1.0) -> Shape:
+        """The shape of a surface with this frame (3, 3) of unit rows."""
+        m, origin = self.motion, np.array(self.origin, dtype=float)
+        direction = unit("surface.motion.direction", m.direction)
+        rest = (float(m.amplitude), float(m.frequency), BLANK, NO_FUNCTION)
+        return Shape(0, origin, np.ascontiguousarray(frame), float(radius), side, direction, *rest)
+
+
+def unit(path: str, vector: Any) -> np.ndarray:
+    """The direction of a vector (3,). Raises ValueError with `path` where it has none."""
+    length = float(np.linalg.norm(vector))
+    if length < 1e-9:
+        raise ValueError(f"{path}: {list(vector)}; allowed: a vector that is not zero")
+    return np.array(vector, dtype=float) / length
+
+
+def side_of(side: str) -> float:
+    """+1 with the solid inside and the tool outside, -1 with the tool within."""
+    return 1.0 if side == "outside" else -1.0
+
+
+def _normalised(vector: np.ndarray) -> np.ndarray:
+    return vector / np.linalg.norm(vector)
+
+
+def tangent_frame(normal: np.ndarray) -> np.ndarray:
+    """Right-handed rows (normal, t_1, t_2); t_1 lies in the x-z plane whenever the normal does."""
+    n = _normalised(normal)
+    start = np.array([1.0, 0.0, 0.0]) if abs(n[0]) < 0.9 else np.array([0.0, 0.0, 1.0])
+    t_1 = _normalised(start - (start @ n) * n)
+    return np.ascontiguousarray(np.stack([n, t_1, np.cross(n, t_1)]))
+
+
+def grid(resolution: int, first: tuple[float, float], second: tuple[float, float]) -> tuple[np.ndarray, np.ndarray]:
+    """Two coordinates over their ranges, each (resolution^2,)."""
+    u, v = np.meshgrid(np.linspace(*first, resolution), np.linspace(*second, resolution), indexing="ij")
+    return u.ravel(), v.ravel()
+
+
+def triangles(resolution: int) -> np.ndarray:
+    """The triangles (M, 3) between the points of a `grid`."""
+    cell = np.arange(resolution * resolution).reshape(resolution, resolution)
+    a, b, c, d = cell[:-1, :-1].ravel(), cell[1:, :-1].ravel(), cell[1:, 1:].ravel(), cell[:-1, 1:].ravel()
+    return np.concatenate([np.stack([a, b, c], 1), np.stack([a, c, d], 1)])

@@ -1,0 +1,123 @@
+"""A surface of a user's own, in a file that `--use` names."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cache
+from typing import TYPE_CHECKING, Annotated
+
+import msgspec
+import numpy as np
+
+from environments.own_function import call, own_function
+from environments.surfaces.chart import STILL, Shape
+from environments.surfaces.form import Form, grid, triangles
+from environments.surfaces.regular import require_derivatives
+from kernels import inline
+from parameters import Name, Parameter, field
+
+if TYPE_CHECKING:
+    from environments.surfaces.table import Surface
+
+HALF = 0.2  # m, of the part that is drawn
+NEAREST = 1e-14  # m, at which the search for a point ends
+FOUND = 1e-9  # m: as near its coordinates must be
+NEAR = 0.01  # m from its origin: where its derivatives are looked at
+
+
+@dataclass(frozen=True)
+class OwnSurface:
+    """What such a file holds as SURFACE.
+
+    kind: how a scenario names it (`surface.name`); title: how the page does; about: a sentence for the page.
+    chart: `chart(zeta, parameters, g, G, G_p)` writes the coordinates g = (phi, psi_1, psi_2) in m of the point zeta
+    (3,) m from the surface's origin, along the world's axes, the rows G (3, 3) of their gradients, and their Hessians
+    G_p (3, 3, 3); all are zero before. phi is penetration; the origin is a point of the surface, with g = 0, about
+    which the coordinates are regular. It is decorated with `kernels.inline`.
+    """
+
+    kind: str
+    title: str
+    about: str
+    chart: Callable[..., None]
+    parameters: tuple[Parameter, ...] = ()
+
+    def shape(self, form: Own) -> Shape:
+        """For kernels, with the parameters of a scenario. Raises ValueError with one sentence, and numba's errors."""
+        values = {p.name: form.parameters.get(p.name, p.value) for p in self.parameters}
+        own = own_function(_adapted(self.chart), self.chart, values, ((3,), (3, 3), (3, 3, 3)))
+        return form.shape._replace(own=own)
+
+
+@cache
+def _adapted(chart: Callable[..., None]) -> Callable[..., None]:
+    @inline
+    def adapted(_t, parameters, g, G, G_p):
+        zeta = (g[0], g[1], g[2])
+        for i in range(3):
+            g[i] = 0.0
+            for k in range(3):
+                G[i, k] = 0.0
+                for a in range(3):
+                    G_p[i, k, a] = 0.0
+        chart(zeta, parameters, g, G, G_p)
+
+    return adapted
+
+
+@inline
+def _chart(zeta, shape, t, chart):
+    for i in range(3):
+        chart.g[i] = zeta[i]
+    own = shape.own
+    call(own.address, t, own.parameters, chart.g, chart.G, chart.G_p)
+    return STILL
+
+
+class Own(Form, frozen=True, forbid_unknown_fields=True, tag="own"):
+    """A surface of your own (`--use`)."""
+
+    title = "own"
+    chart = _chart
+    resolution = 29
+
+    name: Annotated[Name, field("kind of the surface in your file", "")] = ""
+    parameters: Annotated[dict[Name, float], field("its parameters, by name", "")] = msgspec.field(default_factory=dict)
+
+    @property
+    def shape(self) -> Shape:
+        return self._placed(np.eye(3))
+
+    def point(self, surface: Surface, g: np.ndarray, t: float) -> np.ndarray:
+        """The point (3,) m with coordinates g at time t (s), found from where the surface is used."""
+        return _point(surface, g, t, surface.near + self.motion.offset(t))
+
+    def mesh(self, surface: Surface, around: np.ndarray, t: float) -> tuple[np.ndarray, np.ndarray]:
+        psi, k = surface.chart(around, t).g, self.resolution
+        psi_1, psi_2 = grid(k, (psi[1] - HALF, psi[1] + HALF), (psi[2] - HALF, psi[2] + HALF))
+        points = np.array(
+            [_point(surface, np.array([0.0, u, v]), t, around) for u, v in zip(psi_1, psi_2, strict=True)]
+        )
+        there = np.isfinite(points.sum(axis=1))
+        vertices, faces = np.where(there[:, None], points - self.motion.offset(t), 0.0), triangles(k)
+        return vertices, faces[there[faces].all(axis=1)]
+
+    def require_regular(self, surface: Surface, until: float) -> None:
+        """Whether the derivatives are what differences say where the tool is."""
+        random = np.random.default_rng(0)
+        for t in np.linspace(0.0, until, 3):
+            require_derivatives("surface.name", surface, surface.near + NEAR * random.uniform(-1.0, 1.0, 3), t)
+
+
+def _point(surface: Surface, g: np.ndarray, t: float, start: np.ndarray) -> np.ndarray:
+    """The point (3,) m with coordinates g at time t (s), by Powell's method from a point (3,) m; nan where there is
+    none."""
+    from scipy.optimize import root  # what only reads scenarios does not wait for it
+
+    def residual(p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        chart = surface.chart(p, t)
+        return chart.g - g, chart.G
+
+    found = root(residual, start, jac=True, options={"xtol": NEAREST})
+    return found.x if np.abs(found.fun).max() < FOUND else np.full(3, np.nan)

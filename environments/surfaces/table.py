@@ -1,0 +1,131 @@
+"""All surfaces: what a scenario may name, and the one kernel that they make together."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Union
+
+import numpy as np
+
+from environments.surfaces.chart import Chart, Shape
+from environments.surfaces.cylinder import Cylinder
+from environments.surfaces.form import Form, SurfaceMotion
+from environments.surfaces.formula import FormulaSurface
+from environments.surfaces.own import Own
+from environments.surfaces.plane import Plane
+from environments.surfaces.sphere import Sphere
+from kernels import choice, inline, kernel
+from kernels.records import Record
+
+SURFACES: tuple[type[Form], ...] = (Plane, Cylinder, Sphere, FormulaSurface, Own)
+if TYPE_CHECKING:
+    AnyForm = Form
+else:
+    AnyForm = Union[SURFACES]  # noqa: UP007
+
+_local_chart = choice([each.chart for each in SURFACES])
+
+
+@inline
+def surface_chart(shape, p, t, chart):
+    """The `Chart` of a point p (3,) m at time t (s)."""
+    omega = 2 * np.pi * shape.frequency
+    moved, speed = shape.amplitude * np.sin(omega * t), shape.amplitude * omega * np.cos(omega * t)
+    u = shape.direction
+    zeta = (
+        p[0] - shape.origin[0] - moved * u[0],
+        p[1] - shape.origin[1] - moved * u[1],
+        p[2] - shape.origin[2] - moved * u[2],
+    )
+    form = _local_chart(shape.kind, zeta, shape, t, chart)
+    for i in range(3):  # derivatives in time of g(p - a(t)): the chain rule, exact
+        chart.g_t[i], chart.g_tt[i] = 0.0, 0.0
+        for k in range(3):
+            chart.G_t[i, k] = 0.0
+            for a in range(3):
+                chart.G_t[i, k] -= chart.G_p[i, k, a] * speed * u[a]
+            chart.g_t[i] -= chart.G[i, k] * speed * u[k]
+            chart.g_tt[i] += -chart.G_t[i, k] * speed * u[k] + chart.G[i, k] * omega**2 * moved * u[k]
+    chart.g_t[0] += form[0]  # and those of its form
+    chart.g_tt[0] += form[1]
+    for k in range(3):
+        chart.G_t[0, k] += form[2 + k]
+        chart.g_tt[0] -= 2.0 * form[2 + k] * speed * u[k]
+
+
+@kernel
+def _chart_alone(shape, p, t, chart):
+    surface_chart(shape[0], p, t, chart[0])
+
+
+@dataclass(frozen=True)
+class Surface:
+    """A surface in use: what a scenario says of it, that for kernels, and where it is used, (3,) m."""
+
+    form: Form
+    shape: Shape
+    near: np.ndarray
+
+    @classmethod
+    def of(cls, form: Form, near: np.ndarray | None = None, shape: Shape | None = None) -> Surface:
+        """The surface of a form, used near a point (3,) m; `shape`: the form's unless another is given. Raises
+        ValueError with one sentence."""
+        kind = SURFACES.index(type(form))
+        return cls(form, (shape or form.shape)._replace(kind=kind), np.zeros(3) if near is None else near)
+
+    @classmethod
+    def cartesian(cls, frame: np.ndarray) -> Surface:
+        """No surface: the coordinates are those of the point itself, along the rows of `frame` (3, 3), at rest."""
+        return cls.of(Plane(), shape=Plane().shape._replace(frame=np.ascontiguousarray(frame, dtype=float)))
+
+    @property
+    def origin(self) -> np.ndarray:
+        """(3,) m."""
+        return self.shape.origin
+
+    @property
+    def frame(self) -> np.ndarray:
+        """Unit rows (3, 3)."""
+        return self.shape.frame
+
+    @property
+    def motion(self) -> SurfaceMotion:
+        return self.form.motion
+
+    @property
+    def changing(self) -> bool:
+        """Whether its form changes in time, not only its place."""
+        return self.form.changing
+
+    @property
+    def resolution(self) -> int:
+        """Points of its mesh on a side."""
+        return self.form.resolution
+
+    @cached_property
+    def _packed(self) -> np.ndarray:
+        return Record(self.shape).data
+
+    @property
+    def fingerprint(self) -> bytes:
+        """All of `shape`: surfaces that share it give the same charts."""
+        return self._packed.tobytes()
+
+    def chart(self, p: np.ndarray, t: float) -> Chart:
+        """Coordinates of the point p (3,) m at time t (s) with all derivatives."""
+        chart = Record(Chart.zeros())
+        _chart_alone(self._packed, p, t, chart.data)
+        return chart.read()
+
+    def point(self, g: np.ndarray, t: float) -> np.ndarray:
+        """The point (3,) m with coordinates g = (phi, psi_1, psi_2): the inverse of `chart`."""
+        return self.form.point(self, g, t)
+
+    def mesh(self, around: np.ndarray, t: float) -> tuple[np.ndarray, np.ndarray]:
+        """See `Form.mesh`."""
+        return self.form.mesh(self, around, t)
+
+    def require_regular(self, until: float) -> None:
+        """See `Form.require_regular`."""
+        self.form.require_regular(self, until)

@@ -1,0 +1,51 @@
+"""A circle through the start."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import numpy as np
+from msgspec.structs import replace
+
+from environments.trajectories.line import Line, unit_circle
+from environments.trajectories.trajectory import Course, Trajectory, along, in_plane
+from kernels import inline
+from parameters import decades, field, slider
+
+
+@inline
+def _move(course, t, value, rate, acceleration):
+    x, y = unit_circle(course, t)
+    along(course, x, y, value, rate, acceleration)
+
+
+class Circle(Trajectory, frozen=True, forbid_unknown_fields=True, tag="circle"):
+    """A circle in two of the position coordinates, through the start."""
+
+    title = "circle"
+    move = _move
+
+    radius: Annotated[float, field("radius", "m", slider("radius", 0, 0.15), ge=0, le=2)] = 0.05
+    period: Annotated[float, field("time of one turn", "s", decades("period", 1, 30), gt=0, le=3600)] = 4.0
+    ramp: Annotated[float, field("time to full speed", "s", slider("ramp", 0, 5), ge=0, le=3600)] = 1.0
+    axes: Annotated[tuple[int, int], field("which two coordinates, counted from 0", "")] = (0, 1)
+
+    def course(self, n: int, free: range) -> Course:
+        a, b = self.axes
+        if a == b or not all(0 <= axis < len(free) for axis in self.axes):
+            raise ValueError(
+                f"motion.axes: {list(self.axes)}; allowed: two different numbers from 0 to {len(free) - 1}"
+                if len(free) > 1
+                else "motion.kind: 'circle' needs two free coordinates; allowed here: hold, point-to-point, line"
+            )
+        along_axes = np.eye(n)[free.start :]
+        return in_plane(self.radius * along_axes[a], self.radius * along_axes[b], self.ramp, 2 * np.pi / self.period)
+
+    def on_surface(self, tangents: np.ndarray | None, k: int) -> Trajectory:
+        """In the first two coordinates."""
+        del tangents
+        return replace(self, axes=(0, 1)) if max(self.axes) >= k > 1 else self
+
+    def flattened(self) -> Trajectory:
+        """A line."""
+        return Line(displacement=(2 * self.radius,), period=self.period, ramp=self.ramp)

@@ -1,0 +1,57 @@
+"""A path of a user's own, in a file that `--use` names."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Annotated
+
+import msgspec
+import numpy as np
+
+from environments.own_function import call, own_function
+from environments.trajectories.trajectory import Course, Trajectory, in_plane
+from kernels import inline
+from parameters import Name, Parameter, field
+
+
+@dataclass(frozen=True)
+class OwnTrajectory:
+    """What such a file holds as TRAJECTORY.
+
+    kind: how a scenario names it (`motion.name`); title: how the page does; about: a sentence for the page.
+    path: `path(t, parameters, value, rate, acceleration)` writes the displacement (k,) m of the k free coordinates from
+    where they start, its rate and its acceleration at time t (s); they are zero before. It is decorated with
+    `kernels.inline`. At t = 0 the displacement is zero.
+    """
+
+    kind: str
+    title: str
+    about: str
+    path: Callable[..., None]
+    parameters: tuple[Parameter, ...] = ()
+
+    def course(self, path: Own, n: int, free: range) -> Course:
+        """With the parameters of a scenario, as a displacement of n coordinates. Raises numba's errors."""
+        values = {p.name: path.parameters.get(p.name, p.value) for p in self.parameters}
+        k = (len(free),)
+        own = own_function(self.path, self.path, values, (k, k, k))
+        return in_plane(np.zeros(n), np.zeros(n))._replace(first=free.start, own=own)
+
+
+@inline
+def _move(course, t, value, rate, acceleration):
+    for i in range(value.shape[0]):
+        value[i], rate[i], acceleration[i] = 0.0, 0.0, 0.0
+    own, first = course.own, course.first
+    call(own.address, t, own.parameters, value[first:], rate[first:], acceleration[first:])
+
+
+class Own(Trajectory, frozen=True, forbid_unknown_fields=True, tag="own"):
+    """A path of your own (`--use`)."""
+
+    title = "own"
+    move = _move
+
+    name: Annotated[Name, field("kind of the trajectory in your file", "")] = ""
+    parameters: Annotated[dict[Name, float], field("its parameters, by name", "")] = msgspec.field(default_factory=dict)

@@ -1,0 +1,57 @@
+"""A move to another point, or none."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import numpy as np
+from msgspec.structs import replace
+
+from environments.smooth_step import minimum_jerk
+from environments.trajectories.trajectory import Course, Trajectory, along, in_plane, spread
+from kernels import inline
+from parameters import Vector, Widget, decades, field
+
+
+@inline
+def _move(course, t, value, rate, acceleration):
+    along(course, minimum_jerk(t, course.ramp), (0.0, 0.0, 0.0), value, rate, acceleration)
+
+
+class Hold(Trajectory, frozen=True, forbid_unknown_fields=True, tag="hold"):
+    """Stay where it starts."""
+
+    title = "hold"
+    move = _move
+
+    def course(self, n: int, free: range) -> Course:
+        del free
+        return in_plane(np.zeros(n), np.zeros(n), 1.0)
+
+
+class Displaced(Trajectory, frozen=True, forbid_unknown_fields=True):
+    """What paths along one displacement share."""
+
+    displacement: Annotated[Vector, field("by how much, along x, y, z or the tangents", "m", Widget("by"))] = (0.1,)
+
+    def on_surface(self, tangents: np.ndarray | None, k: int) -> Trajectory:
+        """Its part along the tangents where it has more values than there are."""
+        if len(self.displacement) <= k:
+            return self
+        if tangents is None:
+            return Hold()
+        kept = tangents @ np.array(self.displacement[: tangents.shape[1]])
+        return replace(self, displacement=tuple(kept.round(6).tolist()))
+
+
+class PointToPoint(Displaced, frozen=True, forbid_unknown_fields=True, tag="point-to-point"):
+    """A minimum-jerk move of the position coordinates."""
+
+    title = "point to point"
+    move = _move
+
+    duration: Annotated[float, field("duration", "s", decades("duration", 0.2, 20), gt=0, le=3600)] = 2.0
+
+    def course(self, n: int, free: range) -> Course:
+        u = spread("motion.displacement", self.displacement, n, free)
+        return in_plane(u, np.zeros(n), self.duration)

@@ -1,0 +1,81 @@
+"""What every desired path is: the fields of a scenario, and the compiled function that they stand for."""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar, NamedTuple
+
+import numpy as np
+
+from environments.own_function import NO_FUNCTION, OwnFunction
+from kernels import inline
+from parameters import Section
+
+
+class Path(NamedTuple):
+    """Displacement (n,) m, its rate (m/s) and acceleration (m/s^2)."""
+
+    value: np.ndarray
+    rate: np.ndarray
+    acceleration: np.ndarray
+
+
+class Course(NamedTuple):
+    """A path in the kernels' form, x(t) u + y(t) v with u, v (n,) m: which one, the duration or rise at its beginning
+    (s), and its angular frequency (rad/s); one of a user's own is a function of the coordinates from `first` on."""
+
+    kind: int
+    u: np.ndarray
+    v: np.ndarray
+    ramp: float
+    omega: float
+    first: int
+    own: OwnFunction
+
+
+class Trajectory(Section, frozen=True, forbid_unknown_fields=True, tag_field="kind"):
+    """A section `motion` of a scenario.
+
+    title: how the page calls it; move: its kernel `move(course, t, value, rate, acceleration)`, which writes the
+    displacement (n,) and its derivatives at time t (s).
+    """
+
+    title: ClassVar[str]
+    move: ClassVar[Any]
+
+    def course(self, n: int, free: range) -> Course:
+        """The path as a displacement of n coordinates, of which it may move those in `free`; `kind` is the table's
+        to say. Raises ValueError with one sentence."""
+        raise NotImplementedError
+
+    def on_surface(self, tangents: np.ndarray | None, k: int) -> Trajectory:
+        """What of a path in space an arm can follow that has k directions along a surface: tangents (k, j), those
+        directions in the coordinates that the path moves; None: it moves angles, which say nothing of the surface."""
+        del tangents, k
+        return self
+
+    def flattened(self) -> Trajectory:
+        """What an arm can follow that has one direction along a surface."""
+        return self
+
+
+def in_plane(u: np.ndarray, v: np.ndarray, ramp: float = 0.0, omega: float = 0.0) -> Course:
+    """The course of a path in the plane of u, v (n,) m."""
+    return Course(0, u, v, float(ramp), float(omega), 0, NO_FUNCTION)
+
+
+def spread(name: str, displacement: tuple[float, ...], n: int, free: range) -> np.ndarray:
+    """A displacement of the free coordinates as one of all n. Raises ValueError with `name` for too long a one."""
+    if len(displacement) > len(free):
+        raise ValueError(f"{name}: {len(displacement)} values; allowed: at most {len(free)} in this mode with this arm")
+    vector = np.zeros(n)
+    vector[free.start : free.start + len(displacement)] = displacement
+    return vector
+
+
+@inline
+def along(course, x, y, value, rate, acceleration):
+    """Write the path of x and y, each with its two derivatives."""
+    for i in range(value.shape[0]):
+        value[i] = x[0] * course.u[i] + y[0] * course.v[i]
+        rate[i] = x[1] * course.u[i] + y[1] * course.v[i]
+        acceleration[i] = x[2] * course.u[i] + y[2] * course.v[i]

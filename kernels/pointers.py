@@ -1,0 +1,75 @@
+"""Functions that are called by their address in this process: kernels that were compiled without them can call them."""
+
+from __future__ import annotations
+
+from collections import namedtuple
+from collections.abc import Callable
+from typing import Any
+
+from llvmlite import ir
+from numba import cfunc, types
+from numba.extending import intrinsic
+from numba.np.numpy_support import carray
+from numba.np.unsafe import ndarray
+
+from kernels import ARITHMETIC, inline
+
+Shape = tuple[int, ...]
+_PLACES = 4  # of the parameters and of three arrays
+
+
+def _generate_jump(_typing, _address, _t, _places):
+    """Call the function at an address with a time (s) and the places of arrays."""
+
+    def generate(context, builder, _signature, arguments):
+        number = context.get_value_type(types.uintp)
+        kind = ir.FunctionType(ir.VoidType(), [ir.DoubleType(), *(number,) * _PLACES])
+        found = [builder.extract_value(arguments[2], i) for i in range(_PLACES)]
+        builder.call(builder.inttoptr(arguments[0], kind.as_pointer()), [arguments[1], *found])
+        return context.get_dummy_value()
+
+    return types.void(types.uintp, types.float64, types.UniTuple(types.uintp, _PLACES)), generate
+
+
+def _generate_numbers_at(_typing, _place):
+    """The pointer to numbers at a place."""
+    signature = types.CPointer(types.float64)(types.uintp)
+
+    def generate(context, builder, signature, arguments):
+        return builder.inttoptr(arguments[0], context.get_value_type(signature.return_type))
+
+    return signature, generate
+
+
+_jump: Any = intrinsic(_generate_jump)
+_numbers_at: Any = intrinsic(_generate_numbers_at)
+_fixed: Any = ndarray.to_fixed_tuple
+
+
+@inline
+def call(address, t, parameters, a, b, c):
+    """Call the function at an address at time t (s), with its parameters and three arrays of the shapes for which it
+    was compiled."""
+    places = (parameters.ctypes.data, a.ctypes.data, b.ctypes.data, c.ctypes.data)
+    _jump(address, t, places)
+
+
+def compiled_alone(function: Callable[..., None], names: tuple[str, ...], shapes: tuple[Shape, Shape, Shape]) -> Any:
+    """`function(t, parameters, a, b, c)` compiled for `call`, with parameters of these names and arrays of these
+    shapes; it is at `.address` as long as this lives. Raises numba's errors."""
+    names = names or ("none",)  # an empty tuple cannot be compiled
+    count, first, second, third = len(names), *shapes
+    Parameters = namedtuple("Parameters", names)
+
+    @cfunc(types.void(types.float64, *(types.uintp,) * _PLACES), **ARITHMETIC)
+    def at_places(t, parameters, a, b, c):
+        numbers = _fixed(carray(_numbers_at(parameters), (count,)), count)
+        function(
+            t,
+            Parameters(*numbers),
+            carray(_numbers_at(a), first),
+            carray(_numbers_at(b), second),
+            carray(_numbers_at(c), third),
+        )
+
+    return at_places

@@ -1,0 +1,61 @@
+"""What can be set: sections of a scenario, whose fields have their bounds, unit, meaning and control beside them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated, Any
+
+from msgspec import Meta, Struct
+
+_ONE_LINE = r"^[^\x00-\x1f\x7f-\x9f\u2028\u2029\ufffe\uffff]*\Z"  # an SVG cannot hold the others, a terminal obeys them
+Name = Annotated[str, Meta(max_length=200, pattern=_ONE_LINE)]  # it stands on the page
+Text = Annotated[str, Meta(max_length=1000, pattern=_ONE_LINE)]  # a path; a formula has at most 500 characters
+Vector = Annotated[tuple[float, ...], Meta(max_length=32)]  # an arm has at most eight joints
+Vector3 = tuple[float, float, float]
+Matrix = Annotated[tuple[float | Vector, ...], Meta(max_length=32)]
+
+
+class Section(Struct, frozen=True, forbid_unknown_fields=True):
+    """A table of the TOML file."""
+
+
+@dataclass(frozen=True)
+class Widget:
+    """How the page shows a field: its label; a slider from low to high where there is one, logarithmic where decades
+    matter, with `zero` at its left end where that means exactly 0; options: what is shown for each allowed text."""
+
+    label: str
+    low: float | None = None
+    high: float | None = None
+    logarithmic: bool = False
+    zero: bool = False
+    options: tuple[tuple[str, str], ...] = ()
+
+
+def slider(label: str, low: float, high: float) -> Widget:
+    """A linear slider."""
+    return Widget(label, low, high)
+
+
+def decades(label: str, low: float, high: float, *, zero: bool = False) -> Widget:
+    """A logarithmic slider; `zero`: its left end means exactly 0."""
+    return Widget(label, low, high, logarithmic=True, zero=zero)
+
+
+def field(meaning: str, unit: str, widget: Widget | None = None, **bounds: Any) -> Meta:
+    """What there is to know of a field: meaning, unit ("1" for a pure number, "" for none), how the page shows it, and
+    its bounds (ge, gt, le, lt)."""
+    return Meta(description=meaning, extra={"unit": unit, "widget": widget}, **bounds)
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """A number that a law, surface or trajectory of a user's own has: its name, value unless the scenario says
+    another, bounds, unit, meaning."""
+
+    name: str
+    value: float
+    low: float
+    high: float
+    unit: str
+    meaning: str
