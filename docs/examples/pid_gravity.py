@@ -3,7 +3,8 @@
 vsmrc run ur5-impedance --use docs/examples/pid_gravity.py --set controller.law=pid-gravity --out build/pid
 """
 
-from controllers.control_law import ControlLaw, Parameter
+from controllers.control_law import ControlLaw
+from parameters import Parameter
 
 
 def torque(told, out, x, x_dot):

@@ -1,4 +1,4 @@
-"""A control law of a user's own on the page: chosen from the menu like ours, with its parameter and what it is."""
+"""A law, a path and a surface of a user's own on the page: chosen from menus like ours, with their parameters."""
 
 from __future__ import annotations
 
@@ -10,18 +10,19 @@ from playwright.sync_api import Page
 
 from app.dashboard.page import Dashboard
 from app.process import own_code
-from app.scenario.data import load
+from app.scenario.data import kind_of, load, to_plain
 from app.session.runner import Runner
 from drivers.pages import PATIENCE, VIEWPORT, Session
 from tests.support.drawn import drawn
 
-PID = Path(__file__).parents[2] / "docs" / "examples" / "pid_gravity.py"
+EXAMPLES = Path(__file__).parents[2] / "docs" / "examples"
+OWN = ("pid_gravity.py", "figure_eight.py", "cone.py")
 
 
 @pytest.fixture
 def own(open_page: Callable[..., Page]) -> Iterator[Session]:
-    """A page of a server that was started with the example."""
-    own_code.use([PID])
+    """A page of a server that was started with the examples."""
+    own_code.use([EXAMPLES / name for name in OWN])
     dashboard, runner = Dashboard(port=0, fps=8.0), Runner(load("ur5-impedance"))
     dashboard.attach(runner)
     runner.start()
@@ -55,3 +56,19 @@ def test_a_law_of_one_s_own_stands_in_the_menu_with_its_parameter(own: Session) 
     own.wait(lambda now: now.scenario.controller.law == "vsmrc")
     own.row("k_i [N/(m·s)]").wait_for(state="detached")
     assert own.now.phase == "running"
+
+    own.tab("Task")
+    own.choose("Path", "Figure of eight")
+    own.number("height [m]").fill("0.01")
+    own.number("height [m]").press("Enter")
+    own.wait(lambda now: to_plain(now.scenario)["motion"]["parameters"] == {"height": 0.01})
+    own.row("radius [m]").wait_for(state="detached")
+    own.tab("World")
+    own.choose("Shape", "Cone")
+    own.wait(lambda now: kind_of(now.scenario.surface) == "own:cone")
+    own.number("angle [rad]").fill("0.1")
+    own.number("angle [rad]").press("Enter")
+    own.page.locator(".vs-status", has_text="surface.parameters.angle: 0.1; allowed: 0.3 to 1.5").wait_for()
+    assert own.now.phase == "running"
+    own.choose("Shape", "plane")
+    own.row("angle [rad]").wait_for(state="detached")

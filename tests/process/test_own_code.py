@@ -152,7 +152,7 @@ def test_its_parameters_are_said_by_the_scenario() -> None:
     [
         ("def torque(:\n", "my_law.py, line 1: SyntaxError: "),
         (HEAD + "nonsense\n", "my_law.py, line 4: NameError: name 'nonsense' is not defined"),
-        (HEAD, "my_law.py: LAW is missing; allowed: a Python file with LAW = ControlLaw(...)"),
+        (HEAD, "my_law.py: LAW, SURFACE and TRAJECTORY are missing; allowed: a Python file with LAW = ControlLaw"),
         (HEAD + "raise SystemExit(3)\n", "my_law.py, line 4: SystemExit: 3"),
         (HEAD + "open('/nowhere')\n", "my_law.py, line 4: FileNotFoundError: [Errno 2] No such file"),
         (HEAD + NUMPY + LAW.format(", robust=True"), "robust = True; allowed: False, Theorem 1 is about (25)"),

@@ -67,11 +67,96 @@ SOFT = """        Mode(
     )
 }
 """
+SLOPE = '''"""A slope of 45 degrees."""
+
+from typing import Annotated
+
+import numpy as np
+
+from environments.surfaces.chart import Shape, flat
+from environments.surfaces.form import Form, tangent_frame
+from parameters import field, slider
+
+
+class Slope(Form, frozen=True, forbid_unknown_fields=True, tag="slope"):
+    """A plane at 45 degrees."""
+
+    title = "slope at 45°"
+    chart = flat
+
+    width: Annotated[float, field("how wide it is drawn", "m", slider("drawn over", 0.1, 2), gt=0, le=5)] = 0.5
+
+    @property
+    def shape(self) -> Shape:
+        return self._placed(tangent_frame(np.array([1.0, 0.0, -1.0])))
+
+    def local_point(self, frame, g):
+        return frame.T @ g
+
+    def extent(self):
+        return (-self.width, self.width), (-self.width, self.width)
+'''
+NOD = '''"""A nod."""
+
+from typing import Annotated
+
+import numpy as np
+
+from environments.trajectories.trajectory import Trajectory, along, in_plane
+from kernels import inline
+from parameters import decades, field
+
+
+@inline
+def _move(course, t, value, rate, acceleration):
+    w = course.omega
+    x = (1.0 - np.cos(w * t), w * np.sin(w * t), w * w * np.cos(w * t))
+    along(course, x, (0.0, 0.0, 0.0), value, rate, acceleration)
+
+
+class Nod(Trajectory, frozen=True, forbid_unknown_fields=True, tag="nod"):
+    """Up and down in the first coordinate."""
+
+    title = "nod"
+    move = _move
+
+    often: Annotated[float, field("how often", "Hz", decades("nods at", 0.1, 10), gt=0, le=10)] = 5.0
+
+    def course(self, n, free):
+        return in_plane(0.001 * np.eye(n)[free.start], np.zeros(n), omega=2 * np.pi * self.often)
+'''
+FADE = '''"""A force that grows without end."""
+
+from typing import Annotated
+
+from environments.force_profiles.force_profile import ForceCourse, ForceProfile
+from kernels import inline
+from parameters import field, slider
+
+
+@inline
+def _at(course, t):
+    return course.start + course.change * t, course.change, 0.0
+
+
+class Growing(ForceProfile, frozen=True, forbid_unknown_fields=True, tag="growing"):
+    """A force that grows by so much in a second."""
+
+    title = "growing"
+    at = _at
+
+    growth: Annotated[float, field("its rate", "N/s", slider("grows by", 0, 5), ge=0, le=10)] = 2.0
+
+    @property
+    def course(self) -> ForceCourse:
+        return ForceCourse(0, self.value, self.growth, 0.0, 0.0, 0.0)
+'''
 ASKED = """
 import json
 from unittest.mock import MagicMock
 from app.dashboard.panels.controller import ControllerPanel
 from app.dashboard.panels.task import TaskPanel
+from app.dashboard.panels.world import WorldPanel
 from app.scenario.data import edited, load, shipped
 from app.simulation.closed_loop import ClosedLoop
 from controllers.laws.table import number_of
@@ -79,12 +164,24 @@ from controllers.laws.table import number_of
 desk = MagicMock()
 ControllerPanel(desk)
 TaskPanel(desk)
+WorldPanel(desk)
+fields = [call.args[0] for call in desk.gui.add_text.call_args_list]
 menus = [list(call.args[1]) for call in desk.gui.add_dropdown.call_args_list]
 loop = ClosedLoop(edited(edited(load("mine"), "controller.law", "damping"), "mode", "soft"))
 for _ in range(20):
     loop.step()
 row = loop.recording.rows()[-1]
 columns = loop.recording.columns
+added = load("mine")
+for path, value in {
+    "mode": "hybrid", "contact.kind": "elastic", "surface": "slope", "motion": "nod", "force": "growing",
+    "force.growth": 3.0, "controller.K_e_hat": 1e4,
+}.items():
+    added = edited(added, path, value)
+tool = loop.view().tool
+other = ClosedLoop(edited(added, "surface.origin", tool.tolist()))
+for _ in range(20):
+    other.step()
 print(json.dumps({
     "menus": [option for options in menus for option in options],
     "scenarios": list(shipped()),
@@ -93,6 +190,12 @@ print(json.dumps({
     "gravity": row[columns["tau_gravity"]].tolist(),
     "tau": row[columns["tau"]].tolist(),
     "stopped": loop.stopped,
+    "fields": fields,
+    "normal": other.system.surface.chart(tool, 0.0).G[0].tolist(),
+    "wanted": other.system.reference(0.3).r_d.tolist(),
+    "start": other.system.plan.start.tolist(),
+    "force": float(other.system.reference(2.0).F_cd[0]),
+    "other": other.stopped,
 }))
 """
 
@@ -107,14 +210,28 @@ def insert(file: Path, before: str, text: str) -> None:
 def extended(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
     """What a copy of the program says that has got a law, a mode and a scenario, each as its sentence says."""
     tree = tmp_path_factory.mktemp("extended")
-    for folder in ("app", "controllers", "environments", "kernels", "static"):
+    for folder in ("app", "controllers", "environments", "kernels", "parameters", "static"):
         shutil.copytree(ROOT / folder, tree / folder, ignore=shutil.ignore_patterns("__pycache__"))
     (tree / "controllers" / "laws" / "damping.py").write_text(DAMPING, encoding="utf-8")
     insert(tree / "controllers" / "laws" / "__init__.py", '"pd-gravity")', '"pd-gravity", "damping")')
     insert(tree / "controllers" / "modes.py", "    )\n}\n", SOFT)
     insert(tree / "app" / "scenario" / "schema.py", '"constrained"],', '"constrained", "soft"],')
+    for kind, file, text, table, before in (
+        ("Slope", "surfaces/slope.py", SLOPE, "SURFACES", "Sphere, FormulaSurface, Own)"),
+        ("Nod", "trajectories/nod.py", NOD, "TRAJECTORIES", "Circle, Line, Own)"),
+        ("Growing", "force_profiles/growing.py", FADE, "FORCE_PROFILES", "ForceStep, ForceSinusoid)"),
+    ):
+        folder, module = file.removesuffix(".py").split("/")
+        (tree / "environments" / file).write_text(text, encoding="utf-8")
+        insert(tree / "environments" / folder / "table.py", before, f"{before.removesuffix(')')}, {kind})")
+        insert(
+            tree / "environments" / folder / "table.py",
+            f"\n{table}: ",
+            f"\nfrom environments.{folder}.{module} import {kind}\n\n{table}: ",
+        )
     (tree / "static" / "scenarios" / "mine.toml").write_text('title = "Mine"\nrobot.name = "planar2r"\n')
-    environment = os.environ | {"NUMBA_CACHE_DIR": str(tree / "cache"), "PYTHONPATH": str(tree)}
+    quickly = {"NUMBA_CACHE_DIR": str(tree / "cache"), "NUMBA_OPT": "0"}  # compiled soon rather than well
+    environment = os.environ | quickly | {"PYTHONPATH": str(tree)}
     command = [sys.executable, "-c", ASKED]
     done = subprocess.run(command, cwd=tree, env=environment, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
@@ -137,6 +254,26 @@ def test_a_mode_is_a_row_and_its_name(extended: dict[str, Any]) -> None:
 def test_a_scenario_is_a_file(extended: dict[str, Any]) -> None:
     assert "mine" in extended["scenarios"]
     assert "Mine" in extended["menus"]
+
+
+def test_a_surface_is_a_file_and_its_class(extended: dict[str, Any]) -> None:
+    assert "slope at 45°" in extended["menus"]
+    assert "drawn over [m]" in extended["fields"]
+    assert extended["normal"] == pytest.approx([0.5**0.5, 0.0, -(0.5**0.5)])
+    assert extended["other"] is None
+
+
+def test_a_trajectory_is_a_file_and_its_class(extended: dict[str, Any]) -> None:
+    assert "nod" in extended["menus"]
+    assert "nods at [Hz]" in extended["fields"]
+    moved = extended["wanted"][1] - extended["start"][1]
+    assert moved == pytest.approx(0.002)  # half a period of 0.2 s after one and a half
+
+
+def test_a_force_profile_is_a_file_and_its_class(extended: dict[str, Any]) -> None:
+    assert "growing" in extended["menus"]
+    assert "grows by [N/s]" in extended["fields"]
+    assert extended["force"] == pytest.approx(26.0)
 
 
 def test_an_arm_is_a_row(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -13,7 +13,7 @@ import pytest
 pytestmark = pytest.mark.slow  # processes of its own
 
 ROOT = Path(__file__).parents[2]
-PACKAGES = ("app", "controllers", "environments", "kernels", "static")
+PACKAGES = ("app", "controllers", "environments", "kernels", "parameters", "static")
 
 
 def pip(*arguments: str | Path) -> None:

@@ -1,0 +1,192 @@
+"""Surfaces and trajectories of a user's own: files named by `--use`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from app.process.own_code import OwnCodeError, own_code, own_course, own_shape, use
+from app.scenario.data import edited, from_toml, load, to_toml
+from app.scenario.schema import Scenario, ScenarioError
+from app.session.changes import in_mode, on_surface
+from app.session.headless_run import simulate
+from app.simulation.closed_loop import ClosedLoop
+from environments.surfaces.own import Own as OwnForm
+from environments.surfaces.table import Surface
+from environments.trajectories.own import Own as OwnPath
+from environments.trajectories.table import evaluated, numbered
+
+EXAMPLES = Path(__file__).parents[2] / "docs" / "examples"
+PLANE = """
+from environments.surfaces.own import OwnSurface
+from kernels import inline
+from parameters import Parameter
+
+@inline
+def chart(zeta, p, g, G, G_p):
+    g[0], g[1], g[2] = -zeta[2] - p.depth, zeta[0], -zeta[1]
+    G[0, 2], G[1, 0], G[2, 1] = -1.0, 1.0, {slope}
+
+SURFACE = OwnSurface("floor", "Floor", "level", chart, (Parameter("depth", 0.0, -1.0, 1.0, "m", "below"),))
+"""
+PLAIN = PLANE.replace(" - p.depth", "").partition("SURFACE")[0] + 'SURFACE = OwnSurface("plain", "Plain", "", chart)'
+CIRCLE = """
+import numpy as np
+from environments.trajectories.own import OwnTrajectory
+from kernels import inline
+from parameters import Parameter
+
+@inline
+def path(t, p, value, rate, acceleration):
+    w = 2 * np.pi / p.period
+    c, s = np.cos(w * t), np.sin(w * t)
+    value[0], value[1] = p.radius * (c - 1.0), p.radius * s
+    rate[0], rate[1] = -p.radius * w * s, p.radius * w * c
+    acceleration[0], acceleration[1] = -p.radius * w * w * c, -p.radius * w * w * s
+
+TRAJECTORY = OwnTrajectory("ring", "Ring", "round", path, (
+    Parameter("radius", 0.05, 0.0, 1.0, "m", "radius"), Parameter("period", 4.0, 1.0, 9.0, "s", "of a turn"),
+))
+"""
+
+
+@pytest.fixture
+def written(tmp_path: Path) -> Callable[[str], Path]:
+    def write(text: str, name: str = "mine") -> Path:
+        path = tmp_path / f"{name}.py"
+        path.write_text(text)
+        return path
+
+    return write
+
+
+def rows(scenario: Scenario, periods: int = 150) -> np.ndarray:
+    loop = ClosedLoop(scenario)
+    for _ in range(periods):
+        loop.step()
+    return loop.recording.rows()
+
+
+def test_a_surface_and_a_path_of_one_s_own_give_the_run_of_the_same_ones_of_ours(
+    written: Callable[[str, str], Path],
+) -> None:
+    use([written(PLANE.format(slope=-1.0), "floor"), written(CIRCLE, "ring")])
+    ours = edited(load("ur5-hybrid"), "motion", {"kind": "circle", "radius": 0.05, "period": 4.0, "ramp": 0.0})
+    depth = -ours.surface.origin[2]
+    floor = {"kind": "own", "name": "floor", "parameters": {"depth": depth}, "motion": {"amplitude": 0.003}}
+    ours = edited(ours, "surface.motion.amplitude", 0.003)
+    mine = edited(edited(ours, "surface", floor), "motion", "own:ring")
+    assert from_toml(to_toml(mine)) == mine
+    one, other = rows(mine), rows(ours)
+    psi = Surface.of(ours.surface).frame[1:]
+    np.testing.assert_allclose(psi, [[1.0, 0.0, 0.0], [0.0, -1.0, 0.0]], atol=1e-15)  # the same tangents
+    np.testing.assert_allclose(one, other, rtol=1e-9, atol=1e-9)
+
+
+def test_derivatives_of_the_examples() -> None:
+    use([EXAMPLES / "cone.py", EXAMPLES / "figure_eight.py"])
+    form, near = OwnForm(name="cone", origin=(0.5, 0.0, 0.3)), np.array([0.47, 0.07, 0.33])
+    cone, h = Surface.of(form, near, own_shape(form)), 1e-6
+    cone.require_regular(1.0)
+    chart = cone.chart(near, 0.0)
+    assert np.linalg.norm(chart.G[0]) == pytest.approx(1.0)
+    np.testing.assert_allclose(chart.G @ chart.G.T, np.diag(np.diag(chart.G @ chart.G.T)), atol=1e-12)
+    np.testing.assert_allclose(cone.point(chart.g, 0.0), near, atol=1e-12)
+    tip = np.array([0.5 - 0.3 * np.sin(1.2), 0.0, 0.3 + 0.3 * np.cos(1.2)])
+    axis = cone.chart(tip - [1e-9, 0.0, 0.2], 0.0).g
+    assert axis[:2] == pytest.approx([0.2 * np.sin(1.2), 0.2 * np.cos(1.2) - 0.3])  # 0.2 m straight below the tip
+    np.testing.assert_allclose(cone.chart(np.array(form.origin), 0.0).g, 0.0, atol=1e-15)
+    vertices, faces = cone.mesh(near, 0.0)
+    np.testing.assert_allclose([cone.chart(v, 0.0).g[0] for v in vertices[np.unique(faces)]], 0.0, atol=1e-9)
+    assert len(faces) > 1000
+    path = OwnPath(name="figure-eight")
+    course = numbered(path, own_course(path, 5, range(1, 3)))
+    assert not evaluated(course, 0.0).value.any()
+    for t in (0.3, 1.7, 4.4):
+        before, here, after = (evaluated(course, t + dt) for dt in (-h, 0.0, h))
+        assert here.value[1:3].all()
+        assert not here.value[[0, 3, 4]].any()
+        np.testing.assert_allclose((after.value - before.value) / (2 * h), here.rate, atol=1e-8)
+        np.testing.assert_allclose((after.rate - before.rate) / (2 * h), here.acceleration, atol=1e-7)
+
+
+def test_one_without_parameters(written: Callable[[str], Path]) -> None:
+    use([written(PLAIN.format(slope=-1.0))])
+    form = OwnForm(name="plain", origin=(0.0, 0.0, 0.2))
+    plain = Surface.of(form, shape=own_shape(form))
+    assert plain.chart(np.array([0.1, 0.2, 0.15]), 0.0).g == pytest.approx([0.05, 0.1, -0.2])
+
+
+@pytest.mark.slow
+def test_the_examples_are_pressed_and_followed() -> None:
+    use([EXAMPLES / "cone.py", EXAMPLES / "figure_eight.py"])
+    scenario = edited(edited(load("ur5-hybrid"), "motion", "own:figure-eight"), "simulation.duration", 4.0)
+    scenario = edited(scenario, "motion.parameters.width", 0.03)
+    scenario = on_surface(scenario, "own:cone")
+    loop = ClosedLoop(scenario)
+    assert abs(loop.system.surface.chart(loop.view().tool, 0.0).g[0]) <= 0.03
+    again = in_mode(in_mode(scenario, "motion"), "hybrid")
+    assert again.surface == scenario.surface
+    loop, metrics = simulate(edited(again, "surface.parameters.angle", 1.4))
+    assert loop.stopped is None
+    assert metrics.force_error_tail < 0.1
+    assert metrics.motion_error_tail < 1e-3
+
+
+def test_where_there_is_none_of_its_name_the_scenario_is_kept_and_the_field_is_named(
+    written: Callable[[str, str], Path],
+) -> None:
+    loop = ClosedLoop(load("ur5-hybrid"))
+    now = loop.system.scenario
+    for change, said in (
+        (("motion", "own:ring"), "motion.name: 'ring'; allowed: none, since no file that --use names has one"),
+        (("surface", "own:x"), "surface.name: 'x'; allowed: none, since no file that --use names has one"),
+    ):
+        with pytest.raises(ScenarioError) as refused:
+            loop.edit(edited(now, *change))
+        assert str(refused.value) == said
+    use([written(CIRCLE, "ring")])
+    ring = edited(now, "motion", "own:ring")
+    for name, value, said in (
+        ("radius", -1.0, "motion.parameters.radius: -1; allowed: 0 to 1"),
+        ("colour", 1.0, "motion.parameters.colour: no such field; allowed: radius, period"),
+    ):
+        with pytest.raises(ScenarioError) as refused:
+            loop.edit(edited(ring, f"motion.parameters.{name}", value))
+        assert str(refused.value) == said
+    assert loop.system.scenario is now
+    loop.step()
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        (PLANE.format(slope=-1.0).replace("@inline", ""), "chart is not compiled; allowed: one decorated with"),
+        (CIRCLE.replace('"ring"', '"circle"'), "kind 'circle'; allowed: lower-case words joined by '-', but hold,"),
+        (CIRCLE.replace("TRAJECTORY = ", "SURFACE = "), "SURFACE is OwnTrajectory("),
+        (CIRCLE.replace("TRAJECTORY = ", "PATH = "), "LAW, SURFACE and TRAJECTORY are missing; allowed: a Python file"),
+        (CIRCLE.replace("path, (", "path, 9 * ("), "18 parameters; allowed: 16"),
+        (CIRCLE.replace("0.05, 0.0", "0.05, 0.1"), "radius = 0.05; allowed: 0.1 to 1, its bounds"),
+    ],
+    ids=["interpreted", "ours", "mixed up", "nothing", "many", "bounds"],
+)
+def test_a_file_that_cannot_be_used_is_refused(text: str, said: str, written: Callable[[str], Path]) -> None:
+    with pytest.raises(OwnCodeError) as refused:
+        use([written(text)])
+    assert said in str(refused.value)
+    assert not own_code().trajectories
+
+
+def test_what_does_not_compile_is_said_with_its_line(written: Callable[[str, str], Path]) -> None:
+    use([written(CIRCLE.replace("np.cos(w * t)", "np.cos(p.nothing)"), "ring")])
+    with pytest.raises(OwnCodeError, match=r"ring\.py, line 10: TypingError: Unknown attribute .nothing"):
+        ClosedLoop(edited(load("ur5-hybrid"), "motion", "own:ring"))
+
+
+def test_derivatives_that_differences_do_not_confirm_are_refused(written: Callable[[str, str], Path]) -> None:
+    use([written(PLANE.format(slope=-1.2), "floor")])
+    with pytest.raises(ScenarioError, match=r"surface\.name: near .* its derivatives are not what differences say"):
+        ClosedLoop(edited(load("ur5-hybrid"), "surface", {"kind": "own", "name": "floor", "origin": [0, 0, 0.17]}))
