@@ -95,7 +95,7 @@ def test_the_page_is_laid_out_alike_whatever_fonts_a_machine_has(session: Sessio
 
 
 def test_fonts_come_through_the_gateway_under_its_rules(open_page):
-    with serving("--shared", "--max-sessions", "1", lines=2) as server:
+    with serving("--shared", "--max-sessions", "1", lines=2, fps=4) as server:
         page = open_page(server.url, viewport=VIEWPORT, console_errors_allowed=True)  # at the end nobody answers
         asked: list[str] = []
         page.on("request", lambda request: asked.append(request.url))

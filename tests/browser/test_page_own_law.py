@@ -22,7 +22,7 @@ PID = Path(__file__).parents[2] / "docs" / "examples" / "pid_gravity.py"
 def own(open_page: Callable[..., Page]) -> Iterator[Session]:
     """A page of a server that was started with the example."""
     own_code.use([PID])
-    dashboard, runner = Dashboard(port=0, fps=8.0), Runner(load("ur5-impedance"))
+    dashboard, runner = Dashboard(port=0, fps=4.0), Runner(load("ur5-impedance"))
     dashboard.attach(runner)
     runner.start()
     with drawn(dashboard):
