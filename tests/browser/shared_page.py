@@ -15,12 +15,12 @@ from app.session.runner import Runner
 from drivers.pages import VIEWPORT, Session
 
 SCENARIO = shipped()["ur5-hybrid"]
-SETTLED = 5.0  # s until a page that was put back in order shows it; then another one is opened
+SETTLED = 20.0  # s until a page that was put back in order shows it; then another one is opened
 
 # What can be left behind on a page: values, open tabs and folders, what lies over it or is scrolled, size and theme.
 # That a busy machine slows the loop is said by itself.
 _APPEARANCE = """() => {
-  const shown = (selector) => [...document.querySelectorAll(selector)].
+  const shown = (selector) => [...document.querySelectorAll(selector)]
     .filter((e) => e.checkVisibility({ visibilityProperty: true }));
   const texts = (selector) => shown(selector).map((e) => e.textContent);
   return {

@@ -31,7 +31,18 @@ LOADED = """async (families) => {
   const loaded = [...document.fonts].filter((font) => font.status === "loaded").map((font) => font.family).join();
   return families.every((family) => loaded.includes(family));
 }"""
-MARK = f"""() => {TEXTS}.forEach((e) => e.setAttribute("data-text", ""))"""
+# the same text in the same style has the same fonts: it is looked at under the first tab that shows it
+MARK = f"""() => {{
+  const known = (window.textKnown ??= new Set());
+  for (const e of document.querySelectorAll("[data-text]")) e.removeAttribute("data-text");
+  for (const e of {TEXTS}) {{
+    const {{ fontFamily, fontWeight, fontStyle, fontVariant, textTransform }} = getComputedStyle(e);
+    const text = [...e.childNodes].map((node) => (node.nodeType === Node.TEXT_NODE ? node.data : "")).join();
+    const key = [text, e.className, fontFamily, fontWeight, fontStyle, fontVariant, textTransform].join();
+    if (!known.has(key)) e.setAttribute("data-text", "");
+    known.add(key);
+  }}
+}}"""
 
 
 @pytest.fixture
