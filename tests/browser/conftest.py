@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
 
 import pytest
-from playwright.sync_api import Browser, ConsoleMessage, Page, expect, sync_playwright
+from playwright.sync_api import Browser, BrowserContext, ConsoleMessage, Page, expect, sync_playwright
 
 from app.dashboard.page import Dashboard
-from app.scenario.data import shipped
-from app.session.commands import Load, Pause, Play, SetSpeed
+from app.session.commands import Pause
 from app.session.runner import Runner
 from drivers.browser import LAUNCH_ARGS, find_or_install
 from drivers.pages import NO_HINTS, PATIENCE, UNDRAWN, VIEWPORT, Session
+from tests.browser.shared_page import SCENARIO, SharedPage
 from tests.support.drawn import drawn
 
 # viser's own client says so at every drag in the scene (SceneTree.tsx); it does no harm
@@ -26,12 +27,22 @@ UNSEEN = (
     "NetworkTimeServiceQuerying", "OptimizationHints", "PaintHolding", "PreconnectToSearch",
     "ThirdPartyStoragePartitioning",
 )  # fmt: skip
+PASSED = pytest.StashKey[bool]()
 
 
 def pytest_itemcollected(item: pytest.Item) -> None:
     """Tests with a browser run apart from the others, which would take their cores."""
     if "browser" in getattr(item, "fixturenames", ()):
         item.add_marker(pytest.mark.browser)
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_makereport(item: pytest.Item) -> Iterator[None]:
+    """Notes whether the test itself has passed, for what is done with its page."""
+    report = yield
+    if report.when == "call":
+        item.stash[PASSED] = report.passed
+    return report
 
 
 @pytest.fixture(scope="session")
@@ -46,6 +57,43 @@ def browser() -> Iterator[Browser]:
         chromium.close()
 
 
+@dataclass
+class Pages:
+    """Pages, each in a context of its own, and what their consoles said that should not be there."""
+
+    browser: Browser
+    contexts: list[BrowserContext] = field(default_factory=list)
+    errors: list[str] = field(default_factory=list)
+
+    def open(
+        self, url: str, *, console_errors_allowed: bool = False, first_visit: bool = False, **context_options
+    ) -> Page:
+        self.contexts.append(context := self.browser.new_context(**context_options))
+        context.add_init_script(UNDRAWN)
+        if not first_visit:
+            context.add_init_script(NO_HINTS)
+        page = context.new_page()
+        page.set_default_timeout(PATIENCE * 1e3)
+        if not console_errors_allowed:
+            page.on("pageerror", lambda error: self.errors.append(error.stack or str(error)))
+            page.on("console", self._note)
+        page.goto(url)
+        return page
+
+    def _note(self, message: ConsoleMessage) -> None:
+        if message.type == "error" and VISERS_OWN not in message.text:
+            self.errors.append(message.text)
+
+    def close(self) -> None:
+        while self.contexts:
+            self.contexts.pop().close()
+
+    def require_no_errors(self) -> None:
+        """None since this was asked last."""
+        errors, self.errors = self.errors, []
+        assert not errors, "the browser's console shows errors"
+
+
 @pytest.fixture
 def open_page(browser: Browser) -> Iterator[Callable[..., Page]]:
     """`open_page(url, **context_options)`: each page in a context of its own, its console free of errors.
@@ -53,31 +101,10 @@ def open_page(browser: Browser) -> Iterator[Callable[..., Page]]:
     A test that expects errors there says so with `console_errors_allowed=True`, and one that wants the first steps,
     which lie over the scene, with `first_visit=True`.
     """
-    contexts, errors = [], []
-
-    def note(message: ConsoleMessage) -> None:
-        if message.type == "error" and VISERS_OWN not in message.text:
-            errors.append(message.text)
-
-    def open_page(
-        url: str, *, console_errors_allowed: bool = False, first_visit: bool = False, **context_options
-    ) -> Page:
-        contexts.append(context := browser.new_context(**context_options))
-        context.add_init_script(UNDRAWN)
-        if not first_visit:
-            context.add_init_script(NO_HINTS)
-        page = context.new_page()
-        page.set_default_timeout(PATIENCE * 1e3)
-        if not console_errors_allowed:
-            page.on("pageerror", lambda error: errors.append(error.stack or str(error)))
-            page.on("console", note)
-        page.goto(url)
-        return page
-
-    yield open_page
-    for context in contexts:
-        context.close()
-    assert not errors, "the browser's console shows errors"
+    pages = Pages(browser)
+    yield pages.open
+    pages.close()
+    pages.require_no_errors()
 
 
 @pytest.fixture(scope="session")
@@ -85,7 +112,7 @@ def served() -> Iterator[tuple[Dashboard, Runner]]:
     """A dashboard on a free port, with the loop that it shows."""
     dashboard = Dashboard(port=0, fps=4.0)  # software draws these pages, on the cores that the tests need
     dashboard.show_progress("compiling the control law…")
-    runner = Runner(shipped()["ur5-hybrid"])
+    runner = Runner(SCENARIO)
     dashboard.attach(runner)
     runner.start()
     with drawn(dashboard):
@@ -93,18 +120,43 @@ def served() -> Iterator[tuple[Dashboard, Runner]]:
     runner.close()
 
 
-@pytest.fixture
-def session(served: tuple[Dashboard, Runner], open_page: Callable[..., Page]) -> Iterator[Session]:
-    """A page of a loop that has just begun; it rests between such tests."""
+@pytest.fixture(scope="session")
+def shared(browser: Browser, served: tuple[Dashboard, Runner]) -> Iterator[tuple[SharedPage, Pages]]:
+    """The page of the tests that ask for `session`, and its console."""
     dashboard, runner = served
-    for command in (Load(shipped()["ur5-hybrid"]), SetSpeed(1.0), Play()):
-        runner.post(command)
-    page = open_page(dashboard.url, viewport=VIEWPORT)
-    page.get_by_text("real time").wait_for()
-    warning = page.locator("#webgl-software-rendering")  # viser's own, and it lies over the scene
-    warning.locator("button").click()
-    warning.wait_for(state="detached")
-    opened = Session(page, runner)
-    opened.wait(lambda now: now.scenario.name == "ur5-hybrid" and now.phase == "running")
-    yield opened
+    pages = Pages(browser)
+
+    def open_page() -> Page:
+        page = pages.open(dashboard.url, viewport=VIEWPORT)
+        page.get_by_text("real time").wait_for()
+        warning = page.locator("#webgl-software-rendering")  # viser's own, and it lies over the scene
+        warning.locator("button").click()
+        warning.wait_for(state="detached")
+        return page
+
+    yield SharedPage(runner, open_page, pages.close), pages
+    pages.close()
+
+
+@pytest.fixture
+def own_page(shared: tuple[SharedPage, Pages]) -> Iterator[None]:
+    """For a test whose page must be a new one, or which leaves something in it that nothing else takes away."""
+    page, _ = shared
+    page.discard()
+    yield
+    page.discard()
+
+
+@pytest.fixture
+def session(
+    shared: tuple[SharedPage, Pages], served: tuple[Dashboard, Runner], request: pytest.FixtureRequest
+) -> Iterator[Session]:
+    """A page of a loop that has just begun, its console free of errors; it rests between such tests. The page may be
+    that of the test before, put back in order: see `own_page`."""
+    page, pages = shared
+    _, runner = served
+    yield page.begin_anew()
     runner.post(Pause())
+    if not request.node.stash.get(PASSED, False):
+        page.discard()
+    pages.require_no_errors()

@@ -17,6 +17,7 @@ from app.session.commands import Load
 from drivers.pages import Session
 
 
+@pytest.mark.usefixtures("own_page")
 def test_the_page_comes_up_and_shows_the_running_loop(session: Session):
     page = session.page
     page.locator("canvas[data-engine]").wait_for()
@@ -125,7 +126,8 @@ def test_a_preview_that_cannot_be_says_why_and_the_run_goes_on(session: Session)
 
 
 def test_without_previews_a_slider_acts_at_once(session: Session):
-    session.page.get_by_text("What if", exact=True).first.click()
+    folder = session.page.get_by_text("What if", exact=True).first
+    folder.click()
     previews = session.page.get_by_role("checkbox", name="Preview")
     previews.click()
     try:
@@ -140,6 +142,7 @@ def test_without_previews_a_slider_acts_at_once(session: Session):
         session.wait(lambda _: text.input_value() == written(wanted))
     finally:
         previews.click()
+        folder.click()
 
 
 def test_an_invalid_gain_shows_its_reason_and_the_run_goes_on(session: Session):

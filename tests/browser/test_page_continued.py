@@ -35,7 +35,7 @@ def test_a_page_continues_where_it_was_left_off(tmp_path: Path, open_page: Calla
     folder.save(CHANGED, line.pinned)
     folder.close()
     folder = StateFolder(tmp_path)
-    dashboard, runner = Dashboard(port=0, fps=8.0), Runner(load("ur5-hybrid"))
+    dashboard, runner = Dashboard(port=0, fps=4.0), Runner(load("ur5-hybrid"))
     runner.start()
     autosave = Autosave(folder, lambda: runner.snapshot, dashboard.fail)
     dashboard.attach(runner)

@@ -2,6 +2,8 @@
 
 import re
 
+import pytest
+
 from app.dashboard.widgets.help import KEYS
 from app.scenario.data import shipped
 from app.session.commands import Edit, Pause, Play
@@ -78,6 +80,7 @@ def test_keys_act_in_the_loop_but_not_while_typing(session: Session):
     session.wait(lambda now: now.scenario.name == "ur5-impedance")
 
 
+@pytest.mark.usefixtures("own_page")
 def test_nothing_is_cut_covered_or_faint_on_any_tab_in_either_theme(session: Session):
     page = session.page
     session.runner.post(Pause())  # what moves makes a walk slow

@@ -23,7 +23,7 @@ OWN = ("pid_gravity.py", "figure_eight.py", "cone.py")
 def own(open_page: Callable[..., Page]) -> Iterator[Session]:
     """A page of a server that was started with the examples."""
     own_code.use([EXAMPLES / name for name in OWN])
-    dashboard, runner = Dashboard(port=0, fps=8.0), Runner(load("ur5-impedance"))
+    dashboard, runner = Dashboard(port=0, fps=4.0), Runner(load("ur5-impedance"))
     dashboard.attach(runner)
     runner.start()
     with drawn(dashboard):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import pytest
+
 from app.dashboard.plots.plot_table import TABS
 from app.session.commands import Pause
 from app.session.snapshot import Snapshot
@@ -36,6 +38,7 @@ def test_every_tab_shows_curves_and_a_hidden_one_costs_nothing(session: Session)
     session.wait(drawn)
 
 
+@pytest.mark.usefixtures("own_page")
 def test_the_chosen_window_moves_the_axes_and_builds_no_chart_anew(session: Session):
     page = session.page
     session.wait(lambda now: now.t > 4.5)

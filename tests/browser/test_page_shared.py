@@ -18,7 +18,7 @@ RUNNING = "promise holds"
 
 @pytest.fixture(scope="module")
 def shared() -> Iterator[Server]:
-    with serving("--shared", "--max-sessions", "2", lines=2) as server:
+    with serving("--shared", "--max-sessions", "2", lines=2, fps=4) as server:
         yield server
 
 
@@ -66,7 +66,7 @@ def test_a_lecture(shared: Server, open_page: Callable[..., Page]) -> None:
 
 def test_links_are_taken_back_with_a_button(open_page: Callable[..., Page]) -> None:
     """And a browser sends the token of a session to that session, and to no other address."""
-    with serving("planar2r-semicircle", "--token", "always", lines=2) as server:
+    with serving("planar2r-semicircle", "--token", "always", lines=2, fps=4) as server:
 
         def opened(url: str) -> Page:
             page = open_page(url, viewport=VIEWPORT, console_errors_allowed=True)

@@ -61,11 +61,12 @@ _SCRIPT = """
   const floating = "[data-floating-window], .vs-hints, .mantine-Modal-content, .mantine-Popover-dropdown";
   const floats = (e) => e.closest(floating);
   things.forEach(([one, a, text], i) => things.slice(i + 1).forEach(([other, b, otherText]) => {
-    if (one.contains(other) || other.contains(one) || floats(one) !== floats(other)) return;
-    if (one.closest("math, .uplot") && one.closest("math, .uplot") === other.closest("math, .uplot")) return;
     const wide = Math.min(a.right, b.right) - Math.max(a.left, b.left);
     const high = Math.min(a.bottom, b.bottom) - Math.max(a.top, b.top);
-    if (wide > 2 && high > 4) say("one on the other", one, `${text.slice(0, 28)} | ${otherText.slice(0, 28)}`);
+    if (!(wide > 2 && high > 4)) return; // first: few pairs are left to look up the tree for
+    if (one.contains(other) || other.contains(one) || floats(one) !== floats(other)) return;
+    if (one.closest("math, .uplot") && one.closest("math, .uplot") === other.closest("math, .uplot")) return;
+    say("one on the other", one, `${text.slice(0, 28)} | ${otherText.slice(0, 28)}`);
   }));
 
   const panels = [...document.querySelectorAll("[data-dock-region], [data-floating-window], .vs-hints")].filter(shown);

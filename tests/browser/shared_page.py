@@ -1,0 +1,111 @@
+"""The page that tests use one after another: opening one costs more than most of them."""
+
+from __future__ import annotations
+
+import time
+import warnings
+from collections.abc import Callable
+from typing import Any
+
+from playwright.sync_api import Page
+
+from app.scenario.data import shipped
+from app.session.commands import Load, Pause, Play, Reset, SetSpeed
+from app.session.runner import Runner
+from drivers.pages import VIEWPORT, Session
+
+SCENARIO = shipped()["ur5-hybrid"]
+SETTLED = 20.0  # s until a page that was put back in order shows it; then another one is opened
+
+# What can be left behind on a page: values, open tabs and folders, what lies over it or is scrolled, size and theme.
+# That a busy machine slows the loop is said by itself.
+_APPEARANCE = """() => {
+  const shown = (selector) => [...document.querySelectorAll(selector)]
+    .filter((e) => e.checkVisibility({ visibilityProperty: true }));
+  const texts = (selector) => shown(selector).map((e) => e.textContent);
+  return {
+    status: texts(".vs-status .vs-title, .vs-status .vs-mode, .vs-status .vs-mode + .vs-chip"),
+    values: shown("input, textarea").map((e) => (e.type === "checkbox" ? e.checked : e.value)),
+    tabs: shown("[role=tab]").map((e) => `${e.textContent} ${e.ariaSelected}`),
+    over: shown("[data-floating-window], .vs-help, .vs-message:not(.vs-warn), [role=dialog], [role=listbox], "
+      + "[role=alert], [data-large], form[data-held], .vs-values").map((e) => e.className),
+    scrolled: [...document.querySelectorAll("*")].filter((e) => e.scrollTop || e.scrollLeft).map((e) => e.className),
+    page: [innerWidth, innerHeight, document.documentElement.dataset.mantineColorScheme, window.undrawn],
+  };
+}"""
+_PUT_BACK = """() => {
+  document.activeElement?.blur();
+  for (const e of document.querySelectorAll("*")) if (e.scrollTop || e.scrollLeft) e.scrollTo(0, 0);
+  for (const button of document.querySelectorAll("[role=alert] .mantine-Notification-closeButton")) button.click();
+  window.undrawn = true;
+}"""
+_AT_REST = """(title) => {
+  const text = (part) => document.querySelector(`.vs-status ${part}`)?.textContent;
+  return text(".vs-title") === title && text(".vs-mode + .vs-chip") === "paused" && text(".vs-number") === "0.00";
+}"""
+
+
+class SharedPage:
+    """open_page: opens one of the runner's loop; close: closes what it has opened."""
+
+    def __init__(self, runner: Runner, open_page: Callable[[], Page], close: Callable[[], None]) -> None:
+        self._runner, self._open_page, self._close = runner, open_page, close
+        self._page: Page | None = None
+        self._address = ""
+        self._first: dict[str, list[Any]] = {}
+
+    def begin_anew(self) -> Session:
+        """A loop that has just begun, and its page as it was when it was opened, or else another one."""
+        for command in (Load(SCENARIO), SetSpeed(1.0), Pause(), Reset()):
+            self._runner.post(command)
+        if self._page is not None and not self._put_back(self._page):
+            self.discard()
+        self._runner.post(Play())
+        if self._page is not None and not self._looks_as_first(self._page):
+            self.discard()
+        if self._page is None:
+            self._page = self._open_page()
+            self._address = self._page.url
+        session = Session(self._page, self._runner)
+        session.wait(lambda now: now.scenario == SCENARIO and now.phase == "running")
+        if not self._first:
+            self._first = self._page.evaluate(_APPEARANCE)
+        return session
+
+    def discard(self) -> None:
+        """Close it; the next test gets another one."""
+        self._page, self._first = None, {}
+        self._close()
+
+    def _put_back(self, page: Page) -> bool:
+        """Nothing held or pressed, the first tabs open; True once the page shows the loop at its beginning."""
+        if page.is_closed() or page.url != self._address:
+            return False
+        page.mouse.up()
+        page.keyboard.up("Shift")
+        page.mouse.move(0, 0)
+        page.set_viewport_size(VIEWPORT)
+        page.evaluate(_PUT_BACK)
+        rows = page.locator("[role=tablist]:visible")
+        for number in reversed(range(rows.count())):  # rows within another tab come behind the others
+            first = rows.nth(number).get_by_role("tab").first  # which is open in the beginning
+            if first.get_attribute("aria-selected") != "true":
+                first.click()
+        return _until(lambda: page.evaluate(_AT_REST, SCENARIO.title), page)
+
+    def _looks_as_first(self, page: Page) -> bool:
+        if _until(lambda: page.evaluate(_APPEARANCE) == self._first, page):
+            return True
+        now = page.evaluate(_APPEARANCE)
+        other = {part: (self._first[part], now[part]) for part in now if now[part] != self._first[part]}
+        warnings.warn(f"a test leaves its page changed, and another one is opened: {other}", stacklevel=1)
+        return False
+
+
+def _until(condition: Callable[[], bool], page: Page) -> bool:
+    until = time.monotonic() + SETTLED
+    while not condition():
+        if time.monotonic() > until:
+            return False
+        page.wait_for_timeout(50)
+    return True
