@@ -16,6 +16,7 @@ from msgspec import Struct
 from environments.contact_kinds import CONTACTS, ContactKind, ContactName
 from environments.force_profiles.step import ConstantForce
 from environments.force_profiles.table import AnyForceProfile
+from environments.sensors import Sensor
 from environments.surfaces.plane import Plane
 from environments.surfaces.table import AnyForm
 from environments.trajectories.point_to_point import Hold
@@ -153,18 +154,6 @@ class Contact(Section, frozen=True, forbid_unknown_fields=True):
     def nature(self) -> ContactKind:
         """What there is to know of its kind."""
         return CONTACTS[self.kind]
-
-
-class Sensor(Section, frozen=True, forbid_unknown_fields=True):
-    """The force sensor."""
-
-    noise: Annotated[float, field("standard deviation per axis", "N", ge=0, le=100)] = 0.0
-    bias: Annotated[Vector3, field("bias", "N")] = (0.0, 0.0, 0.0)
-    delay: Annotated[float, field("delay", "s", ge=0, le=1)] = 0.0
-    cutoff: Annotated[float, field("first-order low-pass, 0 for none", "Hz", ge=0, le=1e5)] = 0.0
-    ideal: Annotated[
-        bool, field("rigid or heavy surfaces: the loop through the multiplier is solved, not sampled", "")
-    ] = False
 
 
 class Shift(Section, frozen=True, forbid_unknown_fields=True):

@@ -151,7 +151,7 @@ def _judged(system: System) -> bool:
     the sensor."""
     controller = system.controller
     chatters = controller.law.robust and controller.switching is Switching.DISCONTINUOUS
-    return not chatters and round(system.sensor.delay / system.sensor.period) <= LONGEST_LINE
+    return not chatters and system.sensor.late <= LONGEST_LINE
 
 
 def period_matrix(system: System, at: Posture, *, touching: bool = True) -> np.ndarray:
@@ -181,7 +181,7 @@ class _PeriodMap:
             system,
             plant=self._plant,
             plan=system.plan.held(r_d, met),
-            sensor=replace(system.sensor, noise=0.0, bias=np.zeros(3)),
+            sensor=system.sensor.steady(),
             push=TimedPush((0.0, 0.0, 0.0), 0.0, 0.0),
             blend=None,
         )

@@ -151,6 +151,25 @@ class Growing(ForceProfile, frozen=True, forbid_unknown_fields=True, tag="growin
     def course(self) -> ForceCourse:
         return ForceCourse(0, self.value, self.growth, 0.0, 0.0, 0.0)
 '''
+CLIP = '''class Clip(Stage):
+    """The sensor shows no more than this."""
+
+    @staticmethod
+    def acts(sensor: ForceSensor) -> bool:
+        return sensor.settings.clip > 0.0
+
+    def read(self, reading: np.ndarray) -> np.ndarray:
+        return np.clip(reading, -self.sensor.settings.clip, self.sensor.settings.clip)
+
+
+STAGES: tuple[type[Stage], ...] = (Clip, '''
+CLIPPED = """    clip: Annotated[
+        float, field("most that it shows, 0 for no limit", "N", slider("clips at", 0, 100), ge=0, le=1e4)
+    ] = 0.0
+    noise: """
+PUSHED = """
+    "pushed": ContactKind("pushed", "(32)", springs=True),
+    "rigid":"""
 ASKED = """
 import json
 from unittest.mock import MagicMock
@@ -175,7 +194,7 @@ columns = loop.recording.columns
 added = load("mine")
 for path, value in {
     "mode": "hybrid", "contact.kind": "elastic", "surface": "slope", "motion": "nod", "force": "growing",
-    "force.growth": 3.0, "controller.K_e_hat": 1e4,
+    "force.growth": 3.0, "controller.K_e_hat": 1e4, "sensor.clip": 0.5, "declared.force_error": 50.0,
 }.items():
     added = edited(added, path, value)
 tool = loop.view().tool
@@ -196,6 +215,9 @@ print(json.dumps({
     "start": other.system.plan.start.tolist(),
     "force": float(other.system.reference(2.0).F_cd[0]),
     "other": other.stopped,
+    "measured": abs(other.recording.signals(("F",))["F"]).max(),
+    "touched": abs(other.recording.signals(("multiplier",))["multiplier"]).max(),
+    "contact": edited(added, "contact.kind", "pushed").contact.nature.springs,
 }))
 """
 
@@ -229,6 +251,10 @@ def extended(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
             f"\n{table}: ",
             f"\nfrom environments.{folder}.{module} import {kind}\n\n{table}: ",
         )
+    insert(tree / "environments" / "sensors.py", "STAGES: tuple[type[Stage], ...] = (", CLIP)
+    insert(tree / "environments" / "sensors.py", "    noise: ", CLIPPED)
+    insert(tree / "environments" / "sensors.py", "decades, field\n", "decades, field, slider\n")
+    insert(tree / "environments" / "contact_kinds.py", '\n    "rigid":', PUSHED)
     (tree / "static" / "scenarios" / "mine.toml").write_text('title = "Mine"\nrobot.name = "planar2r"\n')
     quickly = {"NUMBA_CACHE_DIR": str(tree / "cache"), "NUMBA_OPT": "0"}  # compiled soon rather than well
     environment = os.environ | quickly | {"PYTHONPATH": str(tree)}
@@ -274,6 +300,16 @@ def test_a_force_profile_is_a_file_and_its_class(extended: dict[str, Any]) -> No
     assert "growing" in extended["menus"]
     assert "grows by [N/s]" in extended["fields"]
     assert extended["force"] == pytest.approx(26.0)
+
+
+def test_a_stage_of_the_sensor_is_a_class_a_field_and_a_row(extended: dict[str, Any]) -> None:
+    assert "clips at [N]" in extended["fields"]
+    assert extended["measured"] <= 0.5 < extended["touched"]
+
+
+def test_a_kind_of_contact_is_a_row(extended: dict[str, Any]) -> None:
+    assert "pushed" in extended["menus"]
+    assert extended["contact"] is True
 
 
 def test_an_arm_is_a_row(monkeypatch: pytest.MonkeyPatch) -> None:

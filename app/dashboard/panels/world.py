@@ -9,6 +9,7 @@ from app.scenario.schema import Scenario
 from app.session.snapshot import Snapshot
 from controllers.modes import MODES
 from environments.contact_kinds import CONTACTS
+from environments.sensors import Sensor
 from environments.surfaces.formula import FormulaSurface
 from environments.surfaces.table import SURFACES
 
@@ -69,9 +70,7 @@ class WorldPanel:
             self._controls += field_controls(desk, "surface", SURFACES, own_code().surfaces)
         with gui.add_folder("Force sensor"):
             self._controls += [
-                Number(desk, Place("sensor.noise"), "noise [N]", decades(0.01, 10, zero=True)),
-                Number(desk, Place("sensor.delay"), "delay [s]", decades(1e-3, 0.1, zero=True)),
-                Number(desk, Place("sensor.cutoff"), "low-pass [Hz]", decades(1, 1000, zero=True)),
+                *field_controls(desk, "sensor", [Sensor], {}),
                 Switch(desk, PlaceWhere("sensor.ideal", _heavy), "Ideal reading"),
             ]
         with gui.add_folder("Integration of the plant"):
