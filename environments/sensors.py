@@ -48,7 +48,7 @@ class ForceSensor:
 
 
 class Stage:
-    """What a reading goes through within one run, with its memory; no reading is ever changed in place."""
+    """What a reading goes through within one run, with its memory."""
 
     def __init__(self, sensor: ForceSensor, seed: int) -> None:
         del seed
@@ -153,7 +153,7 @@ class Delay(Stage):
         return sensor.late > 0
 
     def read(self, reading: np.ndarray) -> np.ndarray:
-        self._line.append(reading)
+        self._line.append(reading.copy())  # the force that is given may be that of now, whenever it is looked at
         return self._line[0]
 
     @property

@@ -39,6 +39,15 @@ _PUT_BACK = """() => {
   for (const button of document.querySelectorAll("[role=alert] .mantine-Notification-closeButton")) button.click();
   window.undrawn = true;
 }"""
+# One step towards the first tabs, which are open in the beginning; true where all of them are.
+_FIRST_TABS = """() => {
+  const others = [...document.querySelectorAll("[role=tablist]")]
+    .filter((row) => row.checkVisibility())
+    .map((row) => row.querySelector("[role=tab]"))
+    .filter((tab) => tab && tab.ariaSelected !== "true");
+  others.at(-1)?.click();
+  return !others.length;
+}"""
 _AT_REST = """(title) => {
   const text = (part) => document.querySelector(`.vs-status ${part}`)?.textContent;
   return text(".vs-title") === title && text(".vs-mode + .vs-chip") === "paused" && text(".vs-number") === "0.00";
@@ -56,6 +65,18 @@ class SharedPage:
 
     def begin_anew(self) -> Session:
         """A loop that has just begun, and its page as it was when it was opened, or else another one."""
+        try:
+            return self._begun()
+        except BaseException:
+            self.discard()
+            raise
+
+    def discard(self) -> None:
+        """Close it; the next test gets another one."""
+        self._page, self._first = None, {}
+        self._close()
+
+    def _begun(self) -> Session:
         for command in (Load(SCENARIO), SetSpeed(1.0), Pause(), Reset()):
             self._runner.post(command)
         if self._page is not None and not self._put_back(self._page):
@@ -72,11 +93,6 @@ class SharedPage:
             self._first = self._page.evaluate(_APPEARANCE)
         return session
 
-    def discard(self) -> None:
-        """Close it; the next test gets another one."""
-        self._page, self._first = None, {}
-        self._close()
-
     def _put_back(self, page: Page) -> bool:
         """Nothing held or pressed, the first tabs open; True once the page shows the loop at its beginning."""
         if page.is_closed() or page.url != self._address:
@@ -86,11 +102,8 @@ class SharedPage:
         page.mouse.move(0, 0)
         page.set_viewport_size(VIEWPORT)
         page.evaluate(_PUT_BACK)
-        rows = page.locator("[role=tablist]:visible")
-        for number in reversed(range(rows.count())):  # rows within another tab come behind the others
-            first = rows.nth(number).get_by_role("tab").first  # which is open in the beginning
-            if first.get_attribute("aria-selected") != "true":
-                first.click()
+        if not _until(lambda: page.evaluate(_FIRST_TABS), page):
+            return False
         return _until(lambda: page.evaluate(_AT_REST, SCENARIO.title), page)
 
     def _looks_as_first(self, page: Page) -> bool:

@@ -25,7 +25,9 @@ def scene(session: Session, served: tuple[Dashboard, Runner]) -> Iterator[Scene]
     session.runner.post(Load(edited(edited(shipped()["ur5-impedance"], "contact.kind", "free"), "motion", "hold")))
     session.wait(lambda now: now.scenario.mode == "impedance" and now.t > 0.1)
     session.tab("View")
-    yield Scene(session, list(served[0].clients.values())[-1])
+    session.wait(lambda _: len(served[0].clients) == 1)  # those of other tests have gone
+    (client,) = served[0].clients.values()
+    yield Scene(session, client)
     session.runner.post(Reset())
 
 
