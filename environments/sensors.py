@@ -126,8 +126,8 @@ class LowPass(Stage):
 
     def read(self, reading: np.ndarray) -> np.ndarray:
         previous = reading if self._filtered is None else self._filtered
-        self._filtered = previous + self._gain * (reading - previous)
-        return self._filtered
+        self._filtered = filtered = previous + self._gain * (reading - previous)
+        return filtered
 
     @property
     def full(self) -> bool:
