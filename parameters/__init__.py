@@ -1,7 +1,9 @@
-"""What can be set: sections of a scenario, whose fields have their bounds, unit, meaning and control beside them."""
+"""Sections of a scenario, whose fields have their bounds, unit, meaning and control beside them, and parameters of a
+user's own."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Annotated, Any
 
@@ -59,3 +61,17 @@ class Parameter:
     high: float
     unit: str
     meaning: str
+
+
+def values_of(parameters: Iterable[Parameter], given: Mapping[str, float], place: str) -> dict[str, float]:
+    """Values of all parameters by name: what a scenario gives at this place, else their own. Raises ValueError with one
+    sentence."""
+    by_name = {parameter.name: parameter for parameter in parameters}
+    for name, value in given.items():
+        parameter = by_name.get(name)
+        if parameter is None:
+            raise ValueError(f"{place}.{name:.60}: no such parameter; allowed: {', '.join(by_name) or 'none'}")
+        if not parameter.low <= value <= parameter.high:
+            allowed = f"{value:g} {parameter.unit}; allowed: {parameter.low:g} to {parameter.high:g} {parameter.unit}"
+            raise ValueError(f"{place}.{name}: {allowed}".rstrip())
+    return {name: given.get(name, parameter.value) for name, parameter in by_name.items()}

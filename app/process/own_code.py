@@ -12,7 +12,8 @@ import os
 import re
 import sys
 import traceback
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import cache
 from importlib.util import module_from_spec, spec_from_file_location
@@ -44,7 +45,7 @@ _ALLOWED = (
     "docs/extending.md"
 )
 _Own = ControlLaw | OwnSurface | OwnTrajectory
-_Result = TypeVar("_Result")
+_Member = TypeVar("_Member", OwnSurface, OwnTrajectory)
 
 
 class OwnCodeError(ScenarioError):
@@ -105,46 +106,36 @@ def _kinds(found: OwnCode) -> list[tuple[str, type[Any], dict[str, str], dict[st
 
 
 def own_shape(form: own_surfaces.Own) -> Shape:
-    """A surface of the user's own for kernels. Raises ScenarioError where there is none of its name, OwnCodeError where
-    it cannot be compiled."""
-    own = _named("surface", form.name, form.parameters, own_code().surfaces)
-    return _located_in(own.chart, lambda: own.shape(form))
+    """A surface of the user's own for kernels. Raises ValueError where there is none of its name or with its
+    parameters, OwnCodeError where it cannot be compiled."""
+    own = _named("surface", form.name, own_code().surfaces)
+    with _located_in(own.chart):
+        return own.shape(form)
 
 
 def own_course(path: own_trajectories.Own, n: int, free: range) -> Course:
     """A trajectory of the user's own, as a displacement of n coordinates, of which it may move those in `free`. Raises
-    ScenarioError where there is none of its name, OwnCodeError where it cannot be compiled."""
-    own = _named("motion", path.name, path.parameters, own_code().trajectories)
-    return _located_in(own.path, lambda: own.course(path, n, free))
+    ValueError where there is none of its name or with its parameters, OwnCodeError where it cannot be compiled."""
+    own = _named("motion", path.name, own_code().trajectories)
+    with _located_in(own.path):
+        return own.course(path, n, free)
 
 
-_Member = TypeVar("_Member", OwnSurface, OwnTrajectory)
-
-
-def _named(section: str, name: str, values: Mapping[str, float], known: Mapping[str, _Member]) -> _Member:
+def _named(section: str, name: str, known: Mapping[str, _Member]) -> _Member:
     own = known.get(name)
     if own is None:
         there = ", ".join(known) or "none, since no file that --use names has one"
-        raise ScenarioError(f"{section}.name: {name!r:.60}; allowed: {there}")
-    by_name = {p.name: p for p in own.parameters}
-    for parameter, value in values.items():
-        p = by_name.get(parameter)
-        if p is None:
-            raise ScenarioError(
-                f"{section}.parameters.{parameter:.60}: no such field; allowed: {', '.join(by_name) or 'none'}"
-            )
-        if not p.low <= value <= p.high:
-            raise ScenarioError(f"{section}.parameters.{parameter}: {value:g}; allowed: {p.low:g} to {p.high:g}")
+        raise ValueError(f"{section}.name: {name!r:.60}; allowed: {there}")
     return own
 
 
-def _located_in(function: Callable[..., None], made: Callable[[], _Result]) -> _Result:
+@contextmanager
+def _located_in(function: Callable[..., None]) -> Iterator[None]:
+    """Within it whatever the function's file does wrong becomes an OwnCodeError; a ValueError has its sentence."""
     try:
-        return made()
-    except ScenarioError:
+        yield
+    except ValueError:
         raise
-    except ValueError as error:
-        raise ScenarioError(str(error)) from error
     except Exception as error:
         raise OwnCodeError(located(error, Path(inspect.getfile(inspect.unwrap(function))))) from error
 

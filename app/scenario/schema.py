@@ -6,6 +6,8 @@ Lengths of vectors depend on the robot and are checked where the objects are bui
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cache
 from typing import Annotated, Any, Literal, cast
@@ -26,6 +28,17 @@ from parameters import Matrix, Name, Section, Text, Vector, Vector3, Widget, fie
 
 class ScenarioError(ValueError):
     """A scenario that cannot be used: one sentence with the field's path, its value and what is allowed."""
+
+
+@contextmanager
+def scenario_errors() -> Iterator[None]:
+    """Within it a ValueError, which has one sentence, becomes a ScenarioError."""
+    try:
+        yield
+    except ScenarioError:
+        raise
+    except ValueError as error:
+        raise ScenarioError(str(error)) from error
 
 
 class Robot(Section, frozen=True, forbid_unknown_fields=True):

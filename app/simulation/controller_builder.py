@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from app.process.own_code import own_code
-from app.scenario.schema import Matrix, Scenario, ScenarioError, TargetModel, after_blend
+from app.scenario.schema import Matrix, Scenario, ScenarioError, TargetModel, after_blend, scenario_errors
 from app.simulation.domain import Constants
 from controllers import modes
 from controllers.blend import ModelBlend, certify
@@ -20,6 +20,7 @@ from controllers.switching import Switching
 from controllers.target_model import InvalidGain
 from controllers.target_model import TargetModel as Model
 from controllers.task_space import TaskLayout
+from parameters import values_of
 
 
 def laws() -> dict[str, ControlLaw]:
@@ -39,18 +40,9 @@ def law_of(scenario: Scenario) -> ControlLaw:
 
 def parameters_of(scenario: Scenario, law: ControlLaw) -> dict[str, float]:
     """The numbers that the law has of its own, by name. Raises ScenarioError."""
-    place = f"controller.own.{law.kind}"
     given = (scenario.controller.own or {}).get(law.kind, {})
-    names = [parameter.name for parameter in law.parameters]
-    for name in given:
-        if name not in names:
-            raise ScenarioError(f"{place}.{name:.60}: no such parameter; allowed: {', '.join(names) or 'none'}")
-    for p in law.parameters:
-        if not p.low <= given.get(p.name, p.value) <= p.high:
-            raise ScenarioError(
-                f"{place}.{p.name}: {given[p.name]:g} {p.unit}; allowed: {p.low:g} to {p.high:g} {p.unit}".rstrip()
-            )
-    return {p.name: given.get(p.name, p.value) for p in law.parameters}
+    with scenario_errors():
+        return values_of(law.parameters, given, f"controller.own.{law.kind}")
 
 
 def uncertainty_of(scenario: Scenario, k_C: float) -> Uncertainty:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from app.process.own_code import own_course, own_shape
-from app.scenario.schema import Scenario, ScenarioError
+from app.scenario.schema import Scenario, ScenarioError, scenario_errors
 from controllers.modes import Mode
 from controllers.nominal_model import NominalModel
 from controllers.task_space import TaskLayout
@@ -87,13 +87,9 @@ def tool_at_start(robot: robots.Robot, nominal: NominalModel) -> np.ndarray:
 def surface_of(scenario: Scenario, near: np.ndarray) -> Surface:
     """near (3,) m: where the tool is, which says what part of a typed surface is meant. Raises ScenarioError."""
     form = scenario.surface
-    try:
+    with scenario_errors():
         shape = own_shape(form) if isinstance(form, own_surfaces.Own) else None
         return Surface.of(form, near, shape)
-    except ScenarioError:
-        raise
-    except ValueError as error:
-        raise ScenarioError(str(error)) from error
 
 
 def task_axes(robot: robots.Robot) -> np.ndarray:
@@ -113,23 +109,17 @@ def _free(mode: Mode, layout: TaskLayout) -> range:
 
 def spread_over(path: str, displacement: tuple[float, ...], mode: Mode, layout: TaskLayout) -> np.ndarray:
     """A displacement of the free coordinates as one of all n. Raises ScenarioError with `path` for too long a one."""
-    try:
+    with scenario_errors():
         return spread(path, displacement, layout.n, _free(mode, layout))
-    except ValueError as error:
-        raise ScenarioError(str(error)) from error
 
 
 def motion_of(scenario: Scenario, mode: Mode, layout: TaskLayout) -> Course:
     """What the free coordinates are asked to do, (n,) from the start on. Raises ScenarioError."""
     path, free = scenario.motion, _free(mode, layout)
-    try:
+    with scenario_errors():
         if isinstance(path, own_trajectories.Own):
             return numbered(path, own_course(path, layout.n, free))
         return course_of(path, layout.n, free)
-    except ScenarioError:
-        raise
-    except ValueError as error:
-        raise ScenarioError(str(error)) from error
 
 
 def require_pushing(scenario: Scenario, mode: Mode) -> None:

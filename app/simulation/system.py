@@ -7,7 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
-from app.scenario.schema import Scenario, ScenarioError, field_info
+from app.scenario.schema import Scenario, ScenarioError, field_info, scenario_errors
 from app.scenario.units import CARTESIAN, JOINT, Units
 from app.simulation.control_period import Observer, Planned, ReferencePlan
 from app.simulation.controller_builder import blend_of, controller_of, uncertainty_of
@@ -264,10 +264,8 @@ def _surface_in_use(scenario: Scenario, robot: robots.Robot, nominal: NominalMod
     surface = surface_of(scenario, tool_at_start(robot, nominal))
     met = modes.MODES[scenario.mode].on_surface or scenario.contact.nature.touches
     if met:
-        try:
+        with scenario_errors():
             surface.require_regular(scenario.simulation.duration)
-        except ValueError as error:
-            raise ScenarioError(str(error)) from error
     return surface
 
 
@@ -276,10 +274,8 @@ def _judged_by(scenario: Scenario) -> tuple[object, ...]:
 
 
 def _start(plant: Plant, robot: robots.Robot) -> np.ndarray:
-    try:
+    with scenario_errors():
         return plant.start(robot.posture, np.zeros(robot.n), 0.0).views.q
-    except ValueError as error:
-        raise ScenarioError(str(error)) from error
 
 
 def _require_within_reach(observer: Observer, reference: Reference, q_0: np.ndarray) -> None:

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated
 
 import numpy as np
 
 from environments.surfaces.chart import STILL, Shape, arc, polar
-from environments.surfaces.form import SIDE, Form, side_of, unit
+from environments.surfaces.form import Form, Radius, Side, side_of, unit
 from kernels import inline
 from kernels.algebra import dot
-from parameters import Vector3, Widget, decades, field
+from parameters import Vector3, Widget, field
 
 
 @inline
@@ -40,8 +40,8 @@ class Cylinder(Form, frozen=True, forbid_unknown_fields=True, tag="cylinder"):
         0.0,
         1.0,
     )
-    radius: Annotated[float, field("radius", "m", decades("radius", 0.05, 2), gt=0, le=100)] = 0.3
-    side: Annotated[Literal["outside", "inside"], field("where the tool is", "", SIDE)] = "outside"
+    radius: Radius = 0.3
+    side: Side = "outside"
 
     @property
     def shape(self) -> Shape:

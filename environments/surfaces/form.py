@@ -1,8 +1,8 @@
-"""What every surface is: the fields of a scenario, the compiled coordinates that they stand for, and their inverse."""
+"""The base class of all surfaces: fields of a scenario, the compiled coordinates that they stand for, their inverse."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 import msgspec
 import numpy as np
@@ -10,14 +10,16 @@ import numpy as np
 from environments.bytecode import BLANK
 from environments.own_function import NO_FUNCTION
 from environments.surfaces.chart import Shape
-from parameters import Section, Vector3, Widget, field, slider
+from parameters import Section, Vector3, Widget, decades, field, slider
 
 if TYPE_CHECKING:
     from environments.surfaces.table import Surface
 
 ORIGIN = Widget("origin")
 NORMAL = Widget("normal")
-SIDE = Widget("Tool", options=(("outside", "outside"), ("inside", "inside")))
+_SIDE = Widget("Tool", options=(("outside", "outside"), ("inside", "inside")))
+Radius = Annotated[float, field("radius", "m", decades("radius", 0.05, 2), gt=0, le=100)]
+Side = Annotated[Literal["outside", "inside"], field("where the tool is", "", _SIDE)]
 
 
 class SurfaceMotion(Section, frozen=True, forbid_unknown_fields=True):

@@ -15,7 +15,7 @@ from environments.surfaces.chart import STILL, Shape
 from environments.surfaces.form import Form, grid, triangles
 from environments.surfaces.regular import require_derivatives
 from kernels import inline
-from parameters import Name, Parameter, field
+from parameters import Name, Parameter, field, values_of
 
 if TYPE_CHECKING:
     from environments.surfaces.table import Surface
@@ -28,7 +28,7 @@ NEAR = 0.01  # m from its origin: where its derivatives are looked at
 
 @dataclass(frozen=True)
 class OwnSurface:
-    """What such a file holds as SURFACE.
+    """A surface of a user's own as its file describes it, under the name SURFACE.
 
     kind: how a scenario names it (`surface.name`); title: how the page does; about: a sentence for the page.
     chart: `chart(zeta, parameters, g, G, G_p)` writes the coordinates g = (phi, psi_1, psi_2) in m of the point zeta
@@ -45,7 +45,7 @@ class OwnSurface:
 
     def shape(self, form: Own) -> Shape:
         """For kernels, with the parameters of a scenario. Raises ValueError with one sentence, and numba's errors."""
-        values = {p.name: form.parameters.get(p.name, p.value) for p in self.parameters}
+        values = values_of(self.parameters, form.parameters, "surface.parameters")
         own = own_function(_adapted(self.chart), self.chart, values, ((3,), (3, 3), (3, 3, 3)))
         return form.shape._replace(own=own)
 

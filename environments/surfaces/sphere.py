@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated
 
 import numpy as np
 
 from environments.surfaces.chart import STILL, Shape, arc, polar
-from environments.surfaces.form import SIDE, Form, side_of, tangent_frame, unit
+from environments.surfaces.form import Form, Radius, Side, side_of, tangent_frame, unit
 from kernels import inline
-from parameters import Vector3, Widget, decades, field
+from parameters import Vector3, Widget, field
 
 
 @inline
@@ -41,8 +41,8 @@ class Sphere(Form, frozen=True, forbid_unknown_fields=True, tag="sphere"):
         0.0,
         1.0,
     )
-    radius: Annotated[float, field("radius", "m", decades("radius", 0.05, 2), gt=0, le=100)] = 0.3
-    side: Annotated[Literal["outside", "inside"], field("where the tool is", "", SIDE)] = "outside"
+    radius: Radius = 0.3
+    side: Side = "outside"
 
     @property
     def shape(self) -> Shape:

@@ -12,12 +12,12 @@ import numpy as np
 from environments.own_function import call, own_function
 from environments.trajectories.trajectory import Course, Trajectory, in_plane
 from kernels import inline
-from parameters import Name, Parameter, field
+from parameters import Name, Parameter, field, values_of
 
 
 @dataclass(frozen=True)
 class OwnTrajectory:
-    """What such a file holds as TRAJECTORY.
+    """A trajectory of a user's own as its file describes it, under the name TRAJECTORY.
 
     kind: how a scenario names it (`motion.name`); title: how the page does; about: a sentence for the page.
     path: `path(t, parameters, value, rate, acceleration)` writes the displacement (k,) m of the k free coordinates from
@@ -32,8 +32,9 @@ class OwnTrajectory:
     parameters: tuple[Parameter, ...] = ()
 
     def course(self, path: Own, n: int, free: range) -> Course:
-        """With the parameters of a scenario, as a displacement of n coordinates. Raises numba's errors."""
-        values = {p.name: path.parameters.get(p.name, p.value) for p in self.parameters}
+        """With the parameters of a scenario, as a displacement of n coordinates. Raises ValueError with one sentence,
+        and numba's errors."""
+        values = values_of(self.parameters, path.parameters, "motion.parameters")
         k = (len(free),)
         own = own_function(self.path, self.path, values, (k, k, k))
         return in_plane(np.zeros(n), np.zeros(n))._replace(first=free.start, own=own)

@@ -68,7 +68,7 @@ def test_a_law_of_one_s_own_stands_in_the_menu_with_its_parameter(own: Session) 
     own.wait(lambda now: kind_of(now.scenario.surface) == "own:cone")
     own.number("angle [rad]").fill("0.1")
     own.number("angle [rad]").press("Enter")
-    own.page.locator(".vs-status", has_text="surface.parameters.angle: 0.1; allowed: 0.3 to 1.5").wait_for()
+    own.page.locator(".vs-status", has_text="surface.parameters.angle: 0.1 rad; allowed: 0.3 to 1.5 rad").wait_for()
     assert own.now.phase == "running"
     own.choose("Shape", "plane")
     own.row("angle [rad]").wait_for(state="detached")

@@ -151,8 +151,8 @@ def test_where_there_is_none_of_its_name_the_scenario_is_kept_and_the_field_is_n
     use([written(CIRCLE, "ring")])
     ring = edited(now, "motion", "own:ring")
     for name, value, said in (
-        ("radius", -1.0, "motion.parameters.radius: -1; allowed: 0 to 1"),
-        ("colour", 1.0, "motion.parameters.colour: no such field; allowed: radius, period"),
+        ("radius", -1.0, "motion.parameters.radius: -1 m; allowed: 0 to 1 m"),
+        ("colour", 1.0, "motion.parameters.colour: no such parameter; allowed: radius, period"),
     ):
         with pytest.raises(ScenarioError) as refused:
             loop.edit(edited(ring, f"motion.parameters.{name}", value))
