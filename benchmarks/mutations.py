@@ -33,7 +33,7 @@ import tyro
 from app.process.markdown import Table
 
 ROOT = Path(__file__).parents[1]
-PACKAGES = ("app", "controllers", "environments", "kernels")
+PACKAGES = ("app", "controllers", "environments", "kernels", "parameters")
 FOLDERS = (*PACKAGES, "static", "tests", "benchmarks", "drivers")
 # the quick ones, sharpest first: a row costs as much as what comes before the first test that fails
 TESTS = (
