@@ -30,15 +30,27 @@ class ScenarioError(ValueError):
     """A scenario that cannot be used: one sentence with the field's path, its value and what is allowed."""
 
 
+class PathOutOfReach(ScenarioError):
+    """A scenario whose path leaves the arm's workspace."""
+
+
+class UnboundedGain(ScenarioError):
+    """A scenario whose gain by (17) would grow without bound."""
+
+
+class IrregularSurface(ScenarioError):
+    """A scenario whose surface has no coordinates where the tool is."""
+
+
 @contextmanager
-def scenario_errors() -> Iterator[None]:
-    """Within it a ValueError, which has one sentence, becomes a ScenarioError."""
+def scenario_errors(kind: type[ScenarioError] = ScenarioError) -> Iterator[None]:
+    """Within it a ValueError, which has one sentence, becomes a ScenarioError of this kind."""
     try:
         yield
     except ScenarioError:
         raise
     except ValueError as error:
-        raise ScenarioError(str(error)) from error
+        raise kind(str(error)) from error
 
 
 class Robot(Section, frozen=True, forbid_unknown_fields=True):

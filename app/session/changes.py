@@ -3,64 +3,112 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
+from typing import Any, TypeVar
 
 import msgspec
 import numpy as np
 
 from app.scenario.data import edited, from_plain, of_kind, to_plain
-from app.scenario.schema import Robot, Scenario, ScenarioError, TargetModel
+from app.scenario.schema import (
+    Contact,
+    IrregularSurface,
+    PathOutOfReach,
+    Robot,
+    Scenario,
+    ScenarioError,
+    TargetModel,
+    UnboundedGain,
+    field_info,
+)
 from app.simulation.controller_builder import target_model
 from app.simulation.environment_builder import positions_of, robot_of, surface_of, task_axes, tool_at_start
 from controllers import modes
 from controllers.nominal_model import NominalModel
 from controllers.target_model import InvalidGain
 from environments import robots
+from environments.trajectories.point_to_point import Hold
 from environments.urdf import RobotError
 
 NEAR = 0.03  # m
+HALVINGS = 3  # of a path that is too long for an arm, before it holds
+_WORDS = {"motion": "path", "contact": "contact", "task_space": "task space", "surface": "surface"}
+_Built = TypeVar("_Built")
 
 
 def in_mode(scenario: Scenario, mode_name: str) -> Scenario:
     """The scenario in another mode, with what that mode cannot keep (target model, contact) set to its defaults.
 
-    Of a path in space a mode on a surface keeps what lies along the surface. Raises ScenarioError for an unknown mode.
+    Of its path it keeps what lies along the coordinates that are free then. Raises ScenarioError for an unknown mode.
     """
-    changed = edited(scenario, "mode", mode_name)
+    data = to_plain(edited(scenario, "mode", mode_name))
     mode = modes.MODES[mode_name]
-    changed = _along_surface(scenario, changed)
-    data = to_plain(changed)
     data["target_model"] = data["blend"] = data["shift"] = {}
     if scenario.contact.kind not in mode.contacts:
         data["contact"]["kind"] = mode.contacts[0]
     if not mode.in_joints:
         data["task_space"]["kind"] = "cartesian"
-    return _adapted(from_plain(data))
+    return _adapted(scenario, from_plain(data))
 
 
-def _along_surface(scenario: Scenario, changed: Scenario) -> Scenario:
-    """`changed` with a path that its mode can follow: on a surface the displacement's part along the tangents where it
-    has more values than there are tangents, and a circle in the first two coordinates."""
-    path, mode = scenario.motion, modes.MODES[changed.mode]
-    if not mode.on_surface or modes.MODES[scenario.mode].on_surface:
-        return changed
-    robot, p = _start(scenario)
-    k = positions_of(robot) - mode.m()
-    tangents = surface_of(scenario, p).chart(p, 0.0).G[mode.m() :][:k] @ task_axes(robot).T
-    known = None if scenario.task_space.kind == "joint" else tangents[:, : positions_of(robot)]
-    return msgspec.structs.replace(changed, motion=path.on_surface(known, k))
+def possible(scenario: Scenario, build: Callable[[Scenario], _Built]) -> _Built:
+    """What `build` makes of the scenario, or of the nearest one that the arm can run: with its path at half its size,
+    a quarter and so on, with a constant gain, and with its surface as it is shaped by default.
+
+    Raises ScenarioError where none can be built.
+    """
+    halvings = 0
+    while True:
+        try:
+            return build(scenario)
+        except PathOutOfReach:
+            half = scenario.motion.halved() if halvings < HALVINGS else None
+            if half is None and isinstance(scenario.motion, Hold):
+                raise
+            scenario, halvings = msgspec.structs.replace(scenario, motion=half or Hold()), halvings + 1
+        except UnboundedGain:
+            scenario = edited(scenario, "controller.gain", "constant")
+        except IrregularSurface:
+            usual = on_surface(scenario, str(scenario.surface.__struct_config__.tag))
+            if usual.surface == scenario.surface:
+                raise
+            scenario = usual
 
 
-def told(before: Scenario, after: Scenario) -> str:
-    """What of the path a change of mode has not kept: one sentence, "" where it has kept all."""
-    if before.mode == after.mode or before.motion == after.motion:
-        return ""
-    kind, old, new = after.motion.__struct_config__.tag, to_plain(before)["motion"], to_plain(after)["motion"]
-    if old["kind"] != kind:
-        return f"motion.kind: {kind} instead of {old['kind']}, which this mode cannot follow with this arm."
-    changes = ", ".join(f"motion.{name} {new[name]} instead of {old[name]}" for name in new if new[name] != old[name])
-    return f"The path keeps what lies along the surface: {changes}."
+def told(asked: Scenario, done: Scenario) -> str:
+    """What a change of mode, arm or surface has adapted, in one sentence; "" for nothing. asked: the scenario with that
+    change alone; done: the one that runs."""
+    adapted: list[str] = []
+    for section in ("motion", "contact", "task_space", "surface"):
+        old, new = getattr(asked, section), getattr(done, section)
+        before, after = to_plain(asked)[section], to_plain(done)[section]
+        if before["kind"] != after["kind"]:
+            adapted.append(f"{_WORDS[section]} {_title_of(new)} instead of {_title_of(old)}")
+            continue
+        if section == "surface" and {name for name in after if after[name] != before[name]} == {"origin"}:
+            adapted.append("surface brought to the tool")
+            continue
+        for name in (name for name in after if after[name] != before[name]):
+            info = field_info(f"{section}.{name}")
+            label = info.widget.label if info.widget else name.replace("_", " ")
+            unit = f" {info.unit}" if info.unit not in ("", "1") else ""
+            adapted.append(f"{_WORDS[section]} {label} {_shown(after[name])} instead of {_shown(before[name])}{unit}")
+    if asked.controller.gain != done.controller.gain:
+        adapted.append(f"gain d {done.controller.gain}")
+    return f"Adapted: {'; '.join(adapted)}." if adapted else ""
+
+
+def _title_of(section: Any) -> str:
+    """The page's word for the kind of a section."""
+    described = section.nature if isinstance(section, Contact) else section
+    return described.title if hasattr(described, "title") else str(section.kind)
+
+
+def _shown(value: object) -> str:
+    if isinstance(value, list | tuple):
+        return ", ".join(_shown(each) for each in value)
+    return f"{value:.4g}" if isinstance(value, float) else str(value)
 
 
 def on_robot(scenario: Scenario, name: str) -> Scenario:
@@ -96,7 +144,7 @@ def with_robot(scenario: Scenario, changes: Mapping[str, object]) -> Scenario:
     changed = from_plain(data)
     if another - {"tool_frame"}:
         changed = msgspec.structs.replace(changed, name=Scenario().name, title=_title(changed.robot))
-    return _adapted(changed) if changes.keys() - {"rotor_inertia"} else changed
+    return _adapted(scenario, changed) if changes.keys() - {"rotor_inertia"} else changed
 
 
 def _title(robot: Robot) -> str:
@@ -119,19 +167,31 @@ def on_surface(scenario: Scenario, kind: str) -> Scenario:
     return edited(changed, "surface.origin", (p - at_origin).round(4).tolist())
 
 
-def _adapted(scenario: Scenario) -> Scenario:
-    """In a mode on a surface: the surface brought to the tool when it is farther away than `NEAR`, and a circle
-    flattened to a line where an arm has only one direction along the surface."""
-    if not modes.MODES[scenario.mode].on_surface:
-        return scenario
+def _adapted(before: Scenario, scenario: Scenario) -> Scenario:
+    """In a mode on a surface: the surface brought to the tool when it is farther away than `NEAR`; and in any mode that
+    part of the path which lies in the free coordinates of now. before: the scenario whose path it is."""
+    if modes.MODES[scenario.mode].on_surface:
+        _, p = _start(scenario)
+        for _ in range(3):  # far from a typed surface the distance is known only roughly
+            chart = surface_of(scenario, p).chart(p, 0.0)
+            if abs(chart.g[0]) > NEAR:
+                origin = np.array(scenario.surface.origin) + chart.G[0] * chart.g[0]
+                scenario = edited(scenario, "surface.origin", origin.tolist())
+    old, new = _free_directions(before), _free_directions(scenario)
+    alike = before.task_space.kind == scenario.task_space.kind
+    known = new @ old.T if alike and new.shape[1] == old.shape[1] else None
+    return msgspec.structs.replace(scenario, motion=scenario.motion.within(known, len(new)))
+
+
+def _free_directions(scenario: Scenario) -> np.ndarray:
+    """Directions of the coordinates that a path moves: (k, 3) in the world, or (n, n) for joints."""
     robot, p = _start(scenario)
-    for _ in range(3):  # far from a typed surface the distance is known only roughly
-        chart = surface_of(scenario, p).chart(p, 0.0)
-        if abs(chart.g[0]) > NEAR:
-            origin = np.array(scenario.surface.origin) + chart.G[0] * chart.g[0]
-            scenario = edited(scenario, "surface.origin", origin.tolist())
-    k = positions_of(robot) - modes.MODES[scenario.mode].m()
-    return msgspec.structs.replace(scenario, motion=scenario.motion.flattened()) if k == 1 else scenario
+    if scenario.task_space.kind == "joint":
+        return np.eye(robot.n)
+    mode, positions = modes.MODES[scenario.mode], positions_of(robot)
+    if not mode.on_surface:
+        return task_axes(robot)[:positions]
+    return surface_of(scenario, p).chart(p, 0.0).G[mode.m() : positions]
 
 
 def _start(scenario: Scenario) -> tuple[robots.Robot, np.ndarray]:

@@ -282,15 +282,19 @@ class Runner:
             case Edit("mode", value) if value == scenario_now.mode:
                 pass  # the mode that runs is not begun anew
             case Edit("mode", value):
-                changed = changes.in_mode(scenario_now, str(value))
-                self._edit(changed)
-                self._told = changes.told(scenario_now, changed)
+                self._adapt(scenario_now, changes.in_mode(scenario_now, str(value)))
             case Edit(path, value) if path.startswith("robot."):
-                self._edit(changes.with_robot(scenario_now, {path.removeprefix("robot."): value}))
+                self._adapt(scenario_now, changes.with_robot(scenario_now, {path.removeprefix("robot."): value}))
             case Edit("surface", str() as kind):
-                self._edit(changes.on_surface(scenario_now, kind))
+                changed = changes.on_surface(scenario_now, kind)
+                self._adapt(changed, changed)
             case Edit(path, value):
                 self._edit(edited(scenario_now, path, value))
+
+    def _adapt(self, asked: Scenario, scenario: Scenario) -> None:
+        """Edit to the nearest scenario that can run, and say how it differs from what was asked."""
+        changes.possible(scenario, self._edit)
+        self._told = changes.told(asked, self._loop.system.scenario)
 
     def _edit(self, scenario: Scenario) -> None:
         before = self._loop.system.robot

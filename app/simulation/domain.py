@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
-from app.scenario.schema import ScenarioError
+from app.scenario.schema import PathOutOfReach, ScenarioError
 from app.simulation.control_period import Observer, Planned
 from app.simulation.extremes import OUTSIDE, Effort, Look, Looker, Omega, Place, largest
 from app.simulation.search_memory import Memory, Numbers, key_of
@@ -75,7 +75,7 @@ def centres(
 ) -> np.ndarray:
     """Postures (N, n) along the reference, and between it and its shift by (n,) m.
 
-    Raises ScenarioError when the arm cannot follow it.
+    Raises PathOutOfReach when the arm cannot follow it.
     """
     found = [q_0]
     q = q_0
@@ -88,7 +88,7 @@ def centres(
         except ValueError:  # J_q exactly singular
             q = np.full_like(q, np.nan)
         if not np.linalg.norm(q - found[-1]) < 1.0:
-            raise ScenarioError(f"motion: the arm cannot follow the reference beyond t = {t:.3g} s")
+            raise PathOutOfReach(f"motion: the arm cannot follow the reference beyond t = {t:.3g} s")
         found.append(q)
     return np.array(found)
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from app.scenario.declared_bounds import outside
-from app.scenario.schema import ScenarioError
+from app.scenario.schema import UnboundedGain
 from app.simulation.control_period import Alarm, Period
 from app.simulation.controlled_arm import ControlledArm
 from app.simulation.recording import Epoch
@@ -121,7 +121,7 @@ class PremiseWatch:
         return loop
 
     def require_bounded_gain(self) -> None:
-        """Raises ScenarioError where the gain by (17) feeds itself: it would grow without bound whatever else is
+        """Raises UnboundedGain where the gain by (17) feeds itself: it would grow without bound whatever else is
         chosen."""
         table, controller = self._table, self.system.controller
         if not controller.law.robust:
@@ -130,13 +130,13 @@ class PremiseWatch:
         others = "bounds = 'tight', " if controller.bounds == "paper" else ""
         others += "controller.gain = 'constant', or a smaller declared.link_scaling"
         if controller.d is None and chatter >= 1.0:
-            raise ScenarioError(
+            raise UnboundedGain(
                 f"controller.bounds: with {controller.bounds!r} the gain (17) runs away at this control period, "
                 f"chattering feeds {chatter:.3g} of it back (δ_H ‖M_m⁻¹B_m‖ T / λ_min(H)), allowed below 1; allowed: "
                 f"controller.period <= {0.95 * self._h / chatter:.2g} s, {others}"
             )
         if controller.d is None and force >= 1.0:
-            raise ScenarioError(
+            raise UnboundedGain(
                 f"controller.bounds: with {controller.bounds!r} the gain (17) and the force on the surface raise each "
                 f"other, by {force:.3g} of each change, allowed below 1, and no control period helps; allowed: {others}"
             )

@@ -7,7 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
-from app.scenario.schema import Scenario, ScenarioError, field_info, scenario_errors
+from app.scenario.schema import IrregularSurface, Scenario, ScenarioError, field_info, scenario_errors
 from app.scenario.units import CARTESIAN, JOINT, Units
 from app.simulation.control_period import Observer, Planned, ReferencePlan
 from app.simulation.controller_builder import blend_of, controller_of, uncertainty_of
@@ -264,7 +264,7 @@ def _surface_in_use(scenario: Scenario, robot: robots.Robot, nominal: NominalMod
     surface = surface_of(scenario, tool_at_start(robot, nominal))
     met = modes.MODES[scenario.mode].on_surface or scenario.contact.nature.touches
     if met:
-        with scenario_errors():
+        with scenario_errors(IrregularSurface):
             surface.require_regular(scenario.simulation.duration)
     return surface
 

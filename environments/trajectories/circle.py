@@ -41,11 +41,12 @@ class Circle(Trajectory, frozen=True, forbid_unknown_fields=True, tag="circle"):
         along_axes = np.eye(n)[free.start :]
         return in_plane(self.radius * along_axes[a], self.radius * along_axes[b], self.ramp, 2 * np.pi / self.period)
 
-    def on_surface(self, tangents: np.ndarray | None, k: int) -> Trajectory:
-        """In the first two coordinates."""
-        del tangents
-        return replace(self, axes=(0, 1)) if max(self.axes) >= k > 1 else self
+    def within(self, directions: np.ndarray | None, k: int) -> Trajectory:
+        """In the first two coordinates, or a line where there is only one."""
+        del directions
+        if k == 1:
+            return Line(displacement=(2 * self.radius,), period=self.period, ramp=self.ramp)
+        return replace(self, axes=(0, 1)) if max(self.axes) >= k else self
 
-    def flattened(self) -> Trajectory:
-        """A line."""
-        return Line(displacement=(2 * self.radius,), period=self.period, ramp=self.ramp)
+    def halved(self) -> Trajectory | None:
+        return replace(self, radius=0.5 * self.radius) if self.radius > 0.0 else None

@@ -34,14 +34,19 @@ class Displaced(Trajectory, frozen=True, forbid_unknown_fields=True):
 
     displacement: Annotated[Vector, field("by how much, along x, y, z or the tangents", "m", Widget("by"))] = (0.1,)
 
-    def on_surface(self, tangents: np.ndarray | None, k: int) -> Trajectory:
-        """Its part along the tangents where it has more values than there are."""
+    def within(self, directions: np.ndarray | None, k: int) -> Trajectory:
+        """Its part along the directions where it has more values than there are."""
         if len(self.displacement) <= k:
             return self
-        if tangents is None:
+        if directions is None:
             return Hold()
-        kept = tangents @ np.array(self.displacement[: tangents.shape[1]])
+        given = self.displacement[: directions.shape[1]]
+        kept = directions[:, : len(given)] @ np.array(given)
         return replace(self, displacement=tuple(kept.round(6).tolist()))
+
+    def halved(self) -> Trajectory | None:
+        half = tuple(0.5 * value for value in self.displacement)
+        return replace(self, displacement=half) if any(half) else None
 
 
 class PointToPoint(Displaced, frozen=True, forbid_unknown_fields=True, tag="point-to-point"):

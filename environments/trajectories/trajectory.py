@@ -47,15 +47,15 @@ class Trajectory(Section, frozen=True, forbid_unknown_fields=True, tag_field="ki
         to say. Raises ValueError with one sentence."""
         raise NotImplementedError
 
-    def on_surface(self, tangents: np.ndarray | None, k: int) -> Trajectory:
-        """What of a path in space an arm can follow that has k directions along a surface: tangents (k, j), those
-        directions in the coordinates that the path moves; None: it moves angles, which say nothing of the surface."""
-        del tangents, k
+    def within(self, directions: np.ndarray | None, k: int) -> Trajectory:
+        """The part of the path that lies within k other free coordinates: directions (k, j), those in the coordinates
+        that the path moves; None where neither kind says anything of the other, as joints and positions."""
+        del directions, k
         return self
 
-    def flattened(self) -> Trajectory:
-        """What an arm can follow that has one direction along a surface."""
-        return self
+    def halved(self) -> Trajectory | None:
+        """The path at half its size; None where it has none."""
+        return None
 
 
 def in_plane(u: np.ndarray, v: np.ndarray, ramp: float = 0.0, omega: float = 0.0) -> Course:
