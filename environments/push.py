@@ -37,12 +37,14 @@ class Grip:
 
 @dataclass(frozen=True)
 class TimedPush:
-    """A constant force (3,) N on the tool from `start` s on, for `duration` s."""
+    """A constant force (3,) N on the tool from `start` s on, for `duration` s, again `every` s where that is not 0."""
 
     force: tuple[float, float, float]
     start: float
     duration: float
+    every: float = 0.0
 
     def acts(self, t: float) -> bool:
         """Whether it does at time t (s)."""
-        return self.start <= t < self.start + self.duration
+        since = t - self.start
+        return since >= 0.0 and (since % self.every if self.every else since) < self.duration

@@ -33,6 +33,7 @@ from app.dashboard.widgets.equation import equation_html
 from app.dashboard.widgets.help import Help, tools_html
 from app.dashboard.widgets.last_session import LastSession, add_last_session
 from app.dashboard.widgets.playback import Playback
+from app.dashboard.widgets.scene_buttons import SceneButtons
 from app.dashboard.widgets.shortcuts import Shortcuts
 from app.dashboard.widgets.status import splash_html, status_html
 from app.dashboard.widgets.whatif import WhatIf
@@ -231,6 +232,7 @@ class _View:
         self._hand = Hand(server.scene, desk, lambda client: client in server.get_clients())
         self._playback = Playback(desk)
         self._shortcuts = Shortcuts(desk)
+        self._scene_buttons = SceneButtons(desk)
         self._whatif_panel = WhatIfPanel(desk)
         self._widget_lock = WidgetLock(server)
         self._visible_tabs = VisibleTabs()
@@ -309,7 +311,7 @@ class _View:
             self._complaint = ""
         self._status.content = status_html(snapshot, self.hang or self._complaint)
         self._equation.content = equation_html(snapshot)
-        for part in (self._playback, self._whatif_panel, *self._panels):
+        for part in (self._playback, self._whatif_panel, self._scene_buttons, *self._panels):
             with self._widget_lock.drawing:
                 part.show(snapshot)
         self._fit()

@@ -23,7 +23,7 @@ from environments.surfaces.plane import Plane
 from environments.surfaces.table import AnyForm
 from environments.trajectories.point_to_point import Hold
 from environments.trajectories.table import AnyTrajectory
-from parameters import Matrix, Name, Section, Text, Vector, Vector3, Widget, field
+from parameters import Matrix, Name, Section, Text, Vector, Vector3, Widget, decades, field
 
 
 class ScenarioError(ValueError):
@@ -82,9 +82,19 @@ class Truth(Section, frozen=True, forbid_unknown_fields=True):
         float | Vector,
         field("what the drives give at most: a factor on the URDF's limits, 0 for no limit, or N·m per joint", "1"),
     ] = 0.0
-    push: Annotated[Vector3, field("a force on the tool, world axes", "N")] = (0.0, 0.0, 0.0)
-    push_start: Annotated[float, field("when it begins", "s", ge=0, le=36000)] = 1.0
-    push_duration: Annotated[float, field("how long it acts", "s", ge=0, le=36000)] = 1.0
+    push: Annotated[Vector3, field("a force on the tool, world axes", "N", Widget("x, y, z"))] = (0.0, 0.0, 0.0)
+    push_start: Annotated[float, field("when it begins", "s", Widget("from t ="), ge=0, le=36000)] = 1.0
+    push_duration: Annotated[float, field("how long it acts", "s", decades("lasts", 0.05, 5), ge=0, le=36000)] = 1.0
+    push_every: Annotated[
+        float,
+        field(
+            "after how long it comes again, 0 for never",
+            "s",
+            decades("again every", 0.5, 20, zero=True),
+            ge=0,
+            le=36000,
+        ),
+    ] = 0.0
 
 
 class Declared(Section, frozen=True, forbid_unknown_fields=True):

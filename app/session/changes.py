@@ -32,6 +32,7 @@ from environments.trajectories.point_to_point import Hold
 from environments.urdf import RobotError
 
 NEAR = 0.03  # m
+PUSH, PUSH_LASTS = (0.0, 30.0, 0.0), 0.5  # N, s: sideways, which every mode shows
 HALVINGS = 3  # of a path that is too long for an arm, before it holds
 _WORDS = {"motion": "path", "contact": "contact", "task_space": "task space", "surface": "surface"}
 _Built = TypeVar("_Built")
@@ -201,6 +202,14 @@ def _start(scenario: Scenario) -> tuple[robots.Robot, np.ndarray]:
     except RobotError as error:
         raise ScenarioError(str(error)) from error
     return robot, tool_at_start(robot, NominalModel(robot.model, robot.tool_joint, robot.tool_placement))
+
+
+def pushed(scenario: Scenario, t: float) -> Scenario:
+    """The scenario with its push beginning at t (s); where it has none, `PUSH` for `PUSH_LASTS`."""
+    truth = scenario.truth
+    if not any(truth.push):
+        truth = msgspec.structs.replace(truth, push=PUSH, push_duration=PUSH_LASTS)
+    return msgspec.structs.replace(scenario, truth=msgspec.structs.replace(truth, push_start=t))
 
 
 def blending_to(scenario: Scenario, other: Scenario, at: float, over: float) -> Scenario:

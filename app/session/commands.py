@@ -100,6 +100,11 @@ class Blend:
 
 
 @dataclass(frozen=True)
+class PushNow:
+    """The scenario's push begins now; where it has none, one of `changes.PUSH`."""
+
+
+@dataclass(frozen=True)
 class Push:
     """A hand takes hold of the tool, or moves on, or lets go (None). Pause, and whatever begins a run, let go, too."""
 
@@ -121,5 +126,6 @@ Command = (
     | Continue
     | Edit
     | Blend
+    | PushNow
     | Push
 )

@@ -29,6 +29,7 @@ from app.session.commands import (
     Pin,
     Play,
     Push,
+    PushNow,
     Reset,
     Seek,
     SetSpeed,
@@ -221,7 +222,7 @@ class Runner:
             except Exception as error:  # a fault of ours: the command has failed, and the run goes on
                 log.error("fault", stage="a command", command=type(command).__name__, exc_info=error)
                 self._refuse(f"{type(command).__name__} failed ({type(error).__name__}: {error})", command)
-        return self._runs != runs or not all(isinstance(command, Edit | Blend | Push) for command in queued)
+        return self._runs != runs or not all(isinstance(command, Edit | Blend | PushNow | Push) for command in queued)
 
     def _require_reach(self, command: Command) -> None:
         """Raises ScenarioError for a file that this loop's pages may not name."""
@@ -279,6 +280,8 @@ class Runner:
             case Continue(scenario, pinned):
                 self._edit(scenario)
                 line.adopt(pinned)
+            case PushNow():
+                self._edit(changes.pushed(scenario_now, line.loop.t))
             case Edit("mode", value) if value == scenario_now.mode:
                 pass  # the mode that runs is not begun anew
             case Edit("mode", value):

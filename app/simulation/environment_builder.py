@@ -13,6 +13,7 @@ from environments import robots
 from environments.force_profiles.force_profile import ForceCourse
 from environments.force_profiles.table import course_of as force_course
 from environments.plant import Truth
+from environments.push import TimedPush
 from environments.surfaces import own as own_surfaces
 from environments.surfaces.table import Surface
 from environments.trajectories import own as own_trajectories
@@ -57,6 +58,12 @@ def truth_of(scenario: Scenario, robot: robots.Robot) -> Truth:
         t.disturbance_frequency,
         _torque_limit(t.torque_limit, robot),
     )
+
+
+def push_of(scenario: Scenario) -> TimedPush:
+    """The push by the clock."""
+    t = scenario.truth
+    return TimedPush(t.push, t.push_start, t.push_duration, t.push_every)
 
 
 def _torque_limit(given: float | tuple[float, ...], robot: robots.Robot) -> np.ndarray:

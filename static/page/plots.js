@@ -50,17 +50,35 @@ const relight = (chart) => {
   for (const marker of chart.root.querySelectorAll(".u-legend .u-marker"))
     marker.style.borderColor = onWhite(marker.style.borderColor);
 };
+// Of many decades only so many have a number as there is room for.
+const decades = (plot, at) => {
+  const apart = Math.abs(plot.valToPos(10, "y") - plot.valToPos(1, "y")), every = Math.max(1, Math.ceil(15 / apart));
+  return at.map((v) => (v === null || Math.round(Math.log10(v)) % every ? "" : `${v}`));
+};
+// uPlot knows null for what does not exist, and data arrive as numbers. A gap begins at the last value before it: a
+// logarithmic axis would draw nan as a fall to its foot.
+const gaps = (plot, number, from, to, found) => {
+  const x = plot.data[0], y = plot.data[number], at = (k) => Math.round(plot.valToPos(x[k], "x", true));
+  for (let k = from; k <= to; k++) {
+    if (!Number.isNaN(y[k])) continue;
+    const before = Math.max(from, k - 1);
+    while (k < to && Number.isNaN(y[k + 1])) k++;
+    found.push([at(before), at(Math.min(to, k + 1))]);
+  }
+  return found;
+};
 const listed = new WeakSet();
 const enlist = (entry) => {
   const { chart } = entry;
   if (listed.has(chart)) return entry;
   listed.add(chart);
   (chart.hooks.draw ??= []).push(dim, follow);
+  for (const series of chart.series) series.gaps = gaps;
   // uPlot writes 0 for what is below 0.001
   // uPlot rounds to three decimals, which makes neighbours look alike far from zero
   const digits = (at) => (at.length > 1 ? Math.min(8, Math.max(0, Math.ceil(-Math.log10(at[1] - at[0])) + 1)) : 3);
   chart.axes[1].values = chart.scales.y?.distr === 3
-    ? (_, at) => at.map((v) => (v === null ? "" : `${v}`))
+    ? decades
     : (_, at) => at.map((v) => `${+v.toFixed(digits(at))}`);
   if (document.documentElement.dataset.mantineColorScheme === "light") relight(chart);
   return entry;

@@ -8,6 +8,7 @@ from app.dashboard.widgets.controls import Choice, Control, Desk, Number, Place,
 from app.dashboard.widgets.section_controls import field_controls, kind_choice
 from app.process.own_code import own_code
 from app.scenario.data import shipped
+from app.scenario.schema import Truth
 from app.session.commands import Load
 from app.session.snapshot import Snapshot
 from controllers.modes import MODES
@@ -44,6 +45,8 @@ class TaskPanel:
                 Number(desk, Place("shift.by"), "shifted by [m]"),
                 Number(desk, Place("shift.duration"), "within [s]", decades(0.1, 10)),
             ]
+        with gui.add_folder("Push on the tool"):
+            self._controls += field_controls(desk, "truth", [Truth], {})
 
     async def _load(self, event: viser.GuiEvent) -> None:
         if event.client is not None and self._scenario.value != _EDITED:

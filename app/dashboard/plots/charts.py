@@ -2,8 +2,8 @@
 
 Time runs to the right and ends at now; ahead of it stands the preview, which the page's script makes lighter. The
 script also gives the axis its ends, which stand in the tab's marker (`looking.py`): new scales would build the chart
-anew and lose the user's zoom. A line has gaps (nan) only where a pinned run has no values: canvases
-leave those out.
+anew and lose the user's zoom. A line has gaps (nan) where what it shows does not exist: a pinned run beyond its
+end, a bound under a law without one.
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ from app.analysis.thinning import Grid
 from app.dashboard.theme.colors import Rgb, css
 from app.scenario.units import Units
 from app.session.snapshot import Snapshot
+from app.simulation.controller_builder import law_of
 from app.simulation.recording import Recording
 from app.simulation.system import Coordinate
 
@@ -38,12 +39,15 @@ _RULE = "rgba(128, 128, 128, 0.7)"  # seen on dark and on light
 @dataclass(frozen=True)
 class Setup:
     """What decides which lines there are. normal: the mode controls a normal force; touching: there is something to
-    touch; units: of the task space; coordinate, joint: the chosen ones, counted from 0."""
+    touch; robust: the law has a gain and a bound; bounded: that of some part of the run has; units: of the task
+    space; coordinate, joint: the chosen ones, counted from 0."""
 
     coordinates: tuple[Coordinate, ...]
     joints: tuple[str, ...]
     normal: bool
     touching: bool
+    robust: bool
+    bounded: bool
     units: Units
     coordinate: int
     joint: int
@@ -57,6 +61,8 @@ class Setup:
             joints,
             normal=snapshot.system.m > 0,
             touching=snapshot.scenario.contact.nature.touches,
+            robust=snapshot.system.controller.law.robust,
+            bounded=any(law_of(epoch.scenario).robust for epoch in snapshot.recording.epochs),
             units=snapshot.system.units,
             coordinate=coordinate if coordinate < len(coordinates) else 0,
             joint=joint if joint < len(joints) else 0,
@@ -65,7 +71,8 @@ class Setup:
 
 @dataclass(frozen=True)
 class Line:
-    """One line: its name, its look, and its values from signals, (N,). compared: pinned runs show theirs, too;
+    """One line: its name, its look, and its values from signals, (N,), nan where they are not known and infinite where
+    they do not exist. compared: pinned runs show theirs, too;
     foreseen: it makes sense for a preview's few instants; backdrop: 0 and 1 are the plot's foot and head, and a line
     without width fills what is below; listed: in the legend."""
 
@@ -207,12 +214,15 @@ def _values(rows: Signals, lines: Sequence[Line]) -> np.ndarray:
 
 
 def _bridged(columns: np.ndarray) -> np.ndarray:
-    """(N, k) with a straight line over what is not known, as a chart would draw it; its ends go on level."""
+    """(N, k) with a straight line over what is not known, as a chart would draw it; its ends go on level. What does not
+    exist, which is infinite, becomes nan."""
     points = np.arange(len(columns))
     for column in columns.T:
         known = np.isfinite(column)
-        if known.any() and not known.all():
-            column[~known] = np.interp(points[~known], points[known], column[known])
+        unknown = np.isnan(column)
+        if known.any() and unknown.any():
+            column[unknown] = np.interp(points[unknown], points[known], column[known])
+        column[np.isinf(column)] = np.nan
     return columns
 
 
@@ -300,7 +310,7 @@ def _padded(data: tuple[np.ndarray, ...]) -> tuple[np.ndarray, ...]:
 
 def _axes(drawing: Drawing, *, spectral: bool) -> tuple[uplot.Axis, ...]:
     x = uplot.Axis(size=29, gap=3, space=60, ticks={"size": 5})
-    y = uplot.Axis(size=52, space=26, ticks={"show": drawing.floor is None, "size": 5}, gap=3)
+    y = uplot.Axis(size=52, space=18, ticks={"show": drawing.floor is None, "size": 5}, gap=3)
     if spectral:
         return x, y
     grid: uplot.Axis_Grid = {"show": True, "stroke": _RULE, "width": 1, "dash": (3.0, 3.0)}

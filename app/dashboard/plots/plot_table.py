@@ -151,10 +151,27 @@ def _force_error(setup: Setup) -> Drawing | None:
     return Drawing("normal force error  [N]", lines, at_least=(-0.01, 0.01))
 
 
+def _under_gain(values: Values) -> Values:
+    """The values of periods whose law has a gain d; for the others they do not exist, since s means nothing there."""
+    gain = column("d")
+    return lambda signals: np.where(gain(signals) > 0.0, values(signals), np.inf)
+
+
+def _bound_and_band() -> tuple[Values, Values]:
+    return column("s_bound", 0, 1e3), column("s_band", 0, 1e3)
+
+
+def _s_norm() -> Line:
+    return Line("‖s‖", color(0), _under_gain(column("s_norm", 0, 1e3)), compared=True)
+
+
 def _sliding(setup: Setup) -> Drawing:
+    """s, or under a law without a bound on it how far the arm is from the target model."""
+    if not setup.robust:
+        return _residual(setup)
     lines = [
-        Line("bound (20) + band", BOUND, total(column("s_bound", 0, 1e3), column("s_band", 0, 1e3)), True, 2.0),
-        Line("‖s‖", color(0), column("s_norm", 0, 1e3), compared=True),
+        Line("bound (20) + band", BOUND, _under_gain(total(*_bound_and_band())), True, 2.0),
+        _s_norm(),
     ]
     return Drawing(f"sliding variable  ‖s‖  [{setup.units.rate}]", lines, floor=1e-2)
 
@@ -165,45 +182,58 @@ def _phases() -> list[Line]:
     def spike(signal: str) -> Values:
         return lambda signals: 4.0 * signals[signal] - 1.0
 
+    def sliding(signals: Signals) -> np.ndarray:
+        return np.where(column("d")(signals) > 0.0, 1.0 - signals["reaching"], 0.0)
+
     return [
         Line("reaching", MEASURED, column("reaching"), width=0.0, alpha=0.16, backdrop=True),
-        Line("sliding", DESIRED, lambda s: 1.0 - s["reaching"], width=0.0, alpha=0.07, backdrop=True),
+        Line("sliding", DESIRED, sliding, width=0.0, alpha=0.07, backdrop=True),
         Line("t_r ≤ (18)", BOUND, spike("promised"), width=1.0, alpha=0.9, backdrop=True),
         Line("t_r", DESIRED, spike("measured"), width=1.0, alpha=0.9, backdrop=True),
     ]
 
 
-def _reaching(setup: Setup) -> Drawing:
-    bound, band = column("s_bound", 0, 1e3), column("s_band", 0, 1e3)
+def _reaching(setup: Setup) -> Drawing | None:
+    if not setup.bounded:
+        return None
+    bound, band = _bound_and_band()
     lines = [
         *_phases(),
-        Line("(20)", DESIRED, bound, width=2.0),
-        Line("(20) + band", BOUND, total(bound, band), dashed=True, width=1.4),
-        Line("‖s‖", color(0), column("s_norm", 0, 1e3), compared=True),
+        Line("(20)", DESIRED, _under_gain(bound), width=2.0),
+        Line("(20) + band", BOUND, _under_gain(total(bound, band)), dashed=True, width=1.4),
+        _s_norm(),
     ]
     return Drawing(f"sliding variable  ‖s‖  [{setup.units.rate}]", lines, floor=0.1)
 
 
-def _lyapunov(_: Setup) -> Drawing:
+def _lyapunov(setup: Setup) -> Drawing | None:
+    if not setup.bounded:
+        return None
     lines = [
-        Line("(24)", BOUND, column("V_bound", 0, 1e3), width=2.0),
-        Line("(24) + sampling", BOUND, column("V_limit", 0, 1e3), dashed=True, width=1.4),
-        Line("V", color(0), column("V", 0, 1e3)),
+        Line("(24)", BOUND, _under_gain(column("V_bound", 0, 1e3)), width=2.0),
+        Line("(24) + sampling", BOUND, _under_gain(column("V_limit", 0, 1e3)), dashed=True, width=1.4),
+        Line("V", color(0), _under_gain(column("V", 0, 1e3))),
     ]
     return Drawing("Lyapunov function  V = ½ sᵀH s  [mJ]", lines, floor=1e-3)
 
 
-def _components(setup: Setup) -> Drawing:
+def _components(setup: Setup) -> Drawing | None:
+    if not setup.bounded:
+        return None
     lines = [
-        Line(symbol(coordinate.name), color(i), column("s", i, 1e3)) for i, coordinate in enumerate(setup.coordinates)
+        Line(symbol(coordinate.name), color(i), _under_gain(column("s", i, 1e3)))
+        for i, coordinate in enumerate(setup.coordinates)
     ]
     return Drawing(f"s  [{setup.units.rate}]", lines, at_least=(-0.1, 0.1))
 
 
 def _gain(setup: Setup) -> Drawing:
+    """The gain, or under a law without one the torques."""
+    if not setup.robust:
+        return _torques(setup)
     lines = [
-        Line("needed (17)", BOUND, column("d_required"), dashed=True, width=2.0),
-        Line("d", DESIRED, column("d")),
+        Line("needed (17)", BOUND, _under_gain(column("d_required")), dashed=True, width=2.0),
+        Line("d", DESIRED, _under_gain(column("d"))),
     ]
     return Drawing(f"gain  d  against what (17) needs  [{setup.units.force}]", lines, at_least=(0.0, 1.0))
 
@@ -219,7 +249,9 @@ def needed_stack() -> tuple[list[Line], list[Area]]:
     return lines[: 1 + upwards], areas[:upwards]
 
 
-def _guarantee(setup: Setup) -> Drawing:
+def _guarantee(setup: Setup) -> Drawing | None:
+    if not setup.bounded:
+        return None
     lines, areas = needed_stack()
     lines += [
         Line("d", DESIRED, column("d"), width=2.4),
@@ -235,8 +267,10 @@ def _perturbation(setup: Setup) -> Drawing:
     return Drawing(f"real perturbation, cause by cause  [{setup.units.force}]", lines, at_least=(0.0, 1.0))
 
 
-def _margins(setup: Setup) -> Drawing:
-    d, needed, real = column("d"), column("d_required"), column("perturbation")
+def _margins(setup: Setup) -> Drawing | None:
+    if not setup.bounded:
+        return None
+    d, needed, real = _under_gain(column("d")), column("d_required"), column("perturbation")
     lines = [
         Line("d − needed (17)", BOUND, lambda s: d(s) - needed(s), dashed=True, width=2.0),
         Line("d − real perturbation", DESIRED, lambda s: d(s) - real(s)),
@@ -261,7 +295,9 @@ def _terms(setup: Setup) -> Drawing:
     return Drawing(f"terms of  τ{symbol(f'_{setup.joint + 1}')}  (25)  [N·m]", lines, areas)
 
 
-def _robust_terms(setup: Setup) -> Drawing:
+def _robust_terms(setup: Setup) -> Drawing | None:
+    if not setup.bounded:
+        return None
     lines = [
         Line("−J_qᵀ K_s s", color(4), column("tau_linear", setup.joint)),
         Line("−J_qᵀ d σ(s)", color(5), column("tau_switching", setup.joint)),

@@ -21,6 +21,8 @@ KEYS: dict[str, str] = {
     "P": "pin this run, to compare it with others",
     "R": "begin anew, from t = 0",
     **{str(number): mode.label.lower() for number, mode in enumerate(MODES.values(), start=1)},
+    "L": "swap the law: robust, or computed torque",
+    "B": "push the tool",
     "T": "dark or light",
     "H": "this help, also ?",
 }
