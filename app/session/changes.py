@@ -1,4 +1,4 @@
-"""Changes of a scenario that take along what depends on them: another mode, arm, surface or target model."""
+"""Changes of a scenario that also change what depends on them: another mode, arm, surface or target model."""
 
 from __future__ import annotations
 
@@ -23,9 +23,12 @@ NEAR = 0.03  # m
 
 
 def in_mode(scenario: Scenario, mode_name: str) -> Scenario:
-    """The scenario in another mode, with what that mode cannot keep (target model, contact) set to its defaults.
+    """The scenario in another mode; target model and contact are set to the mode's defaults where the mode cannot keep
+    them.
 
-    Of a path in space a mode on a surface keeps what lies along the surface. Raises ScenarioError for an unknown mode.
+    A mode on a surface keeps the part of a path in space that lies along the surface. Raises ScenarioError for an
+    unknown
+    mode.
     """
     changed = edited(scenario, "mode", mode_name)
     mode = modes.MODES[mode_name]
@@ -40,7 +43,7 @@ def in_mode(scenario: Scenario, mode_name: str) -> Scenario:
 
 
 def _along_surface(scenario: Scenario, changed: Scenario) -> Scenario:
-    """`changed` with a path that its mode can follow: on a surface the displacement's part along the tangents where it
+    """`changed` with a path that its mode can follow: on a surface, the displacement's part along the tangents where it
     has more values than there are tangents, and a circle in the first two coordinates."""
     path, mode = scenario.motion, modes.MODES[changed.mode]
     if not mode.on_surface or modes.MODES[scenario.mode].on_surface:
@@ -53,7 +56,7 @@ def _along_surface(scenario: Scenario, changed: Scenario) -> Scenario:
 
 
 def told(before: Scenario, after: Scenario) -> str:
-    """What of the path a change of mode has not kept: one sentence, "" where it has kept all."""
+    """Sentence on the parts of the path that a change of mode has not kept, "" where it has kept all."""
     if before.mode == after.mode or before.motion == after.motion:
         return ""
     kind, old, new = after.motion.__struct_config__.tag, to_plain(before)["motion"], to_plain(after)["motion"]
@@ -71,9 +74,9 @@ def on_robot(scenario: Scenario, name: str) -> Scenario:
 def with_robot(scenario: Scenario, changes: Mapping[str, object]) -> Scenario:
     """The scenario with other fields of `robot`, by name, None for a default.
 
-    Another arm keeps nothing of the old one's fields nor the scenario's name, another tool frame only the arm; what
-    depends on the number of joints is at its defaults then. In a mode on a surface the surface is brought to where the
-    tool is now. Raises ScenarioError for a field that there is not, and for an arm that cannot be had.
+    Another arm keeps no field of the old one and not the scenario's name; another tool frame keeps only the arm; fields
+    that depend on the number of joints are at their defaults then. In a mode on a surface the surface is brought to the
+    present place of the tool. Raises ScenarioError for an unknown field, and for an arm that cannot be built.
     """
     fields = Robot.__struct_fields__
     if unknown := [name for name in changes if name not in fields]:
@@ -106,7 +109,7 @@ def _title(robot: Robot) -> str:
 
 def on_surface(scenario: Scenario, kind: str) -> Scenario:
     """The scenario with another kind of surface at its defaults, as far from the tool as the one before, but no farther
-    than `NEAR`, and moving as it did; as a formula a wave below the tool, in the world's coordinates.
+    than `NEAR`, and with its motion; as a formula, a wave below the tool, in the world's coordinates.
 
     Raises ScenarioError for an unknown kind.
     """
@@ -120,8 +123,8 @@ def on_surface(scenario: Scenario, kind: str) -> Scenario:
 
 
 def _adapted(scenario: Scenario) -> Scenario:
-    """In a mode on a surface: the surface brought to the tool when it is farther away than `NEAR`, and a circle
-    flattened to a line where an arm has only one direction along the surface."""
+    """The scenario, in a mode on a surface, with the surface brought to the tool when it is farther away than `NEAR`,
+    and a circle flattened to a line where an arm has only one direction along the surface."""
     if not modes.MODES[scenario.mode].on_surface:
         return scenario
     robot, p = _start(scenario)
@@ -135,7 +138,7 @@ def _adapted(scenario: Scenario) -> Scenario:
 
 
 def _start(scenario: Scenario) -> tuple[robots.Robot, np.ndarray]:
-    """The arm, and where its tool begins, (3,) m. Raises ScenarioError for an arm that cannot be had."""
+    """The arm, and the tool's place at the start, (3,) m. Raises ScenarioError for an arm that cannot be built."""
     try:
         robot = robot_of(scenario)
     except RobotError as error:
@@ -146,7 +149,7 @@ def _start(scenario: Scenario) -> tuple[robots.Robot, np.ndarray]:
 def blending_to(scenario: Scenario, other: Scenario, at: float, over: float) -> Scenario:
     """The scenario with a blend to the target model of another one, at and over in s.
 
-    Raises ScenarioError where the other is of another mode, or its model has not as many coordinates.
+    Raises ScenarioError where the other scenario has another mode, or its model has not as many coordinates.
     """
     if other.mode != scenario.mode:
         raise ScenarioError(f"blend.to: a target model of {other.mode} mode; allowed: one of {scenario.mode} mode")
