@@ -18,7 +18,7 @@ from app.session.ghost import Ghost, Shade
 from app.session.snapshot import Snapshot
 
 _ASIDE = np.array([0.0, 0.03, 0.0])  # m: keeps the desired force apart from the measured one
-_GHOST_CELL = 0.01  # m: the translucent arm needs no more detail
+_GHOST_CELL = 0.01  # m: enough detail for the translucent arm
 _GHOST_PAINT = Paint(GHOST, opacity=0.3, coat=0.003)
 
 

@@ -94,7 +94,7 @@ def _refused(names: Names, key: str | None, request: Request) -> Response | None
     protocols = (part.strip() for line in headers.get_all("Sec-WebSocket-Protocol") for part in line.split(","))
     if not all(
         _PROTOCOL.fullmatch(protocol) for protocol in protocols
-    ):  # viser prints other requests on the terminal
+    ):  # viser would print all other requests on the terminal
         return _answer(http.HTTPStatus.BAD_REQUEST, "no protocol of viser's pages; allowed: viser-v and a version")
     return None
 
