@@ -1,4 +1,5 @@
-"""Do the tests see a wrong sign? Mistakes of one line are planted in a copy of the tree, one at a time.
+"""Mutation test: would the tests detect a wrong sign? Mistakes of one line are planted in a copy of the tree, one at a
+time.
 
     python -m benchmarks.mutations                     every row of mutations.toml, half an hour of two cores; writes
                                                        docs/mutations.md
@@ -7,7 +8,7 @@
 
 A row is caught when a test fails, and survives when all of `TESTS` pass; `--tests` names others. There is a copy for
 each core, with a cache of compiled kernels of its own; before each row the kernels of every module that imports the
-changed one are thrown out of it, since numba looks only at a function's own file. Exit status: 0 all caught, 1 some
+changed one are removed from it, since numba looks only at a function's own file. Exit status: 0 all caught, 1 some
 survived, 2 a row does not fit the sources.
 """
 

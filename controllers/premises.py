@@ -231,7 +231,7 @@ class Room(NamedTuple):
 
     @classmethod
     def zeros(cls, n: int) -> Room:
-        """Of n coordinates."""
+        """Memory for n coordinates."""
         return cls(Scratch.zeros(n), Equivalent.zeros(n), RequiredGain.zeros(), np.zeros(n), np.zeros(n), np.zeros(3))
 
 

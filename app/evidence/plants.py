@@ -112,7 +112,7 @@ def situation(robot: str, mode: str, seed: int) -> Scenario:
             "friction_coulomb": 0.0 if rigid else random.uniform(0.0, 0.2),
             "friction_viscous": random.uniform(0.0, 30.0),
         },
-        "sensor": {"ideal": rigid},  # the theorem assumes that F is known; `arms.lag` reads the multiplier a period late
+        "sensor": {"ideal": rigid},  # the theorem assumes F to be known; `arms.lag` reads the multiplier a period late
         "surface": {
             "kind": "plane",
             "origin": [x, y, z - (random.uniform(-0.002, 0.015) if pressed else 0.0)],

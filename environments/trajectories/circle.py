@@ -1,4 +1,4 @@
-"""A circle through the start."""
+"""Circle through the start."""
 
 from __future__ import annotations
 
@@ -42,10 +42,10 @@ class Circle(Trajectory, frozen=True, forbid_unknown_fields=True, tag="circle"):
         return in_plane(self.radius * along_axes[a], self.radius * along_axes[b], self.ramp, 2 * np.pi / self.period)
 
     def on_surface(self, tangents: np.ndarray | None, k: int) -> Trajectory:
-        """In the first two coordinates."""
+        """The circle in the first two coordinates."""
         del tangents
         return replace(self, axes=(0, 1)) if max(self.axes) >= k > 1 else self
 
     def flattened(self) -> Trajectory:
-        """A line."""
+        """The line in its place."""
         return Line(displacement=(2 * self.radius,), period=self.period, ramp=self.ramp)
