@@ -1,4 +1,4 @@
-"""What the `vsmrc` command does: `serve | run | compare | export | figures | list`."""
+"""The `vsmrc` command: `serve | run | compare | export | figures | list`."""
 
 from __future__ import annotations
 
@@ -33,10 +33,10 @@ from controllers.laws import KINDS
 if TYPE_CHECKING:
     from app.analysis.metrics import Metrics
 
-# Each command imports what it alone needs: no other waits for the page's, or the simulation's, libraries.
+# Each command imports its own libraries: no other command waits for those of the page or of the simulation.
 
 DONE, FAULT, BAD_INPUT, STOPPED, BROKEN, UNPROMISED = 0, 1, 2, 3, 4, 5
-FILES = 64 + 2 * Limits().per_session  # open at once in a server for oneself: its own, pages and who is just arriving
+FILES = 64 + 2 * Limits().per_session  # open at once in a server for oneself: its own, pages and new connections
 events = structlog.get_logger()
 Files = Annotated[tyro.conf.UseAppendAction[tuple[Path, ...]], tyro.conf.arg(metavar="FILE.py")]
 Settings = Annotated[
@@ -345,7 +345,7 @@ def _use(files: tuple[Path, ...]) -> None:
 def _configured(name_or_file: str, settings: Settings, duration: float | None = None) -> Scenario:
     scenario = load(name_or_file)
     changes = [_setting(setting) for group in settings for setting in group]
-    # the arm as a whole, and first: everything else may depend on it
+    # the arm first, all its fields at once: everything else may depend on it
     if robot := {path.removeprefix("robot."): value for path, value in changes if path.startswith("robot.")}:
         from app.session.changes import with_robot
 
@@ -368,7 +368,7 @@ def _setting(text: str) -> tuple[str, object]:
 
 
 def _value(text: str) -> object:
-    """A TOML value; anything else is taken as text."""
+    """TOML value of a text; a text that is no TOML value is taken as it is."""
     try:
         return tomllib.loads(f"value = {text}")["value"]
     except (ValueError, RecursionError):
@@ -382,7 +382,7 @@ def _shown(value: object) -> str:
 
 
 def execute(arguments: list[str]) -> int:
-    """The exit status, as `app.__main__` has it. Raises KeyboardInterrupt."""
+    """Exit status of the command with these arguments, as `app.__main__` has it. Raises KeyboardInterrupt."""
     log.configure_as_parent()
     commands = {"serve": serve, "run": run, "compare": compare, "export": export, "figures": figures, "list": list_}
     if not arguments or (arguments[0].startswith("-") and arguments[0] not in ("-h", "--help")):

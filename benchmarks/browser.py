@@ -1,4 +1,4 @@
-"""The page in headless Chromium."""
+"""Page in headless Chromium."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from playwright.sync_api import Browser, Page, ViewportSize, sync_playwright
 from drivers.browser import LAUNCH_ARGS, find_or_install
 
 VIEWPORT: ViewportSize = {"width": 1280, "height": 720}
-RUNNING = "‖s‖ ≤ bound: holds"  # what the page says once it shows the running loop
+RUNNING = "‖s‖ ≤ bound: holds"  # text on the page once it shows the running loop
 
 
 @contextlib.contextmanager
@@ -22,7 +22,7 @@ def chromium() -> Iterator[Browser]:
 
 
 def opened(browser: Browser, url: str, frames: list[bytes | str] | None = None) -> Page:
-    """The page once it shows the running loop; `frames` takes what comes to it over its web socket."""
+    """Page once it shows the running loop; `frames` receives the data of its web socket."""
     page = browser.new_page(viewport=VIEWPORT)
     if frames is not None:
         # a function of ours: playwright sets attributes on it, which `frames.append` does not take

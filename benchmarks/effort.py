@@ -1,4 +1,4 @@
-"""How long the measurements take: all that they need, or just enough to see that they work."""
+"""Effort of the measurements: full, or just enough to see that they work."""
 
 from __future__ import annotations
 
@@ -6,8 +6,12 @@ from typing import NamedTuple
 
 
 class Effort(NamedTuple):
-    """rounds of `steps` steps; seconds of the page's traffic, of pacing and of dragging; slider messages; starts;
-    simulated minutes between two looks at the memory, of which there are six."""
+    """Effort of the measurements.
+    rounds, steps: rounds of `steps` steps.
+    traffic, pacing, drag: seconds of the page's traffic, of pacing and of dragging.
+    messages: of the slider.
+    starts: of the program.
+    minutes: simulated, between two looks at the memory, of which there are six."""
 
     rounds: int
     steps: int

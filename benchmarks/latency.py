@@ -1,6 +1,6 @@
-"""From a slider's message to the first control step that uses it.
+"""Latency from a slider's message to the first control step that uses it.
 
-A bare client sends the message as the page would, so that the moment of sending is known, while the page is open too
+A bare client sends the message as the page would, so that the moment of sending is known, while the page is open, too
 (or not). The server notes when the first step with the new value has been computed.
 """
 
@@ -25,7 +25,7 @@ GRACE = 1.0  # s: the last message's step is computed by then
 
 
 def measure(effort: Effort) -> Table:
-    """The table of latencies."""
+    """Table of latencies."""
     rows = []
     with served(SCENARIO) as dashboard, visit(dashboard.url) as visitor:
         visitor.tick("Preview", False)  # with previews a slider is applied only when it is let go
@@ -37,7 +37,7 @@ def measure(effort: Effort) -> Table:
 
 
 def _latencies(dashboard: Served, visitor: Visitor, count: int) -> np.ndarray:
-    """(count,) s. A message that a later one overtakes in the server's queue is used where that one is.
+    """Latencies (count,) s. A message that a later one overtakes in the server's queue is used together with that one.
 
     Raises RuntimeError when the last one was not used.
     """

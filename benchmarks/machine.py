@@ -1,4 +1,4 @@
-"""What the numbers were measured on."""
+"""Description of the machine on which the numbers were measured."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def describe() -> str:
 
 
 def _after(file: Path, key: str) -> str | None:
-    """The value of the first line `key : value`, None where there is no such file or line."""
+    """Value of the first line `key : value`, None where there is no such file or line."""
     if not file.exists():
         return None
     lines = file.read_text(encoding="utf-8").splitlines()

@@ -16,7 +16,7 @@ LOOKS = 6
 
 
 def measure(effort: Effort) -> Table:
-    """The table of memory. Raises RuntimeError when the loop stopped."""
+    """Table of memory. Raises RuntimeError when the loop stopped."""
     with served(SCENARIO, speed=FASTEST) as dashboard:
         began, first = time.perf_counter(), dashboard.state()
         looks = tqdm(range(1, LOOKS + 1), desc="simulated hour", leave=False, disable=None)

@@ -1,13 +1,13 @@
-"""The same arm, the same task, in MuJoCo: physics alone, and under an operational-space controller in Python.
+"""Comparison with MuJoCo on the same arm and task: physics alone, and under an operational-space controller in Python.
 
 The arm is built from the same URDF, with the same rotor inertias and the same 15 % too heavy links as the scenario's
-true arm, and is held to Pinocchio's mass matrix and bias forces before anything is measured. The elastic plane is an
-actuator that pushes the tool's site up with max(0, K_e phi): MuJoCo's own contacts are soft constraints whose stiffness
-depends on the inertia behind them and cannot be set in N/m. This is exact, and cheaper than a contact: no collision
-detection, no solver.
+true arm, and is compared with Pinocchio's mass matrix and bias forces before anything is measured. The elastic plane is
+an actuator that pushes the tool's site up with max(0, K_e phi): MuJoCo's own contacts are soft constraints whose
+stiffness depends on the inertia behind them and cannot be set in N/m. This is exact, and cheaper than a contact: no
+collision detection, no solver.
 
 The controller is Khatib's: decoupled dynamics along the circle and about the tool's axes, a force with an integral
-along the normal. It knows the true arm, and neither bounds its error nor records anything, as ours does.
+along the normal. It knows the true arm, and neither bounds its error nor records anything, unlike ours.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ Law = Callable[["Press"], Callable[[], np.ndarray]]
 
 
 class Press:
-    """The UR5 over the elastic plane, the circle and the force that the scenario asks for."""
+    """The UR5 over the elastic plane, with the circle and the force of the scenario."""
 
     def __init__(self, system: System) -> None:
         scenario = system.scenario
@@ -63,17 +63,18 @@ class Press:
         self.missing = 0.0  # N s, integral of the force error
 
     def step(self, law: Callable[[], np.ndarray]) -> None:
-        """Control, then physics."""
+        """Compute the control, then the physics."""
         self.data.ctrl[: self.n] = law()
         mujoco.mj_step(self.model, self.data)
 
     def reading(self) -> float:
-        """The normal force, N."""
+        """Normal force, N."""
         return self.data.actuator_force[self.n]
 
 
 def contenders(system: System) -> dict[str, Call]:
-    """Each a step of its own arm, settled. Raises RuntimeError when one does not follow the circle with the force."""
+    """Functions that each make a step of their own arm, settled. Raises RuntimeError when one does not follow the
+    circle with the force."""
     laws: dict[str, Law] = {
         "MuJoCo + operational space, plain numpy": plain,
         "MuJoCo + operational space, LAPACK directly": tuned,
@@ -83,7 +84,7 @@ def contenders(system: System) -> dict[str, Call]:
 
 
 def physics(system: System) -> Call:
-    """`mj_step` with the torque that holds the arm up."""
+    """Function that calls `mj_step` with the torque that holds the arm up."""
     press = Press(system)
     model, data = press.model, press.data
     data.ctrl[: press.n] = data.qfrc_bias
@@ -95,7 +96,7 @@ def physics(system: System) -> Call:
 
 
 def plain(press: Press) -> Callable[[], np.ndarray]:
-    """tau as MuJoCo's users write it: numpy, with the arrays that MuJoCo fills made once."""
+    """Law tau as MuJoCo's users write it: numpy, with the arrays that MuJoCo fills made once."""
     model, data = press.model, press.data
     jacobian, M = np.zeros((6, press.n)), np.zeros((press.n, press.n))
     quat, conjugate, away, turn = np.zeros(4), np.zeros(4), np.zeros(4), np.zeros(3)
@@ -126,7 +127,7 @@ def plain(press: Press) -> Callable[[], np.ndarray]:
 
 
 def tuned(press: Press) -> Callable[[], np.ndarray]:
-    """The same equations with LAPACK called directly, every view fetched once and nothing allocated twice."""
+    """Law of `plain` with LAPACK called directly, every view fetched once and nothing allocated twice."""
     model, data = press.model, press.data
     jacobian, M = np.zeros((6, press.n)), np.zeros((press.n, press.n))
     linear, angular = jacobian[:3], jacobian[3:]
@@ -161,7 +162,7 @@ def tuned(press: Press) -> Callable[[], np.ndarray]:
 
 
 def compiled(press: Press) -> Callable[[], np.ndarray]:
-    """The same equations in one numba function: what our own step does."""
+    """Law of `plain` in one numba function, as our own step is."""
     model, data = press.model, press.data
     jacobian, M = np.zeros((6, press.n)), np.zeros((press.n, press.n))
     linear, angular = jacobian[:3], jacobian[3:]

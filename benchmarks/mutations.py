@@ -1,4 +1,5 @@
-"""Do the tests see a wrong sign? Mistakes of one line are planted in a copy of the tree, one at a time.
+"""Mutation test: would the tests detect a wrong sign? Mistakes of one line are planted in a copy of the tree, one at a
+time.
 
     python -m benchmarks.mutations                     every row of mutations.toml, half an hour of two cores; writes
                                                        docs/mutations.md
@@ -7,7 +8,7 @@
 
 A row is caught when a test fails, and survives when all of `TESTS` pass; `--tests` names others. There is a copy for
 each core, with a cache of compiled kernels of its own; before each row the kernels of every module that imports the
-changed one are thrown out of it, since numba looks only at a function's own file. Exit status: 0 all caught, 1 some
+changed one are removed from it, since numba looks only at a function's own file. Exit status: 0 all caught, 1 some
 survived, 2 a row does not fit the sources.
 """
 
@@ -35,7 +36,7 @@ from app.process.markdown import Table
 ROOT = Path(__file__).parents[1]
 PACKAGES = ("app", "controllers", "environments", "kernels", "parameters")
 FOLDERS = (*PACKAGES, "static", "tests", "benchmarks", "drivers")
-# the quick ones, sharpest first: a row costs as much as what comes before the first test that fails
+# the quick ones, sharpest first: a row costs as much as the tests before the first one that fails
 TESTS = (
     "tests/simulation/test_independent.py",
     "tests/controllers/test_paper.py",
@@ -57,8 +58,8 @@ CAUGHT, SURVIVED = "caught", "SURVIVED"
 
 
 class Mutation(NamedTuple):
-    """A mistake: in `file`, `old`, which stands there exactly once, becomes `new`. `first` is the test file, without
-    "test_", that should see it soonest, "" for the one with the name of `file`."""
+    """A mistake: in `file`, `old`, which occurs there exactly once, becomes `new`. `first` is the test file, without
+    "test_", that should detect it soonest, "" for the one with the name of `file`."""
 
     meaning: str
     file: str
@@ -68,14 +69,14 @@ class Mutation(NamedTuple):
 
 
 def table() -> tuple[Mutation, ...]:
-    """The rows of `mutations.toml`."""
+    """Rows of `mutations.toml`."""
     files = tomllib.loads(Path(__file__).with_suffix(".toml").read_text(encoding="utf-8"))
     return tuple(Mutation(meaning, file, *row) for file, rows in files.items() for meaning, row in rows.items())
 
 
 @dataclass(frozen=True)
 class Verdict:
-    """What became of a row."""
+    """Verdict on a row."""
 
     mutation: Mutation
     result: str  # CAUGHT, SURVIVED
@@ -87,7 +88,7 @@ class Verdict:
 
 
 def misfits(rows: tuple[Mutation, ...]) -> list[str]:
-    """Rows whose old text does not stand exactly once in the sources."""
+    """Rows whose old text does not occur exactly once in the sources."""
     counts = {m: (ROOT / m.file).read_text(encoding="utf-8").count(m.old) for m in rows}
     return [f"{m.file}: {m.old!r} ({m.meaning}) stands {n} times" for m, n in counts.items() if n != 1]
 
@@ -118,7 +119,7 @@ class Copy:
         shutil.copy2(ROOT / "pyproject.toml", self.tree)
 
     def run(self, kernels: Path, first: str = "") -> subprocess.CompletedProcess[str]:
-        """The tests, those named after `first` before the others, up to the first failure."""
+        """Run the tests, those named after `first` before the others, up to the first failure."""
         environment = os.environ | {
             "NUMBA_CACHE_DIR": str(kernels), "PYTHONDONTWRITEBYTECODE": "1", "PYTHONPATH": str(self.tree),
             "OMP_NUM_THREADS": "1",
@@ -161,7 +162,7 @@ class Copy:
 
 
 def verdicts(rows: tuple[Mutation, ...], tests: tuple[str, ...], jobs: int) -> Iterator[Verdict]:
-    """In the order of the rows, as they become known."""
+    """Verdicts in the order of the rows, as they become known."""
     with tempfile.TemporaryDirectory(prefix="mutations-") as folder, ThreadPoolExecutor(jobs) as pool:
         copies = [Copy(Path(folder) / str(number), tests) for number in range(jobs)]
         idle: SimpleQueue[Copy] = SimpleQueue()
@@ -179,7 +180,7 @@ def verdicts(rows: tuple[Mutation, ...], tests: tuple[str, ...], jobs: int) -> I
 
 
 def page(found: list[Verdict]) -> str:
-    """docs/mutations.md."""
+    """Text of docs/mutations.md."""
     rows = [(f"`{v.mutation.file}`", v.mutation.meaning, v.result, f"`{v.by}`" if v.by else "") for v in found]
     caught = sum(verdict.result == CAUGHT for verdict in found)
     return f"""# Planted mistakes

@@ -1,4 +1,4 @@
-"""Is 1 kHz held? Rate and lateness of the control steps, with and without a page.
+"""Pacing at 1 kHz: rate and lateness of the control steps, with and without a page.
 
 The lateness of a step is the wall time at which it has been computed minus the time at which it was due.
 """
@@ -19,7 +19,7 @@ SETTLE = 3.0  # s
 
 
 def measure(effort: Effort) -> Table:
-    """The table of paces. Raises RuntimeError when the loop stopped."""
+    """Table of paces. Raises RuntimeError when the loop stopped."""
     with served(SCENARIO) as dashboard:
         rows = [("without a page", *_held(dashboard, effort.pacing))]
         with chromium() as browser:

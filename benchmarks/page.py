@@ -1,4 +1,4 @@
-"""What the page gets and draws: frames, messages and bytes per second."""
+"""Traffic and drawing of the page: frames, messages and bytes per second."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _COUNT_FRAMES = """
 
 
 def measure(effort: Effort) -> Table:
-    """The table of the page's traffic."""
+    """Table of the page's traffic."""
     frames: list[bytes | str] = []
     with served(SCENARIO) as dashboard, chromium() as browser:
         page = opened(browser, dashboard.url, frames)

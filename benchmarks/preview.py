@@ -1,6 +1,6 @@
-"""What-if previews on this machine: redraws a second while a slider is dragged, and what that does to the running loop.
+"""What-if previews on this machine: redraws a second while a slider is dragged, and their effect on the running loop.
 
-No browser: the page's controls, its plots and its drawing rate are there, and nobody looks.
+No browser: the page's controls, its plots and its drawing rate are there, and no page is open.
 """
 
 from __future__ import annotations
@@ -28,12 +28,12 @@ from benchmarks.effort import Effort
 
 SCENARIOS = ("ur5-hybrid", "panda-hybrid", "ur5-constrained")
 CLIENT = 1
-MOVEMENT = 0.05  # s between two movements of the slider: what the browser sends at most
+MOVEMENT = 0.05  # s between two movements of the slider: the browser sends no faster
 LOOK = 0.001  # s between two looks at how far the loop is
 
 
 class Pace(NamedTuple):
-    """How a running loop keeps up: simulated seconds per second, and lateness of its control periods in ms."""
+    """Pace of a running loop: simulated seconds per second, and lateness of its control periods in ms."""
 
     rate: float
     late_median: float
@@ -42,9 +42,12 @@ class Pace(NamedTuple):
 
 
 class PreviewFigures(NamedTuple):
-    """first: s from the first movement to the first drawing, with the process warm; redraws per second while the
-    slider moves; reach: median s ahead that these drew; settled: s from the last movement to the whole horizon; pace
-    of the running loop before and during the drag."""
+    """Figures of previews.
+    first: s from the first movement to the first drawing, with the process warm.
+    redraws: per second while the slider moves.
+    reach: median s ahead that these drew.
+    settled: s from the last movement to the whole horizon.
+    alone, dragging: pace of the running loop before and during the drag."""
 
     first: float
     redraws: float
@@ -56,7 +59,7 @@ class PreviewFigures(NamedTuple):
 
 @dataclass
 class _Page:
-    """What the dashboard does for a page, frame by frame, while the loop runs on."""
+    """Work of the dashboard for a page, frame by frame, while the loop runs on."""
 
     runner: Runner
     whatif: WhatIf
@@ -64,7 +67,7 @@ class _Page:
     viewing: Viewing
 
     def watch(self, seconds: float, *, drag: bool) -> tuple[Pace, list[tuple[float, float]]]:
-        """Draw for that long; returns the pace, and of every preview drawn the time (s) and how far it looks (s)."""
+        """Draw for that long; returns the pace, and of every preview drawn the time (s) and its span ahead (s)."""
         recording, period = self.runner.snapshot.recording, self.runner.snapshot.scenario.controller.period
         began = time.perf_counter()
         moved = framed = refreshed = -math.inf
@@ -93,7 +96,7 @@ class _Page:
 
 
 def measure(effort: Effort) -> Table:
-    """The table of previews."""
+    """Table of previews."""
     figures = [dragged(scenario, effort.drag) for scenario in SCENARIOS]
     rows = [
         ("redraws per s while dragging", *(f"{f.redraws:.1f}" for f in figures)),

@@ -1,4 +1,4 @@
-"""docs/performance.md, written only from a complete run."""
+"""Report docs/performance.md, written only from a complete run."""
 
 from __future__ import annotations
 
@@ -13,6 +13,6 @@ WRITTEN = Path(__file__).parents[1] / "docs" / "performance.md"
 
 
 def page(machine: str, tables: Mapping[str, Table]) -> str:
-    """The text of docs/performance.md. Raises KeyError when a table is missing."""
+    """Text of docs/performance.md. Raises KeyError when a table is missing."""
     shown = {name: table.markdown() for name, table in tables.items()}
     return Template(TEMPLATE.read_text(encoding="utf-8")).substitute(shown, machine=machine)

@@ -29,5 +29,5 @@ def microseconds(call: Call, steps: int) -> float:
 
 
 def ratio(times: list[float], to: list[float]) -> float:
-    """Median of the ratios round by round: what both rounds share, the machine's mood, cancels."""
+    """Median of the ratios round by round: effects on both rounds, such as the machine's speed, cancel."""
     return median(a / b for a, b in zip(times, to, strict=True))

@@ -1,4 +1,4 @@
-"""A dashboard in a fresh process, as `vsmrc serve` makes it, that can be asked how it fares."""
+"""Dashboard in a fresh process, as `vsmrc serve` makes it, that can be asked for its state."""
 
 from __future__ import annotations
 
@@ -25,7 +25,11 @@ from app.simulation.closed_loop import ClosedLoop
 
 
 class State(NamedTuple):
-    """t: simulated, s; reason: why the loop stopped, if it did; resident memory, bytes; processor time, s;
+    """State of the dashboard.
+    t: simulated, s.
+    reason: why the loop stopped, if it did.
+    resident: memory, bytes.
+    processor: time, s.
     rows: recorded and still kept."""
 
     t: float
@@ -43,7 +47,8 @@ class Use(NamedTuple):
 
 
 class Served:
-    """The parent's end. Times are those of `time.perf_counter`, one clock for all processes of a Linux machine."""
+    """The parent's end of the connection. Times are those of `time.perf_counter`, one clock for all processes of a
+    Linux machine."""
 
     def __init__(self, connection: Connection, pid: int) -> None:
         self._connection = connection
@@ -54,7 +59,7 @@ class Served:
         return State(*self._asked("state"))
 
     def lateness(self, since: float) -> np.ndarray:
-        """Of every control step since that wall time, s."""
+        """Lateness of every control step since that wall time, s."""
         return self._asked("lateness", since)
 
     def uses(self) -> list[Use]:
@@ -73,7 +78,7 @@ class Served:
 
 @contextlib.contextmanager
 def served(scenario: str, speed: float = 1.0) -> Iterator[Served]:
-    """Runs while the context lasts."""
+    """Context in which the dashboard runs."""
     context = multiprocessing.get_context("spawn")
     ours, theirs = context.Pipe()
     process = context.Process(target=_serve, args=(theirs, scenario, speed), daemon=True)
@@ -87,7 +92,7 @@ def served(scenario: str, speed: float = 1.0) -> Iterator[Served]:
 
 
 def _noting(uses: list[tuple[float, float]]) -> type[ClosedLoop]:
-    """A loop that notes when the first step with another desired force has been computed."""
+    """Class of a loop that notes when the first step with another desired force has been computed."""
 
     class Noting(ClosedLoop):
         seen = np.nan
@@ -116,7 +121,7 @@ def _serve(connection: Connection, scenario: str, speed: float) -> None:
 
 
 def _answer(connection: Connection, runner: Runner, uses: list[tuple[float, float]], close: Callable[[], None]) -> None:
-    """Until the parent is gone."""
+    """Answer questions until the parent is gone."""
     with contextlib.suppress(EOFError):
         while True:
             match connection.recv():

@@ -1,7 +1,7 @@
-"""How many sessions one machine holds at 1 kHz, what each costs, and how soon a visitor has a page.
+"""Number of sessions that one machine can run at 1 kHz, the cost of each, and the time until a visitor has a page.
 
-The server is `vsmrc serve --shared`; every session is looked at by one page that takes all that it is sent but draws
-nothing; a browser is somebody else's machine.
+The server is `vsmrc serve --shared`; every session is looked at by one page that receives everything but draws
+nothing; a browser would run on another machine.
 """
 
 from __future__ import annotations
@@ -32,8 +32,11 @@ _TICKS = os.sysconf("SC_CLK_TCK")
 
 
 class Fared(NamedTuple):
-    """Of a number of sessions: share of real time and median lateness (ms) of the one that fared worst; processor's
-    share of a session and of the gateway, memory of a session in MB; seconds to the page with the spare and without."""
+    """Result for a number of sessions.
+    realtime, late: share of real time and median lateness (ms) of the worst session.
+    session, gateway: processor's share of a session and of the gateway.
+    memory: of a session, MB.
+    spared, started: seconds to the page with the spare process and without."""
 
     realtime: float
     late: float
@@ -45,7 +48,8 @@ class Fared(NamedTuple):
 
 
 def measure(effort: Effort) -> Table:
-    """The table of sessions; for each number of cores up to the first number of sessions that is not held."""
+    """Table of sessions; for each number of cores up to the first number of sessions that the machine cannot run in
+    real time."""
     if (compiling := precompile.start()) is not None:  # else every server would compile in the background
         compiling.wait()
     rows = []
@@ -85,7 +89,7 @@ def measure(effort: Effort) -> Table:
 
 @contextmanager
 def _served(number: int, places: int) -> Iterator[Server]:
-    """On so many cores; who looks at it may use all."""
+    """Context of a server on so many cores; its pages may use all."""
     every = os.sched_getaffinity(0)
     os.sched_setaffinity(0, sorted(every)[:number])  # which processes inherit
     with ExitStack() as stack:
@@ -126,7 +130,7 @@ def _fared(number: int, count: int, seconds: float) -> Fared:
 
 
 def arrived(port: int) -> str:
-    """The link of a new session, once its page is there."""
+    """Link of a new session, once its page is there."""
     connection = http.client.HTTPConnection("127.0.0.1", port, timeout=PATIENCE)
     connection.request("GET", "/")
     (answer := connection.getresponse()).read()
@@ -140,7 +144,7 @@ def arrived(port: int) -> str:
 
 
 def late(page: Visitor) -> float:
-    """Median lateness of its control steps, ms, as the status line has it."""
+    """Median lateness of the page's control steps, ms, as the status line shows it."""
     found = [re.search(r"late by ([\d.]+) ms", html) for html in page.html.values() if "vs-status" in html]
     return max((float(match[1]) for match in found if match), default=float("nan"))
 
@@ -152,7 +156,7 @@ def _first(server: Server) -> int:
 
 
 def _at_rest(pid: int) -> None:
-    """Until the process has nothing to do any more."""
+    """Wait until the process is idle."""
     used = -1.0
     while (now := _used(pid)) - used > 0.02:
         used = now

@@ -1,7 +1,8 @@
-"""Visitors come, drag, switch and go for hours: what the server's process holds meanwhile, how late its loop is.
+"""Soak test: visitors come, drag, switch and go for hours; measured are the resources of the server's process and the
+lateness of its loop.
 
     python -m benchmarks.soak                    an hour with eight visitors; writes docs/reliability.md's last part
-    python -m benchmarks.soak --minutes 10       what the weekly checks run; exit status 1 when something grows
+    python -m benchmarks.soak --minutes 10       as in the weekly checks; exit status 1 when something grows
 
 A visitor is a headless client that speaks viser's protocol (`benchmarks.visitor`): it stays for a while, drags sliders,
 types numbers, changes mode and arm, pauses, resets, pins, and leaves, now and then in the middle of a drag and without
@@ -49,8 +50,12 @@ BLUE, ORANGE, GREEN, GREY = (66, 135, 245), (230, 159, 0), (0, 158, 115), (120, 
 
 @dataclass(frozen=True)
 class Look:
-    """At `minute`: resident memory, bytes; threads; open files; of the interval before it: control steps per second,
-    lateness p50, p99 and largest, s; how many visits have begun; why the loop stands, if it does."""
+    """State at `minute`.
+    resident: memory, bytes.
+    threads, files: number of threads, and of open files.
+    rate, late: in the interval before: control steps per second, and lateness p50, p99 and largest, s.
+    visits: number of visits begun.
+    reason: why the loop has stopped, if it has."""
 
     minute: float
     resident: int
@@ -99,7 +104,7 @@ class Crowd:
 
 
 def act(visitor: Visitor, chance: random.Random) -> None:
-    """One of the things that people do."""
+    """Do one of the things that people do."""
     match chance.choices(tuple(OFTEN), tuple(OFTEN.values()))[0]:
         case "drag":
             visitor.drag(chance.choice((FORCE, STIFFNESS)), chance)
@@ -120,7 +125,7 @@ def act(visitor: Visitor, chance: random.Random) -> None:
 
 
 def soak(minutes: float, clients: int, every: float, seed: int) -> tuple[list[Look], list[str]]:
-    """What was seen every so many minutes, and what went wrong with a visitor."""
+    """States every so many minutes, and failures of visitors."""
     looks = []
     with served(SCENARIO) as dashboard:
         crowd = Crowd([dashboard.url], clients, seed)
@@ -148,7 +153,7 @@ def _look(dashboard: Served, minute: float, since: float, visits: int) -> Look:
 
 
 def grown(looks: Sequence[object], names: Sequence[str] = ("resident", "threads", "files")) -> list[str]:
-    """What was clearly more at the end than in the middle, each at the quietest look."""
+    """Quantities that were clearly more at the end than in the middle, each at the quietest look."""
     half = len(looks) // 2
     middle, end = looks[half // 2 : half + 1], looks[half + (len(looks) - half) // 2 :]
     found = []
@@ -160,7 +165,7 @@ def grown(looks: Sequence[object], names: Sequence[str] = ("resident", "threads"
 
 
 def page(looks: list[Look], failures: list[str], clients: int, described: str) -> str:
-    """The part of docs/reliability.md."""
+    """Text of its part of docs/reliability.md."""
     last = looks[-1]
     rows = [
         (
@@ -194,7 +199,7 @@ arm or mode, which is built between two steps, makes the steps after it late, an
 
 
 def picture(looks: list[Look]) -> bytes:
-    """SVG."""
+    """Picture of the results (SVG)."""
     minutes = np.array([look.minute for look in looks])
 
     def curve(name: str, color: tuple[int, int, int], values: list[float]) -> Curve:

@@ -1,7 +1,8 @@
-"""Visitors come and go for hours at a server for an audience: what its gateway and its sessions hold meanwhile.
+"""Soak test of a server for an audience: visitors come and go for hours; measured are the resources of its gateway and
+its sessions.
 
     python -m benchmarks.soak_shared                 an hour; writes its part of docs/reliability.md
-    python -m benchmarks.soak_shared --minutes 10    what the weekly checks run; exit status 1 when something grows
+    python -m benchmarks.soak_shared --minutes 10    as in the weekly checks; exit status 1 when something grows
 
 The server is `vsmrc serve --shared`, each session is watched by one page that stays, and the visitors are those of
 `benchmarks.soak`, each time with one of the sessions.
@@ -35,8 +36,11 @@ HELD = ("gateway", "sessions", "threads", "files", "processes")
 
 @dataclass(frozen=True)
 class Look:
-    """At `minute`: resident memory of the gateway and of all processes of sessions, bytes; threads, files and
-    processes of all; median lateness of control steps by the status lines, s, worst; how many visits have begun."""
+    """State at `minute`.
+    gateway, sessions: resident memory of the gateway and of all processes of sessions, bytes.
+    threads, files, processes: number of all of them.
+    late: median lateness of control steps by the status lines, s, worst.
+    visits: number of visits begun."""
 
     minute: float
     gateway: int
@@ -49,7 +53,7 @@ class Look:
 
 
 def soak(minutes: float, sessions: int, clients: int, every: float, seed: int) -> tuple[list[Look], list[str]]:
-    """What was seen every so many minutes, and what went wrong with a visitor."""
+    """States every so many minutes, and failures of visitors."""
     looks = []
     with serving("--shared", "--max-sessions", str(sessions), lines=2, fps=30) as server, ExitStack() as stack:
         urls, watchers = [], list[Visitor]()
@@ -66,7 +70,7 @@ def soak(minutes: float, sessions: int, clients: int, every: float, seed: int) -
 
 
 def _watched(url: str) -> str:
-    """The link to watch a session, of which this is the one to steer."""
+    """Link to watch a session, from the link to steer it."""
     with urlopen(f"{url}about") as about:
         return urljoin(url, json.load(about)["links"]["watch"])
 
@@ -94,7 +98,7 @@ def _held(pid: int) -> tuple[int, int, int] | None:
 
 
 def page(looks: list[Look], failures: list[str], sessions: int, clients: int, described: str) -> str:
-    """The part of docs/reliability.md."""
+    """Text of its part of docs/reliability.md."""
     last = looks[-1]
     rows = [
         (

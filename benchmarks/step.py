@@ -1,4 +1,5 @@
-"""One control period of every scenario, beside the bare Pinocchio calls that it needs and beside MuJoCo."""
+"""Time of one control period of every scenario, beside that of the bare Pinocchio calls that it needs and that of
+MuJoCo."""
 
 from __future__ import annotations
 
@@ -16,15 +17,16 @@ from benchmarks.effort import Effort
 from benchmarks.rounds import Call, interleaved, ratio
 
 SCENARIOS = ("ur5-hybrid", "ur5-motion", "ur5-constrained", "panda-hybrid", "planar2r-semicircle", "planar3r-hybrid")
-OURS = "ur5-hybrid"  # the task that MuJoCo is given too
+OURS = "ur5-hybrid"  # the task that MuJoCo gets, too
 FLOOR = "bare pin calls of "
 WARM = 300  # steps before the first round
 
 
 def bare_calls(loop: ClosedLoop) -> Call:
-    """What Pinocchio must do in one period of this loop: Coriolis, with which the mass comes, and placements for the
-    law; for the plant mass and bias, the tool's Jacobian where it touches something, and on a rigid surface the
-    Jacobian's rate, and mass and Jacobian once more at the next posture, which is moved onto it and looked at again."""
+    """Function with all of Pinocchio's calls of one period of this loop: Coriolis, with which the mass comes, and
+    placements for the law; for the plant mass and bias, the tool's Jacobian where it touches something, and on a rigid
+    surface the Jacobian's rate, and mass and Jacobian once more at the next posture, which is moved onto the surface
+    and evaluated again."""
     robot = loop.system.robot
     model, data = robot.model, robot.model.createData()
     true, true_data = loop.system.plant.model, loop.system.plant.model.createData()
@@ -59,7 +61,7 @@ def bare_calls(loop: ClosedLoop) -> Call:
 
 
 def measure(effort: Effort) -> Table:
-    """The table of steps. Raises RuntimeError when a run stopped or did not do its task."""
+    """Table of steps. Raises RuntimeError when a run stopped or did not do its task."""
     loops = {name: ClosedLoop(load(name)) for name in SCENARIOS}
     calls: dict[str, Call] = {}
     for name, loop in tqdm(loops.items(), desc="compiling", leave=False, disable=None):

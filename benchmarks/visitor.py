@@ -1,4 +1,4 @@
-"""A headless client that speaks viser's protocol itself: it reads the page's controls and acts as the page would."""
+"""Headless client that speaks viser's protocol itself: it reads the page's controls and acts as the page would."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ SEEN = 1.0  # s, after which the status line shows what has been done
 
 
 class Visitor:
-    """Connected while the context of `visit` lasts. What the server sends is read all the time."""
+    """A visitor, connected while the context of `visit` lasts. Messages of the server are read all the time."""
 
     def __init__(self, connection: Connection) -> None:
         self._connection = connection
@@ -34,16 +34,16 @@ class Visitor:
         self._send(CAMERA)
 
     def slider(self, label: str) -> str:
-        """The identifier of the slider in the row with this label: the two are in one form."""
+        """Identifier of the slider in the row with this label: the two are in one form."""
         row = self._find("GuiTextMessage", label)["container_uuid"]
         return self._wait(lambda w: w["type"] == "GuiSliderMessage" and w["container_uuid"] == row, label)["uuid"]
 
     def move(self, slider: str, to: float) -> None:
-        """To a place between 0 and 1."""
+        """Move a slider to a place between 0 and 1."""
         self._update(slider, to)
 
     def drag(self, label: str, chance: random.Random) -> None:
-        """Over half of the range, and let go."""
+        """Drag a slider over half of its range, and let go."""
         slider, start = self.slider(label), chance.uniform(0.1, 0.6)
         for k in range(DRAG):
             self.move(slider, start + 0.4 * k / DRAG)
@@ -51,7 +51,7 @@ class Visitor:
         self._update(self._find("GuiTextMessage", label)["uuid"], RELEASED)
 
     def type(self, label: str, text: str) -> None:
-        """Into the row with this label, with Enter."""
+        """Type into the row with this label, with Enter."""
         self._update(self._find("GuiTextMessage", label)["uuid"], text + COMMIT)
 
     def choose(self, label: str, option: str) -> None:
@@ -61,24 +61,24 @@ class Visitor:
         self._update(self._find("GuiCheckboxMessage", label)["uuid"], value)
 
     def press(self, label: str, button: str) -> None:
-        """One of a group of buttons."""
+        """Press one of a group of buttons."""
         self._update(self._find("GuiButtonGroupMessage", label)["uuid"], button)
 
     def play(self) -> None:
-        """If the status line says that the run stands paused: two who pause at once may leave it so."""
+        """Play if the status line says that the run is paused: two visitors who pause at once may leave it so."""
         time.sleep(SEEN)
         if any("vs-status" in html and ">paused<" in html for html in list(self._html.values())):
             self.press("Run", "play / pause")
 
     def vanish(self) -> None:
-        """Without a word, as a machine does that is switched off."""
+        """Disconnect without a word, as a machine does that is switched off."""
         self._connection.socket.shutdown(socket.SHUT_RDWR)
 
     def _find(self, kind: str, label: str) -> dict:
         return self._wait(lambda w: w["type"] == kind and w["props"].get("label") == label, label)
 
     def _wait(self, is_it: Callable[[dict], bool], what: str) -> dict:
-        """The widget, once the server has sent it. Raises TimeoutError."""
+        """Widget, once the server has sent it. Raises TimeoutError."""
         with self._received:
             found = self._received.wait_for(lambda: next(filter(is_it, self._widgets.values()), None), timeout=60.0)
         if found is None:

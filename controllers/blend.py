@@ -1,11 +1,11 @@
-"""From one target model (8) to another: the convex blend between them, and a certificate that it stays stable.
+"""Blend from one target model (8) to another: the convex blend between them, and a certificate that it stays stable.
 
 Blended are M_m^-1, M_m^-1 B_m, M_m^-1 K_m and M_m^-1 K_f, since only the last three act in (13) and in the motion.
 M_m itself scales the residual of (8) and nothing else; with M_m^-1 blended, too, a K_f that both models share is kept.
 
-The switching function s (10) does not know the model, only z_dot (9) does. So with F_1, F_2 and z kept, s is
+The switching function s (10) does not depend on the model, only z_dot (9) does. So with F_1, F_2 and z kept, s is
 continuous whatever the model does, (12) and with it (14) hold at every instant with the model in force then, and
-Theorem 1 promises ||s|| the same as ever. What a blend can spoil is (8) itself: its errors obey
+Theorem 1 makes the same promise for ||s|| as without a blend. A blend can only spoil (8) itself: its errors obey
 
     e_ddot + M_m^-1 B_m e_dot + M_m^-1 (K_m + K_f K_e) e = 0
 
@@ -25,13 +25,13 @@ from controllers.segment import Rightmost, rightmost
 from controllers.surface_stability import SurfaceRange, Unstable, unstable_surface
 from controllers.target_model import TargetModel
 
-PIECES = 500  # of a blend, in each of which the model is constant: alpha rises by 0.0038 at most from one to the next
+PIECES = 500  # pieces of a blend, each with a constant model: alpha rises by at most 0.0038 from one to the next
 
 
 @dataclass(frozen=True)
 class ModelBlend:
-    """The target model over time: `start` until `begins` (s), `end` from `over` s later on, smoothly in between in
-    `PIECES`; and what is known of the models on the way."""
+    """Blend of the target model over time: `start` until `begins` (s), `end` from `over` s later on, smoothly in
+    between in `PIECES`; with the certificate of the models on the way."""
 
     start: TargetModel
     end: TargetModel
@@ -40,7 +40,7 @@ class ModelBlend:
     certificate: BlendCertificate
 
     def share(self, t: float) -> float:
-        """alpha in force at time t (s), from 0 to 1 with zero speed and acceleration at both ends."""
+        """Share alpha in force at time t (s), from 0 to 1 with zero speed and acceleration at both ends."""
         piece = np.floor(PIECES * (t - self.begins) / self.over + 1e-9)
         u = float(min(max((piece + 0.5) / PIECES, 0.0), 1.0))
         return u**3 * (10.0 - 15.0 * u + 6.0 * u**2)
@@ -51,7 +51,7 @@ class ModelBlend:
 
 
 def blended(start: TargetModel, end: TargetModel, alpha: float) -> TargetModel:
-    """The model that is the part alpha of the way from one to the other; the ends themselves at 0 and 1."""
+    """The model at the share alpha of the way from one model to the other; exactly the ends at 0 and 1."""
     if alpha in (0.0, 1.0):
         return end if alpha else start
     inverses = [np.linalg.inv(model.M_m) for model in (start, end)]
@@ -65,12 +65,14 @@ def blended(start: TargetModel, end: TargetModel, alpha: float) -> TargetModel:
 
 @dataclass(frozen=True)
 class BlendCertificate:
-    """What is known of the blend between two models.
+    """Certificate of the blend between two models.
 
-    by "theorem 4": stable however fast the blend is; "eigenvalues": each model on the way is stable by itself;
-    "nothing": the one at `rightmost.alpha` is not. rightmost: the worst pole on the way, 1/s. sliding (n,) 1/s: of each
-    axis that Theorem 4 certifies the lambda of its coordinates (e, e_dot + lambda e), nan for the others. surface: one
-    on which the model at `rightmost.alpha` is unstable, which is stable without.
+    by: "theorem 4": stable however fast the blend is; "eigenvalues": each model on the way is stable by itself;
+    "nothing": the one at `rightmost.alpha` is not.
+    rightmost: the worst pole on the way, 1/s.
+    sliding: (n,) 1/s, for each axis that Theorem 4 certifies the lambda of its coordinates (e, e_dot + lambda e), nan
+    for the others.
+    surface: one on which the model at `rightmost.alpha` is unstable, which is stable without it.
     """
 
     by: Literal["theorem 4", "eigenvalues", "nothing"]
@@ -84,7 +86,7 @@ class BlendCertificate:
 
     @property
     def sentence(self) -> str:
-        """What it says, with the worst pole and where on the way that is."""
+        """Sentence on the certificate, with the worst pole and its place on the way."""
         pole, alpha = self.rightmost.eigenvalue, self.rightmost.alpha
         if self.surface is not None:
             return f"refused: at α = {alpha:.3g} {self.surface.sentence}".replace("-", "−")
@@ -100,11 +102,12 @@ class BlendCertificate:
 def certify(
     start: TargetModel, end: TargetModel, K_e: np.ndarray, surfaces: SurfaceRange | None = None
 ) -> BlendCertificate:
-    """Does every blend between two stable models stay stable, on a surface of stiffness K_e (n,) N/m per coordinate,
-    and on all `surfaces` that it may touch otherwise?
+    """Certificate whether every blend between two stable models stays stable, on a surface of stiffness K_e (n,) N/m
+    per coordinate, and on all `surfaces` that the tool may touch otherwise.
 
     Coordinates with infinite K_e are held (42) and take no part. Coordinates that neither model couples are judged
-    apart. One that is alone and overdamped in both can be certified by Theorem 4; decisive is the rightmost pole.
+    separately. One that is uncoupled and overdamped in both models can be certified by Theorem 4; for the others the
+    rightmost pole decides.
     """
     sliding = np.full(start.n, np.nan)
     moving = np.flatnonzero(np.isfinite(K_e))
@@ -118,7 +121,7 @@ def certify(
         A_0, A_1 = (_companion(b[axes], k[axes]) for b, k in zip(beta, kappa, strict=True))
         worst.append(rightmost(A_0, A_1))
         if (A_0 == A_1).all():
-            continue  # nothing is blended here
+            continue  # the two models are equal here
         if len(members) == 1:
             of_axis = [(float(b[axes][0, 0]), float(k[axes][0, 0])) for b, k in zip(beta, kappa, strict=True)]
             sliding[moving[members[0]]] = shared_sliding(*of_axis)
@@ -133,20 +136,21 @@ def certify(
 
 
 def _normalised(model: TargetModel, K_e: np.ndarray, moving: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """M_m^-1 B_m and M_m^-1 (K_m + K_f K_e) of the coordinates that move."""
+    """Matrices M_m^-1 B_m and M_m^-1 (K_m + K_f K_e) of the coordinates that move."""
     axes = np.ix_(moving, moving)
     stiffness = model.K_m[axes] + model.K_f[axes] * K_e[moving]
     return np.linalg.solve(model.M_m[axes], model.B_m[axes]), np.linalg.solve(model.M_m[axes], stiffness)
 
 
 def _companion(beta: np.ndarray, kappa: np.ndarray) -> np.ndarray:
-    """Of e_ddot + beta e_dot + kappa e = 0, for (e, e_dot)."""
+    """Companion matrix of e_ddot + beta e_dot + kappa e = 0, for (e, e_dot)."""
     n = len(beta)
     return np.block([[np.zeros((n, n)), np.eye(n)], [-kappa, -beta]])
 
 
 def axis_matrix(beta: float, kappa: float, sliding: float) -> np.ndarray:
-    """Of one axis e_ddot + beta e_dot + kappa e = 0 in the coordinates (e, e_dot + lambda e), lambda = sliding, 1/s."""
+    """Matrix of one axis e_ddot + beta e_dot + kappa e = 0 in the coordinates (e, e_dot + lambda e), lambda = sliding,
+    1/s."""
     return np.array([[-sliding, 1.0], [sliding * (beta - sliding) - kappa, sliding - beta]])
 
 

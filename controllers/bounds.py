@@ -1,12 +1,10 @@
-"""Bounds of the modelling errors and what the gain d must be: (6), (7), (17).
+"""Bounds of the modelling errors, and the gain d that they require: (6), (7), (17).
 
-What is declared: every link's inertia is scaled by a factor in [1 - rho, 1 + rho] (rotor inertia is known), a point
-mass of at most `payload_mass` sits within `payload_offset` of the tool point, joint friction and a disturbance are
-bounded. Then -rho M_links <= Delta M <= rho M_links, and gravity link by link; two sets of bounds follow:
-
+Declared: every link's inertia is scaled by a factor in [1 - rho, 1 + rho] (rotor inertia is known), a point mass of
+at most `payload_mass` is within `payload_offset` of the tool point, joint friction and a disturbance are bounded. Then
+-rho M_links <= Delta M <= rho M_links, and the same for gravity link by link; two sets of bounds follow:
 - "paper": (7), norms of joint-space errors times ||J_q^-1|| and ||J_q^-1||^2;
 - "tight": the same argument in task space. With w = J_q q_eq_ddot, ||Delta H w|| <= rho sqrt(lambda_max(H) w^T H w).
-
 Both bound the same perturbation ||Delta H r_eq_ddot + Delta C r_eq_dot + Delta G + Delta F_t + F_tilde||.
 """
 
@@ -27,11 +25,14 @@ GRAVITY = 9.81  # m/s^2, as in Pinocchio's models
 
 
 class Uncertainty(NamedTuple):
-    """What the controller is told of its ignorance.
+    """Declared uncertainty of the controller's model.
 
-    rho (1): half-width of the links' scaling; payload_mass kg; payload_offset m; coulomb N m and viscous N m s/rad
-    per joint; disturbance N m, norm of the torque; force_error N, norm of the sensor's error; k_C kg m^2/rad: the sum
-    of the links' ||C_i(q, q_dot)|| is at most k_C ||q_dot|| over Omega.
+    rho: 1, half-width of the links' scaling.
+    payload_mass, payload_offset: kg, m.
+    coulomb, viscous: N m and N m s/rad, per joint.
+    disturbance: N m, norm of the torque.
+    force_error: N, norm of the sensor's error.
+    k_C: kg m^2/rad; the sum of the links' ||C_i(q, q_dot)|| is at most k_C ||q_dot|| over Omega.
     """
 
     rho: float
@@ -45,7 +46,7 @@ class Uncertainty(NamedTuple):
 
 
 class RequiredGain(NamedTuple):
-    """The terms of (17), N: d must be at least their sum. In the tight bound task_motion is part of the others."""
+    """Terms of (17), N: d must be at least their sum. In the tight bound task_motion is part of the other terms."""
 
     inertia: float
     coriolis: float
@@ -56,19 +57,19 @@ class RequiredGain(NamedTuple):
 
     @classmethod
     def zeros(cls) -> RequiredGain:
-        """Not yet known."""
+        """Terms that are zero, before they are computed."""
         return cls(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 @inline
 def sum_of(needed):
-    """What d must be at least, (17)."""
+    """Smallest allowed d, (17): the sum of the terms."""
     known = needed.inertia + needed.coriolis + needed.gravity + needed.task_motion + needed.disturbance
     return known + needed.epsilon
 
 
 class Equivalent(NamedTuple):
-    """The motion that (25) prescribes, each (n,): r_eq_dot m/s and r_eq_ddot m/s^2 of (16), q_eq_dot rad/s, q_eq_ddot
+    """Motion that (25) prescribes, each (n,): r_eq_dot m/s and r_eq_ddot m/s^2 of (16), q_eq_dot rad/s, q_eq_ddot
     rad/s^2."""
 
     r_dot: np.ndarray
@@ -78,13 +79,13 @@ class Equivalent(NamedTuple):
 
     @classmethod
     def zeros(cls, n: int) -> Equivalent:
-        """Of n coordinates."""
+        """Motion of n coordinates."""
         return cls(*4 * (np.zeros(n),))
 
 
 @inline
 def paper_bound(u, deviation, estimate, task, q_dot, eq, work, needed):
-    """Each product of (17) with the bounds (7); delta_Ft stands in `task_motion`."""
+    """Compute each term of (17) with the bounds (7); delta_Ft is in `task_motion`."""
     J_inv = task.J_q_inv_norm
     V, W = work.V, work.W
     J_v, J_w = spectral_norm(estimate.J_v, V, W), spectral_norm(estimate.J_w, V, W)
@@ -111,9 +112,9 @@ def paper_bound(u, deviation, estimate, task, q_dot, eq, work, needed):
 
 @inline
 def tight_bound(u, deviation, estimate, task, q_dot, eq, work, needed):
-    """The same perturbation bounded in task space, term by term."""
+    """Compute the bound of the same perturbation in task space, term by term."""
     J_inv = task.J_q_inv_norm
-    carry = 0.0  # of a force at the tool to r
+    carry = 0.0  # largest F_r per N of a force at the tool
     if u.payload_mass > 0.0 or u.force_error > 0.0:
         multiply(estimate.J_v, task.J_q_inv, work.Y)
         carry = spectral_norm(work.Y, work.V, work.W)
@@ -170,7 +171,7 @@ def required_gain(
     q_dot: np.ndarray,
     equivalent: Equivalent,
 ) -> RequiredGain:
-    """What (17) needs at one state but for its epsilon, N; q_dot (n,) rad/s."""
+    """Terms of (17) at one state, without its epsilon, N; q_dot (n,) rad/s."""
     question = Record(_Question(u, deviation, estimate, task, q_dot, equivalent, Scratch.zeros(len(q_dot))))
     answer = Record(RequiredGain.zeros())
     _required_gain(bounds == "tight", question.data, answer.data)
@@ -179,14 +180,15 @@ def required_gain(
 
 @dataclass(frozen=True)
 class InertiaRange:
-    """H_low <= H(r, t) <= H_high (n, n) kg for every arm inside the declared set, at one state."""
+    """Bounds of the inertia H_low <= H(r, t) <= H_high (n, n) kg for every arm inside the declared set, at one
+    state."""
 
     H_low: np.ndarray
     H_high: np.ndarray
 
     @classmethod
     def at(cls, u: Uncertainty, estimate: Estimate, task: TaskSpace) -> InertiaRange:
-        """From the estimate M_hat at that state; the payload adds its mass at most."""
+        """Bounds from the estimate M_hat at that state; the payload adds at most its whole mass."""
         J_inv = task.J_q_inv
         links, rotor = estimate.M_links, estimate.M_hat - estimate.M_links
         low = J_inv.T @ ((1 - u.rho) * links + rotor) @ J_inv

@@ -1,4 +1,4 @@
-"""The dynamic compensator (9) and the switching function (10) that make the sliding mode the target model."""
+"""Dynamic compensator (9) and switching function (10) that make the sliding mode the target model."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from controllers.target_model import InvalidGain, TargetModel, as_matrix
 
 @dataclass(frozen=True)
 class Compensator:
-    """z_dot = A z + K_pz e_r + K_vz e_r_dot + K_fz e_Fc, (9);  s = e_r_dot + F_1 e_r + F_2 z, (10).
+    """Compensator z_dot = A z + K_pz e_r + K_vz e_r_dot + K_fz e_Fc, (9);  s = e_r_dot + F_1 e_r + F_2 z, (10).
 
     A (1/s), F_1 (1/s), F_2 (1): diagonal (n, n), A negative semidefinite, F_2 nonsingular. K_pz, K_vz, K_fz follow
     from the target model by (13). Raises InvalidGain.
@@ -49,5 +49,5 @@ class Compensator:
         )
 
     def without_reaching(self, e_r: np.ndarray, e_r_dot: np.ndarray) -> np.ndarray:
-        """The z (n,) that makes s = 0 now: Remark 2."""
+        """State z (n,) that makes s = 0 now: Remark 2."""
         return -np.linalg.solve(self.F_2, e_r_dot + self.F_1 @ e_r)

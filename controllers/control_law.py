@@ -1,4 +1,5 @@
-"""Control laws: what each is told, what it answers, and how one states what it is; they are in `controllers.laws`."""
+"""Interface of the control laws: their inputs, their output, and the description of a law; the laws are in
+`controllers.laws`."""
 
 from __future__ import annotations
 
@@ -18,7 +19,7 @@ from parameters import Parameter
 
 
 class Reference(NamedTuple):
-    """r_d m, r_d_dot m/s, r_d_ddot m/s^2, F_cd N: each (n,)."""
+    """Reference: r_d m, r_d_dot m/s, r_d_ddot m/s^2, F_cd N: each (n,)."""
 
     r_d: np.ndarray
     r_d_dot: np.ndarray
@@ -27,7 +28,7 @@ class Reference(NamedTuple):
 
     @classmethod
     def zeros(cls, n: int) -> Reference:
-        """Of n coordinates."""
+        """Reference of n coordinates."""
         return cls(*4 * (np.zeros(n),))
 
 
@@ -43,11 +44,11 @@ class TorqueTerms(NamedTuple):
 
 
 class ControlOutput(NamedTuple):
-    """What is computed in one control period.
+    """Results of one control period.
 
     Measured, whatever the law: errors e_r m, e_r_dot m/s, e_Fc N; F_c N; J_F N m, J^T F; z_dot m/s^2 of (9); s m/s of
-    (10) and its norm; equivalent: the motion that keeps s zero, (16); needed: (17) there, N.
-    The law's answer: the terms of its torque; q_ddot rad/s^2, for which its inertia term is meant; d N, of its
+    (10) and its norm; equivalent: the motion that keeps s zero, (16); needed: (17) for that motion, N.
+    Computed by the law: the terms of its torque; q_ddot rad/s^2, the acceleration of its inertia term; d N, of its
     switching term. tau (n,) N m is the sum of the terms.
     """
 
@@ -68,14 +69,14 @@ class ControlOutput(NamedTuple):
 
     @classmethod
     def zeros(cls, n: int) -> ControlOutput:
-        """Of n coordinates."""
+        """Output of n coordinates."""
         v = np.zeros(n)
         terms = TorqueTerms(*6 * (v,))
         return cls(v, terms, v, v, v, v, v, v, v, 0.0, 0.0, v, RequiredGain.zeros(), Equivalent.zeros(n))
 
 
 class ModelMatrices(NamedTuple):
-    """M_m, its inverse, B_m, K_m, K_f of (8), each (n, n)."""
+    """Matrices of (8): M_m, its inverse, B_m, K_m, K_f, each (n, n)."""
 
     M_m: np.ndarray
     M_m_inv: np.ndarray
@@ -85,10 +86,11 @@ class ModelMatrices(NamedTuple):
 
 
 class Gains(NamedTuple):
-    """The parameters of (8) to (17), K_s, d and epsilon of (15) among them: see `Compensator` and `Controller`.
+    """Parameters of (8) to (17), K_s, d and epsilon of (15) among them: see `Compensator` and `Controller`.
 
-    A, F_1, F_2: the diagonals (n,). law: number of the law, see `laws.table.number_of`. damping_rate: 1/s,
-    ||M_m^-1 B_m + A||, by which r_eq_ddot feeds e_r_dot back.
+    A, F_1, F_2: the diagonals (n,).
+    law: number of the law, see `laws.table.number_of`.
+    damping_rate: 1/s, ||M_m^-1 B_m + A||, the gain from e_r_dot to r_eq_ddot.
     """
 
     law: int
@@ -115,9 +117,14 @@ class Gains(NamedTuple):
 
 
 class Told(NamedTuple):
-    """What a law is told. gains: those of (8) to (17); parameters: its own, by name (`ControlLaw.parameters`); z (n,)
-    m/s of (9); q (n,) rad, q_dot (n,) rad/s; F (3,) N: the measured force of the tool on the environment; work: room
-    for what is in between; feedforward: M_hat, C_hat, G_hat at q, or those of Remark 3."""
+    """Input of a control law.
+    gains: those of (8) to (17).
+    parameters: the law's own, by name (`ControlLaw.parameters`).
+    z: (n,) m/s, of (9).
+    q, q_dot: (n,) rad, rad/s.
+    F: (3,) N, the measured force of the tool on the environment.
+    work: memory for intermediate results.
+    feedforward: M_hat, C_hat, G_hat at q, or those of Remark 3."""
 
     gains: Gains
     parameters: Any
@@ -136,13 +143,13 @@ class Told(NamedTuple):
 class ControlLaw:
     """A control law.
 
-    kind: how a scenario names it; title: how the page does; about: a sentence or two for the page and for captions.
-    torque: `torque(told, out)` writes `out.terms`, and `out.d` and `out.q_ddot` if it has such a thing; what it leaves
-    out is zero. Decorated with `kernels.inline` it is compiled, else it is plain numpy.
-    robust: whether it is (25), of which Theorem 1 speaks: z and s act on the torque.
+    kind: its name in a scenario; title: its name on the page; about: a sentence or two for the page and for captions.
+    torque: `torque(told, out)` writes `out.terms`, and `out.d` and `out.q_ddot` if the law has them; terms that it does
+    not write are zero. Decorated with `kernels.inline` it is compiled, else it is plain numpy.
+    robust: whether the law is (25), the law of Theorem 1: z and s act on the torque.
     feels_force: whether the measured force acts on the torque.
-    states: says the length k of a state of the law's own for n coordinates; then it is `torque(told, out, x, x_dot)`,
-    which writes the rate x_dot (k,) of x (k,); x is zero at the start and when the law is chosen.
+    states: gives the length k of the law's own state for n coordinates; then the torque is `torque(told, out, x,
+    x_dot)`, which writes the rate x_dot (k,) of x (k,); x is zero at the start and when the law is chosen.
     """
 
     kind: str
@@ -155,7 +162,7 @@ class ControlLaw:
     parameters: tuple[Parameter, ...] = ()
 
     def at_rest(self, n: int) -> np.ndarray:
-        """The law's own state (k,) as it begins, for n coordinates."""
+        """Initial value of the law's own state (k,), for n coordinates."""
         return np.zeros(0 if self.states is None else self.states(n))
 
     @property
@@ -166,7 +173,7 @@ class ControlLaw:
 
 @inline
 def joint_velocity(task, r_dot, work, q_dot):
-    """q_dot = J_q^-1 (r_dot - v_t), as in (25)."""
+    """Compute q_dot = J_q^-1 (r_dot - v_t), as in (25)."""
     for i in range(work.u.shape[0]):
         work.u[i] = r_dot[i] - task.v_t[i]
     times(task.J_q_inv, work.u, q_dot)
@@ -174,7 +181,7 @@ def joint_velocity(task, r_dot, work, q_dot):
 
 @inline
 def joint_acceleration(task, r_ddot, q_dot, work, q_ddot):
-    """q_ddot = J_q^-1 (r_ddot - J_q_dot q_dot - v_t_dot), as in (25); q_ddot may be r_ddot."""
+    """Compute q_ddot = J_q^-1 (r_ddot - J_q_dot q_dot - v_t_dot), as in (25); q_ddot may be r_ddot."""
     for i in range(work.u.shape[0]):
         work.u[i] = r_ddot[i] - row_times(task.J_q_dot, i, q_dot) - task.v_t_dot[i]
     times(task.J_q_inv, work.u, q_ddot)
@@ -182,7 +189,7 @@ def joint_acceleration(task, r_ddot, q_dot, work, q_ddot):
 
 @inline
 def clear(out):
-    """No torque yet: a law writes the terms that it has."""
+    """Set all terms of the torque to zero: a law writes only the terms that it has."""
     terms = out.terms
     out.d = 0.0
     for i in range(out.tau.shape[0]):
@@ -192,7 +199,7 @@ def clear(out):
 
 @inline
 def add_up(out):
-    """tau, the sum of its terms, (25)."""
+    """Compute tau, the sum of its terms, (25)."""
     terms = out.terms
     for i in range(out.tau.shape[0]):
         predicted = terms.inertia[i] + terms.coriolis[i] + terms.gravity[i] + terms.force[i]

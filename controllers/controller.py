@@ -75,7 +75,7 @@ class Controller:
 
     @cached_property
     def gains(self) -> Gains:
-        """The parameters in the kernel's form."""
+        """The parameters in the form for kernels."""
         c, model = self.compensator, self.model
         return Gains(
             law=table.number_of(self.law),
@@ -102,7 +102,7 @@ class Controller:
         )
 
     def following(self, model: TargetModel) -> Controller:
-        """The same controller for another target model of as many coordinates: with (13) anew."""
+        """The controller for another target model of as many coordinates: with (13) anew."""
         c = self.compensator
         return replace(self, model=model, compensator=Compensator.design(model, c.A, c.F_1, c.F_2))
 
@@ -117,7 +117,7 @@ class Controller:
         q_dot: np.ndarray,
         F: np.ndarray,
     ) -> ControlOutput:
-        """The answer of a law of the table at one instant; z (n,) m/s, q (n,) rad, q_dot (n,) rad/s, F (3,) N measured
+        """Output of a law of the table at one instant; z (n,) m/s, q (n,) rad, q_dot (n,) rad/s, F (3,) N measured
         force of the tool on the environment.
 
         feedforward: `FeedforwardModel.at(estimate)` when estimates are taken on-line, otherwise see Remark 3.

@@ -1,4 +1,4 @@
-"""The loop that sampling closes through the force reading; see docs/symbols.md."""
+"""Force loop: the loop that sampling closes through the force reading; see docs/symbols.md."""
 
 from __future__ import annotations
 
@@ -15,11 +15,13 @@ def force_loop_factor(
     felt: np.ndarray,
     M_e: float = np.inf,
 ) -> float:
-    """What one sample makes of an error in the normal force that the law feeds back; it must stay within (-1, 1).
+    """Factor of the force loop: that of an error in the fed-back normal force from one sample to the next; it must stay
+    within (-1, 1).
 
-    normal (n,): F_r per unit of lambda, a, which is e_1 in the task coordinates of a surface; felt (n,): of it what
-    enters F_c, a_F. With r_ddot = ... + H^-1 [(a - H_hat M_m^-1 K_f a_F) lambda_measured - a lambda],
-    phi_ddot = a^T r_ddot + ... and lambda = M_e phi_ddot + ... that is
+    normal: (n,), F_r per unit of lambda, a, which is e_1 in the task coordinates of a surface.
+    felt: (n,), the part of it in F_c, a_F.
+    With r_ddot = ... + H^-1 [(a - H_hat M_m^-1 K_f a_F) lambda_measured - a lambda],
+    phi_ddot = a^T r_ddot + ... and lambda = M_e phi_ddot + ... the factor is
     M_e a^T H^-1 (a - H_hat M_m^-1 K_f a_F) / (1 + M_e a^T H^-1 a). A rigid surface is M_e -> infinity, where for
     H = H_hat and a = a_F = e_1 it is 1 - h / M_m1 with the effective mass h = 1 / (H^-1)_11 (for one axis,
     1 - H_ff M_m1^-1).

@@ -1,4 +1,5 @@
-"""The five applications of section IV (and Remark 6): what each mode fixes of task space, target model and F_c."""
+"""Modes: the five applications of section IV (and Remark 6), and what each fixes of task space, target model and
+F_c."""
 
 from __future__ import annotations
 
@@ -13,11 +14,14 @@ from controllers.target_model import InvalidGain, TargetModel, require_spd, requ
 
 @dataclass(frozen=True)
 class Mode:
-    """One row of section IV.
+    """Mode, one row of section IV.
 
-    label: the mode's short name, title: its whole one, summary: a sentence about it; equation: the paper's number of
-    its target model; on_surface: r begins with phi (31), otherwise it is Cartesian (or r = q); feedback: which part of
-    the interaction force is F_c; contacts: kinds that it is for; stiffness N/m: what K_m has where nothing is said.
+    label: its short name; title: its full name; summary: a sentence about it.
+    equation: the paper's number of its target model.
+    on_surface: r begins with phi (31), otherwise it is Cartesian (or r = q).
+    feedback: part of the interaction force that is F_c.
+    contacts: kinds of contact that are allowed.
+    stiffness: N/m, default of K_m.
     """
 
     name: str
@@ -37,7 +41,7 @@ class Mode:
 
     @property
     def in_joints(self) -> bool:
-        """Whether r may be q: where no force has to be felt in space."""
+        """Whether r may be q: where no force has to be measured in space."""
         return self.feedback == "none"
 
     def m(self) -> int:
@@ -45,7 +49,7 @@ class Mode:
         return 1 if self.on_surface else 0
 
     def controlled(self, n: int) -> np.ndarray:
-        """(n,) ones where a component of the interaction force enters F_c."""
+        """Mask (n,), 1 for each component of the interaction force that enters F_c."""
         mask = np.zeros(n)
         if self.feedback == "all":
             mask[:] = 1.0
@@ -54,7 +58,7 @@ class Mode:
         return mask
 
     def fixed(self, n: int) -> dict[str, np.ndarray]:
-        """Entries (n, n), bool, of each matrix that the mode fixes, all at zero."""
+        """Masks (n, n), bool, of the entries of each matrix that the mode fixes, all at zero."""
         m, inside = self.m(), np.ones((n, n), dtype=bool)
         coupling = inside.copy()
         coupling[:m, :m] = coupling[m:, m:] = False
@@ -81,10 +85,10 @@ class Mode:
         return moving.poles(np.diag(stiffness[free]))
 
     def check(self, model: TargetModel, K_e_hat: float, surfaces: SurfaceRange | None = None) -> None:
-        """Raises InvalidGain, naming matrix and reason, unless the model is one that the mode admits.
+        """Raise InvalidGain, naming matrix and reason, unless the mode admits the model.
 
-        K_e_hat: estimated stiffness (N/m) along the first coordinate, with which the model must be stable; surfaces:
-        all that it may touch, on which it must be, None for nothing.
+        K_e_hat: estimated stiffness (N/m) along the first coordinate, with which the model must be stable.
+        surfaces: all surfaces that the tool may touch, on which the model must be stable, None for none.
         """
         m, n = self.m(), model.n
         for name, entries in self.fixed(n).items():

@@ -1,4 +1,4 @@
-"""Estimates M_hat, C_hat, G_hat and the tool's kinematics from Pinocchio: Remarks 1 and 3."""
+"""Nominal model of the arm: estimates M_hat, C_hat, G_hat and the tool's kinematics from Pinocchio: Remarks 1 and 3."""
 
 from __future__ import annotations
 
@@ -13,11 +13,13 @@ from kernels.records import Record
 
 
 class Estimate(NamedTuple):
-    """What the controller believes of the arm at one state.
+    """Estimates of the arm at one state.
 
-    M_hat (n, n) with and M_links (n, n) without rotor inertia, C_hat (n, n) the Christoffel matrix (Property 2 needs
-    it), G_hat (n,), G_links (n, n) whose row i is the gravity torque of link i; the tool: p (3,) m, p_dot (3,) m/s,
-    R (3, 3), J_v, J_w (3, n) linear and angular Jacobian in the world frame, J_v_dot, J_w_dot (3, n) their time
+    M_hat, M_links: (n, n), with and without rotor inertia.
+    C_hat: (n, n), the Christoffel matrix (Property 2 needs it).
+    G_hat: (n,); G_links: (n, n), row i is the gravity torque of link i.
+    p, p_dot, R: of the tool, (3,) m, (3,) m/s, (3, 3).
+    J_v, J_w: (3, n), linear and angular Jacobian of the tool in the world frame; J_v_dot, J_w_dot: their time
     derivatives.
     """
 
@@ -36,7 +38,7 @@ class Estimate(NamedTuple):
 
     @classmethod
     def zeros(cls, n: int) -> Estimate:
-        """Of an arm with n joints."""
+        """Estimates of an arm with n joints."""
         square, tool = np.zeros((n, n)), np.zeros((3, n))
         return cls(
             square,
@@ -55,7 +57,8 @@ class Estimate(NamedTuple):
 
 
 class Deviation(NamedTuple):
-    """Bounds of what the estimates used in (25) differ from those at q: kg m^2, kg m^2/s, N m. Zero when on-line."""
+    """Bounds of the differences between the estimates used in (25) and those at q: kg m^2, kg m^2/s, N m. Zero when
+    on-line."""
 
     delta_M: float
     delta_C: float
@@ -66,7 +69,8 @@ ON_LINE = Deviation(0.0, 0.0, 0.0)
 
 
 class LinkConstants(NamedTuple):
-    """masses (n,) kg, levers (n, 3) m of the links' centres of mass, rotor (n,) kg m^2, gravity (3,) m/s^2."""
+    """Constants of the links: masses (n,) kg, levers (n, 3) m of their centres of mass, rotor (n,) kg m^2, gravity (3,)
+    m/s^2."""
 
     masses: np.ndarray
     levers: np.ndarray
@@ -79,9 +83,11 @@ class LinkConstants(NamedTuple):
 
 
 class Terms(NamedTuple):
-    """Live views of Pinocchio's arrays: momenta (6, n), of the links from joint j on, per unit of that joint's rate; C
-    (n, n); J, J_dot (6, n) spatial Jacobians of the world origin; placements (3, 4n) the static regressor, whose blocks
-    are the links' placements over the total mass."""
+    """Live views of Pinocchio's arrays.
+    momenta: (6, n), of the links from joint j on, per unit of that joint's rate.
+    C: (n, n).
+    J, J_dot: (6, n), spatial Jacobians of the world origin.
+    placements: (3, 4n), the static regressor, whose blocks are the links' placements over the total mass."""
 
     momenta: np.ndarray
     C: np.ndarray
@@ -92,7 +98,7 @@ class Terms(NamedTuple):
 
 @inline
 def _placed(links, placements, link, point):
-    """A point of a link, counted from 0, in the world: (x, y, z) m."""
+    """Position in the world, (x, y, z) m, of a point of a link, counted from 0."""
     k, total = 4 * link, links.total_mass
     x, y, z = point[0], point[1], point[2]
     return (
@@ -104,7 +110,7 @@ def _placed(links, placements, link, point):
 
 @inline
 def _gravity(links, J, placements, G_links, G_hat):
-    """Row i of G_links: what holding link i against gravity takes of every joint before it."""
+    """Compute G_links, whose row i are the torques of the joints that hold link i against gravity, and G_hat."""
     n = G_hat.shape[0]
     for i in range(n):
         G_hat[i] = 0.0
@@ -123,7 +129,7 @@ def _gravity(links, J, placements, G_links, G_hat):
 
 @inline
 def _tool(links, J, J_dot, placements, q_dot, e):
-    """The tool's placement, velocity and Jacobians from those of the world's origin."""
+    """Compute the tool's placement, velocity and Jacobians from those of the world's origin."""
     n = q_dot.shape[0]
     carrier = links.tool_joint - 1
     p = _placed(links, placements, carrier, links.tool_lever)
@@ -148,7 +154,7 @@ def _tool(links, J, J_dot, placements, q_dot, e):
 
 @inline
 def estimates(links, momenta, C, J, J_dot, placements, q_dot, estimate):
-    """The `Estimate` from the arrays of `Terms`."""
+    """Compute the `Estimate` from the arrays of `Terms`."""
     n = q_dot.shape[0]
     for j in range(n):
         for i in range(j + 1):
@@ -170,9 +176,9 @@ def _estimates_alone(links, momenta, C, J, J_dot, placements, q_dot, estimate):
 
 
 class NominalModel:
-    """The arm as the controller knows it: a serial chain of n links.
+    """Controller's model of the arm: a serial chain of n links.
 
-    model: pin.Model with nq = nv = n; tool_joint and tool_placement say where the tool frame sits.
+    model: pin.Model with nq = nv = n; tool_joint and tool_placement give the place of the tool frame.
     """
 
     def __init__(self, model: pin.Model, tool_joint: int, tool_placement: pin.SE3) -> None:
@@ -196,7 +202,7 @@ class NominalModel:
 
     @property
     def fingerprint(self) -> bytes:
-        """All that it knows of the arm: models that share it give the same estimates."""
+        """Bytes of all data of the model: models with the same bytes give the same estimates."""
         return self.model.saveToString().encode() + self._links.data.tobytes()
 
     def update(self, q: np.ndarray, q_dot: np.ndarray) -> Terms:
@@ -213,8 +219,10 @@ class NominalModel:
 
 
 class Lipschitz(NamedTuple):
-    """Constants over Omega: k_C as in `bounds.Uncertainty`; k_M, k_G: M_hat and G_hat change by at most that much per
-    rad; k_Cq: C_hat / ||q_dot|| per rad."""
+    """Lipschitz constants over Omega.
+    k_C: as in `bounds.Uncertainty`.
+    k_M, k_G: largest change of M_hat and G_hat per rad.
+    k_Cq: the same of C_hat / ||q_dot||."""
 
     k_C: float
     k_M: float
@@ -222,7 +230,7 @@ class Lipschitz(NamedTuple):
     k_G: float
 
     def deviation(self, q: np.ndarray, q_dot: np.ndarray, q_d: np.ndarray, q_d_dot: np.ndarray) -> Deviation:
-        """What estimates taken at (q_d, q_d_dot) miss at (q, q_dot), Remark 3."""
+        """Bounds of the differences between estimates taken at (q_d, q_d_dot) and those at (q, q_dot), Remark 3."""
         away = float(np.linalg.norm(q - q_d))
         slower = float(np.linalg.norm(q_dot - q_d_dot))
         speed = float(np.linalg.norm(q_d_dot))
@@ -230,16 +238,16 @@ class Lipschitz(NamedTuple):
 
 
 def _largest(T: np.ndarray) -> np.ndarray:
-    """At least ||T(., u, ...)|| for unit vectors u, ... in all axes but one, of each T (N, n, ..., n): the least of the
-    flattenings' norms, (N,)."""
+    """Upper bound of ||T(., u, ...)|| for unit vectors u, ... in all axes but one, of each T (N, n, ..., n): the least
+    of the flattenings' norms, (N,)."""
     flat = (T.swapaxes(1, axis).reshape(len(T), T.shape[1], -1) for axis in range(1, T.ndim))
     grams = np.array([A @ A.swapaxes(1, 2) for A in flat])
     return np.sqrt(np.linalg.eigvalsh(grams)[..., -1].clip(min=0.0)).min(axis=0)
 
 
 class Steepness:
-    """How fast the estimates change at one posture q (n,) rad, from above over all directions: what `Lipschitz` has
-    over all of Omega, by the same names."""
+    """Rates of change of the estimates at one posture q (n,) rad, bounded from above over all directions: the constants
+    of `Lipschitz` at that posture, by the same names."""
 
     def __init__(self, model: pin.Model) -> None:
         self._whole = (model, model.createData())
@@ -253,25 +261,25 @@ class Steepness:
         self._units = np.eye(model.nv)
 
     def _coriolis(self, arm: tuple[pin.Model, pin.Data], q: np.ndarray) -> np.ndarray:
-        """C is linear in q_dot: (n, n, n), one C for each joint at 1 rad/s."""
+        """C for each joint at 1 rad/s, (n, n, n); C is linear in q_dot."""
         return np.array([pin.computeCoriolisMatrix(*arm, q, one) for one in self._units])
 
     def k_C(self, q: np.ndarray) -> float:
-        """Of C_hat over ||q_dot||, link by link, kg m^2/rad."""
+        """Bound of C_hat over ||q_dot||, link by link, kg m^2/rad."""
         return float(_largest(np.array([self._coriolis(link, q) for link in self._links])).sum())
 
     def k_M(self, q: np.ndarray) -> float:
-        """Of M_hat, kg m^2/rad; M_dot = C + C^T."""
+        """Bound of the change of M_hat, kg m^2/rad; M_dot = C + C^T."""
         C = self._coriolis(self._whole, q)
         return float(_largest((C + C.swapaxes(1, 2))[None])[0])
 
     def k_Cq(self, q: np.ndarray) -> float:
-        """Of C_hat / ||q_dot||, kg m^2/rad^2."""
+        """Bound of the change of C_hat / ||q_dot||, kg m^2/rad^2."""
         step = 1e-5
         here = self._coriolis(self._whole, q)
         beside = np.array([self._coriolis(self._whole, q + h) for h in step * self._units])
         return float(_largest((beside - here)[None] / step)[0])
 
     def k_G(self, q: np.ndarray) -> float:
-        """Of G_hat, N m/rad."""
+        """Bound of the change of G_hat, N m/rad."""
         return float(_largest(pin.computeGeneralizedGravityDerivatives(*self._whole, q)[None])[0])

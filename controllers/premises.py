@@ -1,7 +1,7 @@
-"""The premises of Theorem 1 in a sampled loop, what it promises while they hold, and whether that is kept.
+"""Premises of Theorem 1 in a sampled loop, the promise while they hold, and whether it is kept.
 
 `docs/theory.md` derives each limit and the band. A promise begins anew, from the s of that instant, whenever all
-premises hold again; while one fails there is none, and the bound is NaN.
+premises hold again; while one fails there is no promise, and the bound is NaN.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ ROUNDING = 1e-9
 
 
 class Premise(IntEnum):
-    """What must be true for the theorem to promise anything of a sampled loop."""
+    """Premise of the theorem's promise for a sampled loop."""
 
     LAW = 0
     DECLARED = 1
@@ -58,8 +58,12 @@ LAYER, GAIN_BY_CHATTER = int(Premise.LAYER), int(Premise.GAIN_BY_CHATTER)
 
 @dataclass(frozen=True)
 class Statement:
-    """A premise in words. title: what is compared; sign: how value and limit must compare; unit: "N" stands for the
-    unit of a task force; failed: what is wrong when it fails, with {value} and {limit}; why: what it is for."""
+    """A premise in words.
+    title: the quantity that is compared.
+    sign: how value and limit must compare.
+    unit: "N" stands for the unit of a task force.
+    failed: sentence for a failure, with {value} and {limit}.
+    why: reason for the premise."""
 
     title: str
     sign: str
@@ -149,9 +153,11 @@ STATEMENTS: dict[Premise, Statement] = {
 
 
 class PremiseTable(NamedTuple):
-    """Each (P,), one entry per `Premise`. value is compared with limit; a limit of NaN: the premise does not apply.
-    margin: the least distance to the limit so far; failed: when it first failed, s, NaN for never; now: 1 while it
-    fails."""
+    """Values of the premises: each field (P,), one entry per `Premise`.
+    value: compared with limit; a limit of NaN: the premise does not apply.
+    margin: the least distance to the limit so far.
+    failed: when it first failed, s, NaN for never.
+    now: 1 while it fails."""
 
     value: np.ndarray
     limit: np.ndarray
@@ -161,15 +167,17 @@ class PremiseTable(NamedTuple):
 
     @classmethod
     def fresh(cls) -> PremiseTable:
-        """Of a run that has not begun."""
+        """Table of a run that has not begun."""
         empty = np.full(len(Premise), np.nan)
         return cls(empty, empty, np.full(len(Premise), np.inf), empty, np.zeros(len(Premise)))
 
 
 class Watched(NamedTuple):
-    """What is found every `WATCH` periods. low, high: H of every declared arm lies between them at the posture of
-    now, kg; d: on the sliding surface, N; width: of the boundary layer, m/s; radius m/s: V falls
-    while ||s|| is beyond it; V_band J: V stays below it once it is;
+    """Quantities that are computed every `WATCH` periods.
+    low, high: bounds of H of every declared arm at the present posture, kg.
+    d: on the sliding surface, N.
+    width: of the boundary layer, m/s.
+    radius: m/s, V falls while ||s|| is beyond it; V_band: J, V stays below it once it is.
     allowed: of `Premise.HELD`, N."""
 
     low: float
@@ -182,11 +190,15 @@ class Watched(NamedTuple):
 
 
 class Kept(NamedTuple):
-    """What is promised now and how it has been kept. promise: (19), with V_0 of the instant `since` (s) when it began;
-    standing: whether there is one; bound, band m/s: (20) and what is added to it, NaN without; entered, reached: when
-    ||s|| was first within the boundary layer and within the band, s; broken: when it was first over bound and band
-    though all premises held, s; periods, lost: of the run so far, and those of them without a promise; before: whether
-    the premises held a period ago; begun: of the last change, s."""
+    """Present promise, and how it has been kept.
+    promise: (19), with V_0 of the instant `since` (s) when it began.
+    standing: whether there is a promise.
+    bound, band: m/s, (20) and the band added to it, NaN without a promise.
+    entered, reached: when ||s|| was first within the boundary layer and within the band, s.
+    broken: when ||s|| was first over bound and band though all premises held, s.
+    periods, lost: number of periods of the run so far, and of those without a promise.
+    before: whether the premises held a period ago.
+    begun: instant of the last change, s."""
 
     promise: Promise
     since: float
@@ -203,12 +215,12 @@ class Kept(NamedTuple):
 
     @classmethod
     def fresh(cls) -> Kept:
-        """Of a run that has not begun."""
+        """Record of a run that has not begun."""
         return cls(Promise(1.0, 1.0, 1.0, 1.0, 0.0), 0.0, False, NEVER, NEVER, NEVER, NEVER, NEVER, 0, 0, True, NEVER)
 
 
 class Room(NamedTuple):
-    """Room for what is in between; equivalent, needed: of `gain_on_surface`."""
+    """Memory for intermediate results; equivalent, needed: of `gain_on_surface`."""
 
     work: Scratch
     equivalent: Equivalent
@@ -219,13 +231,16 @@ class Room(NamedTuple):
 
     @classmethod
     def zeros(cls, n: int) -> Room:
-        """Of n coordinates."""
+        """Memory for n coordinates."""
         return cls(Scratch.zeros(n), Equivalent.zeros(n), RequiredGain.zeros(), np.zeros(n), np.zeros(n), np.zeros(3))
 
 
 class Held(NamedTuple):
-    """Of the period before: model (n,) N m, the terms of (25) without the robust ones; z_dot (n,) m/s^2; push (3,) N;
-    known: whether there is one under the same law."""
+    """Quantities of the period before.
+    model: (n,) N m, the terms of (25) without the robust ones.
+    z_dot: (n,) m/s^2.
+    push: (3,) N.
+    known: whether there is a period before under the same law."""
 
     model: np.ndarray
     z_dot: np.ndarray
@@ -234,13 +249,13 @@ class Held(NamedTuple):
 
     @classmethod
     def zeros(cls, n: int) -> Held:
-        """Of n coordinates, before the first period."""
+        """Quantities for n coordinates, before the first period."""
         return cls(np.zeros(n), np.zeros(n), np.zeros(3), False)
 
 
 @inline
 def inertia_range(u, estimate, task, work):
-    """(low, high): H of every declared arm lies between them at this state, kg, at most 3 % too wide; see
+    """Bounds (low, high) of H of every declared arm at this state, kg, at most 3 % too wide; see
     `bounds.InertiaRange`."""
     n = task.r.shape[0]
     carried, turned = 0.0, 0.0
@@ -267,7 +282,7 @@ def inertia_range(u, estimate, task, work):
 
 @inline
 def inertia_error(gains, deviation, estimate, task, work):
-    """delta_H of (6), kg: what (17) takes per m/s^2 of r_eq_ddot, at most."""
+    """Bound delta_H of (6), kg: largest part of (17) per m/s^2 of r_eq_ddot."""
     u, J_inv = gains.uncertainty, task.J_q_inv_norm
     load = 0.0
     if u.payload_mass > 0.0 and gains.tight:
@@ -288,7 +303,7 @@ def inertia_error(gains, deviation, estimate, task, work):
 
 @kernel
 def _gain_of(gains, task, estimate, deviation, q_dot, room):
-    """d by (17) for the r_eq_dot and r_eq_ddot of `room`, N."""
+    """Gain d by (17) for the r_eq_dot and r_eq_ddot of `room`, N."""
     work, eq, u, needed = room.work, room.equivalent, gains.uncertainty, room.needed
     joint_velocity(task, eq.r_dot, work, eq.q_dot)
     joint_acceleration(task, eq.r_ddot, eq.q_dot, work, eq.q_ddot)
@@ -302,7 +317,7 @@ def _gain_of(gains, task, estimate, deviation, q_dot, room):
 
 @inline
 def gain_at_rest(gains, reference, task, estimate, deviation, q_dot, room):
-    """d where all errors are zero, N."""
+    """Gain d where all errors are zero, N."""
     if not gains.by_theorem:
         return gains.d
     copy(reference.r_d_dot, room.equivalent.r_dot)
@@ -312,7 +327,7 @@ def gain_at_rest(gains, reference, task, estimate, deviation, q_dot, room):
 
 @inline
 def gain_on_surface(gains, z, reference, task, estimate, deviation, q_dot, output, room):
-    """d as it is on the sliding surface, N: at the present e_r and z, with the e_r_dot that makes s zero."""
+    """Gain d on the sliding surface, N: at the present e_r and z, with the e_r_dot that makes s zero."""
     if not gains.by_theorem:
         return gains.d
     eq, e = room.equivalent, output.e_r
@@ -328,13 +343,13 @@ def gain_on_surface(gains, z, reference, task, estimate, deviation, q_dot, outpu
 
 @inline
 def watch(gains, z, reference, task, estimate, feedforward, q_dot, output, room, promise, period, table, watched):
-    """Look at the posture's inertia: the band, and the premises that depend on it."""
+    """Compute the range of inertia at the present posture, the band, and the premises that depend on them."""
     u, work, deviation = gains.uncertainty, room.work, feedforward.deviation
     watched.low, watched.high = inertia_range(u, estimate, task, work)
     growth = inertia_error(gains, deviation, estimate, task, work) * gains.damping_rate * period / watched.low
     table.limit[GAIN_BY_CHATTER] = 1.0 if gains.by_theorem else NEVER
     table.value[GAIN_BY_CHATTER] = growth
-    raised = 1.0 / max(1.0 - growth, 1e-3) if gains.by_theorem else 1.0  # what chattering makes of d, at most
+    raised = 1.0 / max(1.0 - growth, 1e-3) if gains.by_theorem else 1.0  # largest factor of chattering on d
 
     at_rest = raised * gain_at_rest(gains, reference, task, estimate, deviation, q_dot, room)
     table.limit[LAYER] = 2.0 if gains.switching > 0 else NEVER
@@ -358,10 +373,10 @@ def watch(gains, z, reference, task, estimate, feedforward, q_dot, output, room,
 
 @inline
 def held_error(gains, feedforward, task, estimate, F_true, output, held, room):
-    """What (25) without its robust terms would have changed during the period before, in task space, N.
+    """Change of (25) without its robust terms during the period before, in task space, N.
 
-    F_true (3,) N: the force at its end. F_2 z_dot is not among it: z goes on evenly within a period, so that r_eq_ddot
-    has just that part.
+    F_true: (3,) N, the force at the period's end. F_2 z_dot is not included: z changes evenly within a period, so that
+    r_eq_ddot contains just that part.
     """
     work, n = room.work, task.r.shape[0]
     for i in range(n):
@@ -386,7 +401,7 @@ def judge(table, t):
             table.now[i] = 0.0
             continue
         margin = value - limit if i == REGULAR else limit - value
-        fails = not margin >= -ROUNDING * max(1.0, abs(limit))  # a value that is no number fails
+        fails = not margin >= -ROUNDING * max(1.0, abs(limit))  # a value that is not a number fails
         table.now[i] = 1.0 if fails else 0.0
         if fails:
             all_hold = False
@@ -399,9 +414,10 @@ def judge(table, t):
 
 @inline
 def keep_promise(all_hold, s_norm, watched, t, kept):
-    """Begin, go on with or end the promise, and see whether ||s|| (m/s) is where it is promised to be.
+    """Begin, continue or end the promise, and compare ||s|| (m/s) with the promised bound; returns whether the promise
+    is broken.
 
-    Returns whether it is broken. What a period did is known at its end: a premise must have held then and before.
+    The effect of a period is known at its end: a premise must have held then and at the period's beginning.
     """
     standing = all_hold and kept.before
     kept.periods += 1
@@ -412,7 +428,7 @@ def keep_promise(all_hold, s_norm, watched, t, kept):
         return False
     if not kept.standing:
         kept.standing, kept.since = True, t
-        if t != kept.begun:  # otherwise the V_0 of the change is known better
+        if t != kept.begun:  # otherwise the V_0 of the change is more exact
             kept.promise.V_0 = 0.5 * watched.high * s_norm**2
     kept.bound = envelope(kept.promise, t - kept.since)
     kept.band = np.sqrt(2.0 * watched.V_band / watched.low)

@@ -1,4 +1,4 @@
-"""What Theorem 1 promises about reaching: c_1, c_2, V_0, t_r and the envelope of ||s||, (18)-(20)."""
+"""Reaching, as Theorem 1 promises it: c_1, c_2, V_0, t_r and the envelope of ||s||, (18)-(20)."""
 
 from __future__ import annotations
 
@@ -12,7 +12,9 @@ from kernels import kernel
 
 @dataclass(frozen=True)
 class ReachingCertificate:
-    """k_r_low I <= H(r, t) <= k_r_high I over Omega (kg), Property 1; lambda_min(K_s) N s/m; epsilon N; V_0 J."""
+    """Certificate of reaching.
+    k_r_low, k_r_high: kg, k_r_low I <= H(r, t) <= k_r_high I over Omega, Property 1.
+    lambda_min_K_s: N s/m; epsilon: N; V_0: J."""
 
     k_r_low: float
     k_r_high: float
@@ -22,12 +24,12 @@ class ReachingCertificate:
 
     @property
     def c_1(self) -> float:
-        """1/s, (19)."""
+        """Rate c_1, 1/s, (19)."""
         return 2.0 * self.lambda_min_K_s / self.k_r_high
 
     @property
     def c_2(self) -> float:
-        """sqrt(J)/s, (19)."""
+        """Rate c_2, sqrt(J)/s, (19)."""
         return self.epsilon * float(np.sqrt(2.0 / self.k_r_high))
 
     @property
@@ -36,14 +38,15 @@ class ReachingCertificate:
         return 2.0 / self.c_1 * float(np.log1p(self.c_1 / self.c_2 * np.sqrt(self.V_0)))
 
     def time_to(self, radius: float) -> float:
-        """After which ||s|| has been within `radius` (m/s) at least once, s: when (20) has come down to it."""
+        """Time after which ||s|| has been within `radius` (m/s) at least once, s: when (20) has fallen to the
+        radius."""
         rest, begun = np.sqrt(0.5 * self.k_r_low) * radius, np.sqrt(self.V_0)
         ratio = self.c_2 / self.c_1
         return 2.0 / self.c_1 * max(float(np.log((begun + ratio) / (rest + ratio))), 0.0)
 
     @property
     def promise(self) -> Promise:
-        """The same in the kernel's form."""
+        """The certificate in the form for kernels."""
         return Promise(self.k_r_low, self.k_r_high, self.c_1, self.c_2, self.V_0)
 
     def envelope(self, t: np.ndarray | float) -> np.ndarray:
@@ -52,7 +55,7 @@ class ReachingCertificate:
 
 
 class Promise(NamedTuple):
-    """k_r_low, k_r_high kg; c_1 1/s; c_2 sqrt(J)/s; V_0 J: (19)."""
+    """Promise (19) for kernels: k_r_low, k_r_high kg; c_1 1/s; c_2 sqrt(J)/s; V_0 J."""
 
     k_r_low: float
     k_r_high: float

@@ -1,4 +1,4 @@
-"""Remark 3: estimates taken beforehand along r_d, so that the law computes little on-line."""
+"""Estimates of Remark 3, taken beforehand along r_d, so that the law computes little on-line."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from kernels.algebra import copy, copy_matrix
 
 
 class FeedforwardModel(NamedTuple):
-    """Model of the arm that laws feed forward: M_hat, C_hat (n, n), G_hat (n,) of (25), and how far they may be from
-    the estimates at q."""
+    """Model of the arm that laws feed forward: M_hat, C_hat (n, n), G_hat (n,) of (25), and the bounds of their
+    deviation from the estimates at q."""
 
     M_hat: np.ndarray
     C_hat: np.ndarray
@@ -23,13 +23,13 @@ class FeedforwardModel(NamedTuple):
 
     @classmethod
     def at(cls, estimate: Estimate) -> FeedforwardModel:
-        """The estimates at q themselves."""
+        """Model from the estimates at q."""
         return cls(estimate.M_hat, estimate.C_hat, estimate.G_hat, ON_LINE)
 
 
 @inline
 def take_estimates(estimate, feedforward):
-    """Take the estimates at q themselves."""
+    """Copy the estimates at q."""
     copy_matrix(estimate.M_hat, feedforward.M_hat)
     copy_matrix(estimate.C_hat, feedforward.C_hat)
     copy(estimate.G_hat, feedforward.G_hat)
@@ -38,17 +38,17 @@ def take_estimates(estimate, feedforward):
 
 
 class Start(NamedTuple):
-    """Of a table: the number k of a control period, and a posture q (n,) rad near the one that r_d has then."""
+    """Start of a table: the number k of a control period, and a posture q (n,) rad near that of r_d then."""
 
     k: int
     q: np.ndarray
 
 
 class ReferenceEstimates:
-    """M_hat, C_hat, G_hat at (q_d, q_d_dot)(t), one entry per control period, a block at a time.
+    """Estimates M_hat, C_hat, G_hat at (q_d, q_d_dot)(t), one entry per control period, a block at a time.
 
-    posture: (q guess (n,), t) -> q_d, q_d_dot, solving r(q_d, t) = r_d(t). `start` is that of the block in use: a table
-    that begins there is the same to the last bit.
+    posture: (q guess (n,), t) -> q_d, q_d_dot, solving r(q_d, t) = r_d(t).
+    start: that of the block in use: a table that begins there is the same to the last bit.
     """
 
     def __init__(
@@ -66,8 +66,8 @@ class ReferenceEstimates:
         self._block: list[tuple[np.ndarray, np.ndarray, Estimate]] = []
 
     def at(self, q: np.ndarray, q_dot: np.ndarray, t: float) -> FeedforwardModel:
-        """M_hat, C_hat, G_hat from the table at time t, not before its start, and how far they may be from those at q,
-        q_dot."""
+        """M_hat, C_hat, G_hat from the table at time t, not before its start, with the bounds of their deviation from
+        those at q, q_dot."""
         k = round(t / self._period)
         while k >= self.start.k + len(self._block):
             self._go_on()

@@ -1,4 +1,4 @@
-"""Each coordinate of the target model (8) as the second-order system that it is alone: omega and zeta."""
+"""Second-order systems of the target model (8): omega and zeta of each coordinate alone."""
 
 from __future__ import annotations
 
@@ -9,7 +9,8 @@ import numpy as np
 
 @dataclass(frozen=True)
 class Oscillators:
-    """omega (n,) rad/s and zeta (n,) 1 of each coordinate with the others held; nan where it does not swing."""
+    """Natural frequency omega (n,) rad/s and damping ratio zeta (n,) 1 of each coordinate with the others held; nan
+    where it does not oscillate."""
 
     omega: np.ndarray
     zeta: np.ndarray
@@ -25,7 +26,8 @@ class Shaped:
 
 
 def oscillators(M_m: np.ndarray, B_m: np.ndarray, K_m: np.ndarray, K_f: np.ndarray, K_e: np.ndarray) -> Oscillators:
-    """omega^2 = (K_m + K_f K_e) / M_m and 2 zeta omega = B_m / M_m on the diagonals of (8), matrices (n, n).
+    """Oscillators with omega^2 = (K_m + K_f K_e) / M_m and 2 zeta omega = B_m / M_m on the diagonals of (8), matrices
+    (n, n).
 
     K_e (n,) N/m is the environment's stiffness along each coordinate: 0 in free motion, as in (35) on an elastic
     surface, infinite on a rigid one, which admits no motion (42).
@@ -40,10 +42,11 @@ def oscillators(M_m: np.ndarray, B_m: np.ndarray, K_m: np.ndarray, K_f: np.ndarr
 
 
 def shaped(M_m: float, K_m: float, K_f: float, K_e: float, omega: float, zeta: float) -> Shaped:
-    """The entries of one coordinate with this omega (rad/s) and zeta, K_e (N/m) being what it presses on.
+    """Entries of one coordinate with this omega (rad/s) and zeta, on a surface of stiffness K_e (N/m).
 
-    Free: K_m = M_m omega^2. On an elastic surface K_m is kept too, since K_m1 = 0 is what makes the force error
-    vanish (37), and K_f = (M_m omega^2 - K_m) / K_e; (8) divided by it is (34) with M_m1 / K_f, B_m1 / K_f.
+    Free: K_m = M_m omega^2. On an elastic surface K_m is kept, too, since K_m1 = 0 makes the force error vanish (37),
+    and
+    K_f = (M_m omega^2 - K_m) / K_e; (8) divided by it is (34) with M_m1 / K_f, B_m1 / K_f.
     """
     stiffness = M_m * omega**2
     B_m = 2.0 * zeta * omega * M_m

@@ -1,9 +1,10 @@
-"""The rightmost eigenvalue on a segment of matrices, A_0 + alpha (A_1 - A_0) for alpha in [0, 1]: not merely sampled.
+"""Rightmost eigenvalue on a segment of matrices, A_0 + alpha (A_1 - A_0) for alpha in [0, 1], found exactly, not by
+samples.
 
-An eigenvalue stands on the line Re = level exactly where A(alpha) - level I has a real eigenvalue 0, or two whose sum
-is 0. The first is a generalised eigenvalue problem in alpha, the second one, too, with the bialternate sum: X -> A X
-+ X A^T on antisymmetric X has the eigenvalues lambda_i + lambda_j, i < j. Between two such alphas nothing crosses the
-line, so that one look there tells on which side all is.
+An eigenvalue lies on the line Re = level exactly where A(alpha) - level I has a real eigenvalue 0, or two whose sum
+is 0. The first is a generalised eigenvalue problem in alpha; so is the second, with the bialternate sum:
+X -> A X + X A^T on antisymmetric X has the eigenvalues lambda_i + lambda_j, i < j. Between two such alphas no
+eigenvalue crosses the line, so that the eigenvalues at one alpha between them tell on which side all are.
 """
 
 from __future__ import annotations
@@ -13,15 +14,15 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import eigvals
 
-SAMPLES = 17  # where to begin
+SAMPLES = 17  # alphas to begin with
 CLOSE = 1e-6  # of the fastest eigenvalue: how closely the rightmost one is found
-NEARLY_REAL = 0.1  # roots with such an imaginary part are looked at too, which costs little
+NEARLY_REAL = 0.1  # roots with a smaller imaginary part are tried, too, which costs little
 
 
 @dataclass(frozen=True)
 class Rightmost:
-    """Of all eigenvalues on the segment the one with the largest real part, as found at alpha; no real part is above
-    `at_most` (1/s), which is `CLOSE` of the fastest eigenvalue more."""
+    """Rightmost eigenvalue on a segment, found at alpha; no real part is above `at_most` (1/s), which is greater by
+    `CLOSE` of the fastest eigenvalue."""
 
     alpha: float
     eigenvalue: complex
@@ -29,7 +30,7 @@ class Rightmost:
 
 
 def rightmost(A_0: np.ndarray, A_1: np.ndarray) -> Rightmost:
-    """On the segment between two matrices (n, n), 1/s."""
+    """Rightmost eigenvalue on the segment between two matrices (n, n), 1/s."""
     D = A_1 - A_0
     alpha, best, fastest = _look(A_0, D, np.linspace(0.0, 1.0, SAMPLES))
     close = CLOSE * fastest
@@ -50,7 +51,8 @@ def _look(A_0: np.ndarray, D: np.ndarray, alphas: np.ndarray) -> tuple[float, co
 
 
 def _crossings(A: np.ndarray, D: np.ndarray) -> np.ndarray:
-    """Sorted alphas in (0, 1) that can be where A + alpha D, Hurwitz-stable for alpha = 0, is on the verge."""
+    """Sorted alphas in (0, 1) at which A + alpha D, Hurwitz-stable for alpha = 0, may have an eigenvalue on the
+    imaginary axis."""
     found = []
     for constant, linear in ((A, D), (_bialternate(A), _bialternate(D))):
         roots: np.ndarray = np.asarray(eigvals(constant, -linear), dtype=complex)  # infinite ones where D is singular
@@ -60,7 +62,7 @@ def _crossings(A: np.ndarray, D: np.ndarray) -> np.ndarray:
 
 
 def _bialternate(A: np.ndarray) -> np.ndarray:
-    """(n (n - 1) / 2) square, with the eigenvalues lambda_i + lambda_j, i < j, of A (n, n)."""
+    """Bialternate sum of A (n, n): (n (n - 1) / 2) square, with the eigenvalues lambda_i + lambda_j, i < j."""
     n, one = len(A), np.eye(len(A))
     i, j = np.triu_indices(n, 1)
     antisymmetric = np.zeros((n, n, len(i)))

@@ -1,5 +1,5 @@
-"""What is measured of every control period, whatever the law: the errors of (8), the compensator (9), the sliding
-variable (10), the motion (16) that keeps it zero, and the gain (17) that would make up for the modelling errors."""
+"""Quantities measured in every control period, whatever the law: the errors of (8), the compensator (9), the sliding
+variable (10), the motion (16) that keeps it zero, and the gain (17) that outweighs the modelling errors."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from kernels.algebra import dot, norm, row_times, transposed_times
 
 @inline
 def measure(told, out):
-    """All of it, into the output, from what laws are told."""
+    """Compute all of them, from the input of the laws, into the output."""
     gains, task, estimate, eq = told.gains, told.task, told.estimate, out.equivalent
     errors(gains, told.reference, task, estimate, told.F, out)
     sliding(gains, told.z, told.reference, out)
@@ -22,7 +22,8 @@ def measure(told, out):
 
 @inline
 def controlled_force(gains, task, tau_F, F, F_c):
-    """F_c (n,): the entries of F_r = J_q^-T J^T F in `controlled`; the first m are the multiplier, (39), (40)."""
+    """Compute F_c (n,): the entries of F_r = J_q^-T J^T F in `controlled`; the first m are the multiplier, (39),
+    (40)."""
     transposed_times(task.J_q_inv, tau_F, F_c)
     if gains.m > 0:
         F_c[0] = dot(task.normal, F) / dot(task.normal, task.normal)
@@ -32,7 +33,7 @@ def controlled_force(gains, task, tau_F, F, F_c):
 
 @inline
 def errors(gains, reference, task, estimate, F, out):
-    """e_r, e_r_dot and e_Fc, with J^T F and F_c on the way."""
+    """Compute e_r, e_r_dot and e_Fc, and with them J^T F and F_c."""
     transposed_times(estimate.J_v, F, out.J_F)
     controlled_force(gains, task, out.J_F, F, out.F_c)
     for i in range(out.s.shape[0]):
@@ -43,7 +44,8 @@ def errors(gains, reference, task, estimate, F, out):
 
 @inline
 def sliding(gains, z, reference, out):
-    """The compensator (9), the sliding variable (10) and the velocity and acceleration that keep it zero, (16)."""
+    """Compute the compensator (9), the sliding variable (10) and the velocity and acceleration that keep it zero,
+    (16)."""
     e_r, e_r_dot, eq = out.e_r, out.e_r_dot, out.equivalent
     A, F_1, F_2 = gains.A, gains.F_1, gains.F_2
     for i in range(z.shape[0]):
@@ -59,7 +61,7 @@ def sliding(gains, z, reference, out):
 
 @inline
 def gain_needed(gains, deviation, task, estimate, q_dot, work, out):
-    """What (17) needs, by the bounds that were chosen."""
+    """Compute the terms of (17), by the chosen bounds."""
     u, needed = gains.uncertainty, out.needed
     if gains.tight:
         tight_bound(u, deviation, estimate, task, q_dot, out.equivalent, work, needed)

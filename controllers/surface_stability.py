@@ -1,4 +1,5 @@
-"""Is the target model (8) stable against every surface that it may touch? K_f need not be a multiple of the identity.
+"""Stability of the target model (8) against every surface that the tool may touch. K_f need not be a multiple of the
+identity.
 
 On a surface with unit normal n, F_r = n (K_e + B_e s + M_e s^2) n^T r + f s (I - n n^T) r with viscous friction f, and
 with N = M_m^-1 K_f, Q = n n^T, (8) becomes
@@ -8,7 +9,7 @@ with N = M_m^-1 K_f, Q = n n^T, (8) becomes
 Sufficient: K_f^-1 M_m, K_f^-1 B_m and K_f^-1 K_m s.p.d. Then (8) divided by K_f is a passive mass-damper-spring, as the
 surface is. Otherwise the rightmost pole is searched for over all surfaces, and all models of a blend, from many
 samples and by descent from the best of them. Where K_e alone makes a pole 0, det(K_m + K_e K_f Q) = 0, the normal is
-known: 1 + K_e n^T K_m^-1 K_f n is least along an eigenvector. The search begins there, too.
+known: 1 + K_e n^T K_m^-1 K_f n is least along an eigenvector. The search also begins there.
 """
 
 from __future__ import annotations
@@ -22,14 +23,15 @@ from scipy.optimize import minimize
 from controllers.target_model import InvalidGain, TargetModel
 
 SAMPLES, DESCENTS, STEPS = 3000, 4, 400
-MODELS = 41  # of a blend, which are looked at for passivity
+MODELS = 41  # of a blend, which are checked for passivity
 SYMMETRIC = 1e-9  # of the largest entry
 
 
 class SurfaceRange(NamedTuple):
-    """The surfaces that a model may touch: K_e N/m, B_e N s/m, M_e kg and the viscous friction along them, N s/m, each
-    anywhere from 0 to this. first, directions: of the coordinates from the first one on, in how many their forces lie;
-    normal: the surface's normal is one of those directions, any of them; otherwise they all lie along the surface."""
+    """Range of surfaces that a model may touch.
+    K_e, B_e, M_e, friction: N/m, N s/m, kg, and viscous along the surface N s/m, each anywhere from 0 to this.
+    first, directions: the forces lie in so many coordinates from the first one on.
+    normal: the surface's normal is any one of these directions; otherwise they all lie along the surface."""
 
     K_e: float
     B_e: float
@@ -42,8 +44,10 @@ class SurfaceRange(NamedTuple):
 
 @dataclass(frozen=True)
 class Unstable:
-    """Where the model that is the part alpha of a blend's way is unstable: the surface's unit normal (directions,), 0
-    if it is none of them, its K_e N/m, B_e N s/m, M_e kg viscous friction N s/m; the model's rightmost pole, 1/s."""
+    """Unstable model on a surface, at the share alpha of a blend's way.
+    normal: (directions,), the surface's unit normal, 0 if it is none of the directions.
+    K_e, B_e, M_e, friction: N/m, N s/m, kg, and viscous N s/m.
+    pole: the model's rightmost one, 1/s."""
 
     alpha: float
     normal: np.ndarray
@@ -55,7 +59,7 @@ class Unstable:
 
     @property
     def sentence(self) -> str:
-        """How fast it grows, and on what."""
+        """Sentence on the pole and the surface."""
         rest = (
             ("K_e", self.K_e, "N/m"),
             ("B_e", self.B_e, "N·s/m"),
@@ -70,7 +74,8 @@ class Unstable:
 
 
 def require_stable_on(model: TargetModel, surfaces: SurfaceRange) -> None:
-    """Raises InvalidGain, with the worst surface, unless the model, which is stable by itself, is on all of them."""
+    """Raise InvalidGain, with the worst surface, unless the model, which is stable by itself, is stable on all of
+    them."""
     worst = unstable_surface(model, model, surfaces)
     if worst is not None:
         raise InvalidGain(
@@ -93,7 +98,7 @@ def passive(model: TargetModel) -> bool:
 
 
 def unstable_surface(start: TargetModel, end: TargetModel, surfaces: SurfaceRange) -> Unstable | None:
-    """The surface with the rightmost pole that was found, where that is unstable, for the models of a blend, of which
+    """Surface with the rightmost pole that was found, where that is unstable, for the models of a blend, in which
     M_m^-1, M_m^-1 B_m, M_m^-1 K_m and M_m^-1 K_f go from those of `start` to those of `end`."""
     way = _Way.between(start, end, surfaces.first)
     models = np.linspace(0.0, 1.0, MODELS if way.blends else 1)
@@ -112,14 +117,14 @@ def unstable_surface(start: TargetModel, end: TargetModel, surfaces: SurfaceRang
 
 
 class _Way(NamedTuple):
-    """From M_m^-1, M_m^-1 B_m, M_m^-1 K_m, M_m^-1 K_f of one model, (4, n, n), to those of another."""
+    """Way from M_m^-1, M_m^-1 B_m, M_m^-1 K_m, M_m^-1 K_f of one model, (4, n, n), to those of another."""
 
     begin: np.ndarray
     change: np.ndarray
 
     @classmethod
     def between(cls, start: TargetModel, end: TargetModel, first: int) -> _Way:
-        """Of the coordinates from `first` on, which the others are not coupled with."""
+        """Way of the coordinates from `first` on, which are not coupled with the others."""
         begin, last = (
             np.linalg.solve(model.M_m, np.stack([np.eye(model.n), model.B_m, model.K_m, model.K_f]))[:, first:, first:]
             for model in (start, end)
@@ -138,13 +143,15 @@ class _Way(NamedTuple):
 
 @dataclass(frozen=True)
 class _Search:
-    """Points x = (normal, four shares of the surface's range, alpha): any numbers, shares and alpha cut to [0, 1]."""
+    """Search over points x = (normal, four shares of the surface's range, alpha): any numbers, shares and alpha cut to
+    [0, 1]."""
 
     way: _Way
     surfaces: SurfaceRange
 
     def samples(self, alphas: np.ndarray) -> np.ndarray:
-        """(SAMPLES, p + 5), always the same; half of the surfaces have all or nothing of each of their properties."""
+        """Sample points (SAMPLES, p + 5), always the same; in half of them each property of the surface is 0 or the
+        largest."""
         random, p = np.random.default_rng(0), self.surfaces.directions
         shares = random.random((SAMPLES, 4)) ** 3
         shares[::2] = random.integers(0, 2, (len(shares[::2]), 4))
@@ -185,11 +192,11 @@ class _Search:
         return loops
 
     def pole(self, x: np.ndarray) -> complex:
-        """The rightmost one, 1/s, of a single point."""
+        """Rightmost pole, 1/s, at a single point."""
         return complex(_rightmost(self.loops(x[None]))[0])
 
     def named(self, x: np.ndarray) -> Unstable:
-        """What a point stands for."""
+        """Surface and model of a point."""
         (normal,), properties, (alpha,) = self._read(x[None])
         normal = normal * (np.sign(normal[np.argmax(np.abs(normal))]) or 1.0) + 0.0
         K_e, B_e, M_e, friction = (float(each[0]) for each in properties)
@@ -197,7 +204,7 @@ class _Search:
 
 
 def _rightmost(loops: np.ndarray) -> np.ndarray:
-    """The rightmost eigenvalue of each, the upper one of a pair."""
+    """Rightmost eigenvalue of each matrix, the upper one of a pair."""
     values = np.linalg.eigvals(loops)
     found = np.take_along_axis(values, values.real.argmax(axis=1)[:, None], axis=1)[:, 0]
     return found.real + 1j * np.abs(found.imag)

@@ -1,4 +1,4 @@
-"""s/||s|| of (15) and its smooth versions: sigma(s) = eta(||s||) s/||s|| with a boundary layer phi (m/s)."""
+"""Switching: s/||s|| of (15) and its smooth versions: sigma(s) = eta(||s||) s/||s|| with a boundary layer phi (m/s)."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ import numpy as np
 
 from kernels import choice, inline, kernel
 
-SAMPLING_SHARE = 0.25  # of epsilon in (17) and of K_s s: kept for what the law does not know of within a period
+SAMPLING_SHARE = 0.25  # of epsilon in (17) and of K_s s: kept for changes within a period, unknown to the law
 
 
 class Switching(IntEnum):
-    """How the unit vector s/||s|| is smoothed around s = 0."""
+    """Smoothing of the unit vector s/||s|| around s = 0."""
 
     DISCONTINUOUS = 0  # eta = 1
     SATURATION = 1  # eta = min(1, ||s||/phi)
@@ -21,15 +21,15 @@ class Switching(IntEnum):
 
     @property
     def kept(self) -> float:
-        """Share of epsilon left for reaching outside `layer_width`: sampling has its share, and the versions that only
-        approach 1 give up half."""
+        """Share of epsilon left for reaching outside `layer_width`: `SAMPLING_SHARE` is taken off, and half for the
+        versions that only approach 1."""
         given_up = 0.0 if self in (Switching.DISCONTINUOUS, Switching.SATURATION) else 0.5
         return 1.0 - SAMPLING_SHARE - given_up
 
 
 @inline
 def _discontinuous(size, _):
-    """eta(||s||) / ||s|| for ||s|| = size m/s > 0 and the layer phi m/s, as all versions have it."""
+    """eta(||s||) / ||s|| for ||s|| = size m/s > 0 and the layer phi m/s; all versions have these arguments."""
     return 1.0 / size
 
 
@@ -50,7 +50,8 @@ def _tanh(size, phi):
 
 @inline
 def _no_width(_phi, _given_up):
-    """||s|| (m/s) from which on eta is 1 less the share of d that is given up, as all versions have it."""
+    """Norm ||s|| (m/s) from which on eta is 1 less the share of d that is given up; all versions have these
+    arguments."""
     return 0.0
 
 
@@ -75,10 +76,11 @@ _width = choice((_no_width, _saturation_width, _rational_width, _tanh_width))
 
 @kernel
 def layer_width(kind, phi, d, epsilon):
-    """||s|| (m/s) from which on d eta keeps its share of the margin epsilon in (17): outside, the proof holds."""
+    """Norm ||s|| (m/s) from which on d eta keeps its share of the margin epsilon in (17): outside of it, the proof
+    holds."""
     if d <= 0.0:
         return 0.0
-    given_up = min(0.5 * epsilon / d, 1.0)  # a d below half of epsilon keeps it nowhere, and promises nothing
+    given_up = min(0.5 * epsilon / d, 1.0)  # a d below half of epsilon keeps that share nowhere, and promises nothing
     return _width(kind, phi, given_up)
 
 

@@ -1,4 +1,4 @@
-"""The general target model M_m e_r_ddot + B_m e_r_dot + K_m e_r = -K_f e_Fc, (8)."""
+"""Target model M_m e_r_ddot + B_m e_r_dot + K_m e_r = -K_f e_Fc, (8)."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ class InvalidGain(ValueError):
 
 
 def as_matrix(name: str, value: np.ndarray, n: int) -> np.ndarray:
-    """A frozen (n, n) copy of a matrix, or of a diagonal given as (n,). Raises InvalidGain."""
+    """Frozen (n, n) copy of a matrix, or of a diagonal given as (n,). Raises InvalidGain."""
     array = np.array(value, dtype=float)
     if array.shape == (n,):
         array = np.diag(array)
@@ -32,14 +32,14 @@ def smallest_eigenvalue(name: str, matrix: np.ndarray) -> float:
 
 
 def require_spd(name: str, matrix: np.ndarray) -> None:
-    """Raises InvalidGain unless the matrix is symmetric positive definite."""
+    """Raise InvalidGain unless the matrix is symmetric positive definite."""
     smallest = smallest_eigenvalue(name, matrix)
     if smallest <= 0.0:
         raise InvalidGain(f"{name}: smallest eigenvalue {smallest:.4g}; allowed: symmetric positive definite")
 
 
 def require_spsd(name: str, matrix: np.ndarray) -> None:
-    """Raises InvalidGain unless the matrix is symmetric positive semidefinite."""
+    """Raise InvalidGain unless the matrix is symmetric positive semidefinite."""
     smallest = smallest_eigenvalue(name, matrix)
     if smallest < -1e-12:
         raise InvalidGain(f"{name}: smallest eigenvalue {smallest:.4g}; allowed: symmetric positive semidefinite")
@@ -47,7 +47,7 @@ def require_spsd(name: str, matrix: np.ndarray) -> None:
 
 @dataclass(frozen=True)
 class TargetModel:
-    """M_m kg, B_m N s/m, K_m N/m, K_f 1: each (n, n), constant. M_m must be nonsingular, (8).
+    """Target model (8): M_m kg, B_m N s/m, K_m N/m, K_f 1: each (n, n), constant. M_m must be nonsingular.
 
     Raises InvalidGain for a wrong shape, an entry that is not finite, and a singular M_m.
     """
@@ -72,7 +72,7 @@ class TargetModel:
         return len(self.M_m)
 
     def companion(self) -> np.ndarray:
-        """Of M_m e_ddot + B_m e_dot + K_m e = 0, (2n, 2n) for (e, e_dot), 1/s."""
+        """Companion matrix of M_m e_ddot + B_m e_dot + K_m e = 0, (2n, 2n) for (e, e_dot), 1/s."""
         M_inv = np.linalg.inv(self.M_m)
         return np.block([[np.zeros((self.n, self.n)), np.eye(self.n)], [-M_inv @ self.K_m, -M_inv @ self.B_m]])
 
@@ -84,14 +84,16 @@ class TargetModel:
     def steady_force(self, axis: int, K_e: float, x_e: float, x_d: float, F_d: float, rest: float = 0.0) -> float:
         """Steady force (N) of one decoupled axis pressing on a wall K_e (r - x_e), with constant x_d and F_d.
 
-        F_ss = K_e [K_f F_d + K_m (x_d - x_e) + rest] / (K_m + K_f K_e); both references act, as in (8). rest: what else
-        is on the right of (8), N, see `left_by_layer`.
+        F_ss = K_e [K_f F_d + K_m (x_d - x_e) + rest] / (K_m + K_f K_e); both references act, as in (8). rest: further
+        terms on
+        the right of (8), N, see `left_by_layer`.
         """
         K_m, K_f = self.K_m[axis, axis], self.K_f[axis, axis]
         return K_e * (K_f * F_d + K_m * (x_d - x_e) + rest) / (K_m + K_f * K_e)
 
     def left_by_layer(self, A: np.ndarray, s: np.ndarray) -> np.ndarray:
-        """-M_m A s (n,) N, which (14) has on the right of (8) while s (n,) m/s rests within the boundary layer."""
+        """Term -M_m A s (n,) N, which (14) adds on the right of (8) while s (n,) m/s stays within the boundary
+        layer."""
         return -self.M_m @ A @ s
 
     def residual(self, e_r: np.ndarray, e_r_dot: np.ndarray, e_r_ddot: np.ndarray, e_Fc: np.ndarray) -> np.ndarray:

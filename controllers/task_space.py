@@ -1,8 +1,8 @@
-"""The task space r(x, t): r, r_dot, J_q, J_q_dot, v_t, v_t_dot of (3) and (31).
+"""Task space r(x, t): r, r_dot, J_q, J_q_dot, v_t, v_t_dot of (3) and (31).
 
 r stacks, all in metres, positions (coordinates of the tool point, on a surface (phi, psi_1, psi_2)), l times Euler
 angles of the tool in the task frame, and l times supplemental joint angles (Remark 5). The characteristic length l
-makes metres and radians comparable, so that a scalar d and a 2-norm mean something.
+makes metres and radians comparable, so that a scalar d and a 2-norm make sense.
 """
 
 from __future__ import annotations
@@ -16,8 +16,11 @@ from kernels.algebra import copy, invert, spectral_norm, times
 
 
 class TaskSpace(NamedTuple):
-    """r, r_dot, v_t, v_t_dot (n,); J_q, J_q_dot, J_q_inv (n, n) and J_q_inv's norm from above (see `spectral_norm`);
-    normal (3,): gradient of phi in the world frame."""
+    """Task coordinates at one instant.
+    r, r_dot, v_t, v_t_dot: (n,).
+    J_q, J_q_dot, J_q_inv: (n, n).
+    J_q_inv_norm: an upper bound of J_q_inv's norm (see `spectral_norm`).
+    normal: (3,), gradient of phi in the world frame."""
 
     r: np.ndarray
     r_dot: np.ndarray
@@ -31,17 +34,19 @@ class TaskSpace(NamedTuple):
 
     @classmethod
     def zeros(cls, n: int) -> TaskSpace:
-        """Of n coordinates."""
+        """Task coordinates of an arm with n joints."""
         vector, square = np.zeros(n), np.zeros((n, n))
         return cls(vector, vector, square, square, square, 0.0, vector, vector, np.zeros(3))
 
 
 class TaskLayout(NamedTuple):
-    """Which coordinates make up r.
+    """Coordinates that make up r.
 
-    joint: r = q (section 4.1), otherwise positions (2 or 3), angles (0, 1 or 3), then supplemental (n,): numbers of the
-    joints that are coordinates themselves, of which the first n - positions - angles count; l: characteristic length,
-    m; R_ref (3, 3): the tool's orientation at which the Euler angles vanish.
+    joint: r = q (section 4.1), otherwise positions (2 or 3), angles (0, 1 or 3), then supplemental.
+    supplemental: (n,), numbers of the joints that are coordinates themselves, of which the first n - positions - angles
+    count.
+    l: characteristic length, m.
+    R_ref: (3, 3), the tool's orientation at which the Euler angles vanish.
     """
 
     n: int
@@ -54,7 +59,7 @@ class TaskLayout(NamedTuple):
 
 
 class Scratch(NamedTuple):
-    """Scratch memory, for what is in between: S, T, U (n, n), u (n,), and in space V, W (3, 3), Y (3, n)."""
+    """Scratch memory for intermediate results: S, T, U (n, n), u (n,), and in space V, W (3, 3), Y (3, n)."""
 
     S: np.ndarray
     T: np.ndarray
@@ -66,7 +71,7 @@ class Scratch(NamedTuple):
 
     @classmethod
     def zeros(cls, n: int) -> Scratch:
-        """For n joints."""
+        """Scratch memory for n joints."""
         square, space = np.zeros((n, n)), np.zeros((3, 3))
         return cls(square, square, square, np.zeros(n), space, space, np.zeros((3, n)))
 
@@ -100,7 +105,7 @@ def _euler_rates(sb, cb, sc, cc, omega):
 
 @inline
 def _positions(layout, chart, estimate, task):
-    """(phi, psi_1, psi_2), or Cartesian coordinates, of the tool point: (31) and its derivatives."""
+    """Compute (phi, psi_1, psi_2), or Cartesian coordinates, of the tool point: (31) and its derivatives."""
     p_dot = estimate.p_dot
     for i in range(layout.positions):
         task.r[i], task.v_t[i], task.v_t_dot[i] = chart.g[i], chart.g_t[i], chart.g_tt[i]
@@ -119,7 +124,7 @@ def _positions(layout, chart, estimate, task):
 
 @inline
 def _angles(layout, estimate, q_dot, task):
-    """l times three Euler angles, or the one of a planar arm."""
+    """Compute l times three Euler angles, or the one of a planar arm."""
     n, i, l = task.r.shape[0], layout.positions, layout.l
     if layout.angles == 1:
         cos, sin = _relative(layout.R_ref, estimate.R, 0)[0], _relative(layout.R_ref, estimate.R, 2)[0]
@@ -191,7 +196,7 @@ def _joint(q, q_dot, task):
 
 @inline
 def task_space(layout, chart, estimate, q, q_dot, work, task):
-    """The `TaskSpace` at one instant, (3).
+    """Compute the `TaskSpace` at one instant, (3).
 
     chart: g, G, G_p, g_t, G_t, g_tt of the tool point, as `environments.surfaces.Chart` has them; work: a `Scratch`.
     Raises ValueError where J_q is exactly singular.

@@ -1,1 +1,2 @@
-"""What drives a server from outside, for tests, benchmarks and pictures: a browser, visitors, viser's protocol."""
+"""Clients that drive a server from outside, for tests, benchmarks and pictures: a browser, visitors, viser's
+protocol."""

@@ -1,4 +1,4 @@
-"""The Chromium that the browser tests drive: one that is there, else Playwright's own, else Debian's.
+"""Chromium for the browser tests: an installed one, else Playwright's own, else Debian's.
 
 `python -m drivers.browser` finds or installs it before the tests start, so that their workers need not race to.
 """
@@ -25,7 +25,7 @@ ON_PATH = ("chromium", "chromium-browser", "google-chrome")
 
 
 class NoBrowserError(RuntimeError):
-    """There is no Chromium, and none could be installed."""
+    """No Chromium is installed, and none could be installed."""
 
 
 def find_or_install() -> Path | None:
@@ -51,7 +51,7 @@ def _on_path() -> Path | None:
 
 
 def _playwright_starts() -> bool:
-    """Downloaded is not enough: on a bare machine the libraries it needs may be missing."""
+    """Whether Playwright's browser starts: on a bare machine the libraries that it needs may be missing."""
     with sync_playwright() as playwright:
         try:
             playwright.chromium.launch(args=LAUNCH_ARGS).close()

@@ -17,14 +17,15 @@ from app.process.precompile import mark
 
 
 def joints() -> list[int]:
-    """Numbers of joints that arms have, the longest to compile first."""
+    """Numbers of joints of the arms, the longest to compile first."""
     from environments.robots import CATALOGUE
 
     return sorted({len(entry.rotor_inertia) for entry in CATALOGUE.values()}, reverse=True)
 
 
 def compile_for(n: int) -> float:
-    """Compile what an arm of n joints runs, in every contact, and what only tests call; says how long it took, s."""
+    """Compile the kernels that an arm of n joints uses, in every contact, and those that only tests call; returns the
+    time it took, s."""
     from app.workers.precompile import compiled
     from controllers.reference_estimates import FeedforwardModel
 

@@ -1,4 +1,4 @@
-"""A page in a real browser and the loop behind it, for the tests that act as a person would."""
+"""Page in a real browser and the loop behind it, for tests that act as a person would."""
 
 import time
 from collections.abc import Callable, Iterator
@@ -10,10 +10,10 @@ from app.session.runner import Runner
 from app.session.snapshot import Snapshot
 
 VIEWPORT = {"width": 1280, "height": 720}
-# as a browser that has been here before; a page without an address has no storage
+# as in a browser that has opened the page before; a page without an address has no storage
 NO_HINTS = "try { localStorage.setItem('vsmrc.hints', 'dismissed'); } catch { }"
-# Drawing in software takes a whole core, and few tests look at the picture; those set `undrawn` to false. A canvas that
-# is not cleared either is not put on the screen again.
+# Drawing in software takes a whole core, and few tests look at the picture; these set `undrawn` to false. A canvas that
+# is neither drawn nor cleared is not put on the screen again.
 UNDRAWN = """
   window.undrawn = true;
   for (const name of ["drawElements", "drawArrays", "drawElementsInstanced", "drawArraysInstanced", "clear"]) {
@@ -25,7 +25,7 @@ PATIENCE = 90.0  # s: a busy machine may take long to start the process that pre
 
 
 def each_tab(page: Page) -> Iterator[str]:
-    """Open every tab of every panel, those within another tab too, and give its title; at the end the first ones are
+    """Open every tab of every panel, also those within another tab, and yield its title; at the end the first ones are
     open again."""
     tabs = page.locator("[role=tab]:visible")
     first = page.locator("[role=tab][aria-selected=true]:visible").all_inner_texts()
@@ -65,7 +65,7 @@ class Session:
         return self.row(label).locator(".mantine-TextInput-input")
 
     def grip(self, label: str, at: float = 0.33) -> tuple[Callable[[float], None], Locator]:
-        """Press the mouse on a row's slider; returns how to move it (0 to 1), and the row's text field."""
+        """Press the mouse on a row's slider; returns a function that moves it (0 to 1), and the row's text field."""
         slider = self.row(label).locator(".mantine-Slider-root")
         held = self.page.locator("form[data-held]", has=self.page.get_by_text(label, exact=True))
         for _ in range(5):  # rows move while the page is being built, and a press may land beside one
@@ -87,11 +87,11 @@ class Session:
         return move, self.number(label)
 
     def ahead(self) -> float:
-        """How far right of now the first plot's lines reach, s."""
+        """Time from now to the right end of the first plot's lines, s."""
         return self.page.evaluate("Object.values(__viserTestpoints.uplots)[0].chart.data[0].at(-1)")
 
     def wait(self, condition: Callable[[Snapshot], bool], seconds: float = PATIENCE) -> None:
-        """Until the loop is as the test wants it; a failure shows where it stood."""
+        """Wait until the loop fulfils the condition; a failure shows its state."""
         until = time.monotonic() + seconds
         while not condition(self.now):
             assert time.monotonic() < until, (

@@ -1,4 +1,4 @@
-"""A gateway whose sessions are no processes: what was told to each is noted, and a page finds a web socket there."""
+"""Gateway whose sessions are no processes: messages to each are recorded, and a page finds a web socket there."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ HELLO = b"hello"
 
 
 class Actor:
-    """Plays the process of a session."""
+    """Stand-in for the process of a session."""
 
     key, looking, late = "key", frozenset[str](), None
 
@@ -76,7 +76,7 @@ class Town:
         return await (await self.ask(f"{path}about?wait", **headers)).json()
 
     async def looked_at(self, path: str, **headers: str) -> aiohttp.ClientWebSocketResponse:
-        """A page of it, once it runs."""
+        """Page of the gateway, once it runs."""
         while (await self.about(path, **headers))["phase"] != "running":
             await asyncio.sleep(0.01)
         page = await self.let_in(path, **headers)
@@ -84,7 +84,7 @@ class Town:
         return page
 
     async def arrive(self, **headers: str) -> str:
-        """The link of a session of one's own, once it runs or waits."""
+        """Link of a session of one's own, once it runs or waits."""
         path = "/" + (await self.ask("/", **headers)).headers["Location"]
         while (await self.about(path, **headers))["phase"] == "starting":
             await asyncio.sleep(0.01)
@@ -95,7 +95,7 @@ class Town:
         return await self.client.ws_connect(self.url(path), headers=named)
 
     async def let_in(self, path: str, **headers: str) -> aiohttp.ClientWebSocketResponse | None:
-        """The page's web socket, None where it is turned away."""
+        """Web socket of the page, None where it is refused."""
         page = await self.open(path, **headers)
         return page if (await page.receive()).type is WSMsgType.BINARY else None
 
@@ -122,7 +122,7 @@ async def town(
     serves: dict[str, Any] | None = None,
     **more: Any,
 ) -> AsyncIterator[Town]:
-    """While it lasts, the gateway answers. state: the folder that keeps sessions; serves: see
+    """Context in which the gateway answers. state: the folder that keeps sessions; serves: see
     `app.gateway.server.serving`; more: see `SessionPool`."""
     inner = web.Application()
     inner.router.add_get("/", _session)

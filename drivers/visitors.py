@@ -1,4 +1,4 @@
-"""Visitors of a server of ours: pages without a browser, which speak the protocol of viser's client."""
+"""Visitors of a server of ours: pages without a browser, with the protocol of viser's client."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ PATIENCE = 90.0  # s, for what takes a fraction of a second on an idle machine
 
 
 class Visitor:
-    """An open page: what it got of the control panel, and what it does."""
+    """An open page: the content of the control panel that it received, and its actions."""
 
     def __init__(self, socket: ClientConnection) -> None:
         self._socket = socket
@@ -46,13 +46,13 @@ class Visitor:
 
     @property
     def status(self) -> str:
-        """The status line's text."""
+        """Text of the status line."""
         found = [re.sub(r"<[^>]+>", " ", html) for html in self.html.values() if "vs-status" in html]
         return " ".join(found).strip()
 
     @property
     def text(self) -> str:
-        """All that the panel says."""
+        """Whole text of the panel."""
         return " ".join(self.html.values())
 
     @property
@@ -62,7 +62,7 @@ class Visitor:
         return float(found[1]) if found else -1.0
 
     def wait(self, condition: Callable[[], bool], seconds: float = PATIENCE) -> None:
-        """Until it holds. Raises ConnectionClosed, and AssertionError after so long."""
+        """Wait until the condition holds. Raises ConnectionClosed, and AssertionError after so long."""
         with self._news:
             self._news.wait_for(lambda: condition() or self._ended is not None, seconds)
             if condition():
@@ -76,7 +76,7 @@ class Visitor:
         self.wait(lambda: False)
 
     def _listen(self) -> None:
-        """All the time, as a browser does: who does not answer a ping is taken for gone."""
+        """Receive all the time, as a browser does: a client that does not answer a ping counts as gone."""
         try:
             while True:
                 frame = self._socket.recv()
@@ -102,7 +102,7 @@ class Visitor:
 
 @contextmanager
 def visiting(url: str, **options: Any) -> Iterator[Visitor]:
-    """A page opened at this address, as viser's client does it."""
+    """Context of a page opened at this address, as viser's client does it."""
     address = url.replace("http", "ws", 1).rstrip("/")
     usual = {"subprotocols": [PROTOCOL], "compression": None, "max_size": None, "open_timeout": PATIENCE}
     with connect(address, **usual | options) as socket:
@@ -118,7 +118,7 @@ class Server(NamedTuple):
 
     @property
     def url(self) -> str:
-        """As printed, with its token."""
+        """Address as printed, with its token."""
         return self.lines[0].split()[2]
 
     @property
@@ -126,15 +126,15 @@ class Server(NamedTuple):
         return urlsplit(self.url).port or 0
 
     def children(self) -> list[int]:
-        """Processes that it has started and that have not ended, in that order."""
+        """Processes that the server has started and that have not ended, in that order."""
         pid = self.process.pid
         return [int(number) for number in Path(f"/proc/{pid}/task/{pid}/children").read_text().split()]
 
 
 @contextmanager
 def serving(*arguments: str, lines: int, fps: int = 8) -> Iterator[Server]:
-    """`vsmrc serve` with these arguments at a free port, once it has printed so many lines; without a token, whoever
-    is on this machine, unless the arguments speak of one."""
+    """Context of `vsmrc serve` with these arguments at a free port, once it has printed so many lines; without a token,
+    whatever other users this machine has, unless the arguments name one."""
     asks = any(name in arguments for name in ("--token", "--token-file", "--origin", "--host"))
     command = [sys.executable, "-m", "app", "serve", "--port", "0", "--fps", str(fps), *arguments]
     command += [] if asks else ["--token", "never"]
@@ -155,7 +155,7 @@ def serving(*arguments: str, lines: int, fps: int = 8) -> Iterator[Server]:
 
 
 def gone(pid: int, seconds: float = PATIENCE) -> bool:
-    """Whether the process has ended, or does within so many s."""
+    """Whether the process has ended, or ends within so many s."""
     try:
         file = os.pidfd_open(pid)
     except ProcessLookupError:

@@ -1,4 +1,4 @@
-"""Waiting for something to be so."""
+"""Wait for a condition."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ T = TypeVar("T")
 
 
 def until(condition: Callable[[], T | None], what: object = "") -> T:
-    """What the condition gives, as soon as that is something; `what`, or what it gives, is said if it never is."""
+    """Result of the condition, as soon as it is true; `what`, or its result, is the message if it never is."""
     deadline = time.monotonic() + PATIENCE
     while not (met := condition()):
         assert time.monotonic() < deadline, what() if callable(what) else what

@@ -1,1 +1,2 @@
-"""The world: robots, surfaces, contact, trajectories, sensors. It knows nothing of controllers, screens or threads."""
+"""Environment of the controller: robots, surfaces, contact, trajectories, sensors. It knows nothing of controllers,
+screens or threads."""

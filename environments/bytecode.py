@@ -1,7 +1,8 @@
-"""A formula with all its derivatives as a list of instructions for kernels: no formula needs compiling.
+"""Bytecode of a formula with all its derivatives: a list of instructions for kernels, so that no formula needs
+compiling.
 
-Registers hold x, y, z, t, then the constants, then one result after the other. All are of one size, so that the
-records around them are too.
+Registers hold x, y, z, t, then the constants, then one result after the other. All bytecodes have the same size, and
+so have the records around them.
 """
 
 from __future__ import annotations
@@ -22,9 +23,12 @@ VALUE, GRADIENT, HESSIAN, RATE, GRADIENT_RATE, SECOND_RATE = 0, 1, 4, 10, 11, 14
 
 
 class Bytecode(NamedTuple):
-    """Bytecode of a formula. code (INSTRUCTIONS, 3): operation and two registers, of which `length` count; the first
-    result goes to register `first`; registers (REGISTERS,) with the constants in place; outputs (15,): the registers of
-    `OUTPUTS`; K, K_inv, work (4, 4): room for the search of the nearest point."""
+    """Bytecode of a formula.
+    code (INSTRUCTIONS, 3): operation and two registers, of which `length` count; the first result goes to register
+    `first`.
+    registers (REGISTERS,), with the constants in place.
+    outputs (15,): the registers of `OUTPUTS`.
+    K, K_inv, work (4, 4): memory for the search of the nearest point."""
 
     code: np.ndarray
     length: int
@@ -47,7 +51,7 @@ BLANK = _bytecode(
 
 
 def bytecode_of(formula: Formula) -> Bytecode:
-    """Raises FormulaError when its derivatives are too long or not finite."""
+    """Bytecode of a formula. Raises FormulaError when its derivatives are too long or not finite."""
     graph = formula.graph
     try:
         wanted = [formula.root] * len(OUTPUTS)

@@ -1,4 +1,4 @@
-"""What the tool touches: nothing, a spring, a mass-damper-spring (28), or a rigid surface with its multiplier (39).
+"""Contact of the tool: with nothing, a spring, a mass-damper-spring (28), or a rigid surface with its multiplier (39).
 
 All of them are one law for the multiplier lambda along the gradient of phi,
 
@@ -23,8 +23,10 @@ SLIP_SPEED = 1e-3  # m/s, where Coulomb friction has reached 0.7 of its value: t
 
 
 class Contact(NamedTuple):
-    """M_e kg, B_e N s/m, K_e N/m along phi; unilateral: pushes only; friction coefficient (1) and viscous friction
-    (N s/m) along the surface."""
+    """Parameters of a contact.
+    M_e, B_e, K_e: kg, N s/m, N/m, along phi.
+    unilateral: pushes only.
+    friction_coulomb, friction_viscous: coefficient (1) and viscous friction (N s/m) along the surface."""
 
     M_e: float
     B_e: float
@@ -35,9 +37,14 @@ class Contact(NamedTuple):
 
 
 class ContactKinematics(NamedTuple):
-    """Kinematics of the contact at one state. p (3,) m, p_dot (3,) m/s, J_v (3, n) of the tool point; chart: the
-    surface there; drag (3,): friction per unit multiplier; v_rel (3,) m/s: slip; phi m, phi_dot m/s, phi_ddot_bias
-    m/s^2: phi_ddot without its part in q_ddot; pull (n,): phi_dot per unit of q_dot."""
+    """Kinematics of the contact at one state.
+    p, p_dot, J_v: (3,) m, (3,) m/s, (3, n), of the tool point.
+    chart: the surface at that point.
+    drag: (3,), friction per unit multiplier.
+    v_rel: (3,) m/s, slip.
+    phi, phi_dot: m, m/s.
+    phi_ddot_bias: m/s^2, phi_ddot without its part in q_ddot.
+    pull: (n,), phi_dot per unit of q_dot."""
 
     p: np.ndarray
     p_dot: np.ndarray
@@ -52,7 +59,7 @@ class ContactKinematics(NamedTuple):
 
     @classmethod
     def zeros(cls, n: int) -> ContactKinematics:
-        """Of an arm with n joints."""
+        """Kinematics of an arm with n joints."""
         v = np.zeros(3)
         return cls(v, v, np.zeros((3, n)), Chart.zeros(), v, v, 0.0, 0.0, 0.0, np.zeros(n))
 
@@ -68,12 +75,12 @@ class ContactForce(NamedTuple):
 
     @classmethod
     def zeros(cls, n: int) -> ContactForce:
-        """Of an arm with n joints that touches nothing."""
+        """Force of an arm with n joints that touches nothing."""
         return cls(np.zeros(3), np.zeros(n), 0.0, 0.0)
 
 
 class World(NamedTuple):
-    """What the tool meets: the lever (3,) m of the tool in the joint that carries it, the surface's shape and the
+    """Environment of the tool: the lever (3,) m of the tool in the joint that carries it, the surface's shape and the
     contact, rigid or not."""
 
     lever: np.ndarray
@@ -84,8 +91,8 @@ class World(NamedTuple):
 
 @inline
 def touch_at(world, J, rotation, translation, q_dot, t, touch):
-    """`ContactKinematics` from the world Jacobian J (6, n) of the joint that carries the tool and that joint's
-    placement; its phi_ddot_bias lacks the tool's own drift, see `add_drift`."""
+    """Compute the `ContactKinematics` from the world Jacobian J (6, n) of the joint that carries the tool and that
+    joint's placement; phi_ddot_bias lacks the tool's own drift, see `add_drift`."""
     lever, shape, n = world.lever, world.shape, q_dot.shape[0]
     p, p_dot, chart = touch.p, touch.p_dot, touch.chart
     for a in range(3):
@@ -110,7 +117,7 @@ def touch_at(world, J, rotation, translation, q_dot, t, touch):
         touch.v_rel[a] -= normal[a] * (into / square)
     slip = np.sqrt(square / (dot(touch.v_rel, touch.v_rel) + SLIP_SPEED**2))
     touch.phi, touch.phi_dot = chart.g[0], dot(normal, p_dot) + chart.g_t[0]
-    # the mixed term grad(phi_t) . p_dot stands once in J_dot q_dot and once in the derivative of phi_t
+    # the mixed term grad(phi_t) . p_dot occurs once in J_dot q_dot and once in the derivative of phi_t
     touch.phi_ddot_bias = 2.0 * dot(chart.G_t[0], p_dot) + chart.g_tt[0]
     for a in range(3):
         touch.drag[a] = touch.v_rel[a] * (world.contact.friction_coulomb * slip)
@@ -132,7 +139,8 @@ def add_drift(J, J_dot, q_dot, touch):
 
 @inline
 def spring(contact, phi, phi_dot):
-    """lambda (N) of an elastic surface, (32) with damping; zero in the air unless the surface is bilateral."""
+    """Multiplier lambda (N) of an elastic surface, (32) with damping; zero in the air unless the surface is
+    bilateral."""
     pull = contact.B_e * phi_dot + contact.K_e * phi
     if contact.unilateral and (phi <= 0.0 or pull <= 0.0):
         return 0.0
@@ -141,7 +149,7 @@ def spring(contact, phi, phi_dot):
 
 @inline
 def contact_force(contact, multiplier, touching, touch, force):
-    """Force (3,) N of the tool on the environment for a multiplier, friction included where they touch."""
+    """Compute the force (3,) N of the tool on the environment for a multiplier, with friction where they touch."""
     viscous = contact.friction_viscous if touching else 0.0
     for a in range(3):
         along = abs(multiplier) * touch.drag[a] + viscous * touch.v_rel[a]
@@ -150,7 +158,7 @@ def contact_force(contact, multiplier, touching, touch, force):
 
 @inline
 def elastic_load(contact, touch, load):
-    """The `ContactForce` of an elastic surface: it does not depend on the torque."""
+    """Compute the `ContactForce` of an elastic surface: it does not depend on the torque."""
     load.multiplier, load.phi = spring(contact, touch.phi, touch.phi_dot), touch.phi
     contact_force(contact, load.multiplier, load.multiplier != 0.0, touch, load.force)
     transposed_times(touch.J_v, load.force, load.torque)
@@ -158,9 +166,10 @@ def elastic_load(contact, touch, load):
 
 @inline
 def heavy_multiplier(contact, rigid, touch, phi_ddot_free, mobility):
-    """lambda (N) where it depends on the acceleration phi_ddot = phi_ddot_free - mobility lambda: (28), (39).
+    """Multiplier lambda (N) where it depends on the acceleration phi_ddot = phi_ddot_free - mobility lambda: (28),
+    (39).
 
-    On a rigid surface it may come out negative: the caller decides whether contact is lost.
+    On a rigid surface it may be negative: the caller decides whether contact is lost.
     """
     if rigid:
         return phi_ddot_free / mobility

@@ -1,4 +1,4 @@
-"""Kinds of contact: each is a row of `CONTACTS`, all of them one law for the multiplier (`environments.contact`)."""
+"""Kinds of contact: each is a row of `CONTACTS`, and all are one law for the multiplier (`environments.contact`)."""
 
 from __future__ import annotations
 
@@ -8,8 +8,11 @@ from typing import TYPE_CHECKING, Literal
 
 @dataclass(frozen=True)
 class ContactKind:
-    """title: how the page calls it; equation: the paper's number. touches: whether there is a surface at all; springs:
-    whether K_e and B_e are its own; massive: whether M_e is; rigid: whether nothing gives way."""
+    """Kind of contact.
+    title: name on the page; equation: the paper's number.
+    touches: whether there is a surface.
+    springs, massive: whether the surface has K_e and B_e, and M_e.
+    rigid: whether the surface does not yield."""
 
     title: str
     equation: str

@@ -1,7 +1,7 @@
 """Expressions in x, y, z, t as one graph in which equal parts exist once, and their exact derivatives.
 
-Parts are numbered so that what a part is made of has smaller numbers: every walk is a loop, none is a recursion.
-Making a part simplifies it (constants folded, 0 and 1 gone), so that derivatives stay as short as what they derive.
+Parts are numbered so that the operands of a part have smaller numbers: every walk is a loop, none is a recursion.
+Making a part simplifies it (constants folded, 0 and 1 removed), so that derivatives stay as short as their functions.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ X, Y, Z, T = VARIABLES = range(4)
 
 
 class Op(IntEnum):
-    """What a part does with its parts a and b."""
+    """Operation of a part on its operands a and b."""
 
     CONSTANT = 0
     VARIABLE = auto()
@@ -23,7 +23,7 @@ class Op(IntEnum):
     SUBTRACT = auto()
     MULTIPLY = auto()
     DIVIDE = auto()
-    POWER = auto()  # of a constant exponent, which is part b
+    POWER = auto()  # with a constant exponent, part b
     NEGATE = auto()
     SQRT = auto()
     SIN = auto()
@@ -57,9 +57,9 @@ class Part(NamedTuple):
 
 
 class Graph:
-    """All parts made so far. What makes a part returns its number, the same one for the same part.
+    """Graph of all parts made so far. Methods that make a part return its number, the same one for the same part.
 
-    Raises ArithmeticError where a constant comes out that is no finite real number.
+    Raises ArithmeticError where a constant would be no finite real number.
     """
 
     def __init__(self) -> None:
@@ -81,7 +81,7 @@ class Graph:
         return self._number(Part(Op.CONSTANT, value=value + 0.0))  # -0.0 is 0.0
 
     def value(self, a: int) -> float | None:
-        """Of a constant; None of anything else."""
+        """Value of a constant; None for any other part."""
         part = self.parts[a]
         return part.value if part.op is Op.CONSTANT else None
 
@@ -133,7 +133,7 @@ class Graph:
             return self.negate(self.multiply(self.parts[a].a, b))
         if self.parts[b].op is Op.NEGATE:
             return self.negate(self.multiply(a, self.parts[b].a))
-        for one, other in ((a, b), (b, a)):  # numbers to the front, where they meet
+        for one, other in ((a, b), (b, a)):  # numbers to the front, where they are combined
             factor = self.value(self.parts[one].a) if self.parts[one].op is Op.MULTIPLY else None
             if factor is not None:
                 return self._scaled(factor, self.multiply(self.parts[one].b, other))
@@ -183,12 +183,12 @@ class Graph:
         return self._number(Part(Op.POWER, a, self.constant(exponent)))
 
     def apply(self, function: Op, a: int) -> int:
-        """One of `FUNCTIONS` of a part."""
+        """One of `FUNCTIONS` applied to a part."""
         value = self.value(a)
         return self._number(Part(function, a)) if value is None else self.constant(_real(FUNCTIONS[function], value))
 
     def below(self, roots: Iterable[int]) -> list[int]:
-        """The parts that these are made of, themselves included, in their order."""
+        """All parts that the roots are made of, themselves included, in ascending order."""
         found, waiting = set(), list(roots)
         while waiting:
             a = waiting.pop()
@@ -198,7 +198,7 @@ class Graph:
         return sorted(found)
 
     def derivative(self, root: int, variable: int) -> int:
-        """The partial derivative of a part with respect to one of `VARIABLES`, exact."""
+        """Partial derivative of a part with respect to one of `VARIABLES`, exact."""
         for a in self.below([root]):
             if (a, variable) not in self._derivatives:
                 self._derivatives[a, variable] = self._derivative(a, variable)
@@ -226,7 +226,7 @@ class Graph:
         return self.multiply(self._slope(number), da)
 
     def _slope(self, number: int) -> int:
-        """The derivative of a part with one operand with respect to that operand."""
+        """Derivative of a part with one operand with respect to that operand."""
         op, a, b, _ = self.parts[number]
         match op:
             case Op.NEGATE:
@@ -263,5 +263,5 @@ def _real(function: Callable[..., float], *arguments: float) -> float:
 
 
 def operands(part: Part) -> list[int]:
-    """The numbers of the parts that this one is made of."""
+    """Numbers of a part's operands."""
     return [] if part.op in (Op.CONSTANT, Op.VARIABLE) else [c for c in (part.a, part.b) if c >= 0]

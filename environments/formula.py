@@ -1,4 +1,4 @@
-"""The grammar of typed formulas. A text is read by these few functions and never evaluated as code:
+"""Grammar of typed formulas. A text is read by these few functions and never evaluated as code:
 
     sum    = term  { ("+" | "-") term }
     term   = signed { ("*" | "/") signed }
@@ -39,7 +39,7 @@ _TOKEN = re.compile(
 
 
 class FormulaError(ValueError):
-    """A text that is no formula, or one that cannot be used: one sentence that says where, and what is allowed."""
+    """A text that is no formula, or one that cannot be used: one sentence with the place, and what is allowed."""
 
 
 class _Token(NamedTuple):
@@ -50,7 +50,7 @@ class _Token(NamedTuple):
 
 @dataclass(frozen=True)
 class Formula:
-    """What a text says: part `root` of `graph`."""
+    """A formula that was read: part `root` of `graph`."""
 
     text: str
     graph: Graph
@@ -58,7 +58,7 @@ class Formula:
 
 
 def parse(text: str) -> Formula:
-    """Raises FormulaError."""
+    """Formula of a text. Raises FormulaError."""
     if len(text) > LONGEST:
         raise FormulaError(f"the formula has {len(text)} characters; allowed: {LONGEST}")
     return _Reader(text).formula()
@@ -79,7 +79,7 @@ def _tokens(text: str) -> list[_Token]:
 
 
 class _Reader:
-    """One text on its way into a graph; each method reads what the grammar calls by its name."""
+    """Reader of one text into a graph; each method reads the rule of the grammar that has its name."""
 
     def __init__(self, text: str) -> None:
         self._text = text
@@ -101,7 +101,7 @@ class _Reader:
         return self._tokens[self._at]
 
     def _take(self, *texts: str) -> _Token | None:
-        """The next token if it is one of these signs."""
+        """Take the next token if it is one of these signs, else return None."""
         token = self._next
         if token.kind == "sign" and token.text in texts:
             self._at += 1

@@ -1,4 +1,5 @@
-"""The surface Phi(x, y, z, t) = 0 of a typed formula (30): distance from it with all derivatives, and points of it.
+"""Level set Phi(x, y, z, t) = 0 of a typed formula (30): distance from this surface with all derivatives, and points of
+it.
 
 phi is the distance, not Phi: however a surface is written, phi is metres of penetration, its gradient a unit vector,
 and the multiplier along it the normal force, in N. With p* the point of the surface nearest to p,
@@ -23,14 +24,14 @@ SCAN = 0.01  # m, between two looks for a change of sign along a line
 
 @inline
 def _entry(k, a):
-    """Where the bytecode has the second derivative with respect to coordinates k and a."""
+    """Index of the bytecode's output for the second derivative with respect to coordinates k and a."""
     low, high = min(k, a), max(k, a)
     return HESSIAN + low + high + (1 if low > 0 else 0)
 
 
 @inline
 def _foot(bytecode, zeta, t):
-    """Newton's method for (p*, mu): K, K_inv and the registers are those at p*. Returns p*, mu, and whether found."""
+    """Newton's method for (p*, mu); returns p*, mu, and whether found. K, K_inv and the registers are those at p*."""
     r, out, K = bytecode.registers, bytecode.outputs, bytecode.K
     run(bytecode, zeta[0], zeta[1], zeta[2], t)
     square = r[out[GRADIENT]] ** 2 + r[out[GRADIENT + 1]] ** 2 + r[out[GRADIENT + 2]] ** 2
@@ -67,10 +68,10 @@ def _foot(bytecode, zeta, t):
 
 @kernel
 def distance(bytecode, side, zeta, t, chart):
-    """Row 0 of a `Chart`: side times the distance of zeta (3,) m at time t (s), and what the formula's own time adds
-    to its derivatives in time, as a tuple (phi_t, phi_tt, phi_xt, phi_yt, phi_zt).
+    """Row 0 of a `Chart`: side times the distance of zeta (3,) m at time t (s). Returns the terms that the formula's
+    own time adds to its derivatives in time, as a tuple (phi_t, phi_tt, phi_xt, phi_yt, phi_zt).
 
-    Where no nearest point is found, far from a curved surface, it is Phi / |grad Phi|, without second derivatives.
+    Where no nearest point is found, far from a curved surface, phi is Phi / |grad Phi|, without second derivatives.
     """
     r, out = bytecode.registers, bytecode.outputs
     mu, found = _foot(bytecode, zeta, t)
@@ -132,7 +133,8 @@ def _on_line(bytecode, start, along, h, t):
 
 @inline
 def _between(bytecode, start, along, low, high, at_low, t):
-    """The root between low and high, where the signs of Phi differ: Newton's method, halving where that leaves them."""
+    """Root between low and high, where the signs of Phi differ, by Newton's method, with bisection where that leaves
+    the interval."""
     h = 0.5 * (low + high)
     for _ in range(60):
         value, slope = _on_line(bytecode, start, along, h, t)
@@ -151,8 +153,9 @@ def _between(bytecode, start, along, low, high, at_low, t):
 
 @kernel
 def crossings(bytecode, starts, along, reach, t, heights):
-    """heights (N,): where the lines starts (N, 3) + h along (3,), m, meet Phi = 0 at time t (s), nan if nowhere within
-    `reach` m. Of several crossings the one nearest to that of the line before counts, on the first line to h = 0."""
+    """Write heights (N,): the h, m, at which the lines starts (N, 3) + h along (3,) meet Phi = 0 at time t (s), nan if
+    nowhere within `reach` m. Of several crossings the one nearest to that of the line before counts, on the first line
+    the one nearest to h = 0."""
     bytecode, near = bytecode[0], 0.0
     for i in range(starts.shape[0]):
         start = starts[i]

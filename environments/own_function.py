@@ -1,4 +1,4 @@
-"""Functions of a user's own, compiled by themselves, that the program's kernels call."""
+"""Functions of a user's own, compiled separately, that the program's kernels call."""
 
 from __future__ import annotations
 
@@ -19,8 +19,10 @@ Shapes = tuple[tuple[int, ...], tuple[int, ...], tuple[int, ...]]
 
 
 class OwnFunction(NamedTuple):
-    """A function in the kernels' form. address: in this process; digest: of its source, since an address says nothing
-    in the next process; parameters (MOST,)."""
+    """A function in the form for kernels.
+    address: in this process.
+    digest: of its source, since an address means nothing in the next process.
+    parameters: (MOST,)."""
 
     address: np.uint64
     digest: np.uint64
@@ -33,8 +35,8 @@ NO_FUNCTION = OwnFunction(np.uint64(0), np.uint64(0), np.zeros(MOST))
 def own_function(
     function: Callable[..., None], users: Callable[..., None], parameters: dict[str, float], shapes: Shapes
 ) -> OwnFunction:
-    """`function(t, parameters, a, b, c)`, which writes into arrays of these shapes, and the function of the user's that
-    it calls. Raises numba's errors."""
+    """Form for kernels of `function(t, parameters, a, b, c)`, which writes into arrays of these shapes. users: the
+    function of the user's that it calls. Raises numba's errors."""
     numbers = np.zeros(MOST)
     numbers[: len(parameters)] = list(parameters.values())
     kept = _kept(function, tuple(parameters), shapes)

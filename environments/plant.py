@@ -1,4 +1,5 @@
-"""The true arm in its world, (2): its masses, payload, friction and disturbance are what the controller never sees."""
+"""Plant: the true arm in its environment, (2); its masses, payload, friction and disturbance are unknown to the
+controller."""
 
 from __future__ import annotations
 
@@ -34,11 +35,14 @@ SLIP_RATE = 0.01  # rad/s, the smooth transition of Coulomb friction in the join
 
 @dataclass(frozen=True)
 class Truth:
-    """How the true arm differs from the nominal one.
+    """Differences of the true arm from the nominal one.
 
-    link_scaling (n,): factor on each link's inertia; payload_mass kg, a point at payload_offset (3,) m in the tool
-    frame; coulomb N m and viscous N m s/rad per joint; disturbance: a torque of this norm (N m) at all times, turning
-    through the joints with disturbance_frequency Hz; torque_limit (n,) N m: of the drives, see `limited`.
+    link_scaling: (n,), factor on each link's inertia.
+    payload_mass, payload_offset: kg, a point at (3,) m in the tool frame.
+    coulomb, viscous: N m and N m s/rad per joint.
+    disturbance, disturbance_frequency: a torque of this norm (N m) at all times, turning through the joints with this
+    frequency, Hz.
+    torque_limit: (n,) N m, of the drives, see `limited`.
     """
 
     link_scaling: np.ndarray
@@ -69,13 +73,13 @@ class Truth:
 
     @property
     def resistance(self) -> Resistance:
-        """The same in the kernels' form."""
+        """Friction and disturbance in the joints, for kernels."""
         omega = 2 * np.pi * self.disturbance_frequency
         return Resistance(float(self.coulomb), float(self.viscous), float(self.disturbance), omega)
 
 
 class Resistance(NamedTuple):
-    """What `Truth` says of the joints; omega: of the disturbance, rad/s."""
+    """Friction and disturbance of `Truth` in the joints; omega: of the disturbance, rad/s."""
 
     coulomb: float
     viscous: float
@@ -84,9 +88,11 @@ class Resistance(NamedTuple):
 
 
 class Arm(NamedTuple):
-    """q (n,), q_dot (n,) and the contact's `ContactForce` there; q_ddot (n,) of the period that led here: of its first
-    integration step. With a rigid or heavy environment the load is that of the last step, since it depends on the
-    torque."""
+    """State of the arm.
+    q, q_dot: (n,).
+    load: the contact's `ContactForce` in this state; with a rigid or heavy environment that of the last step, since it
+    depends on the torque.
+    q_ddot: (n,), of the period before: that of its first integration step."""
 
     q: np.ndarray
     q_dot: np.ndarray
@@ -95,7 +101,7 @@ class Arm(NamedTuple):
 
     @classmethod
     def zeros(cls, n: int) -> Arm:
-        """At rest, all joints at zero."""
+        """State at rest, all joints at zero."""
         return cls(np.zeros(n), np.zeros(n), ContactForce.zeros(n), np.zeros(n))
 
 
@@ -103,7 +109,7 @@ PlantState = Record[Arm]
 
 
 class Tool(NamedTuple):
-    """Where the tool point is, p (3,) m, and its Jacobian J_v (3, n) in world axes."""
+    """Tool point p (3,) m, and its Jacobian J_v (3, n) in world axes."""
 
     p: np.ndarray
     J_v: np.ndarray
@@ -111,7 +117,7 @@ class Tool(NamedTuple):
 
 @inline
 def limited(limits, tau, applied):
-    """What the drives make of a commanded torque: applied (n,) = tau, within the limits (n,) N m."""
+    """Compute the torque that the drives apply: applied (n,) = tau, within the limits (n,) N m."""
     for i in range(applied.shape[0]):
         applied[i] = min(max(tau[i], -limits[i]), limits[i])
 
@@ -124,7 +130,7 @@ def _resistance(resistance, q_dot, t, torque):
         if resistance.coulomb > 0.0:
             torque[i] += resistance.coulomb * np.tanh(q_dot[i] / SLIP_RATE)
     if resistance.disturbance > 0.0:
-        # squares of n sines that are 2 pi/n apart add up to n/2 at all times if n > 2; of two joints they would agree
+        # squares of n sines that are 2 pi/n apart add up to n/2 at all times if n > 2; for two they would be equal
         apart = 2 * np.pi / n if n > 2 else np.pi / 2
         size = resistance.disturbance * np.sqrt(2 / n)
         for i in range(n):
@@ -137,8 +143,8 @@ def _resistance_alone(resistance, q_dot, t, torque):
 
 
 class PlantWorkspace(NamedTuple):
-    """Workspace of the plant: what resists the arm, and what is needed between two of Pinocchio's calls: the contact's
-    geometry, the torque (n,) N m that moves the arm, and room (3,), (n,), (n,), (n, n)."""
+    """Workspace of the plant: the resistance of the arm's joints, and the data between two of Pinocchio's calls: the
+    contact's geometry, the torque (n,) N m that moves the arm, and memory (3,), (n,), (n,), (n, n)."""
 
     world: World
     resistance: Resistance
@@ -151,14 +157,14 @@ class PlantWorkspace(NamedTuple):
 
     @classmethod
     def of(cls, world: World, resistance: Resistance, n: int) -> PlantWorkspace:
-        """Of an arm with n joints."""
+        """Workspace of an arm with n joints."""
         v = np.zeros(n)
         return cls(world, resistance, ContactKinematics.zeros(n), v, np.zeros(3), v, v, np.zeros((n, n)))
 
 
 @inline
 def _accelerate(around, M, bias, arm, tau, t):
-    """q_ddot under the torque tau and the load at hand."""
+    """Compute q_ddot under the torque tau and the present load."""
     torque = around.torque
     _resistance(around.resistance, arm.q_dot, t, torque)
     for i in range(torque.shape[0]):
@@ -168,13 +174,13 @@ def _accelerate(around, M, bias, arm, tau, t):
 
 @kernel
 def _accelerate_free(around, M, bias, arm, tau, t):
-    """q_ddot in free space under the torque tau; bias (n,) N m: C q_dot + G."""
+    """Compute q_ddot in free space under the torque tau; bias (n,) N m: C q_dot + G."""
     _accelerate(around[0], M, bias, arm[0], tau, t)
 
 
 @kernel
 def _accelerate_elastic(around, M, bias, J, rotation, translation, arm, tau, t):
-    """The load where the arm is, and q_ddot under the torque tau against it."""
+    """Compute the load in the present state, and q_ddot under the torque tau against it."""
     around, arm = around[0], arm[0]
     touch_at(around.world, J, rotation, translation, arm.q_dot, t, around.touch)
     elastic_load(around.world.contact, around.touch, arm.load)
@@ -188,7 +194,7 @@ def _touching(world, touch):
 
 @kernel
 def _accelerate_heavy(around, M, bias, J, J_dot, rotation, translation, arm, tau, t):
-    """q_ddot under the torque tau, and the load, which depends on it."""
+    """Compute q_ddot under the torque tau, and the load, which depends on it."""
     around, arm = around[0], arm[0]
     world, touch, torque, n = around.world, around.touch, around.torque, arm.q.shape[0]
     contact = world.contact
@@ -202,7 +208,7 @@ def _accelerate_heavy(around, M, bias, J, J_dot, rotation, translation, arm, tau
         torque[i] = tau[i] - bias[i] - torque[i] - around.pushed[i]
     solve_spd(M, torque, around.factor, arm.q_ddot)  # without the multiplier
     phi_ddot_free = dot(touch.pull, arm.q_ddot) + touch.phi_ddot_bias
-    for side in (1.0, -1.0):  # where a bilateral surface pulls, friction opposes the slip all the same
+    for side in (1.0, -1.0):  # where a bilateral surface pulls, friction still opposes the slip
         for a in range(3):
             around.push[a] = touch.chart.G[0, a] + side * touch.drag[a]
         transposed_times(touch.J_v, around.push, around.pushed)
@@ -241,7 +247,7 @@ def _force_of(around, J, rotation, translation, arm, multiplier, t, force):
 
 @kernel
 def _onto_surface(around, J, rotation, translation, M, arm, t):
-    """Move q a step of Newton's towards phi = 0, or, once it is there, make phi_dot zero too; returns phi."""
+    """Move q a step of Newton's method towards phi = 0, or, once phi = 0, make phi_dot zero, too; returns phi."""
     around, arm = around[0], arm[0]
     world, touch = around.world, around.touch
     touch_at(world, J, rotation, translation, arm.q_dot, t, touch)
@@ -283,7 +289,7 @@ def _semi_implicit_euler(arm, h):
 
 
 class Plant:
-    """M q_ddot + C q_dot + G + J^T F + f = tau, integrated with tau held over each control period."""
+    """Plant M q_ddot + C q_dot + G + J^T F + f = tau, integrated with tau held over each control period."""
 
     def __init__(
         self,
@@ -321,8 +327,8 @@ class Plant:
         self._resolve_kernels(robot.n)
 
     def smooth(self, *, touching: bool) -> Plant:
-        """The same arm with nothing that has a kink or acts from outside: no Coulomb friction, no limits of the drives,
-        no disturbance, and a surface that also pulls, or, not touching, a spring that is none."""
+        """Plant of the same arm without anything that has a kink or acts from outside: no Coulomb friction, no limits
+        of the drives, no disturbance, and a surface that also pulls, or, not touching, a spring of zero stiffness."""
         truth = replace(self.truth, coulomb=0.0, disturbance=0.0, torque_limit=np.inf)
         contact = self.contact._replace(unilateral=False, friction_coulomb=0.0)
         if not touching:
@@ -347,7 +353,7 @@ class Plant:
             self._answer = compiled_for(_accelerate_free, around, *inertia, arm, tau, 0.0)
 
     def start(self, q: np.ndarray, q_dot: np.ndarray, t: float) -> PlantState:
-        """The state q (n,), q_dot (n,) at time t; on a rigid surface it is moved onto it.
+        """State with q (n,), q_dot (n,) at time t; on a rigid surface it is moved onto the surface.
 
         Raises ValueError when the rigid surface cannot be reached from q.
         """
@@ -360,7 +366,7 @@ class Plant:
         return state
 
     def advance(self, state: PlantState, tau: np.ndarray, t: float, period: float) -> None:
-        """One control period from time t with the torque tau (n,) N m; the state is the next one then."""
+        """Advance the state by one control period from time t with the torque tau (n,) N m."""
         h = period / self.substeps
         self._integrate(state, tau, t, h)
         if self.substeps > 1:
@@ -371,15 +377,15 @@ class Plant:
         self.find_load(state, t + period)
 
     def find_load(self, state: PlantState, t: float) -> None:
-        """The contact's load at a state at time t (s); a heavy contact keeps the one of the torque that led there, but
-        for phi."""
-        if not self.kind.springs:  # in free space there is none, and on a rigid surface `_onto_surface` has been there
+        """Compute the contact's load in a state at time t (s); a heavy contact keeps the load of the torque before,
+        except for phi."""
+        if not self.kind.springs:  # none in free space, and on a rigid surface `_onto_surface` has set phi
             return
         pin.computeJointJacobians(self.model, self.data, state.views.q)
         self._find(self._around, *self._tool, state.data, t)
 
     def respond(self, state: PlantState, tau: np.ndarray, t: float, period: float) -> ContactForce:
-        """The contact's load that the torque tau (n,) N m will cause in the period (s) from time t on."""
+        """Load of the contact that the torque tau (n,) N m will cause in the period (s) from time t on."""
         acting, at = self._evaluated_at(state, t, period / self.substeps)
         self._accelerate(acting, tau, at)
         return acting.read().load
@@ -394,7 +400,7 @@ class Plant:
         return force
 
     def _evaluated_at(self, state: PlantState, t: float, h: float) -> tuple[PlantState, float]:
-        """A copy of the state, and the time, at which a step of h s evaluates the acceleration first."""
+        """Copy of the state, and the time, at which a step of h s evaluates the acceleration first."""
         twin = state.copy()
         if self._integrator != "leapfrog":
             return twin, t
@@ -402,7 +408,7 @@ class Plant:
         return twin, t + 0.5 * h
 
     def tool(self, state: PlantState) -> Tool:
-        """The tool point at a state."""
+        """Tool point in a state."""
         J, rotation, translation = self._tool
         pin.computeJointJacobians(self.model, self.data, state.views.q)
         p = translation + rotation @ self._lever
@@ -436,8 +442,9 @@ class Plant:
     def _leapfrog(self, state: PlantState, tau: np.ndarray, t: float, h: float) -> None:
         """Half a step of q, one evaluation of the acceleration there, the whole step of q_dot, half a step of q.
 
-        A held torque acts as if at the middle of its period, as it truly does: of second order in all that depends
-        on q and t, of first order in what depends on q_dot (friction, damping, Coriolis), which it takes at the
+        A held torque acts as if at the middle of its period, as it truly does: of second order in all terms that depend
+        on q and t, of first order in those that depend on q_dot (friction, damping, Coriolis), which are evaluated at
+        the
         step's beginning.
         """
         self._drift(state.data, 0.5 * h)
@@ -474,7 +481,7 @@ class Plant:
             self._constrain(state, t + h)
 
     def _constrain(self, state: PlantState, t: float) -> None:
-        """On a rigid surface: the nearest state (in the metric of M) with phi = 0 and phi_dot = 0."""
+        """Move the state, on a rigid surface, to the nearest one (in the metric of M) with phi = 0 and phi_dot = 0."""
         q = state.views.q
         M = pin.crba(self.model, self.data, q, WORLD)
         phi = np.inf

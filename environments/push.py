@@ -1,4 +1,4 @@
-"""What pushes the tool besides the surface: a hand that holds it by a spring, and a push by the clock."""
+"""Pushes on the tool besides the surface: by a hand that holds it by a spring, and by a push at a fixed time."""
 
 from __future__ import annotations
 
@@ -6,14 +6,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-MOST_STIFF, MOST_FORCE = 5000.0, 500.0  # N/m, N: what a hand may ask for
+MOST_STIFF, MOST_FORCE = 5000.0, 500.0  # N/m, N: largest values of a hand
 
 
 @dataclass(frozen=True)
 class Grip:
     """A spring from the tool point to the `anchor` (3,) m that a hand holds: stiffness N/m, but at most `limit` N.
 
-    Raises ValueError for a place that is not finite, and for a stiffness or limit that no hand has.
+    Raises ValueError for an anchor that is not finite, and for a stiffness or limit beyond those of a hand.
     """
 
     anchor: tuple[float, float, float]
@@ -29,7 +29,7 @@ class Grip:
                 raise ValueError(f"push.{name}: {value:g}; allowed: above 0, up to {most:g}")
 
     def force(self, p: np.ndarray) -> np.ndarray:
-        """On the tool (3,) N, when it is at p (3,) m."""
+        """Force on the tool (3,) N, when it is at p (3,) m."""
         pull = self.stiffness * (np.asarray(self.anchor) - p)
         size = float(np.linalg.norm(pull))
         return pull if size <= self.limit else pull * (self.limit / size)
@@ -45,6 +45,6 @@ class TimedPush:
     every: float = 0.0
 
     def acts(self, t: float) -> bool:
-        """Whether it does at time t (s)."""
+        """Whether the push acts at time t (s)."""
         since = t - self.start
         return since >= 0.0 and (since % self.every if self.every else since) < self.duration

@@ -1,4 +1,4 @@
-"""Reading files whose path somebody else chose: ordinary ones on a disk, and nothing that could be waited for."""
+"""Reading of files whose path somebody else chose: only regular files on a disk, which never block."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from pathlib import Path
 
 
 def read_regular(path: Path, most: int) -> bytes:
-    """Its content, cut after `most` bytes. Raises OSError, also for a folder, a pipe and a device; what the system
-    makes up while it is read, as below /proc, is empty."""
+    """Content of a file, cut after `most` bytes. Raises OSError, also for a folder, a pipe and a device; a file that
+    the system generates on reading, as below /proc, is empty."""
     # to open a pipe may take for ever
     descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_NOCTTY | os.O_CLOEXEC)
     with open(descriptor, "rb") as file:

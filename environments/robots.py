@@ -1,8 +1,8 @@
-"""The catalogue of arms, and any URDF by path.
+"""Catalogue of arms, and loading of any URDF by path.
 
 A `Robot` is a serial chain: every joint that does not move the tool is locked, continuous joints are given
-limits, so that q lies in R^n. A new robot is one row of `CATALOGUE`; of any other URDF the tool frame, the working
-posture and the supplemental joints are found where they are not given.
+limits, so that q lies in R^n. A new robot is one row of `CATALOGUE`; for any other URDF the tool frame, the working
+posture and the supplemental joints are determined where they are not given.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from environments.urdf import RobotError
 from environments.working_posture import Geometry, Tool, geometry_of
 
 FEWEST_JOINTS, MOST_JOINTS = 2, 8  # between base and tool
-USUAL_JOINTS = 7  # what lies beyond is probably a gripper
+USUAL_JOINTS = 7  # links beyond are probably a gripper
 ROTOR_INERTIA = 0.1  # kg m^2, assumed where nothing is said
 _READ = {"link": ("inertial",), "joint": ("parent", "child", "origin", "axis", "limit", "mimic", "dynamics")}
 
@@ -220,7 +220,7 @@ def load(
     model, locked = _chain(full, frame_name, path)
     _require_moving_bodies(model, root, path)
     frame = model.frames[model.getFrameId(frame_name, pin.BODY)]
-    # what the catalogue says of a tool holds for its own tool only
+    # the catalogue's data of a tool hold for its own tool only
     own = entry if entry is not None and frame_name == entry.tool_frame else None
     offset = np.array(tool_offset or (own.tool_offset if own else (0.0, 0.0, 0.0)))
     placement = frame.placement * pin.SE3(np.eye(3), offset)
@@ -300,7 +300,7 @@ def _model(root: ElementTree.Element, path: Path) -> pin.Model:
 
 
 def _bodies(root: ElementTree.Element) -> ElementTree.Element:
-    """A URDF of nothing but what `urdf.parse` has looked at: links, joints, inertias."""
+    """URDF with only the elements that `urdf.parse` has checked: links, joints, inertias."""
     bodies = ElementTree.Element(root.tag, root.attrib)
     for element in root:
         if element.tag in _READ:
@@ -310,13 +310,13 @@ def _bodies(root: ElementTree.Element) -> ElementTree.Element:
 
 
 def _tool_frames(full: pin.Model) -> dict[str, int]:
-    """The links that enough joints move, and not too many, with the number of those joints."""
+    """Links that enough joints move, and not too many, with the number of those joints."""
     moved = {str(f.name): len(full.supports[f.parentJoint]) - 1 for f in full.frames if f.type == pin.BODY}
     return {name: joints for name, joints in moved.items() if FEWEST_JOINTS <= joints <= MOST_JOINTS}
 
 
 def _farthest(frames: dict[str, int], path: Path) -> str:
-    """The last of the links that most joints move, but for grippers."""
+    """Last of the links that most joints move, without grippers."""
     if not frames:
         raise RobotError(
             f"robot.urdf: {path.name} has no link that {FEWEST_JOINTS} to {MOST_JOINTS} joints move; "
@@ -347,7 +347,7 @@ def _chain(full: pin.Model, frame_name: str, path: Path) -> tuple[pin.Model, dic
 
 
 def _require_moving_bodies(model: pin.Model, root: ElementTree.Element, path: Path) -> None:
-    """Each joint on the way to the tool moves a mass of its own, by itself."""
+    """Require that each joint on the way to the tool moves a mass of its own, by itself."""
     mimics = {joint.get("name") for joint in root.findall("joint") if joint.find("mimic") is not None}
     inertias: list[Any] = model.inertias.tolist()
     for joint, inertia in zip(list(model.names)[1:], inertias[1:], strict=True):

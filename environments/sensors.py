@@ -1,4 +1,4 @@
-"""The force sensor: the loop reads forces only through its stages, each a class and a row of `STAGES`."""
+"""Force sensor: the loop reads forces only through its stages, each a class and an entry of `STAGES`."""
 
 from __future__ import annotations
 
@@ -39,16 +39,16 @@ class ForceSensor:
 
     @property
     def late(self) -> int:
-        """By how many readings it is late."""
+        """Number of readings by which it is late."""
         return round(self.settings.delay / self.period)
 
     def steady(self) -> ForceSensor:
-        """Without noise and bias: what is left depends on the force alone."""
+        """The sensor without noise and bias: its reading depends on the force alone."""
         return ForceSensor(structs.replace(self.settings, noise=0.0, bias=(0.0, 0.0, 0.0)), self.period)
 
 
 class Stage:
-    """What a reading goes through within one run, with its memory."""
+    """A stage of the sensor that readings pass through, with its memory, within one run."""
 
     def __init__(self, sensor: ForceSensor, seed: int) -> None:
         del seed
@@ -56,28 +56,28 @@ class Stage:
 
     @staticmethod
     def acts(sensor: ForceSensor) -> bool:
-        """Whether this sensor has it."""
+        """Whether this sensor has the stage."""
         raise NotImplementedError
 
     def read(self, reading: np.ndarray) -> np.ndarray:
-        """What becomes of a reading (3,) N; called once per control period."""
+        """Output of the stage for a reading (3,) N; to be called once per control period."""
         raise NotImplementedError
 
     @property
     def full(self) -> bool:
-        """Whether its memory has the shape that it keeps."""
+        """Whether its memory has its final shape."""
         return True
 
     @property
     def memory(self) -> np.ndarray:
-        """What the next readings are made of beside the force, (k, 3) N."""
+        """Readings in memory that the next outputs depend on, beside the force, (k, 3) N."""
         return np.empty((0, 3))
 
     def recall(self, memory: np.ndarray) -> None:
-        """Go on from another memory of the same shape."""
+        """Continue from another memory of the same shape."""
 
     def copy(self) -> Stage:
-        """A stage that goes on from the same memory."""
+        """Copy of the stage that continues from the same memory."""
         return copy(self)
 
 
@@ -113,7 +113,7 @@ class Noise(Stage):
 
 
 class LowPass(Stage):
-    """A first-order low-pass, which begins at its first reading."""
+    """A first-order low-pass, initialized by its first reading."""
 
     def __init__(self, sensor: ForceSensor, seed: int) -> None:
         super().__init__(sensor, seed)
@@ -142,7 +142,7 @@ class LowPass(Stage):
 
 
 class Delay(Stage):
-    """A line of readings under way, oldest first, the one that came out last at its head."""
+    """A delay line of readings, oldest first, the last output at its head."""
 
     def __init__(self, sensor: ForceSensor, seed: int) -> None:
         super().__init__(sensor, seed)
@@ -153,7 +153,7 @@ class Delay(Stage):
         return sensor.late > 0
 
     def read(self, reading: np.ndarray) -> np.ndarray:
-        self._line.append(reading.copy())  # the force that is given may be that of now, whenever it is looked at
+        self._line.append(reading.copy())  # the given array may be a live view of the force
         return self._line[0]
 
     @property
@@ -173,33 +173,33 @@ class Delay(Stage):
         return twin
 
 
-STAGES: tuple[type[Stage], ...] = (Bias, Noise, LowPass, Delay)  # in the order in which a reading goes through them
+STAGES: tuple[type[Stage], ...] = (Bias, Noise, LowPass, Delay)  # in the order in which a reading passes them
 
 
 class ForceReader:
-    """A sensor within one run: its stages with what they remember."""
+    """A sensor within one run: its stages with their memory."""
 
     def __init__(self, sensor: ForceSensor, seed: int) -> None:
         self._stages = [stage(sensor, seed) for stage in STAGES if stage.acts(sensor)]
 
     def read(self, force: np.ndarray) -> np.ndarray:
-        """What the sensor shows (3,) N for the true force (3,) N; call once per control period."""
+        """Reading of the sensor (3,) N for the true force (3,) N; to be called once per control period."""
         for stage in self._stages:
             force = stage.read(force)
         return force
 
     @property
     def full(self) -> bool:
-        """Whether every reading under way has been taken."""
+        """Whether the memory of every stage has its final shape."""
         return all(stage.full for stage in self._stages)
 
     @property
     def memory(self) -> np.ndarray:
-        """What the next readings are made of, beside the force: (k, 3) N, stage by stage."""
+        """Readings in memory that the next reading depends on, beside the force: (k, 3) N, stage by stage."""
         return np.concatenate([np.empty((0, 3)), *(stage.memory for stage in self._stages)])
 
     def recall(self, memory: np.ndarray) -> None:
-        """Go on from another memory of the same shape."""
+        """Continue from another memory of the same shape."""
         for stage in self._stages:
             own = len(stage.memory)
             if own:
@@ -207,7 +207,7 @@ class ForceReader:
             memory = memory[own:]
 
     def copy(self) -> ForceReader:
-        """A reader that goes on from the same memory."""
+        """Copy of the reader that continues from the same memory."""
         twin = copy(self)
         twin._stages = [stage.copy() for stage in self._stages]
         return twin

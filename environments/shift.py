@@ -1,4 +1,4 @@
-"""A shift: what moves a desired path as a whole."""
+"""Shift of a desired path as a whole."""
 
 from __future__ import annotations
 
@@ -12,8 +12,9 @@ from kernels.records import Record
 
 
 class Shift(NamedTuple):
-    """What moves a trajectory as a whole: from `begin` s on and within `duration` s, the way (n,) m with its rate (m/s)
-    and acceleration (m/s^2) there goes over into rest at `end` (n,) m, without a jump in any of the three."""
+    """Shift of a trajectory as a whole: from `begin` s on and within `duration` s, the displacement `way` (n,) m with
+    its rate (m/s) and acceleration (m/s^2) at `begin` changes into rest at `end` (n,) m, without a jump in any of the
+    three."""
 
     begin: float
     duration: float
@@ -24,17 +25,17 @@ class Shift(NamedTuple):
 
     @classmethod
     def fresh(cls, end: np.ndarray, duration: float) -> Shift:
-        """From rest at zero, at t = 0."""
+        """Shift from rest at zero, at t = 0."""
         zero = np.zeros_like(end)
         return cls(0.0, float(duration), zero, zero, zero, end)
 
     def turned(self, t: float, end: np.ndarray, duration: float) -> Shift:
-        """From where this one is at time t (s) to another end."""
+        """Shift from the place of this one at time t (s) to another end."""
         now = self.evaluate(t)
         return Shift(t, float(duration), now.value, now.rate, now.acceleration, end)
 
     def evaluate(self, t: float) -> Path:
-        """At time t (s)."""
+        """Displacement, rate and acceleration at time t (s)."""
         path = Record(Path(*3 * (np.zeros(len(self.end)),)))
         _shift_alone(Record(self).data, t, path.data)
         return path.read()

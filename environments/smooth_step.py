@@ -5,7 +5,7 @@ from kernels import inline
 
 @inline
 def minimum_jerk(t, duration):
-    """sigma(t) from 0 to 1 in `duration` s with zero speed and acceleration at both ends, and two derivatives."""
+    """Step sigma(t) from 0 to 1 in `duration` s with zero speed and acceleration at both ends, and two derivatives."""
     if t <= 0.0:
         return 0.0, 0.0, 0.0
     if t >= duration:
@@ -20,7 +20,7 @@ def minimum_jerk(t, duration):
 
 @inline
 def phase(t, omega, ramp):
-    """theta(t) whose rate rises smoothly from 0 to omega within `ramp` s (the integral of minimum jerk)."""
+    """Phase theta(t) whose rate rises smoothly from 0 to omega within `ramp` s (the integral of minimum jerk)."""
     if ramp <= 0.0:
         return omega * t, omega, 0.0
     if t >= ramp:

@@ -1,11 +1,11 @@
-"""Whether the plant's step resolves what is stiff in it: each integrator on its linear test equation.
+"""Resolution of stiff parts by the plant's step: each integrator on its linear test equation.
 
 Along one direction the arm is a mass on a spring and a damper, x_ddot = -Y (K x + B x_dot), with its mobility Y there
 (1/kg): Y = grad(phi) J_v M^-1 J_v^T grad(phi)^T along the normal, Y / (1 + M_e Y) where the contact has a mass (28).
-One step of an integrator makes a matrix of it; deviations grow, whatever the controller does, where its spectral
-radius exceeds 1. Undamped, that is h omega > 2 for semi-implicit Euler and h omega > 2.83 for RK4.
+One step of an integrator is a matrix; deviations grow, whatever the controller does, where its spectral radius exceeds
+1. Undamped, that is h omega > 2 for semi-implicit Euler and h omega > 2.83 for RK4.
 
-Coulomb friction is not judged: it is bounded, so that a step too long makes it chatter but nothing explode.
+Coulomb friction is not judged: it is bounded, so that a step that is too long makes it chatter but nothing explode.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ ROUNDING = 1e-7  # of the radius of an undamped oscillator, which is 1
 
 
 class Mobility(NamedTuple):
-    """Acceleration per force, at most: of the tool along grad(phi) and across it, 1/kg; of the joints, 1/(kg m^2)."""
+    """Largest acceleration per force: of the tool along grad(phi) and across it, 1/kg; of the joints, 1/(kg m^2)."""
 
     normal: float
     tangential: float
@@ -31,7 +31,8 @@ class Mobility(NamedTuple):
 
     @classmethod
     def largest(cls, M: np.ndarray, J_v: np.ndarray, normal: np.ndarray) -> Mobility:
-        """Over N states: M (N, n, n) kg m^2 of the true arm, J_v (N, 3, n) of its tool, normal (N, 3): grad(phi)."""
+        """Largest mobility over N states: M (N, n, n) kg m^2 of the true arm, J_v (N, 3, n) of its tool, normal (N, 3):
+        grad(phi)."""
         compliance = J_v @ np.linalg.solve(M, J_v.swapaxes(1, 2))
         along = normal[:, :, None] * normal[:, None, :]
         across = np.eye(3) - along / np.square(normal).sum(axis=1)[:, None, None]
@@ -43,7 +44,8 @@ class Mobility(NamedTuple):
 
 
 class Oscillator(NamedTuple):
-    """x_ddot = -stiffness x - damping x_dot (1/s^2, 1/s), and which field, of what value and unit, makes it stiff."""
+    """Oscillator x_ddot = -stiffness x - damping x_dot (1/s^2, 1/s), and the field, with value and unit, that makes it
+    stiff."""
 
     field: str
     value: float
@@ -53,7 +55,7 @@ class Oscillator(NamedTuple):
 
 
 def oscillators(kind: ContactKind, contact: Contact, truth: Truth, mobility: Mobility) -> Iterator[Oscillator]:
-    """What pulls the arm back, each cause by itself."""
+    """Oscillators of the arm's springs and dampers, each cause by itself."""
     c, Y = contact, mobility.normal
     if kind.springs:
         if kind.massive:
@@ -98,7 +100,7 @@ STEPS: dict[Integrator, Step] = {"leapfrog": _leapfrog, "semi-implicit-euler": _
 
 
 def spectral_radius(integrator: Integrator, stiffness: float, damping: float, h: float) -> float:
-    """What one step of h s makes of a deviation, at most and in the long run: the radius of the step's matrix."""
+    """Spectral radius of one step of h s: the largest factor by which it multiplies a deviation in the long run."""
 
     def acceleration(x: np.ndarray, v: np.ndarray) -> np.ndarray:
         return -stiffness * x - damping * v
@@ -114,5 +116,5 @@ def resolved(integrator: Integrator, oscillator: Oscillator, h: float) -> bool:
 
 
 def substeps_needed(integrator: Integrator, oscillator: Oscillator, period: float, most: int) -> int | None:
-    """The fewest steps per period (s) that resolve it, None where even `most` do not."""
+    """Smallest number of steps per period (s) that resolves the oscillator, None where even `most` do not."""
     return next((n for n in range(1, most + 1) if resolved(integrator, oscillator, period / n)), None)

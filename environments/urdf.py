@@ -1,7 +1,8 @@
-"""What a URDF must be before anything builds an arm from it: small, plain XML, a tree of joints, physically possible.
+"""URDF reader, which checks a file before anything builds an arm from it: small, plain XML, a tree of joints,
+physically possible.
 
-Everything that reads a URDF gets the tree that `parse` returns, never the file: no DOCTYPE, no entity, nothing that
-points elsewhere is left in it.
+All code that reads a URDF gets the tree that `parse` returns, never the file: it has no DOCTYPE, no entity, and no
+reference to anything outside.
 """
 
 from __future__ import annotations
@@ -22,15 +23,15 @@ DEEPEST = 32
 MOST_LINKS = 300
 MOST_VISUALS = 500
 JOINT_TYPES = ("revolute", "continuous", "prismatic", "fixed")
-FULL_TURN = 2 * np.pi  # rad, either way: what a continuous joint is given
+FULL_TURN = 2 * np.pi  # rad, either way: range that a continuous joint gets
 MESHES = (".stl", ".dae", ".obj")
 SHAPES = {"box": {"size": 3}, "sphere": {"radius": 1}, "cylinder": {"radius": 1, "length": 1}, "mesh": {"scale": 3}}
-WORLD = "universe"  # Pinocchio's name for where the arm stands
+WORLD = "universe"  # Pinocchio's name for the frame in which the arm stands
 DEFAULT_SIZES = {1: "1", 3: "1 1 1"}
 LONGEST_NAME = 200  # characters
-NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?", re.ASCII)  # what C++ reads as Python does
+NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?", re.ASCII)  # numbers that C++ and Python read alike
 LARGEST_MESH = 60_000_000  # bytes
-ROUNDED = 1e-6  # kg m^2: what the digits of a file may make of an eigenvalue that is zero
+ROUNDED = 1e-6  # kg m^2: rounding in a file of an eigenvalue that is zero
 FARTHEST = 1e6  # no number in SI units that describes an arm is larger
 
 
@@ -39,7 +40,7 @@ class RobotError(ValueError):
 
 
 def read(path: Path) -> Element:
-    """The root of a URDF file. Raises RobotError for what cannot be read and for what `parse` refuses."""
+    """Root of a URDF file. Raises RobotError for a file that cannot be read, and for one that `parse` refuses."""
     shown = f"{path!s:.200}"
     try:
         content = read_regular(path, LARGEST + 1)
@@ -55,10 +56,10 @@ def read(path: Path) -> Element:
 
 
 def parse(content: bytes, name: str) -> Element:
-    """The root of a URDF's XML. Continuous joints have become revolute ones, so that each has one coordinate; joints
-    with the name of a link or of the world have another one, since Pinocchio knows both by one table of names.
+    """Root of a URDF's XML. Continuous joints are changed to revolute ones, so that each has one coordinate; joints
+    with the name of a link or of the world are renamed, since Pinocchio has one table of names for both.
 
-    Raises RobotError, with `name` in it, for what is no URDF, too large, not self-contained, no tree, or no body.
+    Raises RobotError, with `name` in it, for text that is no URDF, too large, not self-contained, no tree, or no body.
     """
 
     def refuse(what: str) -> RobotError:
@@ -95,10 +96,10 @@ def parse(content: bytes, name: str) -> Element:
 
 
 def mesh_file(urdf: Path, filename: str) -> Path | None:
-    """The mesh that a URDF names: below the URDF's own folder or, after "package://", that of the package around it,
-    which is a folder of that name with a package.xml in it.
+    """Path of a mesh that a URDF names: below the URDF's own folder or, after "package://", below that of the package
+    around it, which is a folder of that name with a package.xml in it.
 
-    None for a place elsewhere, another kind of file, and what is not there.
+    None for a place elsewhere, another kind of file, and a missing file.
     """
     try:
         parents = urdf.resolve().parents
@@ -117,11 +118,12 @@ def mesh_file(urdf: Path, filename: str) -> Path | None:
 
 
 class _Refusal(ValueError):
-    """What is wrong, without the file's name."""
+    """Reason why a URDF is refused, without the file's name."""
 
 
 class _Limited(ElementTree.TreeBuilder):
-    """Refuses while it reads: what is nested too deep is a danger to everything recursive that comes later."""
+    """Tree builder that limits nesting and number of elements while it reads: deep nesting is a danger to all later
+    recursive code."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -221,7 +223,7 @@ def _require_possible(root: Element) -> None:
 
 
 def _require_drawable(root: Element) -> None:
-    """Shapes have a size; no picture is put on them, which would be read from anywhere."""
+    """Refuse shapes without a size, and textures, which would be read from anywhere."""
     for link in root.findall("link"):
         what = f"link {_name(link)!r:.60}"
         for shape in link.findall("visual"):

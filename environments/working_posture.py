@@ -1,4 +1,4 @@
-"""Which square task space fits an arm, and a posture in which it is far from singular."""
+"""Choice of a square task space for an arm, and of a posture in which the arm is far from singular."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from environments.urdf import RobotError
 
 Geometry = Literal["pose", "position", "planar"]
 
-LENGTH = 0.15  # m: weighs turning against moving
+LENGTH = 0.15  # m: weight of rotation against translation
 TRIES = 400
 INSIDE = 0.8  # share of each joint's range that is searched
 SINGULAR = 1e-3  # m
@@ -19,7 +19,7 @@ _ROWS = {"planar": [0, 2, 4], "pose": [0, 1, 2, 3, 4, 5], "position": [0, 1, 2]}
 
 
 def geometry_of(model: pin.Model, file_name: str) -> Geometry:
-    """The richest square task space, by the number of joints and the directions of their axes. Raises RobotError."""
+    """Richest square task space, by the number of joints and the directions of their axes. Raises RobotError."""
     data = model.createData()
     pin.computeJointJacobians(model, data, np.zeros(model.nv))
     axes = data.J[3:].T
@@ -38,7 +38,7 @@ def geometry_of(model: pin.Model, file_name: str) -> Geometry:
 
 
 class Tool:
-    """The tool of an arm, with what of its motion the task space takes: rows of the Jacobian.
+    """The tool of an arm, with the rows of its Jacobian that belong to the task space.
 
     joint, placement: the joint that carries it and its frame there.
     """
@@ -50,11 +50,12 @@ class Tool:
 
     @property
     def free(self) -> int:
-        """How many joints the task leaves free, to be taken by supplemental coordinates (Remark 5)."""
+        """Number of joints that the task leaves free, for supplemental coordinates (Remark 5)."""
         return self._model.nv - len(self._rows)
 
     def jacobian(self, q: np.ndarray) -> np.ndarray:
-        """(rows, n) m/rad at q (n,): the tool point's velocity and `LENGTH` times its turning."""
+        """Jacobian (rows, n) m/rad at q (n,): of the tool point's velocity and of `LENGTH` times its angular
+        velocity."""
         J = pin.computeJointJacobians(self._model, self._data, q)
         J = pin.getJointJacobian(self._model, self._data, self._joint, pin.LOCAL_WORLD_ALIGNED).copy()
         arm = self._data.oMi[self._joint].rotation @ self._placement.translation
@@ -63,8 +64,8 @@ class Tool:
         return J[self._rows]
 
     def working_posture(self, file_name: str) -> np.ndarray:
-        """The one of `TRIES` seeded postures within the limits in which the Jacobian's smallest singular value is
-        largest; one with the whole arm above its base's level where there is such. Raises RobotError."""
+        """The one of `TRIES` seeded postures within the limits with the largest smallest singular value of the
+        Jacobian; one with the whole arm above its base's level where there is one. Raises RobotError."""
         model = self._model
         middle, half = (
             (model.upperPositionLimit + model.lowerPositionLimit) / 2,
@@ -89,7 +90,7 @@ class Tool:
         return min(T.translation[2] for T in [*placements, tool]) >= -1e-6
 
     def supplemental(self, q: np.ndarray) -> tuple[int, ...]:
-        """The joints, counted from 0, that self-motion at q (n,) moves most: they complete the Jacobian best."""
+        """Joints, counted from 0, that self-motion at q (n,) moves most: they complete the Jacobian best."""
         if self.free == 0:
             return ()
         _, _, Vt = np.linalg.svd(self.jacobian(q))

@@ -1,7 +1,7 @@
-"""Bytes at the door of a gateway: requests of all kinds, some with tokens, links and web sockets that it knows.
+"""Fuzzing of a gateway: requests of all kinds, some with tokens, links and web sockets that it knows.
 
-Its sessions are no processes. Whatever comes, it answers or ends the connection, with the promised headers, and its log
-has no traceback and no secret.
+Its sessions are no processes. Whatever comes, the gateway answers or ends the connection, with the promised headers,
+and its log has no traceback and no secret.
 """
 
 import asyncio
@@ -21,13 +21,13 @@ NAME, WATCH = "Name7x" * 4, "Look7x" * 4
 OWN = TOKENS.of_session(NAME)
 SECRETS = (TOKENS.steer, TOKENS.watch, OWN, NAME, WATCH)
 DEADLINE = 0.05  # s for a request to be complete
-PATIENCE = 10.0  # s until the connection ends: more is a finding
+PATIENCE = 10.0  # s until the connection ends: a longer time is a finding
 _AFTER = b"\r\n\r\nGET /none HTTP/1.1\r\nHost: 127.0.0.1\r\nConnection: close\r\n\r\n"  # ends what has been complete
 _HEADERS = tuple(f"\r\n{name}: {value}".encode() for name, value in PAGE_HEADERS.items())
 
 
 async def _begun() -> int:
-    """The port of a gateway with one session; its cookies are called after that port."""
+    """Port of a gateway with one session; its cookies are named after that port."""
     lab = await _lasting.enter_async_context(town(tokens=TOKENS, serves={"deadline": DEADLINE}))
     lab.pool._add(Session("usual", NAME, WATCH))
     return lab.port
@@ -86,7 +86,7 @@ def read(data: bytes) -> None:
 
 
 async def _answer(data: bytes) -> bytes:
-    """All that comes until the connection ends, which it does. Raises TimeoutError."""
+    """All bytes that come until the gateway ends the connection. Raises TimeoutError."""
     reader, writer = await asyncio.open_connection("127.0.0.1", _port)
     answer = b""
     async with asyncio.timeout(PATIENCE):

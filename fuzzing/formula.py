@@ -1,4 +1,4 @@
-"""A surface that somebody types."""
+"""Fuzzing of the formula of a typed surface."""
 
 from contextlib import suppress
 

@@ -1,4 +1,4 @@
-"""Numbers and matrices that somebody types or pastes, and what `--set` takes."""
+"""Fuzzing of numbers and matrices that somebody types or pastes, and of the values of `--set`."""
 
 from contextlib import suppress
 
@@ -20,7 +20,8 @@ def read(data: bytes) -> None:
 
 
 def read_typed(text: str, n: int) -> None:
-    """As a matrix (n, n) and as a setting: it is finite numbers, or refused. Raises AssertionError otherwise."""
+    """Read a text as a matrix (n, n) and as a setting: it has finite numbers, or is refused. Raises AssertionError
+    otherwise."""
     assert printable(text).isprintable()
     with suppress(ValueError):
         matrix = read_matrix(text, n)

@@ -1,4 +1,4 @@
-"""A message of a page: what is admitted, viser must be able to read."""
+"""Fuzzing of the messages of a page: viser must be able to read every admitted one."""
 
 from contextlib import suppress
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""A recording that somebody sends."""
+"""Fuzzing of recordings that somebody sends."""
 
 import io
 import tempfile
@@ -22,7 +22,7 @@ def _seed() -> bytes:
         recording.commit()
     file = io.BytesIO()
     write_npz(table(load("planar2r-semicircle"), recording), file)
-    with np.load(io.BytesIO(file.getvalue())) as arrays:  # unpacked, so that what is in it can be reached
+    with np.load(io.BytesIO(file.getvalue())) as arrays:  # unpacked, so that its contents can be reached
         plain = io.BytesIO()
         np.savez(plain, **arrays)
     return plain.getvalue()

@@ -1,4 +1,4 @@
-"""One target, in a process that a crash may end: `python -m fuzzing.run TARGET SECONDS FOLDER`."""
+"""Run of one target, in a process that a crash may end: `python -m fuzzing.run TARGET SECONDS FOLDER`."""
 
 import sys
 import tempfile

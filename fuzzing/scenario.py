@@ -1,4 +1,4 @@
-"""A TOML file that is uploaded, and a field of it that is set to whatever a page may type."""
+"""Fuzzing of uploaded TOML files, and of a field that is set to anything that a page may type."""
 
 from contextlib import suppress
 

@@ -1,4 +1,5 @@
-"""A URDF that somebody uploads: what is admitted, Pinocchio has to read, and an arm comes out or a refusal."""
+"""Fuzzing of uploaded URDFs: Pinocchio must be able to read every admitted one, and either an arm is built or it is
+refused."""
 
 import tempfile
 from contextlib import suppress

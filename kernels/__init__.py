@@ -1,4 +1,4 @@
-"""What the compiled functions of controllers and environments share.
+"""Compilation of kernels, the functions that numba compiles for controllers and environments.
 
 A kernel takes its data as records, named tuples laid out in one piece of memory (`kernels.records`): their shapes are
 known when it is compiled, so that loops unroll, and nothing is allocated while it runs. Results go to the last
@@ -15,14 +15,14 @@ from typing import Any
 
 import numpy as np
 
-# contracting a b + c to one rounding is the only liberty that the compiler may take
+# the compiler may contract a b + c to one rounding, and change nothing else of the arithmetic
 ARITHMETIC: dict[str, Any] = {"error_model": "numpy", "fastmath": {"contract"}}
 
 
 class Kernel:
-    """A function that is compiled when it is first called, or when another kernel that calls it is.
+    """A function that is compiled at its first call, or when another kernel that calls it is compiled.
 
-    Until then numba is not imported: whoever reads only what a surface is called does not wait for it.
+    numba is not imported before that: a program that only reads the name of a surface does not wait for numba.
     """
 
     def __init__(self, function: Callable[..., Any], **options: Any) -> None:
@@ -32,7 +32,7 @@ class Kernel:
 
     @cached_property
     def dispatcher(self) -> Any:
-        """The same as numba has it."""
+        """numba's dispatcher of the function."""
         from kernels.symbols import jit
 
         return jit(nopython=True, **ARITHMETIC, **self._options)(self.py_func)
@@ -48,22 +48,22 @@ class Kernel:
 
 
 def kernel(function: Callable[..., Any]) -> Any:
-    """A compiled function, kept in the cache of the next processes."""
+    """Kernel that is kept in the cache, for later processes."""
     return Kernel(function, cache=True)
 
 
 def not_kept(function: Callable[..., Any]) -> Any:
-    """A kernel that is compiled anew in each process."""
+    """Kernel that is compiled anew in each process."""
     return Kernel(function)
 
 
 def inline(function: Callable[..., Any]) -> Any:
-    """A kernel that is called by kernels only, and compiles faster for that."""
+    """Kernel that is called by kernels only, and compiles faster because of that."""
     return Kernel(function, no_cpython_wrapper=True, no_cfunc_wrapper=True)
 
 
 def _named(function: Callable[..., Any]) -> Callable[..., Any]:
-    """The function, with what it is made of in its name.
+    """The function, renamed: its name also lists the parts in its closure.
 
     Compiled code is linked by the function's name, the types of its arguments and a number that begins anew in each
     process. Two functions that one line of code makes of different parts would have one name; read from the cache of
@@ -80,8 +80,9 @@ def _name(part: Any) -> str:
 
 
 def choice(kernels: Sequence[Callable[..., Any]], first: int = 0) -> Callable[..., Any]:
-    """An inline kernel `chosen(number, *arguments)` that calls the one of this number with the arguments; `first`: the
-    number that is looked at first. It raises ValueError where there is none of that number."""
+    """Inline kernel `chosen(number, *arguments)` that calls the kernel of this number with the arguments. It raises
+    ValueError for a number without a kernel.
+    first: the number that is compared first."""
     here = kernels[first]
     if first == len(kernels) - 1:
 
@@ -104,17 +105,18 @@ def choice(kernels: Sequence[Callable[..., Any]], first: int = 0) -> Callable[..
 
 
 def compiled(function: Callable[..., Any]) -> bool:
-    """Whether a function is a kernel, or one that numba has."""
+    """Whether a function is a kernel, or one that numba has compiled."""
     if isinstance(function, Kernel):
         return True
-    registry = sys.modules.get("numba.core.registry")  # who has no numba has no function of it
+    registry = sys.modules.get("numba.core.registry")  # without numba imported, no function is one of numba's
     return registry is not None and isinstance(function, registry.CPUDispatcher)
 
 
 def compiled_for(kernel: Kernel, *arguments: np.ndarray | float) -> Callable[..., Any]:
-    """The kernel compiled for arguments of these types, to be called again and again with arguments of just these.
+    """The kernel compiled for arguments of these types, to be called again and again with arguments of exactly these
+    types.
 
-    It takes 0.1 us less per argument than the kernel itself, which looks at their types in every call.
+    A call takes 0.1 us less per argument than one of the kernel itself, which looks at the types in every call.
     """
     from kernels.symbols import type_of
 
@@ -122,7 +124,8 @@ def compiled_for(kernel: Kernel, *arguments: np.ndarray | float) -> Callable[...
 
 
 class Elsewhere:
-    """A kernel of a module that imports numba, which is left alone until another kernel that calls it is compiled."""
+    """A kernel of a module that imports numba; the module is imported only when another kernel that calls it is
+    compiled."""
 
     def __init__(self, module: str, name: str) -> None:
         self._module, self._name = module, name

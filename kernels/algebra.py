@@ -1,7 +1,7 @@
-"""Linear algebra of a few rows and columns, without memory of its own: results go to the last argument.
+"""Linear algebra of small matrices, without memory of its own: results go to the last argument.
 
-LAPACK through numpy costs 1 to 10 us a call at this size and memory for every result; these cost 0.01 to 0.3 us.
-The sizes are those of the last argument, which is part of a record: the compiler knows them.
+LAPACK through numpy costs 1 to 10 us a call at this size and memory for every result; these functions cost 0.01 to
+0.3 us. The sizes are those of the last argument, which is part of a record: the compiler knows them.
 """
 
 from __future__ import annotations
@@ -121,7 +121,7 @@ def norm_of_product(A, x):
 
 @kernel
 def spectral_norm(A, S, T):
-    """||A||_2 from above: its Schatten norm of order 64, at most k^(1/64) (3 % for 6 rows) too large.
+    """Upper bound of ||A||_2: its Schatten norm of order 64, at most k^(1/64) (3 % for 6 rows) too large.
 
     A (k, l); S and T (k, k) are overwritten; T may be A.
     """

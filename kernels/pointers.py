@@ -1,4 +1,5 @@
-"""Functions that are called by their address in this process: kernels that were compiled without them can call them."""
+"""Calls of functions by their address in this process: kernels that were compiled without these functions can call
+them."""
 
 from __future__ import annotations
 
@@ -55,8 +56,8 @@ def call(address, t, parameters, a, b, c):
 
 
 def compiled_alone(function: Callable[..., None], names: tuple[str, ...], shapes: tuple[Shape, Shape, Shape]) -> Any:
-    """`function(t, parameters, a, b, c)` compiled for `call`, with parameters of these names and arrays of these
-    shapes; it is at `.address` as long as this lives. Raises numba's errors."""
+    """Function `function(t, parameters, a, b, c)` compiled for `call`, with parameters of these names and arrays of
+    these shapes; it is at `.address` as long as this object lives. Raises numba's errors."""
     names = names or ("none",)  # an empty tuple cannot be compiled
     count, first, second, third = len(names), *shapes
     Parameters = namedtuple("Parameters", names)

@@ -1,4 +1,4 @@
-"""Named tuples laid out in one piece of memory, in which a kernel reads and writes by the same names.
+"""Records: named tuples laid out in one piece of memory, in which a kernel reads and writes by the same names.
 
 Handing one record to a compiled function costs about 0.06 us; a named tuple of sixty arrays costs 10 us.
 """
@@ -27,20 +27,20 @@ class Record(Generic[T]):
 
     @cached_property
     def views(self) -> T:
-        """The named tuple, whose arrays are this memory; its numbers are those of the first call."""
+        """The named tuple, with arrays that are this memory; its numbers are those of the first call."""
         return self.read()
 
     @cached_property
     def fields(self) -> Fields:
-        """The fields as attributes, whose numbers are those of now."""
+        """The fields as attributes; their numbers are the present ones."""
         return Fields(self.data)
 
     def read(self) -> T:
-        """The named tuple with the numbers of now; its arrays are this memory."""
+        """The named tuple with the present numbers; its arrays are this memory."""
         return _read(self.data, self._template)
 
     def part(self, name: str) -> Any:
-        """The named tuple of this name, with the numbers of now; its arrays are this memory."""
+        """The named tuple of this name, with the present numbers; its arrays are this memory."""
         return _read(self.data[name], getattr(self._template, name))
 
     def write(self, name: str, value: NamedTuple) -> None:
@@ -51,10 +51,10 @@ class Record(Generic[T]):
         return Record, (self.read(),)  # numba needs the dtype that all records of a layout share
 
     def copy(self) -> Record[T]:
-        """Another piece of memory with the same content."""
+        """Copy of the record, in memory of its own."""
         twin = object.__new__(Record)
         twin._template = self._template
-        twin.data = self.data.view(np.uint8).copy().view(self.data.dtype)  # as a whole, not field by field
+        twin.data = self.data.view(np.uint8).copy().view(self.data.dtype)  # in one piece, not field by field
         return twin
 
 
@@ -72,7 +72,7 @@ class Fields:
                 known[name] = data[name][0]
         vars(self).update(known)
 
-    def __getattr__(self, name: str) -> Any:  # only numbers are not there
+    def __getattr__(self, name: str) -> Any:  # called for numbers only: arrays and records are attributes
         if name not in self._data.dtype.fields:
             raise AttributeError(f"no field {name!r}; there are {', '.join(self._data.dtype.fields)}")
         return self._data[name][0].item()
@@ -84,7 +84,7 @@ class Fields:
 
 
 def _layout(value: NamedTuple) -> Layout:
-    """What a dtype is made of, in a form that can be compared."""
+    """Layout of a dtype, in a form that can be compared."""
     layout: list[tuple[Any, ...]] = []
     for name, part in value._asdict().items():
         if isinstance(part, tuple):

@@ -1,4 +1,4 @@
-"""numba's own compiler and types, with names of which no two things in a cache have the same."""
+"""Compiler and types of numba, with names that are unique within a cache."""
 
 import hashlib
 from functools import cache

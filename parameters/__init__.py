@@ -1,5 +1,5 @@
-"""Sections of a scenario, whose fields have their bounds, unit, meaning and control beside them, and parameters of a
-user's own."""
+"""Sections of a scenario, whose fields have their bounds, unit, meaning and control beside them, and the parameters of
+a user's own laws, surfaces and trajectories."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Annotated, Any
 
 from msgspec import Meta, Struct
 
-_ONE_LINE = r"^[^\x00-\x1f\x7f-\x9f\u2028\u2029\ufffe\uffff]*\Z"  # an SVG cannot hold the others, a terminal obeys them
+_ONE_LINE = r"^[^\x00-\x1f\x7f-\x9f\u2028\u2029\ufffe\uffff]*\Z"  # an SVG cannot hold the others; a terminal obeys them
 Name = Annotated[str, Meta(max_length=200, pattern=_ONE_LINE)]  # it stands on the page
 Text = Annotated[str, Meta(max_length=1000, pattern=_ONE_LINE)]  # a path; a formula has at most 500 characters
 Vector = Annotated[tuple[float, ...], Meta(max_length=32)]  # an arm has at most eight joints
@@ -23,8 +23,10 @@ class Section(Struct, frozen=True, forbid_unknown_fields=True):
 
 @dataclass(frozen=True)
 class Widget:
-    """How the page shows a field: its label; a slider from low to high where there is one, logarithmic where decades
-    matter, with `zero` at its left end where that means exactly 0; options: what is shown for each allowed text."""
+    """Display of a field on the page: its label; a slider from low to high where there is one, logarithmic where
+    decades matter.
+    zero: the left end of a logarithmic slider means exactly 0.
+    options: the text shown for each allowed text."""
 
     label: str
     low: float | None = None
@@ -45,14 +47,14 @@ def decades(label: str, low: float, high: float, *, zero: bool = False) -> Widge
 
 
 def field(meaning: str, unit: str, widget: Widget | None = None, **bounds: Any) -> Meta:
-    """What there is to know of a field: meaning, unit ("1" for a pure number, "" for none), how the page shows it, and
-    its bounds (ge, gt, le, lt)."""
+    """Metadata of a field: meaning, unit ("1" for a pure number, "" for none), its widget on the page, and its bounds
+    (ge, gt, le, lt)."""
     return Meta(description=meaning, extra={"unit": unit, "widget": widget}, **bounds)
 
 
 @dataclass(frozen=True)
 class Parameter:
-    """A number that a law, surface or trajectory of a user's own has: its name, value unless the scenario says
+    """Parameter (a number) of a law, surface or trajectory of a user's own: its name, value unless the scenario has
     another, bounds, unit, meaning."""
 
     name: str
@@ -64,8 +66,8 @@ class Parameter:
 
 
 def values_of(parameters: Iterable[Parameter], given: Mapping[str, float], place: str) -> dict[str, float]:
-    """Values of all parameters by name: what a scenario gives at this place, else their own. Raises ValueError with one
-    sentence."""
+    """Values of all parameters by name: those that a scenario gives at this place, else their own. Raises ValueError
+    with one sentence."""
     by_name = {parameter.name: parameter for parameter in parameters}
     for name, value in given.items():
         parameter = by_name.get(name)

@@ -1,1 +1,1 @@
-"""Who may speak to a server, and how much: origins, tokens, rate limits; what gateway and session tell each other."""
+"""Access control of a server (origins, tokens, rate limits), and the messages between gateway and session."""

@@ -1,9 +1,9 @@
-"""Who may speak to a server of ours: what is judged is the head of a request, before anything of it is carried out.
+"""Access control of our servers, by the head of a request, before anything of the request is carried out.
 
-A browser sends what any page in it asks for, also to 127.0.0.1, and names in `Host` whom it thinks it speaks to and in
-`Origin` whose page asks. So a name that is not ours means that a foreign name was made to point here (DNS rebinding),
-and an origin that is not the host itself means a foreign page. Other programs name no origin; they are not in
-a position to be misled, and pass.
+A browser sends requests for any page that it shows, also to 127.0.0.1. It names the host that it believes it speaks to
+in `Host`, and the site of the page that asks in `Origin`. A `Host` that is not ours means that a foreign name was made
+to point here (DNS rebinding), and an `Origin` other than the host itself means a foreign page. Programs that are no
+browsers send no `Origin`; no page can mislead them, and they pass.
 """
 
 from __future__ import annotations
@@ -24,15 +24,15 @@ Pass = Literal["steer", "watch"]
 
 
 class PortTaken(OSError):
-    """The address cannot be listened at: one sentence."""
+    """An address that the server cannot listen at: one sentence."""
 
 
 YEAR = 365 * 24 * 3600  # s that a browser keeps a cookie
 KEY_HEADER = "X-Vsmrc-Key"
-# Our pages are nobody's frame (a click there would be a click here), share no window with the pages that open them, and
-# links, which are secrets, are not passed on to other servers. Scripts are in the page itself, as viser's client is
-# made, which makes functions of its own text, too, and a decoder in WebAssembly; none is loaded from elsewhere, and
-# nothing is asked of or sent to another server, be it a picture's address.
+# Our pages are no frame of another page (a click there would be a click here), share no window with the pages that open
+# them, and do not pass links, which are secrets, to other servers. Scripts are in the page itself, because viser's
+# client is built so; the client also makes functions of text ('unsafe-eval') and a decoder in WebAssembly. No script is
+# loaded from another server, and nothing is requested from or sent to one, not even the address of a picture.
 PAGE_HEADERS = {
     "Content-Security-Policy": "; ".join(
         (
@@ -56,21 +56,22 @@ _LOOPBACK = frozenset({"localhost", "127.0.0.1", "::1"})
 
 
 class Refusal(NamedTuple):
-    """status of HTTP, and one sentence."""
+    """A refusal of a request: status of HTTP, and one sentence."""
 
     status: int
     sentence: str
 
 
 class OriginError(ValueError):
-    """A public address that is none: one sentence."""
+    """A public address given by `--origin` that is no origin: one sentence."""
 
 
 @dataclass(frozen=True)
 class Names:
-    """What a server may be called. host: what it listens at; public: origins as `--origin` has them, such as
-    https://lab.example.org, by which a proxy makes it known, in lower case and without a "/" at the end once they are
-    here. Raises OriginError."""
+    """Names of a server, for the check of `Host` and `Origin`. Raises OriginError.
+    host: address that the server listens at.
+    public: origins, given by `--origin`, by which a proxy makes the server known, such as https://lab.example.org; in
+    lower case and without a "/" at the end once they are in here."""
 
     host: str = "127.0.0.1"
     public: tuple[str, ...] = ()
@@ -84,17 +85,18 @@ class Names:
             origins.append(plain)
         object.__setattr__(self, "public", tuple(origins))
         known = _LOOPBACK | {self.host.lower()} | {name for origin in origins if (name := _hostname(origin))}
-        if not self.local:  # asked for now: to answer may take the system seconds
+        if not self.local:  # looked up now: the answer may take the system seconds
             known |= {socket.gethostname().lower(), socket.getfqdn().lower()}
         object.__setattr__(self, "_known", known)
 
     @property
     def local(self) -> bool:
-        """Whether only programs of this machine can reach it."""
+        """Whether only programs of this machine can reach the server."""
         return is_loopback(self.host)
 
     def refusal(self, headers: Mapping[str, str], *, acting: bool) -> Refusal | None:
-        """None for a request that may go on. acting: it does something here, or opens a web socket."""
+        """Refusal of a request, None for one that may go on. acting: the request changes something here, or opens a web
+        socket."""
         host = headers.get("Host", "")
         if not self._ours(_hostname(f"//{host}")):
             return Refusal(
@@ -108,7 +110,7 @@ class Names:
         return None
 
     def encrypted(self, host: str) -> bool:
-        """Whether who asks for this `Host` has come through a proxy with TLS."""
+        """Whether a request for this `Host` has come through a proxy with TLS."""
         return _origin(f"https://{host}") in self.public
 
     def _ours(self, name: str | None) -> bool:
@@ -118,7 +120,8 @@ class Names:
         return name in self._known or (not self.local and _is_address(name))
 
     def _from_here(self, origin: str, host: str) -> bool:
-        """Scheme, name and port are those of the page itself: of a public name as --origin has them, else http."""
+        """Origin check: whether scheme, name and port are those of the page itself, of a public name as --origin has
+        them, else http."""
         plain, own = _origin(origin), _origin(f"http://{host}")
         public = {_hostname(known) for known in self.public}
         return plain is not None and (plain in self.public or (plain == own and _hostname(plain) not in public))
@@ -126,18 +129,19 @@ class Names:
 
 @dataclass(frozen=True)
 class Tokens:
-    """What a visitor shows at the door, each by a link of its own; made at the start and never written to a file."""
+    """Tokens that visitors show, each in a link of its own; made at the start and never written to a file."""
 
     steer: str = field(default_factory=new_secret, repr=False)
     watch: str = field(default_factory=new_secret, repr=False)
 
     @classmethod
     def given(cls, steer: str) -> Tokens:
-        """With this one to steer; the other one follows from it, and it not from the other one."""
+        """Tokens with this one to steer. The one to watch follows from it; the one to steer cannot be found from the
+        one to watch."""
         return cls(steer, _following(steer, "watch"))
 
     def opens(self, shown: str) -> Pass | None:
-        """What this token allows, None for one that is not ours."""
+        """Pass that this token gives, None for a token that is not ours."""
         given = shown.encode(errors="surrogateescape")  # a header may hold any bytes
         if secrets.compare_digest(given, self.steer.encode()):
             return "steer"
@@ -147,7 +151,8 @@ class Tokens:
         return self.steer if kind == "steer" else self.watch
 
     def of_session(self, name: str) -> str:
-        """What the link to steer the session of this name has: it opens that one only, while it is called so."""
+        """Token in the link to steer the session of this name: it opens that session only, as long as the session has
+        this name."""
         return _following(self.steer, f"session {name}")
 
     def opens_session(self, name: str, shown: str) -> bool:
@@ -156,22 +161,23 @@ class Tokens:
 
 
 def token_cookie(port: int) -> str:
-    """The name of the cookie that holds a token: browsers keep those of all ports of a host together."""
+    """Name of the cookie that holds a token, with the port: browsers keep the cookies of all ports of a host
+    together."""
     return f"vsmrc-token-{port}"
 
 
 def session_token_cookie(port: int) -> str:
-    """The name of the cookie that holds the token of one session; a browser keeps one below each session's path."""
+    """Name of the cookie that holds the token of one session; a browser keeps one for the path of each session."""
     return f"vsmrc-steer-{port}"
 
 
 def _following(secret: str, purpose: str) -> str:
-    """A secret that follows from this one, and from which this one does not follow."""
+    """Secret derived from this one by HMAC; this one cannot be found from it."""
     return base64.urlsafe_b64encode(hmac.digest(secret.encode(), purpose.encode(), "sha256")).decode().rstrip("=")
 
 
 def is_loopback(host: str) -> bool:
-    """Whether what listens there can be reached from this machine only."""
+    """Whether a server that listens at this host can be reached from this machine only."""
     if host.lower() == "localhost":
         return True
     try:
@@ -189,8 +195,8 @@ def _is_address(name: str) -> bool:
 
 
 def _origin(text: str) -> str | None:
-    """Scheme, name and port as a browser writes them: in lower case, without the scheme's usual port or a "/" at the
-    end; None for what is no such thing."""
+    """Origin of an address: scheme, name and port as a browser writes them, in lower case, without the scheme's usual
+    port or a "/" at the end; None for text that is no origin."""
     try:
         parts = urlsplit(text)
         port = parts.port
@@ -205,7 +211,7 @@ def _origin(text: str) -> str | None:
 
 
 def _hostname(url: str) -> str | None:
-    """In lower case and without the brackets of an IPv6 address; None where there is none."""
+    """Host name of an address, in lower case and without the brackets of an IPv6 address; None where there is none."""
     try:
         return urlsplit(url).hostname
     except ValueError:

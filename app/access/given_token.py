@@ -1,4 +1,4 @@
-"""The token to steer, where it is not made at the start but given: in a file or in the environment."""
+"""Token to steer that is given in a file or in the environment, instead of being made at the start."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _ALLOWED = f"{SHORTEST} to {LONGEST} of the characters A-Z, a-z, 0-9, _ and -"
 
 
 def given_token(file: Path | None, environment: MutableMapping[str, str]) -> str | None:
-    """The token in the file, else in the environment, from which it is taken, so that no other process gets it; None
+    """Token in the file, else in the environment, from which it is removed, so that no other process gets it; None
     where neither has one. Raises ScenarioError, without the token in its sentence."""
     inherited = environment.pop(VARIABLE, None)
     if file is not None:

@@ -1,4 +1,4 @@
-"""What comes from a page, judged before viser sees it: how much of it, and whether it may steer.
+"""Rate limits and filters for messages from a page, applied before viser sees them.
 
 viser's client sends msgpack maps with a `type`; a file comes as one `FileTransferStartUpload` and then parts.
 """
@@ -20,9 +20,11 @@ NARROW = 576  # px: pages up to this wide, phones, take no part in how high the 
 
 @dataclass(frozen=True)
 class Limits:
-    """Of one connection: the size of a message in bytes (the largest are pictures of the scene), messages per second
-    in the long run and at once, bytes of a file and of all files not yet complete. Of a session's process:
-    connections."""
+    """Limits of one connection, and of a session's process.
+    message, watchers_message: size of a message in bytes; the largest are pictures of the scene.
+    rate, burst: messages per second in the long run, and messages at once.
+    upload, uploads: bytes of one file, and of all files that are not yet complete.
+    per_session: connections of a session's process."""
 
     message: int = 12 * MEGABYTE
     watchers_message: int = 64 * 1024
@@ -34,7 +36,7 @@ class Limits:
 
 
 class Overrun(ValueError):
-    """More than a limit allows: one sentence, short enough for the reason of a closed web socket (123 bytes)."""
+    """A limit exceeded: one sentence, short enough for the reason of a closed web socket (123 bytes)."""
 
 
 _T = TypeVar("_T")
@@ -83,7 +85,7 @@ _LARGEST_PAGE = 16384  # px
 
 
 class Meter:
-    """Counts what comes over one connection."""
+    """Rate limiter: counts the messages of one connection."""
 
     def __init__(self, limits: Limits, clock: Callable[[], float] = time.monotonic) -> None:
         self._limits, self._clock = limits, clock
@@ -96,7 +98,7 @@ class Meter:
         return self._limits.message
 
     def count(self) -> None:
-        """One message more. Raises Overrun, to close the connection."""
+        """Count one more message. Raises Overrun, to close the connection."""
         limits, now = self._limits, self._clock()
         self._left = min(self._left + (now - self._counted) * limits.rate, limits.burst) - 1.0
         self._counted = now
@@ -104,7 +106,7 @@ class Meter:
             raise Overrun(f"too many messages; allowed: {limits.rate:g} per second")
 
     def admits(self, raw: bytes | str) -> bool:
-        """Whether to pass this message on; False for one to leave out; it is counted. Raises Overrun."""
+        """Whether to pass this message on, False for one to leave out; the message is counted. Raises Overrun."""
         self.count()
         limits = self._limits
         if len(raw) > limits.message:
@@ -139,9 +141,9 @@ class Meter:
 
 
 def harmless(raw: bytes, looking: Collection[str]) -> bytes | None:
-    """What of a watcher's message may reach the session, None for nothing: where its camera is, and which tabs of plots
-    it has on its screen, so that they are drawn. Nothing of the run depends on either. looking: ids of the fields that
-    take the tabs."""
+    """Part of a watcher's message that may reach the session, None for nothing: the watcher's camera, and the tabs of
+    plots on the watcher's screen, so that they are drawn. The run depends on neither.
+    looking: ids of the fields that take the tabs."""
     try:
         kind = _opened(raw, _envelope).type
         if kind == "ViewerCameraMessage":
@@ -165,7 +167,7 @@ def harmless(raw: bytes, looking: Collection[str]) -> bytes | None:
 
 
 def _opened(raw: bytes | str, decoder: msgspec.msgpack.Decoder[_T]) -> _T:
-    """Raises Overrun for what no page of ours sends."""
+    """Decoded message. Raises Overrun for one that no page of ours sends."""
     if isinstance(raw, bytes):
         try:
             return decoder.decode(raw)

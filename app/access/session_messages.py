@@ -1,4 +1,4 @@
-"""What a gateway and the process of a session tell each other: one JSON object a line, over a pair of sockets."""
+"""Messages between a gateway and the process of a session: one JSON object a line, over a pair of sockets."""
 
 from __future__ import annotations
 
@@ -8,7 +8,8 @@ import msgspec
 
 
 class Prepare(msgspec.Struct, frozen=True, tag=True):
-    """To the process, at first: have a dashboard up, reachable with this key, and this scenario (TOML) compiled."""
+    """Message to the process, the first: set up a dashboard that is reachable with this key, and compile this scenario
+    (TOML)."""
 
     scenario: str
     theme: str
@@ -17,16 +18,19 @@ class Prepare(msgspec.Struct, frozen=True, tag=True):
 
 
 class Kept(msgspec.Struct, frozen=True):
-    """Where a session is kept on disk. earlier: what becomes of what is there: its pinned runs are shown again, since
-    this is the same session, or it is offered on the page."""
+    """Folder in which a session is kept on disk.
+    earlier: use of the session that is in the folder: its pinned runs are shown again, because this is the same
+    session, or it is offered on the page."""
 
     folder: str
     earlier: Literal["shown", "offered"]
 
 
 class Begin(msgspec.Struct, frozen=True, tag=True):
-    """To the process: run. scenario: TOML, None for the one prepared; kept: where, None for nowhere; marks: of the
-    visitor that it is for, see `Visitor.marks`."""
+    """Message to the process: run.
+    scenario: TOML, None for the one prepared.
+    kept: folder of the session, None where it is not kept.
+    marks: of the visitor of this session, see `Visitor.marks`."""
 
     scenario: str | None
     kept: Kept | None
@@ -34,41 +38,42 @@ class Begin(msgspec.Struct, frozen=True, tag=True):
 
 
 class Keep(msgspec.Struct, frozen=True, tag=True):
-    """To the process, which runs: keep the session there from now on, where nothing is kept of it yet."""
+    """Message to the process, which runs: keep the session in this folder from now on, where it has not been kept
+    before."""
 
     kept: Kept
 
 
 class Remark(msgspec.Struct, frozen=True, tag=True):
-    """To the process, which runs: say this on the page."""
+    """Message to the process, which runs: show this sentence on the page."""
 
     sentence: str
 
 
 class Ready(msgspec.Struct, frozen=True, tag=True):
-    """From the process: it can begin. looking: see `app.access.rate_limits.harmless`."""
+    """Message from the process: it can begin. looking: see `app.access.rate_limits.harmless`."""
 
     port: int
     looking: frozenset[str]
 
 
 class Changed(msgspec.Struct, frozen=True, tag=True):
-    """From the process: the scenario (TOML) that runs from now on, so that it can be begun again elsewhere, and how
-    many runs are pinned."""
+    """Message from the process: the scenario (TOML) that runs from now on, with which the session can be begun again
+    elsewhere, and the number of pinned runs."""
 
     scenario: str
     pinned: int = 0
 
 
 class Alive(msgspec.Struct, frozen=True, tag=True):
-    """From the process, while it prepares and while it runs, every second: its pages are answered. late: how late the
-    steps of its loop were lately, their median in s; None where none is computed."""
+    """Message from the process every second, while it prepares and while it runs: its pages are answered.
+    late: delay of the last steps of its loop, their median in s; None where no steps are computed."""
 
     late: float | None = None
 
 
 class Failed(msgspec.Struct, frozen=True, tag=True):
-    """From the process, at last: why it cannot go on, in a sentence."""
+    """Message from the process, the last: the reason why it cannot go on, in a sentence."""
 
     reason: str
 
@@ -82,5 +87,5 @@ LONGEST = 64 * 2**20  # bytes of a line: scenarios hold no recordings
 
 
 def line(message: ToSession | FromSession) -> bytes:
-    """The message as it is sent."""
+    """Line (bytes) in which the message is sent."""
     return msgspec.json.encode(message) + b"\n"

@@ -1,4 +1,4 @@
-"""Ideal response: what the error does where the target model (8) holds exactly."""
+"""Ideal response: the course of the error where the target model (8) holds exactly."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from scipy.linalg import expm
 
 @dataclass(frozen=True)
 class IdealResponse:
-    """(8) from one sample to the next, exact for a force error that is linear in between.
+    """Response of (8) from one sample to the next, exact for a force error that is linear in between.
 
     x = (e, e_dot), (2n,) m and m/s: x_next = free @ x + first @ e_Fc + second @ e_Fc_next.
     """
@@ -22,7 +22,7 @@ class IdealResponse:
 
     @classmethod
     def of(cls, matrices: Mapping[str, np.ndarray], period: float) -> IdealResponse:
-        """For M_m, B_m, K_m, K_f (n, n) and samples `period` s apart."""
+        """Response for M_m, B_m, K_m, K_f (n, n) and samples `period` s apart."""
         M_m, B_m, K_m, K_f = (matrices[name] for name in ("M_m", "B_m", "K_m", "K_f"))
         n = len(M_m)
         zero, one = np.zeros((n, n)), np.eye(n)

@@ -22,7 +22,7 @@ BAND = 0.02  # of the largest deviation, within which a signal counts as settled
 
 
 class Metrics(Struct, frozen=True):
-    """See each field; None where a figure has no meaning in the mode."""
+    """Metrics of a run, see each field; None where a metric has no meaning in the mode."""
 
     motion_error_tail: float  # max ||e|| of the position coordinates that are not force-controlled, m
     force_error_tail: float | None  # max |f_n - f_nd|, N
@@ -47,7 +47,7 @@ class Metrics(Struct, frozen=True):
 
 
 def unit_of(field: str, units: Units) -> str:
-    """The unit of a figure of `Metrics` in a task space with these units, "" of those without."""
+    """Unit of a field of `Metrics` in a task space with these units, "" for a field without a unit."""
     return {
         "motion_error_tail": units.coordinate,
         "force_error_tail": "N",
@@ -66,7 +66,7 @@ def unit_of(field: str, units: Units) -> str:
 
 
 def measure(loop: ClosedLoop, realtime_factor: float | None = None) -> Metrics:
-    """The figures of everything recorded so far. Raises ValueError for a run without a single step."""
+    """Metrics of everything recorded so far. Raises ValueError for a run without a single step."""
     record = loop.recording.signals(tuple(loop.recording.columns))
     t = record["t"]
     if len(t) == 0:
@@ -103,27 +103,27 @@ def measure(loop: ClosedLoop, realtime_factor: float | None = None) -> Metrics:
 
 
 def since(epoch: Epoch, instant: float | None) -> float | None:
-    """An instant (s) counted from the epoch's beginning."""
+    """Time (s) of an instant (s), counted from the epoch's beginning."""
     return None if instant is None else instant - epoch.t
 
 
 def tail_of(t: np.ndarray) -> np.ndarray:
-    """Which of the times t (N,) s belong to the tail: (N,) bool."""
+    """Mask (N,) bool of the times t (N,) s that belong to the tail."""
     return t >= t[-1] - TAIL * (t[-1] - t[0])
 
 
 def saturated(record: Mapping[str, np.ndarray]) -> np.ndarray:
-    """Whether a drive's limit cuts the torque, (N,) bool."""
+    """Mask (N,) bool of the rows in which a drive's limit cuts the torque."""
     return (record["tau_applied"] != record["tau"]).any(axis=1)
 
 
 def force_error(record: Mapping[str, np.ndarray]) -> np.ndarray:
-    """f_n - f_nd, (N,) N, of a mode that controls a force."""
+    """Force error f_n - f_nd, (N,) N, of a mode that controls a force."""
     return record["multiplier"] - record["F_cd"][:, 0]
 
 
 def motion_error(system: System, record: Mapping[str, np.ndarray]) -> np.ndarray:
-    """The position errors (N, k) m that a motion target governs: along the surface where there is one."""
+    """Position errors (N, k) m that a motion target governs: along the surface where there is one."""
     if system.layout.joint:
         return record["e_r"]
     error = record["e_r"][:, system.m : system.layout.positions]
@@ -139,11 +139,10 @@ def motion_error(system: System, record: Mapping[str, np.ndarray]) -> np.ndarray
 
 
 def steady_force_error(system: System, f_nd: float, s: np.ndarray) -> float | None:
-    """What (37) says of f_n - f_nd (N) in the end, for a constant desired force (N), with what an s (n,) m/s that rests
-    within the boundary layer adds where A is not 0, (14); None where no force is controlled.
-
-    On a rigid surface r_fd = 0 and (41) leaves none but for s.
-    """
+    """Steady-state force error f_n - f_nd (N) by (37), for a constant desired force f_nd (N); None where no force is
+    controlled.
+    It includes the error, by (14), due to an s (n,) m/s that stays within the boundary layer, where A is not 0.
+    On a rigid surface r_fd = 0, and (41) leaves no error but that due to s."""
     if not system.m:
         return None
     controller = system.controller
@@ -155,9 +154,10 @@ def steady_force_error(system: System, f_nd: float, s: np.ndarray) -> float | No
 
 
 def settling_time(t: np.ndarray, signal: np.ndarray, resolution: float) -> float:
-    """From t[0] on, s, until the signal (N,) stays within `BAND` of its largest deviation from its final value, the
-    mean of its tail; smaller deviations than `resolution` do not count. Infinite when it has not settled by the tail.
-    """
+    """Settling time: s from t[0] until the signal (N,) stays within `BAND` of its largest deviation from its final
+    value.
+    The final value is the mean of the tail. Deviations smaller than `resolution` do not count. Infinite when the signal
+    has not settled by the tail."""
     tail = tail_of(t)
     away = np.abs(signal - signal[tail].mean())
     outside = np.flatnonzero(away > max(BAND * float(away.max()), resolution))
@@ -167,7 +167,7 @@ def settling_time(t: np.ndarray, signal: np.ndarray, resolution: float) -> float
 
 
 class Account(Struct, frozen=True):
-    """Figures of a stretch of a run, by which runs are compared; None where a figure has no meaning in the mode."""
+    """Figures of a stretch of a run, for comparing runs; None where a figure has no meaning in the mode."""
 
     path_rms: float  # of the position error that a motion target governs, m
     path_max: float  # m
@@ -182,7 +182,8 @@ class Account(Struct, frozen=True):
 
 @dataclass(frozen=True)
 class Figure:
-    """How a figure of an `Account` is shown: in units of which `factor` make one SI unit, by the run's task space."""
+    """Display of a figure of an `Account`: in units of which `factor` make one SI unit, and which depend on the task
+    space."""
 
     title: str
     field: str
@@ -190,12 +191,12 @@ class Figure:
     unit: Callable[[Units], str]
 
     def of(self, account: Account | None) -> float | None:
-        """In that unit."""
+        """Value of the figure in the unit in which it is shown."""
         value = None if account is None else getattr(account, self.field)
         return None if value is None else value * self.factor + 0.0  # no "-0"
 
     def units(self, systems: Iterable[System]) -> str:
-        """Its unit in runs of these systems; both where they differ."""
+        """Unit of the figure in runs of these systems; both units where they differ."""
         return " or ".join(dict.fromkeys(self.unit(system.units) for system in systems))
 
 
@@ -213,7 +214,7 @@ FIGURES = (
 
 
 def account(system: System, recording: Recording, t_from: float, t_to: float) -> Account | None:
-    """Of the rows with t_from <= t <= t_to (s), None for less than two of them."""
+    """Account of the rows with t_from <= t <= t_to (s), None for fewer than two of them."""
     record = recording.stretch(t_from, t_to)  # copies what is asked for only
     t = record["t"]
     if len(t) < 2:

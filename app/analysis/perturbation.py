@@ -1,5 +1,5 @@
-"""What only the simulation can know of recorded instants: the perturbation that (17) bounds, V, and, of the target
-model, where the force would settle. Computed when asked for, from the recording and the true arm."""
+"""Quantities of recorded instants that only the simulation can know: the perturbation that (17) bounds, V, and the
+force at which the target model would settle. Computed on request, from the recording and the true arm."""
 
 from __future__ import annotations
 
@@ -25,9 +25,11 @@ SAME = 1e-9  # s
 
 
 class Instant(NamedTuple):
-    """At one instant. perturbation: norm of what d has to outweigh in (23), N; inertia, coriolis, gravity, disturbance:
-    norms of its parts; V J; yielding_force: the normal force at which an impedance would settle if r_d stood still, N,
-    nan in other modes."""
+    """Quantities at one instant.
+    perturbation: norm of what d has to outweigh in (23), N; inertia, coriolis, gravity, disturbance: norms of its
+    parts.
+    V: J.
+    yielding_force: the normal force at which an impedance would settle if r_d stood still, N, nan in other modes."""
 
     perturbation: float
     inertia: float
@@ -42,7 +44,7 @@ NOWHERE = Instant(*7 * (np.nan,))
 
 
 class PerturbationAnalysis:
-    """Analysis of one run's perturbation: its true arm, looked at from outside the loop's thread."""
+    """Analysis of one run's perturbation, with a true arm of its own, outside the loop's thread."""
 
     def __init__(self, system: System) -> None:
         robot = system.robot
@@ -54,19 +56,20 @@ class PerturbationAnalysis:
         self._kept: dict[float, Instant] = {}
 
     def recorded(self, rows: Signals, epochs: Sequence[Epoch], openings: np.ndarray) -> Known:
-        """Rows of the run's recording; what is costly is computed in the rows `openings` only, and kept."""
+        """Signals of rows of the run's recording; the costly ones are computed in the rows `openings` only, and
+        kept."""
         if len(self._kept) > KEPT:
             self._kept.clear()
         return Known(self, rows, epochs, openings, self._kept)
 
     def foreseen(self, rows: Signals, epochs: Sequence[Epoch], openings: np.ndarray) -> Known:
-        """Rows of a preview of the same run."""
+        """Signals of rows of a preview of the same run."""
         return Known(self, rows, epochs, openings, {})
 
     def at(self, row: Signals, epoch: Epoch) -> Instant:
-        """One recorded row. The parts of the perturbation are what the law's terms (25) miss of the true arm's:
-        J_q^-T ((M_hat - M) q_eq_ddot), the same of C q_eq_dot and of G, and the rest of (4) with what the drives do not
-        give."""
+        """Quantities at one recorded row. The parts of the perturbation are the differences between the law's terms
+        (25) and those of the true arm: J_q^-T ((M_hat - M) q_eq_ddot), the same of C q_eq_dot and of G, and the rest of
+        (4) with the part of the torque that the drives do not give."""
         scenario, t, q, q_dot = epoch.scenario, float(row["t"]), row["q"], row["q_dot"]
         truth, model, data = self._true_arm(scenario)
         try:
@@ -100,8 +103,8 @@ class PerturbationAnalysis:
         return self._arm[1:]
 
     def _yielding_force(self, row: Signals, epoch: Epoch) -> float:
-        """Of an impedance (27) against a surface K_e: with r_d at depth phi_d, along the normal n there, phi = phi_d -
-        n^T K_m^-1 (K_f n K_e phi + M_m A s), (14)."""
+        """Normal force (N) of an impedance (27) against a surface K_e, see `Instant`: with r_d at depth phi_d, along
+        the normal n there, phi = phi_d - n^T K_m^-1 (K_f n K_e phi + M_m A s), (14)."""
         system, K_e = self.system, epoch.scenario.contact.K_e
         if system.m or system.layout.joint or not system.plant.kind.springs:
             return np.nan
@@ -124,9 +127,12 @@ class PerturbationAnalysis:
 
 
 class Known(Mapping[str, np.ndarray]):
-    """Recorded signals, and by name, (N,) each: those of `Instant`; steady_force N: where the target model would settle
-    if the reference stood still; V_bound, V_limit J: (24), and with what sampling and layer add; reaching: 1 until s is
-    reached; promised, measured: 1 in the row of t_r, by (18) and as it was."""
+    """Recorded signals, and further ones, (N,) each, by name:
+    those of `Instant`;
+    steady_force N: where the target model would settle if the reference stood still;
+    V_bound, V_limit J: (24), and (24) with what sampling and boundary layer add;
+    reaching: 1 until s is reached;
+    promised, measured: 1 in the row of t_r, by (18) and as measured."""
 
     def __init__(
         self,
@@ -165,7 +171,7 @@ class Known(Mapping[str, np.ndarray]):
         return len(self._rows) + len(self._makers)
 
     def _numbers(self) -> np.ndarray:
-        """Of each row's epoch."""
+        """Number (N,) of each row's epoch."""
         begins = np.array([epoch.t for epoch in self._epochs])
         return np.maximum(np.searchsorted(begins - SAME, self._rows["t"], side="right") - 1, 0)
 
@@ -181,7 +187,8 @@ class Known(Mapping[str, np.ndarray]):
         return dict(zip(Instant._fields, found.T, strict=True))
 
     def _steady_force(self) -> np.ndarray:
-        """Where a mode controls the force (37) for what is desired now, or (42), with what the s of now leaves (14)."""
+        """Steady normal force (N,) N: by (37) for the present desired force where a mode controls the force, else that
+        of an impedance (42), with the part that the present s leaves (14)."""
         system, f_nd, s = self._analysis.system, self._rows["F_cd"][:, 0], self._rows["s"]
         if not system.m:
             return self["yielding_force"]
@@ -213,7 +220,7 @@ class Known(Mapping[str, np.ndarray]):
             reached = np.inf if epoch.reached is None else epoch.reached
             found["reaching"][(t >= epoch.t) & (t < min(reached, end) - SAME)] = 1.0
             if epoch.certificate.t_r < epoch.scenario.controller.period:
-                continue  # there was nothing to reach
+                continue  # nothing to reach: promised within one period
             for name, instant in (("promised", epoch.t + epoch.certificate.t_r), ("measured", reached)):
                 row = int(np.searchsorted(t, instant - SAME))
                 if t[0] < instant < end and row < len(t):
@@ -221,7 +228,7 @@ class Known(Mapping[str, np.ndarray]):
         return found
 
 
-# of a row, by `PerturbationAnalysis.at`
+# signals of a row that `PerturbationAnalysis.at` reads
 _LOOKED_AT = (
     "t", "q", "q_dot", "s", "q_eq_ddot", "tau_inertia", "tau_coriolis", "tau_gravity", "tau_force", "tau",
     "tau_applied", "F_true", "F_push", "r_d",

@@ -1,4 +1,4 @@
-"""How a torque chatters: its amplitude spectrum and its total variation."""
+"""Chattering of a torque: its amplitude spectrum and its total variation."""
 
 from __future__ import annotations
 
@@ -6,20 +6,23 @@ from dataclasses import dataclass
 
 import numpy as np
 
-# of the flat-top window of ISO 18431-2, as in scipy.signal.windows.flattop; scipy.signal takes 0.6 s to import
+# coefficients of the flat-top window of ISO 18431-2, as in scipy.signal.windows.flattop, which takes 0.6 s to import
 _FLAT_TOP = (0.21557895, -0.41663158, 0.277263158, -0.083578947, 0.006947368)
 STEADINESS = 0.01  # by which the sampling interval may vary
 
 
 @dataclass(frozen=True)
 class Spectrum:
-    """frequency (K,) Hz without 0; amplitude (K, n): a sine of amplitude A shows a peak of height A."""
+    """Amplitude spectrum.
+    frequency: (K,) Hz without 0.
+    amplitude: (K, n); a sine of amplitude A shows a peak of height A."""
 
     frequency: np.ndarray
     amplitude: np.ndarray
 
     def thinned(self, buckets: int) -> Spectrum:
-        """At most so many points, evenly on a logarithmic axis; each keeps the highest peak of its bucket."""
+        """Spectrum of at most this many points, evenly spaced on a logarithmic axis; each has the highest peak of its
+        bucket."""
         if len(self.frequency) <= buckets:
             return self
         edges = np.geomspace(self.frequency[0], self.frequency[-1] * (1 + 1e-9), buckets + 1)
@@ -29,9 +32,9 @@ class Spectrum:
 
 
 def amplitude_spectrum(t: np.ndarray, values: np.ndarray) -> Spectrum:
-    """Of values (N, n) at t (N,) s without their mean, with a flat-top window: right in amplitude at every frequency,
-    wide by some 4 / (t[-1] - t[0]) Hz. Only the last rows that are equally far apart count; empty for fewer than 16.
-    """
+    """Spectrum of values (N, n) at t (N,) s without their mean, with a flat-top window: right in amplitude at every
+    frequency, wide by some 4 / (t[-1] - t[0]) Hz. Only the last rows that are equally far apart count; empty for fewer
+    than 16."""
     steps = np.diff(t)
     uneven = np.flatnonzero(np.abs(steps - steps[-1:]) > STEADINESS * steps[-1:])
     values = values[uneven[-1] + 1 :] if len(uneven) else values
@@ -42,13 +45,13 @@ def amplitude_spectrum(t: np.ndarray, values: np.ndarray) -> Spectrum:
     window = np.cos(np.outer(phase, np.arange(len(_FLAT_TOP)))) @ np.array(_FLAT_TOP)
     weighted = window[:, None] * (values - values.mean(axis=0))
     amplitude = 2.0 * np.abs(np.fft.rfft(weighted, axis=0)) / window.sum()
-    amplitude[-3:] /= 2.0  # what alternates from sample to sample is its own mirror image, not one of two
+    amplitude[-3:] /= 2.0  # at the Nyquist frequency a peak is its own mirror image, not one of two
     return Spectrum(np.fft.rfftfreq(count, steps[-1])[1:], amplitude[1:])
 
 
 def variation_rate(t: np.ndarray, values: np.ndarray, span: float) -> np.ndarray:
-    """Total variation per second of values (N,) over the last `span` s before each t (N,) s; nan until so much time
-    has passed."""
+    """Total variation per second of values (N,) over the last `span` s before each t (N,) s; nan in the first `span`
+    s."""
     travelled = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(values)))])
     rate = (travelled - np.interp(t - span, t, travelled)) / span
     rate[t - t[0] < span * (1 - 1e-9)] = np.nan

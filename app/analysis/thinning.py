@@ -1,4 +1,5 @@
-"""What a plot has pixels for: the smallest and the largest value of each bucket of time, so that no spike is lost."""
+"""Decimation of signals for plots: the smallest and the largest value of each bucket of time, so that no spike is
+lost."""
 
 from __future__ import annotations
 
@@ -10,8 +11,8 @@ import numpy as np
 
 @dataclass(frozen=True)
 class Grid:
-    """Buckets [k width, (k + 1) width), k = first ... first + count - 1, in s. Their edges are multiples of the width,
-    so that what is drawn stands still while time goes on."""
+    """Grid of buckets [k width, (k + 1) width), k = first ... first + count - 1, in s. Their edges are multiples of the
+    width, so that the drawn points stand still while time goes on."""
 
     first: int
     count: int
@@ -19,28 +20,28 @@ class Grid:
 
     @classmethod
     def over(cls, t_from: float, t_to: float, buckets: int) -> Grid:
-        """About so many buckets; none begins before t_from, the last holds t_to."""
+        """Grid of about this many buckets; none begins before t_from, the last holds t_to."""
         width = (t_to - t_from) / buckets
         first = math.ceil(t_from / width - 1e-9)
         return cls(first, max(math.floor(t_to / width + 1e-9) - first + 1, 1), width)
 
     @property
     def times(self) -> np.ndarray:
-        """(2 count,) s: at a quarter and at three quarters of each bucket."""
+        """Times (2 count,) s of the points: at a quarter and at three quarters of each bucket."""
         return (self.first + 0.25 + 0.5 * np.arange(2 * self.count)) * self.width
 
     def starts(self, t: np.ndarray) -> np.ndarray:
-        """Where in t (N,), which grows, each bucket begins, and where the last one ends: (count + 1,)."""
+        """Indices (count + 1,) into t (N,), increasing, at which each bucket begins, and at which the last one ends."""
         return np.searchsorted(t, (self.first + np.arange(self.count + 1)) * self.width)
 
     def openings(self, t: np.ndarray) -> np.ndarray:
-        """The first row of each bucket that has one."""
+        """Indices of the first row of each bucket that has one."""
         starts = self.starts(t)
         return starts[:-1][starts[:-1] < starts[1:]]
 
     def thin(self, t: np.ndarray, values: np.ndarray) -> np.ndarray:
-        """values (N, k) at t (N,), which grows: (2 count, k), of each bucket the two extremes, in the order in which
-        the values go through them; nan where there are none."""
+        """Decimated values (2 count, k) of values (N, k) at t (N,), increasing: the two extremes of each bucket, in the
+        order in which the values go through them; nan for empty buckets."""
         starts = self.starts(t)
         filled = starts[:-1] < starts[1:]
         thinned = np.full((self.count, 2, values.shape[1]), np.nan)

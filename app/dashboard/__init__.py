@@ -1,1 +1,1 @@
-"""The page: the only code that knows viser, which is loaded with `app.dashboard.page` and not before."""
+"""Dashboard, the page: the only code that uses viser, which is loaded with `app.dashboard.page` and not before."""

@@ -1,4 +1,4 @@
-"""What `vsmrc export` writes: the files of the page's Export tab, without a page."""
+"""Export by `vsmrc export`: the files of the page's Export tab, without a page."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from app.storage.recording_files import TooLarge, table, write_csv, write_npz
 
 @dataclass(frozen=True)
 class Stretch:
-    """A run, and of it the rows with start <= t <= end (s)."""
+    """A run, and the stretch of its rows with start <= t <= end (s)."""
 
     scenario: Scenario
     recording: Recording
@@ -36,7 +36,7 @@ class Stretch:
 
 
 def write(stretch: Stretch, kinds: Iterable[Kind], plots: str, out: Path) -> Iterator[Path]:
-    """Make files of these kinds in the folder `out`, which is made; their paths, one after the other.
+    """Write files of these kinds to the folder `out`, which is made; yields their paths, one after the other.
 
     plots: the tab of the page whose plots a figure shows, or all. Raises ScenarioError, and OSError.
     """
@@ -72,7 +72,7 @@ def _write(stretch: Stretch, kind: Kind, plots: str, path: Path) -> None:
         match kind:
             case "svg" | "pdf" | "png":
                 snapshot = snapshot_of(ClosedLoop(scenario, history=1))
-                if not recording.epochs:  # a file does not tell what was changed during the run
+                if not recording.epochs:  # a file does not hold the changes during the run
                     recording.epochs.extend(snapshot.recording.epochs)
                 snapshot, setup = replace(snapshot, recording=recording), Setup.of(snapshot, 0, 0)
                 figure = figure_of(plots_of(plots), snapshot, setup, stretch.start, stretch.end)

@@ -1,4 +1,4 @@
-"""`vsmrc serve` for the one who started it: one run, one page, in this process, until Ctrl-C."""
+"""`vsmrc serve` for the user who started it: one run, one page, in this process, until Ctrl-C."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ events = structlog.get_logger()
 def serve(scenario: Scenario, dashboard: Dashboard, *, state_dir: Path | None, stateless: bool) -> None:
     """Run this scenario on this page, which ends with it. Raises ScenarioError for a folder that cannot be used.
 
-    state_dir: keeps the session, None for the usual one; stateless: none does.
+    state_dir: folder that keeps the session, None for the usual one; stateless: keep nothing.
     """
     runner: Runner | None = None
     warming: Popen[bytes] | None = None
@@ -57,7 +57,7 @@ def serve(scenario: Scenario, dashboard: Dashboard, *, state_dir: Path | None, s
         for ending in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
             signal.signal(ending, signal.SIG_IGN)  # an impatient second Ctrl-C must not interrupt the ending
         end_within()
-        if autosave is not None:  # first: what hangs may use up the time
+        if autosave is not None:  # first: anything that hangs may use up the time
             autosave.close()
         dashboard.close()
         if warming is not None:
@@ -68,7 +68,7 @@ def serve(scenario: Scenario, dashboard: Dashboard, *, state_dir: Path | None, s
 
 
 def _state_folder(chosen: Path | None) -> StateFolder | None:
-    """The folder that keeps the session; without the user's choice none is no reason not to start."""
+    """Folder that keeps the session; None where the usual one cannot be used, which must not prevent the start."""
     try:
         return StateFolder(chosen or default_folder())
     except StateError as error:
@@ -79,7 +79,7 @@ def _state_folder(chosen: Path | None) -> StateFolder | None:
 
 
 def _prepared(scenario: Scenario, dashboard: Dashboard) -> Runner:
-    """A runner whose kernels are compiled; meanwhile terminal and page say what is going on."""
+    """Runner whose kernels are compiled; meanwhile terminal and page show what is being done."""
     ready: Future[Runner] = Future()
 
     def prepare() -> None:

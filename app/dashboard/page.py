@@ -49,20 +49,22 @@ log = structlog.get_logger()
 FPS = 30.0  # scene
 SLOWEST_FPS, FASTEST_FPS = 1.0, 60.0
 REFRESH = 1 / 10  # s, plots, numbers and controls
-PLOTTING = 0.1  # of the time may go into plots: long windows are drawn less often
+PLOTTING = 0.1  # share of the time for drawing plots: long windows are drawn less often
 COMPLAINT_SHOWN = 12.0  # s
 COMPLAINTS_APART = 0.5  # s, between two notifications: the status line has every one
 SLOW = 2.0  # s, a drawing that is worth a line in the log
-ENDING = 0.7  # s that viser's server is waited for
-FRAME_ENDING = 0.7  # s that a frame is waited for
+ENDING = 0.7  # s to wait for the end of viser's server
+FRAME_ENDING = 0.7  # s to wait for the end of a frame
 
 
 class Dashboard:
-    """The page is up as soon as this is made; it shows a run once `attach` has given it a runner.
+    """Dashboard on a viser server: the page is reachable as soon as this is made, and shows a run once `attach` has
+    given it a runner.
 
-    port 0 takes any free port; fps: pictures of the scene per second, of which a machine without a graphics card is
-    better off with few; key: without it in the header KEY_HEADER nobody is answered. Raises PortTaken, and ValueError
-    for fps beyond what makes sense.
+    port: 0 takes any free port.
+    fps: pictures of the scene per second; for a machine without a graphics card, few are better.
+    key: requests without it in the header KEY_HEADER are refused.
+    Raises PortTaken, and ValueError for an fps outside of the allowed range.
     """
 
     def __init__(
@@ -110,48 +112,48 @@ class Dashboard:
         return f"http://[{self.host}]:{self.port}" if ":" in self.host else f"http://{self.host}:{self.port}"
 
     def _fault(self) -> str:
-        """What is the matter with the run, in a sentence; "" where nothing is."""
+        """Sentence on a fault of the run; "" where there is none."""
         return "" if self._view is None else self._view.hang
 
     def come_round(self) -> None:
-        """Returns when the page's web sockets have had their turn, which is soon unless they hang."""
+        """Wait until the page's web sockets have had their turn, which is soon unless they hang."""
         asyncio.run_coroutine_threadsafe(asyncio.sleep(0), self._server.get_event_loop()).result()
 
     @property
     def link(self) -> str:
-        """The address with the token, where one is asked for."""
+        """Address of the page, with the token where one is required."""
         return self.url if self._tokens is None else f"{self.url}/?token={self._tokens.steer}"
 
     @property
     def clients(self) -> dict[int, viser.ClientHandle]:
-        """Who looks at the page, by number, in the order in which they came."""
+        """Open pages, by number, in the order in which they came."""
         return self._server.get_clients()
 
     @property
     def looking_fields(self) -> frozenset[str]:
-        """Ids of the fields by which pages tell which tabs of plots they show; none before `attach`."""
+        """Ids of the fields in which pages report their visible tabs of plots; none before `attach`."""
         return frozenset() if self._view is None else self._view.looking_fields
 
     def show_progress(self, text: str) -> None:
-        """What is being prepared, while there is no runner yet."""
+        """Show what is being prepared, while there is no runner yet."""
         self._status.content = splash_html(text)
 
     def attach(self, runner: Runner) -> None:
-        """Build the controls for this runner and show it from now on."""
+        """Build the controls for this runner, and show it from now on."""
         self._view = _View(self._server, self._status, self._scene, runner, self.uploads)
 
     def offer(self, last_session: LastSession) -> None:
-        """Ask whether to go on with it, above the controls; nothing before `attach`."""
+        """Ask above the controls whether to continue the last session; does nothing before `attach`."""
         if self._view is not None:
             self._view.offer(last_session)
 
     def fail(self, sentence: str) -> None:
-        """Say on every page that something of ours has failed."""
+        """Show on every page that something of ours has failed."""
         if self._view is not None:
             self._view.fail(sentence)
 
     def run_forever(self) -> None:
-        """Draw until `close`; nothing while nobody looks."""
+        """Draw until `close`; draws nothing while no page is open."""
         while not self._closed.is_set():
             started = time.monotonic()
             with self._drawing:
@@ -161,9 +163,9 @@ class Dashboard:
             self._closed.wait(max(self._frame - (time.monotonic() - started), 0.002))
 
     def close(self) -> None:
-        """End `run_forever` and stop the server. The runner is the caller's."""
+        """End `run_forever` and stop the server. The caller ends the runner."""
         self._closed.set()
-        # a server that has stopped takes nothing any more of the frame that is being drawn
+        # a server that has stopped accepts nothing of the frame that is being drawn
         drawn = self._drawing.acquire(timeout=FRAME_ENDING)
         try:
             if self._view is not None:
@@ -181,7 +183,7 @@ class Dashboard:
         stopping.join(ENDING)
 
     def _draw(self, view: _View, started: float) -> None:
-        """One frame; a fault in it must not take the page down: say it, log it, go on."""
+        """Draw one frame; a fault in it must not take the page down: it is shown and logged, and drawing goes on."""
         try:
             view.draw(started)
         except Exception as error:
@@ -201,7 +203,7 @@ class Dashboard:
 
 
 class _View:
-    """What is on the page while a runner is attached."""
+    """Content of the page while a runner is attached."""
 
     def __init__(
         self,
@@ -261,17 +263,17 @@ class _View:
         return self._runner.hang
 
     def complain(self, sentence: str) -> None:
-        """Show a refusal until another edit is accepted, or for a while."""
+        """Show a refusal until another edit is accepted, or for some seconds."""
         log.info("refused", sentence=sentence)
         self._say("Refused", sentence)
 
     def fail(self, sentence: str) -> None:
-        """Show that something of ours has failed; once, while it goes on failing."""
+        """Show that something of ours has failed; once, while it keeps failing."""
         if f"Failed: {sentence}" != self._complaint:
             self._say("Failed", sentence)
 
     def _say(self, title: str, sentence: str) -> None:
-        """In the status line, and by a notification unless there has just been one."""
+        """Show a sentence in the status line, and by a notification unless there has just been one."""
         now = time.monotonic()
         self._complaint, self._complaint_until = f"{title}: {sentence}", now + COMPLAINT_SHOWN
         self._complaint_revision = self._runner.snapshot.revision
@@ -286,12 +288,12 @@ class _View:
         add_last_session(self._server.gui, last_session, above, self._runner.post, self.fail)
 
     def close(self) -> None:
-        """End what was started for the page. The runner is the caller's."""
+        """End all that was started for the page. The caller ends the runner."""
         self._previewer.close()
         self._export_jobs.close()
 
     def draw(self, now: float) -> None:
-        """One frame: the scene always, everything else less often."""
+        """Draw one frame: the scene always, everything else less often."""
         snapshot = self._runner.snapshot
         look = self._viewing.look
         if snapshot is not self._drawn:
@@ -336,13 +338,13 @@ class _View:
 
 
 def check_fps(fps: float) -> None:
-    """Raises ValueError for pictures per second that make no sense."""
+    """Raise ValueError for pictures per second outside of the allowed range."""
     if not SLOWEST_FPS <= fps <= FASTEST_FPS:
         raise ValueError(f"fps: {fps:g}; allowed: {SLOWEST_FPS:g} to {FASTEST_FPS:g}")
 
 
 def _unusable(host: str, port: int) -> str:
-    """Why nothing can listen there, "" where it can."""
+    """Reason why nothing can listen at this address, "" where it can."""
     try:
         family, kind, protocol, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]
         with socket.socket(family, kind, protocol) as probe:

@@ -1,4 +1,4 @@
-"""How the scene is drawn: state of the page, the same for all who look at it, and never part of a run."""
+"""Options for drawing the scene: state of the page, the same for all visitors, and never part of a run."""
 
 from __future__ import annotations
 
@@ -12,9 +12,11 @@ Drag = Literal["push", "target"]
 
 @dataclass(frozen=True)
 class Look:
-    """What is drawn and how. newtons: force that an arrow of 100 mm stands for, None for one that suits the forces;
-    cell m: see `FINE`; drag: what the mouse does on the tool, with Shift held the other; stiffness N/m and limit N of
-    the spring by which it pushes."""
+    """Look of the scene.
+    newtons: force that an arrow of 100 mm stands for, None for one that suits the forces.
+    cell: m, see `FINE`.
+    drag: action of the mouse on the tool, with Shift held the other one.
+    stiffness, limit: N/m and N, of the spring by which it pushes."""
 
     ghost: bool = False
     pinned_arms: bool = True
@@ -34,8 +36,10 @@ class Look:
 
 @dataclass(frozen=True)
 class Legend:
-    """What colours and lengths in the scene mean now. error m: that of the last colour; newtons: force per 100 mm of
-    arrow; ghost: distance of arm and ghost, m, None where none is drawn."""
+    """Present meaning of colours and lengths in the scene.
+    error: m, that of the last colour.
+    newtons: force per 100 mm of arrow.
+    ghost: distance of arm and ghost, m, None where none is drawn."""
 
     error: float
     newtons: float
@@ -43,8 +47,8 @@ class Legend:
 
 
 class Viewing:
-    """The look that is chosen, and the legend of what was drawn last; of the plots, how far back they go (s), and which
-    coordinate and which joint they show, counted from 0."""
+    """Present choices of the page: the look, and the legend of the last drawing; for the plots, the length of the
+    window (s), and the shown coordinate and joint, counted from 0."""
 
     def __init__(self) -> None:
         self.look = Look()

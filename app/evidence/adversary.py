@@ -1,4 +1,4 @@
-"""An optimiser that looks for an arm, a start and gains with which ||s|| is not where it is promised to be."""
+"""Adversary: an optimiser that searches for an arm, a start and gains with which ||s|| breaks its promised bound."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from app.scenario.schema import Scenario, ScenarioError
 from app.simulation.closed_loop import ClosedLoop
 from controllers.switching import Switching
 
-SEED = 1000  # of the situations: none of them is among those of the other runs
+SEED = 1000  # of the situations, which differ from those of the other runs
 POPULATION, GENERATIONS = 25, 11  # of each hunt: 275 tries, unless the first 25 are all refused
 DURATION = 0.15  # s
-START = 0.03  # rad, of each joint away from where the path begins; on a rigid surface none
+START = 0.03  # rad, displacement of each joint from the start of the path; none on a rigid surface
 SHARED = 18  # numbers of a try besides two for each joint
 PAPER_FROM = 0.5  # on [-1, 1]: a quarter of the first tries have the bounds of (7)
 KINDS = tuple(kind.name.lower() for kind in Switching)
@@ -26,10 +26,12 @@ KINDS = tuple(kind.name.lower() for kind in Switching)
 
 @dataclass(frozen=True)
 class Hunt:
-    """All tries in one situation. reaching: s(0) is not zero; refused: tries whose gain (17) would feed itself;
-    promised, broken: in which something was promised, and in which it was not kept; ratio: largest ||s|| over (20) with
-    its band while promised, 0 where nothing ever was; worst: its scenario as TOML, and off: where its arm started away
-    from the posture there, (n,) rad."""
+    """All tries in one situation.
+    reaching: s(0) is not zero.
+    refused: number of tries whose gain (17) would feed itself.
+    promised, broken: number of tries with a promise, and of those in which it was not kept.
+    ratio: largest ||s|| over (20) with its band while promised, 0 without any promise.
+    worst: scenario of that try as TOML; off: displacement of its arm's start from the posture there, (n,) rad."""
 
     robot: str
     mode: str
@@ -44,7 +46,7 @@ class Hunt:
 
 
 class Ground:
-    """One situation, built once: nothing that a try changes is in Omega, nor in the constants over it."""
+    """One situation, built once: Omega and the constants over it do not depend on anything that a try changes."""
 
     def __init__(self, robot: str, mode: str, *, reaching: bool) -> None:
         here = edited(situation(robot, mode, SEED), "simulation.duration", DURATION)
@@ -54,7 +56,7 @@ class Ground:
         self.size = 2 * self.n + SHARED
 
     def scenario_of(self, x: np.ndarray) -> Scenario:
-        """What the numbers x (size,) within [-1, 1] stand for, but for where the arm starts."""
+        """Scenario of the numbers x (size,) within [-1, 1], without the start of the arm."""
         n, here = self.n, self.scenario
         links, shared = _edged(x[:n]), x[n : n + SHARED]
         payload, offset, coulomb, viscous, disturbance = _share(_edged(shared[:5])).tolist()
@@ -82,18 +84,18 @@ class Ground:
         )
 
     def off(self, x: np.ndarray) -> np.ndarray:
-        """Where the arm starts away from its posture, (n,) rad."""
+        """Displacement of the arm's start from its posture, (n,) rad."""
         return START * x[self.n + SHARED :] * (not self.system.plant.kind.rigid)
 
     def attempt(self, x: np.ndarray) -> ClosedLoop:
-        """One try. Raises ScenarioError."""
+        """Run of one try. Raises ScenarioError."""
         system = built(self.scenario_of(x), self.system)
         started = replace(system.robot, posture=self.posture + self.off(x))
         return run(replace(system, robot=started))
 
 
 def hunt(robot: str, mode: str, reaching: bool, generations: int = GENERATIONS) -> Hunt:
-    """Differential evolution from corners of the declared set and draws inside, half of each."""
+    """Search by differential evolution from corners of the declared set and draws inside, half of each."""
     ground, random = Ground(robot, mode, reaching=reaching), random_of(robot, mode, SEED, int(reaching))
     ratios: list[float | None] = []
     broken = 0
@@ -130,7 +132,7 @@ def hunt(robot: str, mode: str, reaching: bool, generations: int = GENERATIONS) 
 
 
 def largest_ratio(loop: ClosedLoop) -> float:
-    """Largest ||s|| over (20) with its band among the periods in which something was promised, 0 without any."""
+    """Largest ||s|| over (20) with its band among the periods with a promise, 0 without any."""
     record = loop.recording.signals(("s_norm", "s_bound", "s_band"))
     limit = record["s_bound"] + record["s_band"]
     promised = np.isfinite(limit)
@@ -138,12 +140,12 @@ def largest_ratio(loop: ClosedLoop) -> float:
 
 
 def _edged(x: np.ndarray) -> np.ndarray:
-    """Half of [-1, 1] at its ends."""
+    """Numbers of [-1, 1], half of them moved to its ends."""
     return np.clip(2.0 * x, -1.0, 1.0)
 
 
 def _share(x: Any) -> Any:
-    """Of the way from -1 to 1."""
+    """Share of the way from -1 to 1."""
     return 0.5 * (x + 1.0)
 
 

@@ -1,4 +1,4 @@
-"""Runs of random arms: what is promised of each, whether it is kept, and what only the simulation knows of it."""
+"""Runs of random arms: the promise for each, whether it is kept, and quantities that only the simulation knows."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from app.simulation.closed_loop import ClosedLoop
 
 RIGID = "constrained"
 PLANTS = 5  # in each situation
-LOOKS = 12  # instants of each run while s is reached, and as many later, at which the true arm is looked at
+LOOKS = 12  # instants of each run before s is reached, and as many later, at which the true arm is examined
 SCALES = (1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 6.0)
 CAUSES = ("inertia", "Coriolis", "gravity", "moving task", "disturbance", "ε")  # of the signal `needed`
 PARTS = {"inertia": 0, "coriolis": 1, "gravity": 2, "disturbance": 4}  # of the perturbation, by their cause
@@ -24,21 +24,23 @@ PARTS = {"inertia": 0, "coriolis": 1, "gravity": 2, "disturbance": 4}  # of the 
 
 @dataclass(frozen=True)
 class Deadline:
-    """Something that is promised by an instant, both in s after the beginning; measured: infinite for never."""
+    """A promised time and the measured one, both in s after the beginning; measured: infinite for never."""
 
     promised: float
     measured: float
 
     @property
     def ratio(self) -> float:
-        """How much of the promised time it took."""
+        """Ratio of the measured time to the promised one."""
         return self.measured / self.promised
 
 
 @dataclass(frozen=True)
 class Plant:
-    """One of the plants, drawn inside what is declared. failed: title of the premise that failed first, "" for none;
-    stopped: why the run ended early, "" where it did not; lagging: the multiplier is read one period late."""
+    """One of the plants, drawn inside the declared set.
+    failed: title of the premise that failed first, "" for none.
+    stopped: why the run ended early, "" where it did not.
+    lagging: the multiplier is read one period late."""
 
     robot: str
     mode: str
@@ -56,14 +58,19 @@ class Refused(Plant):
 
 @dataclass(frozen=True)
 class Reaching(Plant):
-    """One run; all below counts only periods in which something is promised, and is nan where there are none.
+    """One run; all figures count only periods with a promise, and are nan where there are none.
 
-    s_0: ||s|| at the start, m/s; share: of the periods; excess: of ||s|| beyond (20) and the band, m/s; early_excess:
-    beyond (20) alone until the band is reached, nan where it began there; tightness: largest ||s|| over (20) with
-    band; V_tightness: largest V over (24) meanwhile; layer, band: see `Deadline`, None where a premise failed before,
-    or there was nothing to reach; known: promise for the band from the true V(0), and the least that d had to spare in
-    place of epsilon; margin: least d - perturbation, N; used: largest perturbation over d - epsilon; shares (6,): mean
-    share of each cause in (17); used_parts (4,): largest part of the perturbation over its bound.
+    s_0: ||s|| at the start, m/s.
+    share: of the periods.
+    excess: of ||s|| beyond (20) and the band, m/s.
+    early_excess: beyond (20) alone until the band is reached, nan where it began there.
+    tightness: largest ||s|| over (20) with band; V_tightness: largest V over (24) meanwhile.
+    layer, band: see `Deadline`, None where a premise failed before, or there was nothing to reach.
+    known: promise for the band from the true V(0), and the least that d had to spare in place of epsilon.
+    margin: least d - perturbation, N.
+    used: largest perturbation over d - epsilon.
+    shares: (6,), mean share of each cause in (17).
+    used_parts: (4,), largest part of the perturbation over its bound.
     """
 
     s_0: float = np.nan
@@ -82,20 +89,21 @@ class Reaching(Plant):
 
     @property
     def band_ratio(self) -> float:
-        """Time to the band over the promised one."""
+        """Ratio of the time to the band to the promised one."""
         return np.nan if self.band is None else self.band.ratio
 
     @property
     def known_ratio(self) -> float:
-        """The same over what hindsight would promise."""
+        """Ratio of the time to the band to the one that hindsight would promise."""
         return np.nan if self.band is None or not self.known > 0.0 else self.band.measured / self.known
 
 
 @dataclass(frozen=True)
 class Outside:
-    """One run of an arm `scale` times as far away as declared, from s(0) = 0 on, judged as if it were inside: largest
-    ||s|| over its band, and over what (23) leaves of the promise, among the periods in which all other premises hold,
-    nan without any; least margin d - perturbation there, N."""
+    """One run of an arm `scale` times as far away as declared, from s(0) = 0 on, judged as if it were inside.
+    over_band, over_rest: largest ||s|| over its band, and over the rest of the promise by (23), among the periods in
+    which all other premises hold, nan without any.
+    margin: least d - perturbation there, N."""
 
     scale: float
     over_band: float
@@ -106,7 +114,7 @@ class Outside:
 
 @dataclass(frozen=True)
 class Example:
-    """||s||, its bound (20) and the sampling band, (N,) m/s, over t (N,) s."""
+    """An example for a figure: ||s||, its bound (20) and the sampling band, (N,) m/s, over t (N,) s."""
 
     t: np.ndarray
     s: np.ndarray
@@ -115,12 +123,12 @@ class Example:
 
 
 def reach(robot: str, mode: str, seed: int) -> list[Plant]:
-    """The plants of one situation."""
+    """Plants of one situation."""
     return _reached([drawn(robot, mode, seed, number) for number in range(PLANTS)], lagging=False)
 
 
 def lag(robot: str) -> list[Plant]:
-    """The plants of one situation on a rigid surface, where the multiplier is read one period late."""
+    """Plants of one situation on a rigid surface, where the multiplier is read one period late."""
     late = [edited(drawn(robot, RIGID, 0, number), "sensor.ideal", False) for number in range(PLANTS)]
     return _reached(late, lagging=True)
 
@@ -167,7 +175,7 @@ def _reaching(loop: ClosedLoop, about: Plant) -> Reaching:
 
 
 def _before_band(record: Mapping[str, np.ndarray], promised: np.ndarray) -> np.ndarray:
-    """Which of the rows with a promise come before ||s|| is first within the band since that promise began, (N,)."""
+    """Mask (N,) of the rows with a promise that come before ||s|| is first within the band since that promise began."""
     early, reached = promised.copy(), False
     for i in range(len(promised)):
         reached = promised[i] and (reached or record["s_norm"][i] <= record["s_band"][i])
@@ -176,8 +184,8 @@ def _before_band(record: Mapping[str, np.ndarray], promised: np.ndarray) -> np.n
 
 
 def _deadline(promised: float | None, measured: float | None, until: float, end: float) -> Deadline | None:
-    """None for what was not promised, was true from the beginning, or of which a premise failed before (`until`, s),
-    and for what the run's end (s) left open."""
+    """Deadline of a promised and a measured time; None for one that was not promised, was met from the beginning, or
+    before which a premise failed (`until`, s), and for one that the run's end (s) left open."""
     if promised is None or measured == 0.0 or promised <= 0.0 or promised >= until:
         return None
     if measured is None and promised > end:
@@ -188,7 +196,7 @@ def _deadline(promised: float | None, measured: float | None, until: float, end:
 def _with_hindsight(
     found: Reaching, loop: ClosedLoop, record: Mapping[str, np.ndarray], promised: np.ndarray, early: np.ndarray
 ) -> Reaching:
-    """What only the simulation can know: V, and the perturbation that d outweighs."""
+    """The run with the quantities that only the simulation can know: V, and the perturbation that d outweighs."""
     looks = np.unique(np.concatenate([_some(np.flatnonzero(early)), _some(np.flatnonzero(promised & ~early))]))
     known = PerturbationAnalysis(loop.system).recorded(record, tuple(loop.recording.epochs), looks)
     real, d, epsilon = known["perturbation"][looks], record["d"][looks], loop.system.controller.epsilon
@@ -202,7 +210,7 @@ def _with_hindsight(
     needed = record["needed"][looks]
     parts = np.stack([known[name][looks] for name in PARTS])
     bounds = needed[:, list(PARTS.values())].T.copy()  # both are zero for Coriolis forces at rest
-    bounds[0] += needed[:, CAUSES.index("moving task")]  # (7) bounds apart what is one in M q_eq_ddot
+    bounds[0] += needed[:, CAUSES.index("moving task")]  # (7) has two bounds for the one term M q_eq_ddot
     return replace(
         found,
         V_tightness=float((V[reaching] / V_bound[reaching]).max(initial=0.0)) if reaching.any() else np.nan,
@@ -215,12 +223,12 @@ def _with_hindsight(
 
 
 def _some(rows: np.ndarray) -> np.ndarray:
-    """At most `LOOKS` of them, first and last included."""
+    """At most `LOOKS` of the rows, first and last included."""
     return rows[np.unique(np.linspace(0, len(rows) - 1, LOOKS).astype(int))] if len(rows) else rows
 
 
 def outside(robot: str, mode: str, seed: int) -> list[Outside]:
-    """One corner of the declared set, moved away from the nominal arm step by step."""
+    """Runs of one corner of the declared set, moved away from the nominal arm step by step."""
     here = edited(situation(robot, mode, seed), "controller.on_change", "remove")
     random = random_of(robot, mode, seed, PLANTS)
     departure = Departure.edge(random, len(here.robot.posture or ()))
@@ -234,7 +242,8 @@ def outside(robot: str, mode: str, seed: int) -> list[Outside]:
 
 
 def _outside(loop: ClosedLoop, scenario: Scenario, scale: float) -> Outside:
-    """Of a loop that believes its arm to be inside, so that it goes on to judge the other premises and the band."""
+    """Figures of a loop that believes its arm to be inside, so that it goes on to judge the other premises and the
+    band."""
     record = loop.recording.signals(tuple(loop.recording.columns))
     limit = record["s_bound"] + record["s_band"]
     promised = np.flatnonzero(np.isfinite(limit))
@@ -250,6 +259,6 @@ def _outside(loop: ClosedLoop, scenario: Scenario, scale: float) -> Outside:
 
 
 def example() -> Example:
-    """One run to look at."""
+    """Example of one run."""
     loop = run(built(drawn("ur5", "hybrid", 0, 0)))
     return Example(*loop.recording.signals(("t", "s_norm", "s_bound", "s_band")).values())

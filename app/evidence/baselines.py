@@ -19,7 +19,7 @@ from app.simulation.closed_loop import ClosedLoop
 from app.simulation.system import System, assemble
 
 PLANTS, LOT = 100, 10  # and how many of them a job takes
-DURATION, SETTLED = 4.0, 1.5  # s, and when the figures begin
+DURATION, SETTLED = 4.0, 1.5  # s, of a run, and of the beginning of the figures
 DECLARED = {
     "link_scaling": 0.15, "payload_mass": 1.0, "payload_offset": 0.05, "coulomb": 0.5, "viscous": 0.3,
     "disturbance": 2.0,
@@ -66,7 +66,8 @@ CONTESTANTS = (
 
 @dataclass(frozen=True)
 class Outcome:
-    """One run: figures from `SETTLED` on; over_bound: how far ||s|| went over (20) and its band, m/s; stopped: why."""
+    """One run: figures from `SETTLED` on; over_bound: excess of ||s|| over (20) and its band, m/s; stopped: the
+    reason."""
 
     figures: Account
     over_bound: float
@@ -74,7 +75,7 @@ class Outcome:
 
 
 def uncertain(scenario: Scenario, seed: int) -> Scenario:
-    """With a true arm from inside the declared set, at its edge as often as within."""
+    """The scenario with a true arm from inside the declared set, at its edge as often as within."""
     random, n = np.random.default_rng(seed), 6
     offset = random.standard_normal(3)
     offset *= DECLARED["payload_offset"] * random.uniform() / np.linalg.norm(offset)
@@ -102,7 +103,7 @@ def _run(scenario: Scenario, previous: System | None) -> tuple[Outcome, System]:
 
 
 def on_uncertain(contestant: Contestant, seeds: Sequence[int], noise: float) -> list[Outcome]:
-    """Of each seed's plant, the force sensor's noise in N per axis."""
+    """Outcomes of each seed's plant, with the force sensor's noise in N per axis."""
     base, outcomes, system = contestant.scenario(), [], None
     for seed in seeds:
         scenario = edited(edited(uncertain(base, seed), "sensor.noise", noise), "simulation.seed", seed)
@@ -114,7 +115,7 @@ def on_uncertain(contestant: Contestant, seeds: Sequence[int], noise: float) -> 
 
 
 def on_exact(contestant: Contestant) -> Outcome:
-    """The arm is what the controller believes, and yet it has been told of the same bounds."""
+    """Outcome of an arm that is exactly as believed, with the same declared bounds."""
     return _run(edited(contestant.scenario(), "truth.link_scaling", 1.0), None)[0]
 
 
@@ -168,7 +169,7 @@ def _listed(result: list[Outcome] | Outcome) -> list[Outcome]:
 
 
 def _of(outcomes: Sequence[Outcome]) -> dict[str, np.ndarray]:
-    """Figures of runs, in the units that are shown."""
+    """Figures of runs, in the units in which they are shown."""
     of = [outcome.figures for outcome in outcomes]
     return {
         "path": np.array([1e3 * each.path_rms for each in of]),

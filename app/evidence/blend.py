@@ -30,8 +30,8 @@ POINTS = 600
 
 
 def diagonal_lyapunov(A: np.ndarray) -> tuple[float, float]:
-    """Between which x the function v = y_1^2 + x y_2^2 falls along y_next = A y, A (2, 2) Schur-stable: where the
-    determinant of A^T D A - D is positive, which is a quadratic in x."""
+    """Interval of x in which the function v = y_1^2 + x y_2^2 falls along y_next = A y, A (2, 2) Schur-stable: where
+    the determinant of A^T D A - D is positive, which is a quadratic in x."""
     (a, b), (c, d) = A
     middle = (1.0 - a**2) * (1.0 - d**2) + (b * c) ** 2 - 2.0 * a * b * c * d
     low, high = np.sort(np.roots([c**2, -middle, b**2]).real)
@@ -96,7 +96,7 @@ def _spd(rng: np.random.Generator, n: int, size: float) -> np.ndarray:
 
 
 def _certified(start: TargetModel, end: TargetModel, K_e: np.ndarray) -> Counter[str]:
-    """The certificate's word, beside eigenvalues at `SHARES`: wrong, or unseen by them."""
+    """Result of the certificate, compared with eigenvalues at `SHARES`: wrong, or not seen by them."""
     certificate = certify(start, end, K_e)
     worst = max(_abscissas(start, end, K_e))
     found = Counter({"refused" if not certificate.stable else certificate.by: 1})
@@ -145,7 +145,7 @@ class Blended:
 
 
 def pushed(over: float | None) -> Blended:
-    """The blend takes `over` s; None: no blend but an edit, at once, by which z is set anew as Remark 2 has it."""
+    """Run with a blend over `over` s; None: no blend but an edit, at once, by which z is set anew as in Remark 2."""
     data = to_plain(shipped()["ur5-impedance"])
     data |= {"contact": {"kind": "free"}, "motion": {"kind": "hold"}}
     data["truth"] |= {"push": [0.0, 20.0, 0.0], "push_start": 0.0, "push_duration": 100.0}
@@ -189,7 +189,7 @@ SIZES = (2, 3, 4, 6)
 
 
 def jobs(thin: int) -> list[Job]:
-    """The simulations first: they take longest."""
+    """Jobs, the simulations first: they take longest."""
     runs = [Job(pushed, (over,)) for over, _ in WAYS.values()]
     swings = [Job(swung, (zeta,)) for zeta in (SWINGING, CREEPING)]
     theorem = [Job(metzler, (seed, n, 4000 // thin)) for seed, n in enumerate((2, 3, 4))]

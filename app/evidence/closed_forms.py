@@ -1,4 +1,4 @@
-"""Runs held to what the paper solves in closed form: (29), (35)-(37), Remark 2, (26), (42)."""
+"""Comparison of runs with the paper's closed forms: (29), (35)-(37), Remark 2, (26), (42)."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ BLUE, ORANGE, GREEN, PINK, BLACK = (66, 135, 245), (230, 159, 0), (0, 158, 115),
 
 
 def changed(scenario: Scenario, **sections: Mapping[str, Any]) -> Scenario:
-    """With fields of some sections replaced; trajectories and surfaces as wholes. Raises ScenarioError."""
+    """The scenario with fields of some sections replaced; trajectories and surfaces as wholes. Raises ScenarioError."""
     data = to_plain(scenario)
     for name, fields in sections.items():
         data[name] = fields if name in ("motion", "force", "surface") else data[name] | fields
@@ -55,13 +55,13 @@ def changed(scenario: Scenario, **sections: Mapping[str, Any]) -> Scenario:
 
 
 def certain(scenario: Scenario) -> Scenario:
-    """The controller knows the arm exactly."""
+    """The scenario with an arm that the controller knows exactly."""
     return changed(scenario, truth={"link_scaling": 1.0}, declared={"link_scaling": 0.0})
 
 
 @dataclass(frozen=True)
 class Steady:
-    """Where a run ends, and where (37) says: normal errors e_rf m and e_fn N, with f_nd N."""
+    """The end of a run, and the same by (37): normal errors e_rf m and e_fn N, with f_nd N."""
 
     robot: str
     K_m1: float
@@ -85,7 +85,7 @@ class Response:
 
     @property
     def error(self) -> float:
-        """Largest, m."""
+        """Largest error, m."""
         return float(np.abs(self.phi - self.exact).max())
 
 
@@ -103,8 +103,8 @@ class Start:
 
 @dataclass(frozen=True)
 class Oscillation:
-    """omega (rad/s) and zeta as they were prescribed, and the error (N,) m over t (N,) s that shows them; share: of the
-    usual control period and boundary layer."""
+    """An oscillation with prescribed omega (rad/s) and zeta, and the error (N,) m over t (N,) s that shows them. share:
+    of the usual control period and boundary layer."""
 
     kind: str
     share: float
@@ -115,13 +115,14 @@ class Oscillation:
 
     @property
     def found(self) -> tuple[float, float]:
-        """omega (rad/s) and zeta."""
+        """Measured omega (rad/s) and zeta."""
         return recovered(self.t, self.error)
 
 
 @dataclass(frozen=True)
 class ForceLoop:
-    """lambda - lambda_d (N,) N in successive control periods on a rigid surface, whose sampled loop has a factor."""
+    """Force errors lambda - lambda_d (N,) N in successive control periods on a rigid surface, whose sampled loop has a
+    factor."""
 
     M_m1: float
     factor: float
@@ -144,7 +145,7 @@ class Multiplier:
 
 
 def steady(robot: str, K_m1: float, cases: Sequence[tuple[float, float]]) -> list[Steady]:
-    """An arm that is 15 % heavier than believed presses with f_nd, for each (K_e_hat / K_e, f_nd), until it rests."""
+    """Rests of an arm that is 15 % heavier than believed and presses with f_nd, for each (K_e_hat / K_e, f_nd)."""
     found: list[Steady] = []
     previous: System | None = None
     n = 3 if robot == "planar3r" else 6
@@ -169,7 +170,7 @@ def steady(robot: str, K_m1: float, cases: Sequence[tuple[float, float]]) -> lis
 
 
 def pressed(M_e: float, period: float) -> Response:
-    """A tool on a bilateral mass-damper-spring, away from its equilibrium, by an arm that is known."""
+    """Response of a tool on a bilateral mass-damper-spring, away from its equilibrium, by an arm that is known."""
     base = certain(shipped()["ur5-impedance"])
     M_m, B_m, K_m, B_e, K_e = INERTIA, 60.0, 800.0, 30.0, 3000.0
     height = ClosedLoop(base).view().tool[2].item() + DEPTH
@@ -206,7 +207,7 @@ def start(name: str, choice: str) -> Start:
 
 
 def free(omega: float, zeta: float, share: float) -> Oscillation:
-    """The reference of a UR5 sets off at full speed; its error is the free response of (26), of links 15 % heavier than
+    """Free response of (26): the error of a UR5 whose reference starts at full speed, with links 15 % heavier than
     believed."""
     scenario = changed(
         shipped()["ur5-motion"],
@@ -221,7 +222,8 @@ def free(omega: float, zeta: float, share: float) -> Oscillation:
 
 
 def pressing(K_e: float, zeta: float, share: float) -> Oscillation:
-    """A tool of the same arm that begins too deep in an elastic surface, (35) with K_m1 = 0 and K_e known."""
+    """Response of (35) with K_m1 = 0 and K_e known: a tool of the same arm that begins too deep in an elastic
+    surface."""
     base = shipped()["ur5-hybrid"]
     height = ClosedLoop(base).view().tool[2].item() + 2.0 * DEPTH
     omega = float(np.sqrt(K_e / INERTIA))
@@ -252,14 +254,14 @@ def _oscillator(omega: float, zeta: float) -> dict[str, list[float]]:
 
 
 def _span(omega: float, zeta: float) -> float:
-    """Of a response until little is left of it, s."""
+    """Duration of a response until little is left of it, s."""
     return min(5.0 / (zeta * omega), 4.0)
 
 
 def recovered(t: np.ndarray, error: np.ndarray) -> tuple[float, float]:
-    """omega (rad/s) and zeta < 1 of a free oscillation (N,) over t (N,) s, at equal steps.
+    """Omega (rad/s) and zeta < 1 of a free oscillation (N,) over t (N,) s, at equal steps.
 
-    Prony's method on the whole response begins, x_(k+2) = a x_(k+1) + b x_k, and a fit to it by least squares ends.
+    Prony's method on the whole response, x_(k+2) = a x_(k+1) + b x_k, gives the start of a fit by least squares.
     """
     few = max(len(t) // 60, 1)
     x, step = error[::few], float(t[few] - t[0])
@@ -277,7 +279,8 @@ def recovered(t: np.ndarray, error: np.ndarray) -> tuple[float, float]:
 
 
 def force_loop(factor: float) -> ForceLoop:
-    """A UR5 that is known holds still on a rigid surface; M_m1 gives the loop through the multiplier this factor."""
+    """Force loop of a UR5 that is known and holds still on a rigid surface; M_m1 gives the loop through the multiplier
+    this factor."""
     base = certain(shipped()["ur5-constrained"])
     system = assemble(base)
     estimate, task = system.observe(system.q_0, np.zeros(6), 0.0)
@@ -297,7 +300,8 @@ def force_loop(factor: float) -> ForceLoop:
 
 
 def multiplier(period: float, reading: Reading) -> Multiplier:
-    """A UR5 whose links are 15 % heavier than believed slides on a rigid surface; lambda_d varies."""
+    """Multiplier of a UR5 whose links are 15 % heavier than believed and that slides on a rigid surface; lambda_d
+    varies."""
     scenario = changed(
         shipped()["ur5-constrained"],
         force={"kind": "sinusoid", "value": 20.0, "amplitude": 5.0, "frequency": 1.0},

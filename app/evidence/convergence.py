@@ -1,4 +1,4 @@
-"""The plant's integrators, the sampled loop and the sliding band against the paper's differential equation.
+"""Convergence of the plant's integrators, the sampled loop and the sliding band to the paper's differential equation.
 
 That equation is written a second time in `app/evidence/independent_simulator.py`, in plain numpy, and solved by DOP853.
 """
@@ -29,7 +29,7 @@ CONTACTS: Mapping[str, tuple[Mapping[str, Any], tuple[int, ...]]] = {  # of the 
 SPAN = 0.04  # s under a constant torque
 PERIODS = (0.002, 0.001, 0.0005, 0.00025)  # s
 LOOP_SPAN = 0.2  # s
-SINCE, UNTIL = 0.15, 0.4  # s, where the sliding band is looked at
+SINCE, UNTIL = 0.15, 0.4  # s, between which the sliding band is measured
 BANDS = (
     ("ur5-motion-discontinuous", 20.0),
     ("ur5-motion-discontinuous", 60.0),
@@ -55,8 +55,8 @@ THEORY = (120, 120, 120)
 
 @dataclass(frozen=True)
 class Decline:
-    """How an error becomes smaller with the step (s), both (N,), from the longest step to the shortest. slope: of
-    log(error) over log(step); expected: what theory gives."""
+    """Decline of an error with the step (s), both (N,), from the longest step to the shortest. slope: of log(error)
+    over log(step); expected: by theory."""
 
     subject: Subject
     name: str

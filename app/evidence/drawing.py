@@ -21,9 +21,12 @@ GOOD, THEORY = "white", "0.05"  # of a map's two lines
 
 @dataclass(frozen=True)
 class HeatMap:
-    """A figure over two parameters. x (k,), y (l,): their values, in words where numbers do not do; values (l, k):
-    logarithmic in colour, nan where a run left the domain; ends: of the scale of colours; good: the value that a line
-    marks; theory (l, k) and its value: another line, e.g. where a loop is said to become unstable."""
+    """A figure over two parameters.
+    x (k,), y (l,): their values, as text where numbers do not suffice.
+    values (l, k): logarithmic in colour, nan where a run left the domain.
+    ends: of the scale of colours.
+    good: the value that a line marks.
+    theory (l, k) and its value: another line, e.g. the predicted limit of a loop's stability."""
 
     title: str
     unit: str
@@ -96,7 +99,7 @@ def _draw(axes: Axes, bar: Axes, each: HeatMap) -> None:
 
 
 def _edge(axes: Axes, beyond: np.ndarray, color: str, style: str) -> None:
-    """A line along the cells' sides between those that are and those that are not."""
+    """Draw a line along the cells' sides between the cells in `beyond` and the others."""
     for j, i in np.argwhere(beyond[:, 1:] != beyond[:, :-1]):
         axes.plot([i + 1, i + 1], [j, j + 1], color=color, linestyle=style, linewidth=1.6, solid_capstyle="butt")
     for j, i in np.argwhere(beyond[1:] != beyond[:-1]):

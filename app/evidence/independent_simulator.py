@@ -39,7 +39,8 @@ class Surface:
 
     @cached_property
     def axes(self) -> np.ndarray:
-        """Rows: the normal, the tangent in the plane of normal and x axis, and what completes them to the right."""
+        """Axes as rows: the normal, the tangent in the plane of normal and x axis, and the third one of a right-handed
+        frame."""
         e = self.normal
         x = np.array([1.0, 0.0, 0.0]) if abs(e[0]) < 0.9 else np.array([0.0, 0.0, 1.0])
         u = x - (x @ e) * e
@@ -47,7 +48,8 @@ class Surface:
         return np.stack([e, u, np.cross(e, u)])
 
     def coordinates(self, p: np.ndarray, t: np.ndarray) -> np.ndarray:
-        """phi, psi_1, psi_2 (3, k) m of the points p (3, k) m at the times t (k,), (30); analytic in p and t."""
+        """Coordinates phi, psi_1, psi_2 (3, k) m of the points p (3, k) m at the times t (k,), (30); analytic in p and
+        t."""
         away = p - self.origin[:, None] - np.outer(self.amplitude, np.sin(self.omega * t))
         first, second, third = self.axes @ away
         if self.radius == 0.0:
@@ -63,7 +65,7 @@ class Surface:
 
 
 class Kinematics(NamedTuple):
-    """(3): r (n,) m, J_q (n, n), v_t (n,) m/s; J_v (3, n) of the tool, gradient of phi (3,)."""
+    """Kinematics (3): r (n,) m, J_q (n, n), v_t (n,) m/s; J_v (3, n) of the tool, gradient of phi (3,)."""
 
     r: np.ndarray
     J_q: np.ndarray
@@ -73,7 +75,7 @@ class Kinematics(NamedTuple):
 
 
 class Motion(NamedTuple):
-    """r, r_dot, J_q, J_q_dot, v_t, v_t_dot of (3) and what `Kinematics` has of the tool."""
+    """Motion: r, r_dot, J_q, J_q_dot, v_t, v_t_dot of (3), and the fields of `Kinematics` for the tool."""
 
     r: np.ndarray
     r_dot: np.ndarray
@@ -86,7 +88,7 @@ class Motion(NamedTuple):
 
 
 class Answer(NamedTuple):
-    """The law's tau (n,) N m, z_dot (n,) m/s^2 and s (n,) m/s."""
+    """Output of the law: tau (n,) N m, z_dot (n,) m/s^2 and s (n,) m/s."""
 
     tau: np.ndarray
     z_dot: np.ndarray
@@ -95,7 +97,8 @@ class Answer(NamedTuple):
 
 @dataclass(frozen=True)
 class Gains:
-    """M_m, B_m, K_m, K_f of (8), A, F_1, F_2 of (9), (10), K_s of (15): (n, n); d N and the boundary layer m/s."""
+    """Gains: M_m, B_m, K_m, K_f of (8), A, F_1, F_2 of (9), (10), K_s of (15): (n, n); d N and the boundary layer
+    m/s."""
 
     M_m: np.ndarray
     B_m: np.ndarray
@@ -111,8 +114,8 @@ class Gains:
 
 @dataclass(frozen=True)
 class Wish:
-    """r_d goes from its start to start + displacement (n,) m and back, once in 2 pi / omega s; f_nd = mean + swing
-    sin(f_omega t), N; r_fd = compliance (m/N) f_nd, (33)."""
+    """Reference: r_d goes from its start to start + displacement (n,) m and back, once in 2 pi / omega s; f_nd = mean +
+    swing sin(f_omega t), N; r_fd = compliance (m/N) f_nd, (33)."""
 
     displacement: np.ndarray
     omega: float
@@ -124,8 +127,8 @@ class Wish:
 
 @dataclass(frozen=True)
 class World:
-    """M_e kg, B_e N s/m, K_e N/m of the contact, or rigid; scaling: of every link's inertia; viscous N m s/rad in the
-    joints; all: F_c = F_r rather than its normal part."""
+    """Environment: M_e kg, B_e N s/m, K_e N/m of the contact, or rigid; scaling: of every link's inertia; viscous N m
+    s/rad in the joints; all: F_c = F_r rather than its normal part."""
 
     surface: Surface
     rigid: bool
@@ -163,7 +166,7 @@ class PaperLoop:
         return self.data.oMf[self.frame].translation.copy(), self.data.oMf[self.frame].rotation.copy(), J
 
     def kinematics(self, q: np.ndarray, t: float) -> Kinematics:
-        """(3) at rest: r, dr/dq and dr/dt."""
+        """Kinematics (3) at rest: r, dr/dq and dr/dt."""
         p, R, J = self._tool(q)
         g, G, g_t = self.world.surface.with_derivatives(p, t)
         turned, spin = self.R_0.T @ R, self.R_0.T @ J[3:]
@@ -183,7 +186,7 @@ class PaperLoop:
         )
 
     def motion(self, q: np.ndarray, q_dot: np.ndarray, t: float) -> Motion:
-        """(3) with the total derivatives of J_q and v_t."""
+        """Motion (3) with the total derivatives of J_q and v_t."""
         here = self.kinematics(q, t)
         around = [self.kinematics(q + k * STEP * q_dot, t + k * STEP) for k in (-2, -1, 1, 2)]
         weights = np.array([1.0, -8.0, 8.0, -1.0]) / (12 * STEP)
@@ -193,7 +196,7 @@ class PaperLoop:
         return Motion(here.r, r_dot, here.J_q, J_q_dot, here.v_t, v_t_dot, here.J_v, here.normal)
 
     def reference(self, t: float) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
-        """r_d m, its two derivatives, and f_nd N."""
+        """Reference: r_d m, its two derivatives, and f_nd N."""
         w = self.wish
         start, to, c, s = self._start, w.displacement, np.cos(w.omega * t), np.sin(w.omega * t)
         r_d = start + to * (1 - c) / 2
@@ -209,7 +212,7 @@ class PaperLoop:
         return self.kinematics(self.q_0, 0.0).r
 
     def law(self, m: Motion, q: np.ndarray, q_dot: np.ndarray, z: np.ndarray, lam: float, t: float) -> Answer:
-        """(9), (10), (13), (15), (16) with the multiplier lam (N) as the measured force."""
+        """Law (9), (10), (13), (15), (16) with the multiplier lam (N) as the measured force."""
         g = self.gains
         r_d, r_d_dot, r_d_ddot, f_nd = self.reference(t)
         e, e_dot = m.r - r_d, m.r_dot - r_d_dot
@@ -235,15 +238,15 @@ class PaperLoop:
         return Answer(m.J_q.T @ T_r, z_dot, s)
 
     def acceleration(self, q: np.ndarray, q_dot: np.ndarray, torque: np.ndarray) -> np.ndarray:
-        """(2) of the true arm under what is left of the torque when the contact has taken its part."""
+        """Acceleration (2) of the true arm under the torque without the part that the contact takes."""
         h = pin.nonLinearEffects(self.true, self.true_data, q, q_dot) + self.world.viscous * q_dot
         return np.linalg.solve(pin.crba(self.true, self.true_data, q), torque - h)
 
     def contact(
         self, m: Motion, q: np.ndarray, q_dot: np.ndarray, torque: Callable[[float], np.ndarray]
     ) -> tuple[float, np.ndarray]:
-        """lambda N and q_ddot with lambda = M_e phi_ddot + B_e phi_dot + K_e phi, (28) and (32), or phi_ddot = 0, (39),
-        the constraint differentiated twice; the torque may feed lambda back, all being affine in it."""
+        """Contact: lambda N and q_ddot with lambda = M_e phi_ddot + B_e phi_dot + K_e phi, (28) and (32), or phi_ddot =
+        0, (39), the constraint differentiated twice; the torque may depend on lambda, all being affine in it."""
         w = self.world
 
         def miss(lam: float) -> tuple[float, np.ndarray]:
@@ -256,14 +259,14 @@ class PaperLoop:
         return lam, without + lam * (with_one - without)
 
     def slope(self, t: float, y: np.ndarray) -> np.ndarray:
-        """d/dt of (q, q_dot, z) (3n,) under the law."""
+        """Derivative d/dt of (q, q_dot, z) (3n,) under the law."""
         q, q_dot, z = y.reshape(3, self.n)
         m = self.motion(q, q_dot, t)
         lam, q_ddot = self.contact(m, q, q_dot, lambda lam: self.law(m, q, q_dot, z, lam, t).tau)
         return np.concatenate([q_dot, q_ddot, self.law(m, q, q_dot, z, lam, t).z_dot])
 
     def slope_under(self, tau: np.ndarray) -> Callable[[float, np.ndarray], np.ndarray]:
-        """d/dt of (q, q_dot) (2n,) under a constant torque (n,) N m."""
+        """Derivative d/dt of (q, q_dot) (2n,) under a constant torque (n,) N m."""
 
         def slope(t: float, y: np.ndarray) -> np.ndarray:
             q, q_dot = y.reshape(2, self.n)
@@ -272,12 +275,12 @@ class PaperLoop:
         return slope
 
     def without_reaching(self) -> np.ndarray:
-        """z(0) of Remark 2."""
+        """Initial z(0) of Remark 2."""
         start, (r_d, r_d_dot, _, _) = self.motion(self.q_0, self.q_dot_0, 0.0), self.reference(0.0)
         return -np.linalg.solve(self.gains.F_2, start.r_dot - r_d_dot + self.gains.F_1 @ (start.r - r_d))
 
     def solve(self, times: np.ndarray) -> np.ndarray:
-        """(q, q_dot, z) (N, 3, n) at the times (N,) s."""
+        """Solution (q, q_dot, z) (N, 3, n) at the times (N,) s."""
         y_0 = np.concatenate([self.q_0, self.q_dot_0, self.without_reaching()])
         return integrate(self.slope, y_0, times).reshape(len(times), 3, self.n)
 
@@ -285,12 +288,12 @@ class PaperLoop:
 def integrate(
     slope: Callable[[float, np.ndarray], np.ndarray], y_0: np.ndarray, times: np.ndarray, rtol: float = 1e-10
 ) -> np.ndarray:
-    """y (N, k) at the times (N,) s, from y_0 (k,) at 0 s: Dormand and Prince's method of order 8."""
+    """Solution y (N, k) at the times (N,) s, from y_0 (k,) at 0 s, by Dormand and Prince's method of order 8."""
     solution = solve_ivp(slope, (0.0, float(times[-1])), y_0, "DOP853", times, rtol=rtol, atol=1e-2 * rtol)
     assert solution.success, solution.message
     return solution.y.T
 
 
 def order(steps: Sequence[float] | np.ndarray, errors: np.ndarray) -> float:
-    """The slope of log(error) over log(step): the order of convergence."""
+    """Order of convergence: the slope of log(error) over log(step)."""
     return float(np.polyfit(np.log(steps), np.log(errors), 1)[0])

@@ -1,4 +1,4 @@
-"""Runs the jobs of the sections on all cores, and writes evidence.md with its figures."""
+"""Run of the sections' jobs on all cores, which writes evidence.md with its figures."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def make(sections: Sequence[Section], thin: int, out: Path, workers: int | None 
 
 
 def _run(jobs: Mapping[str, Sequence[Job]], workers: int) -> dict[str, list[Any]]:
-    """The results by section, in the order of its jobs, whatever order they end in."""
+    """Results by section, in the order of its jobs, in whatever order they end."""
     with (
         # spawned, since the fork of a process that has threads may hang
         ProcessPoolExecutor(workers, multiprocessing.get_context("spawn"), _end_with_parent) as pool,
@@ -66,7 +66,7 @@ def _run(jobs: Mapping[str, Sequence[Job]], workers: int) -> dict[str, list[Any]
 
 
 def _end_with_parent() -> None:
-    """A worker of a pool whose owner was killed would wait for ever."""
+    """End a worker of the pool with its owner: it would wait for ever for one that was killed."""
 
     def watch() -> None:
         if owner := multiprocessing.parent_process():

@@ -1,4 +1,4 @@
-"""The scenario's true arm in MuJoCo, from the same URDF. Importing this needs mujoco."""
+"""True arm of the scenario in MuJoCo, from the same URDF. Importing this module needs mujoco."""
 
 from __future__ import annotations
 
@@ -17,7 +17,8 @@ INTEGRATORS = {"semi-implicit-euler": mujoco.mjtIntegrator.mjINT_EULER, "rk4": m
 
 
 def arm_spec(system: System) -> mujoco.MjSpec:
-    """The links of the URDF with the catalogue's rotor inertias, joint torques as controls, a site `tool`."""
+    """Specification of the arm: the links of the URDF with the catalogue's rotor inertias, joint torques as controls, a
+    site `tool`."""
     robot = system.robot
     tree = ElementTree.parse(robot.urdf)
     for link in tree.getroot().iter("link"):
@@ -37,12 +38,13 @@ def arm_spec(system: System) -> mujoco.MjSpec:
 
 
 def carrier(spec: mujoco.MjSpec, system: System) -> mujoco.MjsBody:
-    """The body that carries the tool."""
+    """Body that carries the tool."""
     return spec.joint(system.robot.model.names[system.robot.tool_joint]).parent
 
 
 def compiled(spec: mujoco.MjSpec, system: System) -> mujoco.MjModel:
-    """With the masses of the true arm. Raises RuntimeError unless MuJoCo and Pinocchio have the same arm."""
+    """MuJoCo's model with the masses of the true arm. Raises RuntimeError unless MuJoCo and Pinocchio have the same
+    arm."""
     model = spec.compile()
     scaling = system.plant.truth.link_scaling
     if np.ptp(scaling) > 0.0 or system.plant.truth.payload_mass > 0.0:
@@ -73,11 +75,12 @@ def _hold_to_pinocchio(model: mujoco.MjModel, data: mujoco.MjData, system: Syste
 
 
 class MujocoPlant(Plant):
-    """The arm and the plane of a system, of which MuJoCo computes every step; the loop drives it as it does a `Plant`.
+    """Arm and plane of a system, computed by MuJoCo in every step; the loop drives it as it does a `Plant`.
 
     A frictionless contact of MuJoCo's with constant impedance d (solimp) and direct stiffness and damping (negative
     solref) solves R f = phi_ddot + b phi_dot + k phi, f >= 0, with R = (1 - d) / d times the inverse inertia that it
-    attributes to the tool's body: the mass-damper-spring (28) with M_e = 1/R, B_e = b/R, K_e = k/R. So parameters
+    attributes to the tool's body: the mass-damper-spring (28) with M_e = 1/R, B_e = b/R, K_e = k/R. So MuJoCo's
+    parameters
     follow from the scenario's. Contacts other than with a plane at rest raise ValueError.
     """
 
@@ -105,7 +108,8 @@ class MujocoPlant(Plant):
         self._site = self.engine.site("tool").id
 
     def advance(self, state: PlantState, tau: np.ndarray, t: float, period: float) -> None:
-        """One control period, all of it MuJoCo's: dynamics, integration, contact, and where the tool is then."""
+        """Advance by one control period, all of it in MuJoCo: dynamics, integration, contact, and the tool's place
+        afterwards."""
         del t, period
         arm, world = state.views, self.world
         world.qpos[:], world.qvel[:], world.ctrl[:] = arm.q, arm.q_dot, tau
@@ -123,7 +127,7 @@ class MujocoPlant(Plant):
 
 
 def _add_contact(spec: mujoco.MjSpec, system: System, into: np.ndarray, depth: float) -> None:
-    """A ball at the tool point, and a plane that it touches where phi = 0."""
+    """Add a ball at the tool point, and a plane that it touches where phi = 0."""
     carrier(spec, system).add_geom(
         name="probe", type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[PROBE, 0, 0], mass=0.0, condim=1,
         pos=system.robot.tool_placement.translation,
@@ -136,7 +140,7 @@ def _add_contact(spec: mujoco.MjSpec, system: System, into: np.ndarray, depth: f
 
 
 def _set_contact(engine: mujoco.MjModel, contact: Contact) -> None:
-    """The solver's parameters for which its contact is (28). See MuJoCo's "Computation", on solref and solimp."""
+    """Set the solver's parameters for which its contact is (28). See MuJoCo's "Computation", on solref and solimp."""
     yielding = engine.body_invweight0[engine.geom("probe").bodyid[0], 0]  # 1/kg
     d = contact.M_e * yielding / (1.0 + contact.M_e * yielding)
     for geom in ("probe", "plane"):

@@ -118,7 +118,7 @@ def _charts(of_law: dict[str, Run]) -> tuple[Chart, ...]:
 
 
 def _positive(xy: tuple[np.ndarray, np.ndarray], *, logarithmic: bool) -> tuple[np.ndarray, np.ndarray]:
-    """Zero has no place on a logarithmic axis."""
+    """Curve with its smallest values raised above zero, if it is for a logarithmic axis."""
     x, y = xy
     return (x, np.maximum(y, 1e-5 * float(y.max()))) if logarithmic else (x, y)
 

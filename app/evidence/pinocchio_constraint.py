@@ -1,9 +1,9 @@
-"""The arm on a rigid surface at rest, solved by Pinocchio, in two ways that take nothing from `environments/`.
+"""Arm on a rigid surface at rest, solved by Pinocchio, in two ways that use nothing from `environments/`.
 
-Pinocchio has no point on a surface. So (a) its solver for any constraint J q_ddot + drift = 0, with phi's gradient and
-curvature written down here from elementary geometry; and (b) its constraint dynamics of two bodies joined in a point:
-the tool and a slider of little mass, which two joints of its own keep on the surface. There Pinocchio finds the
-curvature by itself; with the slider's mass m the answer is m away from ours.
+Pinocchio has no constraint to a surface. So (a) its solver for any constraint J q_ddot + drift = 0, with phi's gradient
+and curvature written down here from elementary geometry; and (b) its constraint dynamics of two bodies joined in a
+point: the tool and a slider of little mass, which two joints of its own keep on the surface. There Pinocchio computes
+the curvature itself; with the slider's mass m the answer differs from ours in proportion to m.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ Kind = Literal["plane", "cylinder", "sphere"]
 
 
 class Answer(NamedTuple):
-    """q_ddot (n,) rad/s^2; multiplier N: positive when the tool presses."""
+    """Solution: q_ddot (n,) rad/s^2; multiplier N: positive when the tool presses."""
 
     q_ddot: np.ndarray
     multiplier: float
@@ -36,7 +36,7 @@ class Ground:
     radius: float
 
     def gradient_and_curvature(self, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Of the penetration phi at p (3,) m: (3,) and (3, 3) 1/m."""
+        """Gradient (3,) and curvature (3, 3) 1/m of the penetration phi at p (3,) m."""
         if self.kind == "plane":
             return self.normal, np.zeros((3, 3))
         around = np.eye(3) - (np.outer(self.axis, self.axis) if self.kind == "cylinder" else 0.0)
@@ -46,7 +46,7 @@ class Ground:
         return -outward, -(around - np.outer(outward, outward)) / distance
 
     def slider(self) -> tuple[pin.SE3, tuple[pin.JointModel, pin.JointModel], np.ndarray]:
-        """Placement of its first joint, its two joints, and its end (3,) m in the second one."""
+        """Slider: placement of its first joint, its two joints, and its end (3,) m in the second one."""
         if self.kind == "plane":
             frame = _rotation(self.normal)
             return pin.SE3(frame, self.origin), (pin.JointModelPX(), pin.JointModelPY()), np.zeros(3)
@@ -58,7 +58,7 @@ class Ground:
 def by_jacobian(
     model: pin.Model, tool: pin.Frame, ground: Ground, q: np.ndarray, q_dot: np.ndarray, tau: np.ndarray
 ) -> Answer:
-    """(a): for the state q, q_dot (n,) on the surface under the torque tau (n,) N m."""
+    """Solution (a) for the state q, q_dot (n,) on the surface under the torque tau (n,) N m."""
     model = model.copy()
     frame = model.addFrame(tool)
     data = model.createData()
@@ -77,7 +77,7 @@ def by_jacobian(
 def by_slider(
     model: pin.Model, tool: pin.Frame, ground: Ground, q: np.ndarray, q_dot: np.ndarray, tau: np.ndarray, mass: float
 ) -> Answer:
-    """(b): with a slider of this mass, kg."""
+    """Solution (b) with a slider of this mass, kg."""
     n, model = len(q), model.copy()
     place, joints, end = ground.slider()
     first = model.addJoint(0, joints[0], place, "slider 1")
@@ -105,7 +105,7 @@ def by_slider(
 
 
 def _slider_at(ground: Ground, p: np.ndarray) -> tuple[float, float]:
-    """The slider's joints where its end is at p (3,) m, seen from its first joint."""
+    """Positions of the slider's joints where its end is at p (3,) m, seen from its first joint."""
     match ground.kind:
         case "plane":
             return p[0], p[1]
@@ -116,5 +116,5 @@ def _slider_at(ground: Ground, p: np.ndarray) -> tuple[float, float]:
 
 
 def _rotation(z: np.ndarray) -> np.ndarray:
-    """A frame whose third axis is z (3,) unit."""
+    """Frame whose third axis is z (3,) unit."""
     return pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), z).matrix()

@@ -1,4 +1,4 @@
-"""Random arms in and around what the controller is told, and random situations to put them into."""
+"""Random arms in and around the declared set, and random situations for them."""
 
 from __future__ import annotations
 
@@ -31,8 +31,10 @@ DURATION, BRIEF = 0.4, 0.12  # s; where the loop through the multiplier is solve
 
 
 class Departure(NamedTuple):
-    """How a true arm differs from what is believed, as shares of what is declared: links (n,) within [-1, 1], the
-    others within [0, 1]; towards (3,): unit vector to the payload; frequency: of the disturbance, Hz."""
+    """Departure of a true arm from the believed one, as shares of the declared bounds.
+    links: (n,) within [-1, 1], the others within [0, 1].
+    towards: (3,), unit vector to the payload.
+    frequency: of the disturbance, Hz."""
 
     links: np.ndarray
     payload: float
@@ -45,7 +47,7 @@ class Departure(NamedTuple):
 
     @classmethod
     def inside(cls, random: Random, n: int) -> Departure:
-        """Anywhere in the declared set, in half the draws of each quantity at its edge."""
+        """Departure anywhere in the declared set, in half the draws of each quantity at its edge."""
         links = np.clip(random.uniform(-2.0, 2.0, n), -1.0, 1.0)
         payload, offset, coulomb, viscous, disturbance = np.minimum(random.uniform(0.0, 2.0, 5), 1.0)
         towards, frequency = _unit(random), random.uniform(0.2, 5.0)
@@ -53,11 +55,11 @@ class Departure(NamedTuple):
 
     @classmethod
     def edge(cls, random: Random, n: int) -> Departure:
-        """A corner of the declared set."""
+        """Departure at a corner of the declared set."""
         return cls(random.choice([-1.0, 1.0], n), 1.0, 1.0, _unit(random), 1.0, 1.0, 1.0, random.uniform(0.2, 5.0))
 
     def truth(self, declared: Declared, scale: float = 1.0) -> Truth:
-        """The arm of this departure, or one `scale` times as far away."""
+        """True arm of this departure, or one `scale` times as far away."""
         d = declared
         return Truth(
             link_scaling=tuple((1.0 + scale * d.link_scaling * self.links).tolist()),
@@ -76,15 +78,16 @@ def _unit(random: Random) -> np.ndarray:
 
 
 def random_of(robot: str, mode: str, *numbers: int) -> Random:
-    """A stream of its own for each robot, mode and numbers."""
+    """Random stream of its own for each robot, mode and numbers."""
     return np.random.default_rng([crc32(f"{robot} {mode}".encode()), *numbers])
 
 
 def situation(robot: str, mode: str, seed: int) -> Scenario:
-    """A posture, a path, a surface and a force, such that s starts away from zero and is to be reached.
+    """Scenario of a situation: a posture, a path, a surface and a force, such that s starts away from zero and is to be
+    reached.
 
     The path begins at full speed (or the surface does, where an arm has a single direction along it), and the surface
-    to be pressed is not where r_fd would have it.
+    to be pressed is not at the place that r_fd assumes.
     """
     random = random_of(robot, mode, seed)
     entry = robots.load(robot)
@@ -109,7 +112,7 @@ def situation(robot: str, mode: str, seed: int) -> Scenario:
             "friction_coulomb": 0.0 if rigid else random.uniform(0.0, 0.2),
             "friction_viscous": random.uniform(0.0, 30.0),
         },
-        "sensor": {"ideal": rigid},  # the theorem knows F; a multiplier read one period late is another matter
+        "sensor": {"ideal": rigid},  # the theorem assumes F to be known; `arms.lag` reads the multiplier a period late
         "surface": {
             "kind": "plane",
             "origin": [x, y, z - (random.uniform(-0.002, 0.015) if pressed else 0.0)],
@@ -126,7 +129,7 @@ def situation(robot: str, mode: str, seed: int) -> Scenario:
 
 
 def with_gains(scenario: Scenario, random: Random) -> Scenario:
-    """With K_s, epsilon, F_1, the switching function and its layer drawn anew."""
+    """The scenario with K_s, epsilon, F_1, the switching function and its layer drawn anew."""
     controller = msgspec.structs.replace(
         scenario.controller,
         K_s=float(10 ** random.uniform(1.3, 2.5)),
@@ -139,8 +142,8 @@ def with_gains(scenario: Scenario, random: Random) -> Scenario:
 
 
 def built(scenario: Scenario, previous: System | None = None) -> System:
-    """Its objects. What is searched for over Omega of the true arm, to see whether the plant's substeps are short
-    enough, is that of the nominal arm: a search for each plant would take ten times as long as its run.
+    """System of a scenario. The mobility over Omega, which decides whether the plant's substeps are short enough, is
+    that of the nominal arm: a search for each true arm would take ten times as long as its run.
 
     Raises ScenarioError.
     """
@@ -149,7 +152,7 @@ def built(scenario: Scenario, previous: System | None = None) -> System:
 
 
 def with_arm_of(scenario: Scenario, system: System) -> System:
-    """The same objects about the true arm of `scenario`."""
+    """The system with the true arm of `scenario`."""
     plant = Plant(
         system.robot,
         truth_of(scenario, system.robot),
@@ -163,7 +166,7 @@ def with_arm_of(scenario: Scenario, system: System) -> System:
 
 
 def run(system: System) -> ClosedLoop:
-    """A run of the scenario's duration, or until it stops."""
+    """Run of the scenario's duration, or until it stops."""
     scenario = system.scenario
     steps = max(1, round(scenario.simulation.duration / scenario.controller.period))
     loop = ClosedLoop.of(system, steps + 1)
@@ -173,8 +176,8 @@ def run(system: System) -> ClosedLoop:
 
 
 def drawn(robot: str, mode: str, seed: int, number: int) -> Scenario:
-    """Plant `number` of a situation, inside what is declared, with gains of its own; every other one, counted over
-    the situations too, has the bounds of (7)."""
+    """Plant `number` of a situation, inside the declared set, with gains of its own; every other one, counted over the
+    situations, too, has the bounds of (7)."""
     here, random = situation(robot, mode, seed), random_of(robot, mode, seed, number)
     here = edited(here, "controller.bounds", BOUNDS[(seed + number) % 2])
     truth = Departure.inside(random, len(here.robot.posture or ())).truth(here.declared)

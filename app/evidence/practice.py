@@ -1,4 +1,4 @@
-"""Where the loop stays good when sensor, computer and drives are not ideal: maps over two of their parameters."""
+"""Maps of the loop's quality with non-ideal sensor, computer and drives, over two of their parameters."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from app.simulation.sampled_stability import sampled_loop
 from app.simulation.system import System
 from controllers.premises import Premise
 
-DURATION, SETTLED = 4.0, 1.5  # s, and when the figures begin
+DURATION, SETTLED = 4.0, 1.5  # s, of a run, and of the beginning of the figures
 STEP = 5e-4  # s, of the plant at most
 FORCE_GOOD, PATH_GOOD, VARIATION_GOOD = 1.0, 1e-3, 1e3  # N, m, N m/s
 
@@ -28,10 +28,13 @@ Changes = Mapping[str, Any]
 
 @dataclass(frozen=True)
 class Cell:
-    """One run, figures from `SETTLED` on, nan when it stopped: RMS force error N, RMS path error m, variation of the
-    torques N m/s, share of control periods with a torque cut; growth per period that `sampled_loop` foresees,
-    nan where it foresees nothing; factor of the sampled boundary layer; load: the largest torque as a share of its
-    joint's limit in the URDF."""
+    """One run, figures from `SETTLED` on, nan when it stopped.
+    force, path: RMS errors, N and m.
+    variation: of the torques, N m/s.
+    saturated: share of control periods with a torque cut.
+    growth: per period, as `sampled_loop` predicts it, nan where it predicts nothing.
+    layer_factor: of the sampled boundary layer.
+    load: the largest torque as a share of its joint's limit in the URDF."""
 
     force: float
     path: float
@@ -61,7 +64,7 @@ class Sweep:
     y_tick: Callable[[float], str]
 
     def thinned(self, thin: int) -> tuple[tuple[float, ...], tuple[float, ...]]:
-        """The values that are run."""
+        """Values of both fields that are run."""
         return self.xs[::thin], self.ys[::thin]
 
 
@@ -105,7 +108,7 @@ SWEEPS: dict[str, Sweep] = {
 
 
 def row(name: str, y: float, xs: Sequence[float]) -> list[Cell]:
-    """The runs of one row of a map."""
+    """Cells of one row of a map."""
     sweep, cells, system = SWEEPS[name], [], None
     base = edited(shipped()[sweep.scenario], "simulation.duration", DURATION)
     for path, value in {**sweep.changes, sweep.y: y}.items():
@@ -147,23 +150,23 @@ def jobs(thin: int) -> list[Job]:
 
 
 class Grid:
-    """The cells of one map."""
+    """Cells of one map."""
 
     def __init__(self, sweep: Sweep, rows: Sequence[Sequence[Cell]]) -> None:
         self._sweep, self._rows = sweep, rows
-        # where the map was thinned, only every so many values were run
+        # where the map was thinned, only one in so many values was run
         self.xs = sweep.xs[:: -(-len(sweep.xs) // len(rows[0]))]
         self.ys = sweep.ys[:: -(-len(sweep.ys) // len(rows))]
 
     def __getitem__(self, field: str) -> np.ndarray:
-        """A figure of every cell, (l, k)."""
+        """Values (l, k) of a figure in every cell."""
         return np.array([[getattr(cell, field) for cell in cells] for cells in self._rows])
 
     def map(
         self, title: str, unit: str, values: np.ndarray, ends: tuple[float, float], good: float,
         theory: tuple[np.ndarray, float] | None = None,
     ) -> HeatMap:  # fmt: skip
-        """A figure of it."""
+        """Heat map of a figure."""
         sweep = self._sweep
         ticks = [sweep.x_tick(x) for x in self.xs], [sweep.y_tick(y) for y in self.ys]
         return HeatMap(title, unit, sweep.x_label, sweep.y_label, *ticks, values, ends, good, theory)
@@ -248,7 +251,7 @@ def _numbers(delay: Grid, noise: Grid, period: Grid, drives: Grid, load: np.ndar
 
 
 def _tables(grids: Mapping[str, Grid]) -> dict[str, Table]:
-    """A row of each map in numbers."""
+    """Tables with a row of each map in numbers."""
     delay = grids["delay"]
     header = ("force error, RMS [N]", *(f"delay {1e3 * x:g} ms" for x in delay.xs))
     rows = [

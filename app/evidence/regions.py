@@ -31,7 +31,7 @@ class Spot:
 
 
 def render_regions(regions: tuple[Region, ...], spots: tuple[Spot, ...], x_label: str, y_label: str) -> bytes:
-    """SVG of a column's width: regions one over the other, spots on top, a legend beneath."""
+    """Picture (SVG) of a column's width: regions one over the other, spots on top, a legend beneath."""
     from matplotlib import rc_context
     from matplotlib.figure import Figure
     from matplotlib.patches import Polygon

@@ -1,4 +1,4 @@
-"""What a section of the evidence is: independent jobs, and what their results say."""
+"""Section of the evidence: independent jobs, and the findings from their results."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ T = TypeVar("T")
 class Job(NamedTuple):
     """A function of a module and its arguments: it runs in another process, so both can be pickled.
 
-    The same job always has the same result: what is random in it comes from a seed among its arguments.
+    The same job always has the same result: random numbers come from a seed among its arguments.
     """
 
     function: Callable[..., Any]
@@ -25,14 +25,14 @@ class Job(NamedTuple):
 
 
 def of_kind(kind: type[T], results: Sequence[object]) -> list[T]:
-    """Those of a kind, among the results of different jobs."""
+    """Results of one class, among those of different jobs."""
     return [result for result in results if isinstance(result, kind)]
 
 
 @dataclass(frozen=True)
 class Findings:
-    """What the jobs of a section showed: numbers and tables by their name in the section's text, figures (SVG) by the
-    end of their file's name."""
+    """Findings of a section's jobs: numbers and tables by their name in the section's text, figures (SVG) by the end of
+    their file's name."""
 
     numbers: Mapping[str, str] = field(default_factory=dict)
     tables: Mapping[str, Table] = field(default_factory=dict)
@@ -41,10 +41,11 @@ class Findings:
 
 @dataclass(frozen=True)
 class Section:
-    """One claim, or a family of them. Its prose stands beside its module, in `<name>.md`.
+    """Section on one claim, or a family of them. Its prose is beside its module, in `<name>.md`.
 
-    jobs(thin): one in so many of the cases, 1 for all. conclude: from their results, in the same order. needs: modules
-    without which it cannot run, and how to get them.
+    jobs(thin): one in so many of the cases, 1 for all.
+    conclude: findings from their results, in the same order.
+    needs: modules without which it cannot run, and how to get them.
     """
 
     name: str
@@ -53,18 +54,19 @@ class Section:
     needs: Mapping[str, str] = field(default_factory=dict)
 
     def missing(self) -> tuple[str, ...]:
-        """What would have to be got before it can run."""
+        """Commands that install the modules that are missing."""
         return tuple(remedy for module, remedy in self.needs.items() if find_spec(module) is None)
 
     def text(self, findings: Findings, pictures: str) -> str:
-        """In Markdown, with the figures at `pictures`. Raises KeyError when the prose names what was not found."""
+        """Text in Markdown, with the figures at `pictures`. Raises KeyError when the prose names a number that the
+        findings lack."""
         tables = {name: table.markdown() for name, table in findings.tables.items()}
         figures = {f"{name}_figure": f"{pictures}/{self.name}-{name}.svg" for name in findings.figures}
         return Template(self._prose).substitute(findings.numbers, **tables, **figures)
 
     @property
     def heading(self) -> str:
-        """The first line of its prose."""
+        """First line of its prose."""
         return self._prose.splitlines()[0]
 
     @property

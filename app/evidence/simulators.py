@@ -1,4 +1,5 @@
-"""The same controller in MuJoCo, and the rigid surface by Pinocchio's own constraint dynamics."""
+"""Comparison with two other simulators: the same controller in MuJoCo, and the rigid surface by Pinocchio's own
+constraint dynamics."""
 
 from __future__ import annotations
 
@@ -33,7 +34,7 @@ LADDER = (1, 2, 4, 8, 16)  # of our Euler steps in a control period, against
 FINE = 4  # Runge-Kutta steps of MuJoCo's
 STIFFNESSES = (1e3, 3e3, 1e4, 3e4, 1e5)  # N/m
 MASSES = (0.2, 0.02, 0.002)  # kg, of the surface in the circle's cases
-INTO = 0.03  # m, by which the impedance wants to go down, from 11.5 mm above the surface
+INTO = 0.03  # m, desired way of the impedance downwards, from 11.5 mm above the surface
 STATES = 100  # of each surface
 SLIDERS = (1e-2, 1e-4, 1e-6)  # kg
 TINT = ((66, 135, 245), (230, 159, 0), (0, 158, 115), (213, 94, 0), (150, 100, 220))
@@ -42,8 +43,10 @@ POINTS = 500
 
 @dataclass(frozen=True)
 class Free:
-    """How far two engines' joint angles part, rad: largest with Euler in both, with Runge-Kutta in both; t (N,) s and
-    for each rung of the ladder (N,) of our Euler against MuJoCo's Runge-Kutta; how far the joints moved, rad."""
+    """Differences between two engines' joint angles, rad.
+    euler, rk4: largest with Euler in both, with Runge-Kutta in both.
+    t, rungs: (N,) s, and for each rung of the ladder (N,) of our Euler against MuJoCo's Runge-Kutta.
+    moved: range of the joints' motion, rad."""
 
     robot: str
     euler: float
@@ -55,7 +58,7 @@ class Free:
 
 @dataclass(frozen=True)
 class Steady:
-    """The force at the end, N: ours, MuJoCo's, and as the closed form has it."""
+    """Force at the end, N: ours, MuJoCo's, and by the closed form."""
 
     stiffness: float
     ours: float
@@ -65,9 +68,12 @@ class Steady:
 
 @dataclass(frozen=True)
 class Touch:
-    """A force's course in both engines. t, ours, mujoco (N,): s and N; apart: their largest difference, N; without,
-    with_drift: of (28) in MuJoCo's run, left minus right side, if the tool's acceleration lacks J_dot q_dot, and in
-    truth, N; drift: largest M_e n J_dot q_dot, N."""
+    """Course of a force in both engines.
+    t, ours, mujoco: (N,), s and N.
+    apart: their largest difference, N.
+    without, with_drift: residual of (28) in MuJoCo's run, left minus right side, N, if the tool's acceleration lacks
+    J_dot q_dot, and with it.
+    drift: largest M_e n J_dot q_dot, N."""
 
     name: str
     mass: float
@@ -83,7 +89,7 @@ class Touch:
 @dataclass(frozen=True)
 class Constraint:
     """Largest differences over random states on one surface: of accelerations (rad/s^2) and multipliers (N), by
-    Pinocchio's solver for any constraint, and for each slider; largest: of both, what they are compared with."""
+    Pinocchio's solver for any constraint, and for each slider; largest: largest values of both, for comparison."""
 
     kind: Kind
     states: int
@@ -94,7 +100,7 @@ class Constraint:
 
 
 def run(scenario: Scenario, *, mujoco: bool) -> Mapping[str, np.ndarray]:
-    """The recorded signals under our plant, or MuJoCo's. Raises RuntimeError when the run stops."""
+    """Recorded signals under our plant, or MuJoCo's. Raises RuntimeError when the run stops."""
     system = assemble(scenario)
     if mujoco:
         from app.evidence.mujoco_arm import MujocoPlant  # here: the section is listed where MuJoCo is missing
@@ -109,7 +115,7 @@ def run(scenario: Scenario, *, mujoco: bool) -> Mapping[str, np.ndarray]:
 
 
 def free(robot: str, duration: float) -> Free:
-    """A circle in free space, every link 15 % heavier than believed."""
+    """Differences on a circle in free space, every link 15 % heavier than believed."""
     base = edited(on_robot(shipped()["ur5-motion"], robot), "simulation.duration", duration)
 
     def angles(integrator: str, substeps: int, *, mujoco: bool) -> Mapping[str, np.ndarray]:
@@ -130,7 +136,7 @@ def free(robot: str, duration: float) -> Free:
 
 
 def _by_euler(scenario: Scenario) -> Scenario:
-    """With the integrator that MuJoCo has, too."""
+    """The scenario with the integrator that MuJoCo has, too."""
     return edited(scenario, "simulation.integrator", "semi-implicit-euler")
 
 
@@ -143,7 +149,7 @@ def _touching(scenario: Scenario, stiffness: float, mass: float, duration: float
 
 
 def steady(stiffness: float, duration: float) -> Steady:
-    """An impedance K_m pressed by `INTO` towards a surface K_e: F = K_e K_m depth / (K_m + K_e)."""
+    """Steady force of an impedance K_m pressed by `INTO` towards a surface K_e: F = K_e K_m depth / (K_m + K_e)."""
     scenario = _touching(_by_euler(shipped()["ur5-hybrid"]), stiffness, MASSES[0], duration)
     scenario = edited(edited(scenario, "mode", "impedance"), "motion", "hold")
     scenario = edited(scenario, "shift", {"by": [0.0, 0.0, -INTO], "duration": 0.5})
@@ -167,7 +173,8 @@ def touch(name: str, motion: str, mass: float, duration: float) -> Touch:
 
 
 def _balance(system: System, record: Mapping[str, np.ndarray]) -> tuple[float, float, float]:
-    """What f misses of M_e phi_ddot + B_e phi_dot + K_e phi, see `Touch`; q_ddot from the rates, as Euler made them."""
+    """Residual of f = M_e phi_ddot + B_e phi_dot + K_e phi, see `Touch`; q_ddot from the rates, by the steps of Euler's
+    method."""
     contact, period = system.plant.contact, system.scenario.controller.period
     model, normal = system.robot.model, system.surface.chart(np.zeros(3), 0.0).G[0]
     model = model.copy()
@@ -215,7 +222,7 @@ def constraint(kind: Kind, seed: int, states: int) -> Constraint:
 
 
 def _ground(kind: Kind, p: np.ndarray, random: np.random.Generator) -> tuple[Ground, Surface]:
-    """A surface near the tool point p (3,) m, of random direction, for both."""
+    """Surface near the tool point p (3,) m, of random direction, for both."""
     normal = _unit(np.array([0.0, 0.0, -1.0]) + 0.4 * random.standard_normal(3))
     axis = _unit(np.array([0.0, 1.0, 0.0]) + 0.2 * random.standard_normal(3))
     radius = 0.3
@@ -287,7 +294,7 @@ def conclude(results: Sequence[Any]) -> Findings:
 
 
 def _order(found: Free) -> float:
-    """With which power of the step the difference shrinks."""
+    """Power of the step with which the difference shrinks."""
     largest = [float(rung.max()) for rung in found.rungs]
     return float(-np.polyfit(np.log(LADDER), np.log(largest), 1)[0])
 
@@ -387,7 +394,7 @@ def _figure(found: Free, touched: Sequence[Touch]) -> bytes:
 
 
 def _above_zero(t: np.ndarray, values: np.ndarray, floor: float = 1e-9) -> tuple[np.ndarray, np.ndarray]:
-    """For a logarithmic axis: only where there is something to see."""
+    """Curve for a logarithmic axis: only its points above `floor`."""
     seen = values > floor
     return thinned(t[seen], values[seen], POINTS)
 

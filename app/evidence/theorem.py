@@ -1,5 +1,5 @@
-"""Theorem 1 on random arms: what is promised of them at the shipped period, whether it is kept, an adversary, and what
-happens outside the declared set."""
+"""Theorem 1 on random arms: the promise for them at the shipped period, whether it is kept, an adversary, and arms
+outside of the declared set."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def jobs(thin: int) -> list[Job]:
     cells = [(robot, mode, seed) for seed in range(SITUATIONS) for robot in ROBOTS for mode in MODES]
     away = [(robot, mode, seed) for seed in range(OUTSIDE) for robot in OUTSIDE_ROBOTS for mode in MODES]
     hunts = [(robot, mode, (i + j) % 2 == 1) for i, robot in enumerate(ROBOTS) for j, mode in enumerate(MODES)]
-    mixed = np.random.default_rng(0)  # so that a few of the cells are of all kinds
+    mixed = np.random.default_rng(0)  # so that any few of the cells are of all kinds
     mixed.shuffle(cells)
     mixed.shuffle(away)
     mixed.shuffle(hunts)
@@ -159,7 +159,7 @@ def _deadlines(runs: Sequence[Reaching], name: str) -> list[Deadline]:
 
 
 def _known_of(values: Iterable[float]) -> np.ndarray:
-    """Those that are a number."""
+    """The values that are finite numbers."""
     every = np.array(list(values), dtype=float)
     return every[np.isfinite(every)]
 
@@ -180,7 +180,7 @@ def _first(scales: Iterable[float]) -> str:
 
 
 def _cells(plants: Sequence[Plant]) -> Table:
-    """One row for each robot, each mode and both bounds."""
+    """Table with one row for each robot, each mode and both bounds."""
     header = (
         "plants", "number", "holds", "broken", "nothing promised", "of these refused", "over (20) alone, early",
         "over (20) + band", "band late", "layer late", "time to the band / promised, median",
@@ -212,7 +212,7 @@ def _row(of: Sequence[Plant]) -> tuple[str, ...]:
 
 
 def _failures(plants: Sequence[Plant]) -> Table:
-    """Why nothing is promised of a run as a whole, by what came first."""
+    """Table of the reasons why nothing is promised of a run as a whole, by the first one."""
     nothing = [one for one in plants if one.verdict == "nothing promised"]
 
     def why(one: Plant) -> str:
@@ -225,7 +225,7 @@ def _failures(plants: Sequence[Plant]) -> Table:
 
 
 def _hunted(hunts: Sequence[Hunt]) -> Table:
-    """One row for each robot: what the optimiser tried, and the most it found."""
+    """Table with one row for each robot: the number of the optimiser's tries, and the largest ratio that it found."""
     rows = []
     for robot in ROBOTS:
         of = [one for one in hunts if one.robot == robot]
@@ -240,7 +240,7 @@ def _hunted(hunts: Sequence[Hunt]) -> Table:
 
 
 def _shares(plants: Sequence[Reaching]) -> Table:
-    """What (17) is made of, and how much of each part an arm really used."""
+    """Table of the terms of (17), and the largest share of each that an arm really used."""
     rows = []
     used = {cause: number for number, cause in enumerate(PARTS.values())}
     robots = [robot for robot in ROBOTS if any(one.robot == robot and one.share > 0.0 for one in plants)]

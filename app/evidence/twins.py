@@ -1,4 +1,4 @@
-"""The same run twice: as a Scenario for the product and as a `PaperLoop`, both from the same numbers."""
+"""Twins of a run: a Scenario for the product and a `PaperLoop`, both from the same numbers."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ DEPTH = 0.001  # m, of the tool in an elastic surface to begin with
 
 @cache
 def arm(robot: str) -> System:
-    """The arm in Cartesian coordinates, with nothing around it."""
+    """System of the arm in Cartesian coordinates, with nothing around it."""
     return assemble(from_plain({"robot": {"name": robot}}))
 
 
@@ -38,7 +38,9 @@ def random_spd(random: np.random.Generator, n: int, low: float, high: float) -> 
 @dataclass(frozen=True)
 class Twin:
     """An arm of the catalogue on a plane (radius 0) or a sphere, which has a mass M_e (kg) or none, or is rigid, and
-    may move; unknown: its links are 15 % heavier than believed and its joints rub; ideal: see `Scenario.sensor`."""
+    may move.
+    unknown: its links are 15 % heavier than believed and its joints have friction.
+    ideal: see `Scenario.sensor`."""
 
     robot: str
     mode: Literal["hybrid", "hybrid-impedance", "constrained"]
@@ -66,7 +68,7 @@ class Twin:
         return Surface(inside - self.radius * TOWARDS, TOWARDS, self.radius, amplitude, 2 * np.pi * 2.0)
 
     def gains(self) -> Gains:
-        """Full matrices wherever the mode admits them."""
+        """Gains, as full matrices wherever the mode admits them."""
         random, n = np.random.default_rng(4), self.n
         M_m, B_m, K_m, K_f = (np.zeros((n, n)) for _ in range(4))
         M_m[0, 0], B_m[0, 0], K_m[0, 0], K_f[0, 0] = (12.0, 200.0, 0.0 if self.rigid else 300.0, 0.8)

@@ -1,1 +1,1 @@
-"""Files to take away: figures, films, and the jobs that make them."""
+"""Export of files: figures, films, and the jobs that make them."""

@@ -1,4 +1,4 @@
-"""Files to take away, made in a process of their own: the loop's thread must not share its interpreter with them.
+"""Export jobs, which make files in a process of their own: the loop's thread must not share its interpreter with them.
 
 A job says what to make; `ExportJobs.made` starts `app.workers.export` for it and waits.
 """
@@ -35,7 +35,7 @@ class TakeAwayError(RuntimeError):
 
 @dataclass(frozen=True)
 class FigureJob:
-    """A figure as a file of this form."""
+    """Job for a figure as a file of this form."""
 
     figure: Figure
     form: Format
@@ -43,7 +43,7 @@ class FigureJob:
 
 @dataclass(frozen=True)
 class DataJob:
-    """A stretch of a recording, whose rows follow the job; at most `limit` bytes of file."""
+    """Job for a stretch of a recording, whose rows follow the job; at most `limit` bytes of file."""
 
     data: Table
     form: DataFormat
@@ -52,7 +52,7 @@ class DataJob:
 
 @dataclass(frozen=True)
 class PlaybackJob:
-    """A film as a page of its own, at most `limit` bytes."""
+    """Job for a film as a page of its own, at most `limit` bytes."""
 
     film: Film
     limit: float
@@ -63,25 +63,26 @@ Job = FigureJob | DataJob | PlaybackJob
 
 @dataclass(frozen=True)
 class Progress:
-    """The share that is done, 0 to 1."""
+    """Message with the share that is done, 0 to 1."""
 
     share: float
 
 
 @dataclass(frozen=True)
 class Done:
-    """The file is there."""
+    """Message that the file is there."""
 
 
 @dataclass(frozen=True)
 class Failure:
-    """Why there is no file."""
+    """Message with the reason why there is no file."""
 
     reason: str
 
 
 def file_name(scenario_name: str, t: float, extension: str) -> str:
-    """ "vsmrc-ur5-hybrid-12.34s.svg": letters, digits, dots and dashes only, whatever the scenario is called."""
+    """File name such as "vsmrc-ur5-hybrid-12.34s.svg": letters, digits, dots and dashes only, whatever the scenario's
+    name."""
     name = re.sub(r"[^A-Za-z0-9_-]+", "-", scenario_name)[:LONGEST_NAME].strip("-") or "run"
     return f"vsmrc-{name}-{t:.2f}s.{extension}"
 
@@ -95,9 +96,9 @@ class ExportJobs:
         self._closed = False
 
     def made(self, job: Job, tell: Tell) -> bytes:
-        """The file's content. Raises TakeAwayError, and OSError when no process or folder can be had.
+        """Content of the file. Raises TakeAwayError, and OSError when no process or folder can be had.
 
-        tell: is told how far it is. The work is done elsewhere.
+        tell: called with the progress. The work is done in another process.
         """
         with tempfile.TemporaryDirectory(prefix="vsmrc-") as folder:
             path = Path(folder) / "file"
@@ -118,7 +119,8 @@ class ExportJobs:
                         self._working.discard(process)
 
     def close(self) -> None:
-        """End what is being made, and begin no more: who waits for it is told that its process has ended."""
+        """End the job in progress, and start no other one: a caller that waits for it is told that its process has
+        ended."""
         with self._lock:
             self._closed = True
             for process in self._working:
@@ -140,7 +142,7 @@ def _converse(worker: Connection, job: Job, tell: Tell) -> None:
     if isinstance(job, DataJob):
         rows, job = job.data.pieces, replace(job, data=replace(job.data, pieces=()))
     worker.send(job)
-    with contextlib.suppress(BrokenPipeError, ConnectionResetError):  # it needs no more: it says why below
+    with contextlib.suppress(BrokenPipeError, ConnectionResetError):  # it needs no more data: the reason is read below
         for piece in rows:
             worker.send_bytes(piece.data.cast("B"))
             if worker.poll() and not _going_on(worker.recv(), tell):

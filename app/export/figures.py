@@ -1,7 +1,8 @@
-"""Charts on paper: white ground, type that is readable at a column's width, vectors and text kept as such.
+"""Figures on paper: charts on white ground, with type that is readable at a column's width, vectors and text kept as
+such.
 
-`Figure` says what to draw in numbers and words alone; nothing here knows the page. The same figure always makes the
-same bytes.
+`Figure` says what to draw in numbers and words alone; nothing here depends on the page. The same figure always makes
+the same bytes.
 """
 
 from __future__ import annotations
@@ -76,7 +77,7 @@ class Curve:
 
 @dataclass(frozen=True)
 class Area:
-    """Filled between two of a chart's curves, counted from 0, which have the same x."""
+    """Filled area between two of a chart's curves, counted from 0, which have the same x."""
 
     upper: int
     lower: int
@@ -100,7 +101,7 @@ class Chart:
 
 @dataclass(frozen=True)
 class Figure:
-    """Charts one below the other, in two columns when there are more of them than `one_column`, and what stands under
+    """Charts one below the other, in two columns when there are more of them than `one_column`, and the caption under
     them."""
 
     charts: tuple[Chart, ...]
@@ -109,9 +110,9 @@ class Figure:
 
 
 def render(figure: Figure, form: Format) -> bytes:
-    """The figure as a file of this form. Raises ValueError when it has no chart.
+    """File of the figure in this form. Raises ValueError when it has no chart.
 
-    It takes a second, and matplotlib is not made for threads: call it in a process that has nothing else to do.
+    It takes a second, and matplotlib is not made for threads: to be called in a process that has nothing else to do.
     """
     from matplotlib import rc_context  # here: it takes 0.3 s to import, which starting the dashboard need not wait for
 
@@ -134,7 +135,7 @@ def printed(color: Rgb) -> tuple[float, float, float]:
 
 
 def thinned(x: np.ndarray, y: np.ndarray, bins: int) -> tuple[np.ndarray, np.ndarray]:
-    """At most 2 bins + 2 of the points (N,), in their order: the ends, and the extremes of each bin."""
+    """Points (N,) reduced to at most 2 bins + 2, in their order: the ends, and the extremes of each bin."""
     if len(y) <= 2 * bins:
         return x, y
     size = -(-len(y) // bins)
@@ -180,7 +181,7 @@ def _drawn(figure: Figure) -> Canvas:
 
 
 def _pairs(stack: tuple[Chart, ...]) -> list[tuple[Chart, Chart | None]]:
-    """Each chart with the one below it."""
+    """Pairs of each chart with the one below it."""
     return list(zip_longest(stack, stack[1:]))
 
 
@@ -193,7 +194,7 @@ def _height(chart: Chart, following: Chart | None, width: float) -> float:
 
 
 def _header(chart: Chart, width: float) -> float:
-    """in, for the title and the legend."""
+    """Height in inches of the title and the legend."""
     return ROW * (1 + _legend_rows(chart, width)) + 0.06
 
 
@@ -252,7 +253,7 @@ def _draw(axes: Axes, chart: Chart, width: float, *, labelled: bool) -> None:
 
 
 def _scale(axes: Axes, chart: Chart) -> None:
-    """The axes' ranges, and few ticks with plain numbers."""
+    """Set the axes' ranges, and few ticks with plain numbers."""
     if chart.logarithmic_x:
         axes.set_xscale("log")
         plain_decades(axes.xaxis)
@@ -271,7 +272,7 @@ def _scale(axes: Axes, chart: Chart) -> None:
 
 
 def plain_decades(axis: Axis) -> None:
-    """Ticks of a logarithmic axis."""
+    """Set the ticks of a logarithmic axis."""
     from matplotlib.ticker import LogLocator, NullFormatter
 
     low, high = axis.get_view_interval()
@@ -282,7 +283,7 @@ def plain_decades(axis: Axis) -> None:
 
 
 def plain_number(value: float, _: object) -> str:
-    """A tick's number without markup, such as 2·10⁻³."""
+    """Number of a tick without markup, such as 2·10⁻³."""
     mantissa, _, exponent = f"{value:.6g}".partition("e")
     power = "10" + str(int(exponent)).translate(RAISED) if exponent else ""
     return "·".join(part for part in (mantissa, power) if part and (part, bool(power)) != ("1", True)).replace("-", "−")

@@ -1,4 +1,4 @@
-"""Kinds of files to take away."""
+"""Kinds of files that can be exported."""
 
 from typing import Literal
 

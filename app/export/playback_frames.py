@@ -1,4 +1,4 @@
-"""A recording thinned to what a film needs."""
+"""Frames of a film: a recording thinned to one row per frame."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class Film:
 
 
 def film(scenario: Scenario, recording: Recording, t_from: float = -math.inf, t_to: float = math.inf) -> Film:
-    """The first row of each thirtieth of a second, of t_from <= t <= t_to (s)."""
+    """Film of the first row of each thirtieth of a second, of t_from <= t <= t_to (s)."""
     rows, frame = [np.empty((0, recording.width))], -math.inf
     for piece in recording.pieces(t_from, t_to):
         frames = np.floor(piece[:, 0] * FRAMES_PER_SECOND + 1e-6)  # a row at the edge counts as beyond it

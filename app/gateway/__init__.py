@@ -1,1 +1,1 @@
-"""Several audiences: a server in front, and behind it one process per session, as JupyterHub does it."""
+"""Gateway for several audiences: a server in front, and behind it one process per session, as in JupyterHub."""

@@ -1,4 +1,4 @@
-"""How many connections a gateway takes, and who goes when there are too many."""
+"""Connection limit of a gateway, and the choice of the connection to close when there are too many."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ from collections.abc import Container
 from aiohttp import web
 
 DEADLINE = 10.0  # s that a connection may be silent, or take for a request, before it is closed
-ARRIVING = 128  # connections on which nothing is answered just now, or not yet
+ARRIVING = 128  # connections on which nothing is being answered, or not yet
 
 
 class Door:
-    """Makes the protocols of a server's connections, at most `most` at once. When there are more, the one goes that has
-    been there for longest without being answered: somebody who says nothing keeps nobody out. answered: the transports
-    of requests and web sockets that are being answered; where all are, the new one goes.
-    """
+    """Factory of the protocols of a server's connections, at most `most` at once. When there are more, the oldest one
+    that is not being answered is closed, so that silent connections keep nobody out.
+    answered: the transports of requests and web sockets that are being answered; where all are, the new connection is
+    closed."""
 
     def __init__(self, server: web.Server, answered: Container[asyncio.BaseTransport], most: int) -> None:
         self._server, self._answered, self._most = server, answered, most

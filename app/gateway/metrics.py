@@ -1,4 +1,5 @@
-"""What a gateway tells whoever runs it, in the text format of Prometheus: https://prometheus.io/docs/instrumenting/."""
+"""Metrics endpoint of a gateway, for its operator, in the text format of Prometheus:
+https://prometheus.io/docs/instrumenting/."""
 
 from __future__ import annotations
 
@@ -13,7 +14,7 @@ TYPE = "text/plain; version=0.0.4"
 
 
 class _Family(NamedTuple):
-    """Values of one name, each with its labels."""
+    """Metric family: values of one name, each with its labels."""
 
     name: str
     kind: str
@@ -22,7 +23,8 @@ class _Family(NamedTuple):
 
 
 def metrics(pool: SessionPool, refusals: Counter[str]) -> str:
-    """The page. refusals: by their reason, none of which a visitor can make up."""
+    """Text of the metrics endpoint. refusals: their number by reason; the reasons are ours, none comes from a
+    visitor."""
     sessions = pool.sessions
     phases = Counter(session.phase for session in sessions)
     pages = Counter(page.kind for session in sessions for page in session.pages)

@@ -1,4 +1,4 @@
-"""What the gateway itself shows: pages for those who wait or cannot come in, and its additions to viser's page."""
+"""Pages of the gateway itself, for visitors who wait or are refused, and its additions to viser's page."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ ASSETS = {"overlay.js": "text/javascript", "overlay.css": "text/css", "wait.js":
 
 @dataclass(frozen=True)
 class Document:
-    """A page as it is sent, plain and compressed, and what tells its versions apart."""
+    """A page as it is sent, plain and compressed, and the tag (ETag) of its version."""
 
     plain: bytes
     compressed: bytes
@@ -37,17 +37,17 @@ class Document:
 
 
 def waiting() -> str:
-    """The page of a session that does not run yet; it looks after itself."""
+    """Page of a session that does not run yet; it reloads by itself."""
     return _page(_WAITING)
 
 
 def notice(title: str, sentence: str) -> str:
-    """A page that says one thing."""
+    """Page with a title and one sentence."""
     return _page(f"<h1>{escape(title)}</h1><p>{escape(sentence)}</p>")
 
 
 def with_overlay(page: bytes) -> Document:
-    """viser's page, with what the gateway adds to it, below /s/<name>/ or /watch/<name>/."""
+    """viser's page with the gateway's additions, below /s/<name>/ or /watch/<name>/."""
     before, end, after = page.rpartition(b"</head>")
     added = (
         b'<link rel="stylesheet" href="../../assets/overlay.css"><script src="../../assets/overlay.js" defer></script>'
@@ -58,7 +58,7 @@ def with_overlay(page: bytes) -> Document:
 
 @cache
 def asset(name: str) -> bytes:
-    """Raises KeyError for what is none."""
+    """Content of an asset of these pages. Raises KeyError for any other name."""
     if name not in ASSETS:
         raise KeyError(name)
     return _read(name).encode()

@@ -1,7 +1,7 @@
-"""A page's web socket, passed on to its session's process and back.
+"""Relay of a page's web socket to its session's process and back.
 
-Each side is read only as fast as the other one takes what was read, so a page that does not read holds up nothing but
-itself: viser sends it the newest values when it does.
+Each side is read only as fast as the other one accepts the data, so a page that does not read holds up nothing but
+itself: viser sends it the newest values when it reads again.
 """
 
 from __future__ import annotations
@@ -33,10 +33,10 @@ async def relay(
     judge: Judge,
     taken_back: asyncio.Event,
 ) -> web.WebSocketResponse:
-    """Until either side ends, the page sends more than `meter` allows, or the link by which it came is taken back.
-    judge: what of a page's message goes on, None for nothing. Where there is no process, the page is closed with code
-    1012 and will come again.
-    """
+    """Relay until either side ends, the page sends more than `meter` allows, or the link by which it came is taken
+    back.
+    judge: returns the part of a page's message to pass on, None for nothing.
+    Where there is no process, the page is closed with code 1012 and will reconnect."""
     try:
         async with asyncio.timeout(ANSWER):
             session = await client.ws_connect(
@@ -51,7 +51,7 @@ async def relay(
     async with session:
         page = web.WebSocketResponse(
             protocols=[session.protocol] if session.protocol else [],
-            max_msg_size=meter.largest * 5 // 4,  # of what is beyond that, no more is read, not even to say so
+            max_msg_size=meter.largest * 5 // 4,  # a longer message is not read, not even to refuse it
             compress=False,
             heartbeat=BEAT,
             autoping=False,  # pings are counted, too
@@ -76,12 +76,12 @@ async def relay(
             ended = code in (WSCloseCode.ABNORMAL_CLOSURE, 1005)
             await page.close(code=WSCloseCode.SERVICE_RESTART if ended else code, message=b"the session has ended")
         if request.transport is not None and page.close_code == WSCloseCode.ABNORMAL_CLOSURE:
-            request.transport.abort()  # who does not read would else keep the connection, and what is to be sent
+            request.transport.abort()  # a page that does not read would keep the connection and the data to be sent
     return page
 
 
 async def closed(request: web.Request, code: int, reason: str) -> web.WebSocketResponse:
-    """A web socket that only says why it is none: a browser tells its page nothing of a refused one."""
+    """Web socket that is closed with a reason at once: a browser tells its page nothing about a refused one."""
     page = web.WebSocketResponse(protocols=_offered(request), max_msg_size=Limits().watchers_message, timeout=1.0)
     await page.prepare(request)
     await page.close(code=code, message=reason.encode()[:120])
@@ -89,14 +89,14 @@ async def closed(request: web.Request, code: int, reason: str) -> web.WebSocketR
 
 
 def _offered(request: web.Request) -> list[str]:
-    """The protocols that the page speaks."""
+    """Protocols that the page offers."""
     return [name.strip() for name in request.headers.get("Sec-WebSocket-Protocol", "").split(",") if name.strip()]
 
 
 async def _heard(
     page: web.WebSocketResponse, session: aiohttp.ClientWebSocketResponse, meter: Meter, judge: Judge
 ) -> None:
-    """Raises Overrun."""
+    """Pass on the messages of the page. Raises Overrun."""
     with contextlib.suppress(ConnectionError):
         async for message in page:
             if message.type in (WSMsgType.PING, WSMsgType.PONG):

@@ -1,4 +1,5 @@
-"""How the gateway answers: with the same headers everywhere, also what is no HTTP, of which nothing is written down."""
+"""Responses of the gateway: the same headers on all of them, also on those to requests that are no HTTP, whose content
+is not logged."""
 
 from __future__ import annotations
 
@@ -14,7 +15,7 @@ log = structlog.get_logger()
 
 
 async def with_headers(_: web.BaseRequest, response: web.StreamResponse) -> None:
-    """Before any answer is sent, those of web sockets, too."""
+    """Add the headers to a response before it is sent, also to those of web sockets."""
     response.headers.update(PAGE_HEADERS)
     response.headers.setdefault("Cache-Control", "no-store")
 
@@ -34,8 +35,8 @@ class _Server(web.Server):
 
 
 class _Connection(RequestHandler):
-    """A connection that answers a fault in a sentence. aiohttp would put into the log, and send back, what it could
-    not read: whole header lines, with the cookies in them."""
+    """A connection that answers a fault in a sentence. aiohttp would log, and send back, what it could not read: whole
+    header lines, with the cookies in them."""
 
     __slots__ = ()
 

@@ -1,4 +1,4 @@
-"""`vsmrc serve` for others than the one who started it: settings in, a server that runs until Ctrl-C."""
+"""`vsmrc serve` for other users than the one who started it: runs a server with these settings until Ctrl-C."""
 
 from __future__ import annotations
 
@@ -33,7 +33,8 @@ SESSIONS_PER_CORE = 2.0  # at 1 kHz, each looked at by one page: docs/performanc
 
 
 def serve(scenario: Scenario, look: Look, server_settings: ServerSettings, state_dir: Path | None) -> None:
-    """Serve until Ctrl-C or SIGTERM. state_dir: where sessions are kept for the next start, None for nowhere.
+    """Serve until Ctrl-C or SIGTERM. state_dir: folder in which sessions are kept for the next start, None to keep
+    none.
 
     Raises ScenarioError for settings that make no sense, and PortTaken.
     """
@@ -47,7 +48,7 @@ def serve(scenario: Scenario, look: Look, server_settings: ServerSettings, state
     sessions = (server_settings.places or places()) if server_settings.shared else 1
     open_files.require(_files(sessions), f"for {sessions} {'session' if sessions == 1 else 'sessions'} and their pages")
     try:
-        # apart from each other, and from what a server for its own user keeps there
+        # in separate folders, apart from that of a server for its own user
         store = SessionStore(state_dir / ("shared" if server_settings.shared else "everyone")) if state_dir else None
         with contextlib.closing(store) if store else contextlib.nullcontext():
             asyncio.run(_serve(to_toml(scenario), look, server_settings, names, tokens, store))
@@ -61,12 +62,12 @@ def cores() -> int:
 
 
 def places() -> int:
-    """How many sessions this machine holds."""
+    """Number of sessions that this machine can run at once."""
     return max(1, math.floor(cores() * SESSIONS_PER_CORE))
 
 
 def _files(sessions: int) -> int:
-    """That may be open at once: each page has two, its own and the one to its session."""
+    """Number of files that may be open at once: each page has two connections, its own and the one to its session."""
     return 64 + 2 * Shares().pages.total + ARRIVING + 4 * (sessions + 1)
 
 
@@ -78,7 +79,7 @@ def _names(server_settings: ServerSettings) -> Names:
 
 
 def _tokens(server_settings: ServerSettings) -> Tokens | None:
-    """Raises ScenarioError where none is wanted and one is needed or given."""
+    """Tokens of the server, None for none. Raises ScenarioError where none is wanted and one is needed or given."""
     if server_settings.token == "never":
         if not Names(server_settings.host).local:
             raise ScenarioError(f"--token: never, with --host {server_settings.host}; allowed: only with 127.0.0.1")
@@ -118,7 +119,7 @@ async def _serve(
         async with serving(gateway, server_settings.host, server_settings.port) as port:
             warming = precompile.start()
             address = _address(server_settings, port)
-            # a token that was given is known to who is to have it, and need not be in the journal
+            # a given token is known already to those who are to have it, and need not be in the journal
             shown = tokens if server_settings.given is None else Tokens("TOKEN", "WATCH-TOKEN")
             say(f"VSMRC Lab: {_link(address, shown, '')}  (Ctrl-C ends it)")
             if everyone is not None:
@@ -141,7 +142,7 @@ def _link(address: str, tokens: Tokens | None, path: str) -> str:
 
 
 def _address(server_settings: ServerSettings, port: int) -> str:
-    """By which others reach the server."""
+    """Address at which others reach the server."""
     if server_settings.origins:
         return server_settings.origins[0].rstrip("/")
     host = server_settings.host
@@ -151,7 +152,7 @@ def _address(server_settings: ServerSettings, port: int) -> str:
 
 
 def _outward() -> str | None:
-    """This machine's address towards others; nothing is sent to find it."""
+    """This machine's address in the network; nothing is sent to find it."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
         try:
             probe.connect(("192.0.2.1", 9))

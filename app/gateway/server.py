@@ -1,14 +1,14 @@
-"""The server in front: who may come in, which session a path means, and the way to its process.
+"""Server in front of the sessions: access control, the session of each path, and the way to its process.
 
     /                    a session of one's own: leads to its link
     /s/NAME/             a session, to steer
     /watch/NAME/         the same, to look at; NAME is another one
-    .../about            how it stands, as JSON
+    .../about            state of the session, as JSON
     /s/NAME/again        POST: begin a session anew that has failed
     /s/NAME/renew        POST: new links for the session; the old ones are taken back
     /watch/NAME/copy     POST: a session of one's own with the same scenario
-    /assets/...          what the gateway's own pages load
-    /healthz, /metrics   how the server stands, for whoever runs it; a server for oneself has the first one, too
+    /assets/...          files that the gateway's own pages load
+    /healthz, /metrics   state of the server, for its operator; a server for oneself has the first one, too
 
 All links within are relative, so that a proxy may put the whole below any path.
 """
@@ -41,7 +41,7 @@ from app.process.redaction import new_secret
 log = structlog.get_logger()
 
 TICK = 1.0  # s
-FAREWELL = 0.1  # s, twice: at the end, for pages whose sessions have ended; what they still say is not read
+FAREWELL = 0.1  # s, twice: at the end, for pages whose sessions have ended; their last messages are not read
 WAITS = 0.5  # s that a page is kept waiting for its session, rather than being told to wait
 _PASS = web.RequestKey("pass", str)
 _GREETING = web.RequestKey("greeting", str)
@@ -50,9 +50,12 @@ Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
 
 @dataclass(frozen=True)
 class Doors:
-    """names: what the server may be called; tokens: what visitors have to show, None for nothing; everyone: the session
-    that all who may steer share, None when each has one of their own; limits: see there; copies: whether who watches
-    may take a private one."""
+    """Settings of access control.
+    names: names of the server.
+    tokens: tokens that visitors have to show, None for none.
+    everyone: the session that all who may steer share, None when each has one of their own.
+    limits: see there.
+    copies: whether visitors who watch may take a private copy."""
 
     names: Names
     tokens: Tokens | None = None
@@ -62,7 +65,7 @@ class Doors:
 
 
 class Gateway:
-    """The web application, for `aiohttp.web`. answered: the connections whose request is being answered."""
+    """Web application for `aiohttp.web`. answered: the connections whose request is being answered."""
 
     def __init__(self, pool: SessionPool, doors: Doors) -> None:
         self._pool, self._doors = pool, doors
@@ -92,7 +95,7 @@ class Gateway:
 
     @property
     def most_pages(self) -> int:
-        """Open at once."""
+        """Largest number of pages that are open at once."""
         return self._pool.shares.pages.total
 
     async def _living(self, _: web.Application) -> AsyncIterator[None]:
@@ -102,7 +105,7 @@ class Gateway:
             ticking.cancel()
 
     async def _end(self, _: web.Application) -> None:
-        """Before anybody waits for the pages: they end with their sessions."""
+        """End the sessions, before the server waits for the pages: they end with their sessions."""
         await self._pool.close()
 
     async def _tick(self) -> None:
@@ -134,7 +137,7 @@ class Gateway:
             return _notice("This request is refused", refusal.sentence, refusal.status)
         response = self._without_token(request)
         if response is None and request.query_string and not socket and not request.path.endswith("/about"):
-            # viser's page would take another server's address from there, and run the scripts that it sends
+            # viser's page would read another server's address from the query, and run the scripts of that server
             response = _to_clean(request)
         if response is None:
             response = self._not_steered(request)
@@ -149,7 +152,7 @@ class Gateway:
         return response
 
     def _without_token(self, request: web.Request) -> web.StreamResponse | None:
-        """None for who has shown a token, now or before, or need not."""
+        """Answer to a visitor without a token; None for one who has shown a token, now or before, or need not."""
         tokens = self._doors.tokens
         if tokens is None:
             request[_PASS] = "steer"
@@ -179,14 +182,14 @@ class Gateway:
         return response
 
     def _opens_session(self, request: web.Request, shown: str) -> bool:
-        """Whether this is the token of the session that is asked for, to steer it."""
+        """Whether this is the token to steer the session that is asked for."""
         tokens, name = self._doors.tokens, request.match_info.get("name", "")
         asked = request.match_info.get("kind") == "s" and self._pool.named(name) is not None
         return tokens is not None and asked and tokens.opens_session(name, shown)
 
     def _not_steered(self, request: web.Request) -> web.StreamResponse | None:
-        """None for who may steer, where steering is asked for: with the pass for it or the session's own token, or the
-        owner of a copy; and where there is no such session."""
+        """Refusal of a request to steer; None for visitors who may steer (with the pass for it or the session's own
+        token, or as the owner of a copy), for requests that do not steer, and where there is no such session."""
         if request[_PASS] == "steer" or request.match_info.get("kind") != "s":
             return None
         session = self._pool.named(request.match_info["name"])
@@ -203,13 +206,13 @@ class Gateway:
         return bool(browser) and browser == session.owner.browser
 
     def _may_renew(self, request: web.Request, session: Session) -> bool:
-        """Whether who asks may take links back: whose session it is, and who has the token to steer everything. Where
-        there is no token, only its owner if it has one, so that no guest can."""
+        """Whether the visitor may take links back: the owner of the session, and visitors with the token to steer
+        everything. Without a token, only the owner, if there is one, so that no guest can."""
         above = self._doors.tokens is not None or not session.owner.browser
         return self._owns(request, session) or (request[_PASS] == "steer" and above)
 
     def _greeted(self, request: web.Request) -> Visitor:
-        """The visitor; the answer brings a word by which to know the browser again, unless it has one."""
+        """Visitor of a request; the answer sets a cookie by which to recognize the browser, unless it has one."""
         visitor = visitor_of(request, self._doors.names)
         if not visitor.browser:
             visitor = visitor._replace(browser=new_secret(16))
@@ -225,7 +228,7 @@ class Gateway:
     # what there is
 
     async def _front(self, request: web.Request) -> web.StreamResponse:
-        """To the visitor's session; a new one takes no place before its page is loaded."""
+        """Redirect to the visitor's session; a new one takes no place before its page is loaded."""
         if request[_PASS] != "steer":
             return _notice("No session of your own", "For one, ask for the link with the token to steer.", 403)
         if request.headers.get("Sec-Fetch-Dest", "document") != "document":  # a picture on a foreign page, say
@@ -252,7 +255,7 @@ class Gateway:
         return _html(pages.waiting())
 
     async def _page(self, session: Session) -> pages.Document | None:
-        """None when the process is not there any more."""
+        """Page of a session, None when its process has ended."""
         if self._document is None and session.process is not None and self._client is not None:
             address, headers = f"http://127.0.0.1:{session.process.port}/", {KEY_HEADER: session.process.key}
             try:
@@ -369,7 +372,7 @@ class Gateway:
         return web.Response(body=text.encode(), headers={"Content-Type": kind})
 
     def _meant(self, request: web.Request) -> Session:
-        """Raises HTTPNotFound."""
+        """Session of the request's path. Raises HTTPNotFound."""
         name = request.match_info["name"]
         session = self._pool.watched(name) if _watches(request) else self._pool.named(name)
         if session is None:
@@ -386,13 +389,14 @@ def _is_socket(request: web.Request) -> bool:
 
 
 def _is_plain(request: web.Request) -> bool:
-    """Whether what is asked of a web socket is text: aiohttp repeats it when it refuses, and cannot when it is not."""
+    """Whether the headers of a request for a web socket are ASCII: aiohttp repeats them when it refuses, and cannot
+    repeat others."""
     asked = ("connection", "upgrade", "sec-websocket-")
     return all(value.isascii() for name, value in request.headers.items() if name.lower().startswith(asked))
 
 
 def _to_clean(request: web.Request) -> web.Response:
-    """To the same page, without what the address says behind the '?'."""
+    """Redirect to the same page, without the part of the address behind the '?'."""
     return web.Response(status=303, headers={"Location": f"./{request.rel_url.raw_path.rpartition('/')[2]}"})
 
 
@@ -418,9 +422,9 @@ def _sent(document: pages.Document, request: web.Request) -> web.Response:
 async def serving(
     gateway: Gateway, host: str, port: int, *, deadline: float = DEADLINE, connections: int | None = None
 ) -> AsyncIterator[int]:
-    """While it lasts, the gateway answers at the port that is yielded; port 0 takes any. Raises PortTaken.
+    """Context in which the gateway answers at the port that is yielded; port 0 takes any. Raises PortTaken.
 
-    deadline: s for a request to be complete; connections: at most, None for all pages and who is just arriving.
+    deadline: s for a request to be complete; connections: largest number, None for all pages and new connections.
     """
     runner = Runner(
         gateway.app,

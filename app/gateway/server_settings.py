@@ -1,4 +1,4 @@
-"""For whom a server is: plain settings, so that who is alone need not load the gateway."""
+"""Settings of a server, as plain data, so that a server for one user need not load the gateway."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ Token = Literal["auto", "always", "never"]
 
 @dataclass(frozen=True)
 class Look:
-    """How the pages of all sessions look at first, and pictures of the scene per second."""
+    """Look of the pages of all sessions at first, and pictures of the scene per second."""
 
     theme: str = "dark"
     fps: float = 30.0
@@ -22,11 +22,15 @@ class Look:
 class ServerSettings:
     """Settings of a server: to whom it is open.
 
-    shared: a session for each visitor, else one for all; token: asked for where others than this user's programs can
-    come (auto); given: the token to steer, None for a fresh one; crowded: other people are on this machine; origins:
-    public addresses behind a proxy; places: sessions that run at once, None for what this machine holds;
-    of_one_address: how many of them, None for all but a quarter; copies: whether who watches may take a private one;
-    idle_minutes: after which a session that nobody looks at is closed.
+    shared: a session for each visitor, else one for all.
+    token: "auto" asks for one where other programs than this user's can connect.
+    given: the token to steer, None for a fresh one.
+    crowded: other people are on this machine.
+    origins: public addresses behind a proxy.
+    places: sessions that run at once, None for as many as this machine can run.
+    of_one_address: how many of them one address may have, None for all but a quarter.
+    copies: whether visitors who watch may take a private copy.
+    idle_minutes: time after which a session that nobody looks at is closed.
     """
 
     host: str = "127.0.0.1"
@@ -43,13 +47,13 @@ class ServerSettings:
 
     @property
     def open(self) -> bool:
-        """Whether a gateway is needed at all."""
+        """Whether a gateway is needed."""
         others = bool(self.origins) or not Names(self.host).local
         return self.shared or others or self.token == "always" or self.given is not None
 
     @property
     def tokens(self) -> Tokens | None:
-        """What visitors have to show, None for nothing."""
+        """Tokens that visitors have to show, None for none."""
         if self.given is not None:
             return Tokens.given(self.given)
         asks = self.token == "always" or self.crowded or bool(self.origins) or not Names(self.host).local

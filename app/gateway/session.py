@@ -1,4 +1,4 @@
-"""A session of a gateway: a run that has links, and what its process has to be able to do."""
+"""Session of a gateway: a run that has links, and the interface of its process."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ Phase = Literal["resting", "waiting", "starting", "running", "failed"]
 
 
 class Process(Protocol):
-    """What a session needs of `Worker`."""
+    """Interface of a session's process, as `Worker` has it."""
 
     port: int
     key: str
@@ -36,11 +36,15 @@ class Process(Protocol):
 class Session:
     """A run that has a link, whether or not a process runs it now.
 
-    name, watch: parts of the links to steer and to watch, neither to be guessed, nor one from the other; folder: its
-    name on disk, the first one of `watch`. taken_back: set when the links are new ones, and another one is here.
-    scenario: TOML, as it was last; pinned: how many runs were. offers: what is kept of it on disk is something else, to
-    be offered. owner: who it was made for; original: the session that it is a copy of. pages: the open ones. told: what
-    happened to its process last, "" while nothing did; crashes counts that. looked_at: a page has been open once;
+    name, watch: parts of the links to steer and to watch; neither can be guessed, nor found from the other.
+    folder: its name on disk, the first one of `watch`.
+    taken_back: set when the links are renewed; the session has a new event then.
+    scenario: TOML, the last one known; pinned: number of runs that were pinned then.
+    offers: the session kept on disk is another one, to be offered on the page.
+    owner: the visitor that it was made for; original: the session that it is a copy of.
+    pages: the open ones.
+    told: what happened to its process last, "" while nothing did; crashes: how often that happened.
+    looked_at: a page has been open once.
     kept: it has a folder.
     """
 
@@ -73,14 +77,15 @@ class Session:
 
     @property
     def standing(self) -> int:
-        """What it is worth: most with pinned runs, and more when somebody has looked at it than when not."""
+        """Rank of the session when others must be removed: highest with pinned runs, and higher when somebody has
+        looked at it."""
         return 2 if self.pinned else 1 if self.looked_at else 0
 
     def visitors(self, *kinds: Pass) -> list[Visitor]:
-        """Of the open pages of these kinds, each once a page."""
+        """Visitors of the open pages of these kinds, one entry for each page."""
         return [page.visitor for page in self.pages if page.kind in kinds]
 
     @property
     def called(self) -> str:
-        """What the log calls it, whatever its links are: neither can be made of that."""
+        """Name of the session in the log, whatever its links are: neither link can be made from this name."""
         return self.folder[:6]

@@ -1,4 +1,5 @@
-"""Who has a session, which of them run, who waits for a place: no page and no socket here."""
+"""Session pool: the sessions, their processes, and the queue of those that wait for a place; no page and no socket
+here."""
 
 from __future__ import annotations
 
@@ -19,12 +20,12 @@ from app.process.redaction import new_secret
 
 log = structlog.get_logger()
 
-SILENT = 15.0  # s: who waits for a place and has not asked for so long is passed over
-FORGOTTEN = 120.0  # s: and has gone after so long; a locked phone asks for nothing
+SILENT = 15.0  # s: a session that waits for a place and has not been asked for so long is passed over
+FORGOTTEN = 120.0  # s: and leaves the queue after so long; a locked phone asks for nothing
 UNSEEN = 60.0  # s: a process that nobody ever looked at is closed
-HURRIED = 120.0  # s: while others wait, a place that nobody looks at is free so soon
-CRASHES, WITHIN = 3, 60.0  # so many ends of a process within so many s, and it is not begun again
-SPARE_AFTER = 2.0  # s after a start, for the page that is just being loaded has the processor first
+HURRIED = 120.0  # s: while others wait, a session that nobody looks at loses its place after so long
+CRASHES, WITHIN = 3, 60.0  # after so many crashes of its process within so many s, a session is not begun again
+SPARE_AFTER = 2.0  # s after a start: the page that is being loaded needs the processor first
 MOST_KEPT = 2000  # sessions without a folder; see `SessionPool._has_room`
 UNKEPT = f"this session is not kept on disk: {MOST} others are, and none of them may go for it"
 
@@ -34,11 +35,14 @@ class Excess(Exception):
 
 
 class SessionPool:
-    """Sessions and their processes, at most `places` of them at once; all in one event loop.
+    """Session pool: sessions and their processes, at most `places` of them at once; all in one event loop.
 
-    scenario: TOML of a new session; launch: makes a process with this scenario ready; idle: s after which a session
-    that nobody looks at is closed, its scenario kept, None for never; store: where sessions are kept beyond the
-    life of the pool, None for nowhere; spare: have a process ready in advance; shares: what one visitor may have;
+    scenario: TOML of a new session.
+    launch: makes a process with this scenario ready.
+    idle: idle timeout, s after which a session that nobody looks at is closed, its scenario kept, None for never.
+    store: where sessions are kept beyond the life of the pool, None for nowhere.
+    spare: have a process ready in advance.
+    shares: limits of one visitor.
     of_one_address: places, see `places_share`.
     """
 
@@ -66,7 +70,7 @@ class SessionPool:
         self._closed = False
         self.crashes = 0
         self._started = clock() - SPARE_AFTER
-        self._noting = asyncio.Lock()  # what is on disk of a session's links is what was noted last
+        self._noting = asyncio.Lock()  # one at a time: the links on disk are those noted last
         for known in store.known() if store is not None else ():
             session = Session(
                 known.scenario, known.name, known.watch, known.pinned, known.folder, owner=Visitor(known.owner)
@@ -77,16 +81,16 @@ class SessionPool:
 
     @property
     def taken(self) -> int:
-        """How many places are."""
+        """Number of places that are taken."""
         return sum(session._life is not None for session in self._by_name.values())
 
     @property
     def sessions(self) -> list[Session]:
-        """All that are known."""
+        """All known sessions."""
         return list(self._by_name.values())
 
     def crowded(self, session: Session, viewer: Viewer) -> str:
-        """Why this page cannot be opened as well; "" where it can."""
+        """Reason why this page cannot be opened as well; "" where it can."""
         shares, everywhere = self.shares, self._by_name.values()
         share = shares.steering if viewer.kind == "steer" else shares.watching
         refusal = share.refusal(viewer.visitor, session.visitors(viewer.kind))
@@ -103,11 +107,11 @@ class SessionPool:
         return self._by_watch.get(name)
 
     def new(self, owner: Visitor = NOBODY) -> Session:
-        """A session that rests, with the usual scenario."""
+        """New resting session with the usual scenario."""
         return self._entered(Session(self._scenario, owner=owner))
 
     def copy(self, original: Session, owner: Visitor) -> Session:
-        """A session that rests, with the scenario of this one. Raises Excess."""
+        """New resting session with the scenario of this one. Raises Excess."""
         now, every = self._clock(), self._by_name.values()
         copies = [s for s in every if s.original is not None and (s.phase in _ASKING or now - s.seen < FORGOTTEN)]
         of_it = [copy.owner for copy in copies if copy.original is original]
@@ -122,13 +126,15 @@ class SessionPool:
         return self._add(session)
 
     def everyone(self) -> Session:
-        """The session of a pool that has one for all: its links are the old ones, its scenario is the usual one."""
+        """The session of a pool that has one for all visitors: it keeps its earlier links and has the usual
+        scenario."""
         session = next(iter(self._by_name.values()), None) or self.new()
         session.scenario, session.offers = self._scenario, True
         return session
 
     def refusal(self, session: Session) -> str:
-        """Why this session cannot come nor wait, or goes on waiting although there are places; "" where it may."""
+        """Reason why this session can neither run nor wait, or goes on waiting although there are places; "" where it
+        may run."""
         if session.phase == "resting" and self.taken >= self.places:
             return self.shares.waiting.refusal(session.owner, [waiting.owner for waiting in self._queue])
         if session.phase in ("resting", "waiting") and self.taken < self.places:
@@ -137,11 +143,12 @@ class SessionPool:
 
     @property
     def _holders(self) -> list[Visitor]:
-        """Of the places."""
+        """Owners of the sessions that have a place."""
         return [session.owner for session in self._by_name.values() if session._life is not None]
 
     def want(self, session: Session) -> None:
-        """Somebody looks for this session: run it, or keep its place in the queue, unless others are to have that."""
+        """Request a session, for a visitor: run it, or keep its place in the queue, unless that place is due to
+        others."""
         session.asked = session.seen = self._clock()
         waiting = [each.owner for each in self._queue]
         if session.phase == "resting" and not self.shares.waiting.refusal(session.owner, waiting):
@@ -150,14 +157,14 @@ class SessionPool:
             self._advance()
 
     async def soon(self, session: Session, patience: float) -> bool:
-        """Whether it runs, or will within so many s: with a spare it does."""
+        """Whether the session runs, or will within `patience` s: with a spare process it does."""
         with contextlib.suppress(TimeoutError):
             async with asyncio.timeout(patience):
                 await session._runs.wait()
         return session.phase == "running"
 
     def place(self, session: Session) -> int:
-        """In the queue, from 1; 0 for a session that does not wait."""
+        """Place in the queue, from 1; 0 for a session that does not wait."""
         return self._queue.index(session) + 1 if session in self._queue else 0
 
     def again(self, session: Session) -> None:
@@ -168,12 +175,13 @@ class SessionPool:
             self.want(session)
 
     async def renew(self, session: Session) -> None:
-        """New links: the old ones lead nowhere, and the pages that they have opened are closed.
+        """Renew the links: the old ones lead nowhere, and the pages that they have opened are closed.
 
-        Raises OSError, and they stay as they were, where the new ones cannot be kept on disk: the old ones would open
-        the session again after the next start.
+        Raises OSError where the new links cannot be kept on disk; the links stay as they were then, because the old
+        ones would
+        open the session again after the next start.
         """
-        await asyncio.shield(self._do(self._renewed(session)))  # all of it, also for who does not wait
+        await asyncio.shield(self._do(self._renewed(session)))  # as a whole, also where the caller stops waiting
 
     async def _renewed(self, session: Session) -> None:
         async with self._noting:
@@ -181,7 +189,7 @@ class SessionPool:
             if self._store is not None and session.kept:
                 await asyncio.to_thread(self._store.enter, _known(session)._replace(name=name, watch=watch))
             if self._by_name.pop(session.name, None) is None:
-                return  # it has been forgotten meanwhile
+                return  # the session has been forgotten meanwhile
             del self._by_watch[session.watch]
             session.name, session.watch = name, watch
             self._add(session)
@@ -191,7 +199,7 @@ class SessionPool:
 
     @contextlib.contextmanager
     def viewing(self, session: Session, viewer: Viewer) -> Iterator[None]:
-        """While a page is open; from the first one on, the session is kept."""
+        """Context of an open page; from the first page on, the session is kept on disk."""
         session.pages.append(viewer)
         if not session._ever_seen:
             session._ever_seen = session.looked_at = True
@@ -203,7 +211,8 @@ class SessionPool:
             session.seen = self._clock()
 
     def tick(self) -> None:
-        """What time brings: places fall free, who waits moves on, a spare is ordered. To be called each second."""
+        """Update the pool, to be called each second: free places of unseen sessions, advance the queue, launch a spare
+        process."""
         for session in self._by_name.values():
             if session.phase == "running" and not session.pages and self._unseen(session) and session.process:
                 log.info("session closed", session=session.called, reason="nobody looks at it")
@@ -220,7 +229,7 @@ class SessionPool:
             self._spare = asyncio.create_task(self._launch(self._scenario))
 
     async def close(self) -> None:
-        """End every process, and begin no other one; returns when they have ended."""
+        """End every process, and start no other one; returns when they have ended."""
         self._closed = True
         lives = [session._life for session in self._by_name.values() if session._life is not None]
         if self._spare is not None:
@@ -242,7 +251,7 @@ class SessionPool:
         return self._clock() - session.seen > least
 
     def _do(self, what: Coroutine[None, None, object]) -> asyncio.Task[object]:
-        """Meanwhile; nobody need wait for it but the end."""
+        """Start a background task; only the end of the pool waits for it."""
         task = asyncio.create_task(what)
         self._doing.add(task)
         task.add_done_callback(self._doing.discard)
@@ -261,13 +270,13 @@ class SessionPool:
         self._queue = waiting
 
     def _may_begin(self, session: Session, now: float) -> bool:
-        # one that is just being closed comes back when it has been
+        # a session that is being closed may begin again once it is closed
         asks = session._life is None and now - session.asked <= SILENT
         free = not self._closed and self.taken < self.places
         return asks and free and not self._place_share.refusal(session.owner, self._holders)
 
     async def _live(self, session: Session) -> None:
-        """From its place in the pool to its end, over as many processes as it takes."""
+        """Life of a session, from its place in the pool to its end, over as many processes as it takes."""
         try:
             while not session._closing:
                 session.phase = "starting"
@@ -287,7 +296,7 @@ class SessionPool:
         except WorkerError as error:
             session.phase, session.told = "failed", str(error)
             log.warning("session given up", session=session.called, reason=str(error))
-        except Exception as error:  # a fault of ours ends this session, and is told
+        except Exception as error:  # a fault of ours ends this session, and is reported
             session.phase, session.told = "failed", f"the server could not look after it ({type(error).__name__})"
             log.error("fault", stage="a session", session=session.called, exc_info=error)
             if session.process is not None:
@@ -310,7 +319,7 @@ class SessionPool:
         session.told = f"its process ended unexpectedly ({how}); another one has begun its last scenario anew"
 
     async def _process(self, session: Session) -> Process:
-        """The spare, or a new one; it has begun the session's scenario."""
+        """The spare process, or a new one; it has begun the session's scenario."""
         scenario, kept = session.scenario, await self._folder(session) if session.kept else None
         spare, self._spare = self._spare, None
         process = None
@@ -326,7 +335,7 @@ class SessionPool:
         return process
 
     async def _folder(self, session: Session) -> Kept | None:
-        """Where this session is kept, which is made if need be."""
+        """Folder of this session, made if need be; None without a store."""
         if self._store is None:
             return None
         async with self._noting:
@@ -342,7 +351,7 @@ class SessionPool:
             return
         session.kept = True
         kept = await self._folder(session)
-        if kept is not None and session.process is process:  # another one has begun with it
+        if kept is not None and session.process is process:  # another process has begun with the folder
             process.keep(kept)
 
     def _add(self, session: Session) -> Session:
@@ -350,8 +359,9 @@ class SessionPool:
         return session
 
     def _has_room(self, session: Session, most: int, *, kept: bool) -> bool:
-        """Whether there is room for this one among those that have a folder, or have none. If need be one makes room
-        that rests and is worth no more: of those worth least, one of whoever has most, the one not seen for longest."""
+        """Whether there is room for this session among those that have a folder, or among those that have none.
+        If need be, a resting session of no higher standing is removed: of those of the lowest standing, one of the
+        owner who has most, and of these the one not seen for longest."""
         held = [other for other in self._by_name.values() if other is not session and other.kept == kept]
         if len(held) < most:
             return True
@@ -373,13 +383,13 @@ _ASKING = ("waiting", "starting", "running")
 
 
 def _known(session: Session) -> Known:
-    """What is kept of this session on disk."""
+    """Record of this session on disk."""
     owner = session.owner.browser
     return Known(session.name, session.watch, session.scenario, session.pinned, owner, session.folder)
 
 
 def _of_use(launch: asyncio.Task[Process]) -> bool:
-    """Whether this launch, which is done, has led to a process that is there."""
+    """Whether this launch, which is done, has led to a process that is alive."""
     return not launch.cancelled() and launch.exception() is None and launch.result().alive
 
 

@@ -1,4 +1,5 @@
-"""Sessions on disk: their links, and a folder for each, so that a gateway that is started again knows them."""
+"""Session store on disk: links of sessions, and a folder for each, so that a gateway that is started again knows
+them."""
 
 from __future__ import annotations
 
@@ -31,8 +32,8 @@ class _Link(msgspec.Struct, frozen=True):
 
 
 class Known(NamedTuple):
-    """A session as it was left: parts of its links, its scenario (TOML, not judged yet), how many runs were pinned, the
-    browser of its owner, see `Visitor`, and its folder."""
+    """A session as it was left: parts of its links, its scenario (TOML, not checked yet), the number of pinned runs,
+    the browser of its owner, see `Visitor`, and its folder."""
 
     name: str
     watch: str
@@ -43,10 +44,11 @@ class Known(NamedTuple):
 
 
 class SessionStore:
-    """Sessions kept on disk, in a folder that only this gateway uses, as long as it lives or until `close`.
+    """Sessions kept on disk, in a folder that only this gateway uses, until it ends or `close` is called.
 
-    A session's own folder is named after its first link to watch: what its pages show of it lets nobody steer. Its
-    process keeps scenario and pinned runs there, see `app.session.autosave`. Raises StateError when another
+    A session's own folder is named after its first link to watch: the pages show this name, and it lets nobody steer.
+    The
+    session's process keeps scenario and pinned runs there, see `app.session.autosave`. Raises StateError when another
     process uses the folder or it cannot be written.
     """
 
@@ -54,11 +56,12 @@ class SessionStore:
         self._path, self._lock = occupied(path)
 
     def close(self) -> None:
-        """Leave the folder to others."""
+        """Unlock the folder for other processes."""
         os.close(self._lock)
 
     def known(self) -> list[Known]:
-        """What an earlier gateway left, the one not used for longest first; what cannot be read is left where it is."""
+        """Sessions that an earlier gateway left, the one not used for longest first; unreadable ones stay on disk, and
+        are left out."""
         try:
             for unfinished in self._path.glob(f"*/.{LINK}.*"):
                 unfinished.unlink()
@@ -68,7 +71,8 @@ class SessionStore:
         return [known for _, link in sorted(links) if (known := _known(link)) is not None]
 
     def entered(self, known: Known) -> Path:
-        """The session's folder; that there is one is noted. Where this fails, its process will say so on the page."""
+        """Folder of the session, which is entered in the store. Where this fails, its process will say so on the
+        page."""
         try:
             self.enter(known)
         except OSError as error:
@@ -76,14 +80,14 @@ class SessionStore:
         return self._path / known.folder
 
     def enter(self, known: Known) -> None:
-        """Note the session and its links, instead of what is noted of it. Raises OSError."""
+        """Write the session and its links to the store, instead of the earlier entry. Raises OSError."""
         folder = self._path / known.folder
         folder.mkdir(exist_ok=True, mode=0o700)
         text = msgspec.json.encode(_Link(known.name, known.scenario, known.owner, known.watch))
         write_whole(folder / LINK, lambda file: file.write(text), _PRIVATE)
 
     def forget(self, folder: str) -> None:
-        """Remove what there is of this session, as far as that can be done."""
+        """Remove the folder of this session, as far as possible."""
         shutil.rmtree(self._path / folder, ignore_errors=True)
 
 
@@ -95,7 +99,7 @@ def _known(link: Path) -> Known | None:
         reason = error.strerror if isinstance(error, OSError) else error
         log.warning("saved session unreadable", session=folder[:6], reason=str(reason))
         return None
-    watch = read.watch or folder  # as it was written before links could be taken back
+    watch = read.watch or folder  # files written before links could be renewed have no `watch`
     if not all(map(_WORD.fullmatch, (read.name, watch, folder))):
         log.warning("saved session unreadable", session=folder[:6], reason="its name is none of this program's")
         return None

@@ -1,4 +1,4 @@
-"""Where a request to a gateway comes from."""
+"""Origin of a request to a gateway: browser, address, and whether it comes from this machine."""
 
 from __future__ import annotations
 
@@ -16,24 +16,24 @@ _PROXIED = ("X-Forwarded-For", "Forwarded", "Via")
 
 
 def visitor_of(request: web.Request, names: Names) -> Visitor:
-    """Who asks, as far as that can be told."""
+    """Visitor who sends a request, as far as that can be told."""
     browser = request.cookies.get(visitor_cookie(request), "")
     return Visitor(browser if _WORD.fullmatch(browser) else "", _address(request, names))
 
 
 def visitor_cookie(request: web.Request) -> str:
-    """The name of the cookie by which a browser is known again."""
+    """Name of the cookie by which a browser is recognized."""
     return f"vsmrc-visitor-{port_of(request)}"
 
 
 def port_of(request: web.Request) -> int:
-    """Browsers keep the cookies of all ports of a host together."""
+    """Port of the server, for the names of cookies: browsers keep the cookies of all ports of a host together."""
     address = request.get_extra_info("sockname")
     return address[1] if address else 0
 
 
 def is_local(request: web.Request) -> bool:
-    """Whether a program of this machine asks, and no proxy for another one."""
+    """Whether a program of this machine sends the request, and not a proxy on behalf of another machine."""
     try:
         name = urlsplit(f"//{request.host}").hostname or ""
     except ValueError:
@@ -43,13 +43,13 @@ def is_local(request: web.Request) -> bool:
 
 
 def asks_status(request: web.Request) -> bool:
-    """Whether it is about the server, and not about a session."""
+    """Whether the request is about the server, and not about a session."""
     return request.path in ("/healthz", "/metrics")
 
 
 def _address(request: web.Request, names: Names) -> str:
-    """A machine's address, of IPv6 its network; "" for programs of this machine and for what comes through a proxy that
-    does not say."""
+    """Address of the visitor's machine, with IPv6 that of its network; "" for programs of this machine and for requests
+    through a proxy that does not name an address."""
     address = request.remote or ""
     if is_loopback(address):
         address = request.headers.get("X-Forwarded-For", "").rpartition(",")[2].strip() if names.public else ""

@@ -1,4 +1,4 @@
-"""Who asks a gateway for something, and how much of it one visitor may have, so that nobody takes what all share."""
+"""Visitors of a gateway, and their shares: limits of one visitor, so that nobody uses up what all share."""
 
 from __future__ import annotations
 
@@ -10,15 +10,18 @@ from app.access.admission import Pass
 
 
 class Visitor(NamedTuple):
-    """A visitor, as far as one can be told from another. browser: the random word of its cookie; address: of its
-    machine, or its network where that has many. Each is "" where it is unknown, and then it is not counted."""
+    """A visitor, as far as visitors can be told apart.
+    browser: the random word of its cookie.
+    address: of its machine, or of its network where one has many.
+    Each is "" where it is unknown, and then it is not counted."""
 
     browser: str = ""
     address: str = ""
 
     @property
     def marks(self) -> tuple[str, ...]:
-        """What files may keep of it: equal for the same browser and for the same address, and neither is in it."""
+        """Hashes of browser and address, for files: equal for the same browser and for the same address, from which
+        neither can be read."""
         known = (("browser", self.browser), ("address", self.address))
         return tuple(hashlib.sha256(f"{kind} {word}".encode()).hexdigest()[:16] for kind, word in known if word)
 
@@ -27,14 +30,14 @@ NOBODY = Visitor()
 
 
 class Viewer(NamedTuple):
-    """An open page: whose it is, and what it may do."""
+    """An open page: its visitor, and what it may do."""
 
     visitor: Visitor
     kind: Pass
 
 
 class Share(NamedTuple):
-    """How many of `what` there may be: of one browser, of one address, and in all."""
+    """Limits of the number of `what`: of one browser, of one address, and in all."""
 
     what: str
     browser: int
@@ -42,7 +45,7 @@ class Share(NamedTuple):
     total: int
 
     def refusal(self, asking: Visitor, holders: Iterable[Visitor]) -> str:
-        """Why there may be no more for this visitor beside what the holders have; "" where there may."""
+        """Reason why this visitor may have no more beside those of the holders; "" where it may."""
         every = list(holders)
         near = sum(holder.address == asking.address for holder in every) if asking.address else 0
         own = sum(holder.browser == asking.browser for holder in every) if asking.browser else 0
@@ -54,9 +57,9 @@ class Share(NamedTuple):
 
 
 class Shares(NamedTuple):
-    """What a gateway has, and how it is shared out. Pages that steer have a budget of their own, which those that watch
-    cannot use up: of each session, and of the server. link_copies: copies of one session; copies and sessions that wait
-    count as long as somebody asks for them."""
+    """Limits of a gateway. Pages that steer have a budget of their own, which those that watch cannot use up: of each
+    session, and of the server.
+    link_copies: copies of one session. Copies and sessions that wait count as long as somebody asks for them."""
 
     steering: Share = Share("pages that steer this session", 8, 12, 16)
     watching: Share = Share("pages that watch this session", 6, 32, 48)
@@ -68,7 +71,7 @@ class Shares(NamedTuple):
 
 
 def places_share(places: int, of_one_address: int | None) -> Share:
-    """Of so many places: one browser has half of them at most, and two anyway; one address leaves a quarter to others,
-    unless it is said how many it may have."""
+    """Share of so many places: one browser may have half of them at most, but always two; one address leaves a quarter
+    to others, unless `of_one_address` says how many it may have."""
     address = of_one_address or max(1, places - max(1, places // 4))
     return Share("sessions that run", max(2, places // 2), address, places)

@@ -35,7 +35,7 @@ log = structlog.get_logger()
 
 PATIENCE = 1.0  # s that a process has to end by itself
 STARTING = 120.0  # s until its first sign of life: it imports, on a machine that may be busy
-SILENCE = 10.0  # s without one afterwards, and it hangs
+SILENCE = 10.0  # s without a sign of life afterwards: it hangs
 
 
 class WorkerError(RuntimeError):
@@ -43,8 +43,10 @@ class WorkerError(RuntimeError):
 
 
 class Worker:
-    """A process that is ready, or runs. port, key: where its dashboard answers, and to whom; looking: see
-    `app.access.rate_limits.harmless`; late: see `Alive`. One that gives no sign of life for `silence` s is killed."""
+    """A process that is ready, or runs. One that gives no sign of life for `silence` s is killed.
+    port, key: of its dashboard, which answers only requests with this key.
+    looking: see `app.access.rate_limits.harmless`.
+    late: see `Alive`."""
 
     def __init__(
         self,
@@ -65,7 +67,7 @@ class Worker:
 
     @classmethod
     async def prepared(cls, scenario: str, look: Look, silence: float = SILENCE) -> Worker:
-        """A process with its dashboard up and this scenario (TOML) compiled. Raises WorkerError."""
+        """Process with its dashboard set up and this scenario (TOML) compiled. Raises WorkerError."""
         try:
             ours, theirs = socket.socketpair()
         except OSError as error:
@@ -93,35 +95,35 @@ class Worker:
 
     @property
     def alive(self) -> bool:
-        """Whether it has not ended."""
+        """Whether the process has not ended."""
         return self._process.poll() is None
 
     def begin(self, begin: Begin) -> None:
-        """Let the spare become a session; one whose process has just ended is known by the end of `changes`."""
+        """Let the spare become a session. Where the process has just ended, this shows in the end of `changes`."""
         self._tell(begin)
 
     def keep(self, kept: Kept) -> None:
-        """Have it keep the session, which it has begun without a folder."""
+        """Have the process keep the session, which it has begun without a folder."""
         self._tell(Keep(kept))
 
     def remark(self, sentence: str) -> None:
-        """Have it said on the page."""
+        """Have the process show a sentence on the page."""
         self._tell(Remark(sentence))
 
     async def changes(self) -> AsyncIterator[Changed]:
-        """What runs whenever that has changed, until the process ends or is killed because it hangs."""
+        """Changes of the scenario that runs, until the process ends or is killed because it hangs."""
         async for message in self._messages():
             if isinstance(message, Changed):
                 yield message
 
     async def end(self) -> str:
-        """Have the process end, if it has not; returns in a few words how it did."""
+        """End the process, if it has not ended; returns in a few words how it ended."""
         self._writer.close()
         if not self._listens:
-            self._process.kill()  # it still imports, and would notice only then
+            self._process.kill()  # it still imports, and would notice only afterwards
         with contextlib.suppress(TimeoutError):
             async with asyncio.timeout(PATIENCE):
-                while self.alive:  # no thread waits for it: that would have to be waited for at the end in turn
+                while self.alive:  # no thread waits for the process: the end would have to wait for that thread in turn
                     await asyncio.sleep(0.02)
         if self.alive:
             log.warning("session killed", killed=self.process_id, reason="it did not end by itself")
@@ -141,7 +143,7 @@ class Worker:
 
     async def _messages(self) -> AsyncIterator[FromSession]:
         with contextlib.suppress(ConnectionError, asyncio.IncompleteReadError):
-            # the last words of a process that is killed have no end
+            # the last line of a killed process may be cut off
             while (text := await self._line()).endswith(b"\n"):
                 message = from_session.decode(text)
                 self._allowed = self._silence
@@ -152,8 +154,8 @@ class Worker:
                 yield message
 
     async def _line(self) -> bytes:
-        """What it says next; nothing more where it says nothing for too long, and then it is killed."""
-        for _ in range(2):  # a gateway that has been asleep itself finds in the second half what was said meanwhile
+        """Next line from the process; b"" where it says nothing for too long, and then it is killed."""
+        for _ in range(2):  # a gateway that was itself suspended finds in the second half the lines sent meanwhile
             with contextlib.suppress(TimeoutError):
                 async with asyncio.timeout(0.5 * self._allowed):
                     return await self._reader.readline()

@@ -1,1 +1,1 @@
-"""What every process of ours needs and nothing of robots: log, launcher, files, folders, terminal text."""
+"""Log, launcher, files, folders and terminal text of our processes; nothing here is about robots."""

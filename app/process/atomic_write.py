@@ -1,4 +1,4 @@
-"""Files that are there as a whole or not at all."""
+"""Atomic write of files: a file is there as a whole or not at all."""
 
 from __future__ import annotations
 
@@ -9,11 +9,10 @@ from typing import BinaryIO
 
 
 def write_whole(path: Path, write: Callable[[BinaryIO], object], mode: int = 0o666) -> None:
-    """What `write` writes becomes the file at `path`; what was there stays until then, also when it fails, the process
-    is killed or the machine stops. Raises OSError, and what `write` raises.
-
-    mode: who may read it, of what the user's umask allows. A process that is killed can leave ".NAME.NUMBER" beside it.
-    """
+    """Write a file atomically: the file at `path` becomes what `write` writes. Until then the old file stays, also when
+    `write` fails, the process is killed or the machine stops. Raises OSError, and what `write` raises.
+    mode: permissions, of which the user's umask may take some away. A process that is killed can leave ".NAME.NUMBER"
+    beside the file."""
     being_written = path.with_name(f".{path.name}.{os.getpid()}")
     try:
         with open(being_written, "wb", opener=lambda name, flags: os.open(name, flags, mode)) as file:
@@ -27,7 +26,7 @@ def write_whole(path: Path, write: Callable[[BinaryIO], object], mode: int = 0o6
 
 
 def _settle(folder: Path) -> None:
-    """What was moved in this folder stays moved."""
+    """Flush this folder to disk, so that a file moved in it stays moved."""
     descriptor = os.open(folder, os.O_RDONLY)
     try:
         os.fsync(descriptor)

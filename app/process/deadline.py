@@ -1,4 +1,4 @@
-"""The end of a program that must not take longer than it takes."""
+"""Deadline for the end of a program, which must not take longer."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ ENDING = 1.8  # s
 
 
 def end_within(seconds: float = ENDING) -> None:
-    """End the process then, if it has not ended by itself: nothing that hangs may keep it."""
+    """End the process after so many s, if it has not ended by itself: nothing that hangs may keep it."""
     # while the interpreter is being taken down the timer does not fire any more: see `end`
     timer = threading.Timer(seconds, os._exit, (0,))
     timer.daemon = True
@@ -21,10 +21,11 @@ def end_within(seconds: float = ENDING) -> None:
 
 
 def end(status: int) -> NoReturn:
-    """End the process now, after what is registered for its end.
+    """End the process now, after the functions that are registered for its end.
 
-    All that it has begun has ended, and the system takes the rest: to have the interpreter take down itself and its
-    libraries took three seconds on a busy machine.
+    All that it has started has ended, and the system frees the rest: the interpreter took three seconds on a busy
+    machine
+    to free itself and its libraries.
     """
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, signal.SIG_IGN)

@@ -1,7 +1,7 @@
-"""Where compiled kernels are kept: one folder per state of the sources, so that no stale one is ever used.
+"""Cache folder of compiled kernels: one folder per state of the sources, so that no stale kernel is ever used.
 
-Numba reads them back as pickles, and whoever can write a pickle runs code. So it is a folder that no other user can
-have a hand in, or none that lasts.
+Numba reads kernels back as pickles, and whoever can write a pickle runs code. So the folder is one that no other user
+can change, or a temporary one.
 """
 
 from __future__ import annotations
@@ -19,19 +19,19 @@ VARIABLE = "NUMBA_CACHE_DIR"  # read by numba; the processes beside this one inh
 
 
 def choose() -> None:
-    """Let numba keep kernels where this program does, unless the user or the process that started this one has said
-    where. Before numba is imported."""
+    """Choose numba's cache folder, unless the user or the process that started this one has chosen one. To be called
+    before numba is imported."""
     if VARIABLE not in os.environ:
         os.environ[VARIABLE] = str(_lasting() or passing("vsmrc-kernels-"))
 
 
 def cache_folder() -> Path:
-    """The one that has been chosen."""
+    """The cache folder that was chosen."""
     return Path(os.environ[VARIABLE])
 
 
 def _lasting() -> Path | None:
-    """A private folder below the user's cache, named after the contents of every source file that holds kernels; None,
+    """Private folder below the user's cache, named after the contents of every source file that holds kernels; None,
     with a sentence on the terminal, where there can be none."""
     shelf = "the user's cache"
     try:

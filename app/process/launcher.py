@@ -1,4 +1,4 @@
-"""Launcher of processes beside this one, which run modules of this very program.
+"""Subprocess launcher: starts processes that run modules of this program.
 
 Its command is `python -m app.process.launcher PARENT MODULE ARGUMENTS`.
 """
@@ -19,11 +19,13 @@ _PR_SET_PDEATHSIG = 1
 
 
 def start(module: str, *arguments: str, stdin: int, pass_fds: tuple[int, ...] = ()) -> subprocess.Popen[bytes]:
-    """`python -m module arguments` in a process group of its own: Ctrl-C is the dashboard's business. Raises OSError.
+    """Start `python -m module arguments` in a process group of its own: Ctrl-C concerns only the dashboard. Raises
+    OSError.
 
     It stays in this session: to another one Linux would give as large a share of the processor as to this, however nice
-    its processes are (autogroup). On Linux it is killed when the thread that calls this ends. stdin: as `subprocess`
-    has it; pass_fds: files that it inherits.
+    its processes are (autogroup). On Linux it is killed when the thread that calls this ends. stdin: as in
+    `subprocess`;
+    pass_fds: files that it inherits.
     """
     # -P and the path: this program, whatever lies in the user's folder
     path = os.pathsep.join([str(Path(__file__).parents[2]), os.environ.get("PYTHONPATH", "")]).rstrip(os.pathsep)
@@ -37,7 +39,7 @@ def start(module: str, *arguments: str, stdin: int, pass_fds: tuple[int, ...] = 
 
 
 def end_with_parent() -> None:
-    """From now on, in a process whose standard input is a pipe from the one that began it."""
+    """End this process, from now on, with the one that started it and whose pipe is its standard input."""
 
     def wait() -> None:
         os.read(sys.stdin.fileno(), 1)  # returns when the other end is gone
@@ -47,7 +49,7 @@ def end_with_parent() -> None:
 
 
 def main() -> None:
-    """Run the module, whose end is its parent's: also that of a process which is stopped and notices nothing."""
+    """Run the module, and end when the parent ends, also where this process is stopped and notices nothing."""
     _, parent, module, *arguments = sys.argv
     if sys.platform == "linux":
         ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL, 0, 0, 0)

@@ -1,7 +1,7 @@
 """The log: one line of key=value per event that matters, on the terminal and, if asked for, in a file.
 
 `configure` is called once, at the entry of a process. The rest of the program takes `structlog.get_logger()` and names
-an event and its fields. What libraries log goes the same way: to the file, not to the terminal.
+an event and its fields. Events that libraries log go to the file, too, not to the terminal.
 """
 
 from __future__ import annotations
@@ -30,8 +30,8 @@ MOST = 20  # lines of one event, or of one library, in one second
 LONGEST, LONGEST_TRACEBACK = 1000, 8000  # characters of a value; with a few fields, a line stays below 50 kB
 OURS = ("app", "__main__")
 
-_LEVEL, _FILE = "VSMRC_LOG_LEVEL", "VSMRC_LOG_FILE"  # how the processes beside this one know
-# what would move the cursor, ring, or turn the direction of writing; "\n" is the renderer's affair
+_LEVEL, _FILE = "VSMRC_LOG_LEVEL", "VSMRC_LOG_FILE"  # environment of the processes that this one starts
+# characters that would move the cursor, ring, or turn the direction of writing; the renderer handles line ends
 _CONTROLS = {
     code: f"\\x{code:02x}" if code < 0x100 else f"\\u{code:04x}"
     for code in (*range(0x0A), *range(0x0B, 0x20), *range(0x7F, 0xA0), 0x2028, 0x2029, 0x200E, 0x200F,
@@ -40,12 +40,13 @@ _CONTROLS = {
 
 
 def configure(level: Level | None = None, file: Path | None = None) -> None:
-    """Log to the terminal, and to `file` as well, events of `level` and above; by default warnings to the terminal,
-    and to the file what is of interest afterwards, too.
+    """Log to the terminal, and to `file` as well, events of `level` and above; by default warnings to the terminal, and
+    to the file also the events that are of interest afterwards.
 
-    Processes started from now on log to the same places. Tracebacks are for the file only: those of faults of ours
-    always, of what libraries caught with level "debug". Raises OSError when the file cannot be opened; a disk that is
-    full later is said once, and survived.
+    Processes started from now on log to the same places. Tracebacks go to the file only: those of our own faults
+    always,
+    those that libraries caught with level "debug". Raises OSError when the file cannot be opened; a disk that is full
+    later is reported once, and logging goes on.
     """
     structlog.configure(
         processors=[structlog.stdlib.filter_by_level, structlog.stdlib.ProcessorFormatter.wrap_for_formatter],
@@ -74,7 +75,7 @@ def configure(level: Level | None = None, file: Path | None = None) -> None:
 
 
 def configure_as_parent() -> None:
-    """As the process that started this one does; a file that cannot be opened any more is done without."""
+    """Log as the process that started this one does, without a file where it cannot be opened any more."""
     named = os.environ.get(_LEVEL, "")
     level: Level | None = named if named in ("debug", "info", "warning", "error") else None  # pyright: ignore[reportAssignmentType]
     file = os.environ.get(_FILE, "")
@@ -85,8 +86,9 @@ def configure_as_parent() -> None:
 
 
 class _Lines(logging.Handler):
-    """Writes lines; of a flood of one event, or of one library, `MOST` a second, and how many were left out before.
-    `write` raises OSError where it cannot, which is said once; `end` is called at the end."""
+    """Handler that writes lines, at most `MOST` a second of one event or of one library; after a flood, it writes how
+    many were left out.
+    `write` raises OSError where it cannot write, which is reported once; `end` is called at the end."""
 
     def __init__(
         self,
@@ -112,7 +114,7 @@ class _Lines(logging.Handler):
             if not self._complained:
                 self._complained = True
                 _say(f"the log cannot be written: {error.strerror or error}; going on")
-        except Exception:  # a value that cannot even be written down must not take down who logs it
+        except Exception:  # a value that cannot be converted to text must not stop the code that logs it
             self.handleError(record)
 
     def handleError(self, record: logging.LogRecord) -> None:
@@ -120,7 +122,7 @@ class _Lines(logging.Handler):
         _say(f"an event of {record.name} cannot be logged: {type(error).__name__}")
 
     def _left_out(self, record: logging.LogRecord) -> int | None:
-        """How many of this event were left out before it; None when it is to be left out itself."""
+        """Number of these events that were left out before this one; None when this one is to be left out, too."""
         # libraries may put anything into a message
         event = record.msg["event"] if isinstance(record.msg, dict) else ""
         key, second = (record.name, event), int(record.created)
@@ -166,7 +168,7 @@ def _formatter(exceptions: structlog.types.Processor) -> logging.Formatter:
 
 
 def _described(_: object, __: str, event: Event) -> Event:
-    """When, how grave, what, then the fields, then who says it, in which process."""
+    """The event with time, level and name first, then the fields, then logger and process."""
     record = event["_record"]
     stamp = structlog.processors.TimeStamper(fmt="iso", utc=True)(None, "", {})["timestamp"]
     first = {"time": stamp, "level": record.levelname.lower(), "event": event.pop("event")}
@@ -174,14 +176,14 @@ def _described(_: object, __: str, event: Event) -> Event:
 
 
 def _without_traceback(_: object, __: str, event: Event) -> Event:
-    """The kind of an exception and what it says."""
+    """The event with the class of an exception and its message."""
     if error := _exception(event.pop("exc_info", None)):
         event["error"] = f"{type(error).__name__}: {error}"
     return event
 
 
 def _with_traceback(libraries: bool) -> structlog.types.Processor:
-    """The same, and where it came from; of a library's only if that is wanted."""
+    """Processor that also adds the traceback; that of an exception in a library only if `libraries`."""
 
     def processor(logger: Any, name: str, event: Event) -> Event:
         error = _exception(event.get("exc_info"))
@@ -194,7 +196,8 @@ def _with_traceback(libraries: bool) -> structlog.types.Processor:
 
 
 def _exception(exc_info: object) -> BaseException | None:
-    """Of what a caller may give: True for the one being handled, the exception itself, or a tuple."""
+    """Exception of the `exc_info` that a caller gives: True for the one being handled, the exception itself, or a
+    tuple."""
     if exc_info is True:
         return sys.exc_info()[1]
     if isinstance(exc_info, tuple):
@@ -203,27 +206,27 @@ def _exception(exc_info: object) -> BaseException | None:
 
 
 def _escaped(_: object, __: str, event: Event) -> Event:
-    """Nothing in a value can begin a line or reach the terminal as a command, none is long, and none is secret; keys
-    are ours."""
+    """The event with safe values: none can begin a line or reach the terminal as a command, none is long, and none is
+    secret. Keys are ours."""
     return {key: _plain(value, LONGEST_TRACEBACK if key == "traceback" else LONGEST) for key, value in event.items()}
 
 
 def _plain(value: object, longest: int) -> object:
     if isinstance(value, bool | float | None) or (isinstance(value, int) and abs(value) < 2**64):
         return value
-    # cut twice: what the first cut leaves of a secret is at the middle, which the second one takes
+    # cut twice: a part of a secret that the first cut leaves is at the middle, which the second one removes
     text = redacted(_cut(str(value), 2 * longest))
     return _cut(text, longest).translate(_CONTROLS)
 
 
 def _cut(text: str, longest: int) -> str:
-    """Its beginning and its end, where it is longer."""
+    """Beginning and end of a text that is longer."""
     half = longest // 2
     return text if len(text) <= longest else f"{text[:half]} … {text[-half:]}"
 
 
 def _thread_failed(failure: threading.ExceptHookArgs) -> None:
-    """What no guard caught: said in one line, as everything else is."""
+    """Log an exception that ended a thread, in one line, as every event."""
     name = failure.thread.name if failure.thread is not None else "unknown"
     caught: tuple[type[BaseException], BaseException | None, TracebackType | None] = (
         failure.exc_type, failure.exc_value, failure.exc_traceback,

@@ -1,4 +1,4 @@
-"""The file of a log that several processes write to and that grows only so far."""
+"""Log file that several processes write to and whose size is limited."""
 
 from __future__ import annotations
 
@@ -8,14 +8,16 @@ import stat
 from pathlib import Path
 
 LARGEST = 10_000_000  # bytes; then the file gets a number, and another one is begun
-OLDER = 3  # of those are kept: FILE.1 is the newest
+OLDER = 3  # numbered files that are kept: FILE.1 is the newest
 
 
 class LogFile:
-    """Appends lines: each by one call of the system, so that those of several processes do not mix.
+    """Log file to which lines are appended: each by one call of the system, so that those of several processes do not
+    mix.
 
-    Whoever finds the file too large moves it on, and the others follow; so they do when another program has moved it.
-    Raises OSError where it cannot be opened.
+    The process that finds the file too large moves it, and the others follow; they also follow another program that
+    moves
+    it. Raises OSError where it cannot be opened.
     """
 
     def __init__(self, path: Path) -> None:
@@ -23,7 +25,7 @@ class LogFile:
         self._descriptor = _opened(self._path)
 
     def write(self, line: str) -> None:
-        """Raises OSError, also for a line that does not fit on the disk as a whole."""
+        """Append a line. Raises OSError, also for a line that does not fit on the disk as a whole."""
         data = line.encode(errors="backslashreplace")
         self._follow()
         status = os.fstat(self._descriptor)
@@ -36,7 +38,7 @@ class LogFile:
         os.close(self._descriptor)
 
     def _follow(self) -> None:
-        """Have the file that is at the path now."""
+        """Open the file that is at the path now."""
         try:
             same = os.path.samestat(os.stat(self._path), os.fstat(self._descriptor))
         except FileNotFoundError:
@@ -47,7 +49,7 @@ class LogFile:
             self._descriptor = another
 
     def _move_on(self) -> None:
-        """One process does: those that come too late find another file at the path."""
+        """Move the file, by one process: those that come too late find another file at the path."""
         fcntl.flock(self._descriptor, fcntl.LOCK_EX)
         try:
             if os.path.samestat(os.stat(self._path), os.fstat(self._descriptor)):

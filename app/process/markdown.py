@@ -1,4 +1,4 @@
-"""Tables in Markdown that also read well in a terminal."""
+"""Tables in Markdown that can also be read in a terminal."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 
 class Table(NamedTuple):
-    """The first column is text, the others are numbers as they are to be shown."""
+    """A table: its first column is text, the others are numbers as they are to be shown."""
 
     header: tuple[str, ...]
     rows: list[tuple[str, ...]]

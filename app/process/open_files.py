@@ -1,4 +1,4 @@
-"""Open files that a process may have: what is missing is said at the start, not to visitors in the middle of a talk."""
+"""Limit of open files of a process: a limit that is too low is reported at the start, not to visitors later."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from app.scenario.schema import ScenarioError
 
 
 def require(files: int, reason: str) -> None:
-    """Have so many allowed from now on, as far as this process may ask for that. Raises ScenarioError."""
+    """Raise the limit to so many files, as far as this process may. Raises ScenarioError where it may not."""
     soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
     if soft == resource.RLIM_INFINITY or soft >= files:
         return

@@ -1,4 +1,4 @@
-"""Who else may be on this machine: for them 127.0.0.1 is as near as for the user."""
+"""Other users of this machine: they can reach 127.0.0.1 as well as the user can."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ _NO_SHELLS = ("nologin", "false", "sync", "")
 
 
 def other_people() -> list[str]:
-    """Accounts of other people that can log in, as far as the password database names them, and who has processes now
-    (where accounts come over the network, it does not)."""
+    """Accounts of other people: those in the password database that can log in, and those with running processes (where
+    accounts come over the network, the database does not name them)."""
     own = os.getuid()
     accounts = {
         entry.pw_uid: entry.pw_name

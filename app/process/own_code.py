@@ -1,8 +1,8 @@
 """Files of a user's own, named on the command line by `--use`: control laws, surfaces and trajectories beside those of
 the program.
 
-Nothing else can name such a file, neither a scenario nor an upload nor a page. Processes that this one starts are told
-by the environment.
+Nothing else can name such a file, neither a scenario nor an upload nor a page. Processes that this one starts read
+the names from the environment.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ class OwnCodeError(ScenarioError):
 
 @dataclass(frozen=True)
 class OwnCode:
-    """What the files hold that were named, by kind."""
+    """Contents of the files named by `--use`, by kind."""
 
     laws: dict[str, ControlLaw] = field(default_factory=dict)
     surfaces: dict[str, OwnSurface] = field(default_factory=dict)
@@ -62,7 +62,7 @@ class OwnCode:
 
 
 def use(paths: Sequence[Path]) -> None:
-    """From now on what these files hold is there, in this process and in those that it starts. Raises OwnCodeError."""
+    """Make the contents of these files available, in this process and in those that it starts. Raises OwnCodeError."""
     before = os.environ.get(VARIABLE, "")
     os.environ[VARIABLE] = os.pathsep.join(str(path.resolve()) for path in paths)
     own_code.cache_clear()
@@ -75,7 +75,7 @@ def use(paths: Sequence[Path]) -> None:
 
 @cache
 def own_code() -> OwnCode:
-    """What the files hold that were named. Raises OwnCodeError."""
+    """Contents of the files named by `--use`. Raises OwnCodeError."""
     found = OwnCode()
     for path in (Path(name) for name in os.environ.get(VARIABLE, "").split(os.pathsep) if name):
         module, empty = _loaded(path), True
@@ -97,7 +97,8 @@ def own_code() -> OwnCode:
 
 
 def _kinds(found: OwnCode) -> list[tuple[str, type[Any], dict[str, str], dict[str, Any]]]:
-    """What a file may hold: its name there, its class, titles of the program's own ones by kind, where it goes."""
+    """Kinds of object that a file may define: name in the file, class, titles of the program's own ones by kind, dict
+    to add to."""
     return [
         ("LAW", ControlLaw, {law.kind: law.title for law in LAWS.values()}, found.laws),
         ("SURFACE", OwnSurface, {_tag(form): form.title for form in SURFACES}, found.surfaces),
@@ -106,16 +107,17 @@ def _kinds(found: OwnCode) -> list[tuple[str, type[Any], dict[str, str], dict[st
 
 
 def own_shape(form: own_surfaces.Own) -> Shape:
-    """A surface of the user's own for kernels. Raises ValueError where there is none of its name or with its
-    parameters, OwnCodeError where it cannot be compiled."""
+    """Shape of a surface of the user's own, for kernels. Raises ValueError where no surface has this name or takes
+    these parameters, OwnCodeError where it cannot be compiled."""
     own = _named("surface", form.name, own_code().surfaces)
     with _located_in(own.chart):
         return own.shape(form)
 
 
 def own_course(path: own_trajectories.Own, n: int, free: range) -> Course:
-    """A trajectory of the user's own, as a displacement of n coordinates, of which it may move those in `free`. Raises
-    ValueError where there is none of its name or with its parameters, OwnCodeError where it cannot be compiled."""
+    """Course of a trajectory of the user's own, as a displacement of n coordinates, of which it may move those in
+    `free`. Raises ValueError where no trajectory has this name or takes these parameters, OwnCodeError where it cannot
+    be compiled."""
     own = _named("motion", path.name, own_code().trajectories)
     with _located_in(own.path):
         return own.course(path, n, free)
@@ -131,7 +133,8 @@ def _named(section: str, name: str, known: Mapping[str, _Member]) -> _Member:
 
 @contextmanager
 def _located_in(function: Callable[..., None]) -> Iterator[None]:
-    """Within it whatever the function's file does wrong becomes an OwnCodeError; a ValueError has its sentence."""
+    """Context in which an exception from the function's file becomes an OwnCodeError; a ValueError passes, with its own
+    sentence."""
     try:
         yield
     except ValueError:
@@ -158,7 +161,7 @@ def _loaded(path: Path) -> ModuleType:
 
 
 def _check(own: _Own, ours: Mapping[str, str], path: Path) -> None:
-    """ours: titles of the program's own ones, by kind."""
+    """Check an object of the user's own. Raises OwnCodeError. ours: titles of the program's own ones, by kind."""
     if not _KIND.fullmatch(own.kind) or own.kind in ours:
         raise OwnCodeError(
             f"--use {path}: kind {own.kind!r:.60}; allowed: lower-case words joined by '-', but {', '.join(ours)}"
@@ -188,7 +191,7 @@ def _check_parameter(p: Parameter, path: Path) -> None:
 
 
 def located(error: BaseException, path: Path) -> str:
-    """What went wrong in a file, with the line of it that was reached last."""
+    """Sentence about an error in a file, with the line of the file that was reached last."""
     lines = [frame.lineno for frame in traceback.extract_tb(error.__traceback__) if frame.filename == str(path)]
     if isinstance(error, SyntaxError) and error.filename == str(path):
         lines = [error.lineno]

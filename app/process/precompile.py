@@ -1,4 +1,5 @@
-"""Compiling ahead: starts the process `app.workers.precompile`, once for each state of the kernels' sources."""
+"""Precompilation of kernels: starts the process `app.workers.precompile`, once for each state of the kernels'
+sources."""
 
 from __future__ import annotations
 
@@ -10,12 +11,12 @@ from app.process.kernel_cache import cache_folder
 
 
 def start() -> subprocess.Popen[bytes] | None:
-    """Begin, unless it has been done before. The process ends with this one."""
+    """Start the precompilation, unless it has been done before. The process ends with this one."""
     if mark().exists():
         return None
     return launcher.start("app.workers.precompile", stdin=subprocess.PIPE)
 
 
 def mark() -> Path:
-    """The file that is there when everything has been compiled."""
+    """File that exists when everything has been compiled."""
     return cache_folder() / "complete"

@@ -1,4 +1,4 @@
-"""Folders that no other user of the machine can have a hand in: what is read from them is trusted, even as code."""
+"""Private folders, which no other user of the machine can change: files read from them are trusted, even as code."""
 
 from __future__ import annotations
 
@@ -12,17 +12,17 @@ import tempfile
 from pathlib import Path
 
 PRIVATE = 0o700
-_FOLDER = os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW  # a folder, and no link to one
+_FOLDER = os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW  # flags that open a folder, and no link to one
 
 
 class NotOwnError(ValueError):
-    """A folder that another user made or can change: what is the matter with it, to follow its name in a sentence."""
+    """A folder that another user made or can change: the reason, to follow the folder's name in a sentence."""
 
 
 def own(path: Path) -> Path:
     """The folder, made where there is none (mode 700), with the links above it resolved.
 
-    It is a real folder of this user, which nobody else can write, and nobody else can put another one in its place.
+    It is a real folder of this user, which nobody else can write, and which nobody else can replace by another one.
     Raises NotOwnError, and OSError where it cannot be made.
     """
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -38,32 +38,33 @@ def own(path: Path) -> Path:
         raise NotOwnError(f"can be written by others (mode {stat.S_IMODE(status.st_mode):o})")
     for parent in path.parents:
         above = parent.stat()
-        # in a sticky folder, such as /tmp, nobody moves what is another's
+        # in a sticky folder, such as /tmp, nobody can move what belongs to another user
         if above.st_uid not in (0, os.geteuid()) or (_others_write(above) and not above.st_mode & stat.S_ISVTX):
             raise NotOwnError(f"is below {parent}, in which others can put another folder in its place")
     return path
 
 
 def private(path: Path) -> Path:
-    """The same, and nobody else can read it either. Raises NotOwnError and OSError."""
+    """The folder as `own` returns it, which nobody else can read either. Raises NotOwnError and OSError."""
     path = own(path)
     path.chmod(PRIVATE)
     return path
 
 
 def passing(prefix: str) -> Path:
-    """A folder that nobody can foresee, only for this process and those that it starts.
+    """Temporary folder with a name that nobody can foresee, only for this process and those that it starts.
 
-    It goes with this process. Where that is killed, it goes when another one asks for a folder of this prefix: the lock
-    on it has ended with its holder.
+    It is removed when this process ends. Where the process is killed, the folder is removed when another process asks
+    for
+    a folder of this prefix: the lock on it has ended with its holder.
     """
     _remove_left(prefix)
     maker = os.getpid()
     while not _held(folder := Path(tempfile.mkdtemp(prefix=prefix))):
-        pass  # another one took it for left behind, in the instant before it was locked
+        pass  # another process took it for left behind, in the instant before it was locked
 
     def remove() -> None:
-        if os.getpid() == maker:  # and no fork of it
+        if os.getpid() == maker:  # not in a fork of the maker
             shutil.rmtree(folder, ignore_errors=True)
 
     atexit.register(remove)
@@ -71,19 +72,19 @@ def passing(prefix: str) -> Path:
 
 
 def _held(folder: Path) -> bool:
-    """Lock the folder until this process ends; False where another one is removing it."""
+    """Whether the folder is locked until this process ends; False where another process is removing it."""
     try:
         file = os.open(folder, _FOLDER)
         fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         return os.path.samestat(os.fstat(file), folder.lstat())
     except (FileNotFoundError, BlockingIOError):
         return False
-    except OSError:  # no locks on this disk: nobody else can take it either
+    except OSError:  # no locks on this disk: no other process can lock it either
         return True
 
 
 def _remove_left(prefix: str) -> None:
-    """Remove the folders that nobody holds any more, of this user and as `passing` makes them."""
+    """Remove the folders of this user that `passing` made and that no process holds any more."""
     for folder in Path(tempfile.gettempdir()).glob(f"{prefix}*"):
         with contextlib.suppress(OSError), contextlib.ExitStack() as opened:
             file = os.open(folder, _FOLDER)
@@ -95,6 +96,7 @@ def _remove_left(prefix: str) -> None:
 
 
 def _others_write(status: os.stat_result) -> bool:
-    """Where a group has the number of the user, it is the user's alone, as most systems make it."""
+    """Whether other users can write. A group with the number of the user has this user only, as most systems make
+    it."""
     users_own = status.st_gid == status.st_uid == os.geteuid()
     return bool(status.st_mode & (stat.S_IWOTH if users_own else stat.S_IWOTH | stat.S_IWGRP))

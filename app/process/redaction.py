@@ -1,7 +1,7 @@
-"""What lets others in, taken out of text that is to be written down: tokens, links, cookies, keys.
+"""Redaction of secrets (tokens, links, cookies, keys) from text that is to be written down.
 
-They are told by where they stand and, wherever they stand, by how they look: runs of 22 or more characters with capital
-and small letters mixed as no name mixes them. `new_secret` draws no others.
+Secrets are recognized by their context and, in any context, by their form: runs of 22 or more characters with capital
+and small letters mixed as no name mixes them. `new_secret` draws only secrets of this form.
 """
 
 from __future__ import annotations
@@ -23,13 +23,13 @@ _NAME = re.compile(r"[a-z0-9_-]+|[A-Z0-9_-]+|_*(?:[A-Z][a-z]{2,})+")  # of a fil
 
 
 def new_secret(size: int = 32) -> str:
-    """A secret of `size` random bytes as characters of an address, one that `redacted` cannot take for a name."""
+    """Secret of `size` random bytes as characters of an address, one that `redacted` cannot take for a name."""
     while _NAME.fullmatch(secret := secrets.token_urlsafe(size)):
         pass
     return secret
 
 
 def redacted(text: str) -> str:
-    """The same text without secrets."""
+    """The text without its secrets."""
     named = _NAMED.sub(rf"\1{HIDDEN}", text)
     return _LONG.sub(lambda found: found[0] if _NAME.fullmatch(found[0]) else HIDDEN, named)

@@ -1,4 +1,4 @@
-"""Text on its way to a terminal or a log."""
+"""Text for a terminal or a log."""
 
 from __future__ import annotations
 
@@ -9,14 +9,15 @@ LONGEST = 1000  # characters
 
 
 def printable(text: str) -> str:
-    """One line that a terminal only shows: control characters, escape sequences and what turns the direction of
-    writing are written as Python writes them, and what is very long is cut."""
+    """One line that a terminal only shows: control characters, escape sequences and characters that turn the direction
+    of writing are written as Python writes them, and a very long text is cut."""
     shown = text if len(text) <= LONGEST else f"{text[: LONGEST - 1]}…"
     return "".join(c if c.isprintable() else c.encode("unicode_escape", "surrogatepass").decode() for c in shown)
 
 
 def say(text: str) -> None:
-    """A line on standard output, as long as somebody reads there: a terminal may have been closed, a pipe ended."""
+    """Print a line on standard output, as long as somebody reads there: a terminal may have been closed, a pipe
+    ended."""
     try:
         print(text, flush=True)
     except OSError:

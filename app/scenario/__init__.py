@@ -1,1 +1,1 @@
-"""A scenario as data: its schema, reading, writing and editing it, and what follows from it alone."""
+"""Scenario as data: its schema, reading, writing and editing it, and all that follows from it alone."""

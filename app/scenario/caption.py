@@ -1,4 +1,4 @@
-"""A scenario in a few sentences of numbers, for what stands under a figure."""
+"""Caption of a figure: its scenario in a few sentences of numbers."""
 
 from __future__ import annotations
 
@@ -13,14 +13,16 @@ from controllers.controller import Controller
 _LAW = ("A", "F_1", "F_2", "K_s")
 _MODEL_UNITS = {"M_m": " kg", "B_m": " N·s/m", "K_m": " N/m", "K_f": ""}
 _ELSEWHERE = ("name", "title", "mode", "robot", "target_model", "controller", "simulation")
-_IN_FULL = ("motion", "force")  # of these, and of springs, defaults that are not zero are said too
+_IN_FULL = ("motion", "force")  # of these, and of springs, defaults that are not zero are listed, too
 
 
 def caption(
     scenario: Scenario, controller: Controller, model: Mapping[str, np.ndarray], t_from: float, t_to: float
 ) -> str:
-    """What was run and which part is shown. controller: the scenario's; model: the matrices of (8) in force, each
-    (n, n); times in s."""
+    """Sentences on the scenario that was run and the part of the run that is shown.
+    controller: the scenario's.
+    model: the matrices of (8) in force, each (n, n).
+    t_from, t_to: s."""
     arm = scenario.robot.urdf or scenario.robot.name
     matrices = ", ".join(f"{name} = {_matrix(model[name])}{unit}" for name, unit in _MODEL_UNITS.items())
     sentences = [
@@ -34,8 +36,8 @@ def caption(
 
 
 def promised(signals: Mapping[str, np.ndarray]) -> str:
-    """What the theorem promised of ||s|| in recorded rows, and whether it was kept: one sentence. signals: s_norm,
-    s_bound, s_band (N,) m/s."""
+    """Sentence on what the theorem promised of ||s|| in recorded rows, and whether the promise was kept. signals:
+    s_norm, s_bound, s_band (N,) m/s."""
     over = signals["s_norm"] - signals["s_bound"] - signals["s_band"]
     standing = np.isfinite(over)
     if not standing.any():
@@ -58,7 +60,7 @@ def _law(scenario: Scenario, controller: Controller) -> str:
 
 
 def _section(scenario: Scenario, name: str) -> str:
-    """The kind of a section and its fields that differ from their defaults; "" when there is nothing to say."""
+    """Kind of a section and its fields that differ from their defaults; "" when there are none."""
     section: Struct = getattr(scenario, name)
     tag = section.__struct_config__.tag
     in_full = name in _IN_FULL or (name == "contact" and scenario.contact.nature.springs)

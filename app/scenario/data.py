@@ -1,4 +1,4 @@
-"""Scenarios as plain data and as TOML: read, written, edited by dotted path. Each refusal is one sentence."""
+"""Scenarios as plain data and as TOML: read, written, edited by dotted path. Each error is one sentence."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ from msgspec import Struct
 
 from app.scenario.schema import Scenario, ScenarioError, field_info, types_of
 
-LARGEST = 100_000  # bytes of a TOML file; what is shipped has 2000, and no reader of TOML is quick
+LARGEST = 100_000  # bytes of a TOML file; the shipped ones have 2000, and readers of TOML are slow
 MOST_DOTS = 300  # in a line: a key a.b.c... of 50,000 parts keeps tomllib busy for minutes
-OWN = "own"  # the kind of what a file of the user's own brings: "own:spiral" is the one that it calls "spiral"
-OWN_PARAMETERS = ("controller.own.", "surface.parameters.", "motion.parameters.")  # whose names such a file gives
+OWN = "own"  # kind of a section from a file of the user's own: "own:spiral" is the one named "spiral" there
+OWN_PARAMETERS = ("controller.own.", "surface.parameters.", "motion.parameters.")  # such a file names their fields
 DEEPEST = 16  # tables and lists within each other: a scenario has four
 
 
 def from_plain(data: object) -> Scenario:
-    """A scenario from nested dicts. Raises ScenarioError with the path of the first field that is wrong."""
+    """Scenario from nested dicts. Raises ScenarioError with the path of the first field that is wrong."""
     _refuse_unfit(data, "", 0)
     try:
         return msgspec.convert(data, Scenario)
@@ -36,7 +36,7 @@ def to_plain(scenario: Scenario) -> dict[str, Any]:
 
 
 def from_toml(text: str) -> Scenario:
-    """Raises ScenarioError for text that is no TOML or no scenario."""
+    """Scenario from TOML. Raises ScenarioError for text that is no TOML or no scenario."""
     if len(text) > LARGEST:
         raise ScenarioError(f"a TOML file of {len(text)} characters; allowed: at most {LARGEST}")
     for number, line in enumerate(text.split("\n"), start=1):
@@ -54,7 +54,7 @@ def from_toml(text: str) -> Scenario:
 
 
 def from_file(content: bytes) -> Scenario:
-    """From a TOML file's content, as it was uploaded or read. Raises ScenarioError."""
+    """Scenario from a TOML file's content, as it was uploaded or read. Raises ScenarioError."""
     if len(content) > LARGEST:
         raise ScenarioError(f"a file of {len(content) / 1e6:.3g} MB or more; allowed: at most {LARGEST / 1e6:g} MB")
     try:
@@ -64,12 +64,12 @@ def from_file(content: bytes) -> Scenario:
 
 
 def to_toml(scenario: Scenario) -> str:
-    """The whole scenario, every field written out."""
+    """TOML of the whole scenario, with every field."""
     return tomli_w.dumps(to_plain(scenario))
 
 
 def edited(scenario: Scenario, path: str, value: object) -> Scenario:
-    """A copy with the field at a dotted path replaced by plain data, e.g. ("controller.layer", 0.02).
+    """Copy of the scenario with the field at a dotted path replaced by plain data, e.g. ("controller.layer", 0.02).
 
     Raises ScenarioError.
     """
@@ -91,20 +91,20 @@ def edited(scenario: Scenario, path: str, value: object) -> Scenario:
 
 
 def of_kind(kind: str) -> dict[str, str]:
-    """A section of this kind at its defaults, as plain data; "own:name" is one of the user's own."""
+    """Section of this kind at its defaults, as plain data; "own:name" is one of the user's own."""
     own, _, name = kind.partition(":")
     return {"kind": own, "name": name} if own == OWN else {"kind": kind}
 
 
 def kind_of(section: Struct) -> str:
-    """The inverse of `of_kind`."""
+    """Kind of a section, the inverse of `of_kind`."""
     tag = str(section.__struct_config__.tag)
     return f"{tag}:{section.name}" if tag == OWN else tag  # pyright: ignore[reportAttributeAccessIssue]
 
 
 def differences(scenario: Scenario, other: Scenario) -> dict[str, tuple[Any, Any]]:
-    """The fields, by dotted path, in which two scenarios differ, with both values as plain data; None for an absent
-    one. Name and title do not count."""
+    """Fields, by dotted path, in which two scenarios differ, with both values as plain data; None for an absent one.
+    Name and title do not count."""
     one, two = _fields(to_plain(scenario), ""), _fields(to_plain(other), "")
     paths = [path for path in {**one, **two} if path not in ("name", "title")]
     return {path: (one.get(path), two.get(path)) for path in paths if one.get(path) != two.get(path)}
@@ -157,7 +157,8 @@ def _without_none(value: Any) -> Any:
 
 
 def _refuse_unfit(value: object, path: str, depth: int) -> None:
-    """What msgspec would let pass, or fall over: numbers that no float holds, and depth without end."""
+    """Raise ScenarioError for values that msgspec would accept, or fail on: numbers beyond float and 64 bits, and
+    nesting that is too deep."""
     if depth > DEEPEST:
         raise ScenarioError(f"{path:.60}…: {depth} tables or lists within each other; allowed: at most {DEEPEST}")
     if isinstance(value, float) and not (float("-inf") < value < float("inf")):
@@ -173,7 +174,7 @@ def _refuse_unfit(value: object, path: str, depth: int) -> None:
 
 
 def _sentence(message: str, data: object) -> str:
-    """msgspec's "Expected ... - at `$.a.b`" as "a.b: value; expected ..."."""
+    """Message of msgspec, "Expected ... - at `$.a.b`", as a sentence "a.b: value; expected ..."."""
     reason, _, place = message.partition(" - at `")
     path = _keys_named(place.rstrip("`").removeprefix("$").removeprefix("."), data)
     if unknown := re.fullmatch("Object contains unknown field `(.*)`", reason, re.DOTALL):
@@ -188,14 +189,14 @@ def _sentence(message: str, data: object) -> str:
     shown = "" if isinstance(value, dict) else f"{value!r:.60}; "
     if reason.startswith("Invalid enum value"):
         reason = f"allowed: {', '.join(field_info(path).choices)}"
-    if reason.startswith("Invalid value"):  # of the tag of a section that there is in several kinds
+    if reason.startswith("Invalid value"):  # the tag of a section that has several kinds
         kinds = types_of(Scenario, path.partition(".")[0])
         reason = f"allowed: {', '.join(str(kind.__struct_config__.tag) for kind in kinds)}"
     return f"{path}: {shown}{reason[:1].lower()}{reason[1:]}"
 
 
 def _keys_named(path: str, data: object) -> str:
-    """msgspec's path; where that says "[...]", the first key that is wrong: of a table of tables of numbers."""
+    """Path of msgspec with each "[...]" replaced by the first wrong key: of a table of tables of numbers."""
     for fits in (_numbers, _number):
         place, unnamed, rest = path.partition("[...]")
         if unnamed:
@@ -213,7 +214,7 @@ def _numbers(value: object) -> bool:
 
 
 def _at(path: str, data: Any) -> Any:
-    """The value at msgspec's path "a.b[0]"; an empty table where that is none."""
+    """Value at msgspec's path "a.b[0]"; an empty table where there is none."""
     try:
         for part in filter(None, path.replace("[", ".").replace("]", "").split(".")):
             data = data[int(part)] if isinstance(data, list | tuple) else data[part]
@@ -223,7 +224,7 @@ def _at(path: str, data: Any) -> Any:
 
 
 def _fields_at(path: str, data: object) -> list[str]:
-    """The fields that a section may have; of several kinds, those of the kind that is given."""
+    """Fields that a section may have; for a section of several kinds, those of the given kind."""
     structs: list[type[Struct]] = [Scenario]
     for section in filter(None, path.split(".")):
         structs = [kind for struct in structs for kind in types_of(struct, section)]

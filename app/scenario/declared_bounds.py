@@ -1,4 +1,4 @@
-"""Is the true arm one of those that the controller was told of? Only then does the theorem promise anything."""
+"""Check of the true arm against the declared bounds: the theorem promises something only for an arm within them."""
 
 from __future__ import annotations
 
@@ -13,9 +13,10 @@ ROUNDING = 1e-9
 
 
 def outside(scenario: Scenario) -> tuple[str, ...]:
-    """Each inequality between truth and declaration that is violated, with both numbers; none when all hold.
+    """Violated inequalities between truth and declaration, each with both numbers; none when all hold.
 
-    Of the force sensor only bias and noise are judged, the noise by `SPREAD`: what delay and low-pass do depends on
+    Of the force sensor only bias and noise are judged, the noise by `SPREAD`: the effect of delay and low-pass depends
+    on
     how fast the force changes.
     """
     return tuple(
@@ -43,7 +44,7 @@ def _inequalities(scenario: Scenario) -> Iterator[tuple[str, float, float, str]]
 
 
 def _noise(scenario: Scenario) -> float:
-    """Standard deviation per axis of what the sensor's low-pass lets through, N."""
+    """Standard deviation per axis of the noise after the sensor's low-pass, N."""
     sensor = scenario.sensor
     if sensor.cutoff == 0.0:
         return sensor.noise

@@ -1,6 +1,6 @@
 """Scenario: one frozen tree that says everything about a run.
 
-Every field has its bounds, unit and meaning beside it; `field_info` hands them to the screen and the documentation.
+Every field has its bounds, unit and meaning beside it; `field_info` gives them to the page and the documentation.
 Lengths of vectors depend on the robot and are checked where the objects are built (`app.simulation.system`).
 """
 
@@ -44,7 +44,7 @@ class IrregularSurface(ScenarioError):
 
 @contextmanager
 def scenario_errors(kind: type[ScenarioError] = ScenarioError) -> Iterator[None]:
-    """Within it a ValueError, which has one sentence, becomes a ScenarioError of this kind."""
+    """Context in which a ValueError, which has one sentence, becomes a ScenarioError of this kind."""
     try:
         yield
     except ScenarioError:
@@ -69,7 +69,7 @@ class Robot(Section, frozen=True, forbid_unknown_fields=True):
 
 
 class Truth(Section, frozen=True, forbid_unknown_fields=True):
-    """How the true arm differs from what the controller believes."""
+    """Differences of the true arm from the controller's model."""
 
     link_scaling: Annotated[float | Vector, field("factor on the inertia of every link, or one per link", "1")] = 1.0
     payload_mass: Annotated[float, field("point mass at the tool", "kg", ge=0, le=50)] = 0.0
@@ -98,7 +98,7 @@ class Truth(Section, frozen=True, forbid_unknown_fields=True):
 
 
 class Declared(Section, frozen=True, forbid_unknown_fields=True):
-    """The bounds of the modelling errors that the controller is told, (6)."""
+    """Bounds of the modelling errors that the controller is told, (6)."""
 
     link_scaling: Annotated[float, field("links' inertias within 1 ± this", "1", ge=0, lt=1)] = 0.0
     payload_mass: Annotated[float, field("largest payload", "kg", ge=0, le=50)] = 0.0
@@ -119,7 +119,7 @@ class TaskSpace(Section, frozen=True, forbid_unknown_fields=True):
 
 
 class TargetModel(Section, frozen=True, forbid_unknown_fields=True):
-    """(8); each matrix as n diagonal entries or n rows; a missing one takes the mode's default."""
+    """Target model (8); each matrix as n diagonal entries or n rows; a missing one takes the mode's default."""
 
     M_m: Annotated[Matrix | None, field("inertia", "kg")] = None
     B_m: Annotated[Matrix | None, field("damping", "N·s/m")] = None
@@ -128,7 +128,7 @@ class TargetModel(Section, frozen=True, forbid_unknown_fields=True):
 
 
 class Blend(Section, frozen=True, forbid_unknown_fields=True):
-    """A convex blend from `target_model` to another one in the course of the run; none while `to` has no matrix."""
+    """Convex blend from `target_model` to another one in the course of the run; none while `to` has no matrix."""
 
     to: Annotated[TargetModel, field("the model at its end; a missing matrix is that of target_model", "")] = (
         msgspec.field(default_factory=TargetModel)
@@ -175,7 +175,7 @@ class Controller(Section, frozen=True, forbid_unknown_fields=True):
 
 
 class Contact(Section, frozen=True, forbid_unknown_fields=True):
-    """What the tool meets at the surface."""
+    """Contact between the tool and the surface."""
 
     kind: Annotated[ContactName, field("nothing, (32), (28), or (39)", "")] = "free"
     K_e: Annotated[float, field("stiffness", "N/m", ge=0, le=1e7)] = 10000.0
@@ -187,12 +187,12 @@ class Contact(Section, frozen=True, forbid_unknown_fields=True):
 
     @property
     def nature(self) -> ContactKind:
-        """What there is to know of its kind."""
+        """Properties of its kind."""
         return CONTACTS[self.kind]
 
 
 class Shift(Section, frozen=True, forbid_unknown_fields=True):
-    """The desired motion moved as a whole; a change is made smoothly, so that r_d keeps two derivatives."""
+    """Shift of the desired motion as a whole; a change is made smoothly, so that r_d keeps two derivatives."""
 
     by: Annotated[Vector, field("by how much, along x, y, z or the tangents", "m")] = (0.0,)
     duration: Annotated[float, field("time that the move takes, from the start or the change on", "s", gt=0, le=60)] = (
@@ -201,7 +201,7 @@ class Shift(Section, frozen=True, forbid_unknown_fields=True):
 
 
 class Simulation(Section, frozen=True, forbid_unknown_fields=True):
-    """How the run is computed and when it ends."""
+    """Computation of the run, and its end."""
 
     duration: Annotated[float, field("simulated time of a headless run", "s", gt=0, le=36000)] = 10.0
     seed: Annotated[int, field("of the sensor's noise", "", ge=0, le=2**63 - 1)] = 0
@@ -214,7 +214,7 @@ class Simulation(Section, frozen=True, forbid_unknown_fields=True):
 
 
 class Scenario(Struct, frozen=True, forbid_unknown_fields=True):
-    """One run, whole."""
+    """Scenario of one run: all its sections."""
 
     name: Name = "unnamed"
     title: Name = ""
@@ -239,7 +239,7 @@ class Scenario(Struct, frozen=True, forbid_unknown_fields=True):
 
 
 def after_blend(scenario: Scenario) -> Scenario:
-    """The scenario once its blend has ended: with the target model that it led to, and none ahead."""
+    """The scenario once its blend has ended: with the blend's last target model, and no further blend."""
     to = {name: matrix for name, matrix in msgspec.structs.asdict(scenario.blend.to).items() if matrix is not None}
     model = msgspec.structs.replace(scenario.target_model, **to)
     return msgspec.structs.replace(scenario, target_model=model, blend=Blend())
@@ -247,8 +247,10 @@ def after_blend(scenario: Scenario) -> Scenario:
 
 @dataclass(frozen=True)
 class FieldInfo:
-    """What the screen and the documentation say of a field; bounds are None where there are none; widget: how the page
-    shows it, None where its panel says; text: whether it is a text."""
+    """Facts of a field that the page and the documentation show.
+    least, largest: bounds, None where there are none.
+    widget: its display on the page, None where a panel of the page decides that.
+    text: whether the field is a text."""
 
     doc: str
     unit: str
@@ -260,7 +262,7 @@ class FieldInfo:
 
 
 def field_info(path: str) -> FieldInfo:
-    """The facts of the field at a dotted path; in a section of several kinds, of the first kind that has it."""
+    """Facts of the field at a dotted path; in a section of several kinds, those of the first kind that has it."""
     candidates: list[type[Struct]] = [Scenario]
     *sections, last = path.split(".")
     for section in sections:
@@ -291,7 +293,7 @@ def _info(metadata: msgspec.inspect.Metadata) -> FieldInfo:
 
 
 def types_of(struct: type[Struct], name: str) -> list[type[Struct]]:
-    """The structs that a field may hold: one for a section, several for a section of several kinds, else none."""
+    """Structs that a field may hold: one for a section, several for a section of several kinds, else none."""
     kind = next((f.type for f in _schema(struct).fields if f.name == name), None)
     kinds = kind.types if isinstance(kind, msgspec.inspect.UnionType) else [kind]
     return [k.cls for k in kinds if isinstance(k, msgspec.inspect.StructType)]
@@ -299,5 +301,5 @@ def types_of(struct: type[Struct], name: str) -> list[type[Struct]]:
 
 @cache
 def _schema(struct: type[Struct]) -> msgspec.inspect.StructType:
-    """What msgspec says of a struct; it translates all that lies below, which is worth doing once."""
+    """msgspec's description of a struct, cached: msgspec translates the whole tree below the struct."""
     return cast(msgspec.inspect.StructType, msgspec.inspect.type_info(struct))

@@ -1,4 +1,4 @@
-"""The units in which the screen and the tables show quantities of the task space."""
+"""Units in which the page and the tables show quantities of the task space."""
 
 from __future__ import annotations
 
@@ -6,7 +6,8 @@ from typing import NamedTuple
 
 
 class Units(NamedTuple):
-    """Of a thousandth of r, of a thousandth of r_dot or s, and of a generalised force such as d."""
+    """Units of a task space: of a thousandth of r, of a thousandth of r_dot or s, and of a generalised force such as
+    d."""
 
     error: str
     rate: str
@@ -14,12 +15,12 @@ class Units(NamedTuple):
 
     @property
     def coordinate(self) -> str:
-        """Of r itself."""
+        """Unit of r."""
         return self.error.removeprefix("m")
 
     @property
     def speed(self) -> str:
-        """Of r_dot and s themselves."""
+        """Unit of r_dot and s."""
         return self.rate.removeprefix("m")
 
 

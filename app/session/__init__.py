@@ -1,1 +1,2 @@
-"""One run that people look at: its thread, commands, snapshots, past, previews and autosave; or none at all."""
+"""Session: one run that people look at, with its thread, commands, snapshots, past, previews and autosave; or a
+headless run."""

@@ -1,9 +1,9 @@
-"""The session on disk: its scenario and pinned runs, so that a server that is started again can offer them.
+"""Autosave of the session on disk: its scenario and pinned runs, so that a server that is started again can offer them.
 
-A folder has `session.json`, what the server that uses it is at; `offer.json`, what an earlier one was at, until it is
-taken up, refused or replaced; and for every pinned run that one of them names a file of its own. Each file is
-there as a whole or not at all, and an index is written after what it names: whenever a process is
-killed, what it leaves is whole, either as before or as after a change.
+A folder has `session.json`, the session of the server that uses it; `offer.json`, that of an earlier server, until it
+is restored, refused or replaced; and a file for every pinned run that one of the two names. Each file is there as a
+whole or not at all, and an index is written after the files that it names: whenever a process is killed, the folder is
+consistent, either as before or as after a change.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ from app.storage.session_index import OFFER, SESSION, Index, SavedRun, StateErro
 log = structlog.get_logger()
 
 ASIDE = "set-aside-"
-EVERY = 0.5  # s, between two looks at the run; what changes all the time is saved when it has rested that long,
+EVERY = 0.5  # s, between two looks at the run; a state that keeps changing is saved after that long without a change,
 LATEST = 5.0  # s, or at the latest after this
 _PRIVATE = 0o600
 _RUN_FILE = re.compile(r"run-[0-9a-f]{32}\.npz")
@@ -41,7 +41,8 @@ _RUN_FILE = re.compile(r"run-[0-9a-f]{32}\.npz")
 
 @dataclass(frozen=True)
 class Offer:
-    """What an earlier server was at: its scenario, how many runs were pinned, when it was saved (s since 1970)."""
+    """Session of an earlier server, offered on the page: its scenario, its pinned runs, when it was saved (s since
+    1970)."""
 
     scenario: Scenario
     runs: tuple[SavedRun, ...]
@@ -49,7 +50,7 @@ class Offer:
 
 
 class StateFolder:
-    """A folder that only this process uses, as long as it lives or until `close`.
+    """A folder that only this process uses, until it ends or `close` is called.
 
     `problem` is a sentence about an earlier session that cannot be read, "" where there is none. Not to be used by two
     threads at once. Raises StateError when another process uses the folder or it cannot be written.
@@ -69,18 +70,20 @@ class StateFolder:
             raise StateError(f"--state-dir {path}: cannot be written: {error.strerror}") from error
 
     def close(self) -> None:
-        """Leave the folder to others."""
+        """Unlock the folder for other processes."""
         os.close(self._lock)
 
     def offer(self) -> Offer | None:
-        """What an earlier server was at, None where there is nothing that can be read."""
+        """Session of an earlier server, None where there is none that can be read."""
         index = self._readable(OFFER)
         return None if index is None else Offer(from_toml(index.scenario), tuple(index.pinned), index.saved)
 
     def taken_up(self, offer: Offer) -> tuple[tuple[Pinned, ...], str]:
-        """The runs that were pinned, and a sentence about those that cannot be read, which are set aside.
+        """Pinned runs of an offer that is restored, and a sentence about those that cannot be read, which are set
+        aside.
 
-        It takes seconds. The offer goes when something is saved; it stays when its scenario cannot run now: raises
+        It takes seconds. The offer is removed when something is saved; it stays when its scenario cannot run now:
+        raises
         ScenarioError.
         """
         ClosedLoop(offer.scenario, history=1)
@@ -89,7 +92,7 @@ class StateFolder:
         for saved in offer.runs:
             try:
                 runs.append((_pinned(saved, self._run_file(saved)), saved.file))
-            except Exception as error:  # whatever is in that file: the others, and the scenario, are as good
+            except Exception as error:  # whatever is in that file: the others, and the scenario, are still good
                 reason = str(error) if isinstance(error, ScenarioError | StateError) else f"{type(error).__name__}"
                 log.warning("saved run unreadable", file=saved.file, reason=reason)
                 self._set_aside(saved)
@@ -98,12 +101,12 @@ class StateFolder:
         return tuple(run for run, _ in runs), "; ".join(problems)
 
     def refuse_offer(self) -> None:
-        """It was not wanted. Raises OSError."""
+        """Remove the offer, which was not wanted. Raises OSError."""
         (self.path / OFFER).unlink(missing_ok=True)
         self._tidy()
 
     def save(self, scenario: Scenario, pinned: tuple[Pinned, ...]) -> None:
-        """Replace what was saved of this session. Raises OSError; then what could be saved is."""
+        """Replace what was saved of this session. Raises OSError after saving as much as possible."""
         kept, failure = [], None
         for run in pinned:
             name = next((name for known, name in self._kept if known is run), None)
@@ -124,13 +127,13 @@ class StateFolder:
 
     def _write_run(self, run: Pinned) -> str:
         name = f"run-{uuid.uuid4().hex}.npz"
-        # as it is: to compress it would take cores from the loop for seconds
+        # not compressed: that would take cores from the loop for seconds
         data = table(run.scenario, run.recording)
         write_whole(self.path / name, lambda file: write_npz(data, file, level=0), _PRIVATE)
         return name
 
     def _readable(self, name: str) -> Index | None:
-        """An index, None where there is none; what is no index is set aside, with a sentence."""
+        """Index in a file, None where there is none; a file that is no index is set aside, with a sentence."""
         path = self.path / name
         try:
             return _read(path)
@@ -154,7 +157,7 @@ class StateFolder:
         return self.path / run.file
 
     def _tidy(self) -> None:
-        """Remove what a killed process was writing, and runs that no index names any more."""
+        """Remove unfinished files of a killed process, and runs that no index names any more."""
         named = {name for _, name in self._kept}
         for name in (SESSION, OFFER):
             index = self._readable(name)
@@ -166,10 +169,11 @@ class StateFolder:
 
 
 class Autosave:
-    """Autosave of scenario and pinned runs as they change, in a thread of its own. What a run begins with is no change.
+    """Autosave of scenario and pinned runs as they change, in a thread of its own. The state at the beginning of a run
+    is no change.
 
-    complain: is told in a sentence, once until it goes well again, that it cannot be saved. begun: the run has begun
-    before, so that it is saved as it is.
+    complain: called with a sentence when saving fails, once until it succeeds again.
+    begun: the run has begun before, so that its state is saved at once.
     """
 
     def __init__(
@@ -199,7 +203,7 @@ class Autosave:
         """Save what has not been saved yet, and leave the folder."""
         self._closing.set()
         self._thread.join()
-        if self._failing:  # by now there may be room again
+        if self._failing:  # there may be room on the disk again
             self._saved = None
         self._keep(_subject(self._look()))
         self._folder.close()
@@ -238,7 +242,7 @@ _Subject = tuple[Scenario, tuple[Pinned, ...]]
 
 
 def default_folder() -> Path:
-    """`$XDG_STATE_HOME/vsmrc-lab`, by default below ~/.local/state."""
+    """Default state folder: `$XDG_STATE_HOME/vsmrc-lab`, by default below ~/.local/state."""
     return Path(os.environ.get("XDG_STATE_HOME") or Path.home() / ".local" / "state") / "vsmrc-lab"
 
 
@@ -255,7 +259,7 @@ def _same(subject: _Subject, other: _Subject | None) -> bool:
 
 
 def _read(path: Path) -> Index:
-    """Raises FileNotFoundError, StateError and ScenarioError."""
+    """Index in a file, with a valid scenario. Raises FileNotFoundError, StateError and ScenarioError."""
     index = decoded(path)
     from_toml(index.scenario)
     return index
@@ -266,6 +270,6 @@ def _pinned(saved: SavedRun, path: Path) -> Pinned:
     loop = ClosedLoop(scenario, history=1)
     if recording.n != loop.system.layout.n or not len(recording):
         raise StateError(f"{path} does not fit its own scenario")
-    # a file does not tell what was changed during the run
+    # a file does not hold the changes during the run
     recording.epochs.extend(replace(epoch, t=recording.first) for epoch in loop.recording.epochs)
     return Pinned(saved.number, loop.system, recording, saved.t)

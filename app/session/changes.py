@@ -1,4 +1,4 @@
-"""Changes of a scenario that take along what depends on them: another mode, arm, surface or target model."""
+"""Changes of a scenario that also change what depends on them: another mode, arm, surface or target model."""
 
 from __future__ import annotations
 
@@ -39,9 +39,10 @@ _Built = TypeVar("_Built")
 
 
 def in_mode(scenario: Scenario, mode_name: str) -> Scenario:
-    """The scenario in another mode, with what that mode cannot keep (target model, contact) set to its defaults.
+    """The scenario in another mode; target model and contact are set to the mode's defaults where the mode cannot keep
+    them.
 
-    Of its path it keeps what lies along the coordinates that are free then. Raises ScenarioError for an unknown mode.
+    It keeps the part of the path that lies along the coordinates that are free in that mode. Raises ScenarioError for an unknown mode.
     """
     data = to_plain(edited(scenario, "mode", mode_name))
     mode = modes.MODES[mode_name]
@@ -54,8 +55,8 @@ def in_mode(scenario: Scenario, mode_name: str) -> Scenario:
 
 
 def possible(scenario: Scenario, build: Callable[[Scenario], _Built]) -> _Built:
-    """What `build` makes of the scenario, or of the nearest one that the arm can run: with its path at half its size,
-    a quarter and so on, with a constant gain, and with its surface as it is shaped by default.
+    """Result of `build` for the scenario, or for the nearest one that the arm can run: with its path at half its size,
+    a quarter and so on, with a constant gain, or with a surface of the same kind at its defaults.
 
     Raises ScenarioError where none can be built.
     """
@@ -78,8 +79,9 @@ def possible(scenario: Scenario, build: Callable[[Scenario], _Built]) -> _Built:
 
 
 def told(asked: Scenario, done: Scenario) -> str:
-    """What a change of mode, arm or surface has adapted, in one sentence; "" for nothing. asked: the scenario with that
-    change alone; done: the one that runs."""
+    """Sentence on the fields that a change of mode, arm or surface has adapted; "" for none.
+    asked: the scenario with that change alone.
+    done: the scenario that runs."""
     adapted: list[str] = []
     for section in ("motion", "contact", "task_space", "surface"):
         old, new = getattr(asked, section), getattr(done, section)
@@ -120,9 +122,9 @@ def on_robot(scenario: Scenario, name: str) -> Scenario:
 def with_robot(scenario: Scenario, changes: Mapping[str, object]) -> Scenario:
     """The scenario with other fields of `robot`, by name, None for a default.
 
-    Another arm keeps nothing of the old one's fields nor the scenario's name, another tool frame only the arm; what
-    depends on the number of joints is at its defaults then. In a mode on a surface the surface is brought to where the
-    tool is now. Raises ScenarioError for a field that there is not, and for an arm that cannot be had.
+    Another arm keeps no field of the old one and not the scenario's name; another tool frame keeps only the arm; fields
+    that depend on the number of joints are at their defaults then. In a mode on a surface the surface is brought to the
+    present place of the tool. Raises ScenarioError for an unknown field, and for an arm that cannot be built.
     """
     fields = Robot.__struct_fields__
     if unknown := [name for name in changes if name not in fields]:
@@ -155,7 +157,7 @@ def _title(robot: Robot) -> str:
 
 def on_surface(scenario: Scenario, kind: str) -> Scenario:
     """The scenario with another kind of surface at its defaults, as far from the tool as the one before, but no farther
-    than `NEAR`, and moving as it did; as a formula a wave below the tool, in the world's coordinates.
+    than `NEAR`, and with its motion; as a formula, a wave below the tool, in the world's coordinates.
 
     Raises ScenarioError for an unknown kind.
     """
@@ -169,8 +171,9 @@ def on_surface(scenario: Scenario, kind: str) -> Scenario:
 
 
 def _adapted(before: Scenario, scenario: Scenario) -> Scenario:
-    """In a mode on a surface: the surface brought to the tool when it is farther away than `NEAR`; and in any mode that
-    part of the path which lies in the free coordinates of now. before: the scenario whose path it is."""
+    """The scenario with the part of the path that lies in its free coordinates and, in a mode on a surface, with the
+    surface brought to the tool when it is farther away than `NEAR`.
+    before: the scenario that the path was made for."""
     if modes.MODES[scenario.mode].on_surface:
         _, p = _start(scenario)
         for _ in range(3):  # far from a typed surface the distance is known only roughly
@@ -196,7 +199,7 @@ def _free_directions(scenario: Scenario) -> np.ndarray:
 
 
 def _start(scenario: Scenario) -> tuple[robots.Robot, np.ndarray]:
-    """The arm, and where its tool begins, (3,) m. Raises ScenarioError for an arm that cannot be had."""
+    """The arm, and the tool's place at the start, (3,) m. Raises ScenarioError for an arm that cannot be built."""
     try:
         robot = robot_of(scenario)
     except RobotError as error:
@@ -215,7 +218,7 @@ def pushed(scenario: Scenario, t: float) -> Scenario:
 def blending_to(scenario: Scenario, other: Scenario, at: float, over: float) -> Scenario:
     """The scenario with a blend to the target model of another one, at and over in s.
 
-    Raises ScenarioError where the other is of another mode, or its model has not as many coordinates.
+    Raises ScenarioError where the other scenario has another mode, or its model has not as many coordinates.
     """
     if other.mode != scenario.mode:
         raise ScenarioError(f"blend.to: a target model of {other.mode} mode; allowed: one of {scenario.mode} mode")

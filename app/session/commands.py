@@ -1,4 +1,4 @@
-"""What may be asked of a running loop: frozen commands, carried out between two control periods."""
+"""Commands to a running loop: frozen, and carried out between two control periods."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from environments.push import Grip
 
 @dataclass(frozen=True)
 class Play:
-    """Go on."""
+    """Let the run go on."""
 
 
 @dataclass(frozen=True)
@@ -22,7 +22,7 @@ class Pause:
 
 @dataclass(frozen=True)
 class StepOnce:
-    """One control period, then hold."""
+    """Compute one control period, then hold."""
 
 
 @dataclass(frozen=True)
@@ -39,7 +39,7 @@ class Seek:
 
 @dataclass(frozen=True)
 class ToEnd:
-    """Look at the run where it has come to."""
+    """Look at the run at its end."""
 
 
 @dataclass(frozen=True)
@@ -61,21 +61,21 @@ class Unpin:
 
 @dataclass(frozen=True)
 class SetSpeed:
-    """Simulated seconds per second."""
+    """Set the simulated seconds per second."""
 
     factor: float
 
 
 @dataclass(frozen=True)
 class Load:
-    """Another scenario, whole."""
+    """Load another scenario."""
 
     scenario: Scenario
 
 
 @dataclass(frozen=True)
 class Continue:
-    """Another scenario, and with it the pinned runs of the session that it was left in."""
+    """Load another scenario, with the pinned runs of the session that it was left in."""
 
     scenario: Scenario
     pinned: tuple[Pinned, ...]
@@ -83,8 +83,8 @@ class Continue:
 
 @dataclass(frozen=True)
 class Edit:
-    """One field of the scenario by its dotted path, with plain data. Mode, fields of `robot` and kind of surface bring
-    along what depends on them: see `changes.in_mode`, `with_robot`, `on_surface`."""
+    """Change one field of the scenario by its dotted path, with plain data. Mode, fields of `robot` and kind of surface
+    also change what depends on them: see `changes.in_mode`, `with_robot`, `on_surface`."""
 
     path: str
     value: object
@@ -92,8 +92,8 @@ class Edit:
 
 @dataclass(frozen=True)
 class Blend:
-    """Go over to another target model within `over` s, from now on: its matrices by name, as plain data; one that is
-    missing stays. Refused where a model on the way is unstable."""
+    """Blend to another target model within `over` s, from now on: its matrices by name, as plain data; a missing one
+    stays. Refused where a model on the way is unstable."""
 
     model: Mapping[str, object]
     over: float
@@ -106,7 +106,8 @@ class PushNow:
 
 @dataclass(frozen=True)
 class Push:
-    """A hand takes hold of the tool, or moves on, or lets go (None). Pause, and whatever begins a run, let go, too."""
+    """Push the tool by hand: take hold of it, move on, or let go (None). Pause, and every command that begins a run,
+    let go, too."""
 
     grip: Grip | None
 

@@ -1,8 +1,8 @@
-"""The ghost: where the arm would be if the target model (8) held exactly, for drawing beside the real one.
+"""The ghost: the arm as it would be if the target model (8) held exactly, for drawing beside the real one.
 
-The motion error of the ghost solves M_m e'' + B_m e' + K_m e = -K_f e_Fc with the force error as recorded, from the
-arm's own state at the last change of the scenario on; the ghost stands at r_d + e. So what parts it from the arm
-solves (8) with nothing but the residual on the right side, in every mode and against every surface, and pushed by hand.
+The motion error of the ghost solves M_m e'' + B_m e' + K_m e = -K_f e_Fc with the recorded force error, starting from
+the arm's own state at the last change of the scenario; the ghost stands at r_d + e. So the difference between ghost and
+arm solves (8) with only the residual on the right side, in every mode and against every surface, and pushed by hand.
 """
 
 from __future__ import annotations
@@ -19,15 +19,16 @@ from controllers.blend import ModelBlend
 from controllers.nominal_model import NominalModel
 
 DRAWN = ("t", "q", "r_d", "e_r", "e_r_dot", "F_c", "F_cd", "tool")
-REACH_BACK = 5.0  # s: a ghost that is switched on later begins so long ago at most
-BLENDED = 0.02  # s: for so long a model on the way of a blend stands for its neighbours
+REACH_BACK = 5.0  # s: a ghost that is switched on later begins at most so long ago
+BLENDED = 0.02  # s: during a blend, one model is used for so long
 NEWTON_STEPS, CLOSE = 8, 1e-9  # m
-FAR = 1.0  # rad: a posture beyond this from the last one is none of the same arm's
+FAR = 1.0  # rad: a posture farther than this from the last one is another solution
 
 
 @dataclass(frozen=True)
 class Shade:
-    """The ghost at time t (s): q (n,) rad, its tool point (3,) m, and how far the arm's own is from that, m."""
+    """The ghost at time t (s): q (n,) rad, its tool point (3,) m, and the distance of the arm's own tool point from it,
+    m."""
 
     t: float
     q: np.ndarray
@@ -37,8 +38,8 @@ class Shade:
 
 @dataclass
 class _Run:
-    """The ghost of the run since one change: its response, that of one model or of those of a blend, sampled with the
-    period (s), its arm, and where it is. x as in `IdealResponse`."""
+    """The ghost of the run since one change: its response, of one model or of those of a blend, sampled with the period
+    (s), its arm, and its state. x as in `IdealResponse`."""
 
     key: object
     response: IdealResponse
@@ -51,28 +52,28 @@ class _Run:
 
 
 class Ghost:
-    """Follows a run as far as it is recorded; for one thread, not the loop's."""
+    """Ghost of a run, computed as far as the run is recorded; for one thread, not the loop's."""
 
     def __init__(self) -> None:
         self._run: _Run | None = None
 
     def follow(self, snapshot: Snapshot) -> Shade | None:
-        """Where the ghost is at the last recorded instant of a snapshot; None before there is one, and where its arm
-        cannot be as (8) wants it."""
+        """The ghost at the last recorded instant of a snapshot; None before there is one, and where its arm cannot
+        reach the position given by (8)."""
         run, period = self._run, snapshot.scenario.controller.period
         if run is None or run.key != self._key(snapshot) or not run.t <= snapshot.t <= run.t + REACH_BACK:
             run = self._run = self._begun(snapshot)
         if run is None:
             return None
         rows = _rows(snapshot.recording, run.t - 0.5 * period, snapshot.t)
-        if not len(rows["t"]) or np.ptp(rows["t"]) > 1.5 * period * len(rows["t"]):  # nothing, or thinned by now
+        if not len(rows["t"]) or np.ptp(rows["t"]) > 1.5 * period * len(rows["t"]):  # no rows, or already thinned
             return None
         run.x = self._onward(run, rows["t"], rows["F_c"] - rows["F_cd"])
         run.t = t = float(rows["t"][-1])
         return self._shade(run, rows["r_d"][-1] + run.x[: len(run.q)], t, rows["tool"][-1])
 
     def _onward(self, run: _Run, t: np.ndarray, e_Fc: np.ndarray) -> np.ndarray:
-        """x at the last of the instants t (N, 1) s; on the way of a blend by the model in the middle of each piece."""
+        """x at the last of the instants t (N, 1) s; during a blend by the model in the middle of each piece."""
         if run.blend is None:
             return run.response.onward(run.x, e_Fc)
         x, size = run.x, max(1, round(BLENDED / run.period))
@@ -91,7 +92,7 @@ class Ghost:
         if not len(rows["t"]):
             return None
         robot, period = snapshot.robot, snapshot.scenario.controller.period
-        nominal = NominalModel(robot.model, robot.tool_joint, robot.tool_placement)  # the loop's one is the loop's
+        nominal = NominalModel(robot.model, robot.tool_joint, robot.tool_placement)  # the loop keeps its own
         return _Run(
             key=self._key(snapshot),
             response=IdealResponse.of(snapshot.matrices, period),
@@ -104,7 +105,8 @@ class Ghost:
         )
 
     def _shade(self, run: _Run, r: np.ndarray, t: float, tool: np.ndarray) -> Shade | None:
-        """The posture with these coordinates by Newton's method from the last one."""
+        """The ghost in the posture with these coordinates, by Newton's method from the last posture; None where there
+        is none."""
         q, rest = run.q, np.zeros_like(run.q)
         for _ in range(NEWTON_STEPS):
             try:
@@ -122,6 +124,6 @@ class Ghost:
 
 
 def _rows(recording: Recording, t_from: float, t_to: float) -> dict[str, np.ndarray]:
-    """Signals of all rows of a stretch, one row of n coordinates each, also where n is 1."""
+    """Signals of all rows of a stretch, each (N, n), also where n is 1."""
     rows = recording.rows(t_from, t_to)
     return {name: rows[:, recording.columns[name]] for name in DRAWN} | {"t": rows[:, 0]}

@@ -1,4 +1,4 @@
-"""A run without a screen, and the files that it leaves."""
+"""Headless run: a run without a screen, and its files."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ from app.storage.recording_files import table, write_npz
 def simulate(
     scenario: Scenario, *, show_progress: bool = False, previous: System | None = None, memory: Memory | None = None
 ) -> tuple[ClosedLoop, Metrics]:
-    """The whole duration of a scenario, or until it stops; parts of `previous` that are the same are used again,
-    and what `memory` knows.
+    """Run of the whole duration of a scenario, or until it stops; equal parts of `previous` are used again, and the
+    results that `memory` has.
 
     Raises ScenarioError.
     """
@@ -41,7 +41,8 @@ def simulate(
 
 
 def write(loop: ClosedLoop, metrics: Metrics, out: Path) -> None:
-    """recording.npz, metrics.json and scenario.toml, as the run began, in the folder `out`, which is made.
+    """Write recording.npz, metrics.json and scenario.toml, as at the run's beginning, to the folder `out`, which is
+    made.
 
     Raises OSError.
     """

@@ -1,4 +1,5 @@
-"""Simulated against wall time: when each step is due, how late it was computed, and the rate that was achieved."""
+"""Pacing of simulated time against wall time: when each step is due, how late it was computed, and the achieved
+rate."""
 
 from __future__ import annotations
 
@@ -11,7 +12,8 @@ SLOWED = 0.97  # of the rate asked for: below it simulated time visibly falls be
 
 
 class Schedule(NamedTuple):
-    """Simulated time t (s) is due at wall time wall + (t - t_0) / speed (s of `time.perf_counter`)."""
+    """Schedule of the steps: simulated time t (s) is due at wall time wall + (t - t_0) / speed (s of
+    `time.perf_counter`)."""
 
     wall: float
     t_0: float
@@ -22,13 +24,15 @@ class Schedule(NamedTuple):
         return self.wall + (t - self.t_0) / self.speed
 
     def target(self, now: float) -> float:
-        """Simulated time that ought to be reached by now."""
+        """Simulated time that is due now."""
         return self.t_0 + (now - self.wall) * self.speed
 
 
 class Pace(NamedTuple):
-    """asked, achieved: control steps per second of wall time, over so many `seconds`; lateness of a step, when it was
-    computed minus when it was due: its median and largest value, s."""
+    """Pace of the loop.
+    asked, achieved: control steps per second of wall time, over so many `seconds`.
+    late_median, late_most: lateness of a step, when it was computed minus when it was due: its median and largest
+    value, s."""
 
     asked: float
     achieved: float
@@ -38,14 +42,15 @@ class Pace(NamedTuple):
 
     @property
     def slowed(self) -> bool:
-        """Whether simulated time runs more slowly than it should; the step under way does not count against it."""
+        """Whether simulated time runs more slowly than it should; the step in progress does not count against it."""
         return self.achieved + 1.0 / self.seconds < SLOWED * self.asked
 
 
 class PaceMeter:
-    """Notes each batch of steps by its bounds: always on, so it must cost nothing per step.
+    """Meter of the pace: notes each batch of steps by its bounds. It is always on, so it must cost nothing per step.
 
-    One thread notes. A row: wall times of beginning and end, s; number of steps; lateness of the first and the last, s.
+    Only one thread notes. A row: wall times of beginning and end, s; number of steps; lateness of the first and the
+    last, s.
     """
 
     def __init__(self, kept: int = KEPT) -> None:
@@ -53,7 +58,7 @@ class PaceMeter:
         self._noted = 0
 
     def note(self, schedule: Schedule, began: float, ended: float, first: float, last: float, steps: int) -> None:
-        """A batch of steps, computed from `began` to `ended`, ending at simulated times `first` to `last` s."""
+        """Note a batch of steps, computed from `began` to `ended`, ending at simulated times `first` to `last` s."""
         first_computed = began + (ended - began) / steps
         self._batches[self._noted % len(self._batches)] = (
             began,
@@ -65,9 +70,9 @@ class PaceMeter:
         self._noted += 1
 
     def lateness(self, since: float) -> np.ndarray:
-        """Of every step computed since that wall time, oldest batch first, as far as it is kept: (N,) s.
+        """Lateness (N,) s of every step computed since that wall time, oldest batch first, as far as it is kept.
 
-        Between the first and the last of a batch steps are taken to be equally long.
+        The steps between the first and the last of a batch are taken to be equally long.
         """
         batches = self._since(since)
         counts = batches[:, 2].astype(int)
@@ -77,7 +82,7 @@ class PaceMeter:
         return first + share * (last - first)
 
     def pace(self, since: float, now: float, asked: float) -> Pace:
-        """Since that wall time. asked: steps per second."""
+        """Pace since that wall time. asked: steps per second."""
         late = self.lateness(since)
         if not len(late):
             return Pace(asked, 0.0, 0.0, 0.0, now - since)

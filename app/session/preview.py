@@ -1,4 +1,5 @@
-"""What if: the next seconds of a run under an edited scenario, from where it stands; no thread, no screen, no file."""
+"""Preview (what if): the next seconds of a run under an edited scenario, from its present state; no thread, no screen,
+no file."""
 
 from __future__ import annotations
 
@@ -15,15 +16,15 @@ from app.simulation.search_memory import Memory
 from app.simulation.state import State
 from app.simulation.system import System
 
-POINTS = 200  # about what a plot has pixels for ahead of now
+POINTS = 200  # about the number of pixels that a plot has ahead of now
 FORCE_RESOLUTION, MOTION_RESOLUTION = 0.1, 5e-5  # N, m: the ripple of a settled loop is no transient
 STEADY = 1e-6  # N, by which a constant desired force may vary in the tail
 
 
 @dataclass(frozen=True)
 class Question:
-    """What would the next `horizon` s be, from `state` on under `scenario`? Numbers grow. partial: an answer on the way
-    is wanted too, and given even when a newer question is waiting."""
+    """Request for a preview: the next `horizon` s from `state` on under `scenario`. Numbers grow.
+    partial: an intermediate answer is wanted, too, and given even when a newer question is waiting."""
 
     number: int
     state: State
@@ -33,11 +34,12 @@ class Question:
 
 
 class Figures(Struct, frozen=True):
-    """Final values, as far as the preview reaches; None where a figure has no meaning in the mode, inf for never."""
+    """Figures of a preview: final values, as far as it reaches; None where a figure has no meaning in the mode, inf for
+    never."""
 
     span: float  # s ahead of now that these figures look at
     force_error: float | None  # mean of f_n - f_nd over the tail, N
-    force_error_predicted: float | None  # what (37) says of it, for a constant desired force, N
+    force_error_predicted: float | None  # the same by (37), for a constant desired force, N
     force_settling: float | None  # s, see `metrics.settling_time`
     motion_error: float  # largest in the tail, m
     motion_settling: float  # s
@@ -49,8 +51,11 @@ class Figures(Struct, frozen=True):
 
 @dataclass(frozen=True)
 class Outlook:
-    """An answer, or the beginning of one unless `whole`. ahead (N,) s after now; signals: those of a recording, at
-    these instants; epochs: what they were computed under; restarts: the edit begins the scenario anew."""
+    """Answer to a question, or the beginning of one unless `whole`.
+    ahead: (N,) s after now.
+    signals: those of a recording, at these instants.
+    epochs: those that the signals were computed under.
+    restarts: the edit begins the scenario anew."""
 
     number: int
     scenario: Scenario
@@ -64,7 +69,7 @@ class Outlook:
 
 @dataclass(frozen=True)
 class Refusal:
-    """The question's scenario cannot be used; one sentence."""
+    """Refusal of a question whose scenario cannot be used; one sentence."""
 
     number: int
     sentence: str
@@ -72,12 +77,12 @@ class Refusal:
 
 @dataclass(frozen=True)
 class Hurry:
-    """To the one who answers: a newer question is waiting, or none counts any more."""
+    """Message to the preview process: a newer question is waiting, or no answer is wanted any more."""
 
 
 @dataclass(frozen=True)
 class Done:
-    """From the one who answers: ready for the next question."""
+    """Message from the preview process: ready for the next question."""
 
 
 class Foresight:
@@ -98,17 +103,17 @@ class Foresight:
 
     @property
     def share(self) -> float:
-        """How much of the horizon is computed, 0 to 1; a run that has stopped is computed."""
+        """Share of the horizon that is computed, 0 to 1; 1 for a run that has stopped."""
         return 1.0 if self._loop.stopped else len(self._loop.recording) / self._rows
 
     def advance(self, steps: int) -> None:
-        """That many control periods on, or until the horizon."""
+        """Compute that many control periods, or up to the horizon."""
         loop = self._loop
         for _ in range(min(steps, self._rows - len(loop.recording))):
             loop.advance()
 
     def outlook(self) -> Outlook | Refusal:
-        """What is computed by now."""
+        """Outlook of what has been computed so far."""
         number, recording = self.question.number, self._loop.recording
         if not len(recording):
             return Refusal(number, f"nothing lies ahead: {self._loop.stopped or 'no control period is computed yet'}")
@@ -152,22 +157,22 @@ class Foresight:
 
 
 def _unpromised(loop: ClosedLoop) -> str | None:
-    """That nothing is promised in the end, and why; None where something is."""
+    """Reason why nothing is promised at the end; None where something is."""
     promise = loop.standing.now
     return None if promise.verdict == "holds" else f"{promise.verdict}: {promise.because}"
 
 
 def _path_error(system: System, record: dict[str, np.ndarray]) -> np.ndarray:
-    """The position errors (N, k) m as plots have them: where no force is controlled, those into a surface, too."""
+    """Position errors (N, k) m as plots show them: where no force is controlled, also those into a surface."""
     if system.m or system.layout.joint:
         return motion_error(system, record)
     return record["e_r"][:, : system.layout.positions]
 
 
 def _points(rows: int) -> np.ndarray:
-    """Which of so many rows are drawn: half of the points evenly, half ever closer towards now, where what an edit
-    stirs up is fast; not the very first, where "no reaching transient" makes s exactly 0, which no logarithmic axis
-    can show."""
+    """Indices of the drawn rows, of so many rows: half of the points evenly spaced, half ever closer towards now, where
+    the response to an edit is fast. Without the very first row, where "no reaching transient" makes s exactly 0, which
+    no logarithmic axis can show."""
     if rows < 3:
         return np.arange(rows)
     even, close = np.linspace(1, rows - 1, POINTS // 2), np.geomspace(1, rows - 1, POINTS // 2)

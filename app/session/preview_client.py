@@ -1,4 +1,4 @@
-"""The asking side of `app.workers.preview`: starts the process, asks the newest question, keeps the newest answer."""
+"""Client of `app.workers.preview`: starts the process, asks the newest question, keeps the newest answer."""
 
 from __future__ import annotations
 
@@ -24,7 +24,9 @@ PATIENCE = 2.0  # s that the process has to end by itself
 
 @dataclass
 class _Worker:
-    """A running process. busy: it has not yet answered; hurried: it knows that nobody waits for that answer."""
+    """A running process.
+    busy: it has not yet answered.
+    hurried: it knows that nobody waits for that answer."""
 
     process: subprocess.Popen[bytes]
     connection: Connection
@@ -33,10 +35,10 @@ class _Worker:
 
 
 class Previewer:
-    """Asks for previews without ever waiting. A question that a newer one overtakes is dropped, not queued.
+    """Client for previews that never waits. A question that a newer one overtakes is dropped, not queued.
 
-    `newest` is the latest answer to what was asked since `drop`, None before. `failure` says in a sentence why there
-    is none for lack of a process; the next question starts another. May be used from any thread.
+    `newest` is the latest answer to the questions since `drop`, None before. `failure` is a sentence on the reason when
+    there is no answer for lack of a process; the next question starts another one. May be used from any thread.
     """
 
     def __init__(self) -> None:
@@ -45,19 +47,19 @@ class Previewer:
         self._waiting: Question | None = None
         self._number = self._dropped = 0
         self._closed = False
-        self._starter = ThreadPoolExecutor(1, "starter")  # its thread lives as long: the process ends with it
+        self._starter = ThreadPoolExecutor(1, "starter")  # lives as long: the process ends with its thread
         self.newest: Outlook | Refusal | None = None
         self.failure: str | None = None
 
     @property
     def idle(self) -> bool:
-        """Whether nothing is asked."""
+        """Whether no question is open."""
         with self._lock:
             return self._waiting is None and (self._worker is None or not self._worker.busy)
 
     @property
     def process_id(self) -> int | None:
-        """Of the process that answers, None while there is none."""
+        """Number of the process that answers, None while there is none."""
         worker = self._worker
         return None if worker is None else worker.process.pid
 
@@ -67,20 +69,20 @@ class Previewer:
             self._put(Question(0, state, state.scenario, state.scenario.controller.period, partial=False))
 
     def ask(self, state: State, scenario: Scenario, horizon: float, *, partial: bool = True) -> None:
-        """See `Question`."""
+        """Ask for a preview, see `Question`."""
         with self._lock:
             self._number += 1
             self._put(Question(self._number, state, scenario, horizon, partial))
 
     def drop(self) -> None:
-        """Forget the answer; none of what has been asked counts any more."""
+        """Forget the answer; the questions asked so far do not count any more."""
         with self._lock:
             self._dropped, self.newest, self._waiting = self._number, None, None
             if self._worker is not None:
                 self._hurry(self._worker)
 
     def close(self) -> None:
-        """End the process, and start no other; returns when it has ended."""
+        """End the process, and start no other one; returns when it has ended."""
         with self._lock:
             self._closed = True
             worker, self._worker, self._waiting = self._worker, None, None
@@ -144,7 +146,7 @@ class Previewer:
     def _lost(self, worker: _Worker) -> None:
         with self._lock:
             if self._worker is not worker:
-                return  # it was closed
+                return  # the worker was closed
             self._worker, self._waiting, self.newest = None, None, None
             status = _end(worker)
             self.failure = f"the preview's process has ended (exit status {status}); the next movement starts another"

@@ -1,4 +1,4 @@
-"""The backend thread: pacing, commands in, snapshots out, stops on a fault."""
+"""Thread of the loop: pacing, commands, snapshots, and stops on a fault."""
 
 from __future__ import annotations
 
@@ -46,27 +46,28 @@ from app.storage.uploaded_urdfs import Reach, hold
 
 log = structlog.get_logger()
 
-REST = 0.005  # s, the longest rest: commands wait no longer
+REST = 0.005  # s, the longest rest of the thread: commands wait no longer
 LEAST_REST = 0.0002  # s, the shortest one: at high speeds several steps share it
 PUBLISH = 1 / 60  # s, between two snapshots; also the longest batch of steps
 LAG = 0.1  # s of wall time that the loop may fall behind before simulated time slows
 MEASURE = 0.25  # s, between two measurements of the pace, each over the last `WATCHED` s
 WATCHED = 2.0
 PREPARING = "preparing another arm or contact; the very first one of its kind takes some seconds to compile"
-ENDING = 1.0  # s that the thread is waited for
-SILENCE = 10.0  # s without a round of it, and it hangs
+ENDING = 1.0  # s to wait for the end of the thread
+SILENCE = 10.0  # s without a round of the thread: it hangs
 SLOWEST, FASTEST = 0.01, 100.0
 
 
 class Runner:
-    """Owns the loop. `post` and `snapshot` may be used from any thread; nothing else touches the loop.
+    """Owner of the loop and of its thread. `post` and `snapshot` may be used from any thread; nothing else touches the
+    loop.
 
-    reach: which files commands may name, None for any.
+    reach: files that commands may name, None for any.
     """
 
     def __init__(self, scenario: Scenario, reach: Reach | None = None) -> None:
         loop = ClosedLoop(scenario, memory=kept_memory())
-        loop.step()  # compiles, where no cache has it yet, what must not delay the loop
+        loop.step()  # compiles what is not yet in the cache: it must not delay the loop
         loop.reset()
         self._line = Timeline(loop)
         hold(loop.system.robot, scenario.robot.urdf)
@@ -86,8 +87,8 @@ class Runner:
         self.snapshot = self._known(snapshot_of(loop))
 
     def start(self) -> None:
-        """Begin to run in real time."""
-        # the loop's thread must not wait for the screen's longer than a control period or so
+        """Start running in real time."""
+        # the loop's thread must not wait for that of the screen longer than a control period or so
         sys.setswitchinterval(5e-4)
         # a full collection of what is imported and compiled by now, none of it garbage, would hold the loop for 0.2 s
         gc.collect()
@@ -97,14 +98,15 @@ class Runner:
 
     @property
     def hang(self) -> str:
-        """That the loop's thread hangs, in a sentence; "" while it lives, or prepares another arm and has said so."""
+        """Sentence that the loop's thread hangs; "" while it lives, or prepares another arm and has said so."""
         silent = time.perf_counter() - self._came_round
         if silent < SILENCE or not self._thread.is_alive() or self.snapshot.notice == PREPARING:
             return ""
         return f"The loop has given no sign of life for {silent:.0f} s: it hangs, or is being compiled"
 
     def close(self) -> None:
-        """End the thread; returns when it has ended, or soon where another arm is being compiled: it ends then."""
+        """End the thread; returns when it has ended, or soon where another arm is being compiled: the thread ends after
+        that."""
         self._closing.set()
         if self._thread.is_alive():
             self._thread.join(ENDING)
@@ -117,7 +119,7 @@ class Runner:
         while not self._closing.is_set():
             try:
                 self._pace()
-            except Exception as error:  # whatever it is ends the run, never the thread: commands are still carried out
+            except Exception as error:  # any exception ends the run, never the thread: commands are still carried out
                 self._stop("the loop", error)
                 self.snapshot = self._still()
                 self._closing.wait(REST)
@@ -174,11 +176,11 @@ class Runner:
         return self._loop.period
 
     def _schedule(self) -> Schedule:
-        """From now on at the speed asked for."""
+        """Schedule from now on, at the speed asked for."""
         return Schedule(time.perf_counter(), self._loop.t, self._speed)
 
     def _advance(self, schedule: Schedule, began: float) -> None:
-        """All steps that are due: every one of them, or later; a control step is never skipped."""
+        """Compute all steps that are due, now or later; a control step is never skipped."""
         line, period = self._line, self._period
         target, first, steps, ended = schedule.target(began) + 1e-12, line.loop.t + period, 0, began
         while line.loop.t + period <= target and line.loop.stopped is None and ended - began < PUBLISH:
@@ -189,7 +191,7 @@ class Runner:
             self.meter.note(schedule, began, ended, first, line.loop.t, steps)
 
     def _step(self) -> None:
-        """One control period; the end of a blend changes the scenario."""
+        """Compute one control period; the end of a blend changes the scenario."""
         blending, stopped = self._loop.system.blend is not None, self._loop.stopped
         self._line.step()
         if self._loop.stopped is not stopped:
@@ -198,9 +200,9 @@ class Runner:
             self._revision += 1
 
     def _drain(self) -> bool:
-        """Carry out what is queued; True when simulated time must be paced anew.
+        """Carry out the queued commands; True when simulated time must be paced anew.
 
-        Not so after a push, nor after an edit within a run: the loop makes up for the time that it took.
+        That is not so after a push, nor after an edit within a run: the loop makes up for the time that it took.
         """
         queued: list[Command] = []
         runs = self._runs
@@ -283,7 +285,7 @@ class Runner:
             case PushNow():
                 self._edit(changes.pushed(scenario_now, line.loop.t))
             case Edit("mode", value) if value == scenario_now.mode:
-                pass  # the mode that runs is not begun anew
+                pass  # the present mode is not begun anew
             case Edit("mode", value):
                 self._adapt(scenario_now, changes.in_mode(scenario_now, str(value)))
             case Edit(path, value) if path.startswith("robot."):
@@ -308,17 +310,17 @@ class Runner:
         self._revision += 1
 
     def _publish(self) -> Snapshot:
-        """What the screen may know now; of a loop that has no view of itself any more, the last one."""
+        """Snapshot for the screen; the last one where the loop can no longer give a view of itself."""
         try:
             seen = snapshot_of(self._loop)
         except Exception as error:
             self._stop("the view of the loop", error)
             return self._still()
-        # after a divergence there is nothing to draw either
+        # after a divergence there is nothing to draw
         return self._known(seen) if np.isfinite(seen.q).all() and np.isfinite(seen.tool).all() else self._still()
 
     def _still(self) -> Snapshot:
-        """The last picture of the run, and what has come of it since."""
+        """The last picture of the run, with its present time, stop and notice."""
         loop = self._loop
         return self._known(replace(self.snapshot, t=loop.t, reason=loop.stopped or "", notice=loop.warning or ""))
 
@@ -342,7 +344,8 @@ class Runner:
 
 
 def _overtaken(command: Command, following: Command | None) -> bool:
-    """Whether a slider or a hand has moved on: only where it is now matters."""
+    """Whether the next command replaces this one, as a slider or a hand has moved on: only its present position
+    matters."""
     if isinstance(command, Edit) and isinstance(following, Edit):
         return command.path == following.path
     return type(command) is type(following) and isinstance(command, Push | Seek)

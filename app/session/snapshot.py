@@ -1,4 +1,4 @@
-"""What the screen may know of the loop at one moment."""
+"""Snapshot of the loop at one moment, for the screen."""
 
 from __future__ import annotations
 
@@ -22,16 +22,20 @@ from environments.surfaces.table import Surface
 
 @dataclass(frozen=True)
 class Snapshot:
-    """What the screen may know of the loop at one moment. Arrays are never changed afterwards.
+    """View of the loop at one moment, for the screen. Its arrays are never changed afterwards.
 
-    revision counts accepted changes of the scenario, run counts beginnings at t = 0 and forks, refusal_number refused
-    commands. t is the instant looked at, which can be `first` to `end`; recording: of the whole run, up to its end.
+    revision: number of accepted changes of the scenario; run: of beginnings at t = 0 and forks; refusal_number: of
+    refused
+    commands.
+    t: the instant looked at, between `first` and `end`, s.
+    recording: of the whole run, up to its end.
     system: its plant, law and nominal model belong to the loop's thread; the screen reads only what never changes.
-    blending: how much of a blend of the target model is done, 0 to 1, None without one under way.
-    push (3,) N: of a hand, or of truth.push, on the tool.
+    blending: share of a blend of the target model that is done, 0 to 1, None while there is none.
+    push: (3,) N, of a hand, or of truth.push, on the tool.
     live: numbers by name, SI units: s_norm, s_bound, s_band, d, d_required, gain_margin, sigma_min, V, residual,
-    layer_loop_factor, force_loop_factor, reaching_time_bound, reaching_time; standing: premises and verdict;
-    sampled: what the sampled loop makes of the target model's poles.
+    layer_loop_factor, force_loop_factor, reaching_time_bound, reaching_time.
+    standing: premises and verdict.
+    sampled: the target model's poles in the sampled loop.
     """
 
     scenario: Scenario
@@ -80,7 +84,7 @@ class Snapshot:
 
 
 def snapshot_of(loop: ClosedLoop) -> Snapshot:
-    """A loop that nobody runs: it is paused, unless it has stopped."""
+    """Snapshot of a loop that no thread runs: it is paused, unless it has stopped."""
     system, scenario = loop.system, loop.system.scenario
     view = loop.view()
     return Snapshot(

@@ -1,7 +1,7 @@
-"""A run with its past: it can be looked at as it was at any instant, and go on from there another way.
+"""Timeline of a run: the run can be looked at as it was at any instant, and continued from there in another way.
 
-Nothing of the past is stored but a small state every so often and after every change; the rest is computed again, and
-comes out the same to the last bit.
+Of the past only a small state is stored every so often and after every change; the rest is computed again, and comes
+out the same to the last bit.
 """
 
 from __future__ import annotations
@@ -20,13 +20,13 @@ from app.storage.session_index import PINS
 from environments.push import Grip
 
 SPACING = 0.25  # s, between two states that are kept
-MOST = 6000  # states that are kept; a run of which all is known has 4800, and one for every change
-PINNED = 60.0  # s, of a run that a pin keeps
+MOST = 6000  # states that are kept; a run with a full recording has 4800, and one for every change
+PINNED = 60.0  # s of a run that a pin keeps
 
 
 @dataclass(frozen=True)
 class _Key:
-    """A state of the run. changed: somebody had acted on the loop just before."""
+    """A state of the run. changed: a command had acted on the loop just before."""
 
     state: State
     system: System
@@ -35,7 +35,7 @@ class _Key:
 
 @dataclass(frozen=True)
 class Pinned:
-    """A run as it was when it was pinned: its last minute, up to t (s); number: what it is called."""
+    """A run as it was when it was pinned: its last minute, up to t (s); number: its name."""
 
     number: int
     system: System
@@ -48,7 +48,8 @@ class Pinned:
 
 
 class Timeline:
-    """One run: `loop` is where it is looked at, which is its end unless one looks back. One thread at a time."""
+    """Timeline of one run: `loop` stands where the run is looked at, which is its end unless one looks back. One thread
+    at a time."""
 
     def __init__(self, loop: ClosedLoop) -> None:
         self._end = loop
@@ -64,26 +65,26 @@ class Timeline:
 
     @property
     def loop(self) -> ClosedLoop:
-        """Where the run is looked at."""
+        """The loop at the instant that is looked at."""
         return self._back or self._end
 
     @property
     def recording(self) -> Recording:
-        """Of the whole run, whatever is looked at."""
+        """Recording of the whole run, whatever instant is looked at."""
         return self._end.recording
 
     @property
     def end(self) -> float:
-        """How far the run has come, s."""
+        """Last instant of the run, s."""
         return self._end.t
 
     @property
     def first(self) -> float:
-        """The earliest instant that can be gone back to, s."""
+        """The earliest instant that can be looked at, s."""
         return self._keys[0].state.t
 
     def step(self) -> None:
-        """One control period; while looking back the run is only shown again, until it has come to its end."""
+        """Compute one control period; while looking back the run is only shown again, until its end is reached."""
         if self._back is None:
             self._end.advance()
             if self._end.t - self._keys[-1].state.t >= SPACING:
@@ -96,7 +97,7 @@ class Timeline:
             self._back = _resumed(key)
 
     def seek(self, t: float) -> None:
-        """Look at the run as it was at t (s). Raises ScenarioError outside of what is known."""
+        """Look at the run as it was at t (s). Raises ScenarioError outside of the known stretch."""
         half = 0.5 * self.loop.period
         if not self.first - half <= t <= self.end + half:  # also when t is not a number
             raise ScenarioError(
@@ -110,18 +111,18 @@ class Timeline:
             self._back.advance()
 
     def to_end(self) -> None:
-        """Look at the run where it has come to."""
+        """Look at the run at its end."""
         self._back = None
 
     def fork(self) -> None:
-        """Go on from the instant looked at; what followed is pinned. Raises ScenarioError at the run's end."""
+        """Continue from the instant looked at; the rest of the run is pinned. Raises ScenarioError at the run's end."""
         if self._back is None:
             raise ScenarioError("fork: the run stands at its end; allowed: while looking back")
         self._back.recording = self._so_far(self._back)
         self._go_on(self._back)
 
     def edit(self, scenario: Scenario) -> bool:
-        """Go on with a changed scenario, from the instant looked at; True when it begins anew or has forked.
+        """Continue with a changed scenario, from the instant looked at; True when the run begins anew or has forked.
 
         Raises ScenarioError, and then nothing has changed.
         """
@@ -129,11 +130,11 @@ class Timeline:
         if back is not None:
             back.recording = self._so_far(back)
         before = loop.recording
-        over = loop.stopped is not None and len(self.pinned) < PINS  # which takes no other's place
+        over = loop.stopped is not None and len(self.pinned) < PINS  # without removing another pinned run
         left = self._pinned() if len(self.recording) and (back is not None or over) else None
         loop.edit(scenario)
         if loop.recording is not before:
-            if left is not None:  # what followed the instant looked at, or a run that has stopped
+            if left is not None:  # the rest after the instant looked at, or a run that has stopped
                 self._add(left)
             self._end = loop
             self._begin()
@@ -145,7 +146,8 @@ class Timeline:
         return back is not None
 
     def hold(self, grip: Grip | None) -> None:
-        """A hand takes hold of the tool, or lets go (None). What has been cannot be pushed: there it does nothing."""
+        """Let a hand take hold of the tool, or let go (None). The past cannot be pushed: while looking back this does
+        nothing."""
         if self._back is None and self._end.grip != grip:
             self._end.hold(grip)
             self._keep(changed=True)
@@ -156,7 +158,7 @@ class Timeline:
         self._begin()
 
     def pin(self) -> None:
-        """Keep the run as it is now, for comparison; the oldest of more than `PINS` goes."""
+        """Keep the run as it is now, for comparison; of more than `PINS` the oldest is removed."""
         if not len(self.recording):
             raise ScenarioError("pin: nothing is recorded yet; allowed: after the first control period")
         self._add(self._pinned())
@@ -177,14 +179,14 @@ class Timeline:
         self.pinned = tuple(pinned for pinned in self.pinned if pinned.number != number)
 
     def adopt(self, pinned: tuple[Pinned, ...]) -> None:
-        """Runs pinned elsewhere take the places of those that are pinned here."""
+        """Replace the pinned runs by runs pinned elsewhere."""
         self.pinned = pinned[-PINS:]
         self._pins = max((run.number for run in self.pinned), default=self._pins)
 
     def _so_far(self, loop: ClosedLoop) -> Recording:
-        """The run's recording up to where that loop stands, in the epoch that it is in."""
+        """The run's recording up to the instant of that loop, with the epoch of that loop."""
         recording, now = self.recording.branch(-np.inf, loop.t - 0.5 * loop.period), loop.state.epoch
-        if not recording.epochs or recording.epochs[-1].t < now.t:  # it has begun just here
+        if not recording.epochs or recording.epochs[-1].t < now.t:  # the epoch begins at this instant
             recording.epochs.append(now)
         return recording
 
@@ -206,7 +208,7 @@ class Timeline:
             del self._keys[0]
 
     def _key_at(self, t: float) -> _Key:
-        """The last one not after t; the first one if there is none."""
+        """The last key not after t; the first one if there is none."""
         return self._keys[max(bisect_right(self._keys, t, key=lambda key: key.state.t) - 1, 0)]
 
     def _same(self, t: float, other: float) -> bool:

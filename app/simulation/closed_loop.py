@@ -1,4 +1,5 @@
-"""The whole program in one function: `ClosedLoop.step` measures, evaluates the law, advances the plant, records."""
+"""Closed loop: the whole program in one function, `ClosedLoop.step`, which measures, evaluates the law, advances the
+plant and records."""
 
 from __future__ import annotations
 
@@ -31,15 +32,17 @@ from kernels.records import Record
 log = structlog.get_logger()
 
 HISTORY = 600_000  # rows
-# a change of one of these begins a new run; everything else takes effect in the running one
+# a change of one of these begins a new run; every other change takes effect in the running one
 RESTARTING = ("mode", "robot", "task_space", "surface", "simulation")
 
 
 @dataclass(frozen=True)
 class View:
-    """What there is to draw and read now. q (n,) rad; tool, tool_desired (3,) m, the latter None in joint space;
-    force, force_desired, push (3,) N: on the surface, and a hand's on the tool; live numbers as
-    `app.session.snapshot.Snapshot` lists them."""
+    """Present state of a loop for drawing and reading.
+    q: (n,) rad.
+    tool, tool_desired: (3,) m, the latter None in joint space.
+    force, force_desired, push: (3,) N, on the surface, and a hand's on the tool.
+    live: numbers as `app.session.snapshot.Snapshot` lists them."""
 
     q: np.ndarray
     tool: np.ndarray
@@ -51,7 +54,7 @@ class View:
 
 
 class ClosedLoop:
-    """One run of a scenario, a system, a state and a recording: no thread, no screen, no file.
+    """One run of a scenario: a system, a state and a recording; no thread, no screen, no file.
 
     Raises ScenarioError when the scenario cannot be built.
     """
@@ -71,7 +74,7 @@ class ClosedLoop:
 
     @classmethod
     def of(cls, system: System, history: int = HISTORY) -> ClosedLoop:
-        """A run of a system that is built already, such as one with another plant."""
+        """Run of a system that is built already, such as one with another plant."""
         loop = object.__new__(cls)
         loop._begin(system, history)
         return loop
@@ -84,7 +87,7 @@ class ClosedLoop:
         previous: System | None = None,
         memory: Memory | None = None,
     ) -> ClosedLoop:
-        """A run that goes on from a copy of `state` exactly as the one that was there; `edit` takes it elsewhere.
+        """Run that continues from a copy of `state` exactly as the run that had this state; `edit` changes it.
 
         It shares the parts of `previous` that are the same, so the two must not step in different threads.
         """
@@ -103,7 +106,7 @@ class ClosedLoop:
             self._arm.press()
 
     def _bind(self, system: System, state: State) -> None:
-        """Make this pair the run's. What else `step` has at hand follows from it."""
+        """Make this system and this state the run's, with all objects of `step` that follow from them."""
         state.scenario, state.shift = system.scenario, system.plan.shift
         self.system, self.state = system, state
         self._arm = ControlledArm(system, state)
@@ -114,7 +117,7 @@ class ClosedLoop:
             self._follow(system.blend)
 
     def _take_up(self, system: System, state: State) -> None:
-        """Go on with this system from this state, in a new epoch; s jumps where gains or references do."""
+        """Continue with this system from this state, in a new epoch; s jumps where gains or references do."""
         controller, arm, period = system.scenario.controller, state.arm, state.period
         begins = Start(round(state.t / controller.period), arm.views.q.copy())
         state.along = begins if controller.estimates == "along-reference" else None
@@ -130,10 +133,11 @@ class ClosedLoop:
         self._watch.require_bounded_gain()
 
     def edit(self, scenario: Scenario) -> None:
-        """Go on with a changed scenario, or begin anew where the change does not allow it.
+        """Continue with a changed scenario, or begin anew where the change does not allow it.
 
-        A blend is only planned by it: `step` carries it out. Raises ScenarioError, and then the running one goes on;
-        so where a blend is under way that the scenario would lead elsewhere, and whatever else fails.
+        A blend is only planned by an edit: `step` carries it out. Raises ScenarioError, and then the running scenario
+        stays;
+        also where the scenario would change the end of a blend that is going on, and for any other failure.
         """
         old, new = self.system.scenario, assemble(scenario, self.system)
         replanned = scenario.blend.planned and scenario.blend != old.blend
@@ -154,7 +158,7 @@ class ClosedLoop:
         self.recording.epochs.append(self.state.epoch)
 
     def _changed(self, system: System) -> ClosedLoop:
-        """This run as it goes on with another system; nothing of this one changes."""
+        """This run continued with another system; this object itself does not change."""
         old, new, state = self.system.scenario, system.scenario, self.state.copy()
         if old.sensor != new.sensor:
             state.reader = ForceReader(system.sensor, new.simulation.seed)
@@ -185,12 +189,12 @@ class ClosedLoop:
 
     @property
     def stopped(self) -> str | None:
-        """Why the run has ended, None while it goes."""
+        """Reason why the run has ended, None while it goes on."""
         return self.state.stopped
 
     @property
     def warning(self) -> str | None:
-        """What was flagged first since the last change."""
+        """First warning since the last change."""
         return self.state.flagged
 
     @property
@@ -199,17 +203,17 @@ class ClosedLoop:
         return self.state.grip
 
     def hold(self, grip: Grip | None) -> None:
-        """A hand takes hold of the tool, or lets go (None); call it between steps."""
+        """Let a hand take hold of the tool, or let go (None); to be called between steps."""
         self.state.grip = grip
 
     @property
     def certificate(self) -> ReachingCertificate:
-        """Of the present epoch."""
+        """Reaching certificate of the present epoch."""
         return self.state.epoch.certificate
 
     @property
     def kept(self) -> Kept:
-        """What is promised now, and how it has been kept."""
+        """Record of the promise: what is promised now, and how it has been kept."""
         return self.state.period.part("kept")
 
     @property
@@ -220,29 +224,29 @@ class ClosedLoop:
 
     @property
     def sampled(self) -> SampledLoop:
-        """The sampled loop where it was judged last."""
+        """The sampled loop as it was judged last."""
         return self._watch.sampled
 
     @property
     def band_time(self) -> float | None:
-        """After the last change: when ||s|| was first within its band, s; None while it was not."""
+        """Time from the last change until ||s|| was first within its band, s; None while it has not been."""
         banded = self._watch.banded
         return None if banded is None else banded - self.state.epoch.t
 
     @property
     def reaching_time(self) -> float | None:
-        """After the last change: when ||s|| was first within the boundary layer, or within the band of a law that has
-        none, s; None while it was not."""
+        """Time from the last change until ||s|| was first within the boundary layer, or within the band for a law that
+        has no layer, s; None while it has not been."""
         reached = self._watch.reached
         return None if reached is None else reached - self.state.epoch.t
 
     @property
     def blending(self) -> bool:
-        """Whether the target model is on the way of a blend."""
+        """Whether a blend of the target model is going on."""
         return blending(self.system.blend, self.t, self._h)
 
     def step(self) -> None:
-        """One control period. Call it only while `stopped` is None."""
+        """Compute one control period. To be called only while `stopped` is None."""
         if self.system.blend is not None:
             self._blend(self.system.blend)
         state, arm = self.state, self._arm
@@ -266,7 +270,8 @@ class ClosedLoop:
         state.t = state.epoch.t + state.steps * self._h
 
     def advance(self) -> None:
-        """One control period, if the run has not stopped; whatever fails in it stops it, and what is recorded stays."""
+        """Compute one control period, if the run has not stopped; any exception in it stops the run, and the recording
+        stays."""
         if self.stopped is None:
             try:
                 self.step()
@@ -286,10 +291,11 @@ class ClosedLoop:
         self.recording.epochs[-1] = self.state.epoch
 
     def _blend(self, blend: ModelBlend) -> None:
-        """Carry out a blend: the law of this control period follows the model that is in force by now.
+        """Carry out a blend: the law of this control period follows the target model that is in force now.
 
-        Nothing else changes, z least of all: s does not depend on the model (see `controllers.blend`). A blend begins
-        and ends with an epoch; whether it was planned long ago or just now, it is the same to the last bit.
+        Nothing else changes, above all not z: s does not depend on the model (see `controllers.blend`). A blend begins
+        and ends
+        with an epoch; whether it was planned long ago or just now, it is the same to the last bit.
         """
         half = 0.5 * self._h
         if self.t > blend.begins + blend.over - half:
@@ -311,14 +317,14 @@ class ClosedLoop:
         self._share = 0.0
 
     def _follow(self, blend: ModelBlend) -> None:
-        """Take up the model of now."""
+        """Let the law follow the target model of the present instant."""
         self._share = blend.share(self.t)
         self.system = replace(self.system, controller=self.system.controller.following(blend.at(self.t)))
         self._watch.system = self.system
         self._arm.follow(self.system.controller.gains)
 
     def _evaluated(self) -> Record[Period]:
-        """The period that begins now; the one before, where the user's own law fails."""
+        """The period that begins now; the previous one where the user's own law fails."""
         try:
             return self._arm.evaluated()
         except OwnCodeError:

@@ -1,4 +1,5 @@
-"""What the controller does in one control period, as one compiled function: the paper from (3) to (25) in its order."""
+"""Control period: all that the controller does in one, as one compiled function, the paper from (3) to (25) in its
+order."""
 
 from __future__ import annotations
 
@@ -47,8 +48,10 @@ from kernels.records import Record
 
 
 class ReferencePlan(NamedTuple):
-    """start (n,): r at t = 0, to which motion and shift add; compliance m/N: r_fd per f_nd, 1/K_e_hat in (33), 0 on a
-    rigid surface (41); m: number of force-controlled directions."""
+    """Plan of the reference.
+    start: (n,), r at t = 0, to which motion and shift add.
+    compliance: m/N, r_fd per f_nd, 1/K_e_hat in (33), 0 on a rigid surface (41).
+    m: number of force-controlled directions."""
 
     start: np.ndarray
     compliance: float
@@ -58,15 +61,16 @@ class ReferencePlan(NamedTuple):
     force: ForceCourse
 
     def held(self, r: np.ndarray, f: float) -> ReferencePlan:
-        """The plan of staying at r (n,) with the force f (N) that there is."""
+        """Plan of staying at r (n,) with the present force f (N)."""
         still = course_of(Hold(), len(r), range(0))
         here, force = Shift.fresh(np.zeros_like(r), 1.0), self.force._replace(start=f, change=0.0)
         return self._replace(start=r, compliance=0.0, motion=still, shift=here, force=force)
 
 
 class ObservationModel(NamedTuple):
-    """Model by which the controller observes the arm. links: see `NominalModel`; shape: the surface (or Cartesian axes)
-    that gives the task coordinates."""
+    """Model by which the controller observes the arm.
+    links: see `NominalModel`.
+    shape: the surface (or Cartesian axes) that gives the task coordinates."""
 
     links: LinkConstants
     shape: Shape
@@ -74,7 +78,7 @@ class ObservationModel(NamedTuple):
 
 
 class Observation(NamedTuple):
-    """What it sees at one state q (n,) rad, q_dot (n,) rad/s."""
+    """The controller's observation of one state q (n,) rad, q_dot (n,) rad/s."""
 
     q: np.ndarray
     q_dot: np.ndarray
@@ -85,19 +89,19 @@ class Observation(NamedTuple):
 
     @classmethod
     def zeros(cls, n: int) -> Observation:
-        """Of n coordinates."""
+        """Observation of n coordinates."""
         return cls(np.zeros(n), np.zeros(n), Estimate.zeros(n), Chart.zeros(), TaskSpace.zeros(n), Scratch.zeros(n))
 
 
 class Alarm(IntFlag):
-    """What a control period has to report."""
+    """Alarms of a control period, as flags."""
 
     ENTERED = 1  # ||s|| is within the boundary layer for the first time
-    NOT_FINITE = 2  # the state
-    PULLING = 4  # a rigid unilateral surface would have to
-    SINGULAR = 8  # J_q nearly is
-    FAST = 16  # the joints are
-    OVER_BOUND = 32  # ||s|| is, though all premises hold
+    NOT_FINITE = 2  # the state is not finite
+    PULLING = 4  # a rigid unilateral surface would have to pull
+    SINGULAR = 8  # J_q is nearly singular
+    FAST = 16  # the joints are too fast
+    OVER_BOUND = 32  # ||s|| is over its bound, though all premises hold
     SATURATED = 64  # a drive's limit begins to cut the torque
     REACHED = 128  # ||s|| is within the band for the first time
     AWAY = 256  # the tool has left a surface that it should press
@@ -107,8 +111,11 @@ ENTERED, NOT_FINITE, PULLING, SINGULAR, FAST, OVER_BOUND, SATURATED, REACHED, AW
 
 
 class Limits(NamedTuple):
-    """When a period gives alarm: sigma_min m; speed rad/s; pushes_only: the surface is rigid and unilateral; pressed:
-    it is not rigid, but the tool should press it."""
+    """Thresholds of the alarms of a period.
+    sigma_min: m.
+    speed: rad/s.
+    pushes_only: the surface is rigid and unilateral.
+    pressed: the surface is not rigid, but the tool should press it."""
 
     sigma_min: float
     speed: float
@@ -117,8 +124,11 @@ class Limits(NamedTuple):
 
 
 class Setting(NamedTuple):
-    """What stays the same between two edits. period s; online: whether estimates are taken at q, not beforehand
-    (Remark 3); heavy: the contact's force depends on tau; torque_limit (n,) N m: of the drives."""
+    """Setting of the loop: all that stays the same between two edits.
+    period: s.
+    online: whether estimates are taken at q, not beforehand (Remark 3).
+    heavy: the contact's force depends on tau.
+    torque_limit: (n,) N m, of the drives."""
 
     observation_model: ObservationModel
     plan: ReferencePlan
@@ -131,11 +141,15 @@ class Setting(NamedTuple):
 
 
 class Period(NamedTuple):
-    """What one control period works with and leaves: z (n,) m/s is that of its beginning; F (3,) N as measured;
-    push (3,) N of a hand on the tool; applied (n,) N m: what the drives make of tau; residual (n,) N once q_ddot is
-    known; saturated, touching: of the period before, whether applied was not tau, whether there was a force on the
-    surface; news: `Alarm` flags of the promise; table, watched, held, kept: what the theorem's promise rests on, and
-    what became of it."""
+    """Inputs and results of one control period.
+    z: (n,) m/s, at the period's beginning.
+    F: (3,) N, as measured.
+    push: (3,) N, of a hand on the tool.
+    applied: (n,) N m, tau as the drives apply it.
+    residual: (n,) N, complete once q_ddot is known.
+    saturated, touching: of the period before, whether applied was not tau, whether there was a force on the surface.
+    news: `Alarm` flags of the promise.
+    table, watched, held, kept: premises and quantities that the theorem's promise depends on, and how it was kept."""
 
     z: np.ndarray
     F: np.ndarray
@@ -157,7 +171,7 @@ class Period(NamedTuple):
 
     @classmethod
     def zeros(cls, n: int) -> Period:
-        """Of n coordinates."""
+        """Period of n coordinates."""
         v, seen, reference = np.zeros(n), Observation.zeros(n), Reference.zeros(n)
         feedforward = FeedforwardModel(np.zeros((n, n)), np.zeros((n, n)), v, ON_LINE)
         output, f = ControlOutput.zeros(n), np.zeros(3)
@@ -191,8 +205,10 @@ def observe(observation_model, momenta, C, J, J_dot, placements, t, seen):
 
 
 def asked(torque: Callable[..., None]) -> Any:
-    """An inline kernel that tells a law, or whatever else looks at what laws are told, all that there is, and lets it
-    write into the output; parameters: the law's own; state: x and x_dot of a law with a state of its own."""
+    """Inline kernel that hands the `Told` of a period to a law, or to another function of the same arguments, which
+    writes into the output.
+    parameters: the law's own.
+    state: x and x_dot of a law with a state of its own."""
 
     @inline
     def ask(setting, period, parameters, *state):
@@ -220,9 +236,8 @@ _measure, _ask = asked(measure), asked(table.torque)
 
 @kernel
 def control_period(setting, period, momenta, C, J, J_dot, placements, arm, F, t, row):
-    """Evaluate the law at time t (s) for the state of `arm` and the measured force F (3,) N, and write what it saw
-    and did into the `Row`. momenta ... placements: `nominal_model.Terms` at that state.
-    """
+    """Evaluate the law at time t (s) for the state of `arm` and the measured force F (3,) N, and write the period into
+    the `Row`. momenta ... placements: `nominal_model.Terms` at that state."""
     _see(setting[0], period[0], momenta, C, J, J_dot, placements, arm[0], F, t)
     _ask(setting[0], period[0], setting[0].gains)
     _conclude(setting[0], period[0], arm[0], t, row[0])
@@ -230,19 +245,19 @@ def control_period(setting, period, momenta, C, J, J_dot, placements, arm, F, t,
 
 @kernel
 def begin_period(setting, period, momenta, C, J, J_dot, placements, arm, F, t):
-    """The half of `control_period` that comes before the law's torque."""
+    """Do the part of `control_period` before the law's torque."""
     _see(setting[0], period[0], momenta, C, J, J_dot, placements, arm[0], F, t)
 
 
 @kernel
 def end_period(setting, period, arm, t, row):
-    """The half of `control_period` that comes after the law's torque."""
+    """Do the part of `control_period` after the law's torque."""
     _conclude(setting[0], period[0], arm[0], t, row[0])
 
 
 @inline
 def _see(setting, period, momenta, C, J, J_dot, placements, arm, F, t):
-    """Look at the arm and the reference, and measure what every law is told."""
+    """Observe the arm and the reference, and compute the quantities that every law is given."""
     seen = period.seen
     copy(arm.q, seen.q)
     copy(arm.q_dot, seen.q_dot)
@@ -257,7 +272,7 @@ def _see(setting, period, momenta, C, J, J_dot, placements, arm, F, t):
 
 @inline
 def _conclude(setting, period, arm, t, row):
-    """Add up the torque, judge the premises and write the period down."""
+    """Add up the torque, judge the premises and write the period into the row."""
     output = period.output
     add_up(output)
     limited(setting.torque_limit, output.tau, period.applied)
@@ -268,7 +283,7 @@ def _conclude(setting, period, arm, t, row):
 
 @inline
 def _judge_premises(setting, period, arm, t):
-    """Do the premises of Theorem 1 hold now, and is ||s|| where it is promised to be?"""
+    """Judge whether the premises of Theorem 1 hold now, and whether ||s|| is within the promised bound."""
     gains, output, table, watched, held = setting.gains, period.output, period.table, period.watched, period.held
     task, estimate, feedforward, room = period.seen.task, period.seen.estimate, period.feedforward, period.room
     table.value[REGULAR], table.limit[REGULAR] = 1.0 / task.J_q_inv_norm, setting.limits.sigma_min
@@ -308,7 +323,7 @@ def _share_of_drives(limits, tau):
 
 @inline
 def _prepare_residual(model, seen, reference, output, rest):
-    """The left side of (8) minus its right side but for the part in q_ddot."""
+    """Compute the left side of (8) minus its right side, without the part in q_ddot."""
     task, known = seen.task, seen.work.u
     for i in range(rest.shape[0]):
         known[i] = row_times(task.J_q_dot, i, seen.q_dot) + task.v_t_dot[i] - reference.r_d_ddot[i]
@@ -319,7 +334,7 @@ def _prepare_residual(model, seen, reference, output, rest):
 
 @inline
 def _fill(row, t, arm, period):
-    """Write down the period; what the plant's answer changes is written again by `complete_row`."""
+    """Write the period into the row; `complete_row` rewrites the fields that depend on the plant's response."""
     output, task, needed = period.output, period.seen.task, period.output.needed
     row.t = t
     copy(arm.q, row.q)
@@ -368,9 +383,8 @@ def _fill_load(row, load):
 
 @kernel
 def complete_row(setting, period, arm, row):
-    """Write what is known only when the plant has answered: the residual of (8), and the force that a heavy contact
-    has with this period's torque. Then z is that of the next period. Returns the `Alarm` flags.
-    """
+    """Write the fields that are known only after the plant's response: the residual of (8), and the force of a heavy
+    contact under this period's torque. Then z is that of the next period. Returns the `Alarm` flags."""
     setting, period, arm = setting[0], period[0], arm[0]
     n, J_q, r_ddot, residual = arm.q.shape[0], period.seen.task.J_q, period.seen.work.u, period.residual
     for i in range(n):
@@ -416,7 +430,7 @@ def _alarms(limits, period, speed, multiplier):
 
 @inline
 def _nearest(rows, x):
-    """Which of the rows (N, n) is nearest to x (n,), and how far it is."""
+    """Number of the row (N, n) that is nearest to x (n,), and its distance."""
     nearest, least = 0, np.inf
     for k in range(rows.shape[0]):
         square = 0.0
@@ -429,8 +443,8 @@ def _nearest(rows, x):
 
 @kernel
 def watch_posture(setting, period, centres):
-    """Look at the posture of the period that has been evaluated last: its inertia, see `premises.Watched`, and how far
-    it is from the centres (N, n) rad of Omega. Returns the nearest one's number."""
+    """Watch the posture of the period that was evaluated last: its inertia, see `premises.Watched`, and its distance
+    from the centres (N, n) rad of Omega. Returns the nearest centre's number."""
     setting, period = setting[0], period[0]
     nearest, period.table.value[DOMAIN] = _nearest(centres, period.seen.q)
     watch(
@@ -471,7 +485,7 @@ class Observer:
 
     @property
     def fingerprint(self) -> bytes:
-        """All of `observation_model`: observers that share it, and the arm, see the same."""
+        """Bytes of `observation_model`: observers with the same bytes observe the same."""
         return self._record.data.tobytes()
 
     def at(self, q: np.ndarray, q_dot: np.ndarray, t: float) -> tuple[Estimate, TaskSpace]:

@@ -1,4 +1,4 @@
-"""The arm under its controller: one control period without recording and promise, compiled for a run."""
+"""Controlled arm: one control period without recording and promise, compiled for a run."""
 
 from __future__ import annotations
 
@@ -28,11 +28,12 @@ FORCE_ITERATIONS = 30
 
 
 class ControlledArm:
-    """Plant, sensor and law of one system, at work in the memory of one state: `measure`, `control`, `move` and
+    """Plant, sensor and law of one system, working in the memory of one state: `measure`, `control`, `move` and
     `complete` make a control period.
 
-    settings: what the compiled functions read of the system; along: the estimates taken beforehand (Remark 3), None
-    where they are taken on-line; push (3,) N: what hand and script do to the tool over this period.
+    settings: the data of the system that the compiled functions read.
+    along: the estimates taken beforehand (Remark 3), None where they are taken on-line.
+    push: (3,) N, force of hand and script on the tool over this period.
     """
 
     def __init__(self, system: System, state: State) -> None:
@@ -62,17 +63,18 @@ class ControlledArm:
         self._look = compiled_for(watch_posture, *data, self._centres)
 
     def follow(self, gains: Gains) -> None:
-        """Go on with these gains, those of the model that is in force by now."""
+        """Continue with these gains, those of the target model that is in force now."""
         self.settings.write("gains", gains)
 
     def measure(self) -> np.ndarray:
-        """What the force sensor shows now, (3,) N, a push included; call it once per control period."""
+        """Present reading of the force sensor, (3,) N, including a push; to be called once per control period."""
         state = self._state
         force = state.arm.views.load.force
         return state.reader.read(force - self.push if self._push_tool() else force)
 
     def _push_tool(self) -> bool:
-        """Find what hand and script do to the tool over this period; False, as fast as can be, when they do nothing."""
+        """Compute the force of hand and script on the tool over this period; False, as fast as possible, when there is
+        none."""
         grip, script = self._state.grip, self._scripted
         force = script.force if script is not None and script.acts(self._state.t) else None
         pushed = force is not None or grip is not None
@@ -88,38 +90,39 @@ class ControlledArm:
         return pushed
 
     def control(self, F: np.ndarray, row: np.ndarray) -> bool:
-        """The law's answer to the present state and the measured force F (3,) N, in the state's period and the row; an
-        ideal sensor shows the force that the answer causes instead of F. False where there is no such force."""
+        """Evaluate the law for the present state and the measured force F (3,) N, into the state's period and the row.
+        An ideal sensor reads the force that the law's torque causes, instead of F. False where there is no such
+        force."""
         if self._ideal:
             return self._solve_for_force(row)
         self._evaluate(self._state.period, F, row)
         return True
 
     def move(self) -> None:
-        """The plant's answer to the torque, held over one period."""
+        """Advance the plant under the torque, held over one period."""
         tau = self._applied + self._push_torque if self._pushed else self._applied
         self._plant.advance(self._state.arm, tau, self._state.t, self._h)
 
     def complete(self, row: np.ndarray) -> int:
-        """Write what is known only when the plant has answered; returns the `Alarm` flags."""
+        """Write the fields that are known only after the plant's response; returns the `Alarm` flags."""
         state = self._state
         if self._law is not None:
             state.x += self._h * self._law.x_dot
         return self._complete(self.settings.data, state.period.data, state.arm.data, row)
 
     def evaluated(self) -> Record[Period]:
-        """A period that begins now, but for its consequences."""
+        """Period that begins now, evaluated in a copy, without consequences."""
         twin = self._state.period.copy()
         self._evaluate(twin, self._state.arm.views.load.force - self.push, self._scratch)
         return twin
 
     def look(self, period: Record[Period]) -> int:
-        """Look at the posture of an evaluated period, see `watch_posture`; the number of the nearest centre."""
+        """Watch the posture of an evaluated period, see `watch_posture`; returns the number of the nearest centre."""
         return self._look(self.settings.data, period.data, self._centres)
 
     def press(self) -> None:
-        """Begin pressing on a rigid surface: before the first period the sensor reads what the law's own torque makes
-        of the contact."""
+        """Start the contact with a rigid surface: before the first period, the sensor reads the force that the law's
+        own torque causes."""
         arm, period = self._state.arm, self._state.period
         before = period.data.copy()
         if self._solve_for_force(self._scratch):
@@ -143,8 +146,8 @@ class ControlledArm:
             self._end(self.settings.data, period.data, arm.data, state.t, row)
 
     def _solve_for_force(self, row: np.ndarray) -> bool:
-        """The law fed with the force that its own torque causes: secant iteration on the multiplier; whether it is
-        found. What the period began with is what every evaluation begins with."""
+        """Evaluate the law with the force that its own torque causes, by secant iteration on the multiplier; returns
+        whether that force was found. Every evaluation begins with the period as it was at the beginning."""
         period = self._state.period
         guess, slope, begun = self._state.arm.read().load.multiplier, -1.0, period.data.copy()
         error = self._missed(guess, row)
@@ -159,7 +162,7 @@ class ControlledArm:
         return False
 
     def _missed(self, guess: float, row: np.ndarray) -> float:
-        """By how much the multiplier (N) that the law's answer to a guess causes is more than the guess."""
+        """Difference (N) between the multiplier that the law's torque for a guess causes, and the guess."""
         plant, arm, t, h = self._plant, self._state.arm, self._state.t, self._h
         self._evaluate(self._state.period, plant.force_of(arm, guess, t, h) - self.push, row)
         return plant.respond(arm, self._applied + self._push_torque, t, h).multiplier - guess

@@ -1,4 +1,4 @@
-"""The controller of a scenario, checked: its target model (8), the blend to another one, gains and declared bounds."""
+"""Controller of a scenario, checked: its target model (8), the blend to another one, gains and declared bounds."""
 
 from __future__ import annotations
 
@@ -24,12 +24,12 @@ from parameters import values_of
 
 
 def laws() -> dict[str, ControlLaw]:
-    """The laws that there are, by kind: those of the program, then those of the user's own files."""
+    """All laws by kind: those of the program, then those of the user's own files."""
     return LAWS | own_code().laws
 
 
 def law_of(scenario: Scenario) -> ControlLaw:
-    """The scenario's law. Raises ScenarioError where there is none of its kind."""
+    """Law of the scenario. Raises ScenarioError where there is none of its kind."""
     known, kind = laws(), scenario.controller.law
     if kind not in known:
         raise ScenarioError(
@@ -39,14 +39,15 @@ def law_of(scenario: Scenario) -> ControlLaw:
 
 
 def parameters_of(scenario: Scenario, law: ControlLaw) -> dict[str, float]:
-    """The numbers that the law has of its own, by name. Raises ScenarioError."""
+    """Values of the law's own parameters, by name. Raises ScenarioError."""
     given = (scenario.controller.own or {}).get(law.kind, {})
     with scenario_errors():
         return values_of(law.parameters, given, f"controller.own.{law.kind}")
 
 
 def uncertainty_of(scenario: Scenario, k_C: float) -> Uncertainty:
-    """What is declared of the true arm; k_C: Lipschitz constant of the Coriolis forces, see `controllers.bounds`."""
+    """Declared uncertainty of the true arm; k_C: Lipschitz constant of the Coriolis forces, see
+    `controllers.bounds`."""
     d = scenario.declared
     return Uncertainty(
         d.link_scaling, d.payload_mass, d.payload_offset, d.coulomb, d.viscous, d.disturbance, d.force_error, k_C
@@ -54,8 +55,8 @@ def uncertainty_of(scenario: Scenario, k_C: float) -> Uncertainty:
 
 
 def default_target_model(mode: Mode, n: int, K_e_hat: float) -> dict[str, np.ndarray]:
-    """Diagonals for a mode: critically damped at 20 rad/s; softer where it meets forces. K_m1 = 0 in all that control a
-    force, also where (38) has it s.p.d.: so (37) leaves no force error."""
+    """Default diagonals of (8) for a mode: critically damped at 20 rad/s; softer where it meets forces. K_m1 = 0 in all
+    modes that control a force, also where (38) has it s.p.d.: so (37) leaves no force error."""
     M = np.full(n, 10.0)
     K = np.full(n, mode.stiffness)
     B = 2.0 * np.sqrt(K * M)
@@ -82,12 +83,13 @@ def square(path: str, value: Matrix | float, n: int) -> np.ndarray:
 
 
 def compensation(scenario: Scenario, n: int) -> np.ndarray:
-    """A (n, n) of the compensator (9), 1/s; zero under a law that does without it."""
+    """A (n, n) of the compensator (9), 1/s; zero under a law without compensator."""
     return square("controller.A", scenario.controller.A, n) if law_of(scenario).robust else np.zeros((n, n))
 
 
 def target_model(scenario: Scenario, n: int) -> Model:
-    """The scenario's (8) for n coordinates, missing matrices at the mode's defaults; not yet judged by the mode.
+    """Target model (8) of the scenario for n coordinates, missing matrices at the mode's defaults; not yet checked by
+    the mode.
 
     Raises ScenarioError and InvalidGain.
     """
@@ -100,11 +102,12 @@ def target_model(scenario: Scenario, n: int) -> Model:
 
 
 def surfaces_met(scenario: Scenario, mode: Mode, layout: TaskLayout) -> SurfaceRange | None:
-    """The surfaces on which the target model has to be stable: as stiff as the scenario's or as believed, if any."""
+    """Range of surfaces on which the target model has to be stable: as stiff as the scenario's or as believed; None for
+    none."""
     contact, m = scenario.contact, mode.m()
     if not contact.nature.springs or mode.feedback != "all":
         return None
-    if m:  # the normal has its coordinate to itself
+    if m:  # the normal has a coordinate of its own
         return SurfaceRange(0.0, 0.0, 0.0, contact.friction_viscous, m, layout.positions - m, normal=False)
     return SurfaceRange(
         K_e=max(contact.K_e, scenario.controller.K_e_hat),
@@ -118,7 +121,7 @@ def surfaces_met(scenario: Scenario, mode: Mode, layout: TaskLayout) -> SurfaceR
 
 
 def blend_of(scenario: Scenario, mode: Mode, layout: TaskLayout) -> ModelBlend | None:
-    """What the scenario plans; refused unless every model on the way is stable."""
+    """Blend that the scenario plans; refused unless every model on the way is stable."""
     if not scenario.blend.planned:
         return None
     n, surfaces = layout.n, surfaces_met(scenario, mode, layout)
@@ -137,7 +140,7 @@ def blend_of(scenario: Scenario, mode: Mode, layout: TaskLayout) -> ModelBlend |
 
 
 def controller_of(scenario: Scenario, mode: Mode, layout: TaskLayout, constants: Constants) -> Controller:
-    """The scenario's law with its gains. Raises ScenarioError and InvalidGain."""
+    """Controller of the scenario: its law with its gains. Raises ScenarioError and InvalidGain."""
     n, c = layout.n, scenario.controller
     model = target_model(scenario, n)
     mode.check(model, c.K_e_hat, surfaces_met(scenario, mode, layout))

@@ -1,4 +1,4 @@
-"""Omega, the postures around the reference, and what holds over it: Property 1, Lipschitz constants, mobility."""
+"""Omega, the postures around the reference, and the constants over it: Property 1, Lipschitz constants, mobility."""
 
 from __future__ import annotations
 
@@ -21,17 +21,17 @@ from environments.step_resolution import Mobility
 from environments.surfaces.table import Surface
 
 CENTRES = 192  # postures along the reference, around which Omega lies
-SWEEPS = 4  # how often they go over from the reference to the shifted one and back
-INERTIA, OTHERS = Effort(120, 3), Effort(40, 2)  # of the search; the others change less over Omega
-MARGIN = 1.02  # on all that is found: another search, longer and otherwise, finds no more than that
-SLOWEST = 1e-3  # Hz: of a surface that moves more slowly only the first 1000 s count
+SWEEPS = 4  # number of times that the centres go from the reference to the shifted one and back
+INERTIA, OTHERS = Effort(120, 3), Effort(40, 2)  # of the search; the other functions change less over Omega
+MARGIN = 1.02  # factor on all results of searches: a longer search by another method finds no more than that
+SLOWEST = 1e-3  # Hz: for a surface that moves more slowly, only the first 1000 s count
 
 Observe = Callable[[np.ndarray, np.ndarray, float], tuple[Estimate, TaskSpace]]
 
 
 @dataclass(frozen=True)
 class Constants:
-    """What holds over Omega as far as J_q is regular there: Property 1's k_r_low and k_r_high (kg) for every arm inside
+    """Constants over Omega, as far as J_q is regular there: Property 1's k_r_low and k_r_high (kg) for every arm inside
     the declared set, and the Lipschitz constants of the estimates."""
 
     k_r_low: float
@@ -41,12 +41,12 @@ class Constants:
 
     @property
     def centres(self) -> np.ndarray:
-        """Of Omega, (N, n) rad."""
+        """Centres of Omega, (N, n) rad."""
         return self.omega.centres
 
     @property
     def radius(self) -> float:
-        """Of Omega, rad."""
+        """Radius of Omega, rad."""
         return self.omega.radius
 
     def holds_at(self, q: np.ndarray) -> bool:
@@ -94,8 +94,8 @@ def centres(
 
 
 def span_of(surface: Surface, duration: float) -> float:
-    """How long it takes until all places and forms of a surface have been seen, s: the run's duration (s) where its
-    form changes, 0 where it rests."""
+    """Time until all places and forms of a surface have occurred, s: the run's duration (s) where its form changes, 0
+    where it rests."""
     if surface.changing:
         return duration
     motion = surface.motion
@@ -105,7 +105,7 @@ def span_of(surface: Surface, duration: float) -> float:
 def constants_over(
     omega: Omega, sigma_min: float, uncertainty: Uncertainty, nominal: NominalModel, observer: Observer, memory: Memory
 ) -> Constants:
-    """What holds over Omega, where J_q's smallest singular value is at least `sigma_min` m.
+    """Constants over Omega, where J_q's smallest singular value is at least `sigma_min` m.
 
     Raises ScenarioError where J_q is singular.
     """
@@ -130,7 +130,7 @@ def constants_over(
 
 
 def _inertia_looker(sigma_min: float, uncertainty: Uncertainty, observer: Observer) -> Looker:
-    """Sees 1/lambda_min(H_low) and lambda_max(H_high), for the whole declared set."""
+    """Looker for 1/lambda_min(H_low) and lambda_max(H_high), for the whole declared set."""
 
     def looks(place: Place) -> tuple[Look, Look]:
         try:
@@ -152,7 +152,7 @@ def _inertia_looker(sigma_min: float, uncertainty: Uncertainty, observer: Observ
 
 
 def mobility_over(omega: Omega, plant: Plant, nominal: NominalModel, memory: Memory) -> Mobility:
-    """How mobile the true arm is at most over Omega, near singularities too."""
+    """Largest mobility of the true arm over Omega, also near singularities."""
     data = plant.model.createData()
 
     def looks(place: Place) -> tuple[Look, ...]:

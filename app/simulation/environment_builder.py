@@ -1,4 +1,4 @@
-"""The world of a scenario, checked: its arm, how that truly is, the surface, and what is asked of the tool."""
+"""Environment of a scenario, checked: arm, true arm, surface, and the desired motion and force of the tool."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ from environments.trajectories import own as own_trajectories
 from environments.trajectories.table import course_of, numbered
 from environments.trajectories.trajectory import Course, spread
 
-UNLIMITED = 1e6  # N m: a URDF's effort limit beyond this says that there is none
+UNLIMITED = 1e6  # N m: an effort limit of a URDF beyond this means that there is none
 
 
 def robot_of(scenario: Scenario) -> robots.Robot:
-    """The arm as the controller believes it to be. Raises RobotError."""
+    """The arm of the controller's model. Raises RobotError."""
     r = scenario.robot
     return robots.load(
         r.name,
@@ -37,7 +37,7 @@ def robot_of(scenario: Scenario) -> robots.Robot:
 
 
 def truth_of(scenario: Scenario, robot: robots.Robot) -> Truth:
-    """How the true arm differs from the nominal one. Raises ScenarioError."""
+    """Differences of the true arm from the nominal one. Raises ScenarioError."""
     t, n = scenario.truth, robot.n
     scaling = (
         np.broadcast_to(np.array(t.link_scaling, dtype=float), (n,))
@@ -67,7 +67,7 @@ def push_of(scenario: Scenario) -> TimedPush:
 
 
 def _torque_limit(given: float | tuple[float, ...], robot: robots.Robot) -> np.ndarray:
-    """What the drives give at most, (n,) N m; infinite where nothing limits them."""
+    """Torque limits of the drives, (n,) N m; infinite where there are none."""
     path, n, numbers = "truth.torque_limit", robot.n, np.atleast_1d(np.array(given, dtype=float))
     if np.ndim(given) == 0 and numbers[0] == 0.0:
         return np.full(n, np.inf)
@@ -87,12 +87,13 @@ def _torque_limit(given: float | tuple[float, ...], robot: robots.Robot) -> np.n
 
 
 def tool_at_start(robot: robots.Robot, nominal: NominalModel) -> np.ndarray:
-    """Where the tool is in the robot's own posture, (3,) m."""
+    """Place of the tool in the robot's own posture, (3,) m."""
     return nominal.evaluate(robot.posture, np.zeros(robot.n)).p
 
 
 def surface_of(scenario: Scenario, near: np.ndarray) -> Surface:
-    """near (3,) m: where the tool is, which says what part of a typed surface is meant. Raises ScenarioError."""
+    """Surface of the scenario. near: (3,) m, place of the tool, which selects the part of a typed surface. Raises
+    ScenarioError."""
     form = scenario.surface
     with scenario_errors():
         shape = own_shape(form) if isinstance(form, own_surfaces.Own) else None
@@ -100,28 +101,29 @@ def surface_of(scenario: Scenario, near: np.ndarray) -> Surface:
 
 
 def task_axes(robot: robots.Robot) -> np.ndarray:
-    """Rows: the Cartesian coordinates in their order; a planar arm uses the first two, x and z."""
+    """Cartesian coordinates in their order, as rows; a planar arm uses the first two, x and z."""
     return np.eye(3)[[0, 2, 1]] if robot.geometry == "planar" else np.eye(3)
 
 
 def positions_of(robot: robots.Robot) -> int:
-    """How many of a Cartesian task's coordinates are positions."""
+    """Number of a Cartesian task's coordinates that are positions."""
     return 2 if robot.geometry == "planar" else 3
 
 
 def _free(mode: Mode, layout: TaskLayout) -> range:
-    """The coordinates that a trajectory may move."""
+    """Coordinates that a trajectory may move."""
     return range(mode.m(), layout.n if layout.joint else layout.positions)
 
 
 def spread_over(path: str, displacement: tuple[float, ...], mode: Mode, layout: TaskLayout) -> np.ndarray:
-    """A displacement of the free coordinates as one of all n. Raises ScenarioError with `path` for too long a one."""
+    """Displacement of all n coordinates from one of the free coordinates. Raises ScenarioError with `path` for one with
+    too many values."""
     with scenario_errors():
         return spread(path, displacement, layout.n, _free(mode, layout))
 
 
 def motion_of(scenario: Scenario, mode: Mode, layout: TaskLayout) -> Course:
-    """What the free coordinates are asked to do, (n,) from the start on. Raises ScenarioError."""
+    """Desired motion of the free coordinates, (n,), from the start. Raises ScenarioError."""
     path, free = scenario.motion, _free(mode, layout)
     with scenario_errors():
         if isinstance(path, own_trajectories.Own):
@@ -130,9 +132,9 @@ def motion_of(scenario: Scenario, mode: Mode, layout: TaskLayout) -> Course:
 
 
 def require_pushing(scenario: Scenario, mode: Mode) -> None:
-    """Raises ScenarioError where the desired force is below zero at times and the surface only pushes.
+    """Raise ScenarioError where the desired force is negative at times and the surface only pushes.
 
-    A rigid surface is left to the run, which stops when contact is lost.
+    With a rigid surface this is not checked here: the run stops when contact is lost.
     """
     contact, pulling = scenario.contact, scenario.force.pulling()
     if pulling and mode.m() and contact.unilateral and not contact.nature.rigid:
@@ -144,5 +146,5 @@ def require_pushing(scenario: Scenario, mode: Mode) -> None:
 
 
 def force_of(scenario: Scenario) -> ForceCourse:
-    """The desired normal force, N."""
+    """Course of the desired normal force, N."""
     return force_course(scenario.force)

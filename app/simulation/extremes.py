@@ -1,8 +1,8 @@
-"""The largest values of functions over Omega: samples first, then scipy's SLSQP from the best of them.
+"""Largest values of functions over Omega: samples first, then scipy's SLSQP from the best of them.
 
-Omega is a union of balls, cut where J_q comes too near to being singular, with the times of a surface that moves. What
-is found is reached within it, so the true extreme is no smaller; by how much it may be larger is no theorem:
-`app.simulation.domain.MARGIN` covers it, and `tests/simulation/test_domain.py` searches otherwise and harder.
+Omega is a union of balls, cut where J_q comes too near to being singular, with the times of a surface that moves. The
+values found are reached within Omega, so the true extreme is no smaller; no theorem says by how much it may be larger:
+`app.simulation.domain.MARGIN` covers that, and `tests/simulation/test_domain.py` makes other and longer searches.
 """
 
 from __future__ import annotations
@@ -16,9 +16,9 @@ from scipy.optimize import minimize
 
 MOST = 12  # searches, each from a sample of its own
 APART = 0.7  # radii between two samples to search from, at least
-NEAR = 3.0  # of the limit on sigma_min: from the sample nearest to it one search begins if it is as near as that
+NEAR = 3.0  # times the limit on sigma_min: one search begins at the sample nearest to that limit, if it is below this
 ITERATIONS = 25  # of one search
-ENOUGH = 3e-4  # relative gain for which no iteration is made
+ENOUGH = 3e-4  # relative gain below which a search ends
 GAIN = 1e-2  # relative gain over the best by which a search counts as worth while
 STEP = 1e-5  # of finite differences, in radii and in spans of time
 HALVINGS = 12  # on the way back into Omega
@@ -32,14 +32,15 @@ class Place(NamedTuple):
 
 
 class Look(NamedTuple):
-    """What is there: a value to be as large as possible, > 0, and how much room is left to where Omega is cut, >= 0
-    within it."""
+    """Value of a function at a place.
+    value: to be maximized, > 0.
+    room: margin to the cut of Omega, >= 0 within Omega."""
 
     value: float
     room: float = np.inf
 
 
-OUTSIDE = Look(0.0, -1.0)  # also where nothing can be said
+OUTSIDE = Look(0.0, -1.0)  # also where nothing can be computed
 Looker = Callable[[Place], tuple[Look, ...]]
 
 
@@ -52,17 +53,17 @@ class Omega:
     span: float = 0.0
 
     def centre_near(self, q: np.ndarray) -> tuple[int, float]:
-        """Number of the centre nearest to q (n,) rad, and how far it is, rad."""
+        """Number of the centre nearest to q (n,) rad, and its distance, rad."""
         squares = np.square(self.centres - q).sum(axis=1)
         nearest = int(squares.argmin())
         return nearest, float(np.sqrt(squares[nearest]))
 
     def depth(self, q: np.ndarray) -> float:
-        """1 at a centre, 0 on the boundary, negative outside."""
+        """Depth of q (n,) rad in Omega: 1 at a centre, 0 on the boundary, negative outside."""
         return 1.0 - (self.centre_near(q)[1] / self.radius) ** 2
 
     def nearest(self, place: Place) -> Place:
-        """The place in Omega that is nearest to any."""
+        """The place in Omega nearest to a place."""
         number, away = self.centre_near(place.q)
         centre, q = self.centres[number], place.q
         if away > self.radius:
@@ -70,7 +71,7 @@ class Omega:
         return Place(q, min(max(place.t, 0.0), self.span))
 
     def places(self, count: int) -> list[Place]:
-        """Places in it, always the same: some of the centres, and `count` drawn around them."""
+        """Places in Omega, always the same: some of the centres, and `count` drawn around them."""
         random, n = np.random.default_rng(1), self.centres.shape[1]
         directions = random.standard_normal((count, n))
         directions *= self.radius / np.linalg.norm(directions, axis=1, keepdims=True)
@@ -86,14 +87,15 @@ class _Sample(NamedTuple):
 
 
 class Effort(NamedTuple):
-    """How many places are drawn from Omega, and after how many searches in a row without gain it is enough."""
+    """Effort of a search: number of places drawn from Omega, and number of searches in a row without gain after which
+    it ends."""
 
     draws: int
     searches: int
 
 
 def largest(omega: Omega, looker: Looker, effort: Effort) -> tuple[float, ...]:
-    """The largest value within Omega of everything that the looker sees, 0 where no sample lies within it."""
+    """Largest value within Omega of each value of the looker, 0 where no sample lies within Omega."""
     seen = [(place, looker(place)) for place in omega.places(effort.draws)]
     count = len(seen[0][1])
     found: list[float] = []
@@ -104,7 +106,8 @@ def largest(omega: Omega, looker: Looker, effort: Effort) -> tuple[float, ...]:
 
 
 def _climbed(omega: Omega, look: Callable[[Place], Look], samples: list[_Sample], patience: int) -> float:
-    """From one sample after the other, until as many in a row as `patience` have found nothing better."""
+    """Largest value found from one sample after the other, until as many in a row as `patience` have found nothing
+    better."""
     best, idle = 0.0, 0
     for start in _starts(omega, [s for s in samples if s.look.room >= 0.0 and s.look.value > 0.0]):
         found = _Climb(omega, look, start).best
@@ -116,7 +119,7 @@ def _climbed(omega: Omega, look: Callable[[Place], Look], samples: list[_Sample]
 
 
 def _starts(omega: Omega, samples: list[_Sample]) -> Iterator[_Sample]:
-    """The best samples, some way from each other, and one where Omega is cut."""
+    """Samples to search from: the best ones, some way from each other, and one near the cut of Omega."""
     edge = min(samples, key=lambda s: s.look.room, default=None)
     if edge is not None and edge.look.room < NEAR - 1.0:
         yield edge
@@ -130,9 +133,10 @@ def _starts(omega: Omega, samples: list[_Sample]) -> Iterator[_Sample]:
 
 
 class _Climb:
-    """One search: `best` is the largest value that it has seen within Omega.
+    """One search: `best` is the largest value that it has found within Omega.
 
-    Its variable x is the way from the start, in radii, followed by the time, in spans, where time counts.
+    Its variable x is the displacement from the start, in radii, followed by the time, in spans, where the surface
+    moves.
     """
 
     def __init__(self, omega: Omega, look: Callable[[Place], Look], start: _Sample) -> None:
@@ -145,7 +149,7 @@ class _Climb:
     def _run(self) -> None:
         n = len(self._start.q)
         x_0 = np.append(np.zeros(n), [self._start.t / self._omega.span] if self._timed else [])
-        steep = float(np.linalg.norm(self._seen(x_0)[1][0])) or 1.0  # scaled by it, the first step is one of a radius
+        steep = float(np.linalg.norm(self._seen(x_0)[1][0])) or 1.0  # scaled by the slope, the first step is one radius
         end = minimize(
             lambda x: self._seen(x)[0][0] / steep,
             x_0,
@@ -155,7 +159,7 @@ class _Climb:
             constraints={"type": "ineq", "fun": lambda x: self._seen(x)[0][1:], "jac": lambda x: self._seen(x)[1][1:]},
             options={"maxiter": ITERATIONS, "ftol": ENOUGH / steep},
         ).x
-        # it may end a little outside: only what lies within counts, the farthest on the way there
+        # it may end a little outside: only places within Omega count, the farthest one on the way there
         for share in 1.0 - np.append(0.0, 0.5 ** np.arange(HALVINGS, 0, -1)):
             value, room = self._look(self._omega.nearest(self._place(x_0 + share * (end - x_0))))
             if room >= 0.0:
@@ -167,7 +171,7 @@ class _Climb:
         return Place(self._start.q + self._omega.radius * x[:n], self._omega.span * x[n] if self._timed else 0.0)
 
     def _row(self, x: np.ndarray) -> np.ndarray:
-        """-log(value), to be as small as possible; room and depth, not to be negative."""
+        """Row (3,): -log(value), to be minimized, then room and depth, not to be negative."""
         place = self._place(x)
         value, room = self._look(place)
         return np.array([-np.log(value) if value > 0.0 else 0.0, min(room, 1e3), self._omega.depth(place.q)])

@@ -1,4 +1,5 @@
-"""The premises of Theorem 1 in a run: begun anew at every change, looked at on the way, and what a period reports."""
+"""Watch of the premises of Theorem 1 in a run: begun anew at every change, updated on the way, and the alarms of each
+period."""
 
 from __future__ import annotations
 
@@ -21,10 +22,10 @@ from controllers.switching import Switching
 
 
 class PremiseWatch:
-    """Looks after what is promised of a run, in the period's memory of its state; says in the state's `flagged` and
-    `stopped` what the run has left, and when.
+    """Watch of the promise of a run, in the memory of its state's period; it writes into the state's `flagged` and
+    `stopped` which premise the run has left, and when.
 
-    system: follows the model in force on the way of a blend.
+    system: follows the target model in force during a blend.
     """
 
     def __init__(self, system: System, state: State, arm: ControlledArm) -> None:
@@ -36,7 +37,7 @@ class PremiseWatch:
         self._sampled: SampledLoop | None = None
 
     def begin(self) -> None:
-        """Begin an epoch: the theorem promises anew, from the s of now."""
+        """Begin an epoch: the theorem promises anew, from the present s."""
         state = self._state
         state.epoch, state.steps = epoch_at(self.system, state.t, state.arm, state.period), 0
         self._promise_anew()
@@ -50,7 +51,8 @@ class PremiseWatch:
             state.epoch = self._with_instants(state.epoch)
 
     def _with_instants(self, epoch: Epoch) -> Epoch:
-        """With the instants by which ||s|| is promised to be within the boundary layer and within the band."""
+        """The epoch with the instants by which ||s|| is promised to be within the boundary layer and within the
+        band."""
         watched, certificate = self._state.period.part("watched"), epoch.certificate
         banded = epoch.t + certificate.time_to(float(np.sqrt(2.0 * watched.V_band / watched.low)))
         layered = watched.width > 0.0 and watched.radius <= watched.width  # V falls down to the layer
@@ -60,7 +62,7 @@ class PremiseWatch:
         return replace(epoch, reached_by=reached, banded_by=banded)
 
     def _promise_anew(self) -> None:
-        """Forget what was promised; how it was kept so far is the run's."""
+        """Forget the promise; the record of how it was kept stays with the run."""
         state, system = self._state, self.system
         period, before = state.period, state.period.part("kept")
         period.data["saturated"] = period.data["held"]["known"] = False
@@ -76,17 +78,18 @@ class PremiseWatch:
         self._heed_posture(nearest)
 
     def _state_premise(self, premise: Premise, value: float, limit: float) -> None:
-        """Give a premise that the compiled period does not compute its value; one of nan does not apply."""
+        """Set the value of a premise that the compiled period does not compute; one with a value of nan does not
+        apply."""
         table = self._table
         table.value[premise], table.limit[premise] = value, np.nan if np.isnan(value) else limit
 
     def look(self) -> None:
-        """Judge the premises that depend on where the arm is."""
+        """Judge the premises that depend on the arm's posture."""
         self._heed_posture(self._arm.look(self._state.period))
 
     def _heed_posture(self, nearest: int) -> None:
         """Flag it when q has left Omega, whose centre of this number is the nearest, and judge the sampled loops when
-        the arm has moved: along the reference at a station, off it where the arm is."""
+        the arm has moved: along the reference at a station, off it at the present posture."""
         state, distance = self._state, self._table.value[Premise.DOMAIN]
         if distance > self.system.constants.radius:
             self.left("flag", "q has left Ω, over which the constants of (19) were computed")
@@ -107,7 +110,7 @@ class PremiseWatch:
 
     @property
     def sampled(self) -> SampledLoop:
-        """The sampled loop where it was judged last."""
+        """The sampled loop as it was judged last."""
         if self._sampled is None:
             self._sampled = self._loop_at(self._state.judged)
         return self._sampled
@@ -121,7 +124,7 @@ class PremiseWatch:
         return loop
 
     def require_bounded_gain(self) -> None:
-        """Raises UnboundedGain where the gain by (17) feeds itself: it would grow without bound whatever else is
+        """Raise UnboundedGain where the gain by (17) feeds itself: it would grow without bound whatever else is
         chosen."""
         table, controller = self._table, self.system.controller
         if not controller.law.robust:
@@ -143,21 +146,22 @@ class PremiseWatch:
 
     @property
     def banded(self) -> float | None:
-        """When ||s|| was first within its band since the last change, s; None while it was not."""
+        """Instant at which ||s|| was first within its band since the last change, s; None while it has not been."""
         reached = self._state.period.part("kept").reached
         return None if np.isnan(reached) else reached
 
     @property
     def reached(self) -> float | None:
-        """When ||s|| was first within the boundary layer, or within the band of a law that has none, since the last
-        change, s; None while it was not."""
+        """Instant at which ||s|| was first within the boundary layer, or within the band for a law that has no layer,
+        since the last change, s; None while it has not been."""
         if self.system.controller.switching is Switching.DISCONTINUOUS:
             return self.banded
         entered = self._state.period.part("kept").entered
         return None if np.isnan(entered) else entered
 
     def heed(self, alarms: Alarm) -> None:
-        """Has the run left the theorem's domain? Say which way and when; stop, or flag where the user chose so."""
+        """Handle the alarms of a period: note how and when the run has left the theorem's domain; stop it, or flag
+        where the user chose so."""
         state, rules = self._state, self.system.scenario.simulation
         period, arm = state.period.read(), state.arm.read()
         if Alarm.ENTERED in alarms or Alarm.REACHED in alarms:
@@ -185,7 +189,8 @@ class PremiseWatch:
             )
 
     def left(self, choice: str, reason: str) -> None:
-        """Say that the run has left the theorem's domain: "stop" or "flag"; what came first explains what follows."""
+        """Note that the run has left the theorem's domain: "stop" or "flag"; the first reason explains the later
+        ones."""
         state = self._state
         if choice == "stop":
             state.stopped = state.stopped or f"t = {state.t:.3f} s: {reason}"

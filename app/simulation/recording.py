@@ -1,4 +1,4 @@
-"""What a run leaves behind: one row per control period in blocks of a table, bounded; readable while it grows."""
+"""Recording of a run: one row per control period in blocks of a table, bounded; readable while it grows."""
 
 from __future__ import annotations
 
@@ -27,9 +27,11 @@ def _between(rows: np.ndarray, t_from: float, t_to: float) -> np.ndarray:
 
 @dataclass(frozen=True)
 class Epoch:
-    """What the rows from t (s) on were computed under, until the next epoch begins: model, or on the way of `blend`.
-    reached: when ||s|| was first within the boundary layer, or the band of a law without one, and banded: within the
-    band, s, None while it was not; reached_by, banded_by: by when that is promised, s, None where it is not."""
+    """Conditions of the rows from t (s) until the next epoch begins: scenario, target model or `blend`, and
+    certificate.
+    reached: when ||s|| was first within the boundary layer, or the band of a law without one, s, None while it was not.
+    banded: when ||s|| was first within the band, s, None while it was not.
+    reached_by, banded_by: promised instants of these, s, None where nothing is promised."""
 
     t: float
     scenario: Scenario
@@ -46,15 +48,15 @@ class Epoch:
         return self.model if self.blend is None else self.blend.at(t)
 
     def until(self, t: float) -> Epoch:
-        """As it was known at t (s)."""
+        """The epoch as it was known at t (s)."""
         known = (None if instant is None or instant > t else instant for instant in (self.reached, self.banded))
         reached, banded = known
         return replace(self, reached=reached, banded=banded)
 
 
 class Stretch(Mapping[str, np.ndarray]):
-    """The signals of a stretch of time: (N,) for single columns, (N, width) for the others. Each is copied out of the
-    table when it is first asked for."""
+    """Signals of a stretch of time: (N,) for single columns, (N, width) for the others. Each is copied out of the table
+    when it is first read."""
 
     def __init__(self, pieces: list[np.ndarray], columns: Mapping[str, slice]) -> None:
         self._pieces, self._columns = pieces, columns
@@ -78,8 +80,10 @@ class Stretch(Mapping[str, np.ndarray]):
 
 @dataclass
 class _Block:
-    """A piece of the table: rows (BLOCK, width) of numbers, and records (BLOCK,), the same memory by the names of
-    `Row`; `filled` grows only after a row is complete, so that readers never see half of one."""
+    """A piece of the table.
+    rows: (BLOCK, width) of numbers.
+    records: (BLOCK,), the same memory by the names of `Row`.
+    filled: grows only after a row is complete, so that readers never see half of a row."""
 
     rows: np.ndarray
     records: np.ndarray
@@ -89,8 +93,9 @@ class _Block:
 class Recording:
     """A bounded table of rows. One thread adds; any thread reads whole rows.
 
-    history (rows): kept at full rate; older rows are thinned to one in `THINNING`, as long a time again at most, and
-    what is older still is forgotten. So memory grows up to this bound and no further: with six joints 0.7 GB.
+    history (rows): kept at full rate. Older rows are thinned to one in `THINNING`, for at most as long a time again,
+    and
+    still older ones are removed. So memory has a bound: with six joints 0.7 GB.
     epochs: the last ones, oldest first; readers take a copy.
     """
 
@@ -106,8 +111,8 @@ class Recording:
 
     @classmethod
     def of(cls, n: int, length: int, signals: Iterable[tuple[slice, np.ndarray]]) -> Recording:
-        """A recording of so many rows. signals: where each one stands in a row, and its values, (length, width); they
-        are taken one after the other."""
+        """Recording of so many rows. signals: the columns of each signal in a row, and its values, (length, width);
+        they are read one after the other."""
         recording = cls(n, history=length)
         starts = range(0, length, BLOCK)
         recording._blocks.extend(recording._new_block(min(BLOCK, length - at)) for at in starts)
@@ -120,7 +125,7 @@ class Recording:
         return sum(block.filled for block in tuple(self._blocks))
 
     def new_row(self) -> np.ndarray:
-        """The row to be filled next, the memory (1,) of a `Row`; it counts from `commit` on."""
+        """The row to be filled next, the memory (1,) of a `Row`; readers see it after `commit`."""
         if not self._blocks or self._blocks[-1].filled == BLOCK:
             self._blocks.append(self._new_block())
             if len(self._blocks) > self._most:
@@ -134,19 +139,18 @@ class Recording:
         return _Block(memory, memory.view(self._dtype)[:, 0], filled)
 
     def commit(self) -> None:
-        """The new row is complete."""
+        """Mark the new row as complete."""
         self._blocks[-1].filled += 1
 
     @property
     def first(self) -> float:
-        """The time of the oldest row that is known, s; 0 before there is one."""
+        """Time of the oldest row, s; 0 while there is none."""
         oldest = next((piece for piece in self._every_piece() if len(piece)), None)
         return 0.0 if oldest is None else float(oldest[0, 0])
 
     def branch(self, t_from: float, t_to: float) -> Recording:
-        """What this recording holds from about t_from, a whole block more or less, up to t_to exactly, as one that can
-        go on differently. Blocks that are full are shared, since nobody writes to them any more; the last is copied.
-        """
+        """Copy of this recording from about t_from, to a whole block, up to t_to exactly, which can continue
+        differently. Full blocks are shared, since nobody writes to them any more; the last one is copied."""
         twin = Recording(self.n, self.history)
         twin._thinned.extend(_between(piece, t_from, t_to) for piece in tuple(self._thinned))
         for block in tuple(self._blocks):
@@ -160,7 +164,7 @@ class Recording:
         return twin
 
     def pieces(self, t_from: float = -np.inf, t_to: float = np.inf) -> list[np.ndarray]:
-        """The rows with t_from <= t <= t_to, oldest first, as they lie in memory: (N_i, width), not to be written."""
+        """Rows with t_from <= t <= t_to, oldest first, as they lie in memory: (N_i, width), not to be written."""
         return [kept for piece in self._every_piece() if len(kept := _between(piece, t_from, t_to))]
 
     def _every_piece(self) -> list[np.ndarray]:
@@ -169,12 +173,12 @@ class Recording:
         return [*(piece for piece in tuple(self._thinned) if len(piece) and piece[0, 0] < begin), *full]
 
     def rows(self, t_from: float = -np.inf, t_to: float = np.inf) -> np.ndarray:
-        """The same in one piece: (N, width), a copy."""
+        """Rows with t_from <= t <= t_to in one piece: (N, width), a copy."""
         kept = self.pieces(t_from, t_to)
         return np.concatenate(kept) if kept else np.empty((0, self.width))
 
     def stretch(self, t_from: float = -np.inf, t_to: float = np.inf) -> Stretch:
-        """Those rows' signals, each copied only when it is asked for."""
+        """Signals of the rows with t_from <= t <= t_to, each copied only when it is first read."""
         return Stretch(self.pieces(t_from, t_to), self.columns)
 
     def signals(self, names: tuple[str, ...], t_from: float = -np.inf, t_to: float = np.inf) -> dict[str, np.ndarray]:

@@ -1,4 +1,5 @@
-"""What one control period makes of a small deviation from rest, with the torque held: the sampled closed loop's matrix.
+"""Stability of the sampled closed loop: the matrix by which one control period, with the torque held, maps a small
+deviation from rest.
 
 Theorem 1 is about continuous time. The law acts on samples: over a period its torque is constant while the arm moves
 and the surface's force changes. The period itself, law, sensor and plant with its integrator, is differentiated at rest
@@ -31,15 +32,16 @@ from environments.push import TimedPush
 from environments.step_resolution import ROUNDING
 from kernels.records import Record
 
-STEP, FORCE_STEP = 1e-3, 1e-3  # of the boundary layer, N: how far the differences go
+STEP, FORCE_STEP = 1e-3, 1e-3  # steps of the differences: in boundary layers, and N
 NOISE = 1e-6  # of an eigenvalue
 LONGEST_LINE = 100  # periods of delay, beyond which the matrix becomes too large to be judged in passing
 
 
 @dataclass(frozen=True)
 class Posture:
-    """A posture q (n,) rad at rest at time t (s), as the sampled loop needs it. H_hat (n, n) kg; across (n,):
-    F_r per unit of the multiplier."""
+    """A posture q (n,) rad at rest at time t (s), as the sampled loop needs it.
+    H_hat: (n, n) kg.
+    across: (n,), F_r per unit of the multiplier."""
 
     q: np.ndarray
     t: float
@@ -50,7 +52,7 @@ class Posture:
 
     @classmethod
     def of(cls, system: System, q: np.ndarray, t: float) -> Posture:
-        """Of the system's arm, at rest on the surface. Raises ValueError where J_q is exactly singular."""
+        """Posture of the system's arm, at rest on the surface. Raises ValueError where J_q is exactly singular."""
         estimate, task = system.observe(q, np.zeros_like(q), t)
         J_inv = task.J_q_inv
         across = J_inv.T @ (estimate.J_v.T @ system.surface.chart(estimate.p, t).G[0])
@@ -58,7 +60,8 @@ class Posture:
 
 
 def _needed(system: System, estimate: Estimate, task: TaskSpace, r_eq_ddot: np.ndarray | None = None) -> RequiredGain:
-    """(17) but for its epsilon where all errors and all rates of the reference are zero, or for another r_eq_ddot."""
+    """Gain required by (17), without its epsilon, where all errors and all rates of the reference are zero, or for
+    another r_eq_ddot."""
     still = np.zeros(system.layout.n)
     q_eq_dot = -task.J_q_inv @ task.v_t
     asked = still if r_eq_ddot is None else r_eq_ddot
@@ -73,10 +76,11 @@ NO_POLES = np.zeros(0, dtype=complex)
 
 @dataclass(frozen=True)
 class SampledLoop:
-    """The loop at one posture. model (k,) 1/s: poles of (8) against the true contact; sampled (k,) 1/s: what each of
-    them has become, none where nothing is judged; force_factor: what one sample makes of an error in the force of a
-    rigid or heavy surface, nan without one; premises: values of those about sampled loops, nan where one does not
-    apply, none of them where J_q is singular."""
+    """The sampled loop at one posture.
+    model: (k,) 1/s, poles of (8) against the true contact.
+    sampled: (k,) 1/s, the pole of the sampled loop for each of them, none where nothing is judged.
+    force_factor: factor of one sample on an error in the force of a rigid or heavy surface, nan without one.
+    premises: values of those about sampled loops, nan where one does not apply, none of them where J_q is singular."""
 
     model: np.ndarray
     sampled: np.ndarray
@@ -86,8 +90,8 @@ class SampledLoop:
 
 @dataclass(frozen=True)
 class Oscillation:
-    """A pole of the target model, with its conjugate, by natural frequency (1/s) and damping ratio, and what the
-    sampled loop makes of it; count: how many poles of the model are alike."""
+    """A pole of the target model, with its conjugate, by natural frequency (1/s) and damping ratio, and the same of the
+    sampled loop. count: number of equal poles of the model."""
 
     omega: float
     zeta: float
@@ -97,7 +101,8 @@ class Oscillation:
 
 
 def oscillations(loop: SampledLoop) -> list[Oscillation]:
-    """The poles on and above the real axis, fastest first; of those that are alike the one that is damped least."""
+    """Oscillations of the poles on and above the real axis, fastest first; of equal poles the one with the least
+    damping."""
     alike: dict[tuple[float, float], list[complex]] = {}
     for model, sampled in zip(loop.model, loop.sampled, strict=True):
         if model.imag >= -1e-6 * abs(model):
@@ -115,8 +120,8 @@ def oscillations(loop: SampledLoop) -> list[Oscillation]:
 
 
 def sampled_loop(system: System, q: np.ndarray, t: float) -> SampledLoop:
-    """The loop in contact, if the scenario has a contact, otherwise in free motion, at the posture q (n,) rad at time
-    t (s)."""
+    """The sampled loop in contact, if the scenario has a contact, otherwise in free motion, at the posture q (n,) rad
+    at time t (s)."""
     try:
         at = Posture.of(system, q, t)
         factor, (given_back, added) = force_factor(system, at), gain_by_force(system, at)
@@ -132,14 +137,14 @@ def sampled_loop(system: System, q: np.ndarray, t: float) -> SampledLoop:
 
 
 def _poles(system: System, at: Posture) -> tuple[np.ndarray, np.ndarray, float]:
-    """Poles of the model, what they have become, and the growth of a deviation per control period, in contact and,
+    """Poles of the model, those of the sampled loop, and the growth of a deviation per control period, in contact and,
     where the arm may leave the surface, off it."""
     values = np.linalg.eigvals(period_matrix(system, at)).astype(complex)
     growth = float(np.abs(values).max())
     if not system.mode.on_surface and system.plant.kind.touches:
         off = np.linalg.eigvals(period_matrix(system, at, touching=False))
         growth = max(growth, float(np.abs(off).max()))
-    moving = values[np.abs(values) > NOISE]  # a reading that is passed on has no pole of its own
+    moving = values[np.abs(values) > NOISE]  # a delayed reading has no pole of its own
     poles, model = np.log(moving) / system.scenario.controller.period, model_poles(system, at)
     apart = np.abs(model[:, None] - poles[None, :]) / np.maximum(np.abs(model), 1e-6)[:, None]
     rows, columns = linear_sum_assignment(apart)
@@ -147,25 +152,26 @@ def _poles(system: System, at: Posture) -> tuple[np.ndarray, np.ndarray, float]:
 
 
 def _judged(system: System) -> bool:
-    """Not under the discontinuous law, which chatters in any case and has no linear part, nor with a very long delay of
-    the sensor."""
+    """Whether the poles are judged: not under the discontinuous law, which chatters in any case and has no linear part,
+    nor with a very long delay of the sensor."""
     controller = system.controller
     chatters = controller.law.robust and controller.switching is Switching.DISCONTINUOUS
     return not chatters and system.sensor.late <= LONGEST_LINE
 
 
 def period_matrix(system: System, at: Posture, *, touching: bool = True) -> np.ndarray:
-    """The Jacobian (k, k) of one control period at rest, by central differences of the period itself."""
+    """Jacobian (k, k) of one control period at rest, by central differences of the period itself."""
     return _PeriodMap(system, at, touching=touching).jacobian()
 
 
 class _PeriodMap:
-    """One control period of a run, as a map of small deviations from rest and s = 0 at a posture: the arm with nothing
-    that has a kink, a constant reference where it stands, and no push.
+    """One control period of a run, as a map of small deviations from rest and s = 0 at a posture: the arm without
+    anything that has a kink, a constant reference at its present place, and no push.
 
     Deviations x: of the arm along the directions in which it can move and of their rates, in task coordinates, m and
-    m/s; of z (m/s) under the law that has it, and of what else a law has for a state; of what the force sensor will
-    read, N: the load that a heavy contact has kept from the period before, and the readings under way.
+    m/s; of z (m/s) under a law that has it, and of a law's own state; of the next readings of the force sensor, N: the
+    load
+    of a heavy contact from the period before, and the delayed readings.
     """
 
     def __init__(self, system: System, at: Posture, *, touching: bool) -> None:
@@ -211,7 +217,7 @@ class _PeriodMap:
         return np.concatenate([*self._parts, self._state.reader.memory.ravel()])
 
     def _after(self, vector: np.ndarray) -> np.ndarray:
-        """The state one period later. An elastic surface pushes at once as it is met."""
+        """The state one period later. An elastic surface pushes as soon as it is met."""
         state, arm = self._state, self._arm
         for part in self._parts:
             part[:], vector = vector[: len(part)], vector[len(part) :]
@@ -223,7 +229,7 @@ class _PeriodMap:
         return self._vector()
 
     def jacobian(self) -> np.ndarray:
-        """By central differences, (k, k)."""
+        """Jacobian (k, k) of the period, by central differences."""
         spread, gather = _block(self._out, len(self._base)), _block(self._in.T, len(self._base)).T
         columns = []
         for way, step in zip(spread.T, self._steps, strict=True):
@@ -233,13 +239,13 @@ class _PeriodMap:
 
 
 def _block(directions: np.ndarray, length: int) -> np.ndarray:
-    """From deviations to vectors of this length: by `directions` (n, k) of the arm and of its rate, the rest as it
-    is."""
+    """Matrix from deviations to vectors of this length: by `directions` (n, k) for the arm and for its rate, the rest
+    unchanged."""
     return np.asarray(block_diag(directions, directions, np.eye(length - 2 * len(directions))))
 
 
 def model_poles(system: System, at: Posture) -> np.ndarray:
-    """Poles (k,) 1/s of (8) against the true contact, as far as the arm can move."""
+    """Poles (k,) 1/s of (8) against the true contact, in the directions in which the arm can move."""
     model, contact, kind, a = system.controller.model, system.plant.contact, system.plant.kind, at.across
     basis = _free_directions(system, at)
     felt = model.K_f @ np.outer(system.controller.controlled * a, a)
@@ -250,7 +256,7 @@ def model_poles(system: System, at: Posture) -> np.ndarray:
 
 
 def _free_directions(system: System, at: Posture) -> np.ndarray:
-    """Orthonormal (n, k): the directions in which the arm can move; a rigid surface takes one."""
+    """Orthonormal directions (n, k) in which the arm can move; a rigid surface takes one away."""
     n = system.layout.n
     if not system.plant.kind.rigid:
         return np.eye(n)
@@ -258,7 +264,8 @@ def _free_directions(system: System, at: Posture) -> np.ndarray:
 
 
 def force_factor(system: System, at: Posture) -> float:
-    """See `controllers.force_loop`; nan where no force is fed back through a loop that sampling closes."""
+    """Force loop factor, see `controllers.force_loop`; nan where no force is fed back through a loop that sampling
+    closes."""
     if not system.plant.kind.heavy or system.scenario.sensor.ideal or not system.controller.law.feels_force:
         return math.nan
     felt = system.controller.controlled * at.across
@@ -270,8 +277,8 @@ def _surface_mass(system: System) -> float:
 
 
 def gain_by_force(system: System, at: Posture) -> tuple[float, float]:
-    """Of a change in the force on a rigid or heavy surface, the share that d by (17) gives back when the loop through
-    the force is solved, and what d adds to `force_factor`; nan and 0 where d does not depend on the force."""
+    """Share of a change in the force on a rigid or heavy surface that d by (17) gives back when the loop through the
+    force is solved, and the part that d adds to `force_factor`; nan and 0 where d does not depend on the force."""
     controller = system.controller
     if not system.plant.kind.heavy or controller.d is not None or not controller.law.robust:
         return math.nan, 0.0
@@ -284,7 +291,7 @@ def gain_by_force(system: System, at: Posture) -> tuple[float, float]:
 
 
 def _slope_of_gain(system: System, at: Posture, r_eq_ddot: np.ndarray) -> float:
-    """By how much d by (17) can change, at most, per unit of r_eq_ddot's change in this direction, N."""
+    """Largest change of d by (17), N, per unit of r_eq_ddot's change in this direction."""
     still = np.zeros_like(r_eq_ddot)
     rest = at.task._replace(v_t=still, v_t_dot=still)
     without, with_it = _needed(system, at.estimate, rest), _needed(system, at.estimate, rest, r_eq_ddot)

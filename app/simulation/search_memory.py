@@ -1,4 +1,4 @@
-"""What has been found by searching, so that it is searched for once."""
+"""Memory of the results of searches, so that each search is made once."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class AnswerStore(Protocol):
 
 
 class Memory:
-    """Answers by what they depend on: in this process, and on a store where there is one."""
+    """Memory of answers by what they depend on: in this process, and in a store where there is one."""
 
     def __init__(self, store: AnswerStore | None = None) -> None:
         self._store = store
@@ -39,7 +39,7 @@ class Memory:
         if known is None:
             known = self._store.read(key, count) if self._store is not None else None
             if known is None:
-                known = tuple(float(number) for number in find())  # numpy's are written otherwise
+                known = tuple(float(number) for number in find())  # repr of numpy's numbers is different
                 if self._store is not None:
                     self._store.write(key, known)
             if len(self._known) >= MOST:
@@ -49,7 +49,7 @@ class Memory:
 
 
 def key_of(*parts: Part) -> str:
-    """One name for all that an answer depends on."""
+    """Key of an answer, from all that it depends on."""
     digest = hashlib.sha256()
     for part in parts:
         if isinstance(part, np.ndarray):

@@ -1,5 +1,5 @@
-"""A law that is called between the two halves of a compiled period: one of a user's own file, or one with a state of
-its own."""
+"""Separate law, which is called between the two halves of a compiled period: one of a user's own file, or one with a
+state of its own."""
 
 from __future__ import annotations
 
@@ -21,8 +21,9 @@ from kernels.records import Record
 
 
 class SeparateLaw:
-    """The torque of one law with its parameters. settings: what the compiled halves read of the system; x_dot (k,): the
-    rate of the law's own state in the period that was evaluated last."""
+    """Torque of one law with its parameters.
+    settings: the data of the system that the compiled halves read.
+    x_dot: (k,), the rate of the law's own state in the period that was evaluated last."""
 
     def __init__(self, controller: Controller, settings: Record[Setting]) -> None:
         law, n = controller.law, controller.model.n
@@ -48,7 +49,7 @@ def _interpreted(law: ControlLaw, settings: Record[Setting], parameters: Any) ->
 
 
 def _compiled(law: ControlLaw, settings: Record[Setting], parameters: Any) -> Callable[..., None]:
-    """The same, compiled."""
+    """The law's torque, as a function of a period and of the law's own state, compiled."""
     answer, own = _kernel_of(law), Record(parameters).data if parameters else settings.data["gains"]
     return lambda period, *state: answer(settings.data, period.data, own, *state)
 

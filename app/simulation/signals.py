@@ -1,4 +1,4 @@
-"""The row of a control period: what is recorded of it, field by field, with unit and meaning."""
+"""Row of a control period: its recorded signals, field by field, with unit and meaning."""
 
 from __future__ import annotations
 
@@ -10,8 +10,10 @@ import numpy as np
 
 @dataclass(frozen=True)
 class Signal:
-    """A field of `Row`. unit, doc: of its numbers; joint_unit: where the task coordinates are the joints' angles, if
-    that is another one; width: how many numbers it has, None for one per task coordinate or joint."""
+    """A field of `Row`.
+    unit, doc: of its numbers.
+    joint_unit: where the task coordinates are the joints' angles, if that is another one.
+    width: number of its numbers, None for one per task coordinate or joint."""
 
     unit: str
     doc: str
@@ -20,11 +22,11 @@ class Signal:
     name: str = ""
 
     def unit_in(self, kind: Literal["cartesian", "joint"]) -> str:
-        """In a task space of this kind."""
+        """Unit in a task space of this kind."""
         return self.joint_unit or self.unit if kind == "joint" else self.unit
 
     def wide(self, n: int) -> int:
-        """How many numbers it has with n coordinates."""
+        """Number of its numbers with n coordinates."""
         return n if self.width is None else self.width
 
 
@@ -33,8 +35,8 @@ Vector = np.ndarray
 
 
 class Row(NamedTuple):
-    """What is recorded of one control period. `control_period` fills it, but for what is known only when the plant has
-    answered, which `complete_row` does."""
+    """Recorded signals of one control period. `control_period` fills it, except for the fields that are known only
+    after the plant's response, which `complete_row` fills."""
 
     t: Annotated[Number, Signal("s", "simulated time")]
     q: Annotated[Vector, Signal("rad", "joint angles")]
@@ -86,12 +88,12 @@ class Row(NamedTuple):
 
     @classmethod
     def zeros(cls, n: int) -> Row:
-        """Of n coordinates."""
+        """Row of n coordinates."""
         return cls._make(0.0 if signal.width == 1 else np.zeros(signal.wide(n)) for signal in SIGNALS)
 
 
 def _signals() -> tuple[Signal, ...]:
-    """As the row states them; a field that is a number is one wide."""
+    """Signals of the row, in its order; a field that is a number has width 1."""
     stated = []
     for name, hint in get_type_hints(Row, include_extras=True).items():
         (signal,), kind = hint.__metadata__, hint.__origin__
@@ -103,7 +105,7 @@ SIGNALS = _signals()
 
 
 def columns_of(n: int) -> dict[str, slice]:
-    """Where each signal stands among the numbers of a row of n coordinates."""
+    """Columns of each signal among the numbers of a row of n coordinates."""
     columns: dict[str, slice] = {}
     start = 0
     for signal in SIGNALS:

@@ -1,4 +1,4 @@
-"""The state of a run: where it stands between two control periods, as one value."""
+"""State of a run between two control periods, as one value."""
 
 from __future__ import annotations
 
@@ -26,7 +26,8 @@ from kernels.records import Record
 
 
 class Judged(NamedTuple):
-    """Where the sampled loops were judged last: at a station along the reference, None off it; q (n,) rad; t s."""
+    """Posture at which the sampled loops were judged last: at a station along the reference, None off it; q (n,) rad; t
+    s."""
 
     station: int | None
     q: np.ndarray
@@ -35,7 +36,7 @@ class Judged(NamedTuple):
 
 @dataclass(slots=True)
 class State:
-    """All that the next control periods depend on, beside the system that the scenario stands for.
+    """State of a run: all that the next control periods depend on, beside the system of the scenario.
 
     A run changes its state in place; `copy` is a value, small enough to be kept by the thousand and sent to another
     process. A fork without the hand: `replace(state.copy(), grip=None)`.
@@ -45,26 +46,26 @@ class State:
     t: float  # s
     steps: int  # control periods since `epoch` began
     arm: PlantState
-    period: Record[Period]  # z, and what the promise remembers
-    x: np.ndarray  # (k,), what a law has for a state of its own; z of (25) is in `period`
+    period: Record[Period]  # z, and the state of the promise
+    x: np.ndarray  # (k,), a law's own state; z of (25) is in `period`
     reader: ForceReader  # the force sensor's random stream, filter and delay line
-    shift: Shift  # of the reference, on its way
+    shift: Shift  # of the reference, while it moves
     along: Start | None  # of `ReferenceEstimates`, None where estimates are taken on-line
     grip: Grip | None  # the hand that holds the tool
-    epoch: Epoch  # what was begun at the last change
+    epoch: Epoch  # the one that began at the last change
     judged: Judged
     stopped: str | None  # why the run has ended
-    flagged: str | None  # what was left first since the last change, and went on
+    flagged: str | None  # first warning since the last change, after which the run went on
 
     @classmethod
     def at_start(cls, system: System) -> State:
-        """At rest where the scenario begins."""
+        """State at rest where the scenario begins."""
         return cls.at(system, system.robot.posture, np.zeros(system.robot.n), 0.0)
 
     @classmethod
     def at(cls, system: System, q: np.ndarray, q_dot: np.ndarray, t: float) -> State:
-        """Of a run that begins at t (s) with the arm at q (n,) rad, q_dot (n,) rad/s; on a rigid surface it is brought
-        there. Raises ValueError when the rigid surface cannot be reached from q."""
+        """State of a run that begins at t (s) with the arm at q (n,) rad, q_dot (n,) rad/s; on a rigid surface the arm
+        is brought there. Raises ValueError when the rigid surface cannot be reached from q."""
         arm, period = system.plant.start(q, q_dot, t), Record(Period.zeros(system.layout.n))
         return cls(
             scenario=system.scenario,
@@ -84,7 +85,7 @@ class State:
         )
 
     def copy(self) -> State:
-        """The same state in memory of its own: what a run changes in place is copied, the rest is frozen."""
+        """Copy of the state: the parts that a run changes in place are copied, the rest is frozen."""
         of_its_own = {f.name: part.copy() for f in fields(self) if isinstance(part := getattr(self, f.name), CHANGING)}
         return replace(self, **of_its_own)
 
@@ -93,14 +94,14 @@ CHANGING = (Record, ForceReader, np.ndarray)
 
 
 def observed(system: System, t: float, arm: PlantState) -> tuple[Estimate, TaskSpace, np.ndarray, np.ndarray]:
-    """What the controller sees of an arm at t (s), with the errors e_r and e_r_dot, (n,)."""
+    """Observation of an arm at t (s): estimates and task coordinates, with the errors e_r and e_r_dot, (n,)."""
     estimate, task = system.observe(arm.views.q, arm.views.q_dot, t)
     reference = system.reference(t)
     return estimate, task, task.r - reference.r_d, task.r_dot - reference.r_d_dot
 
 
 def epoch_at(system: System, t: float, arm: PlantState, period: Record[Period]) -> Epoch:
-    """What begins at t (s): the theorem promises anew, from the s of now."""
+    """Epoch that begins at t (s): the theorem promises anew, from the present s."""
     controller, constants = system.controller, system.constants
     estimate, task, e_r, e_r_dot = observed(system, t, arm)
     s = e_r_dot + controller.compensator.F_1 @ e_r + controller.compensator.F_2 @ period.views.z
@@ -116,5 +117,5 @@ def epoch_at(system: System, t: float, arm: PlantState, period: Record[Period]) 
 
 
 def blending(blend: ModelBlend | None, t: float, period: float) -> bool:
-    """Whether the target model is on the way of a blend at t (s)."""
+    """Whether a blend of the target model is going on at t (s)."""
     return blend is not None and t > blend.begins + 0.5 * period

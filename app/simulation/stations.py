@@ -1,4 +1,5 @@
-"""Stations: postures along the reference at which the sampled loops are judged, instead of at every one between."""
+"""Stations: postures along the reference at which the sampled loops are judged, instead of at every posture between
+them."""
 
 from __future__ import annotations
 
@@ -13,8 +14,10 @@ APART = 0.1  # rad, of a joint: from one place to the next
 
 @dataclass(frozen=True)
 class Stations:
-    """Postures along the reference, `APART` from each other. q (S, n) rad, t (S,) s; of (N,): which of them stands for
-    each centre of Omega."""
+    """Postures along the reference, `APART` from each other.
+    q: (S, n) rad.
+    t: (S,) s.
+    of: (N,), number of the station that stands for each centre of Omega."""
 
     q: np.ndarray
     t: np.ndarray
@@ -22,7 +25,7 @@ class Stations:
 
     @classmethod
     def along(cls, omega: Omega, duration: float) -> Stations:
-        """Of the centres of Omega along a reference of this duration, s."""
+        """Stations among the centres of Omega along a reference of this duration, s."""
         centres = omega.centres
         chosen, of = [0], np.zeros(len(centres), dtype=int)
         for k, q in enumerate(centres):

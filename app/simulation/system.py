@@ -1,4 +1,4 @@
-"""From a Scenario to the objects that it stands for, checked: the one place where the three folders meet."""
+"""System of a scenario, checked: its objects; the one place where controllers, environments and app meet."""
 
 from __future__ import annotations
 
@@ -46,14 +46,14 @@ from environments.step_resolution import Mobility, oscillators, resolved, subste
 from environments.surfaces.table import Surface
 from environments.urdf import RobotError
 
-EASE = 1.5  # times as many substeps as keep the plant from exploding let it settle, too
+EASE = 1.5  # factor on the substeps that keep the plant from exploding, with which it also settles
 ON_SURFACE = 1e-6  # m, of where the tool begins
 
 
 @dataclass(frozen=True)
 class Coordinate:
-    """One task coordinate: its name and the unit that the screen shows; metres_per_radian is the characteristic
-    length where it is an angle times that, otherwise None."""
+    """One task coordinate: its name and the unit that the screen shows.
+    metres_per_radian: the characteristic length where the coordinate is an angle times that, otherwise None."""
 
     name: str
     unit: str
@@ -65,15 +65,18 @@ class Coordinate:
 
     @property
     def per_radian(self) -> float:
-        """Of an angle: by how much it grows with one radian, in its unit."""
+        """Growth of an angle with one radian, in its unit."""
         return self.metres_per_radian or 1.0
 
 
 @dataclass(frozen=True)
 class System:
-    """A scenario's objects. `charted` gives the task coordinates: the surface, or Cartesian axes; `mobility` is the
-    true arm's largest over Omega; controller: with the target model in force, from which `blend`, if there is one,
-    leads to another; q_0 (n,) rad; memory: of what was searched for."""
+    """Objects of a scenario.
+    charted: gives the task coordinates: the surface, or Cartesian axes.
+    mobility: the true arm's largest over Omega.
+    controller: with the target model in force, from which `blend`, if there is one, leads to another.
+    q_0: (n,) rad.
+    memory: of the results of searches."""
 
     scenario: Scenario
     robot: robots.Robot
@@ -101,26 +104,26 @@ class System:
 
     @cached_property
     def observer(self) -> Observer:
-        """How the controller looks at the arm."""
+        """Observer with the controller's model of the arm."""
         return Observer(self.nominal, self.charted.shape, self.layout)
 
     @cached_property
     def planned(self) -> Planned:
-        """The reference."""
+        """Reference of the run, as a function of time."""
         return Planned(self.plan)
 
     @cached_property
     def stations(self) -> Stations:
-        """Where the sampled loops are judged."""
+        """Stations at which the sampled loops are judged."""
         return Stations.along(self.constants.omega, self.scenario.simulation.duration)
 
     @property
     def units(self) -> Units:
-        """Of what is shown of r, s and the generalised forces."""
+        """Units in which r, s and the generalised forces are shown."""
         return JOINT if self.layout.joint else CARTESIAN
 
     def observe(self, q: np.ndarray, q_dot: np.ndarray, t: float) -> tuple[Estimate, TaskSpace]:
-        """The controller's view of a state: estimates and task coordinates."""
+        """Observation of a state by the controller: estimates and task coordinates."""
         return self.observer.at(q, q_dot, t)
 
     def reference(self, t: float) -> Reference:
@@ -132,32 +135,32 @@ class System:
         return posture_at(self.observe, q, self.reference(t), t)
 
     def after(self, previous: System, t: float) -> System:
-        """With a shift that goes on from where the one of `previous` is at time t (s)."""
+        """The system with a shift that continues from that of `previous` at time t (s)."""
         old, new = previous.plan.shift, self.plan.shift
         if (old.end != new.end).any() or old.duration != new.duration:
             old = old.turned(t, new.end, new.duration)
         return self.with_shift(old)
 
     def anew(self) -> System:
-        """As it begins at t = 0: its shift goes there from rest, and a blend is still to come."""
+        """The system at t = 0: its shift starts from rest, and a blend is still to come."""
         shift = self.plan.shift
         begun = self.with_shift(Shift.fresh(shift.end, shift.duration))
         return begun if self.blend is None else replace(begun, controller=self.controller.following(self.blend.start))
 
     def with_shift(self, shift: Shift) -> System:
-        """With this shift in place of the scenario's, which begins at t = 0."""
+        """The system with this shift in place of the scenario's, which begins at t = 0."""
         return replace(self, plan=self.plan._replace(shift=shift))
 
     def tool_at(self, reference: Reference, t: float) -> np.ndarray:
-        """The tool point (3,) m at which r_d wants it; a planar arm stays in its plane."""
+        """Desired tool point (3,) m, that of r_d; a planar arm stays in its plane."""
         g = np.zeros(3)
         g[: self.layout.positions] = reference.r_d[: self.layout.positions]
         return self.charted.point(g, t)
 
 
 def assemble(scenario: Scenario, previous: System | None = None, memory: Memory | None = None) -> System:
-    """All objects of a scenario; parts of `previous` that are the same are used again, and what `memory` knows, by
-    default that of `previous`.
+    """System of a scenario; equal parts of `previous` are used again, and the results that `memory` has, by default
+    that of `previous`.
 
     Raises ScenarioError with one sentence that names the field, its value and what is allowed.
     """
@@ -220,7 +223,7 @@ def _assemble(scenario: Scenario, previous: System | None, memory: Memory) -> Sy
     if previous is not None and _shaping(previous.scenario) == _shaping(scenario):
         constants = previous.constants
     else:
-        # the arm is on the surface, not where (33) puts r_fd within it; only estimates taken along r_d are there, too
+        # the arm is on the surface, not at r_fd (33) within it; only estimates taken along r_d are needed there, too
         compliance = plan.compliance if scenario.controller.estimates == "along-reference" else 0.0
         unshifted = Planned(plan._replace(compliance=compliance, shift=Shift.fresh(0.0 * shift, 1.0)))
         rules = scenario.simulation
@@ -259,7 +262,7 @@ def _assemble(scenario: Scenario, previous: System | None, memory: Memory) -> Sy
 
 
 def _surface_in_use(scenario: Scenario, robot: robots.Robot, nominal: NominalModel, previous: System | None) -> Surface:
-    """The scenario's surface; one typed as a formula has been looked at where the tool will meet it."""
+    """Surface of the scenario; one typed as a formula is checked where the tool will meet it."""
     if previous is not None and _judged_by(previous.scenario) == _judged_by(scenario):
         return previous.surface
     surface = surface_of(scenario, tool_at_start(robot, nominal))
@@ -280,7 +283,7 @@ def _start(plant: Plant, robot: robots.Robot) -> np.ndarray:
 
 
 def _require_within_reach(observer: Observer, reference: Reference, q_0: np.ndarray) -> None:
-    """Raises ScenarioError where Newton's method does not bring the tool from q_0 (n,) rad to where it begins on the
+    """Raise ScenarioError where Newton's method does not bring the tool from q_0 (n,) rad to its starting place on the
     surface."""
     estimate, task = observer.at(q_0, np.zeros_like(q_0), 0.0)
     try:
@@ -313,7 +316,7 @@ def _layout(scenario: Scenario, robot: robots.Robot, nominal: NominalModel, q_0:
 
 
 def _shaping(scenario: Scenario) -> tuple[object, ...]:
-    """What Omega and the constants over it depend on."""
+    """Parts of the scenario that Omega and the constants over it depend on."""
     names = ("robot", "task_space", "declared", "surface", "mode", "motion", "shift", "simulation")
     where = tuple(getattr(scenario, name) for name in names)
     if scenario.controller.estimates == "along-reference":
@@ -332,8 +335,8 @@ def _coordinates(layout: TaskLayout, mode: Mode, robot: robots.Robot) -> tuple[C
 
 
 def _require_resolved(scenario: Scenario, plant: Plant, mobility: Mobility) -> None:
-    """Refuse what the plant's step cannot follow where the arm is most mobile: it would explode whatever the
-    controller does."""
+    """Refuse contacts and frictions that the plant's step cannot follow where the arm is most mobile: the plant would
+    explode whatever the controller does."""
     integrator, period = scenario.simulation.integrator, scenario.controller.period
     for o in oscillators(plant.kind, plant.contact, plant.truth, mobility):
         if resolved(integrator, o, period / plant.substeps):

@@ -1,4 +1,4 @@
-"""What the theorem promises of a run, in words and figures: each premise, and the verdict."""
+"""Verdict on the theorem's promise for a run, in words and figures, and the findings on each premise."""
 
 from __future__ import annotations
 
@@ -16,8 +16,11 @@ Outcome = Literal["holds", "broken", "nothing promised"]
 
 
 class Finding(Struct, frozen=True):
-    """One premise as it stands. value and limit: what is compared, in `unit`, by `sign`; margin: the least so far;
-    holds: now; failed: when it first failed, s, None while it has not."""
+    """One premise at this instant.
+    value and limit: what is compared, in `unit`, by `sign`.
+    margin: the least so far.
+    holds: now.
+    failed: when it first failed, s, None while it has not."""
 
     premise: str
     title: str
@@ -31,8 +34,10 @@ class Finding(Struct, frozen=True):
 
 
 class Promise(Struct, frozen=True):
-    """The verdict on a run or an instant. because: what it rests on, in one sentence; share: of the control periods so
-    far in which all premises held; since: when what is promised now began, s, None where nothing is."""
+    """Verdict on a run or an instant.
+    because: reason of the verdict, in one sentence.
+    share: of the control periods so far in which all premises held.
+    since: when the present promise began, s, None where nothing is promised."""
 
     verdict: Outcome
     because: str
@@ -42,7 +47,7 @@ class Promise(Struct, frozen=True):
 
 @dataclass(frozen=True)
 class Standing:
-    """All that a verdict is made of: of a run up to now, `stopped` and `outsiders` being sentences."""
+    """Data of a verdict on a run up to now; `stopped` and `outsiders` are sentences."""
 
     table: PremiseTable
     kept: Kept
@@ -52,7 +57,7 @@ class Standing:
 
     @property
     def findings(self) -> tuple[Finding, ...]:
-        """The premises that apply, in the table's order."""
+        """Findings on the premises that apply, in the table's order."""
         return tuple(self._finding(p) for p in Premise if not math.isnan(self.table.limit[p]))
 
     def _finding(self, premise: Premise) -> Finding:
@@ -72,7 +77,7 @@ class Standing:
 
     @property
     def now(self) -> Promise:
-        """The verdict on this instant."""
+        """Verdict on this instant."""
         if self.stopped is None and not math.isnan(self.kept.broken):
             return self._promise("broken", self._broken())
         if self.stopped is not None:
@@ -88,14 +93,14 @@ class Standing:
 
     @property
     def reason(self) -> str:
-        """Why nothing is promised now, in a few words; "" where something is."""
+        """Reason why nothing is promised now, in a few words; "" where something is."""
         if self.stopped is not None:
             return "stopped"
         return next((f"because of: {STATEMENTS[p].title}" for p in Premise if self.table.now[p]), "")
 
     @property
     def run(self) -> Promise:
-        """The verdict on the run as a whole: one failure of a premise is enough to promise nothing."""
+        """Verdict on the run as a whole: after one failure of a premise nothing is promised."""
         if not math.isnan(self.kept.broken):
             return self._promise("broken", self._broken())
         failed = [p for p in Premise if not math.isnan(self.table.failed[p])]
@@ -122,7 +127,7 @@ class Standing:
 
 
 def unit_of(premise: Premise, units: Units) -> str:
-    """In which a premise is stated, in this task space."""
+    """Unit of a premise in this task space."""
     unit = STATEMENTS[premise].unit
     if unit == "N":
         return units.force
@@ -130,7 +135,7 @@ def unit_of(premise: Premise, units: Units) -> str:
 
 
 def sentence(premise: Premise, value: float, limit: float, units: Units) -> str:
-    """What is wrong when a premise fails."""
+    """Sentence on a premise that fails."""
     words = STATEMENTS[premise].failed
     return words.format(value=f"{value:.4g}", limit=f"{limit:.4g}", unit=unit_of(premise, units))
 

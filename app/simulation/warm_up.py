@@ -1,4 +1,4 @@
-"""Compiling what a run needs before anybody waits for it: by a period of just such a run."""
+"""Warm-up: compilation of all that a run needs, before anybody waits for it, by computing one period of such a run."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ SILENT = ControlLaw("silent", "silent", "It asks for no torque.", torque=lambda 
 
 
 def warm_up(scenario: Scenario) -> ClosedLoop:
-    """A run of the scenario after one period, as the page would show it."""
+    """Run of the scenario after one period, as the page would show it."""
     loop = ClosedLoop(scenario, history=1)
     loop.step()
     loop.view()
@@ -21,6 +21,6 @@ def warm_up(scenario: Scenario) -> ClosedLoop:
 
 
 def warm_up_for_own_laws(system: System) -> None:
-    """What laws of a user's own are called between; the system itself stays as it is."""
+    """Compile the functions between which laws of a user's own are called; the system itself does not change."""
     silent = replace(system, controller=replace(system.controller, law=SILENT, parameters={}))
     ClosedLoop.of(silent, history=1).step()

@@ -1,1 +1,1 @@
-"""What is kept on disk: recordings, uploaded URDFs, meshes of links, constants over Omega."""
+"""Storage on disk: recordings, uploaded URDFs, meshes of links, constants over Omega."""

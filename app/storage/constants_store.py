@@ -1,7 +1,7 @@
-"""Constants over Omega on the disk, one small file each, beside the compiled kernels.
+"""Store of constants over Omega on disk, one small file each, beside the compiled kernels.
 
 A file is trusted only if its checksum fits and every number is finite and none negative; otherwise the numbers are
-searched for again. A name says what the numbers depend on, the sources that found them included.
+searched for again. The name of a file depends on all that its numbers depend on, also on the sources that found them.
 """
 
 from __future__ import annotations
@@ -35,8 +35,8 @@ def _checksum(name: str, numbers: Numbers) -> str:
 
 
 class ConstantsStore:
-    """Constants kept on disk, a `search_memory.AnswerStore`: in a folder, by default that of the kernels; failures of
-    the disk are not told."""
+    """Constants kept on disk, a `search_memory.AnswerStore`: in a folder, by default that of the kernels. Disk errors
+    are ignored."""
 
     def __init__(self, folder: Path | None = None) -> None:
         self._folder = folder if folder is not None else cache_folder() / "constants"
@@ -58,7 +58,7 @@ class ConstantsStore:
         return entry.numbers if sound and entry.checksum == _checksum(path.name, entry.numbers) else None
 
     def write(self, key: str, numbers: Numbers) -> None:
-        """See `search_memory.AnswerStore`. A file is there as a whole or not at all; a power cut may take it."""
+        """See `search_memory.AnswerStore`. An atomic write, but not flushed: a power cut may lose the file."""
         path = self._path(key)
         content = msgspec.json.encode(_Entry(numbers, _checksum(path.name, numbers)))
         with contextlib.suppress(OSError):
@@ -83,7 +83,7 @@ class ConstantsStore:
 
     @cached_property
     def _version(self) -> str:
-        """Of every source that has a share in the numbers, and of the libraries beneath."""
+        """Digest of every source that the numbers depend on, and of the versions of the libraries."""
         root = Path(__file__).parents[2]
         digest = hashlib.sha256()
         for package in ("app/scenario", "app/simulation", "controllers", "environments", "kernels"):
@@ -95,5 +95,5 @@ class ConstantsStore:
 
 
 def kept_memory() -> Memory:
-    """Memory of what was searched for, which the next program has, too."""
+    """Memory of the searched constants, shared with later programs by a `ConstantsStore`."""
     return Memory(ConstantsStore())

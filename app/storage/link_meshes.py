@@ -1,8 +1,8 @@
-"""What an arm looks like: the meshes of its links.
+"""Meshes of an arm's links, for showing the arm.
 
 Readers of meshes unpack archives, expand entities and open whatever a file names. Meshes that come with the program are
-read here; those of any other URDF in a process of its own, `app.workers.link_meshes`, whose time and memory are
-bounded, and nobody waits for it.
+read in this process; those of any other URDF in a process of its own, `app.workers.link_meshes`, whose time and memory
+are limited, and nothing waits for that process.
 """
 
 from __future__ import annotations
@@ -42,7 +42,8 @@ _READING = threading.Lock()  # one process at a time, each with all that memory
 
 @dataclass(frozen=True)
 class LinkMesh:
-    """One shape of a link: vertices (N, 3) m in the link's frame, faces (M, 3); color None where the file has none."""
+    """Mesh of one shape of a link: vertices (N, 3) m in the link's frame, faces (M, 3); color None where the file has
+    none."""
 
     link: str
     color: Rgb | None
@@ -54,21 +55,21 @@ Meshes = Future[tuple[LinkMesh, ...]]
 
 
 def link_meshes(robot: Robot) -> Meshes:
-    """Every visual of the arm's URDF that can be shown, now or later; none where its meshes cannot be read, which the
-    log tells."""
+    """Meshes of every visual of the arm's URDF that can be shown, now or later; none where they cannot be read, which
+    is logged."""
     here: Meshes = Future()
     try:
         if not robot.shipped and next(urdf.read(robot.urdf).iter("mesh"), None) is not None:
             return _read_apart(robot.urdf, robot.urdf.stat().st_mtime_ns)
         here.set_result(tuple(read(robot.urdf)))
-    except Exception as error:  # whatever readers of meshes raise: the arm can be shown without them
+    except Exception as error:  # whatever readers of meshes raise: the arm can be shown without meshes
         log.warning("visuals not shown", urdf=str(robot.urdf), reason=str(error))
         here.set_result(())
     return here
 
 
 def read(path: Path) -> Iterator[LinkMesh]:
-    """The meshes of a URDF, in this process. Raises whatever their readers raise."""
+    """Meshes of a URDF, read in this process. Raises whatever their readers raise."""
     root = urdf.read(path)
     for link in root.findall("link"):
         for visual in link.findall("visual"):
@@ -92,7 +93,8 @@ def read(path: Path) -> Iterator[LinkMesh]:
 # the arm, its ghost and pinned runs of it look alike
 @lru_cache(maxsize=4)
 def _read_apart(path: Path, changed: int) -> Meshes:
-    """In a process of its own; of a file that has not changed since, only once, and so is a failure."""
+    """Meshes of a URDF, read in a process of its own; a file that has not changed is read only once, also where that
+    failed."""
     del changed
     meshes: Meshes = Future()
 
@@ -100,7 +102,7 @@ def _read_apart(path: Path, changed: int) -> Meshes:
         try:
             with _READING:
                 meshes.set_result(_answer(path))
-        except Exception as error:  # whatever comes of such files: nobody may wait for ever
+        except Exception as error:  # whatever such files lead to: nothing may wait for ever
             reason = str(error) or "reading them took too much memory or time"
             log.warning("visuals not shown", urdf=str(path), reason=reason)
             meshes.set_result(())

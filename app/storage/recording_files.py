@@ -1,4 +1,4 @@
-"""A run's data as files: CSV to be read anywhere, NPZ for numpy. Both carry units and the scenario."""
+"""Recordings as files: CSV for any program, NPZ for numpy. Both hold units and the scenario."""
 
 from __future__ import annotations
 
@@ -22,22 +22,23 @@ from app.simulation.signals import SIGNALS, columns_of
 LINES = 512  # of a CSV, between two looks at how far it has got
 LARGEST_RECORDING = 1_200_000_000  # bytes, unpacked: 16 min at 1 kHz with six joints; the page keeps ten in full
 LARGEST_TEXT = 4_000_000  # bytes of a scenario, which numpy writes with four for a character
-LARGEST_HEADER = 70_000  # bytes of what numpy writes before an array
+LARGEST_HEADER = 70_000  # bytes of the header that numpy writes before an array
 MOST_JOINTS = 8
-# what zipfile, zlib and numpy raise for archives that are broken, encrypted or packed in a way of their own
+# exceptions of zipfile, zlib and numpy for archives that are broken, encrypted or compressed by an unknown method
 _UNREADABLE = (ValueError, KeyError, IndexError, EOFError, RuntimeError, zipfile.BadZipFile, zlib.error, struct.error)
 
-Tell = Callable[[float], object]  # is told the share that is done, 0 to 1
+Tell = Callable[[float], object]  # called with the share that is done, 0 to 1
 
 
 class TooLarge(ValueError):
-    """A file over its limit: one sentence with its size, what is allowed, and how long a stretch of time would fit."""
+    """A file over its limit: one sentence with its size, the allowed size, and how long a stretch of time would fit."""
 
 
 @dataclass(frozen=True)
 class Table:
-    """A stretch of a recording of an arm with n joints. pieces: its `length` rows, oldest first, as `Recording.pieces`
-    gives them; seconds: how long it is."""
+    """A stretch of a recording of an arm with n joints.
+    pieces: its `length` rows, oldest first, as `Recording.pieces` gives them.
+    seconds: its duration."""
 
     scenario: Scenario
     n: int
@@ -47,7 +48,7 @@ class Table:
 
 
 def table(scenario: Scenario, recording: Recording, t_from: float = -math.inf, t_to: float = math.inf) -> Table:
-    """The rows of this stretch of time, s, without copying them."""
+    """Table of the rows of this stretch of time, s, without copying them."""
     pieces = recording.pieces(t_from, t_to)
     seconds = float(pieces[-1][-1, 0] - pieces[0][0, 0]) if pieces else 0.0
     return Table(scenario, recording.n, sum(len(piece) for piece in pieces), seconds, pieces)
@@ -58,7 +59,7 @@ def _silent(share: float) -> None:
 
 
 def write_csv(data: Table, file: BinaryIO, limit: float = math.inf, tell: Tell = _silent) -> None:
-    """The scenario as comment lines, a line of names with units, a line per row.
+    """Write a recording as CSV: the scenario as comment lines, a line of names with units, a line per row.
 
     Numbers read back to the very same bits. Raises TooLarge when the file would have more than `limit` bytes.
     """
@@ -68,7 +69,7 @@ def write_csv(data: Table, file: BinaryIO, limit: float = math.inf, tell: Tell =
     for piece in data.pieces:
         for start in range(0, len(piece), LINES):
             rows = piece[start : start + LINES].tolist()
-            # a list's repr is that of its numbers, which is the shortest text that reads back the same
+            # a list's repr has that of its numbers, the shortest text that reads back to the same number
             file.write("".join(repr(row)[1:-1].replace(" ", "") + "\n" for row in rows).encode())
             done += len(rows)
             _keep_to(limit, begin + (file.tell() - begin) * data.length / done, data.seconds)
@@ -76,7 +77,7 @@ def write_csv(data: Table, file: BinaryIO, limit: float = math.inf, tell: Tell =
 
 
 def csv_header(data: Table) -> list[str]:
-    """The names of the columns: "t [s]", "q[0] [rad]", ..."""
+    """Names of the columns: "t [s]", "q[0] [rad]", ..."""
     names = []
     for signal in SIGNALS:
         width = signal.wide(data.n)
@@ -86,10 +87,12 @@ def csv_header(data: Table) -> list[str]:
 
 
 def write_npz(data: Table, file: BinaryIO, limit: float = math.inf, tell: Tell = _silent, level: int = 1) -> None:
-    """Named signals, (N,) or (N, width), with `units`, `docs` and `scenario` (TOML) beside them.
+    """Write a recording as NPZ: named signals, (N,) or (N, width), with `units`, `docs` and `scenario` (TOML) beside
+    them.
 
-    Needs memory for one signal, beside what the pieces need. level: of compression, 0 to 9. Raises TooLarge as
-    `write_csv` does.
+    Needs memory for one signal, beside that of the pieces. level: of compression, 0 to 9. Raises TooLarge as
+    `write_csv`
+    does.
     """
     pieces = tuple(data.pieces)
     columns = columns_of(data.n)
@@ -126,7 +129,7 @@ def _keep_to(limit: float, size: float, seconds: float) -> None:
 
 
 def read_npz(path: Path) -> tuple[Scenario, Recording]:
-    """What `write_npz` wrote. Raises ScenarioError for a file that is not of this kind."""
+    """Scenario and recording of a file that `write_npz` wrote. Raises ScenarioError for any other file."""
 
     def refuse(what: object) -> ScenarioError:
         return ScenarioError(f"recording {str(path)!r:.200}: not a recording of this program: {what!s:.300}")
@@ -149,9 +152,9 @@ def read_npz(path: Path) -> tuple[Scenario, Recording]:
 
 
 def _recording(archive: zipfile.ZipFile) -> Recording:
-    """Its signals, one after the other, so that memory holds them once. Raises ValueError and what a broken archive
-    raises."""
-    # of the fewest joints: no memory is spent on instants whose other signals would be too many
+    """Recording of an archive, read signal by signal, so that memory holds the signals once. Raises ValueError and the
+    exceptions of a broken archive."""
+    # most instants, those of one joint: no memory is spent on instants whose other signals would be too large
     instants = LARGEST_RECORDING // max(where.stop for where in columns_of(1).values())
     times, q = _array(archive, "t", instants), _array(archive, "q", MOST_JOINTS * instants)
     rows, n = len(np.atleast_1d(times)), q.shape[-1] if q.ndim == 2 else 0
@@ -179,8 +182,8 @@ def _recording(archive: zipfile.ZipFile) -> Recording:
 
 
 def _array(archive: zipfile.ZipFile, name: str, limit: int) -> np.ndarray:
-    """One array of an archive, which says beforehand how large it is, and holds no objects. Raises ValueError and what
-    a broken archive raises."""
+    """One array of an archive; its size is checked before it is read, and it may hold no objects. Raises ValueError and
+    the exceptions of a broken archive."""
     try:
         size = archive.getinfo(f"{name}.npy").file_size
     except KeyError:

@@ -1,4 +1,4 @@
-"""The index of a session's folder: which scenario it was at, and which runs were pinned; read without a simulation."""
+"""Index of a session's folder: the session's scenario and its pinned runs; read without a simulation."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ _PRIVATE = 0o600
 
 
 class StateError(ValueError):
-    """A folder that cannot be used, or a file in it: one sentence."""
+    """A folder, or a file in it, that cannot be used: one sentence."""
 
 
 class SavedRun(msgspec.Struct, frozen=True):
-    """A pinned run of a folder: its number, the instant t (s) that it was pinned at, the name of its file."""
+    """A pinned run of a folder: its number, the instant t (s) at which it was pinned, the name of its file."""
 
     number: int
     t: float
@@ -38,7 +38,7 @@ class _Kind(msgspec.Struct, frozen=True):
 
 
 class Index(msgspec.Struct, frozen=True):
-    """What an index file holds: when it was saved (s since 1970), the scenario as TOML, the pinned runs."""
+    """Contents of an index file: when it was saved (s since 1970), the scenario as TOML, the pinned runs."""
 
     saved: float
     scenario: str
@@ -48,10 +48,10 @@ class Index(msgspec.Struct, frozen=True):
 
 
 def occupied(path: Path) -> tuple[Path, int]:
-    """Make the folder, and have it alone: until the file that is returned is closed, or this process ends. With it
-    comes the path, links above the folder resolved.
+    """Make the folder and lock it, until the returned file is closed or this process ends; also returns the path with
+    the links above the folder resolved.
 
-    Raises StateError when another process has it, it cannot be written, or another user has a hand in it.
+    Raises StateError when another process has the folder, it cannot be written, or another user can change it.
     """
     try:
         path = own(path)
@@ -69,14 +69,15 @@ def occupied(path: Path) -> tuple[Path, int]:
 
 
 class Last(NamedTuple):
-    """What a session was at: TOML, not judged, None where it is unknown; and how many pinned runs are kept of it."""
+    """Last state of a session: its scenario as TOML, not checked, None where it is unknown; and the number of its
+    pinned runs."""
 
     scenario: str | None
     pinned: int
 
 
 def last_state(path: Path) -> Last:
-    """Of this folder's session, without using the folder."""
+    """Last state of this folder's session, read without locking the folder."""
     found = list[Index]()
     for name in (SESSION, OFFER):
         with contextlib.suppress(FileNotFoundError, StateError):
@@ -85,7 +86,7 @@ def last_state(path: Path) -> Last:
 
 
 def decoded(path: Path) -> Index:
-    """Its scenario may be none. Raises FileNotFoundError and StateError."""
+    """Index in this file; its scenario is not checked. Raises FileNotFoundError and StateError."""
     try:
         content = read_regular(path, LARGEST + 1)
     except FileNotFoundError:

@@ -1,8 +1,8 @@
-"""Where uploaded URDFs are kept: below the user's data folder, each in a folder named after its contents.
+"""Storage of uploaded URDFs, below the user's data folder, each in a folder named after its contents.
 
-A scenario names such a file by its path, so it can be saved, loaded and run headless. One that nobody uses, nor has for
-long, makes room when there are too many, first of whoever has most. Beside a file lies an empty one for each mark of a
-visitor who has uploaded it, see `app.gateway.visitors`.
+A scenario names such a file by its path, so it can be saved, loaded and run headless. When there are too many, files
+that nobody has used for long are removed, first those of the visitor who has most. Beside a file lies an empty one for
+each mark of a visitor who has uploaded it, see `app.gateway.visitors`.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ class _Upload(NamedTuple):
 
 
 class UploadedUrdfs:
-    """Uploaded URDFs of one visitor, on disk. marks: by which the visitor is known, as soon as it is; none are not
+    """Uploaded URDFs of one visitor, on disk. marks: those of the visitor, once known; without marks, nothing is
     counted."""
 
     def __init__(self) -> None:
@@ -55,15 +55,16 @@ class UploadedUrdfs:
 
 
 def folder() -> Path:
-    """`$XDG_DATA_HOME/vsmrc-lab/urdf`, by default below ~/.local/share."""
+    """Folder of the uploads: `$XDG_DATA_HOME/vsmrc-lab/urdf`, by default below ~/.local/share."""
     return Path(os.environ.get("XDG_DATA_HOME") or Path.home() / ".local" / "share") / "vsmrc-lab" / "urdf"
 
 
 def keep(name: str, content: bytes, marks: tuple[str, ...] = ()) -> Path:
     """The file that holds this URDF from now on; the same one for the same name and contents.
 
-    marks: of the visitor who uploads it, of whom there may be so many. Raises ScenarioError for what is no usable URDF,
-    which is not kept, for too many, and for a disk that takes none.
+    marks: of the visitor who uploads it; the number of files of each mark is limited. Raises ScenarioError for a file
+    that
+    is no usable URDF, which is not kept, for too many files, and for a disk that cannot be written.
     """
     try:
         urdf.parse(content, name)
@@ -87,13 +88,13 @@ def keep(name: str, content: bytes, marks: tuple[str, ...] = ()) -> Path:
 
 @dataclass(frozen=True)
 class Reach:
-    """Which URDFs a page may name: uploaded ones, and those that are `given`. Whether there is any other file is not
-    looked at, so that nobody learns it."""
+    """URDFs that a page may name: uploaded ones, and those that are `given`. Any other path is refused without a look
+    whether there is such a file, so that nobody learns it."""
 
     given: tuple[str, ...] = ()
 
     def require(self, path: object) -> None:
-        """Raises ScenarioError for another one."""
+        """Raises ScenarioError for a path that a page may not name."""
         if path is None or path in self.given:
             return
         if not Path(os.path.abspath(str(path))).is_relative_to(folder()):
@@ -103,7 +104,7 @@ class Reach:
 
 
 def hold(robot: Robot, path: str | None) -> None:
-    """Keep the uploaded file that an arm was read from, as long as anything knows the arm; nothing for any other."""
+    """Keep the uploaded file that an arm was read from, as long as the arm is in use; any other file is left alone."""
     if path is None or Path(path).parents[1:2] != (folder(),):
         return
     try:
@@ -116,14 +117,14 @@ def hold(robot: Robot, path: str | None) -> None:
 
 
 def note_use(path: str | None) -> None:
-    """An uploaded file is in use now; any other is left alone."""
+    """Note that an uploaded file is in use now; any other is left alone."""
     if path is not None and Path(path).parents[1:2] == (folder(),):
         with contextlib.suppress(OSError):  # it may have gone: whoever reads it will say so
             os.utime(path)
 
 
 def _require_room(name: str, size: int, marks: tuple[str, ...]) -> None:
-    """Remove what nobody uses, nor has for long, and what nobody uses now as far as it must be.
+    """Make room for a file: remove files that nobody has used for long, and as many as needed of those not in use now.
 
     Raises ScenarioError where the rest is still too much.
     """
@@ -154,8 +155,8 @@ def _kept() -> list[_Upload]:
 
 
 def _made_room(uploads: list[_Upload], size: int, marks: tuple[str, ...], most: int, most_bytes: int) -> list[_Upload]:
-    """What was removed of these, which are as many less: idle ones only, and first of whoever has most, counting what
-    is to come."""
+    """Uploads that were removed, also from the given list: idle ones only, first those of the visitor who has most,
+    counting the file to come."""
     gone = list[_Upload]()
     while _too_many(uploads, size, most, most_bytes):
         count = Counter([*marks, *(mark for upload in uploads for mark in upload.marks)])
@@ -188,7 +189,7 @@ def _refusal(name: str, size: int, uploads: list[_Upload], whose: str, most: int
 
 
 def _held(path: Path) -> bool:
-    """Whether a run uses it, however long since and whatever the clock says."""
+    """Whether a run uses the file, however long since and whatever the clock says."""
     try:
         with path.open("rb") as file:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)

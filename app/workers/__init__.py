@@ -1,1 +1,1 @@
-"""The main functions of the processes beside this one; only the launcher names them."""
+"""Main functions of the processes beside this one; only the launcher names them."""

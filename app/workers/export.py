@@ -1,4 +1,4 @@
-"""The process that makes one file: `python -m app.workers.export FD PATH`, started by `app.export.export_jobs`."""
+"""Process that makes one file: `python -m app.workers.export FD PATH`, started by `app.export.export_jobs`."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ NICENESS = 10  # the running loop comes first
 
 
 class _Reporter:
-    """Tells the asker of every whole percent, once."""
+    """Reporter of the progress to the asker: every whole percent, once."""
 
     def __init__(self, asker: Connection) -> None:
         self._asker = asker
@@ -38,7 +38,7 @@ class _Reporter:
 
 
 def serve(asker: Connection, path: Path) -> None:
-    """Make the one file that is asked for. Raises EOFError or ConnectionError when nobody asks any more."""
+    """Make the one file that is asked for. Raises EOFError or ConnectionError when the asker has gone."""
     job: Job = asker.recv()
     try:
         _make(job, asker, path)
@@ -48,7 +48,7 @@ def serve(asker: Connection, path: Path) -> None:
         asker.send(Failure(f"the file cannot be written: {error.strerror or error}"))
     except (TooLarge, ScenarioError, ArithmeticError, ValueError) as error:
         asker.send(Failure(str(error)))
-    except Exception as error:  # the process's last resort: say it
+    except Exception as error:  # the process's last resort: report it
         log.exception("fault", stage="a file")
         asker.send(Failure(f"internal error: {error}"))
     else:

@@ -1,4 +1,4 @@
-"""The process that reads the meshes of one URDF: `python -m app.workers.link_meshes FD PATH`.
+"""Process that reads the meshes of one URDF: `python -m app.workers.link_meshes FD PATH`.
 
 Started by `app.storage.link_meshes`.
 """
@@ -19,7 +19,7 @@ NICENESS = 10  # the running loop comes first
 
 
 def answer(path: Path) -> tuple[LinkMesh, ...] | str:
-    """The meshes, or a sentence."""
+    """Meshes, or a sentence on the reason where there are none."""
     meshes: list[LinkMesh] = []
     triangles = 0
     try:

@@ -1,4 +1,4 @@
-"""Compiling ahead, in a process of its own: what a change of robot or contact would otherwise wait for.
+"""Precompilation, in a process of its own, of kernels for which a change of robot or contact would otherwise wait.
 
 Kernels are compiled once for each number of joints; they stay in the cache for every later start.
 """
@@ -22,7 +22,8 @@ from environments import robots
 
 
 def compiled(joints: int | None = None) -> Iterator[ClosedLoop]:
-    """Run a period of what needs kernels of its own, as the page would, for all numbers of joints or this one."""
+    """Run a period of each scenario that needs kernels of its own, as the page would, for all numbers of joints or this
+    one."""
     for scenario in to_compile(joints):
         loop = warm_up(scenario)
         warm_up_for_own_laws(loop.system)
@@ -50,7 +51,7 @@ def main() -> None:
         for _ in compiled():
             pass
         mark().touch()
-    except Exception as error:  # nobody waits for it: what it did not compile is compiled when it is needed
+    except Exception as error:  # nobody waits for it: missing kernels are compiled when they are needed
         structlog.get_logger().warning("compiling ahead failed", exc_info=error)
 
 

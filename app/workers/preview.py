@@ -1,4 +1,4 @@
-"""The process that answers what-if questions: `python -m app.workers.preview FD`.
+"""Process that answers what-if questions: `python -m app.workers.preview FD`.
 
 Started by `app.session.preview_client`; it ends when the other end of the connection does.
 """
@@ -28,7 +28,7 @@ NICENESS = 10  # the running loop comes first
 
 
 def serve(asker: Connection) -> None:
-    """Answer one question at a time. Raises EOFError when nobody asks any more."""
+    """Answer one question at a time. Raises EOFError when the asker has gone."""
     previous: System | None = None
     memory = kept_memory()
     while True:
@@ -39,7 +39,7 @@ def serve(asker: Connection) -> None:
 
 
 def _answer(question: Question, asker: Connection, previous: System | None, memory: Memory) -> System | None:
-    """Returns what the next answer may take over."""
+    """Answer a question; returns the system that the next answer may reuse."""
     try:
         foresight = Foresight(question, previous, memory)
         _look_ahead(foresight, asker)
@@ -48,7 +48,7 @@ def _answer(question: Question, asker: Connection, previous: System | None, memo
         return previous
     except (EOFError, ConnectionError):
         raise
-    except Exception as error:  # the process's last resort: say it, and be there for the next question
+    except Exception as error:  # the process's last resort: report it, and be ready for the next question
         log.exception("fault", stage="a preview")
         asker.send(Refusal(question.number, f"internal error: {error}"))
         return None

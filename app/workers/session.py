@@ -1,7 +1,7 @@
-"""The process of one session: `python -m app.workers.session FD`, started by `app.gateway`.
+"""Process of one session: `python -m app.workers.session FD`, started by `app.gateway`.
 
-It serves a dashboard at a loopback port, to its gateway only, and tells it of every change of the scenario. It ends
-when the other end of the connection does, whatever became of the gateway.
+It serves a dashboard at a loopback port, to its gateway only, and tells the gateway of every change of the scenario. It
+ends when the gateway's end of the connection closes, for whatever reason.
 """
 
 from __future__ import annotations
@@ -59,7 +59,7 @@ LOOK = 0.05  # s between two looks whether the scenario has changed: a copy may 
 
 
 class Gateway:
-    """The connection's end in this process."""
+    """This process's end of the connection to the gateway."""
 
     def __init__(self, connection: socket.socket) -> None:
         self._connection = connection
@@ -67,19 +67,19 @@ class Gateway:
         self._telling = threading.Lock()
 
     def next(self) -> ToSession:
-        """Raises EOFError when the gateway has gone."""
+        """Next message from the gateway. Raises EOFError when the gateway has gone."""
         if not (text := self._lines.readline()):
             raise EOFError
         return to_session.decode(text)
 
     def tell(self, message: FromSession) -> None:
-        """From any thread. Raises ConnectionError when the gateway has gone."""
+        """Send a message, from any thread. Raises ConnectionError when the gateway has gone."""
         with self._telling:
             self._connection.sendall(line(message))
 
 
 class Pulse:
-    """Tells the gateway that this process lives and its pages are answered, until `stop`."""
+    """Heartbeat: tells the gateway that this process lives and its pages are answered, until `stop`."""
 
     def __init__(self, gateway: Gateway, dashboard: Dashboard, late: Callable[[], float | None]) -> None:
         self._gateway, self._dashboard, self._late = gateway, dashboard, late
@@ -98,7 +98,7 @@ class Pulse:
 
 
 def serve(gateway: Gateway) -> None:
-    """From the preparation to the end of the connection. Raises EOFError or ConnectionError then."""
+    """Serve one session, from the preparation to the end of the connection. Raises EOFError or ConnectionError then."""
     prepare = gateway.next()
     assert isinstance(prepare, Prepare)
     scenario = from_toml(prepare.scenario)
@@ -134,7 +134,7 @@ def serve(gateway: Gateway) -> None:
 
 
 def _folder(kept: Kept, dashboard: Dashboard) -> StateFolder | None:
-    """None where it cannot be used, which is said on the page."""
+    """Folder of the session, None where it cannot be used; the page shows the reason then."""
     try:
         return StateFolder(Path(kept.folder))
     except StateError as error:
@@ -143,7 +143,7 @@ def _folder(kept: Kept, dashboard: Dashboard) -> StateFolder | None:
 
 
 def _kept_from_now(kept: Kept, runner: Runner, dashboard: Dashboard) -> Autosave | None:
-    """Keeps a session that has begun without a folder."""
+    """Autosave of a session that has begun without a folder."""
     folder = _folder(kept, dashboard)
     return None if folder is None else Autosave(folder, lambda: runner.snapshot, dashboard.fail, begun=True)
 
@@ -151,8 +151,8 @@ def _kept_from_now(kept: Kept, runner: Runner, dashboard: Dashboard) -> Autosave
 def _autosave(
     kept: Kept, scenario: Scenario, runner: Runner, dashboard: Dashboard
 ) -> tuple[Autosave | None, tuple[Pinned, ...]]:
-    """Keeps the session from its beginning, in its folder, unless that cannot be used; and the pinned runs that are
-    taken up from there. What cannot be taken up is shown or offered."""
+    """Autosave of the session from its beginning, None where its folder cannot be used; and the pinned runs that are
+    restored from the folder. Runs that cannot be restored are shown or offered."""
     if (folder := _folder(kept, dashboard)) is None:
         return None, ()
     autosave = Autosave(folder, lambda: runner.snapshot, dashboard.fail)
@@ -186,7 +186,7 @@ def _report(gateway: Gateway, runner: Runner, told: Scenario) -> None:
 
 
 def _limit(what: int, most: int) -> None:
-    """Of this process and those that it begins; less stays less."""
+    """Limit a resource of this process and of those that it starts; a lower limit stays."""
     hard = resource.getrlimit(what)[1]
     least = most if hard == resource.RLIM_INFINITY else min(most, hard)
     resource.setrlimit(what, (least, least))

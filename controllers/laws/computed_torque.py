@@ -1,4 +1,4 @@
-"""Computed torque: what engineers would use where the paper has (25), with the same target model."""
+"""Computed torque: the usual law in place of the paper's (25), with the same target model."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from kernels.algebra import copy, row_times, times
 
 @inline
 def torque(told, out):
-    """M_hat q_ddot + C_hat q_dot + G_hat + J^T F with the r_ddot that (8) asks for."""
+    """Compute M_hat q_ddot + C_hat q_dot + G_hat + J^T F with the r_ddot that (8) prescribes."""
     model, task, q_dot = told.gains.model, told.task, told.q_dot
     asked, r_ddot = told.work.u, out.q_ddot
     for i in range(q_dot.shape[0]):

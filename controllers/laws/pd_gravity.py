@@ -14,7 +14,7 @@ from kernels.algebra import copy, row_times, transposed_times
 
 @inline
 def torque(told, out):
-    """J_q^T (F_cd - K_m e_r - B_m e_r_dot) + G_hat."""
+    """Compute J_q^T (F_cd - K_m e_r - B_m e_r_dot) + G_hat."""
     model, terms, pulled = told.gains.model, out.terms, told.work.u
     for i in range(out.tau.shape[0]):
         pulled[i] = -row_times(model.K_m, i, out.e_r) - row_times(model.B_m, i, out.e_r_dot)

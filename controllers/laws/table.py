@@ -1,4 +1,4 @@
-"""The table of control laws, and the compiled choice among them."""
+"""Table of control laws, and the compiled choice among them."""
 
 from __future__ import annotations
 
@@ -13,7 +13,8 @@ WITHIN = tuple(kind for kind, law in LAWS.items() if law.compiled and law.states
 
 
 def number_of(law: ControlLaw) -> int:
-    """Which of the laws within the compiled period this is, -1 for another one, which is called between its halves."""
+    """Number of a law within the compiled period, -1 for another law, which is called between the two halves of the
+    period."""
     return WITHIN.index(law.kind) if LAWS.get(law.kind) is law and law.kind in WITHIN else -1
 
 
@@ -22,5 +23,5 @@ _torque = choice([LAWS[kind].torque for kind in WITHIN])
 
 @inline
 def torque(told, out):
-    """The torque of the law within the compiled period that `told.gains` names."""
+    """Compute the torque of the law within the compiled period that `told.gains` names."""
     _torque(told.gains.law, told, out)

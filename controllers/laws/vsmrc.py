@@ -1,4 +1,4 @@
-"""The robust law of Theorem 1, (25), with the reaching terms (15) and the gain (17)."""
+"""Robust law of Theorem 1, (25), with the reaching terms (15) and the gain (17)."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from kernels.algebra import copy, times
 
 @inline
 def torque(told, out):
-    """M_hat q_eq_ddot + C_hat q_eq_dot + G_hat + J^T F - J_q^T (K_s s + d sigma(s)), (25)."""
+    """Compute M_hat q_eq_ddot + C_hat q_eq_dot + G_hat + J^T F - J_q^T (K_s s + d sigma(s)), (25)."""
     gains, model, J_q = told.gains, told.feedforward, told.task.J_q
     eq, terms, reached = out.equivalent, out.terms, told.work.u
     times(model.M_hat, eq.q_ddot, terms.inertia)

@@ -1,4 +1,4 @@
-"""What every desired force is: the fields of a scenario, and the compiled function that they stand for."""
+"""Base class of all desired forces: fields of a scenario, and their compiled function."""
 
 from __future__ import annotations
 
@@ -16,8 +16,11 @@ class Signal(NamedTuple):
 
 
 class ForceCourse(NamedTuple):
-    """A force profile in the kernels' form: which one; start N and change N; the time of a step and its rise, s; the
-    angular frequency of a harmonic, rad/s."""
+    """Force profile for kernels.
+    kind: number of the profile.
+    start, change: N.
+    time, rise: of a step, s.
+    omega: angular frequency of a harmonic, rad/s."""
 
     kind: int
     start: float
@@ -28,9 +31,9 @@ class ForceCourse(NamedTuple):
 
 
 class ForceProfile(Section, frozen=True, forbid_unknown_fields=True, tag_field="kind"):
-    """A section `force` of a scenario.
+    """Section `force` of a scenario.
 
-    title: how the page calls it; at: its kernel `at(course, t)`, the force (N) and its two derivatives at time t (s).
+    title: name on the page; at: its kernel `at(course, t)`, the force (N) and its two derivatives at time t (s).
     """
 
     title: ClassVar[str]
@@ -43,14 +46,15 @@ class ForceProfile(Section, frozen=True, forbid_unknown_fields=True, tag_field="
 
     @property
     def course(self) -> ForceCourse:
-        """The profile; `kind` is the table's to say."""
+        """The profile for kernels; the table sets `kind`."""
         raise NotImplementedError
 
     def pulling(self) -> tuple[str, str] | None:
-        """Where the force is below zero at times: the field with its value, and what is allowed; None: nowhere."""
+        """The field, with its value, that makes the force negative at times, and the allowed values; None where it
+        never is."""
         return negative("value", self.value)
 
 
 def negative(name: str, force: float) -> tuple[str, str] | None:
-    """What `pulling` says of a force (N) in a field."""
+    """Result of `pulling` for a force (N) in a field."""
     return (f"force.{name}: {force:g} N", "at least 0 N") if force < 0.0 else None

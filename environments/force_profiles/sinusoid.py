@@ -1,4 +1,4 @@
-"""A force that swings about a mean."""
+"""Sinusoidal desired force about a mean."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A force that stays, or that changes once."""
+"""Desired force that is constant, or that changes once."""
 
 from __future__ import annotations
 

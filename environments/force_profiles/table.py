@@ -1,4 +1,4 @@
-"""All desired forces: what a scenario may name, and the one kernel that they make together."""
+"""Table of desired forces, by their names in a scenario, and one kernel for all."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ _at = choice([each.at for each in FORCE_PROFILES])
 
 
 def course_of(profile: ForceProfile) -> ForceCourse:
-    """The desired force (N) in the kernels' form."""
+    """Desired force (N) in the form for kernels."""
     return profile.course._replace(kind=FORCE_PROFILES.index(type(profile)))
 
 
 @inline
 def force_at(course, t):
-    """The force (N) and its derivatives at time t (s)."""
+    """Force (N) and its derivatives at time t (s)."""
     return _at(course.kind, course, t)
 
 
@@ -36,5 +36,5 @@ def _force_alone(course, t):
 
 
 def evaluated(course: ForceCourse, t: float) -> Signal:
-    """The force at time t (s)."""
+    """Force at time t (s)."""
     return Signal(*_force_alone(Record(course).data, t))

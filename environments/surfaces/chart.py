@@ -1,4 +1,5 @@
-"""Coordinates (phi, psi_1, psi_2) around a surface with their derivatives, (30), (31), and what their kernels share."""
+"""Chart of a surface: coordinates (phi, psi_1, psi_2) around it with their derivatives, (30), (31), and functions
+shared by their kernels."""
 
 from __future__ import annotations
 
@@ -28,13 +29,13 @@ class Chart(NamedTuple):
 
     @classmethod
     def zeros(cls) -> Chart:
-        """Not yet known."""
+        """Chart of zeros, before it is computed."""
         return cls(np.zeros(3), np.zeros((3, 3)), np.zeros((3, 3, 3)), np.zeros(3), np.zeros((3, 3)), np.zeros(3))
 
 
 class Shape(NamedTuple):
-    """A surface in the kernels' form: which one, origin (3,) m, frame (3, 3) of unit rows, radius m, side +-1, the
-    direction (3,), amplitude (m) and frequency (Hz) of its movement, the bytecode of its formula, a function of a
+    """Shape of a surface for kernels: number of its kind, origin (3,) m, frame (3, 3) of unit rows, radius m, side +-1,
+    the direction (3,), amplitude (m) and frequency (Hz) of its movement, the bytecode of its formula, a function of a
     user's own."""
 
     kind: int
@@ -49,13 +50,13 @@ class Shape(NamedTuple):
     own: OwnFunction
 
 
-STILL = (0.0, 0.0, 0.0, 0.0, 0.0)  # what a form that does not change adds to phi's derivatives, see `distance`
+STILL = (0.0, 0.0, 0.0, 0.0, 0.0)  # terms that a form that does not change adds to phi's derivatives, see `distance`
 
 
 @inline
 def flat(zeta, shape, _t, chart):
-    """Coordinates of zeta (3,) m in the frame of the surface, as all surfaces have them; returns what the form adds in
-    time to the derivatives of phi."""
+    """Write the coordinates of zeta (3,) m in the frame of the surface; all surfaces have these arguments. Returns the
+    terms that the form's change in time adds to the derivatives of phi."""
     for i in range(3):
         chart.g[i] = dot(shape.frame[i], zeta)
         for k in range(3):
@@ -78,7 +79,7 @@ def polar(zeta, u, v):
 
 @inline
 def arc(i, radius, rho, theta, e_rho, e_theta, chart):
-    """Coordinate i is radius * theta."""
+    """Set coordinate i to radius * theta."""
     chart.g[i] = radius * theta
     for k in range(3):
         chart.G[i, k] = radius * e_theta[k] / rho

@@ -1,4 +1,4 @@
-"""A cylinder, round or hollow."""
+"""Cylinder, full or hollow."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The base class of all surfaces: fields of a scenario, the compiled coordinates that they stand for, their inverse."""
+"""Base class of all surfaces: fields of a scenario, their compiled coordinates, and the inverse of these."""
 
 from __future__ import annotations
 
@@ -23,24 +23,26 @@ Side = Annotated[Literal["outside", "inside"], field("where the tool is", "", _S
 
 
 class SurfaceMotion(Section, frozen=True, forbid_unknown_fields=True):
-    """A translation along a direction, amplitude * sin(2 pi frequency t)."""
+    """Translation along a direction, amplitude * sin(2 pi frequency t)."""
 
     amplitude: Annotated[float, field("amplitude", "m", slider("moves by", 0, 0.05), ge=0, le=1)] = 0.0
     frequency: Annotated[float, field("frequency", "Hz", slider("at", 0, 2), ge=0, le=20)] = 0.5
     direction: Annotated[Vector3, field("direction", "1", Widget("direction"))] = (0.0, 0.0, 1.0)
 
     def offset(self, t: float) -> np.ndarray:
-        """How far it is at time t (s) from where it begins, (3,) m."""
+        """Displacement at time t (s) from the beginning, (3,) m."""
         along = unit("surface.motion.direction", self.direction)
         return along * (self.amplitude * np.sin(2 * np.pi * self.frequency * t))
 
 
 class Form(Section, frozen=True, forbid_unknown_fields=True, tag_field="kind"):
-    """A section `surface` of a scenario.
+    """Section `surface` of a scenario.
 
-    title: how the page calls it; chart: its kernel `chart(zeta, shape, t, chart)`, which writes the coordinates of a
-    point and their derivatives, zeta (3,) m from the origin in the surface's place at time t, and returns what the
-    form's change in time adds to the derivatives of phi, `STILL` for none; resolution: points of its mesh on a side.
+    title: name on the page.
+    chart: its kernel `chart(zeta, shape, t, chart)`, which writes the coordinates of a point and their derivatives,
+    zeta (3,) m from the origin in the surface's place at time t, and returns the terms that the form's change in time
+    adds to the derivatives of phi, `STILL` for none.
+    resolution: points of its mesh on a side.
     """
 
     title: ClassVar[str]
@@ -52,7 +54,7 @@ class Form(Section, frozen=True, forbid_unknown_fields=True, tag_field="kind"):
 
     @property
     def shape(self) -> Shape:
-        """The surface for kernels; `kind` is the table's to say. Raises ValueError with one sentence."""
+        """The surface for kernels; the table sets `kind`. Raises ValueError with one sentence."""
         raise NotImplementedError
 
     @property
@@ -61,7 +63,7 @@ class Form(Section, frozen=True, forbid_unknown_fields=True, tag_field="kind"):
         return False
 
     def local_point(self, frame: np.ndarray, g: np.ndarray) -> np.ndarray:
-        """The point (3,) m from the origin with coordinates g = (phi, psi_1, psi_2)."""
+        """Point (3,) m from the origin with coordinates g = (phi, psi_1, psi_2)."""
         raise NotImplementedError
 
     def extent(self) -> tuple[tuple[float, float], tuple[float, float]]:
@@ -69,28 +71,29 @@ class Form(Section, frozen=True, forbid_unknown_fields=True, tag_field="kind"):
         raise NotImplementedError
 
     def point(self, surface: Surface, g: np.ndarray, t: float) -> np.ndarray:
-        """The point (3,) m with coordinates g at time t (s): the inverse of the chart."""
+        """Point (3,) m with coordinates g at time t (s): the inverse of the chart."""
         return surface.origin + self.motion.offset(t) + self.local_point(surface.frame, g)
 
     def mesh(self, surface: Surface, around: np.ndarray, t: float) -> tuple[np.ndarray, np.ndarray]:
-        """Vertices (N, 3) m of phi = 0 at time t (s), less the motion's offset then, and triangles (M, 3). What has no
-        middle of its own is drawn around the point `around` (3,) m."""
+        """Mesh of the surface: vertices (N, 3) m of phi = 0 at time t (s), without the motion's offset then, and
+        triangles (M, 3). A surface without a middle of its own is drawn around the point `around` (3,) m."""
         del around, t
         psi_1, psi_2 = grid(self.resolution, *self.extent())
         points = [self.local_point(surface.frame, np.array([0.0, u, v])) for u, v in zip(psi_1, psi_2, strict=True)]
         return surface.origin + np.array(points), triangles(self.resolution)
 
     def below(self, p: np.ndarray, phi: float) -> Form | None:
-        """The surface at which the tool at p (3,) m begins at phi (m), where that is not a matter of its origin."""
+        """The surface with which the tool at p (3,) m begins at phi (m), for kinds that are not moved by their origin;
+        None for the others."""
         del p, phi
         return None
 
     def require_regular(self, surface: Surface, until: float) -> None:
-        """Whether its coordinates are good for a run of `until` s. Raises ValueError with one sentence."""
+        """Raise ValueError with one sentence unless the coordinates are regular for a run of `until` s."""
         del surface, until
 
     def _placed(self, frame: np.ndarray, radius: float = 0.0, side: float = 1.0) -> Shape:
-        """The shape of a surface with this frame (3, 3) of unit rows."""
+        """Shape of a surface with this frame (3, 3) of unit rows."""
         m, origin = self.motion, np.array(self.origin, dtype=float)
         direction = unit("surface.motion.direction", m.direction)
         rest = (float(m.amplitude), float(m.frequency), BLANK, NO_FUNCTION)
@@ -98,7 +101,7 @@ class Form(Section, frozen=True, forbid_unknown_fields=True, tag_field="kind"):
 
 
 def unit(path: str, vector: Any) -> np.ndarray:
-    """The direction of a vector (3,). Raises ValueError with `path` where it has none."""
+    """Unit vector along a vector (3,). Raises ValueError with `path` for a vector of length zero."""
     length = float(np.linalg.norm(vector))
     if length < 1e-9:
         raise ValueError(f"{path}: {list(vector)}; allowed: a vector that is not zero")
@@ -106,7 +109,7 @@ def unit(path: str, vector: Any) -> np.ndarray:
 
 
 def side_of(side: str) -> float:
-    """+1 with the solid inside and the tool outside, -1 with the tool within."""
+    """Sign of the side: +1 with the solid inside and the tool outside, -1 with the tool within."""
     return 1.0 if side == "outside" else -1.0
 
 
@@ -115,7 +118,7 @@ def _normalised(vector: np.ndarray) -> np.ndarray:
 
 
 def tangent_frame(normal: np.ndarray) -> np.ndarray:
-    """Right-handed rows (normal, t_1, t_2); t_1 lies in the x-z plane whenever the normal does."""
+    """Right-handed frame with rows (normal, t_1, t_2); t_1 lies in the x-z plane whenever the normal does."""
     n = _normalised(normal)
     start = np.array([1.0, 0.0, 0.0]) if abs(n[0]) < 0.9 else np.array([0.0, 0.0, 1.0])
     t_1 = _normalised(start - (start @ n) * n)
@@ -129,7 +132,7 @@ def grid(resolution: int, first: tuple[float, float], second: tuple[float, float
 
 
 def triangles(resolution: int) -> np.ndarray:
-    """The triangles (M, 3) between the points of a `grid`."""
+    """Triangles (M, 3) between the points of a `grid`."""
     cell = np.arange(resolution * resolution).reshape(resolution, resolution)
     a, b, c, d = cell[:-1, :-1].ravel(), cell[1:, :-1].ravel(), cell[1:, 1:].ravel(), cell[:-1, 1:].ravel()
     return np.concatenate([np.stack([a, b, c], 1), np.stack([a, c, d], 1)])

@@ -28,10 +28,10 @@ if TYPE_CHECKING:
     from environments.surfaces.table import Surface
 
 REACH = 0.4  # m along the normal, within which the surface is looked for
-HALF = 0.25  # m, of the part that is drawn
+HALF = 0.25  # m, half the side of the drawn part
 NEAR, DEEP = 0.05, 0.005  # m along and across the surface: where it must be regular
 DEEPEST = 0.05  # m inside the solid, where the tool may begin
-INSTANTS = 9  # of a run, at which that is looked at
+INSTANTS = 9  # of a run, at which regularity is checked
 FLATTEST = 0.1  # cosine of the angle between the surface's own normal and the given direction
 SOLID = Widget("Solid", options=(("where the formula < 0", "below"), ("where the formula > 0", "above")))
 
@@ -43,8 +43,8 @@ def _chart(zeta, shape, t, chart):
 
 
 class FormulaSurface(Form, frozen=True, forbid_unknown_fields=True, tag="formula"):
-    """A surface typed as a formula that is 0 on it. Where it is used (`Surface.near`) says which is meant of several
-    crossings of a line with it: the nearest one."""
+    """A surface typed as a formula that is 0 on it. Of several crossings of a line with it, the one nearest to the
+    place where it is used (`Surface.near`) counts."""
 
     title = "formula"
     chart = _chart
@@ -78,8 +78,8 @@ class FormulaSurface(Form, frozen=True, forbid_unknown_fields=True, tag="formula
         return graph.derivative(formula.root, T) != graph.zero
 
     def point(self, surface: Surface, g: np.ndarray, t: float) -> np.ndarray:
-        """The point (3,) with coordinates g = (phi, psi_1, psi_2): the inverse of `chart`, by Newton's method. Where
-        the surface is out of reach it is a point at the height of `surface.near`."""
+        """Point (3,) with coordinates g = (phi, psi_1, psi_2): the inverse of `chart`, by Newton's method. Where the
+        surface is out of reach, it is a point at the height of `surface.near`."""
         normal, moved = surface.frame[0], surface.origin + self.motion.offset(t)
         start = surface.frame[1:].T @ g[1:] + normal * (normal @ (surface.near - surface.origin))
         height = _heights(surface, start[None], t)[0]
@@ -108,13 +108,14 @@ class FormulaSurface(Form, frozen=True, forbid_unknown_fields=True, tag="formula
         return vertices, faces[there[faces].all(axis=1)]
 
     def below(self, p: np.ndarray, phi: float) -> Form | None:
-        """A wave in the world's coordinates."""
+        """A wave in the world's coordinates, below the tool."""
         height = p[2] + phi - 0.015 * np.sin(15 * p[0])
         return replace(self, text=f"z {-height:+.4f} - 0.015*sin(15*x - 2*t)")
 
     def require_regular(self, surface: Surface, until: float) -> None:
-        """Whether the chart is good for a run of `until` s that begins at `surface.near`: there is a surface, across
-        the normal, smooth, its derivatives what differences say, `surface.near` not deep in the solid."""
+        """Raise ValueError unless the chart is regular for a run of `until` s that begins at `surface.near`: there is a
+        surface, across the normal, smooth, with derivatives that agree with differences, and `surface.near` is not deep
+        in the solid."""
         depth = surface.chart(surface.near, 0.0).g[0]
         if depth > DEEPEST:
             raise ValueError(
@@ -139,7 +140,7 @@ class FormulaSurface(Form, frozen=True, forbid_unknown_fields=True, tag="formula
 
 @lru_cache(maxsize=16)
 def _translated(text: str) -> tuple[Formula, Bytecode]:
-    """What a text says, and that for kernels. Raises FormulaError."""
+    """Formula of a text, and its bytecode for kernels. Raises FormulaError."""
     formula = parse(text)
     graph = formula.graph
     bytecode = bytecode_of(formula)
@@ -149,7 +150,8 @@ def _translated(text: str) -> tuple[Formula, Bytecode]:
 
 
 def _heights(surface: Surface, starts: np.ndarray, t: float) -> np.ndarray:
-    """How far (N,) m along the normal the surface is from the points (N, 3) m from its origin; nan: nowhere."""
+    """Distances (N,) m along the normal from the points (N, 3) m, relative to the surface's origin, to the surface; nan
+    where there is none."""
     heights, bytecode = np.empty(len(starts)), Record(surface.shape.bytecode).data
     crossings(bytecode, np.ascontiguousarray(starts), surface.frame[0], REACH, t, heights)
     return heights

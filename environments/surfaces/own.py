@@ -1,4 +1,4 @@
-"""A surface of a user's own, in a file that `--use` names."""
+"""Surface of a user's own, in a file that `--use` names."""
 
 from __future__ import annotations
 
@@ -22,15 +22,15 @@ if TYPE_CHECKING:
 
 HALF = 0.2  # m, of the part that is drawn
 NEAREST = 1e-14  # m, at which the search for a point ends
-FOUND = 1e-9  # m: as near its coordinates must be
-NEAR = 0.01  # m from its origin: where its derivatives are looked at
+FOUND = 1e-9  # m: largest error of its coordinates
+NEAR = 0.01  # m from its origin: where its derivatives are checked
 
 
 @dataclass(frozen=True)
 class OwnSurface:
-    """A surface of a user's own as its file describes it, under the name SURFACE.
+    """Surface of a user's own, as its file describes it under the name SURFACE.
 
-    kind: how a scenario names it (`surface.name`); title: how the page does; about: a sentence for the page.
+    kind: its name in a scenario (`surface.name`); title: its name on the page; about: a sentence for the page.
     chart: `chart(zeta, parameters, g, G, G_p)` writes the coordinates g = (phi, psi_1, psi_2) in m of the point zeta
     (3,) m from the surface's origin, along the world's axes, the rows G (3, 3) of their gradients, and their Hessians
     G_p (3, 3, 3); all are zero before. phi is penetration; the origin is a point of the surface, with g = 0, about
@@ -44,7 +44,8 @@ class OwnSurface:
     parameters: tuple[Parameter, ...] = ()
 
     def shape(self, form: Own) -> Shape:
-        """For kernels, with the parameters of a scenario. Raises ValueError with one sentence, and numba's errors."""
+        """Shape for kernels, with the parameters of a scenario. Raises ValueError with one sentence, and numba's
+        errors."""
         values = values_of(self.parameters, form.parameters, "surface.parameters")
         own = own_function(_adapted(self.chart), self.chart, values, ((3,), (3, 3), (3, 3, 3)))
         return form.shape._replace(own=own)
@@ -90,7 +91,7 @@ class Own(Form, frozen=True, forbid_unknown_fields=True, tag="own"):
         return self._placed(np.eye(3))
 
     def point(self, surface: Surface, g: np.ndarray, t: float) -> np.ndarray:
-        """The point (3,) m with coordinates g at time t (s), found from where the surface is used."""
+        """Point (3,) m with coordinates g at time t (s), searched for from the place where the surface is used."""
         return _point(surface, g, t, surface.near + self.motion.offset(t))
 
     def mesh(self, surface: Surface, around: np.ndarray, t: float) -> tuple[np.ndarray, np.ndarray]:
@@ -104,16 +105,16 @@ class Own(Form, frozen=True, forbid_unknown_fields=True, tag="own"):
         return vertices, faces[there[faces].all(axis=1)]
 
     def require_regular(self, surface: Surface, until: float) -> None:
-        """Whether the derivatives are what differences say where the tool is."""
+        """Raise ValueError unless the derivatives agree with differences at the tool's place."""
         random = np.random.default_rng(0)
         for t in np.linspace(0.0, until, 3):
             require_derivatives("surface.name", surface, surface.near + NEAR * random.uniform(-1.0, 1.0, 3), t)
 
 
 def _point(surface: Surface, g: np.ndarray, t: float, start: np.ndarray) -> np.ndarray:
-    """The point (3,) m with coordinates g at time t (s), by Powell's method from a point (3,) m; nan where there is
+    """Point (3,) m with coordinates g at time t (s), by Powell's method from a point (3,) m; nan where there is
     none."""
-    from scipy.optimize import root  # what only reads scenarios does not wait for it
+    from scipy.optimize import root  # imported here: a program that only reads scenarios does not wait for it
 
     def residual(p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         chart = surface.chart(p, t)

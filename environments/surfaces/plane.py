@@ -1,4 +1,4 @@
-"""A plane."""
+"""Plane."""
 
 from __future__ import annotations
 

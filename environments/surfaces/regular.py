@@ -1,4 +1,4 @@
-"""Whether a surface's derivatives are what they are said to be."""
+"""Check of a surface's derivatives against differences."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ STEP, AGREEMENT = 1e-5, 1e-3  # m and s, of differences; how well derivatives mu
 
 
 def require_derivatives(path: str, surface: Surface, p: np.ndarray, t: float) -> None:
-    """Whether the derivatives at p (3,) m, t (s) are what differences say. Raises ValueError with `path`, the field
-    that is to blame."""
+    """Raise ValueError with `path`, the field that is to blame, unless the derivatives at p (3,) m, t (s) agree with
+    differences."""
     chart, h = surface.chart(p, t), STEP
     sides = [(surface.chart(p + e, t), surface.chart(p - e, t)) for e in h * np.eye(3)]
     sides.append((surface.chart(p, t + h), surface.chart(p, t - h)))
@@ -33,5 +33,5 @@ def require_derivatives(path: str, surface: Surface, p: np.ndarray, t: float) ->
 
 
 def written(p: np.ndarray) -> str:
-    """A point (3,) m in words."""
+    """Point (3,) m as text."""
     return "(" + ", ".join(f"{x:.3g}" for x in p) + ") m"

@@ -1,4 +1,4 @@
-"""A sphere, full or hollow."""
+"""Sphere, full or hollow."""
 
 from __future__ import annotations
 

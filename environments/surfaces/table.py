@@ -1,4 +1,4 @@
-"""All surfaces: what a scenario may name, and the one kernel that they make together."""
+"""Table of surfaces, by their names in a scenario, and one kernel for all."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ _local_chart = choice([each.chart for each in SURFACES])
 
 @inline
 def surface_chart(shape, p, t, chart):
-    """The `Chart` of a point p (3,) m at time t (s)."""
+    """Write the `Chart` of a point p (3,) m at time t (s)."""
     omega = 2 * np.pi * shape.frequency
     moved, speed = shape.amplitude * np.sin(omega * t), shape.amplitude * omega * np.cos(omega * t)
     u = shape.direction
@@ -61,7 +61,7 @@ def _chart_alone(shape, p, t, chart):
 
 @dataclass(frozen=True)
 class Surface:
-    """A surface in use: what a scenario says of it, that for kernels, and where it is used, (3,) m."""
+    """A surface in use: its form in the scenario, its shape for kernels, and the place where it is used, (3,) m."""
 
     form: Form
     shape: Shape
@@ -69,24 +69,25 @@ class Surface:
 
     @classmethod
     def of(cls, form: Form, near: np.ndarray | None = None, shape: Shape | None = None) -> Surface:
-        """The surface of a form, used near a point (3,) m; `shape`: the form's unless another is given. Raises
-        ValueError with one sentence."""
+        """Surface of a form, used near a point (3,) m; `shape`: the form's unless another is given. Raises ValueError
+        with one sentence."""
         kind = SURFACES.index(type(form))
         return cls(form, (shape or form.shape)._replace(kind=kind), np.zeros(3) if near is None else near)
 
     @classmethod
     def cartesian(cls, frame: np.ndarray) -> Surface:
-        """No surface: the coordinates are those of the point itself, along the rows of `frame` (3, 3), at rest."""
+        """Cartesian axes in place of a surface: the coordinates are those of the point itself, along the rows of
+        `frame` (3, 3), at rest."""
         return cls.of(Plane(), shape=Plane().shape._replace(frame=np.ascontiguousarray(frame, dtype=float)))
 
     @property
     def origin(self) -> np.ndarray:
-        """(3,) m."""
+        """Origin (3,) m."""
         return self.shape.origin
 
     @property
     def frame(self) -> np.ndarray:
-        """Unit rows (3, 3)."""
+        """Frame (3, 3) of unit rows."""
         return self.shape.frame
 
     @property
@@ -100,7 +101,7 @@ class Surface:
 
     @property
     def resolution(self) -> int:
-        """Points of its mesh on a side."""
+        """Number of points of its mesh on a side."""
         return self.form.resolution
 
     @cached_property
@@ -109,7 +110,7 @@ class Surface:
 
     @property
     def fingerprint(self) -> bytes:
-        """All of `shape`: surfaces that share it give the same charts."""
+        """Bytes of `shape`: surfaces with the same bytes give the same charts."""
         return self._packed.tobytes()
 
     def chart(self, p: np.ndarray, t: float) -> Chart:

@@ -1,4 +1,4 @@
-"""A circle through the start."""
+"""Circle through the start."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ class Circle(Trajectory, frozen=True, forbid_unknown_fields=True, tag="circle"):
         return in_plane(self.radius * along_axes[a], self.radius * along_axes[b], self.ramp, 2 * np.pi / self.period)
 
     def within(self, directions: np.ndarray | None, k: int) -> Trajectory:
-        """In the first two coordinates, or a line where there is only one."""
+        """The circle in the first two coordinates, or a line where there is only one."""
         del directions
         if k == 1:
             return Line(displacement=(2 * self.radius,), period=self.period, ramp=self.ramp)

@@ -1,4 +1,4 @@
-"""A line back and forth."""
+"""Line back and forth."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from parameters import decades, field, slider
 
 @inline
 def unit_circle(course, t):
-    """x, y of the unit circle about (-1, 0), each with two derivatives."""
+    """Coordinates x, y of the unit circle about (-1, 0), each with two derivatives."""
     theta, theta_dot, theta_ddot = phase(t, course.omega, course.ramp)
     c, s = np.cos(theta), np.sin(theta)
     s_dot, c_dot = c * theta_dot, -s * theta_dot

@@ -1,4 +1,4 @@
-"""A path of a user's own, in a file that `--use` names."""
+"""Trajectory of a user's own, in a file that `--use` names."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from parameters import Name, Parameter, field, values_of
 
 @dataclass(frozen=True)
 class OwnTrajectory:
-    """A trajectory of a user's own as its file describes it, under the name TRAJECTORY.
+    """Trajectory of a user's own, as its file describes it under the name TRAJECTORY.
 
-    kind: how a scenario names it (`motion.name`); title: how the page does; about: a sentence for the page.
+    kind: its name in a scenario (`motion.name`); title: its name on the page; about: a sentence for the page.
     path: `path(t, parameters, value, rate, acceleration)` writes the displacement (k,) m of the k free coordinates from
-    where they start, its rate and its acceleration at time t (s); they are zero before. It is decorated with
+    their start, its rate and its acceleration at time t (s); they are zero before. It is decorated with
     `kernels.inline`. At t = 0 the displacement is zero.
     """
 
@@ -32,8 +32,8 @@ class OwnTrajectory:
     parameters: tuple[Parameter, ...] = ()
 
     def course(self, path: Own, n: int, free: range) -> Course:
-        """With the parameters of a scenario, as a displacement of n coordinates. Raises ValueError with one sentence,
-        and numba's errors."""
+        """Course with the parameters of a scenario, as a displacement of n coordinates. Raises ValueError with one
+        sentence, and numba's errors."""
         values = values_of(self.parameters, path.parameters, "motion.parameters")
         k = (len(free),)
         own = own_function(self.path, self.path, values, (k, k, k))

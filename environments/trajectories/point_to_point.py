@@ -1,4 +1,4 @@
-"""A move to another point, or none."""
+"""Move to another point, or none."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def _move(course, t, value, rate, acceleration):
 
 
 class Hold(Trajectory, frozen=True, forbid_unknown_fields=True, tag="hold"):
-    """Stay where it starts."""
+    """Stay at the start."""
 
     title = "hold"
     move = _move
@@ -30,12 +30,12 @@ class Hold(Trajectory, frozen=True, forbid_unknown_fields=True, tag="hold"):
 
 
 class Displaced(Trajectory, frozen=True, forbid_unknown_fields=True):
-    """What paths along one displacement share."""
+    """Base class of paths along one displacement."""
 
     displacement: Annotated[Vector, field("by how much, along x, y, z or the tangents", "m", Widget("by"))] = (0.1,)
 
     def within(self, directions: np.ndarray | None, k: int) -> Trajectory:
-        """Its part along the directions where it has more values than there are."""
+        """The path's part along the directions where it has more values than there are directions."""
         if len(self.displacement) <= k:
             return self
         if directions is None:

@@ -1,4 +1,4 @@
-"""All desired paths: what a scenario may name, and the one kernel that they make together."""
+"""Table of desired paths, by their names in a scenario, and one kernel for all."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def numbered(trajectory: Trajectory, course: Course) -> Course:
 
 @inline
 def path_at(course, t, value, rate, acceleration):
-    """The displacement (n,) and its derivatives at time t (s)."""
+    """Write the displacement (n,) and its derivatives at time t (s)."""
     _move(course.kind, course, t, value, rate, acceleration)
 
 

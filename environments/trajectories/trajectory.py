@@ -1,4 +1,4 @@
-"""What every desired path is: the fields of a scenario, and the compiled function that they stand for."""
+"""Base class of all desired paths: fields of a scenario, and their compiled function."""
 
 from __future__ import annotations
 
@@ -20,8 +20,11 @@ class Path(NamedTuple):
 
 
 class Course(NamedTuple):
-    """A path in the kernels' form, x(t) u + y(t) v with u, v (n,) m: which one, the duration or rise at its beginning
-    (s), and its angular frequency (rad/s); one of a user's own is a function of the coordinates from `first` on."""
+    """Path for kernels, x(t) u + y(t) v with u, v (n,) m.
+    kind: number of the path.
+    ramp: duration, or rise at its beginning, s.
+    omega: angular frequency, rad/s.
+    first, own: a path of a user's own is a function of the coordinates from `first` on."""
 
     kind: int
     u: np.ndarray
@@ -33,9 +36,9 @@ class Course(NamedTuple):
 
 
 class Trajectory(Section, frozen=True, forbid_unknown_fields=True, tag_field="kind"):
-    """A section `motion` of a scenario.
+    """Section `motion` of a scenario.
 
-    title: how the page calls it; move: its kernel `move(course, t, value, rate, acceleration)`, which writes the
+    title: name on the page; move: its kernel `move(course, t, value, rate, acceleration)`, which writes the
     displacement (n,) and its derivatives at time t (s).
     """
 
@@ -43,8 +46,8 @@ class Trajectory(Section, frozen=True, forbid_unknown_fields=True, tag_field="ki
     move: ClassVar[Any]
 
     def course(self, n: int, free: range) -> Course:
-        """The path as a displacement of n coordinates, of which it may move those in `free`; `kind` is the table's
-        to say. Raises ValueError with one sentence."""
+        """The path as a displacement of n coordinates, of which it may move those in `free`; the table sets `kind`.
+        Raises ValueError with one sentence."""
         raise NotImplementedError
 
     def within(self, directions: np.ndarray | None, k: int) -> Trajectory:
@@ -59,12 +62,13 @@ class Trajectory(Section, frozen=True, forbid_unknown_fields=True, tag_field="ki
 
 
 def in_plane(u: np.ndarray, v: np.ndarray, ramp: float = 0.0, omega: float = 0.0) -> Course:
-    """The course of a path in the plane of u, v (n,) m."""
+    """Course of a path in the plane of u, v (n,) m."""
     return Course(0, u, v, float(ramp), float(omega), 0, NO_FUNCTION)
 
 
 def spread(name: str, displacement: tuple[float, ...], n: int, free: range) -> np.ndarray:
-    """A displacement of the free coordinates as one of all n. Raises ValueError with `name` for too long a one."""
+    """Displacement of all n coordinates from one of the free coordinates. Raises ValueError with `name` for one with
+    too many values."""
     if len(displacement) > len(free):
         raise ValueError(f"{name}: {len(displacement)} values; allowed: at most {len(free)} in this mode with this arm")
     vector = np.zeros(n)

@@ -1,4 +1,4 @@
-"""Controller: gains of the law (25), switching, and what the theorem says of them now."""
+"""Controller panel: gains of the law (25), switching, and the present numbers of the theorem."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _SAID = '<div class="vs-checks"><div class="vs-message vs-warn">{}</div></div>'
 
 
 def _own(desk: Desk, law: ControlLaw, p: Parameter) -> Number:
-    """The control of a number that a law has of its own; it is hidden under other laws."""
+    """Control of a law's own parameter; it is hidden under other laws."""
 
     def running(snapshot: Snapshot) -> float | None:
         controller = snapshot.system.controller
@@ -29,7 +29,8 @@ def _own(desk: Desk, law: ControlLaw, p: Parameter) -> Number:
 
 
 class ControllerPanel:
-    """The law, its gains, and the live numbers of the guarantee. What has no meaning for the law at hand is hidden."""
+    """The law, its gains, and the live numbers of the guarantee. Controls without a meaning for the present law are
+    hidden."""
 
     def __init__(self, desk: Desk) -> None:
         gui = desk.gui
@@ -96,7 +97,7 @@ class ControllerPanel:
 
 
 def _feedback_html(snapshot: Snapshot) -> str:
-    """What the gain by (17) feeds back to itself with the bounds of now, "" for a constant gain."""
+    """Feedback of the gain by (17) to itself with the present bounds, as HTML; "" for a constant gain."""
     by_names = {finding.premise: finding for finding in snapshot.standing.findings}
     said = []
     for premise, way in ((Premise.GAIN_BY_CHATTER, "the chattering"), (Premise.GAIN_BY_FORCE, "the contact force")):

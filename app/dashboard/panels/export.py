@@ -1,4 +1,4 @@
-"""Export: what can be taken away from a run, one button each, and a scenario brought back."""
+"""Export panel: files made from a run, one button each, and the upload of a scenario."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ from app.storage.recording_files import Tell, table
 log = structlog.get_logger()
 
 MEGABYTE = 1e6
-DATA_LIMIT = 256 * MEGABYTE  # what a browser takes through a web socket without trouble
+DATA_LIMIT = 256 * MEGABYTE  # a browser receives this through a web socket without trouble
 RENDERING = 60.0  # s that a page may take for a picture: a hidden one never answers
 
 OnClick = Callable[[viser.GuiEvent[viser.GuiButtonGroupHandle]], None]
@@ -48,9 +48,9 @@ SHOWN, WHOLE = "as shown by the plots", "the whole run"
 
 
 class ExportPanel:
-    """Every file is made from the snapshot of the moment, elsewhere: the run goes on.
+    """Export panel. Every file is made from the present snapshot, in another process: the run goes on.
 
-    One at a time; a notification on the page that asked says how far it is, and why there is none.
+    One file at a time; a notification on the page that asked shows the progress, and the reason where there is no file.
     """
 
     def __init__(self, desk: Desk) -> None:
@@ -68,17 +68,17 @@ class ExportPanel:
         self._upload.on_upload(self._on_upload)
 
     def show(self, snapshot: Snapshot) -> None:
-        """There is nothing to set: no widget here shows the scenario."""
+        """Nothing to do: no widget here shows the scenario."""
 
     def _back(self, part: str) -> float:
-        """How far a part of the run goes back, s."""
+        """Length of a part of the run, back from the instant looked at, s."""
         return self._desk.viewing.window if part == SHOWN else math.inf
 
     def _buttons(self, label: str, options: tuple[str, ...], on_click: OnClick, hint: str) -> None:
         group = self._desk.gui.add_button_group(label, options, hint=hint)
         group.on_click(guarded(on_click, self._desk.complain))
 
-    # synchronous on purpose, unlike what posts commands: each waits for its file in a thread of viser's pool
+    # synchronous on purpose, unlike callbacks that post commands: each waits for its file in a thread of viser's pool
 
     def _on_figure(self, event: viser.GuiEvent) -> None:
         form: Format = event.target.value.lower()
@@ -162,7 +162,7 @@ class ExportPanel:
             note.title, note.body, note.color = f"{what}: failed", reason, "red"
             note.loading, note.with_close_button = False, True
         else:
-            note.remove()  # the page says itself what it receives
+            note.remove()  # the page itself shows the download
 
     async def _on_upload(self, event: viser.GuiEvent) -> None:
         if event.client is None:

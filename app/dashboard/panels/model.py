@@ -1,4 +1,4 @@
-"""Model: the target model (8) by its diagonals, by omega and zeta, or by whole matrices; and its checks."""
+"""Model panel: the target model (8) by its diagonals, by omega and zeta, or by whole matrices; and its checks."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from app.session.snapshot import Snapshot
 
 @dataclass(frozen=True)
 class _Quantity:
-    """One number per task coordinate: where it is, its slider, and what is to be said of it."""
+    """One number per task coordinate: its place in the scenario, its slider, and the note on it."""
 
     place: Callable[[int], Place]
     scale: Scale
@@ -35,7 +35,8 @@ class _View(Protocol):
 
 
 class ModelPanel:
-    """Three views of the same model, one of them shown, which is state of the page; below them pole map and checks."""
+    """Three views of the same model, of which the page shows one (state of the page); below them pole map and
+    checks."""
 
     def __init__(self, desk: Desk) -> None:
         self._desk, gui = desk, desk.gui
@@ -68,20 +69,20 @@ class ModelPanel:
                 folder.visible = title == self._chosen
         self._views[self._chosen].show(snapshot)
         edit = self._asked(snapshot)
-        of = (snapshot.scenario, snapshot.blending, edit)  # not the revision: looking back, it stays
-        if self._checked != of:  # poles are not found anew for every frame
+        of = (snapshot.scenario, snapshot.blending, edit)  # not the revision: it does not change while looking back
+        if self._checked != of:  # poles are not computed anew for every frame
             self._checked = of
             self._checks.content = checks_html(snapshot, edit)
         self._loops.content = loops_html(snapshot)
 
     def _asked(self, snapshot: Snapshot) -> Edit | None:
-        """What a held slider or a draft would make of the model."""
+        """Edit of the model that a held slider or a draft asks for."""
         held, view = self._desk.whatif.held, self._views[self._chosen]
         if held is not None and held.edit.path.startswith("target_model"):
             return held.edit
         try:
             return view.edit(snapshot) if isinstance(view, MatrixEditor) else None
-        except ValueError:  # the editor says it
+        except ValueError:  # the editor shows it
             return None
 
 
@@ -116,7 +117,7 @@ class _PerCoordinate:
 
 
 def matrix_note(snapshot: Snapshot, name: str, meaning: str, metric: str, angular: str) -> str:
-    """What a matrix is, with its unit; the values of angles per radian, since r holds them times a length."""
+    """Note on a matrix with its unit, and the values of angles per radian, since r holds angles times a length."""
     if snapshot.system.units == JOINT:
         metric = angular
     told = [f"{meaning}, {metric}" if metric else meaning]
@@ -135,7 +136,7 @@ def matrix_note(snapshot: Snapshot, name: str, meaning: str, metric: str, angula
 
 
 def oscillator_note(snapshot: Snapshot, unit: str) -> str:
-    """How omega and zeta are set, and which coordinates are special."""
+    """Note on how omega and zeta are set, and on the coordinates that are special."""
     told = [f"{unit}, each axis alone. M_m is kept: K_m = M_m ω², B_m = 2ζω M_m."]
     for coordinate, K_e in zip(snapshot.coordinates, pressed_on(snapshot), strict=True):
         name = symbol(coordinate.name)

@@ -1,4 +1,4 @@
-"""Robot: the arm, how it truly is, and what the controller was told."""
+"""Robot panel: the arm, the true arm, and the declared bounds."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ def _rotors(snapshot: Snapshot) -> tuple[float, ...]:
 
 
 def _common_scaling(snapshot: Snapshot) -> Any:
-    """None, which hides the row, where links have factors of their own."""
+    """Common scaling of the links; None, which hides the row, where links have factors of their own."""
     scaling = snapshot.scenario.truth.link_scaling
     return scaling if np.ndim(scaling) == 0 else None
 

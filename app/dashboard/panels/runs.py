@@ -1,4 +1,4 @@
-"""Runs: the running one beside those that are pinned, in figures."""
+"""Runs panel: figures of the running run beside those of the pinned ones."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ from app.session.timeline import Pinned
 from app.storage.session_index import PINS
 
 _EVERY = 1.0  # s, between two looks at the figures
-_TOLD = 4  # differences of a pinned run that are told
+_TOLD = 4  # differences of a pinned run that are shown
 
 
 class RunsPanel:
-    """Pin and forget; a table over the last seconds up to the instant looked at, the same instants of every run that
-    has come that far, the last ones of every other."""
+    """Buttons to pin and forget runs, and a table of figures over the last seconds up to the instant looked at: over
+    the same instants of every run that has come that far, over the last ones of every other."""
 
     def __init__(self, desk: Desk) -> None:
         self._desk = desk
@@ -81,7 +81,8 @@ def _note(snapshot: Snapshot, window: float) -> str:
 
 
 def table_html(snapshot: Snapshot, window: float) -> str:
-    """Figures over the last `window` s, a column for each run; what differs in each pinned one's scenario."""
+    """Table of figures over the last `window` s, a column for each run, and the differences of each pinned run's
+    scenario."""
     runs = [
         (snapshot.system, snapshot.recording, snapshot.t),
         *((p.system, p.recording, min(p.t, snapshot.t)) for p in snapshot.pinned),
@@ -103,7 +104,7 @@ def _row(figure: Figure, unit: str, accounts: tuple[Account | None, ...]) -> str
 
 
 def _told(pinned: Pinned, snapshot: Snapshot) -> str:
-    """How the pinned run's scenario differs from the running one."""
+    """Differences of the pinned run's scenario from the running one, as HTML."""
     different = differences(snapshot.scenario, pinned.scenario)
     parts = [f"{path} = {_short(theirs)}" for path, (_, theirs) in list(different.items())[:_TOLD]]
     if len(different) > _TOLD:

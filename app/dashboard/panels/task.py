@@ -1,4 +1,4 @@
-"""Task: what the arm is asked to do."""
+"""Task panel: scenario, mode, and the desired motion and force."""
 
 from __future__ import annotations
 

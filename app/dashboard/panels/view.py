@@ -1,4 +1,5 @@
-"""View: what the scene shows, from where, and what the mouse does in it. State of the page; the run never sees it."""
+"""View panel: content of the scene, camera, and the action of the mouse in it. State of the page; it does not affect
+the run."""
 
 from __future__ import annotations
 
@@ -62,7 +63,7 @@ class _Widget(Protocol):
 
 
 class _Field:
-    """A widget for one field of the look; `options` maps what is shown to what the look holds."""
+    """A widget for one field of the look; `options` maps the text shown to the value in the look."""
 
     def __init__(
         self, viewing: Viewing, name: str, widget: _Widget, options: Mapping[str, object] | None = None
@@ -131,7 +132,7 @@ class ViewPanel:
 
 
 def legend_html(look: Look, legend: Legend, snapshot: Snapshot) -> str:
-    """What the colours and lengths in the scene mean, as far as they are drawn."""
+    """Legend of the colours and lengths in the scene, of what is drawn, as HTML."""
     lines = []
     if look.tool_path and look.error_colors and snapshot.tool_desired is not None:
         colors = ", ".join(css(color) for color in ERROR_COLORS)

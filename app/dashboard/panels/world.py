@@ -1,4 +1,4 @@
-"""World: the surface, the contact, the force sensor, and how finely the plant is integrated."""
+"""World panel: surface, contact, force sensor, and the integration of the plant."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def _foreseen(scenario: Scenario) -> bool:
 
 
 class WorldPanel:
-    """What the tool meets, and what the controller believes of it."""
+    """Controls of the surface and of the contact, and of the controller's estimate of the surface."""
 
     def __init__(self, desk: Desk) -> None:
         gui = desk.gui

@@ -1,7 +1,7 @@
-"""A chart of the page: what it draws for a run, and the widget that draws it.
+"""A chart of the page: its drawing of a run, and the widget that shows it.
 
 Time runs to the right and ends at now; ahead of it stands the preview, which the page's script makes lighter. The
-script also gives the axis its ends, which stand in the tab's marker (`looking.py`): new scales would build the chart
+script also gives the axis its ends, which stand in the tab's marker (`visible_tabs.py`): new scales would build the chart
 anew and lose the user's zoom. A line has gaps (nan) where what it shows does not exist: a pinned run beyond its
 end, a bound under a law without one.
 """
@@ -26,21 +26,25 @@ from app.simulation.system import Coordinate
 
 Signals = Mapping[str, np.ndarray]
 
-BUCKETS = 170  # two points each: about what a plot has pixels for
+BUCKETS = 170  # two points each: about the number of pixels of a plot
 GREY: Rgb = (140, 140, 140)
-UNLISTED = "vs-unlisted"  # class of what the legend leaves out
+UNLISTED = "vs-unlisted"  # class of the lines that the legend leaves out
 _NOTHING = np.array([0.01, 0.02])  # on a logarithmic axis, too
-MOST_SERIES = 48  # of a chart: three pinned runs of seven coordinates beside the shown one, and backdrops
-_DOCK, _ENTRY, _LETTER = 366, 20, 6  # px: the width for a legend, and what its entries take
+MOST_SERIES = 48  # of a chart: those of three pinned runs and the shown one with seven coordinates each, and backdrops
+_DOCK, _ENTRY, _LETTER = 366, 20, 6  # px: width of the legend, of an entry, and of a letter in it
 _FOOT, _HEAD = ({"pad": 0.0, "hard": end, "soft": end, "mode": 1} for end in (0.0, 1.0))
-_RULE = "rgba(128, 128, 128, 0.7)"  # seen on dark and on light
+_RULE = "rgba(128, 128, 128, 0.7)"  # visible on dark and on light
 
 
 @dataclass(frozen=True)
 class Setup:
-    """What decides which lines there are. normal: the mode controls a normal force; touching: there is something to
-    touch; robust: the law has a gain and a bound; bounded: that of some part of the run has; units: of the task
-    space; coordinate, joint: the chosen ones, counted from 0."""
+    """Properties of a run and choices of the user that determine the lines of the charts.
+    normal: the mode controls a normal force.
+    touching: there is something to touch.
+    robust: the law has a gain and a bound.
+    bounded: some part of the run had such a law.
+    units: of the task space.
+    coordinate, joint: the chosen ones, counted from 0."""
 
     coordinates: tuple[Coordinate, ...]
     joints: tuple[str, ...]
@@ -54,7 +58,7 @@ class Setup:
 
     @classmethod
     def of(cls, snapshot: Snapshot, coordinate: int, joint: int) -> Setup:
-        """Choices beyond what the run has fall back to the first."""
+        """Setup of a snapshot; choices that the run does not have fall back to the first."""
         coordinates, joints = tuple(snapshot.coordinates), tuple(snapshot.robot.joint_names)
         return cls(
             coordinates,
@@ -72,9 +76,11 @@ class Setup:
 @dataclass(frozen=True)
 class Line:
     """One line: its name, its look, and its values from signals, (N,), nan where they are not known and infinite where
-    they do not exist. compared: pinned runs show theirs, too;
-    foreseen: it makes sense for a preview's few instants; backdrop: 0 and 1 are the plot's foot and head, and a line
-    without width fills what is below; listed: in the legend."""
+    they do not exist.
+    compared: pinned runs show theirs, too.
+    foreseen: it makes sense for a preview's few instants.
+    backdrop: 0 and 1 are the plot's foot and head, and a line without width fills the area below it.
+    listed: in the legend."""
 
     name: str
     color: Rgb
@@ -104,7 +110,7 @@ class Line:
 
 @dataclass(frozen=True)
 class Area:
-    """Filled between two of a drawing's lines, counted from 0."""
+    """Filled area between two of a drawing's lines, counted from 0."""
 
     upper: int
     lower: int
@@ -113,8 +119,9 @@ class Area:
 
 @dataclass(frozen=True)
 class Drawing:
-    """Title with unit; lines from back to front; floor: what a logarithmic axis shows of an exact zero, None for a
-    linear one; at_least: a range that is always in view, so that noise does not fill the plot."""
+    """Content of a chart: title with unit; lines from back to front.
+    floor: value that a logarithmic axis shows for an exact zero, None for a linear axis.
+    at_least: a range that is always in view, so that noise does not fill the plot."""
 
     title: str
     lines: Sequence[Line]
@@ -123,7 +130,7 @@ class Drawing:
     at_least: tuple[float, float] | None = None
 
     def legend_rows(self, pinned: Sequence[str]) -> int:
-        """How many its entries take on the dock, about."""
+        """Number of rows that its legend takes on the dock, about."""
         compared = any(line.compared for line in self.lines)
         names = ["t [s]", *(line.name for line in self.lines if line.listed), *(pinned if compared else ())]
         return -(-sum(_ENTRY + _LETTER * len(name) for name in names) // _DOCK)
@@ -147,8 +154,8 @@ class Plot:
 
 @dataclass(frozen=True)
 class Pinned:
-    """A run to compare with, drawn in grey behind the shown one. start: where on the shown run's time (s) its own zero
-    is laid."""
+    """A run to compare with, drawn in grey behind the shown one. start: instant (s) of the shown run at which its zero
+    is drawn."""
 
     name: str
     recording: Recording
@@ -157,9 +164,11 @@ class Pinned:
 
 @dataclass(frozen=True)
 class Frame:
-    """What all charts of one refresh draw from. now s: the instant that is zero on the axis; rows: signals up to now;
-    pinned: signals of each pinned run, None for one of other coordinates, its times those of the shown run; ahead (N,)
-    s after now and foreseen: the preview."""
+    """Data of one refresh, for all charts.
+    now: s, the instant that is zero on the axis.
+    rows: signals up to now.
+    pinned: signals of each pinned run, None for one of other coordinates, its times those of the shown run.
+    ahead, foreseen: the preview, (N,) s after now and its signals."""
 
     now: float
     window: float
@@ -170,9 +179,10 @@ class Frame:
     foreseen: Signals | None = None
 
     def courses(self, lines: Sequence[Line]) -> tuple[np.ndarray, ...]:
-        """x (N,) s from now, then (N,) of each compared line of each pinned run, then of each line, without gaps.
+        """Data of a chart: x (N,) s from now, then (N,) of each compared line of each pinned run, then of each line,
+        without gaps.
 
-        The preview is there if every line knows what lies ahead. Where a pinned run is not, its line is nan.
+        The preview is included if every line has values ahead. Where a pinned run has no values, its line is nan.
         """
         begins, past = _past(self.grid, self.rows, lines)
         x = [np.clip(self.grid.times[begins:] - self.now, -self.window, 0.0), [0.0]]
@@ -201,7 +211,8 @@ class Frame:
 
 
 def _past(grid: Grid, rows: Signals, lines: Sequence[Line]) -> tuple[int, np.ndarray]:
-    """Which of the grid's points is the first with rows, and (points, lines) from there on, the newest row at last."""
+    """Index of the grid's first point with rows, and values (points, lines) from there on, with the newest row as the
+    last one."""
     values = _values(rows, lines)
     starts = grid.starts(rows["t"])
     filled = np.flatnonzero(starts[:-1] < starts[1:])
@@ -214,8 +225,8 @@ def _values(rows: Signals, lines: Sequence[Line]) -> np.ndarray:
 
 
 def _bridged(columns: np.ndarray) -> np.ndarray:
-    """(N, k) with a straight line over what is not known, as a chart would draw it; its ends go on level. What does not
-    exist, which is infinite, becomes nan."""
+    """Columns (N, k) with straight lines over unknown values, as a chart would draw them; unknown ends are level. Values
+    that do not exist, which are infinite, become nan."""
     points = np.arange(len(columns))
     for column in columns.T:
         known = np.isfinite(column)
@@ -227,7 +238,7 @@ def _bridged(columns: np.ndarray) -> np.ndarray:
 
 
 class Chart:
-    """One plot on the page. Its widget learns of another run, or of other pinned ones, when it is drawn."""
+    """One plot on the page. Its widget is adapted to another run, or to other pinned ones, when it is drawn."""
 
     def __init__(self, gui: viser.GuiApi, plot: Plot) -> None:
         self._plot = plot
@@ -245,11 +256,11 @@ class Chart:
 
     @property
     def legend_rows(self) -> int:
-        """0 for a chart that is not there."""
+        """Number of rows of its legend; 0 for a hidden chart."""
         return self._legend_rows
 
     def set_height(self, pixels: int) -> None:
-        """Without title and legend."""
+        """Set the height in pixels, without title and legend."""
         self._handle.height = pixels
 
     def draw(self, setup: Setup, pinned: Sequence[str], frame: Frame) -> None:
@@ -303,8 +314,8 @@ class Chart:
 
 
 def _padded(data: tuple[np.ndarray, ...]) -> tuple[np.ndarray, ...]:
-    """With as many arrays as a chart may ever have series: the page learns of the series and of the data in two
-    messages, may draw between them, and fails at a series without an array, whereas those to spare cost nothing."""
+    """Data padded to the largest number of series of a chart. The page receives the series and the data in two
+    messages, may draw between them, and fails at a series without an array, whereas spare arrays cost nothing."""
     return (*data, *(_NOTHING,) * (MOST_SERIES - len(data)))
 
 

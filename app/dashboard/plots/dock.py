@@ -28,8 +28,8 @@ FORESEEN_EVERY = 4  # of a preview's instants, one in so many is examined
 
 @dataclass(frozen=True)
 class Shown:
-    """Which stretch of a run is drawn: the window (s) up to the instant `now` (s), with pinned runs behind; outlook:
-    the preview ahead of it over `horizon` s, if there is one."""
+    """Stretch of a run that is drawn: the window (s) up to the instant `now` (s), with pinned runs behind.
+    outlook: the preview ahead of it over `horizon` s, if there is one."""
 
     now: float
     window: float
@@ -39,7 +39,8 @@ class Shown:
 
 
 class Plots:
-    """What is chosen above the plots goes into `viewing`. turn: is taken while choices are shown, see `WidgetLock`."""
+    """Tabs of plots. The choices above the plots are stored in `viewing`. turn: lock that is held while choices are
+    shown, see `WidgetLock`."""
 
     def __init__(
         self, gui: viser.GuiApi, visible_tabs: VisibleTabs, viewing: Viewing, turn: AbstractContextManager[object]
@@ -52,14 +53,14 @@ class Plots:
                 self._tabs[title] = _TabView(gui, title, tab, viewing, turn)
                 visible_tabs.add_field(gui)
         panel.dock_left()
-        panel.expand()  # on a phone too
+        panel.expand()  # on a phone, too
         panel.set_width(400)
         self._analysis: PerturbationAnalysis | None = None
         self._recording: object = None
         self._drawn: dict[str, object] = {}
 
     def show(self, snapshot: Snapshot, shown: Shown, looked_at: Collection[str]) -> None:
-        """Draw the tabs that are looked at, unless they stand there already."""
+        """Draw the visible tabs, unless they are drawn already."""
         setup = Setup.of(snapshot, self._viewing.coordinate, self._viewing.joint)
         pinned = tuple((p.name, id(p.recording), p.start) for p in shown.pinned)
         outlook = None if shown.outlook is None else (shown.outlook.number, len(shown.outlook.ahead))
@@ -85,7 +86,7 @@ class Plots:
         pinned = [_laid(p, begin - LEAD, shown.now, recording.n) for p in shown.pinned]
         if outlook is None:
             return Frame(shown.now, shown.window, grid, known, pinned)
-        # a run that begins anew is another one: the arm of this one tells nothing of it
+        # a run that begins anew is another one: the analysis of this arm does not apply to it
         openings = np.arange(0, 0 if outlook.restarts else len(outlook.ahead), FORESEEN_EVERY)
         foreseen = self._analysis.foreseen(outlook.signals, outlook.epochs, openings)
         return Frame(shown.now, shown.window, grid, known, pinned, outlook.ahead, foreseen)
@@ -144,7 +145,7 @@ class _TabView:
         self._share()
 
     def _show_choices(self, setup: Setup) -> None:
-        """As they are now: somebody may have chosen while the plots were being drawn."""
+        """Show the present choices: somebody may have chosen while the plots were being drawn."""
         self._window.value = next(name for name, seconds in WINDOWS.items() if seconds == self._viewing.window)
         for chooser, widget in self._choosers.items():
             names, chosen = _choices(chooser, setup), getattr(self._viewing, chooser)
@@ -164,14 +165,14 @@ class _TabView:
 
 
 def _choices(chooser: Chooser, setup: Setup) -> tuple[str, ...]:
-    """What there is to choose from."""
+    """Options of a chooser."""
     if chooser == "coordinate":
         return tuple(symbol(coordinate.name) for coordinate in setup.coordinates)
     return tuple(f"{i + 1}  {name}" for i, name in enumerate(setup.joints))
 
 
 class _Laid(Mapping[str, np.ndarray]):
-    """A pinned run's signals, its times those of the shown run."""
+    """A pinned run's signals, with the times of the shown run."""
 
     def __init__(self, signals: Signals, start: float) -> None:
         self._signals, self._start = signals, start
@@ -187,7 +188,7 @@ class _Laid(Mapping[str, np.ndarray]):
 
 
 def _laid(pinned: Pinned, t_from: float, t_to: float, n: int) -> Signals | None:
-    """What a pinned run shows in a stretch of the shown one; None for an arm with another number of joints."""
+    """Signals of a pinned run in a stretch of the shown one; None for an arm with another number of joints."""
     if pinned.recording.n != n:
         return None
     return _Laid(pinned.recording.stretch(t_from - pinned.start, t_to - pinned.start), pinned.start)

@@ -30,7 +30,8 @@ def plots_of(tab: str) -> list[Plot]:
 
 
 def figure_of(plots: Iterable[Plot], snapshot: Snapshot, setup: Setup, t_from: float, t_to: float) -> Figure:
-    """These plots over t_from <= t <= t_to (s) with the scenario under them. Raises ValueError when that is empty."""
+    """Figure of these plots over t_from <= t <= t_to (s) with the scenario under them. Raises ValueError when it is
+    empty."""
     recording = snapshot.recording
     rows = recording.stretch(t_from, t_to)
     t = rows["t"]
@@ -45,7 +46,7 @@ def figure_of(plots: Iterable[Plot], snapshot: Snapshot, setup: Setup, t_from: f
 
 def _chart(plot: Plot, drawing: Drawing, signals: Signals) -> Chart:
     title, unit = title_and_unit(drawing.title)
-    # shades and marks of the page are its background; what fills the room below a line has no width
+    # shades and marks of the page are its background; a line that only bounds a filled area has no width
     lines = [line for line in drawing.lines if not line.backdrop]
     floor = -np.inf if drawing.floor is None else drawing.floor
     courses = [_course(line.values(signals), signals["t"], spectral=plot.spectral) for line in lines]
@@ -69,7 +70,7 @@ def _chart(plot: Plot, drawing: Drawing, signals: Signals) -> Chart:
 
 
 def _course(values: np.ndarray, t: np.ndarray, *, spectral: bool) -> tuple[np.ndarray, np.ndarray]:
-    """x and y of what is known of a line."""
+    """x and y of the known points of a line."""
     values = np.asarray(values, dtype=float)
     if spectral:
         spectrum = amplitude_spectrum(t, values[:, None])
@@ -79,7 +80,7 @@ def _course(values: np.ndarray, t: np.ndarray, *, spectral: bool) -> tuple[np.nd
 
 
 def title_and_unit(text: str) -> tuple[str, str]:
-    """ "force  [N]" is a title and its unit; a title without brackets has none."""
+    """Title and unit of a text such as "force  [N]"; a title without brackets has no unit."""
     found = re.fullmatch(r"(.*?)\s*\[([^\]]*)\]\s*", text)
     title, unit = (found[1], found[2]) if found else (text, "")
     return " ".join(title.split()), unit

@@ -1,4 +1,4 @@
-"""The table of plots: which tab shows which, and what each draws of a run's signals. A new plot is a row here."""
+"""Table of plots: the plots of each tab, and what each draws of a run's signals. A new plot is a row here."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ LEAD = 0.1  # s before the window, over which the total variation is taken
 
 @dataclass(frozen=True)
 class Tab:
-    """Plots from top to bottom; what can be chosen above them, and an HTML sentence there."""
+    """Plots of a tab from top to bottom; the choosers above them, and a note (HTML) there."""
 
     plots: tuple[Plot, ...]
     choosers: tuple[Chooser, ...] = ()
@@ -93,7 +93,7 @@ def _rotations(setup: Setup) -> Drawing | None:
 
 
 def _bare(coordinate: Coordinate) -> str:
-    """The coordinate's symbol, or that of the angle that it is ℓ times."""
+    """Symbol of the coordinate, or of the angle where the coordinate is ℓ times that."""
     return symbol(coordinate.name.removeprefix("ℓ·"))
 
 
@@ -177,7 +177,7 @@ def _sliding(setup: Setup) -> Drawing:
 
 
 def _phases() -> list[Line]:
-    """Reaching and sliding shaded, and when s was to be and was reached."""
+    """Reaching and sliding as shaded backdrops, and lines at the promised and at the measured reaching time."""
 
     def spike(signal: str) -> Values:
         return lambda signals: 4.0 * signals[signal] - 1.0
@@ -243,7 +243,7 @@ TERMS = ("inertia", "coriolis", "gravity", "force", "linear", "switching")  # of
 
 
 def needed_stack() -> tuple[list[Line], list[Area]]:
-    """What (17) needs, cause by cause."""
+    """Terms of (17), cause by cause."""
     lines, areas = stack([(name, column("needed", i)) for i, name in enumerate(CAUSES)])
     upwards = len(CAUSES)  # none is negative
     return lines[: 1 + upwards], areas[:upwards]
@@ -284,7 +284,7 @@ def _torques(setup: Setup) -> Drawing:
 
 
 def torque_stack(joint: int) -> tuple[list[Line], list[Area]]:
-    """The terms of (25) of one joint, counted from 0."""
+    """Terms of (25) of one joint, counted from 0."""
     names = {"force": "Jᵀ F", "linear": "K_s s", "switching": "switching", "coriolis": "Coriolis"}
     return stack([(names.get(term, term), column(f"tau_{term}", joint)) for term in TERMS])
 
@@ -329,7 +329,7 @@ def _residuals(setup: Setup) -> Drawing:
 
 
 def _residual(setup: Setup) -> Drawing:
-    lines = [*_phases()[:2], Line("‖left − right side of (8)‖", color(0), norm("residual"))]
+    lines = [*(_phases()[:2] if setup.bounded else ()), Line("‖left − right side of (8)‖", color(0), norm("residual"))]
     return Drawing(f"norm of the residual  [{setup.units.force}]", lines, floor=1e-3)
 
 

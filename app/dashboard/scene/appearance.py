@@ -1,4 +1,5 @@
-"""Dark or light: a state of the page, not of the scenario, and the same for everybody who looks at this dashboard."""
+"""Dark or light theme: state of the page, not of the scenario, and the same for everybody who looks at this
+dashboard."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Forces as arrows to scale, and the directions of the task coordinates at the tool."""
+"""Arrows of forces, to scale, and of the directions of the task coordinates at the tool."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from app.dashboard.theme.colors import SERIES, Rgb
 from app.dashboard.view_options import rounded_up
 from environments.surfaces.table import Surface
 
-UNIT = 0.1  # m: the length that the scale is said for
+UNIT = 0.1  # m: the length of arrow that the scale refers to
 LONGEST, SHORTEST = 0.22, 0.06  # m: a scale is kept while the longest arrow lies between
 LEAST_SCALE = 1.0  # N per UNIT
 LEAST_FORCE = 0.2  # N: below this no arrow
@@ -19,13 +19,13 @@ FRAME = 0.09  # m
 
 
 class ForceScale:
-    """N per `UNIT` of arrow, in round numbers that change only when arrows become too long or too short."""
+    """Scale of the arrows: N per `UNIT`, in round numbers that change only when arrows become too long or too short."""
 
     def __init__(self) -> None:
         self.newtons = 10.0
 
     def fit(self, forces: Sequence[np.ndarray], wanted: float | None) -> float:
-        """The scale for forces (3,) N; a wanted one is taken as it is."""
+        """Scale for forces (3,) N; a wanted one is taken as it is."""
         sizes = [float(np.linalg.norm(force)) for force in forces]
         largest = max((size for size in sizes if np.isfinite(size)), default=0.0)
         length = UNIT * largest / self.newtons
@@ -51,7 +51,7 @@ class ForceArrow:
         )
 
     def show(self, start: np.ndarray, force: np.ndarray, newtons: float) -> None:
-        """force (3,) N from start (3,) m, `newtons` N per `UNIT`."""
+        """Show the force (3,) N from start (3,) m, `newtons` N per `UNIT`."""
         visible = bool(LEAST_FORCE < np.linalg.norm(force) < np.inf)
         if visible:
             self._arrow.points = np.stack([start, start + UNIT / newtons * force])[None].astype(np.float32)
@@ -87,7 +87,8 @@ class TaskFrame:
         self._positions = 3
 
     def show(self, charted: Surface, positions: int, p: np.ndarray, t: float) -> None:
-        """At the point p (3,) m; only the first directions, as many as there are positions among the coordinates."""
+        """Show the directions at the point p (3,) m: only the first ones, as many as there are positions among the
+        coordinates."""
         drawn = np.minimum(np.arange(3), positions - 1)  # the last one again: their number on the page stays the same
         if positions != self._positions:
             self._positions = positions

@@ -1,4 +1,4 @@
-"""Where to look from: the whole arm, from the front, from the side, and the contact close up."""
+"""Camera views: the whole arm, from the front, from the side, and the contact close up."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import viser
 
 from app.session.snapshot import Snapshot
 
-FLIGHT, FRAMES = 0.4, 16  # s, and how many steps it has
+FLIGHT, FRAMES = 0.4, 16  # s, and number of steps
 CLOSE = 0.42  # m from the tool
 STRETCHED = 0.8  # of the length of a planar arm's links
 VIEWS = ("whole arm", "front", "side", "contact")
@@ -26,7 +26,7 @@ class Viewpoint:
 
 
 def viewpoint(view: str, snapshot: Snapshot) -> Viewpoint:
-    """One of `VIEWS` of this arm. Front is the side on which the tool is."""
+    """Viewpoint of one of `VIEWS` of this arm. Front is the side on which the tool is."""
     tool, up = snapshot.tool, np.array([0.0, 0.0, 1.0])
     reach = max(float(np.linalg.norm(tool)), _extent(snapshot))
     out = np.array([tool[0], tool[1], 0.0])
@@ -51,25 +51,25 @@ def viewpoint(view: str, snapshot: Snapshot) -> Viewpoint:
 
 
 def _extent(snapshot: Snapshot) -> float:
-    """How far the farthest joint is from the base, m; of a planar arm, how far it may come."""
+    """Distance of the farthest joint from the base, m; of a planar arm, the largest that it may have."""
     robot, data = snapshot.robot, snapshot.robot.model.createData()
     pin.forwardKinematics(robot.model, data, snapshot.q)
     extent = max(float(np.linalg.norm(T.translation)) for T in data.oMi)
     if robot.geometry != "planar":
         return extent
-    # it stretches out in the plane in which it works, whereas others stay folded
+    # a planar arm stretches out in the plane in which it works, whereas others stay folded
     links = [*robot.model.jointPlacements, robot.tool_placement]
     return max(extent, STRETCHED * sum(float(np.linalg.norm(T.translation)) for T in links))
 
 
 def look(camera: viser.CameraHandle, view: Viewpoint) -> None:
-    """Be there at once."""
+    """Move the camera there at once."""
     camera.position = view.position
     camera.look_at = view.look_at  # after the position, which carries the point along
 
 
 async def fly(camera: viser.CameraHandle, view: Viewpoint) -> None:
-    """Go there smoothly, around the point that is looked at rather than through it."""
+    """Move the camera there smoothly, around the point that is looked at rather than through it."""
     start, at = camera.position.copy(), camera.look_at.copy()
     arm, goal = start - at, view.position - view.look_at
     for share in np.linspace(0.0, 1.0, FRAMES + 1)[1:]:
@@ -78,7 +78,7 @@ async def fly(camera: viser.CameraHandle, view: Viewpoint) -> None:
         length = (1.0 - s) * np.linalg.norm(arm) + s * np.linalg.norm(goal)
         middle = (1.0 - s) * at + s * view.look_at
         size = np.linalg.norm(direction)
-        if size > 0.05:  # opposite directions have none in between
+        if size > 0.05:  # opposite directions have no direction in between
             look(camera, Viewpoint(middle + length * direction / size, middle))
         await asyncio.sleep(FLIGHT / FRAMES)
     look(camera, view)

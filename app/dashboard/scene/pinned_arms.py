@@ -1,4 +1,4 @@
-"""The arms of pinned runs, as they stood at the instant that is looked at."""
+"""Arms of pinned runs, in their postures at the instant that is looked at."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class PinnedArms:
         self._arms: dict[int, tuple[Pinned, RobotView]] = {}
 
     def show(self, snapshot: Snapshot, *, wanted: bool) -> None:
-        """Move them to their postures at snapshot.t; none where none is wanted."""
+        """Move them to their postures at snapshot.t; hide them unless wanted."""
         runs = {pinned.number: pinned for pinned in snapshot.pinned}
         for number, (pinned, arm) in list(self._arms.items()):
             if runs.get(number) is not pinned:  # a session that is continued has numbers of its own
@@ -50,7 +50,7 @@ def _same_arm(pinned: Pinned, snapshot: Snapshot) -> bool:
 
 
 def posture(pinned: Pinned, t: float) -> np.ndarray | None:
-    """q (n,) of the pinned run at t (s), None where that run is not known."""
+    """Posture q (n,) of the pinned run at t (s), None where that run is not known."""
     half = 0.5 * pinned.system.scenario.controller.period
     if not pinned.recording.first - half <= t <= pinned.t + half:
         return None

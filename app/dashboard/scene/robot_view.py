@@ -36,9 +36,8 @@ class Part:
 
 
 def parts(robot: Robot, meshes: tuple[LinkMesh, ...], cell: float) -> list[Part]:
-    """These visuals of the URDF, grouped, without detail finer than `cell` m; links without a frame in the reduced
-    model are left out. What moves with a joint and has no visual among them is drawn as a bone from this joint to the
-    next."""
+    """Parts of the arm: these visuals of the URDF, grouped, without detail finer than `cell` m; links without a frame
+    in the reduced model are left out. A joint without a visual among them is drawn as a bone to the next joint."""
     groups = _visuals(robot, meshes)
     bare = set(range(robot.model.njoints)) - {joint for joint, _ in groups}
     return [Part(joint, color, *_lightened(meshes, cell)) for (joint, color), meshes in groups.items()] + [
@@ -58,7 +57,7 @@ def _visuals(robot: Robot, meshes: tuple[LinkMesh, ...]) -> dict[tuple[int, Rgb]
 
 
 def _bone(robot: Robot, joint: int) -> Iterator[Part]:
-    """From a joint to the next one, or to the tool point."""
+    """Bone from a joint to the next one, or to the tool point."""
     reach = sum(float(np.linalg.norm(T.translation)) for T in robot.model.jointPlacements)
     radius = float(np.clip(_BONE * reach, 0.005, 0.06))
     last = joint + 1 == robot.model.njoints
@@ -94,7 +93,7 @@ class Paint:
 
 
 class RobotView:
-    """Draws one arm below the scene node `root`, without detail finer than `cell` m; painted, or in its own colours.
+    """View of one arm below the scene node `root`, without detail finer than `cell` m; painted, or in its own colours.
 
     Bones stand for meshes that are still being read.
     """
@@ -126,7 +125,7 @@ class RobotView:
             frame.position = T_parent_joint.translation
 
     def _shaped(self) -> list[viser.MeshHandle]:
-        """The arm's parts in the scene, as far as they are known."""
+        """Meshes of the arm's known parts in the scene."""
         meshes = self._meshes.result() if self._complete else ()
         paint, kind = self._paint, "mesh" if self._complete else "bone"
         return [
@@ -151,13 +150,13 @@ class RobotView:
 
 
 def _coated(part: Part, coat: float) -> np.ndarray:
-    """The vertices of a part that is `coat` m thicker on every side."""
+    """Vertices of a part, enlarged by `coat` m on every side."""
     mesh = trimesh.Trimesh(part.vertices, part.faces, process=False)
     return (part.vertices + coat * mesh.vertex_normals).astype(np.float32)
 
 
 def _paths(model: pin.Model, root: str) -> Iterator[str]:
-    """The scene node of every joint, below that of its parent."""
+    """Scene node of every joint, below that of its parent."""
     known = [root]
     yield root
     for joint in range(1, model.njoints):

@@ -1,4 +1,4 @@
-"""A film of the 3-D view as an HTML page that needs no server: viser's own player and the messages of every frame."""
+"""Film of the 3-D view as an HTML page that needs no server: viser's own player and the messages of every frame."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ PATHS_EVERY = 3  # frames, as on the page
 
 
 def standalone_html(film: Film, limit: float, tell: Tell) -> str:
-    """The page, at most `limit` bytes. Raises ValueError for a film without a frame, and TooLarge.
+    """HTML page of the film, at most `limit` bytes. Raises ValueError for a film without a frame, and TooLarge.
 
     It runs a viser server of its own at a free port of this machine while it works.
     """
@@ -51,7 +51,7 @@ def _too_large(film: Film, size: float, limit: float) -> str:
 
 
 def _html(film: Film, count: int, tell: Tell) -> str:
-    """The page with the first `count` frames."""
+    """HTML page with the first `count` frames."""
     times = film.signals["t"][:count]
     pauses = [*np.diff(times), 1.0 / FRAMES_PER_SECOND]
     with _server() as server:
@@ -63,7 +63,7 @@ def _html(film: Film, count: int, tell: Tell) -> str:
             scene.show(snapshot, look)
             if number % PATHS_EVERY == 0:
                 scene.draw_paths(look)
-            if recorder is None:  # begins with the scene of the first frame
+            if recorder is None:  # starts with the scene of the first frame
                 recorder = server.get_scene_serializer()
             recorder.insert_sleep(float(pause))
             tell(0.9 * (number + 1) / count)
@@ -74,8 +74,8 @@ def _html(film: Film, count: int, tell: Tell) -> str:
 
 @contextlib.contextmanager
 def _server() -> Iterator[viser.ViserServer]:
-    with contextlib.redirect_stdout(io.StringIO()):  # it says its address, which is nobody's business here
-        with behind_doors(Names(), new_secret()):  # nobody is let in
+    with contextlib.redirect_stdout(io.StringIO()):  # it would print its address, which is of no use here
+        with behind_doors(Names(), new_secret()):  # nobody has the key
             server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
         MessageFilter(server)
         try:
@@ -85,7 +85,7 @@ def _server() -> Iterator[viser.ViserServer]:
 
 
 def snapshots(film: Film) -> Iterator[Snapshot]:
-    """What the page showed at each frame, as far as the 3-D view shows it."""
+    """Snapshot of each frame, as far as the 3-D view shows it."""
     loop = ClosedLoop(film.scenario, history=1)
     system, start = loop.system, snapshot_of(loop)
     for number in range(len(film)):

@@ -1,4 +1,4 @@
-"""The surface in the 3-D scene, drawn from the function that the physics uses, and moved as it moves."""
+"""Surface in the 3-D scene, drawn from the function that the physics uses, and moved as it moves."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class SurfaceView:
         self._formed_at, self._formed_for = 0.0, 0.0
 
     def form(self, snapshot: Snapshot) -> None:
-        """Give it the form that the snapshot's surface has."""
+        """Give the mesh the form of the snapshot's surface."""
         key = (snapshot.scenario.surface, snapshot.surface is None)
         if key != self._key:
             self._key = key
@@ -38,7 +38,7 @@ class SurfaceView:
             self._reform(snapshot.surface, snapshot.t)
 
     def place(self, snapshot: Snapshot, *, visible: bool) -> None:
-        """Move it as one body."""
+        """Move the mesh as one body."""
         if self._mesh is not None:
             self._mesh.position = snapshot.surface_offset
             self._mesh.visible = visible

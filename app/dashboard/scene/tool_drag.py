@@ -1,4 +1,5 @@
-"""The handle on the tool: the mouse pushes the tool by a spring, or moves the target, which happens when let go."""
+"""Handle on the tool: the mouse pushes the tool by a spring, or moves the target, which takes effect when the handle is
+let go."""
 
 from __future__ import annotations
 
@@ -23,8 +24,10 @@ RESOLUTION = 4  # decimals of the shift, m
 
 @dataclass(frozen=True)
 class _Held:
-    """A drag under way. A push: what to add to the pointer for the anchor, (3,) m. A moved target: its coordinates
-    g (3,) m under the pointer at the beginning, and how far the pointer has taken them, (3,) m."""
+    """A drag that is going on.
+    offset: of a push: anchor minus pointer, (3,) m; of a moved target: its coordinates g (3,) m under the pointer at
+    the beginning.
+    moved: displacement of these coordinates by the pointer, (3,) m."""
 
     client: int
     drag: str
@@ -33,12 +36,12 @@ class _Held:
 
 
 def shift_coordinates(snapshot: Snapshot) -> slice:
-    """Which of the coordinates (phi, psi_1, psi_2), or x, y, z, a shift moves."""
+    """Slice of the coordinates (phi, psi_1, psi_2), or x, y, z, that a shift moves."""
     return slice(MODES[snapshot.scenario.mode].m(), snapshot.system.layout.positions)
 
 
 def shifted(snapshot: Snapshot, moved: np.ndarray) -> Edit:
-    """The command that moves the desired path on by these coordinates (3,) m."""
+    """Command that moves the desired path further by these coordinates (3,) m."""
     free = shift_coordinates(snapshot)
     by = np.zeros(free.stop - free.start)
     given = snapshot.scenario.shift.by
@@ -47,13 +50,13 @@ def shifted(snapshot: Snapshot, moved: np.ndarray) -> Edit:
 
 
 class Hand:
-    """What the mouse does on the tool, and how a push is drawn, by whoever pushes. viser ends the drag of a page that
-    closes: it lets go of the tool, and leaves the target where it was."""
+    """The hand on the tool: drags by the mouse, and the drawing of a push, whoever pushes. viser ends the drag of a
+    page that closes: it lets go of the tool, and leaves the target where it was."""
 
     def __init__(self, scene: viser.SceneApi, desk: Desk, connected: Callable[[int], bool]) -> None:
         self._desk, self._connected = desk, connected
         self._held: _Held | None = None
-        # not hidden when idle: it is what there is to take hold of
+        # not hidden when idle: it is the object to take hold of
         self._handle = scene.add_icosphere(
             "/hand/handle", RADIUS, ACCENT, subdivisions=2, opacity=0.4, cast_shadow=False, receive_shadow=False
         )
@@ -117,7 +120,7 @@ class Hand:
             self._desk.post(shifted(snapshot, held.moved))
 
     def show(self, snapshot: Snapshot, newtons: float) -> None:
-        """The handle at the tool, and what holds it. newtons: per `UNIT` of arrow."""
+        """Show the handle at the tool, and the spring that holds it. newtons: per `UNIT` of arrow."""
         tool, push = snapshot.tool, snapshot.push
         self._handle.position = tool
         self._arrow.show(tool, push, newtons)
@@ -133,7 +136,7 @@ class Hand:
         self._show_target(snapshot)
 
     def _show_target(self, snapshot: Snapshot) -> None:
-        """Where the desired point of now would be with the drag's shift."""
+        """Show the place of the present desired point with the drag's shift."""
         held, desired = self._held, snapshot.tool_desired
         dragged = held is not None and held.drag == "target" and desired is not None
         if held is not None and desired is not None and dragged:

@@ -39,7 +39,8 @@ class Trail:
         self._colored_to: float | None = None
 
     def extend(self, point: np.ndarray, error: float = 0.0) -> None:
-        """On to a point (3,) m where the error (m) was this, unless it is hardly another one, or nowhere."""
+        """Extend the line to a point (3,) m with this error (m), unless the point is not finite or hardly differs from
+        the last one."""
         if not np.isfinite([*point, error]).all():
             return
         if not self._points or np.linalg.norm(point - self._points[-1]) > SPACING:
@@ -54,11 +55,11 @@ class Trail:
 
     @property
     def scale(self) -> float:
-        """The round error (m) that the largest one stays below."""
+        """Round number (m) above the largest error."""
         return rounded_up(max(self._errors, default=0.0), LEAST_ERROR)
 
     def draw(self, shown: bool, largest: float | None) -> None:
-        """Send what is new. largest: the error (m) that the last colour stands for, None for one plain colour."""
+        """Send what is new. largest: the error (m) of the last colour, None for one plain colour."""
         shown = shown and len(self._points) > 1
         if shown and (self._changed or largest != self._colored_to):
             points = np.array(self._points)
@@ -73,6 +74,6 @@ class Trail:
 
 
 def _padded(segments: np.ndarray) -> np.ndarray:
-    """(LENGTH - 1, 2, 3): what is missing repeats the end of the last segment."""
+    """Segments (LENGTH - 1, 2, 3): missing ones repeat the end of the last segment."""
     end = np.broadcast_to(segments[-1, 1], (LENGTH - 1 - len(segments), 2, 3))
     return np.concatenate([segments, end])

@@ -1,4 +1,4 @@
-"""The 3-D scene: arm, ghost, surface, paths and forces of the newest snapshot."""
+"""3-D scene: arm, ghost, surface, paths and forces of the newest snapshot."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ from app.session.ghost import Ghost, Shade
 from app.session.snapshot import Snapshot
 
 _ASIDE = np.array([0.0, 0.03, 0.0])  # m: keeps the desired force apart from the measured one
-_GHOST_CELL = 0.01  # m: the translucent arm needs no more detail
+_GHOST_CELL = 0.01  # m: enough detail for the translucent arm
 _GHOST_PAINT = Paint(GHOST, opacity=0.3, coat=0.003)
 
 
 class SceneView:
-    """Everything in the 3-D view; `show` moves it, and rebuilds only what another scenario or look changes."""
+    """All objects of the 3-D view; `show` moves them, and rebuilds only those that another scenario or look changes."""
 
     def __init__(self, server: viser.ViserServer) -> None:
         self._server = server
@@ -60,11 +60,11 @@ class SceneView:
         self._run = -1
 
     def set_theme(self, theme: Theme) -> None:
-        """The grid's colours; what lies behind it is the page's."""
+        """Set the grid's colours; the background is the page's."""
         self._grid.cell_color, self._grid.section_color = GRID[theme], GRID_SECTION[theme]
 
     def show(self, snapshot: Snapshot, look: Look) -> Legend:
-        """Draw it; returns what lengths and colours mean now."""
+        """Draw a snapshot; returns the present legend of lengths and colours."""
         shade = self._ghost.follow(snapshot) if look.ghost else None
         self._rebuild(snapshot, look, shade)
         newtons = self._scale.fit((snapshot.force, snapshot.force_desired, snapshot.push), look.newtons)
@@ -124,12 +124,12 @@ class SceneView:
         return RobotView(self._server.scene, snapshot.robot, self._new_root(), cell, paint)
 
     def _new_root(self) -> str:
-        """A name of its own for every arm: messages about a removed one may still be under way."""
+        """Name of its own for every arm: messages about a removed one may still be on their way."""
         self._arms += 1
         return f"/robot_{self._arms}"
 
     def _look_at(self, snapshot: Snapshot) -> None:
-        """Another arm is seen whole, by everybody."""
+        """Show the whole of another arm on every page."""
         view = viewpoint("whole arm", snapshot)
         initial = self._server.initial_camera
         initial.position, initial.look_at = view.position, view.look_at
@@ -138,7 +138,7 @@ class SceneView:
 
 
 def _path_error(snapshot: Snapshot) -> float:
-    """How far the tool is from where it should be, m; along a surface only, since how deep is the force's business."""
+    """Distance of the tool from its desired point, m; along a surface only, since the depth belongs to the force."""
     if snapshot.tool_desired is None:
         return 0.0
     error = snapshot.tool - snapshot.tool_desired

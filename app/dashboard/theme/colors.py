@@ -18,15 +18,15 @@ PUSH: Rgb = (204, 90, 190)
 GHOST: Rgb = (120, 165, 240)
 PINNED_ARMS: tuple[Rgb, ...] = ((150, 150, 150), (185, 175, 150), (150, 175, 185))
 BOUND: Rgb = (235, 80, 80)
-# viser shades this one; on a light page its links and buttons then have two shades more light than this
+# viser derives shades of it; on a light page its links and buttons are two shades lighter than this
 BRAND: dict[Theme, Rgb] = {"dark": ACCENT, "light": (14, 66, 160)}
 GRID: dict[Theme, Rgb] = {"dark": (70, 74, 80), "light": (205, 210, 217)}
 GRID_SECTION: dict[Theme, Rgb] = {"dark": (105, 110, 118), "light": (160, 167, 176)}
 
-# From no error to the largest: of middling lightness, seen on dark and on light, by the colour-blind too.
+# From no error to the largest: of medium lightness, visible on dark and on light, also to the colour-blind.
 ERROR_COLORS: tuple[Rgb, ...] = ((60, 140, 235), (235, 165, 45), (215, 45, 75))
 
-# One per task coordinate or joint, told apart by people with the common colour deficiencies too (Okabe and Ito). On a
+# One per task coordinate or joint, distinct also with the common colour deficiencies (Okabe and Ito). On a
 # light page the script darkens them.
 SERIES: tuple[Rgb, ...] = (
     (86, 180, 233),
@@ -41,14 +41,14 @@ SERIES: tuple[Rgb, ...] = (
 
 @dataclass(frozen=True)
 class Ink:
-    """A colour of text in a theme, and what tints the ground below it, with its share."""
+    """Colour of text in a theme, and the tint of the ground below it, with its share."""
 
     text: Rgb
     tint: Rgb
     share: float
 
     def ground(self, page: Rgb) -> Rgb:
-        """What the tinted page looks like."""
+        """Colour of the tinted page."""
         r, g, b = (
             round(self.share * tint + (1 - self.share) * plain) for tint, plain in zip(self.tint, page, strict=True)
         )

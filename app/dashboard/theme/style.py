@@ -1,13 +1,13 @@
-"""The style sheet and the script of the page, injected as HTML; they lie in `static/page`, fonts in `static/fonts`.
+"""Style sheet and script of the page, injected as HTML; they are in `static/page`, fonts in `static/fonts`.
 
-viser's text field sends every keystroke and knows no "Enter or leaving the field". `rows.js` tells the two apart:
-it appends the character COMMIT to the text when the user is done, so a commit is an ordinary change of the value.
-(A submit of viser's form would not do: the client has one throttled message slot, and a submit within 50 ms of the
-last keystroke replaces that keystroke.)
+viser's text field sends every keystroke and has no event for "Enter or leaving the field". `rows.js` sees both: it
+appends the character COMMIT to the text when the user is done, so a commit is an ordinary change of the value. (A
+submit of viser's form would not do: the client has one throttled message slot, and a submit within 50 ms of the last
+keystroke replaces that keystroke.)
 
-Nor does viser's slider know "let go". The script notes which row's slider is held, by mouse, finger or arrow key, and
-when it is let go appends RELEASED, or ESCAPED after the key, to the text of the same row: behind the slider's last
-position, for which it waits, and in the same slot.
+viser's slider has no event for "let go" either. The script notes which row's slider is held, by mouse, finger or arrow
+key, and when it is let go appends RELEASED, or ESCAPED after the key Esc, to the text of the same row: behind the
+slider's last position, for which it waits, and in the same slot.
 """
 
 from __future__ import annotations

@@ -1,1 +1,1 @@
-"""What lies between the browser and viser: handshake, messages, slow clients."""
+"""Transport between the browser and viser: handshake, messages, slow clients."""

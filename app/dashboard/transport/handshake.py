@@ -1,7 +1,7 @@
-"""What stands before viser's server: it answers whoever asks, under any name, and offers no hook.
+"""Handshake in front of viser's server: viser answers anyone, under any name, and offers no hook.
 
-So the one class by which it opens its socket is replaced while it does so. What a page says once it is in is the
-affair of `app.dashboard.transport.message_filter`.
+So the one class by which viser opens its socket is replaced while it does so. Messages of a page that is connected are
+checked in `app.dashboard.transport.message_filter`.
 """
 
 from __future__ import annotations
@@ -34,11 +34,11 @@ class UnguardedError(RuntimeError):
 def behind_doors(
     names: Names, key: str | None = None, tokens: Tokens | None = None, fault: Callable[[], str] = str
 ) -> Iterator[None]:
-    """A viser server made within answers only requests under its own names and from its own pages, keeps to Limits,
-    and wants the key in the header KEY_HEADER and the token to steer from who comes, if there are any. fault: what
-    /healthz says, without a token, beside "ok"; "" where all is well.
+    """Context in which a new viser server is guarded: it answers only requests under its own names and from its own
+    pages, keeps to Limits, and requires the key in the header KEY_HEADER and the token to steer, if there are any.
+    fault: sentence that /healthz answers, without a token, instead of "ok"; "" where all is well.
 
-    Raises UnguardedError when it would not.
+    Raises UnguardedError when the server is not guarded.
     """
     opened: list[_Guarded] = []
 
@@ -94,7 +94,7 @@ def _refused(names: Names, key: str | None, request: Request) -> Response | None
     protocols = (part.strip() for line in headers.get_all("Sec-WebSocket-Protocol") for part in line.split(","))
     if not all(
         _PROTOCOL.fullmatch(protocol) for protocol in protocols
-    ):  # viser prints on the terminal what else is asked
+    ):  # viser would print all other requests on the terminal
         return _answer(http.HTTPStatus.BAD_REQUEST, "no protocol of viser's pages; allowed: viser-v and a version")
     return None
 
@@ -107,7 +107,8 @@ def _health(fault: Callable[[], str], request: Request) -> Response | None:
 
 
 def _without_token(tokens: Tokens | None, connection: ServerConnection, request: Request) -> Response | None:
-    """None for who has shown the token before, or need not; who shows it now gets it as a cookie."""
+    """Answer to a visitor without the token. None for one who has shown it before, or need not; one who shows it now
+    gets it as a cookie."""
     if tokens is None:
         return None
     name = token_cookie(connection.local_address[1])
@@ -123,7 +124,7 @@ def _without_token(tokens: Tokens | None, connection: ServerConnection, request:
 
 
 def _with_parameters(request: Request) -> Response | None:
-    # viser's page would take another server's address from there, and run the scripts that it sends
+    # viser's page would read another server's address from the parameters, and run the scripts that this server sends
     asked = urlsplit(request.path).query and "Upgrade" not in request.headers
     return _to_page("this page takes no parameters") if asked else None
 

@@ -1,7 +1,8 @@
-"""What a page may send. Every message is judged before viser reads it: viser trusts its pages, and would set any
-attribute of a widget, keep what nobody ever asks for, and open a tunnel to the Internet, for whoever asks it to.
+"""Messages that a page may send, each checked before viser reads it. viser trusts its pages: for any of them it would
+set any attribute of a widget, keep data that nobody ever asks for, and open a tunnel to the Internet.
 
-Only what the pages of this program send is admitted: another kind of message that a new widget needs is a class here.
+Only messages that the pages of this program send are admitted: another kind of message, for a new widget, is a class
+here.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ LONGEST_TEXT = 20_000  # characters: a matrix of eight rows has 2000
 LARGEST_UPLOAD = 8_000_000  # bytes, over what any reader of an upload takes
 LARGEST_PART = 1_000_000  # bytes: the page sends half a megabyte at a time
 LARGEST_PAGE = 16_384  # px
-LARGEST_PICTURE = 80_000_000  # pixels of a picture of the scene; viser decodes it, and one of nothing is small
+LARGEST_PICTURE = 80_000_000  # pixels of a picture of the scene; viser decodes it, and an empty one has few bytes
 MOST_UPLOADS = 4  # of one page at the same time
 SLACK = 1e-9  # of a range: a slider's steps do not add up exactly
 
@@ -36,7 +37,7 @@ class Refused(ValueError):
 
 
 class _Message(Struct, frozen=True, forbid_unknown_fields=True, tag=True):
-    """By viser's own name."""
+    """Message of a page, tagged with viser's own name of it."""
 
 
 class _Updates(Struct, frozen=True, forbid_unknown_fields=True):
@@ -121,7 +122,7 @@ _decoder = msgspec.msgpack.Decoder(Message)
 
 
 class Widget(Protocol):
-    """What is asked of viser's handles; a widget may also have `options`, or `min` and `max`."""
+    """Handle of a viser widget, as far as it is used here; a widget may also have `options`, or `min` and `max`."""
 
     @property
     def value(self) -> Any: ...
@@ -129,7 +130,7 @@ class Widget(Protocol):
 
 @dataclass(frozen=True)
 class Page:
-    """What stands on a page, by the names that messages use; it changes while the page is open."""
+    """Widgets of a page, by the names that messages use; they change while the page is open."""
 
     widget: Callable[[str], Widget | None]
     is_form: Callable[[str], bool]
@@ -137,7 +138,7 @@ class Page:
 
 @dataclass
 class _Upload:
-    """What of a file is still to come: parts by number, and bytes."""
+    """Rest of a file that is still to come: parts by number, and bytes."""
 
     parts: set[int]
     size: int
@@ -145,7 +146,7 @@ class _Upload:
 
 @dataclass
 class Visitor:
-    """One connection: what it may send depends on what it has begun to upload. Used by one thread.
+    """One connection: what it may send depends on its uploads in progress. Used by one thread.
 
     finished: its uploads that are complete, by name; begun: those that are not.
     """
@@ -159,7 +160,7 @@ class Visitor:
         return set(self._uploads)
 
     def admit(self, raw: bytes | str) -> Message:
-        """The message, if a page may send it here and now. Raises Refused."""
+        """The decoded message, if a page may send it here and now. Raises Refused."""
         if isinstance(raw, str):
             raise Refused(f"message: text of {len(raw)} characters; allowed: messages in binary form")
         try:
@@ -237,7 +238,7 @@ class _Allowed:
 
 
 def _allowed(widget: Widget) -> _Allowed:
-    """What a widget may be set to, by what it holds."""
+    """Values that a widget may be set to, by the type of its present value."""
     value = widget.value
     if isinstance(value, bool):
         return _Allowed("true or false", lambda new: isinstance(new, bool))

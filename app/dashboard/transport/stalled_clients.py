@@ -1,6 +1,8 @@
-"""Clients that no longer read: viser would keep such a connection, and what its page holds, for a quarter of an hour.
+"""Stalled clients, which no longer read: viser would keep such a connection, and the data of its page, for a quarter of
+an hour.
 
-What waits for one is bounded meanwhile, since viser keeps one message of each kind; but a file that is sent is not.
+The data that wait for a client are bounded in that time, since viser keeps one message of each kind; but a file that is
+being sent is not.
 """
 
 from __future__ import annotations
@@ -20,8 +22,9 @@ EVERY = 1.0  # s between two looks
 
 
 class StalledClients:
-    """Stalled clients are dropped: connections on which bytes wait and none has gone for `patience` s. A page that
-    lives comes back by itself.
+    """Watch on stalled clients, which drops them: connections on which bytes wait and none has gone for `patience` s. A
+    page
+    that lives reconnects by itself.
 
     Not to be used by two threads at once.
     """
@@ -32,7 +35,7 @@ class StalledClients:
         self._due = -math.inf
 
     def drop(self) -> None:
-        """Look, if it is time to."""
+        """Drop the stalled clients, if it is time to look."""
         now = time.monotonic()
         if now < self._due:
             return
@@ -46,7 +49,8 @@ class StalledClients:
                 self._abort(client)
 
     def drop_all(self) -> None:
-        """Whoever has bytes waiting, at the end: who does not read does not answer a farewell either."""
+        """Drop every client with bytes waiting, at the end: one that does not read does not answer a farewell
+        either."""
         for client, size in self._sizes().items():
             if size:
                 self._abort(client)

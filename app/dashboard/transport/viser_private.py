@@ -23,9 +23,9 @@ def connections(server: viser.ViserServer) -> dict[int, ServerConnection]:
 
 
 def on_connection(server: viser.ViserServer, heed: Callable[[ServerConnection, int], None]) -> None:
-    """Call `heed` with the web socket of every page, at once of those that are open, and the number of its client.
+    """Call `heed` with the web socket of every page, also of those that are already open, and the number of its client.
 
-    Missing: `ViserServer.on_client_connect` comes when messages of the page have been read.
+    Missing: `ViserServer.on_client_connect` comes only after messages of the page have been read.
     """
     websock = server._websock_server
 
@@ -40,22 +40,23 @@ def on_connection(server: viser.ViserServer, heed: Callable[[ServerConnection, i
 
 
 def wrap_updates(server: viser.ViserServer, wrap: Callable[[Handler], Handler]) -> None:
-    """Put a function around each that heeds the new value of a widget. Missing: `on_update` is called when the value
-    has been written."""
+    """Wrap every function that handles the new value of a widget. Missing: `on_update` is called after the value has
+    been written."""
     handlers = server._websock_server._incoming_handlers
     handlers[GuiUpdateMessage] = [wrap(handler) for handler in handlers[GuiUpdateMessage]]
 
 
 def forget_uploads(server: viser.ViserServer, uploads: set[str]) -> None:
-    """Take receipts of these uploads out of what is kept for pages to come. Missing: nothing public empties it."""
+    """Remove the receipts of these uploads from the messages kept for later pages. Missing: nothing public removes
+    them."""
     server._websock_server.get_message_buffer().remove_from_buffer(
         lambda message: getattr(message, "transfer_uuid", None) in uploads
     )
 
 
 def widget_of(server: viser.ViserServer, client: int, uuid: str) -> Any:
-    """The widget of this name that everybody or this client has, None without one. Missing: handles are given when they
-    are made, and cannot be asked for by the name that a page's messages use."""
+    """Widget of this name that all clients or this one have, None without one. Missing: handles are given when they are
+    made, and cannot be looked up by the name in a page's messages."""
     page = server.get_clients().get(client)
     own = None if page is None else page.gui._gui_input_handle_from_uuid.get(uuid)
     return server.gui._gui_input_handle_from_uuid.get(uuid, own)
@@ -67,5 +68,5 @@ def is_form(server: viser.ViserServer, uuid: str) -> bool:
 
 
 def uuid_of(handle: viser.GuiInputHandle[Any]) -> str:
-    """The name of a widget in a page's messages. Missing: a handle keeps it to itself."""
+    """Name of a widget in a page's messages. Missing: a handle does not give it."""
     return handle._impl.uuid

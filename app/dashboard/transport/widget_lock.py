@@ -1,7 +1,7 @@
-"""What a page says of a widget is heard before the widget is set to something else.
+"""Lock of the widgets: a page's new value of a widget is read before the widget is set to another value.
 
-viser writes a page's value into the widget and then calls back; a drawing thread that shows the running value just in
-between would have the callback read that one, and what was chosen would be lost.
+viser writes a page's value into the widget and then calls back; a drawing thread that shows the running value just
+between the two would have the callback read that one, and the user's choice would be lost.
 """
 
 from __future__ import annotations
@@ -19,11 +19,12 @@ PATIENCE = 1.0  # s
 
 
 class WidgetLock:
-    """Lock between viser's event loop and the thread that draws: `with widget_lock.drawing` no page's value is on its
-    way.
+    """Lock between viser's event loop and the thread that draws: with `widget_lock.drawing` held, no page's value is
+    half processed.
 
-    So a callback of a widget must not wait for anything: what takes longer is a task of its own. A drawing that hangs
-    is waited for once; meanwhile pages, whose messages all come through one event loop, are heard all the same.
+    So a callback of a widget must not wait for anything: anything slow in it is a task of its own. A drawing that hangs
+    is waited for once; after that the messages of pages, which all come through one event loop, are processed without
+    it.
     """
 
     def __init__(self, server: viser.ViserServer) -> None:

@@ -1,4 +1,5 @@
-"""Which arm: a row of the catalogue or any URDF, its tool frame, and whether its truth is what was declared."""
+"""Choice of the arm: a row of the catalogue or any URDF, its tool frame, and whether the true arm is within the
+declared bounds."""
 
 from __future__ import annotations
 
@@ -25,7 +26,8 @@ OWN = "own URDF"
 
 @dataclass(frozen=True)
 class InForce(Place):
-    """A field as it is in force: one that may be left out, or that is written in several ways."""
+    """Place of a field whose value in force is not read from the scenario: it may be left out there, or be written in
+    several ways."""
 
     of: Callable[[Snapshot], Any]
 
@@ -34,7 +36,7 @@ class InForce(Place):
 
 
 class ArmChoice:
-    """One of the catalogue; `OWN` while a URDF runs."""
+    """Dropdown of the catalogue's arms; `OWN` while a URDF runs."""
 
     def __init__(self, desk: Desk) -> None:
         self._desk = desk
@@ -64,7 +66,7 @@ class ArmChoice:
 
 
 class Upload:
-    """A button for a URDF from the user's computer: kept on this one, then run."""
+    """Button for a URDF from the user's computer: it is kept on this one, then run."""
 
     def __init__(self, desk: Desk) -> None:
         self._desk = desk
@@ -84,11 +86,11 @@ class Upload:
             self._desk.post(Edit("robot.urdf", str(path)))
 
     def show(self, snapshot: Snapshot) -> None:
-        """It shows nothing of a run."""
+        """Nothing to do: the button shows nothing of a run."""
 
 
 class UrdfPath:
-    """The path of the URDF that runs; another one takes effect on Enter or when the field is left."""
+    """Path of the URDF that runs; another one takes effect on Enter or when the field is left."""
 
     def __init__(self, desk: Desk) -> None:
         self._desk, self._place, self._answer = desk, Place("robot.urdf"), Answer()
@@ -115,7 +117,7 @@ class UrdfPath:
 
 
 class ToolFrame:
-    """One of the links that the tool may be; another arm has others."""
+    """Dropdown of the links that the tool may be; another arm has others."""
 
     def __init__(self, desk: Desk) -> None:
         self._desk, self._answer = desk, Answer()
@@ -138,7 +140,7 @@ class ToolFrame:
 
 
 class Verdict:
-    """A badge: whether the truth is within what was declared, and if not which inequality is violated."""
+    """Badge that says whether the truth is within the declared bounds, and if not which inequality is violated."""
 
     def __init__(self, desk: Desk) -> None:
         self._html = desk.gui.add_html("")
@@ -152,7 +154,7 @@ class Verdict:
 
 
 def _drives(snapshot: Snapshot) -> str:
-    """Whether the drives are limited, which the declared bounds say nothing of."""
+    """Note whether the drives are limited, which the declared bounds do not cover."""
     limits = np.broadcast_to(snapshot.system.plant.truth.torque_limit, snapshot.robot.n)
     if not np.isfinite(limits).any():
         return '<div class="vs-note">torque limit × 0: drives without a limit</div>'

@@ -1,4 +1,4 @@
-"""Chips: short words on a coloured ground, and which colour each verdict has."""
+"""Chips: short words on a coloured ground, and the colour of each verdict."""
 
 from __future__ import annotations
 

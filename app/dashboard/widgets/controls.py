@@ -1,6 +1,7 @@
 """Controls: each shows one field of the running scenario and posts an Edit when the user changes it.
 
-No control holds state. A slider that is held only asks what would be; let go, it posts. What the user asked for stays
+No control holds state. A slider that is held only asks for a preview; when it is let go, it posts. The user's input
+stays
 on the screen only until the runner has answered; then the control shows the value of the snapshot again, which after a
 refusal is the one still running.
 """
@@ -30,8 +31,8 @@ from app.storage.uploaded_urdfs import UploadedUrdfs
 
 @dataclass(frozen=True)
 class Desk:
-    """What a panel works with: where widgets are made, where commands go, the newest snapshot, what-if questions, how
-    the scene is drawn, complaints, who makes files, and where uploads go."""
+    """Environment of a panel: the GUI for its widgets, the queue for its commands, the newest snapshot, what-if
+    questions, options of the scene, complaints, export jobs, and the store of uploads."""
 
     gui: viser.GuiApi
     post: Callable[[Command], None]
@@ -48,7 +49,7 @@ class Control(Protocol):
 
 
 class Answer:
-    """Until the runner has answered an edit, or this long, a widget keeps what the user put in it."""
+    """Wait for the runner's answer to an edit: until it comes, or for so long, a widget keeps the user's input."""
 
     def __init__(self) -> None:
         self._until = -math.inf
@@ -78,16 +79,16 @@ class Place:
         return value
 
     def edit(self, snapshot: Snapshot, value: Any) -> Edit:
-        """The command that sets this field; the snapshot is for places that are part of a field.
+        """Command that sets this field; the snapshot is for places that are part of a field.
 
-        Raises ValueError with a sentence where the value cannot even be asked for.
+        Raises ValueError with a sentence where the value makes no sense at all.
         """
         del snapshot
         return Edit(self.path, value)
 
     @property
     def info(self) -> FieldInfo | None:
-        """Meaning, unit and bounds that the scenario's schema gives; None for a field that it does not describe."""
+        """Meaning, unit and bounds in the scenario's schema; None for a field that it does not describe."""
         try:
             return field_info(self.path)
         except KeyError:
@@ -117,7 +118,7 @@ class PlaceWhere(Place):
 
 @dataclass(frozen=True)
 class Scale:
-    """The range of a slider. Logarithmic where decades matter; `zero`: its left end means exactly 0."""
+    """Range of a slider. Logarithmic where decades matter; `zero`: its left end means exactly 0."""
 
     low: float
     high: float
@@ -146,7 +147,7 @@ def decades(low: float, high: float, *, zero: bool = False) -> Scale:
 
 
 def labelled(label: str, unit: str) -> str:
-    """A control's label with the unit of its numbers."""
+    """Label of a control with the unit of its numbers."""
     return label if unit in ("", "1") else f"{label} [{unit}]"
 
 
@@ -155,7 +156,7 @@ def _rounded(value: float) -> float:
 
 
 class Number:
-    """A number as a text field, which takes effect on Enter or when it is left, and a slider."""
+    """A number as a text field, which takes effect on Enter or when it is left, and as a slider."""
 
     def __init__(self, desk: Desk, place: Place, label: str, scale: Scale | None = None) -> None:
         self._desk, self._place, self._label, self._scale = desk, place, label, scale
@@ -199,7 +200,7 @@ class Number:
         if event.client is None or self._slider is None or self._scale is None:
             return
         snapshot, value = self._desk.snapshot(), self._scale.value(self._slider.value)
-        if self._place.read(snapshot) is None:  # another scenario has no such field: the row is being hidden
+        if self._place.read(snapshot) is None:  # the new scenario has no such field: the row is being hidden
             return
         self._text.value = written(value)
         edit = self._place.edit(snapshot, value)
@@ -217,7 +218,7 @@ class Number:
         value = running if self._slider is None or self._scale is None else self._scale.value(self._slider.value)
         self._text.value = written(value)  # without the mark
         changed = apply and written(value) != written(running)
-        if changed:  # before the slider counts as let go, since the page is drawn meanwhile
+        if changed:  # before the slider counts as let go, since the page may be drawn in between
             edit = self._place.edit(snapshot, value)
             self._desk.whatif.remember(snapshot, edit)
             self._ask(snapshot, edit, seconds=1.0)
@@ -226,7 +227,7 @@ class Number:
             self._show_again(snapshot)
 
     def _show_again(self, snapshot: Snapshot) -> None:
-        """The running value, without waiting for an answer."""
+        """Show the running value, without waiting for an answer."""
         self._answer.expect(snapshot, seconds=0.0)
         self.show(snapshot)
 
@@ -242,7 +243,7 @@ class Number:
             return
         self._text.value = written(value)
         if self._slider is not None and self._scale is not None:
-            slides = isinstance(value, float | int)  # several numbers have no place on one slider
+            slides = isinstance(value, float | int)  # several numbers do not fit on one slider
             if self._slider.visible != slides:
                 self._slider.visible = slides
             if slides:
@@ -258,7 +259,7 @@ class Number:
 
 
 class Choice:
-    """One of several; `options` maps what is shown to the value that the scenario holds."""
+    """Dropdown of a field; `options` maps the text shown to the value in the scenario."""
 
     def __init__(self, desk: Desk, path: str, label: str, options: Mapping[str, str]) -> None:
         self._desk, self._place, self._options = desk, Place(path), dict(options)
@@ -284,7 +285,7 @@ class Choice:
 
 
 class Switch:
-    """A field that is true or false."""
+    """Checkbox of a field that is true or false."""
 
     def __init__(self, desk: Desk, place: Place, label: str) -> None:
         self._desk, self._place = desk, place

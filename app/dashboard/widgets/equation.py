@@ -1,4 +1,4 @@
-"""The target model (8) with its numbers as MathML: one line for coordinates that have the same ones, matrices where
+"""The target model (8) with its numbers as MathML: one line for coordinates with the same numbers, matrices where
 coordinates are coupled."""
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from app.session.snapshot import Snapshot
 from controllers.modes import MODES
 
 _NAMES = ("M_m", "B_m", "K_m", "K_f")
-_INLINE = 3  # rows of a matrix that finds room within the equation; a larger one stands below it
+_INLINE = 3  # rows of the largest matrix within the equation; a larger one is written below it
 _GREEK = {"phi": "φ", "psi": "ψ", "lambda": "λ", "alpha": "α", "beta": "β", "gamma": "γ", "theta": "θ"}
 
 
@@ -26,14 +26,14 @@ def symbol(coordinate: str) -> str:
 
 @dataclass(frozen=True)
 class Line:
-    """Coordinates that are written in one line: alike and each alone, or coupled with one another."""
+    """Coordinates that are written in one line: equal and uncoupled, or coupled with one another."""
 
     indices: tuple[int, ...]
     coupled: bool
 
 
 def lines(snapshot: Snapshot) -> list[Line]:
-    """The coordinates in as few lines as show every number of the model."""
+    """The coordinates in the fewest lines that show every number of the model."""
     matrices = [snapshot.matrices[name] for name in _NAMES]
     links = sum((matrix != 0.0).astype(int) for matrix in matrices)
     _, labels = connected_components(links, directed=False)
@@ -52,7 +52,7 @@ def lines(snapshot: Snapshot) -> list[Line]:
 
 
 def _same(line: Line, part: tuple[int, ...], snapshot: Snapshot) -> bool:
-    """Whether a single coordinate has the numbers, fixed or free, of a line of single ones."""
+    """Whether an uncoupled coordinate has the same numbers, fixed or free, as a line of uncoupled ones."""
     if line.coupled or len(part) != 1:
         return False
     i, j = line.indices[0], part[0]
@@ -64,7 +64,7 @@ def _same(line: Line, part: tuple[int, ...], snapshot: Snapshot) -> bool:
 
 
 def equation_html(snapshot: Snapshot) -> str:
-    """What the mode is, (8), then its lines with their numbers; the entries that the mode fixes are grey."""
+    """Description of the mode, (8), and its lines with their numbers; the entries that the mode fixes are grey."""
     mode = MODES[snapshot.scenario.mode]
     about = f"{mode.title} {mode.equation}: {mode.summary} Grey numbers are fixed by the mode."
     rows = [_general(), *(_row(line, snapshot) for line in lines(snapshot))]
@@ -115,7 +115,7 @@ def _row(line: Line, snapshot: Snapshot) -> str:
 
 
 def _below(snapshot: Snapshot) -> str:
-    """The matrices for which the equation has no room."""
+    """Matrices that are too large for the equation."""
     shown = [
         f"<mrow>{_sub(*name.split('_'))}<mo>=</mo>{_block(snapshot.matrices[name], line.indices, snapshot.fixed[name])}"
         "</mrow>"
@@ -131,12 +131,13 @@ def _large(line: Line, matrix: np.ndarray) -> bool:
 
 
 def _scalar(matrix: np.ndarray) -> bool:
-    """Whether it is one number times the identity."""
+    """Whether a matrix is one number times the identity."""
     return bool((matrix == matrix[0, 0] * np.eye(len(matrix))).all())
 
 
 def _names(line: Line, snapshot: Snapshot) -> str:
-    """Side by side, but below one another where they stand beside the rows of a matrix."""
+    """Names of a line's coordinates side by side, but below one another where they stand beside the rows of a
+    matrix."""
     names = [escape(symbol(snapshot.coordinates[i].name)) for i in line.indices]
     below = any(_large(line, matrix) for matrix in snapshot.matrices.values())
     if not line.coupled or below:
@@ -150,7 +151,7 @@ def _number(matrix: np.ndarray, indices: tuple[int, ...], _: np.ndarray) -> str:
 
 
 def _block(matrix: np.ndarray, indices: tuple[int, ...], fixed: np.ndarray) -> str:
-    """The matrix of coupled coordinates, fixed entries grey; a number where it is one times the identity."""
+    """Matrix of coupled coordinates, fixed entries grey; a number where it is one times the identity."""
     matrix, fixed = matrix[np.ix_(indices, indices)], fixed[np.ix_(indices, indices)]
     if _scalar(matrix):
         return _number(matrix, (0,), fixed)
@@ -158,7 +159,7 @@ def _block(matrix: np.ndarray, indices: tuple[int, ...], fixed: np.ndarray) -> s
         "<mtr>" + "".join(_entry(value, grey) for value, grey in zip(*row, strict=True)) + "</mtr>"
         for row in zip(matrix, fixed, strict=True)
     )
-    # its brackets are the table's borders: not every machine has a font whose brackets grow
+    # the brackets are the table's borders: not every machine has a font whose brackets grow
     return f'<mtable class="vs-block" columnspacing="0.35em" rowspacing="0.1em">{rows}</mtable>'
 
 

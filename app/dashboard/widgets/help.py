@@ -1,4 +1,4 @@
-"""What a newcomer may ask: where to start, the keys, the colours, where to read on; and the first steps, shown once."""
+"""Help for newcomers: where to start, the keys, the colours, further reading; and the first steps, shown once."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import viser
 from app.dashboard.theme.colors import BOUND, DESIRED, MEASURED, SURFACE, Rgb, css
 from controllers.modes import MODES
 
-# What viser shows of each key in its palette, except for "?" and Esc, which the page's script adds.
+# Text of each key in viser's palette, except for "?" and Esc, which the page's script adds.
 KEYS: dict[str, str] = {
     "space": "play or pause",
     "arrowright": "one control period on",
@@ -64,7 +64,7 @@ HINTS = (
 
 
 class Help:
-    """The command that opens the help for whoever asked, or closes it."""
+    """Command that opens the help on the page that asked, or closes it."""
 
     def __init__(self, server: viser.ViserServer) -> None:
         self._open: dict[int, Callable[[], None]] = {}  # how to close it, by client
@@ -97,7 +97,7 @@ class Help:
 
 
 def help_html() -> str:
-    """The text of the help."""
+    """Text of the help."""
     keys = "".join(f"<tr><td>{_keys(key)}</td><td>{does}</td></tr>" for key, does in KEYS.items())
     keys += f"<tr><td>{_key('Ctrl')} {_key('K')}</td><td>search all commands</td></tr>"
     colors = "".join(
@@ -114,7 +114,7 @@ def help_html() -> str:
 
 
 def tools_html() -> str:
-    """The buttons beside the title, each of which presses a key, and the first steps, which the script shows once."""
+    """Buttons beside the title, each of which presses a key, and the first steps, which the script shows once."""
     hints = "".join(f"<p>{hint}</p>" for hint in HINTS)
     return (
         '<div class="vs-tools">'

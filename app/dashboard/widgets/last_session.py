@@ -1,4 +1,5 @@
-"""What an earlier server was at, and the buttons that go on with it or not: for whoever comes, until one answers."""
+"""Last session: that of an earlier server, and the buttons that continue or dismiss it, on every page until one visitor
+answers."""
 
 from __future__ import annotations
 
@@ -21,8 +22,10 @@ _GO_ON, _NOT = "Continue where you left off", "Dismiss"
 
 @dataclass(frozen=True)
 class LastSession:
-    """offer: None where it cannot be read, and `problem` says why. take_up: its pinned runs, and a sentence about those
-    that cannot be read, or ScenarioError; refuse: forget it."""
+    """Offer of the last session.
+    offer: None where it cannot be read; `problem` has the reason then.
+    take_up: returns its pinned runs, and a sentence about those that cannot be read, or raises ScenarioError.
+    refuse: forgets the offer."""
 
     offer: Offer | None
     problem: str
@@ -31,12 +34,12 @@ class LastSession:
 
 
 def remark(problem: str) -> LastSession:
-    """Nothing is offered, only said until somebody has read it."""
+    """A sentence in place of an offer, shown until somebody has read it."""
     return LastSession(None, problem, lambda _: ((), ""), lambda: None)
 
 
 def left_by(folder: StateFolder, autosave: Autosave, chosen: Scenario) -> LastSession | None:
-    """What there is to offer; nothing where it would be what runs anyway."""
+    """Session to offer, None where there is none, or where it is the one that runs anyway."""
     offer = folder.offer()
     if offer is not None and offer.scenario == chosen and not offer.runs:
         return None
@@ -48,16 +51,16 @@ def left_by(folder: StateFolder, autosave: Autosave, chosen: Scenario) -> LastSe
 def add_last_session(
     gui: viser.GuiApi, session: LastSession, order: float, post: Callable[[Command], None], complain: Complain
 ) -> None:
-    """In the current container, at this place; it goes when it is answered."""
+    """Add the offer to the current container, at this place; it is removed when it is answered."""
     folder = gui.add_folder("Last session", order=order)
     with folder:
         text = gui.add_html(_note(session.problem if session.offer is None else _told(session.offer)))
         buttons = [gui.add_button(_GO_ON)] if session.offer is not None else []
         buttons.append(gui.add_button(_NOT, color="gray"))
 
-    answering = threading.Lock()  # the second of two clicks says nothing new
+    answering = threading.Lock()  # the second of two clicks is ignored
 
-    # synchronous on purpose, unlike what posts commands: reading takes a while, in a thread of viser's pool
+    # synchronous on purpose, unlike callbacks that post commands: reading takes seconds, in a thread of viser's pool
     def on_continue(event: viser.GuiEvent) -> None:
         offer = session.offer
         if offer is None or event.client is None:

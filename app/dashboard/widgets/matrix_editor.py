@@ -1,4 +1,5 @@
-"""Whole matrices of the target model: a draft in 3 x 3 blocks or as pasted text, judged and applied together."""
+"""Editor of whole matrices of the target model: a draft in 3 x 3 blocks or as pasted text, judged and applied
+together."""
 
 from __future__ import annotations
 
@@ -23,29 +24,29 @@ _NO_BLOCKS: tuple[str, ...] = ("",)
 
 @dataclass(frozen=True)
 class Draft:
-    """What the user has written of n x n matrices, by name, and not applied yet."""
+    """Texts of n x n matrices, by name, that the user has typed and not applied yet."""
 
     n: int
     texts: Mapping[str, str] = field(default_factory=dict)
 
     def with_text(self, name: str, text: str) -> Draft:
-        """This matrix written anew."""
+        """The draft with another text of this matrix."""
         return Draft(self.n, {**self.texts, name: text})
 
     def matrix(self, name: str) -> np.ndarray:
-        """One that is written. Raises ValueError, naming it, for what cannot be read."""
+        """One matrix of the draft. Raises ValueError, naming the matrix, for a text that cannot be read."""
         try:
             return read_matrix(self.texts[name], self.n)
         except ValueError as error:
             raise ValueError(f"target_model.{name}: {error}") from error
 
     def matrices(self) -> dict[str, np.ndarray]:
-        """All that is written. Raises ValueError as `matrix` does."""
+        """All matrices of the draft. Raises ValueError as `matrix` does."""
         return {name: self.matrix(name) for name in self.texts}
 
 
 def with_entries(matrix: np.ndarray, rows: int, columns: int, block: np.ndarray) -> np.ndarray:
-    """The matrix (n, n) with what differs in the block at (rows, columns) set, and its mirror image with it."""
+    """The matrix (n, n) with the changed entries of the block at (rows, columns) set, and their mirror images."""
     changed = matrix.copy()
     for i, j in np.argwhere(block != matrix[rows : rows + len(block), columns : columns + len(block)]):
         changed[rows + i, columns + j] = changed[columns + j, rows + i] = block[i, j]
@@ -58,12 +59,13 @@ def starts(n: int) -> list[int]:
 
 
 class MatrixEditor:
-    """Widgets of the draft in the current container. The draft is state of the page; `edit` says what it asks for."""
+    """Widgets of the draft in the current container. The draft is state of the page; `edit` is the command that it asks
+    for."""
 
     def __init__(self, desk: Desk) -> None:
         self._desk, gui = desk, desk.gui
         self._draft = Draft(0)
-        self._asked_at: tuple[int, int] | None = None  # the runner's answers when the draft was sent
+        self._asked_at: tuple[int, int] | None = None  # the counts of the runner's answers when the draft was sent
         self._name, self._block = "K_m", 0
         self._matrix = gui.add_dropdown("Matrix", NAMES, initial_value=self._name)
         self._matrix.on_update(self._on_choice)
@@ -92,7 +94,7 @@ class MatrixEditor:
         self._note = gui.add_html("")
 
     def edit(self, snapshot: Snapshot) -> Edit | None:
-        """The command that applies the draft, None without one. Raises ValueError for text that is no matrix."""
+        """Command that applies the draft, None without one. Raises ValueError for text that is no matrix."""
         return model_edit(snapshot, self._draft.matrices()) if self._draft.texts else None
 
     async def _on_choice(self, event: viser.GuiEvent) -> None:
@@ -161,18 +163,18 @@ class MatrixEditor:
         return f'<div class="vs-checks"><div class="vs-message vs-warn">{escape(told)}</div></div>'
 
     def _blend(self, snapshot: Snapshot) -> str:
-        """What is known of the blend; eigenvalues are not found anew for every frame."""
+        """Note on the blend to the draft; eigenvalues are not computed anew for every frame."""
         key = (snapshot.scenario, snapshot.blending, self._draft, self._seconds)
         if self._told is None or self._told[0] != key:
             try:
                 edit = self.edit(snapshot) if self._seconds else None
-            except ValueError:  # `_pending` says it
+            except ValueError:  # `_pending` shows it
                 edit = None
             self._told = (key, blend_html(snapshot, edit))
         return self._told[1]
 
     def _accepted(self, snapshot: Snapshot) -> bool:
-        """Whether the draft has been sent and taken; a refused one stays, to be corrected."""
+        """Whether the draft has been sent and accepted; a refused one stays, to be corrected."""
         if self._asked_at is None or self._asked_at == (snapshot.revision, snapshot.refusal_number):
             return False
         accepted = snapshot.refusal_number == self._asked_at[1]
@@ -199,7 +201,7 @@ class MatrixEditor:
         return first[self._block // len(first)], first[self._block % len(first)], min(n, 3)
 
     def _current(self, snapshot: Snapshot) -> np.ndarray:
-        """The matrix on the screen: as drafted where that can be read, else as it runs."""
+        """The matrix on the screen: the draft's where that can be read, else the running one."""
         try:
             return self._draft.matrix(self._name)
         except (KeyError, ValueError):

@@ -35,7 +35,7 @@ def read_back(text: str) -> int | float | list[Any]:
 
 
 def number(text: str) -> int | float:
-    """Raises ValueError."""
+    """Number in a text. Raises ValueError."""
     try:
         value = float(text)
     except ValueError:

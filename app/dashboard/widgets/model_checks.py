@@ -1,4 +1,5 @@
-"""Is the target model a good one? Its poles, eigenvalues and the sampled loops, running and as asked for."""
+"""Checks of the target model: its poles, eigenvalues and the sampled loops, for the running model and the one asked
+for."""
 
 from __future__ import annotations
 
@@ -29,7 +30,7 @@ _UNITS = {"M_m": "kg", "B_m": "N·s/m", "K_m": "N/m", "K_f": ""}
 
 @dataclass(frozen=True)
 class Judgement:
-    """A target model with its poles (1/s) in contact, and why the mode does not admit it, "" if it does."""
+    """A target model with its poles (1/s) in contact, and the reason why the mode does not admit it, "" if it does."""
 
     model: TargetModel
     poles: np.ndarray
@@ -42,12 +43,13 @@ class Judgement:
 
 
 def judge_running(snapshot: Snapshot) -> Judgement:
-    """The model in force."""
+    """Judgement of the model in force."""
     return _judge(TargetModel(**snapshot.matrices), snapshot.scenario, snapshot.system.layout)
 
 
 def judge_asked(snapshot: Snapshot, edit: Edit) -> Judgement:
-    """The model that an edit would bring. Raises ScenarioError or InvalidGain where there is none at all."""
+    """Judgement of the model that an edit would bring. Raises ScenarioError or InvalidGain where it would bring
+    none."""
     scenario = edited(snapshot.scenario, edit.path, edit.value)
     model = target_model(scenario, len(snapshot.coordinates))
     return _judge(model, scenario, snapshot.system.layout)
@@ -64,7 +66,8 @@ def _judge(model: TargetModel, scenario: Scenario, layout: TaskLayout) -> Judgem
 
 
 def judge_blend(snapshot: Snapshot, edit: Edit) -> BlendCertificate | None:
-    """Of the blend from the running model to the one that an edit would bring; None where that one is refused."""
+    """Certificate of the blend from the running model to the one that an edit would bring; None where that one is
+    refused."""
     try:
         asked = judge_asked(snapshot, edit)
     except (ScenarioError, InvalidGain):
@@ -77,7 +80,7 @@ def judge_blend(snapshot: Snapshot, edit: Edit) -> BlendCertificate | None:
 
 
 def blend_html(snapshot: Snapshot, edit: Edit | None) -> str:
-    """How far a blend has gone; else what is known of the one to the model that `edit` would bring."""
+    """Progress of a blend, else the certificate of the one to the model that `edit` would bring, as HTML."""
     if snapshot.blending is not None:
         share = f"{100 * snapshot.blending:.0f}"
         return f'<div class="vs-checks"><div class="vs-message vs-good">blending: {share} % of the way.</div></div>'
@@ -89,7 +92,7 @@ def blend_html(snapshot: Snapshot, edit: Edit | None) -> str:
 
 
 def checks_html(snapshot: Snapshot, edit: Edit | None) -> str:
-    """Verdict, pole map and table of the running model, beside it what `edit` would make of them."""
+    """Verdict, pole map and table of the running model, and beside them those of the model that `edit` would bring."""
     now = judge_running(snapshot)
     asked, problem = None, ""
     if edit is not None:
@@ -125,7 +128,7 @@ def _table(now: Judgement, asked: Judgement | None) -> str:
 
 
 def _spread(matrix: np.ndarray) -> str:
-    """Smallest and largest eigenvalue."""
+    """Smallest and largest eigenvalue, as text."""
     values = np.linalg.eigvals(matrix)
     if np.abs(values.imag).max() > 1e-9 * max(np.abs(values).max(), 1e-300):
         return chip("not symmetric", "vs-bad")
@@ -135,7 +138,7 @@ def _spread(matrix: np.ndarray) -> str:
 
 
 def loops_html(snapshot: Snapshot) -> str:
-    """The factors of the loops that sampling closes, with their limits; see docs/symbols.md."""
+    """Factors of the loops that sampling closes, with their limits; see docs/symbols.md."""
     live = snapshot.live
     rows = []
     if math.isfinite(factor := live.get("force_loop_factor", math.nan)):
@@ -147,7 +150,7 @@ def loops_html(snapshot: Snapshot) -> str:
 
 
 def _sampled_poles(snapshot: Snapshot) -> str:
-    """ω and ζ of the target model's poles, and what the sampled loop makes of them with the torque held exactly."""
+    """Table of ω and ζ of the target model's poles, and of those of the sampled loop with the torque held exactly."""
     found = oscillations(snapshot.sampled)
     if not found:
         return ""

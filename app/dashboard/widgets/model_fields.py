@@ -1,4 +1,5 @@
-"""Where the target model is edited: entries on a diagonal, omega or zeta of a coordinate, whole matrices at once."""
+"""Places of the target model that can be edited: entries on a diagonal, omega or zeta of a coordinate, whole matrices
+at once."""
 
 from __future__ import annotations
 
@@ -18,24 +19,24 @@ from controllers.second_order import Oscillators, oscillators, shaped
 
 
 def plain(matrix: np.ndarray) -> list[Any]:
-    """A matrix as a scenario holds it: its n diagonal entries if that is all there is, else n rows."""
+    """A matrix as a scenario holds it: its n diagonal entries if it is diagonal, else n rows."""
     diagonal = np.diag(matrix)
     return (matrix if np.count_nonzero(matrix - np.diag(diagonal)) else diagonal).tolist()
 
 
 def model_edit(snapshot: Snapshot, matrices: Mapping[str, np.ndarray]) -> Edit:
-    """One command that sets these matrices of the target model together and leaves the others as they are given."""
+    """Command that sets these matrices of the target model together and leaves the others as they are given."""
     given = {name: value for name, value in to_builtins(snapshot.scenario.target_model).items() if value is not None}
     return Edit("target_model", given | {name: plain(matrix) for name, matrix in matrices.items()})
 
 
 def applying(edit: Edit, over: float) -> Edit | Blend:
-    """The command that brings the model of a `model_edit`: at once, or by a blend over so many s."""
+    """Command that brings the model of a `model_edit`: at once, or by a blend over so many s."""
     return Blend(edit.value, over) if over else edit  # pyright: ignore[reportArgumentType]
 
 
 def pressed_on(snapshot: Snapshot) -> np.ndarray:
-    """The stiffness (n,) N/m that the controller believes each coordinate to press on; see `Mode.environment`."""
+    """Stiffness (n,) N/m that the controller assumes each coordinate to press on; see `Mode.environment`."""
     scenario = snapshot.scenario
     return MODES[scenario.mode].environment(len(snapshot.coordinates), scenario.controller.K_e_hat)
 

@@ -1,4 +1,4 @@
-"""Numbers that a law, surface or trajectory of the user's own has."""
+"""Controls of the own parameters of a user's law, surface or trajectory."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ WIDE = 100.0  # from the ratio of its bounds on a slider is logarithmic
 
 @dataclass(frozen=True)
 class OwnPlace(Place):
-    """Such a number in the scenario; running: what it is now, None where what it belongs to is not in use."""
+    """Place of such a parameter in the scenario; running: its present value, None where its owner is not in use."""
 
     parameter: Parameter
     running: Callable[[Snapshot], float | None]
@@ -30,6 +30,6 @@ class OwnPlace(Place):
 
 
 def own_number(desk: Desk, path: str, p: Parameter, running: Callable[[Snapshot], float | None]) -> Number:
-    """The control of such a number, at a dotted path of the scenario."""
+    """Control of such a parameter, at a dotted path of the scenario."""
     scale = decades(p.low, p.high) if p.low > 0.0 and p.high >= WIDE * p.low else Scale(p.low, p.high)
     return Number(desk, OwnPlace(path, p, running), labelled(p.name, p.unit), scale)

@@ -22,14 +22,14 @@ def _toggled(snapshot: Snapshot) -> Command:
 
 
 def _moved(snapshot: Snapshot, by: float) -> Command:
-    """Look so many seconds (s) later or earlier, not beyond the run's ends."""
+    """Command to look so many seconds (s) later or earlier, not beyond the run's ends."""
     t = snapshot.t + by
     return Seek(max(t, snapshot.first)) if t < snapshot.end else ToEnd()
 
 
 @dataclass(frozen=True)
 class _Action:
-    """What a key, an entry of the palette and a button do; no button where that is empty."""
+    """Action of a key, an entry of the palette and a button; no button where `button` is empty."""
 
     title: str
     button: str
@@ -56,7 +56,7 @@ _STRIDES = (
 
 
 class Playback:
-    """Play or pause, one step, begin anew, speed; looking back, going on from there, keeping a run."""
+    """Buttons to play or pause, make one step, begin anew, look back, fork and pin; the speed, and the time."""
 
     def __init__(self, desk: Desk) -> None:
         self._desk = desk
@@ -104,7 +104,7 @@ class Playback:
 
 
 class _Time:
-    """The instant looked at, as a number and as a slider over all that is known of the run."""
+    """The instant looked at, as a number and as a slider over the known stretch of the run."""
 
     def __init__(self, desk: Desk) -> None:
         self._desk, self._answer = desk, Answer()
@@ -148,7 +148,7 @@ class _Time:
     def show(self, snapshot: Snapshot) -> None:
         if self._answer.awaited(snapshot):
             return
-        # while it runs the status line has it: a value that changes would overwrite what is being typed
+        # while the run goes on, the status line has the time: a changing value would overwrite the text being typed
         self._text.value = "" if snapshot.phase == "running" else _written(snapshot.t)
         known = snapshot.end - snapshot.first
         self._slider.value = (snapshot.t - snapshot.first) / known if snapshot.looking_back else 1.0

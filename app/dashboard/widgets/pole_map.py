@@ -1,4 +1,4 @@
-"""The poles of the target model as a picture: their distance from the centre is omega, in decades, their angle zeta.
+"""Map of the target model's poles: their distance from the centre is omega, in decades, their angle zeta.
 
 Decades, because stiff and soft coordinates lie thousands apart; the half with Im >= 0, because the other mirrors it.
 """
@@ -20,7 +20,7 @@ _SAME = 1e-3  # relative distance below which poles are drawn as one: repeated o
 
 @dataclass(frozen=True)
 class Pole:
-    """A pole (1/s) with Im >= 0, and how often it or its conjugate is there."""
+    """A pole (1/s) with Im >= 0, and its multiplicity, that of its conjugate included."""
 
     value: complex
     count: int
@@ -49,7 +49,7 @@ def grouped(poles: np.ndarray) -> list[Pole]:
 
 
 def pole_map_html(now: list[Pole], asked: list[Pole]) -> str:
-    """Crosses where the poles are, rings where those asked about would be; the frame fits both."""
+    """Picture with crosses at the poles, and rings at those asked about; the frame fits both."""
     low, high = _decades([*now, *asked])
     parts = [
         f'<path class="left" d="M {_X - _R} {_Y} A {_R} {_R} 0 0 1 {_X} {_Y - _R} V {_Y} Z"/>',

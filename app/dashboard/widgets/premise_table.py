@@ -1,4 +1,4 @@
-"""The premises of the theorem as a table: each value against its limit, and when it first failed."""
+"""Table of the premises of the theorem: each value against its limit, and when it first failed."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def premises_html(snapshot: Snapshot) -> str:
 
 
 def _constants(snapshot: Snapshot) -> str:
-    """What (19) and (20) count with, and how it was found."""
+    """Note on the constants of (19) and (20), and how they were found."""
     constants = snapshot.system.constants
     unit = "kg·m²" if snapshot.system.units == JOINT else "kg"
     return (

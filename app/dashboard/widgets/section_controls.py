@@ -1,4 +1,4 @@
-"""The controls of a section that there is in several kinds: which kind, and the fields of all of them."""
+"""Controls of a section that has several kinds: a menu of the kinds, and the fields of all of them."""
 
 from __future__ import annotations
 
@@ -21,15 +21,15 @@ _Own = Mapping[str, OwnSurface] | Mapping[str, OwnTrajectory]
 
 
 def kind_choice(desk: Desk, section: str, label: str, kinds: Sequence[Any], own: _Own) -> Choice:
-    """The menu of a section's kinds. kinds: what it may be, each with its `title`; own: those of the user's own files,
-    by kind."""
+    """Menu of a section's kinds. kinds: those allowed, each with its `title`; own: those of the user's own files, by
+    kind."""
     options = {kind.title: str(kind.__struct_config__.tag) for kind in kinds}
     options = {title: kind for title, kind in options.items() if kind != OWN}
     return Choice(desk, section, label, options | {each.title: f"{OWN}:{name}" for name, each in own.items()})
 
 
 def field_controls(desk: Desk, section: str, kinds: Sequence[Any], own: _Own) -> list[Control]:
-    """The fields of all kinds; a control is shown where the section has its field."""
+    """Controls of the fields of all kinds; a control is shown where the section has its field."""
     controls: list[Control] = []
     for name, each in own.items():
         controls += [_own_parameter(desk, section, f"{OWN}:{name}", p) for p in each.parameters]

@@ -1,4 +1,4 @@
-"""The status line: what runs, how far, how fast, and the verdict on what the theorem promises."""
+"""Status line: what runs, how far, how fast, and the verdict on the theorem's promise."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from app.session.pacing import Pace
 from app.session.snapshot import Snapshot
 from controllers.modes import MODES
 
-_LATELY = 0.2  # s, what the badge looks back
+_LATELY = 0.2  # s that the badge looks back
 
 
 def status_html(snapshot: Snapshot, complaint: str) -> str:
-    """Lines of chips and numbers; in a strip over the scene, where they move nothing, why the run stopped, the
-    complaint and what to notice."""
+    """Lines of chips and numbers; in a strip over the scene, where they move nothing: the reason of a stop, the
+    complaint and the notice."""
     scenario = snapshot.scenario
     pace = snapshot.pace
     lines = [
@@ -44,7 +44,7 @@ def status_html(snapshot: Snapshot, complaint: str) -> str:
 
 
 def splash_html(text: str) -> str:
-    """What the page shows while there is no run yet."""
+    """Content of the page while there is no run yet."""
     return f'<div class="vs-splash"><span class="vs-spinner"></span>{escape(text)}</div>'
 
 
@@ -56,7 +56,7 @@ def _phase(snapshot: Snapshot) -> str:
 
 
 def _promise(snapshot: Snapshot) -> str:
-    """The verdict on the theorem's promise, and in a few words why."""
+    """Verdict on the theorem's promise, and the reason in a few words."""
     promise = snapshot.standing.now
     text = {"holds": "promise holds", "broken": "promise broken"}.get(promise.verdict, promise.verdict)
     violated = outside(snapshot.scenario)
@@ -73,7 +73,7 @@ def _promise(snapshot: Snapshot) -> str:
 
 
 def _saturating(snapshot: Snapshot) -> str:
-    """Which drives' limits have cut the torque lately; "" where none has."""
+    """Joints whose drives' limits have cut the torque lately, as text; "" where there are none."""
     rows = snapshot.recording.signals(("tau", "tau_applied"), snapshot.t - _LATELY, snapshot.t)
     joints = np.flatnonzero((rows["tau"] != rows["tau_applied"]).any(axis=0)) + 1
     return f"torque at its limit: joint {', '.join(map(str, joints))}" if len(joints) else ""

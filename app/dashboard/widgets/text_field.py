@@ -1,4 +1,4 @@
-"""A text of the scenario: it takes effect on Enter or when its field is left, as numbers do."""
+"""Text field of the scenario: it takes effect on Enter or when it is left, as numbers do."""
 
 from __future__ import annotations
 
@@ -13,14 +13,15 @@ from app.session.snapshot import Snapshot
 
 @dataclass(frozen=True)
 class _Draft:
-    """What the user has typed and is not in force: not yet, or refused. It stays until it is, or Esc, or a new run."""
+    """Text that the user has typed and that is not in force: not yet, or refused. It stays until it is accepted, or
+    until Esc or a new run."""
 
     text: str
     run: int
 
 
 class TextField:
-    """A wide field in which a refused text stays, to be mended."""
+    """A wide field in which a refused text stays, to be corrected."""
 
     def __init__(self, desk: Desk, place: Place, label: str) -> None:
         self._desk, self._place = desk, place

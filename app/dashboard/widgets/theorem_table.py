@@ -1,4 +1,4 @@
-"""The theorem in numbers: a small table that is read, not edited."""
+"""Table of the theorem in numbers; it is read, not edited."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from app.session.snapshot import Snapshot
 
 
 class TheoremTable:
-    """Table of what the theorem says: gain condition, reaching time, sliding variable and the factors of the sampled
+    """Table of the theorem's statements: gain condition, reaching time, sliding variable and the factors of the sampled
     loops, each with its limit."""
 
     def __init__(self, gui: viser.GuiApi) -> None:
@@ -23,7 +23,8 @@ class TheoremTable:
 
 
 def facts_html(snapshot: Snapshot) -> str:
-    """What is, against what the theorem asks or promises, and whether that holds now."""
+    """Table of each measured value against the one that the theorem requires or promises, and whether that holds
+    now."""
     rows = _facts(snapshot)
     body = "".join(
         f'<tr title="{title}"><td>{what}</td><td>{value}</td><td>{verdict}</td></tr>'
@@ -33,7 +34,7 @@ def facts_html(snapshot: Snapshot) -> str:
 
 
 def _facts(snapshot: Snapshot) -> list[tuple[str, str, str, str]]:
-    """Name, value against limit, verdict, and the line that explains them."""
+    """Name, value against limit, verdict, and explanation of each line."""
     live, units = snapshot.live, snapshot.system.units
 
     def number(name: str, factor: float = 1.0) -> str:
@@ -110,12 +111,12 @@ def _reached(since: float, measured: float | None, promised: float | None) -> tu
 
 
 def verdict(holds: bool) -> str:
-    """A chip that says whether a condition holds."""
+    """Chip that says whether a condition holds."""
     return chip("holds", "vs-good") if holds else chip("violated", "vs-bad")
 
 
 def judged(value: float, unit: str = "", low: float = -math.inf, high: float = math.inf) -> str:
-    """A number as a chip, green within its limits and red outside; "—" where there is none."""
+    """Number as a chip, green within its limits and red outside; "—" where there is none."""
     if not math.isfinite(value):
         return "—"
     shown = 0.0 if abs(value) <= 1e-9 else value

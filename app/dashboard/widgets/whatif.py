@@ -1,4 +1,4 @@
-"""What if: the value of a slider that is held, and the preview of what it would do. State of the page, not of a run."""
+"""What if: the value of a slider that is held, and the preview of its effect. State of the page, not of a run."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ HORIZON = 5.0  # s, until the user says otherwise
 
 @dataclass(frozen=True)
 class Held:
-    """What a slider asks for while it is held: by which control, on which client's page."""
+    """A slider that is held: the edit that it asks for, its control, and the client whose page it is on."""
 
     edit: Edit
     label: str
@@ -28,7 +28,7 @@ class Held:
 
 @dataclass(frozen=True)
 class _Asked:
-    """What the newest question was about."""
+    """Subject of the newest question."""
 
     edit: Edit
     base: Scenario
@@ -38,7 +38,7 @@ class _Asked:
 
 @dataclass(frozen=True)
 class _Applied:
-    """The scenario before and after the last edit by a slider, and how far the runner's answers were then."""
+    """The scenario before and after the last edit by a slider, and the counts of the runner's answers at that time."""
 
     before: Scenario
     after: Scenario
@@ -50,9 +50,9 @@ def _answers(snapshot: Snapshot) -> tuple[int, int]:
 
 
 class WhatIf:
-    """One slider at a time, whoever holds it. Callbacks `hold` and `let_go`; the drawing loop calls `look`.
+    """Previews of one slider at a time, whoever holds it. Callbacks `hold` and `let_go`; the drawing loop calls `look`.
 
-    outlook: what to draw, None for nothing; refusal: why there is nothing, in a sentence.
+    outlook: preview to draw, None for nothing; refusal: reason why there is nothing, in a sentence.
     """
 
     def __init__(self, previewer: Previewer) -> None:
@@ -67,21 +67,21 @@ class WhatIf:
         self._run = -1
 
     def hold(self, held: Held) -> None:
-        """A slider has moved."""
+        """Note that a slider has moved."""
         self.held, self._applied = held, None
 
     def holds(self, control: object) -> bool:
-        """Whether this control's value is only asked about."""
+        """Whether this control's value is only previewed."""
         held = self.held
         return held is not None and held.control is control
 
     def let_go(self, control: object) -> None:
-        """Its slider is no longer held."""
+        """Note that the control's slider is no longer held."""
         if self.holds(control):
             self.held = None
 
     def remember(self, snapshot: Snapshot, edit: Edit) -> None:
-        """This edit is being applied; `undo` takes it back."""
+        """Remember an edit that is being applied; `undo` takes it back."""
         try:
             after = edited(snapshot.scenario, edit.path, edit.value)
         except ScenarioError:  # the runner will refuse it, too, and say so
@@ -90,14 +90,15 @@ class WhatIf:
             self._applied = _Applied(snapshot.scenario, after, _answers(snapshot))
 
     def undo(self, snapshot: Snapshot) -> Load | None:
-        """What takes the last applied slider back, None when it was refused or something else has changed since."""
+        """Command that takes the last applied slider back, None when it was refused or something else has changed
+        since."""
         applied = self._applied
         if applied is None or (applied.after != snapshot.scenario and applied.asked_at != _answers(snapshot)):
             return None
         return Load(applied.before)
 
     def look(self, snapshot: Snapshot, clients: Collection[int]) -> bool:
-        """Ask what is to be asked and take what is answered; True when there is something else to draw."""
+        """Ask open questions and take answers; True when there is something else to draw."""
         held = self.held
         if held is not None and (held.client not in clients or snapshot.run != self._run):
             self.held = held = None  # the page was closed with the slider held, or another run has begun
@@ -137,5 +138,5 @@ class WhatIf:
             self._previewer.drop()
             self.outlook, self.refusal = None, str(error)
         else:
-            # the same question from a later state replaces a whole drawing: it must not grow anew
+            # the same question from a later state replaces a complete drawing, which must not grow from nothing again
             self._previewer.ask(snapshot.state, scenario, self.horizon, partial=moved)

@@ -1,4 +1,4 @@
-"""What-if: its switch and horizon, and beside a preview its final values."""
+"""What-if panel: switch and horizon of the preview, and the final values beside it."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from app.scenario.units import Units
 from app.session.preview import Figures
 from app.session.snapshot import Snapshot
 
-_SHOWN = 20.0  # s, how long an applied value can be taken back at a click
+_SHOWN = 20.0  # s during which an applied value can be taken back by a click
 
 
 class WhatIfPanel:
-    """A folder of settings in the current container, and a window that is there while a slider is held and a little
+    """Folder of settings in the current container, and a window that is visible while a slider is held and a little
     longer, to take the value back."""
 
     def __init__(self, desk: Desk) -> None:
