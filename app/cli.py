@@ -26,7 +26,7 @@ from app.gateway.server_settings import Look, ServerSettings, Token
 from app.process import log, open_files
 from app.process.other_users import other_people
 from app.process.terminal_text import printable, say
-from app.scenario.data import edited, load, shipped
+from app.scenario.data import OPENING, edited, load, shipped
 from app.scenario.schema import Scenario, ScenarioError
 from controllers.laws import KINDS
 
@@ -46,7 +46,7 @@ Settings = Annotated[
 
 
 def serve(
-    scenario: Annotated[str, tyro.conf.Positional] = "ur5-hybrid",
+    scenario: Annotated[str, tyro.conf.Positional] = OPENING,
     /,
     *,
     host: str = "127.0.0.1",

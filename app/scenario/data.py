@@ -19,6 +19,7 @@ MOST_DOTS = 300  # in a line: a key a.b.c... of 50,000 parts keeps tomllib busy 
 OWN = "own"  # kind of a section from a file of the user's own: "own:spiral" is the one named "spiral" there
 OWN_PARAMETERS = ("controller.own.", "surface.parameters.", "motion.parameters.")  # such a file names their fields
 DEEPEST = 16  # tables and lists within each other: a scenario has four
+OPENING = "ur5-heavy"  # what `vsmrc serve` shows first
 
 
 def from_plain(data: object) -> Scenario:

@@ -42,7 +42,8 @@ def in_mode(scenario: Scenario, mode_name: str) -> Scenario:
     """The scenario in another mode; target model and contact are set to the mode's defaults where the mode cannot keep
     them.
 
-    It keeps the part of the path that lies along the coordinates that are free in that mode. Raises ScenarioError for an unknown mode.
+    It keeps the part of the path that lies along the coordinates that are free in that mode. Raises ScenarioError
+    for an unknown mode.
     """
     data = to_plain(edited(scenario, "mode", mode_name))
     mode = modes.MODES[mode_name]

@@ -137,6 +137,24 @@ def test_nothing_bounds_s_under_a_law_without_a_sliding_surface():
     bounds = [curve for chart in figure.charts for curve in chart.curves if "(2" in curve.name]
     assert bounds
     assert all(curve.x.max() < 0.1 for curve in bounds if len(curve.x))
+    drawn = [plot.draw(Setup.of(snapshot, 0, 0)) for plot in TABS["Sliding"].plots]
+    frame = Frame(loop.t, 0.2, Grid.over(0.0, loop.t, BUCKETS), seen)
+    for drawing in drawn:
+        assert drawing is not None
+        x, *lines = frame.courses([line for line in drawing.lines if not line.backdrop])
+        for line in lines:  # neither there, nor carried on level
+            assert np.isfinite(line[x < -0.11]).all(), drawing.title
+            assert np.isnan(line[x > -0.09]).all(), drawing.title
+    begun_so = snapshot_of(ran(edited(shipped()["ur5-hybrid"], "controller.law", "pd-gravity"), 0.1))
+    assert all(plot.draw(Setup.of(begun_so, 0, 0)) is None for plot in TABS["Sliding"].plots)
+    overview = [plot.draw(Setup.of(begun_so, 0, 0)) for plot in TABS["Overview"].plots]
+    assert not [
+        line.name
+        for drawing in overview
+        if drawing
+        for line in drawing.lines
+        if "(" in line.name and "8" not in line.name
+    ]
     assert "it has no bound" in TABS["Sliding"].note(snapshot)  # pyright: ignore[reportOptionalCall]
 
 

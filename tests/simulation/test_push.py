@@ -9,7 +9,8 @@ import pytest
 
 from app.scenario.data import edited, from_toml, shipped, to_toml
 from app.scenario.schema import Scenario
-from app.session.commands import Pause, Push
+from app.session.changes import PUSH, PUSH_LASTS
+from app.session.commands import Edit, Pause, Push, PushNow
 from app.session.runner import Runner
 from app.simulation.closed_loop import ClosedLoop
 from app.simulation.signals import SIGNALS
@@ -182,6 +183,28 @@ def test_a_timed_push_is_part_of_the_scenario() -> None:
     assert from_toml(to_toml(scenario)) == scenario
     push = TimedPush((1.0, 2.0, 3.0), 1.0, 0.25)
     assert [push.acts(t) for t in (0.99, 1.0, 1.2, 1.25)] == [False, True, True, False]
+    again = TimedPush((1.0, 2.0, 3.0), 1.0, 0.25, 2.0)
+    acting = {0.99: False, 1.0: True, 1.25: False, 2.99: False, 3.0: True, 3.24: True, 3.25: False, 101.0: True}
+    assert {t: again.acts(t) for t in acting} == acting
+
+
+def test_push_now_begins_the_scenarios_push_or_one_sideways_and_the_run_goes_on() -> None:
+    runner = Runner(shipped()["ur5-impedance"])
+    loop = runner._line.loop
+    run(loop, 0.2)
+    runner.post(PushNow())
+    runner._drain()
+    assert loop.t == pytest.approx(0.2)
+    run(loop, PUSH_LASTS + 0.1)
+    record = loop.recording.signals(("t", "F_push"))
+    pushed = record["t"][record["F_push"].any(axis=1)]
+    assert (pushed[0], pushed[-1]) == pytest.approx((0.2, 0.2 + PUSH_LASTS), abs=0.002)
+    assert record["F_push"].max(axis=0) == pytest.approx(PUSH)
+    runner.post(Edit("truth.push", [0.0, 0.0, -5.0]))
+    runner.post(PushNow())
+    runner._drain()
+    assert loop.system.scenario.truth.push_start == pytest.approx(loop.t)
+    assert loop.system.scenario.truth.push == (0.0, 0.0, -5.0)
 
 
 def test_a_shift_keeps_two_derivatives_wherever_it_is_turned() -> None:

@@ -1,8 +1,8 @@
 """A chart of the page: its drawing of a run, and the widget that shows it.
 
 Time runs to the right and ends at now; ahead of it stands the preview, which the page's script makes lighter. The
-script also gives the axis its ends, which stand in the tab's marker (`visible_tabs.py`): new scales would build the chart
-anew and lose the user's zoom. A line has gaps (nan) where what it shows does not exist: a pinned run beyond its
+script also gives the axis its ends, which stand in the tab's marker (`visible_tabs.py`): new scales would build the
+chart anew and lose the user's zoom. A line has gaps (nan) where what it shows does not exist: a pinned run beyond its
 end, a bound under a law without one.
 """
 
@@ -225,16 +225,24 @@ def _values(rows: Signals, lines: Sequence[Line]) -> np.ndarray:
 
 
 def _bridged(columns: np.ndarray) -> np.ndarray:
-    """Columns (N, k) with straight lines over unknown values, as a chart would draw them; unknown ends are level. Values
-    that do not exist, which are infinite, become nan."""
+    """Columns (N, k) with straight lines over unknown values, as a chart would draw them; unknown ends are level.
+    Values that do not exist, which are infinite, become nan."""
     points = np.arange(len(columns))
     for column in columns.T:
         known = np.isfinite(column)
-        unknown = np.isnan(column)
+        unknown, absent = np.isnan(column), _absent(column)
         if known.any() and unknown.any():
             column[unknown] = np.interp(points[unknown], points[known], column[known])
-        column[np.isinf(column)] = np.nan
+        column[absent] = np.nan
     return columns
+
+
+def _absent(column: np.ndarray) -> np.ndarray:
+    """Mask (N,) of the points that do not exist, which are infinite, and of the unknown ones beside them."""
+    points, told = np.arange(len(column)), ~np.isnan(column)
+    before = np.maximum.accumulate(np.where(told, points, 0))
+    after = np.minimum.accumulate(np.where(told, points, len(column) - 1)[::-1])[::-1]
+    return np.isinf(column) | (~told & (np.isinf(column[before]) | np.isinf(column[after])))
 
 
 class Chart:
