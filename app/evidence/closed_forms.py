@@ -19,6 +19,7 @@ from app.scenario.data import edited, from_plain, shipped, to_plain
 from app.scenario.schema import Controller, Scenario
 from app.session.headless_run import simulate
 from app.simulation.closed_loop import ClosedLoop
+from app.simulation.controller_builder import law_of
 from app.simulation.system import System, assemble
 
 K_E = 10_000.0  # N/m, of the surface in (35)-(37)
@@ -316,7 +317,8 @@ def multiplier(period: float, reading: Reading) -> Multiplier:
 
 def jobs(thin: int) -> list[Job]:
     presses = list(product(RATIOS, FORCES))[::thin]
-    shown = [name for name, scenario in shipped().items() if scenario.controller.on_change == "remove"]
+    robust = {name: scenario for name, scenario in shipped().items() if law_of(scenario).robust}
+    shown = [name for name, scenario in robust.items() if scenario.controller.on_change == "remove"]
     return [
         *(Job(steady, (robot, K_m1, presses)) for robot in STEADY_ROBOTS for K_m1 in STIFFNESSES),
         *(Job(pressed, arguments) for arguments in product(MASSES, PERIODS)),

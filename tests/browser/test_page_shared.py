@@ -18,7 +18,7 @@ RUNNING = "promise holds"
 
 @pytest.fixture(scope="module")
 def shared() -> Iterator[Server]:
-    with serving("--shared", "--max-sessions", "2", lines=2, fps=4) as server:
+    with serving("ur5-hybrid", "--shared", "--max-sessions", "2", lines=2, fps=4) as server:
         yield server
 
 

@@ -26,7 +26,7 @@ def test_looking_back_shows_what_was_and_a_fork_goes_on_from_there(session: Sess
     session.page.get_by_text("looking back", exact=True).wait_for()
     expect(session.number("F_d [N]")).to_have_value("20")
     assert session.ahead() <= 0.0
-    session.page.locator("canvas[data-engine]").click(position={"x": 20, "y": 20})
+    session.page.locator("canvas[data-engine]").click(position={"x": 20, "y": 200})
     session.page.keyboard.press("ArrowLeft")
     session.wait(lambda now: now.t == pytest.approx(0.799))
     session.page.keyboard.press("Shift+ArrowRight")

@@ -38,7 +38,7 @@ class WhatIfPanel:
 
     async def _on_switch(self, event: viser.GuiEvent) -> None:
         if event.client is not None:
-            self._desk.whatif.on = self._on.value
+            self._desk.whatif.on = self._horizon.visible = self._on.value
 
     async def _on_horizon(self, event: viser.GuiEvent) -> None:
         if event.client is not None:
