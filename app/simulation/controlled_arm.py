@@ -44,13 +44,15 @@ class ControlledArm:
             lipschitz = system.constants.lipschitz
             self.along = ReferenceEstimates(system.nominal, lipschitz, system.posture_at, self._h, state.along)
         arm, period = state.arm, state.period
+        self._q, self._q_dot, self._force = arm.views.q, arm.views.q_dot, arm.views.load.force
         self._ideal = system.scenario.sensor.ideal and system.plant.kind.heavy
         self._scripted = system.push if any(system.push.force) else None
         self._applied, self.push = period.views.applied, period.views.push
         self._push_torque, self._pushed = np.zeros(system.robot.n), True
         self.settings = settings = Record(_setting_of(system, online=self.along is None))
         self._scratch = row = Record(Row.zeros(system.layout.n)).data
-        data = settings.data, period.data
+        self._settings, self._period, self._arm_data = settings.data, period.data, arm.data
+        data = self._settings, self._period
         self._law = None
         before = (*data, *system.nominal.terms, arm.data, arm.views.load.force, state.t)
         if system.controller.gains.law >= 0:
@@ -68,9 +70,8 @@ class ControlledArm:
 
     def measure(self) -> np.ndarray:
         """Present reading of the force sensor, (3,) N, including a push; to be called once per control period."""
-        state = self._state
-        force = state.arm.views.load.force
-        return state.reader.read(force - self.push if self._push_tool() else force)
+        force = self._force
+        return self._state.reader.read(force - self.push if self._push_tool() else force)
 
     def _push_tool(self) -> bool:
         """Compute the force of hand and script on the tool over this period; False, as fast as possible, when there is
@@ -105,10 +106,9 @@ class ControlledArm:
 
     def complete(self, row: np.ndarray) -> int:
         """Write the fields that are known only after the plant's response; returns the `Alarm` flags."""
-        state = self._state
         if self._law is not None:
-            state.x += self._h * self._law.x_dot
-        return self._complete(self.settings.data, state.period.data, state.arm.data, row)
+            self._state.x += self._h * self._law.x_dot
+        return self._complete(self._settings, self._period, self._arm_data, row)
 
     def evaluated(self) -> Record[Period]:
         """Period that begins now, evaluated in a copy, without consequences."""
@@ -131,19 +131,17 @@ class ControlledArm:
         period.data[:] = before
 
     def _evaluate(self, period: Record[Period], F: np.ndarray, row: np.ndarray) -> None:
-        state, arm = self._state, self._state.arm
-        q, q_dot = arm.views.q, arm.views.q_dot
+        state, data = self._state, self._arm_data
         if self.along is not None:
-            period.write("feedforward", self.along.at(q, q_dot, state.t))
+            period.write("feedforward", self.along.at(self._q, self._q_dot, state.t))
             state.along = self.along.start
-        terms = self._nominal.update(q, q_dot)
-        before = (self.settings.data, period.data, *terms, arm.data, F, state.t)
+        terms = self._nominal.update(self._q, self._q_dot)
         if self._law is None:
-            self._control(*before, row)
+            self._control(self._settings, period.data, *terms, data, F, state.t, row)
         else:
-            self._begin(*before)
+            self._begin(self._settings, period.data, *terms, data, F, state.t)
             self._law.act(period, state.x)
-            self._end(self.settings.data, period.data, arm.data, state.t, row)
+            self._end(self._settings, period.data, data, state.t, row)
 
     def _solve_for_force(self, row: np.ndarray) -> bool:
         """Evaluate the law with the force that its own torque causes, by secant iteration on the multiplier; returns
