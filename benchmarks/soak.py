@@ -115,13 +115,13 @@ def act(visitor: Visitor, chance: random.Random) -> None:
         case "arm":
             visitor.choose("Arm", chance.choice(ARMS))
         case "pause":
-            visitor.press("Run", "play / pause")
+            visitor.press("space")
             time.sleep(chance.uniform(0.2, 2.0))
             visitor.play()
         case "reset":
-            visitor.press("Run", "reset")
+            visitor.press("R")
         case "pin":
-            visitor.press("Past", "pin")
+            visitor.press("P")
 
 
 def soak(minutes: float, clients: int, every: float, seed: int) -> tuple[list[Look], list[str]]:

@@ -17,7 +17,7 @@ from websockets.sync.connection import Connection
 from app.dashboard.theme.style import COMMIT, RELEASED
 from drivers.viser_protocol import CAMERA, PROTOCOL, messages
 
-WIDGETS = ("GuiTextMessage", "GuiSliderMessage", "GuiDropdownMessage", "GuiCheckboxMessage", "GuiButtonGroupMessage")
+WIDGETS = ("GuiTextMessage", "GuiSliderMessage", "GuiDropdownMessage", "GuiCheckboxMessage", "RegisterCommandMessage")
 DRAG, PAUSE = 20, 0.05  # messages of a drag, and s between two of them
 SEEN = 1.0  # s, after which the status line shows what has been done
 
@@ -60,15 +60,21 @@ class Visitor:
     def tick(self, label: str, value: bool) -> None:
         self._update(self._find("GuiCheckboxMessage", label)["uuid"], value)
 
-    def press(self, label: str, button: str) -> None:
-        """Press one of a group of buttons."""
-        self._update(self._find("GuiButtonGroupMessage", label)["uuid"], button)
+    def press(self, key: str) -> None:
+        """Press a key that is a command of the page, as its button does."""
+        command = self._wait(
+            lambda w: (
+                w["type"] == "RegisterCommandMessage" and (w["props"]["hotkey"], w["props"]["modifier"]) == (key, None)
+            ),
+            key,
+        )
+        self._send({"type": "CommandTriggerMessage", "uuid": command["uuid"]})
 
     def play(self) -> None:
         """Play if the status line says that the run is paused: two visitors who pause at once may leave it so."""
         time.sleep(SEEN)
         if any("vs-status" in html and ">paused<" in html for html in list(self._html.values())):
-            self.press("Run", "play / pause")
+            self.press("space")
 
     def vanish(self) -> None:
         """Disconnect without a word, as a machine does that is switched off."""

@@ -16,6 +16,7 @@ from PIL import Image
 from playwright.sync_api import Browser, Page, sync_playwright
 
 from app.dashboard.page import Dashboard
+from app.dashboard.widgets.guided_minute import steps
 from app.scenario.data import shipped
 from app.session.commands import Edit, Load, Pin, Play, Reset, Unpin
 from app.session.runner import Runner
@@ -38,6 +39,7 @@ MODES = {
 SIZES = ((1280, 720), (1920, 1080))
 PHONE = {"viewport": {"width": 390, "height": 844}, "is_mobile": True, "has_touch": True, "device_scale_factor": 2}
 SETTLED = 6.0  # s of simulated time
+MINUTE = 6.7  # s of a step of the guided minute: some are pushed at 6 s
 FREQUENT, RARE = 150, 100  # colours of a picture, together at most 256: a third of its size
 
 
@@ -85,6 +87,9 @@ def main(folder: Path) -> None:
             shoot(page, album, f"tab-{slug(title)}", f"Tab {title}")
         refuse_and_hold(page, runner, album)
         compare(page, runner, album)
+        present(page, album)
+        guided_minute(page, runner, album)
+        load(runner, "ur5-hybrid", page)
         show_help(page, album)
         page.keyboard.press("t")
         shoot(page, album, "light", "Light")
@@ -155,6 +160,32 @@ def refuse_and_hold(page: Page, runner: Runner, album: Album) -> None:
     album.add(page, "what-if", "A slider held: what would come")
     page.keyboard.press("Escape")
     page.mouse.up()
+
+
+def guided_minute(page: Page, runner: Runner, album: Album) -> None:
+    """The guided minute as a film of pictures: each step when something happens in it."""
+    page.keyboard.press("g")
+    for number, step in enumerate(steps(), start=1):
+        page.locator(".vs-minute").get_by_text(f"{number} of {len(steps())}").wait_for()
+        until = time.monotonic() + 240.0
+        while runner.snapshot.scenario.mode != step.scenario.mode or runner.snapshot.t < MINUTE:
+            assert time.monotonic() < until, step.title
+            page.wait_for_timeout(100)
+        shoot(page, album, f"minute-{number}", f"The guided minute, {number}: {step.title}")
+        page.get_by_role("button", name="Next" if number < len(steps()) else "Done", exact=False).click()
+
+
+def present(page: Page, album: Album) -> None:
+    """A plot with two cursors, and the presentation."""
+    page.locator(".uplot-container").nth(1).hover()
+    page.locator(".vs-measure").nth(1).click()
+    shoot(page, album, "cursors", "A plot on the whole screen, measured with two cursors")
+    page.keyboard.press("Escape")
+    page.keyboard.press("s")
+    page.wait_for_timeout(1500)
+    shoot(page, album, "presentation", "The presentation: one plot, the sliders used last, large type")
+    page.keyboard.press("s")
+    page.wait_for_timeout(1500)
 
 
 def compare(page: Page, runner: Runner, album: Album) -> None:

@@ -19,7 +19,7 @@ from app.dashboard.plots.dock import Plots, Shown
 from app.dashboard.scene.appearance import Appearance
 from app.dashboard.scene.tool_drag import Hand
 from app.dashboard.scene.view import SceneView
-from app.dashboard.theme.colors import Theme
+from app.dashboard.theme.colors import RUNS, Theme
 from app.dashboard.theme.style import injected_html
 from app.dashboard.transport.callback_errors import watch
 from app.dashboard.transport.handshake import behind_doors
@@ -30,6 +30,7 @@ from app.dashboard.transport.widget_lock import WidgetLock
 from app.dashboard.view_options import Viewing
 from app.dashboard.widgets.controls import Desk
 from app.dashboard.widgets.equation import equation_html
+from app.dashboard.widgets.guided_minute import GuidedMinute
 from app.dashboard.widgets.help import Help, tools_html
 from app.dashboard.widgets.last_session import LastSession, add_last_session
 from app.dashboard.widgets.playback import Playback
@@ -236,6 +237,7 @@ class _View:
         self._shortcuts = Shortcuts(desk)
         self._scene_buttons = SceneButtons(desk)
         self._whatif_panel = WhatIfPanel(desk)
+        self._guided_minute = GuidedMinute(desk)
         self._widget_lock = WidgetLock(server)
         self._visible_tabs = VisibleTabs()
         self._visible_tabs.add_field(server.gui)
@@ -249,7 +251,7 @@ class _View:
         equation = server.gui.add_panel()
         with equation.add_tab("Target model"):
             self._equation = server.gui.add_html("")
-        equation.float(x=12, y=-12, width=440)
+        equation.float(x=12, y=-92, width=440)
         self._refreshed = 0.0
         self._drawn: Snapshot | None = None
         self._page_height = 0
@@ -323,7 +325,7 @@ class _View:
 
     def _plot(self, snapshot: Snapshot, now: float) -> None:
         whatif, looked_at = self._whatif, self._visible_tabs.tabs(self._server.get_clients())
-        pinned = tuple(Pinned(f"run {p.number}", p.recording) for p in snapshot.pinned)
+        pinned = tuple(Pinned(p.title, p.recording, color=RUNS[p.place]) for p in snapshot.pinned)
         shown = Shown(snapshot.t, self._viewing.window, pinned, whatif.outlook, whatif.horizon)
         began = time.thread_time()
         self._plots.show(snapshot, shown, looked_at)

@@ -25,7 +25,7 @@ from app.process.atomic_write import write_whole
 from app.scenario.data import from_toml, to_toml
 from app.scenario.schema import Scenario, ScenarioError
 from app.session.snapshot import Snapshot
-from app.session.timeline import Pinned
+from app.session.timeline import NAME, Pinned
 from app.simulation.closed_loop import ClosedLoop
 from app.storage.recording_files import read_npz, table, write_npz
 from app.storage.session_index import OFFER, SESSION, Index, SavedRun, StateError, decoded, occupied
@@ -109,12 +109,12 @@ class StateFolder:
         """Replace what was saved of this session. Raises OSError after saving as much as possible."""
         kept, failure = [], None
         for run in pinned:
-            name = next((name for known, name in self._kept if known is run), None)
+            name = next((name for known, name in self._kept if known.recording is run.recording), None)
             try:
                 kept.append((run, name or self._write_run(run)))
             except OSError as error:
                 failure = error
-        runs = [SavedRun(run.number, run.t, name) for run, name in kept]
+        runs = [SavedRun(run.number, run.t, file, run.name) for run, file in kept]
         index = Index(time.time(), to_toml(scenario), runs)
         text = msgspec.json.format(msgspec.json.encode(index))
         write_whole(self.path / SESSION, lambda file: file.write(text), _PRIVATE)
@@ -272,4 +272,4 @@ def _pinned(saved: SavedRun, path: Path) -> Pinned:
         raise StateError(f"{path} does not fit its own scenario")
     # a file does not hold the changes during the run
     recording.epochs.extend(replace(epoch, t=recording.first) for epoch in loop.recording.epochs)
-    return Pinned(saved.number, loop.system, recording, saved.t)
+    return Pinned(saved.number, loop.system, recording, saved.t, saved.name[:NAME])

@@ -53,6 +53,14 @@ class Pin:
 
 
 @dataclass(frozen=True)
+class Rename:
+    """Call the pinned run of this number by another name, "" for none."""
+
+    number: int
+    name: str
+
+
+@dataclass(frozen=True)
 class Unpin:
     """Forget the pinned run of this number."""
 
@@ -121,6 +129,7 @@ Command = (
     | ToEnd
     | Fork
     | Pin
+    | Rename
     | Unpin
     | SetSpeed
     | Load

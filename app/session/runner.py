@@ -30,6 +30,7 @@ from app.session.commands import (
     Play,
     Push,
     PushNow,
+    Rename,
     Reset,
     Seek,
     SetSpeed,
@@ -266,6 +267,8 @@ class Runner:
                 self._runs += 1
             case Pin():
                 line.pin()
+            case Rename(number, name):
+                line.rename(number, name)
             case Unpin(number):
                 line.unpin(number)
             case SetSpeed(factor):
@@ -340,6 +343,7 @@ class Runner:
             refusal_number=self._refusals,
             recording=line.recording,
             pinned=line.pinned,
+            forks=line.forks,
         )
 
 

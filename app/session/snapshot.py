@@ -36,6 +36,7 @@ class Snapshot:
     layer_loop_factor, force_loop_factor, reaching_time_bound, reaching_time.
     standing: premises and verdict.
     sampled: the target model's poles in the sampled loop.
+    forks: instants at which the run was forked, s.
     """
 
     scenario: Scenario
@@ -70,6 +71,7 @@ class Snapshot:
     sampled: SampledLoop
     recording: Recording
     pinned: tuple[Pinned, ...]
+    forks: tuple[float, ...]
     state: State
 
     @property
@@ -119,6 +121,7 @@ def snapshot_of(loop: ClosedLoop) -> Snapshot:
         sampled=loop.sampled,
         recording=loop.recording,
         pinned=(),
+        forks=(),
         system=system,
         state=loop.state.copy(),
     )

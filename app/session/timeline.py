@@ -7,7 +7,7 @@ out the same to the last bit.
 from __future__ import annotations
 
 from bisect import bisect_right
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -22,6 +22,7 @@ from environments.push import Grip
 SPACING = 0.25  # s, between two states that are kept
 MOST = 6000  # states that are kept; a run with a full recording has 4800, and one for every change
 PINNED = 60.0  # s of a run that a pin keeps
+NAME = 24  # letters of the name of a pinned run
 
 
 @dataclass(frozen=True)
@@ -35,12 +36,21 @@ class _Key:
 
 @dataclass(frozen=True)
 class Pinned:
-    """A run as it was when it was pinned: its last minute, up to t (s); number: its name."""
+    """A run as it was when it was pinned: its last minute, up to t (s).
+    name: as the user calls it, "" for none.
+    place: which of the `PINS` places it has, counted from 0; it decides its colour."""
 
     number: int
     system: System
     recording: Recording
     t: float
+    name: str = ""
+    place: int = 0
+
+    @property
+    def title(self) -> str:
+        """Its name, or one from its number."""
+        return self.name or f"run {self.number}"
 
     @property
     def scenario(self) -> Scenario:
@@ -49,7 +59,11 @@ class Pinned:
 
 class Timeline:
     """Timeline of one run: `loop` stands where the run is looked at, which is its end unless one looks back. One thread
-    at a time."""
+    at a time.
+
+    pinned: runs kept for comparison, oldest first.
+    forks: instants at which the run went on in another way, s.
+    """
 
     def __init__(self, loop: ClosedLoop) -> None:
         self._end = loop
@@ -60,6 +74,7 @@ class Timeline:
 
     def _begin(self) -> None:
         self._back = None
+        self.forks: tuple[float, ...] = ()
         self._keys: list[_Key] = []
         self._keep(changed=True)
 
@@ -169,7 +184,9 @@ class Timeline:
 
     def _add(self, pinned: Pinned) -> None:
         self._pins = pinned.number
-        self.pinned = (*self.pinned, pinned)[-PINS:]
+        others = (*self.pinned, pinned)[-PINS:-1]
+        free = min(set(range(PINS)) - {other.place for other in others})
+        self.pinned = (*others, replace(pinned, place=free))
 
     def unpin(self, number: int) -> None:
         """Forget that pinned run. Raises ScenarioError when there is none."""
@@ -178,9 +195,18 @@ class Timeline:
             raise ScenarioError(f"unpin: {number}; allowed: {known}")
         self.pinned = tuple(pinned for pinned in self.pinned if pinned.number != number)
 
+    def rename(self, number: int, name: str) -> None:
+        """Call that pinned run by a name, "" for none. Raises ScenarioError when there is none, or the name is too
+        long."""
+        if len(name) > NAME:
+            raise ScenarioError(f"name of run {number}: {len(name)} letters; allowed: at most {NAME}")
+        if all(pinned.number != number for pinned in self.pinned):
+            raise ScenarioError(f"name of run {number}: there is no such pinned run")
+        self.pinned = tuple(replace(p, name=name) if p.number == number else p for p in self.pinned)
+
     def adopt(self, pinned: tuple[Pinned, ...]) -> None:
         """Replace the pinned runs by runs pinned elsewhere."""
-        self.pinned = pinned[-PINS:]
+        self.pinned = tuple(replace(run, place=place) for place, run in enumerate(pinned[-PINS:]))
         self._pins = max((run.number for run in self.pinned), default=self._pins)
 
     def _so_far(self, loop: ClosedLoop) -> Recording:
@@ -197,6 +223,7 @@ class Timeline:
         while self._keys and self._keys[-1].state.t > loop.t - 0.5 * loop.period:
             self._keys.pop()
         self._end, self._back = loop, None
+        self.forks = (*(t for t in self.forks if t < loop.t), loop.t)
         self._keep(changed=True)
 
     def _keep(self, *, changed: bool) -> None:

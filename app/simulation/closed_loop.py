@@ -195,7 +195,8 @@ class ClosedLoop:
     @property
     def warning(self) -> str | None:
         """First warning since the last change."""
-        return self.state.flagged
+        flag = self.state.flagged
+        return None if flag is None else str(flag)
 
     @property
     def grip(self) -> Grip | None:

@@ -13,7 +13,7 @@ from app.simulation.control_period import Alarm, Period
 from app.simulation.controlled_arm import ControlledArm
 from app.simulation.recording import Epoch
 from app.simulation.sampled_stability import SampledLoop, sampled_loop
-from app.simulation.state import Judged, State, blending, epoch_at
+from app.simulation.state import Flag, Judged, State, blending, epoch_at
 from app.simulation.stations import APART
 from app.simulation.system import System
 from app.simulation.verdict import sentence
@@ -195,7 +195,7 @@ class PremiseWatch:
         if choice == "stop":
             state.stopped = state.stopped or f"t = {state.t:.3f} s: {reason}"
         else:
-            state.flagged = state.flagged or f"t = {state.t:.3f} s: {reason}"
+            state.flagged = state.flagged or Flag(state.t, reason)
 
 
 def _saturation(tau: np.ndarray, applied: np.ndarray) -> str:

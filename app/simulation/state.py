@@ -34,6 +34,16 @@ class Judged(NamedTuple):
     t: float
 
 
+class Flag(NamedTuple):
+    """First reason since the last change why a run that goes on has left the theorem's domain; t: its instant, s."""
+
+    t: float
+    reason: str
+
+    def __str__(self) -> str:
+        return f"t = {self.t:.3f} s: {self.reason}"
+
+
 @dataclass(slots=True)
 class State:
     """State of a run: all that the next control periods depend on, beside the system of the scenario.
@@ -55,7 +65,7 @@ class State:
     epoch: Epoch  # the one that began at the last change
     judged: Judged
     stopped: str | None  # why the run has ended
-    flagged: str | None  # first warning since the last change, after which the run went on
+    flagged: Flag | None  # since the last change
 
     @classmethod
     def at_start(cls, system: System) -> State:

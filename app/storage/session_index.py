@@ -25,11 +25,13 @@ class StateError(ValueError):
 
 
 class SavedRun(msgspec.Struct, frozen=True):
-    """A pinned run of a folder: its number, the instant t (s) at which it was pinned, the name of its file."""
+    """A pinned run of a folder: its number, the instant t (s) at which it was pinned, its file, and its name if the
+    user has given it one."""
 
     number: int
     t: float
     file: str
+    name: str = ""
 
 
 class _Kind(msgspec.Struct, frozen=True):

@@ -9,7 +9,7 @@ if (hints) {
     try { localStorage.setItem(shown, "dismissed"); } catch { /* then once per page */ }
   };
   const onKey = (e) => { if (e.key === "Escape") dismiss(); };
-  hints.querySelector("button").addEventListener("click", dismiss);
+  for (const button of hints.querySelectorAll("button")) button.addEventListener("click", dismiss);
   document.addEventListener("keydown", onKey, true);
   document.body.append(hints);
 }

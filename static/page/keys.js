@@ -3,7 +3,7 @@
 const typing = (e) => e.target instanceof HTMLElement && /^(INPUT|TEXTAREA|SELECT)$/.test(e.target.tagName);
 const near = (e, selector) => e.target instanceof Element && e.target.closest(selector);
 const press = (key) => document.documentElement.dispatchEvent(
-  new KeyboardEvent("keydown", { key, code: `Key${key.toUpperCase()}`, bubbles: true }));
+  new KeyboardEvent("keydown", { key, code: key.length > 1 ? key : `Key${key.toUpperCase()}`, bubbles: true }));
 const taken = (e) =>
   /^(Arrow|Home|End|Page)/.test(e.key) ? near(e, ".mantine-Slider-root, [role=tab]")
     : e.repeat || (/^( |Enter)$/.test(e.key) && near(e, "button, a, summary, [role=button], [role=tab]"));

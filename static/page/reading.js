@@ -1,10 +1,93 @@
-// Reading a plot: its values under the crosshair, and the plot as large as there is room. viser's own enlargement is as
-// low as the plot was.
+// Reading a plot: its values under the crosshair and now, two cursors with what lies between them, and the plot as large
+// as there is room. viser's own enlargement is as low as the plot was.
 const charts = () => Object.values(window.__viserTestpoints?.uplots ?? {}).map((entry) => entry.chart);
 const values = document.createElement("div");
 values.className = "vs-values";
 values.hidden = true;
 document.body.append(values);
+// The legend has the values under the crosshair, and without one those of now, right of which lies what has not happened.
+const short = (value) => (Number.isFinite(value) ? `${+value.toPrecision(3)}` : "–");
+const now = (plot) => {
+  if (plot.scales.x.distr !== 1) return null;
+  const x = plot.data[0];
+  let k = x.length - 1;
+  while (k > 0 && x[k] > 1e-9) k--;
+  return k;
+};
+const inLegend = (plot) => {
+  if (!plot.root.isConnected || plot.over.matches(":hover")) return;
+  const idx = now(plot);
+  if (idx !== null) plot.setLegend({ idx }, false);
+};
+const listed = (series) => series.label && !/vs-unlisted/.test(series.class ?? "");
+const valued = (plot) => {
+  plot.series.forEach((series, i) => {
+    series.value = (_, value) => (value === null || value === undefined || (!i && !plot.over.matches(":hover")) ? "" : short(value));
+  });
+  for (const entry of plot.root.querySelectorAll(".u-legend .u-series:not(:first-child) th"))
+    entry.title = "click: hide or show it; with Ctrl: this one alone";
+  (plot.hooks.draw ??= []).push(() => setTimeout(() => inLegend(plot)));
+};
+
+// Two cursors, at shares of the time axis; the table tells what lies between them, line by line.
+const between = (plot, y, from, to) => {
+  const x = plot.data[0], known = [...x.keys()].filter((k) => x[k] >= from && x[k] <= to && Number.isFinite(y[k]));
+  if (known.length < 2) return null;
+  const first = y[known[0]], last = y[known.at(-1)], step = last - first;
+  const beyond = Math.max(0, ...known.map((k) => (y[k] - last) * Math.sign(step)));
+  const outside = known.filter((k) => Math.abs(y[k] - last) > 0.02 * Math.abs(step)).at(-1) ?? known[0];
+  if (!(Math.abs(step) > 1e-6 * Math.max(...known.map((k) => Math.abs(y[k]))))) return { step }; // nothing steps there
+  return { step, overshoot: (100 * beyond) / Math.abs(step), settling: x[Math.min(outside + 1, known.at(-1))] - x[known[0]] };
+};
+const unit = (value, name) => (Number.isFinite(value) ? `${short(value)} ${name}` : "–");
+const told = (plot, shares, table) => {
+  const { min, max } = plot.scales.x, [from, to] = [...shares].sort((a, b) => a - b).map((s) => min + s * (max - min));
+  const lines = plot.series.slice(1).map((series, i) => [series, plot.data[i + 1]])
+    .filter(([series]) => series.show && listed(series)).slice(0, 8);
+  const rows = [["", "Δy", "overshoot", "settling, 2 %"], ...lines.map(([series, y]) => {
+    const found = between(plot, y, from, to);
+    return [series.label, short(found?.step), unit(found?.overshoot, "%"), unit(found?.settling, "s")];
+  })];
+  table.replaceChildren(...[[`Δt = ${short(to - from)} s`], ...rows].map((cells, i) => {
+    const line = document.createElement("tr");
+    line.append(...cells.map((text, j) => {
+      const cell = document.createElement(i < 2 || !j ? "th" : "td");
+      cell.textContent = text;
+      if (cells.length === 1) cell.colSpan = 4;
+      return cell;
+    }));
+    return line;
+  }));
+};
+const measured = new Map(); // what a plot's cursors are made of
+const put = (plot) => {
+  const shares = [0.3, 0.7], table = document.createElement("table");
+  table.className = "vs-measured";
+  const cursors = shares.map((_, i) => {
+    const cursor = document.createElement("div");
+    cursor.className = "vs-cursor";
+    cursor.dataset.name = "AB"[i];
+    const place = (share) => {
+      shares[i] = Math.min(1, Math.max(0, share));
+      cursor.style.left = `${100 * shares[i]}%`;
+      told(plot, shares, table);
+    };
+    for (const kind of ["mousedown", "click", "dblclick"]) cursor.addEventListener(kind, (e) => e.stopPropagation());
+    cursor.addEventListener("pointerdown", (e) => cursor.setPointerCapture(e.pointerId));
+    cursor.addEventListener("pointermove", (e) => {
+      const box = plot.over.getBoundingClientRect();
+      if (cursor.hasPointerCapture(e.pointerId)) place((e.clientX - box.left) / box.width);
+    });
+    place(shares[i]);
+    return cursor;
+  });
+  plot.over.append(...cursors, table);
+  measured.set(plot, { parts: [...cursors, table], again: () => told(plot, shares, table) });
+};
+const takeOff = (plot) => {
+  for (const part of measured.get(plot)?.parts ?? []) part.remove();
+  measured.delete(plot);
+};
 const row = (name, value, color) => {
   const line = document.createElement("div"), told = document.createElement("b");
   line.append(`${name} `, told);
@@ -19,13 +102,29 @@ const tell = (plot) => {
   if (values.hidden) return;
   values.vsmrcPlot = plot;
   const lines = plot.series.slice(1).map((series, i) => [series, plot.data[i + 1][idx], series.stroke?.(plot, i + 1)])
-    .filter(([series, value]) => series.label && !/vs-unlisted/.test(series.class ?? "") && Number.isFinite(value))
+    .filter(([series, value]) => listed(series) && Number.isFinite(value))
     .map(([series, value, color]) => row(series.label, value, color));
   values.replaceChildren(row(plot.series[0].label, plot.data[0][idx], ""), ...lines);
   const over = plot.over.getBoundingClientRect(), { width, height } = values.getBoundingClientRect();
   const x = over.left + left + 14, y = over.top + top + 14;
   values.style.left = `${x + width < innerWidth ? x : x - width - 28}px`;
   values.style.top = `${Math.max(4, Math.min(y, innerHeight - height - 4))}px`;
+};
+
+// The size of a plot's own letters, as a factor.
+const types = new WeakMap();
+window.vsmrcType = (plot, factor) => {
+  const own = types.get(plot) ?? plot.axes.map(({ font, size, space, gap }) => ({ font, size, space, gap }));
+  types.set(plot, own);
+  plot.axes.forEach((axis, i) => {
+    const { font, size, space, gap } = own[i];
+    axis.font = [font[0].replace(/[\d.]+px/, (px) => `${factor * parseFloat(px)}px`), factor * font[1], ...font.slice(2)];
+    axis.gap = factor * gap;
+    axis.size = (...asked) => factor * size(...asked);
+    axis.space = (...asked) => (i === 1 ? factor * factor : factor) * space(...asked); // fewer numbers than room for
+  });
+  for (const series of plot.series) series.width *= factor / (plot.vsmrcFactor ?? 1);
+  plot.vsmrcFactor = factor;
 };
 
 const large = () => document.querySelector(".uplot-container[data-large]");
@@ -41,18 +140,33 @@ const shrink = () => {
   if (!box) return;
   const height = Number(box.dataset.large);
   delete box.dataset.large;
+  if (plot) {
+    takeOff(plot);
+    window.vsmrcType(plot, 1);
+  }
   plot?.setSize({ width: plot.width, height });
 };
 const grow = (box) => {
   const plot = chartIn(box);
   if (!plot) return;
   box.dataset.large = plot.height;
+  window.vsmrcType(plot, 1.8);
   fit(plot);
 };
 document.addEventListener("click", (e) => {
   const box = e.target instanceof Element && e.target.closest(".uplot-container"), button = box && e.target.closest("button");
-  if (!button && (!large() || box === large())) return;
-  const again = box === large();
+  const again = box === large(), measures = button?.matches(".vs-measure");
+  if (!button && (!large() || again)) return;
+  if (measures) {
+    e.stopPropagation();
+    const plot = chartIn(box);
+    if (measured.has(plot)) takeOff(plot);
+    else {
+      if (!again) { shrink(); grow(box); }
+      put(plot);
+    }
+    return;
+  }
   if (button) e.stopPropagation();
   shrink();
   if (button && !again) grow(box);
@@ -65,6 +179,29 @@ setInterval(() => {
     read.add(plot);
     (plot.hooks.setCursor ??= []).push(tell);
     (plot.hooks.setSize ??= []).push(fit);
+    valued(plot);
+    const box = plot.root.closest(".uplot-container");
+    if (plot.scales.x.distr !== 1 || !box || box.querySelector(".vs-measure")) continue;
+    const button = document.createElement("button");
+    Object.assign(button, { className: "vs-measure", textContent: "Δ", title: "two cursors: Δt, Δy, overshoot, settling" });
+    button.setAttribute("aria-label", "measure with two cursors");
+    box.append(button);
   }
+  for (const { again } of measured.values()) again();
   if (values.vsmrcPlot && !values.vsmrcPlot.root.isConnected) values.hidden = true;
 }, 300);
+
+// A table goes to the clipboard with tabs between its cells, as spreadsheets read it.
+document.addEventListener("click", async (e) => {
+  const button = e.target instanceof Element && e.target.closest("[data-copy]");
+  const table = button && document.querySelector(button.dataset.copy);
+  if (!table) return;
+  const text = [...table.rows].map((line) => [...line.cells].map((cell) => cell.innerText.trim()).join("\t")).join("\n");
+  try {
+    await navigator.clipboard.writeText(text);
+    button.textContent = "Copied";
+  } catch { // only pages by https or of this machine may write there
+    getSelection().selectAllChildren(table);
+    button.textContent = "Selected: press Ctrl+C";
+  }
+});

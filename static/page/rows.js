@@ -41,6 +41,12 @@ document.addEventListener("keydown", (e) => {
   commit(input, e.key === "Enter" ? input.vsmrcDraft : "");
   if (input.matches(".mantine-TextInput-input")) input.blur(); // keys are commands again
 }, true);
+// A tick of the timeline is looked at: its instant is typed into the field of the time, which stands behind the ticks.
+document.addEventListener("pointerdown", (e) => {
+  const tick = e.target instanceof Element && e.target.closest("[data-seek]");
+  const input = tick && document.querySelector("div:has(> .vs-ticks) + form .mantine-TextInput-input");
+  if (input) tell(input, tick.dataset.seek, mark);
+}, true);
 document.addEventListener("focusout", (e) => { const i = field(e); if (i) commit(i, i.vsmrcDraft); }, true);
 
 let held = null, byKey = false;

@@ -10,7 +10,7 @@ from typing import Any
 from playwright.sync_api import Page
 
 from app.scenario.data import shipped
-from app.session.commands import Load, Pause, Play, Reset, SetSpeed
+from app.session.commands import Load, Pause, Play, Reset, SetSpeed, Unpin
 from app.session.runner import Runner
 from drivers.pages import VIEWPORT, Session
 
@@ -77,7 +77,8 @@ class SharedPage:
         self._close()
 
     def _begun(self) -> Session:
-        for command in (Load(SCENARIO), SetSpeed(1.0), Pause(), Reset()):
+        pins = [Unpin(pinned.number) for pinned in self._runner.snapshot.pinned]
+        for command in (*pins, Load(SCENARIO), SetSpeed(1.0), Pause(), Reset()):
             self._runner.post(command)
         if self._page is not None and not self._put_back(self._page):
             self.discard()

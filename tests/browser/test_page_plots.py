@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from app.dashboard.plots.plot_table import TABS
-from app.session.commands import Pause
+from app.session.commands import Edit, Pause
 from drivers.pages import Session
 
 CHARTS = "Object.values(__viserTestpoints.uplots).map((p) => p.chart)"
@@ -88,7 +88,7 @@ def test_the_crosshair_tells_values_and_a_plot_can_be_enlarged(session: Session)
     told = page.evaluate(f"String(+{SHOWN}[1].data[2][{idx}].toPrecision(4))")
     session.wait(lambda _: told in values.inner_text().split("\n"))
 
-    plot.get_by_role("button").click()
+    plot.locator(".mantine-ActionIcon-root").click()
     page.wait_for_function(f"{SHOWN}[1].height > 400")
     enlarged = plot.bounding_box()
     assert small
@@ -101,3 +101,55 @@ def test_the_crosshair_tells_values_and_a_plot_can_be_enlarged(session: Session)
     page.keyboard.press("Escape")
     page.wait_for_function(f"{SHOWN}[1].height < 200")
     session.wait(lambda _: plot.bounding_box() == small)
+
+
+def test_the_legend_has_the_values_of_now_and_hides_a_line(session: Session):
+    page = session.page
+    session.wait(lambda now: now.t > 1.0)
+    session.runner.post(Pause())
+    session.wait(lambda now: now.phase == "paused")
+    page.mouse.move(700, 300)  # over no plot
+    told = "(name) => [...document.querySelectorAll('.u-series')].find((e) => e.innerText.startsWith(name)).innerText"
+    desired = session.now.scenario.force.value
+    page.wait_for_function(f"({told})('desired normal').endsWith('{desired:g}')")
+    measured = float(session.now.recording.signals(("F_c",))["F_c"][-1, 0])
+    page.wait_for_function(
+        f"(value) => Math.abs(({told})('measured normal').match(/[-\\d.]+$/)[0] - value) <= 0.01 * value", arg=measured
+    )
+    line = page.locator(".u-series", has_text="measured normal").locator("th")
+    line.click()
+    page.locator(".u-series.u-off", has_text="measured normal").wait_for()
+    line.click()
+    page.locator(".u-series.u-off").wait_for(state="detached")
+
+
+@pytest.mark.usefixtures("own_page")
+def test_two_cursors_measure_a_step(session: Session):
+    page = session.page
+    session.wait(lambda now: now.t > 2.0)
+    step = {"kind": "step", "start": 20.0, "value": 30.0, "time": session.now.t + 0.5, "rise": 0.1}
+    session.runner.post(Edit("force", step))
+    session.wait(lambda now: now.t > step["time"] + 1.5)
+    session.runner.post(Pause())
+    session.wait(lambda now: now.phase == "paused")
+    page.locator(".uplot-container").nth(1).hover()
+    page.locator(".vs-measure").nth(1).click()
+    table = page.locator(".vs-measured")
+    table.wait_for()
+    over = page.locator(".uplot-container[data-large] .u-over").bounding_box()
+    assert over is not None
+    for cursor, share in ((0, 0.76), (1, 0.99)):
+        box = page.locator(".vs-cursor").nth(cursor).bounding_box()
+        assert box is not None
+        page.mouse.move(box["x"] + 1, box["y"] + 200)
+        page.mouse.down()
+        page.mouse.move(over["x"] + share * over["width"], over["y"] + 200, steps=5)
+        page.mouse.up()
+    assert "Δt = 1.84 s" in table.inner_text()  # of a window of 8 s
+    row = table.locator("tr", has_text="desired normal").locator("td").all_inner_texts()
+    now = session.now
+    rows = now.recording.signals(("t", "F_cd"), now.t - 8.0 * 0.24, now.t - 8.0 * 0.01)
+    assert float(row[0]) == pytest.approx(rows["F_cd"][-1, 0] - rows["F_cd"][0, 0], abs=0.05)
+    assert row[1] == "0 %"
+    page.keyboard.press("Escape")
+    table.wait_for(state="detached")

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from playwright.sync_api import expect
 
-from app.session.commands import Edit, Unpin
+from app.session.commands import Edit
 from drivers.pages import Session
 
 
@@ -52,19 +52,28 @@ def test_play_shows_the_past_again_and_then_goes_on(session: Session):
 
 
 def test_runs_are_pinned_compared_and_forgotten(session: Session):
-    for pinned in session.now.pinned:
-        session.runner.post(Unpin(pinned.number))
     session.tab("Runs")
     session.wait(lambda now: now.t > 0.5)
     press(session, "Pin this run")
     session.wait(lambda now: len(now.pinned) == 1)
     number = session.now.pinned[0].number
     session.tab("View")
-    session.page.locator(".vs-note", has_text=f"run {number}").wait_for()
+    session.page.locator(".vs-note", has_text="path error").get_by_text(f"run {number}").wait_for()
     session.tab("Runs")
     session.runner.post(Edit("controller.K_s", 33.0))
     table = session.page.locator("table.vs-runs")
-    table.get_by_role("columnheader", name=str(number), exact=True).wait_for()
+    table.get_by_role("columnheader", name=f"run {number}", exact=True).wait_for()
+    name = session.number(f"run {number}")
+    name.fill("<b>soft</b>")
+    name.press("Enter")
+    table.get_by_role("columnheader", name="<b>soft</b>", exact=True).wait_for()
+    session.page.locator(".u-series", has_text="<b>soft</b>").first.wait_for()
+    session.page.context.grant_permissions(["clipboard-read", "clipboard-write"])
+    session.page.get_by_role("button", name="Copy the table").click()
+    session.page.get_by_text("Copied", exact=True).wait_for()
+    copied = session.page.evaluate("navigator.clipboard.readText()").split("\n")
+    assert copied[0].split("\t") == ["", "now", "<b>soft</b>"]
+    assert any(line.startswith("path error, RMS") and "%)" in line for line in copied)
     assert table.locator("tr", has_text="path error, RMS").locator("td").count() == 3
     session.page.get_by_text("controller.K_s = 100").wait_for()
     press(session, f"Forget run {number}")

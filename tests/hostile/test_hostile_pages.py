@@ -309,14 +309,16 @@ def test_a_hundred_thousand_messages_do_no_harm(
     caplog.set_level(logging.WARNING)
     widgets = dashboard._server.gui._gui_input_handle_from_uuid
 
-    def widget(label: str = "", option: str = "") -> str:
-        """The name of the one with this label, or this option."""
-        return next(
-            uuid
-            for uuid, handle in widgets.items()
-            if (label and getattr(handle, "label", "") == label)
-            or (option and option in getattr(handle, "options", ()))
-        )
+    commands = dashboard._server.gui._command_handle_from_uuid
+
+    def widget(label: str) -> str:
+        """The name of the one with this label."""
+        return next(uuid for uuid, handle in widgets.items() if getattr(handle, "label", "") == label)
+
+    def pressed(key: str) -> dict[str, Any]:
+        """The message of a key that is a command of the page."""
+        uuid = next(uuid for uuid, handle in commands.items() if handle.hotkey == key)
+        return {"type": "CommandTriggerMessage", "uuid": uuid}
 
     async def flood(first: int) -> None:
         connection, reading = await page(dashboard)
@@ -344,12 +346,12 @@ def test_a_hundred_thousand_messages_do_no_harm(
         await asyncio.gather(scribble(), *(flood(first) for first in (0, 700, 1400, 2100)))
         await until(lambda: len(dashboard.clients) == 1)
         assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - used < 300_000  # kB
-        await honest.send(pack(update(widget(label="noise [N]"), f"0.125{COMMIT}")))
+        await honest.send(pack(update(widget("noise [N]"), f"0.125{COMMIT}")))
         await until(lambda: runner.snapshot.scenario.sensor.noise == 0.125)
-        await honest.send(pack(update(widget(option="reset"), "reset")))
+        await honest.send(pack(pressed("R")))
         await until(lambda: runner.snapshot.t < 0.01 or runner.snapshot.phase == "running")
         if runner.snapshot.phase != "running":
-            await honest.send(pack(update(widget(option="reset"), "play / pause")))
+            await honest.send(pack(pressed("space")))
         await until(lambda: runner.snapshot.phase == "running" and runner.snapshot.t > 0.1)
         assert not reading.done()
         await honest.close()

@@ -6,6 +6,7 @@ import json
 import resource
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -50,6 +51,10 @@ def test_what_was_saved_is_offered_to_the_next_server_bit_for_bit(tmp_path: Path
     assert first.offer() is None
     first.save(changed(), pinned[:2])
     first.save(changed(0.03), pinned[1:])
+    written = left(first.path)
+    pinned = (*pinned[:-1], replace(pinned[-1], name="stiff"))
+    first.save(changed(0.03), pinned[1:])
+    assert left(first.path) == written  # a name is no reason to write a run anew
     first.close()
     assert len(left(first.path)) == 3  # the index and a file for each pinned run, not for the one that was let go
     assert all(file.stat().st_mode & 0o077 == 0 for file in first.path.iterdir())
@@ -60,6 +65,7 @@ def test_what_was_saved_is_offered_to_the_next_server_bit_for_bit(tmp_path: Path
     assert offer.scenario == changed(0.03)
     runs, problem = second.taken_up(offer)
     assert (problem, [run.number for run in runs]) == ("", [2, 3])
+    assert [run.title for run in runs] == ["run 2", "stiff"]
     for run, known in zip(runs, pinned[1:], strict=True):
         np.testing.assert_array_equal(run.recording.rows(), known.recording.rows())
         assert (run.scenario, run.t, run.system.layout.n) == (known.scenario, known.t, 2)

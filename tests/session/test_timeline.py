@@ -257,8 +257,33 @@ def test_figures_of_a_pinned_run_stay_when_the_running_one_goes_on_beyond_it(noi
     html = table_html(cast(Snapshot, seen), 0.4)
     figures = account(pinned.system, pinned.recording, pinned.t - 0.4, pinned.t)
     assert figures is not None
-    assert f"<td>{1e3 * figures.path_rms:.3g}</td>" in html
-    assert "<td>—</td>" not in html
+    now = account(noisy.loop.system, noisy.recording, noisy.loop.t - 0.4, noisy.loop.t)
+    assert now is not None
+    share = f"{100.0 * (figures.path_rms / now.path_rms - 1.0):+.0f} %"
+    assert f'<td>{1e3 * figures.path_rms:.3g} <span class="vs-dim">({share})</span></td>' in html
+    assert "—" not in html
+    assert "—" in table_html(cast(Snapshot, seen), 0.4, over="same")  # it had not come that far
+
+
+def test_a_pinned_run_has_a_name_and_a_colour_of_its_own(noisy: Timeline) -> None:
+    for _ in range(PINS + 1):
+        run(noisy, 10)
+        noisy.pin()
+    noisy.unpin(3)
+    run(noisy, 10)
+    noisy.pin()
+    assert [pinned.title for pinned in noisy.pinned] == ["run 2", "run 4", "run 5"]
+    assert {pinned.place for pinned in noisy.pinned} == set(range(PINS))
+    before = noisy.pinned[1]
+    noisy.rename(4, "stiff")
+    assert noisy.pinned[1].title == "stiff"
+    assert (noisy.pinned[1].recording, noisy.pinned[1].place) == (before.recording, before.place)
+    with pytest.raises(ScenarioError, match="name of run 4: 25 letters; allowed: at most 24"):
+        noisy.rename(4, "x" * 25)
+    with pytest.raises(ScenarioError, match="there is no such pinned run"):
+        noisy.rename(9, "x")
+    noisy.rename(4, "")
+    assert noisy.pinned[1].title == "run 4"
 
 
 def test_the_arm_of_another_run_with_the_same_number_is_another_arm(monkeypatch: pytest.MonkeyPatch) -> None:

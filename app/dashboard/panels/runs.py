@@ -5,26 +5,30 @@ from __future__ import annotations
 import math
 import time
 from html import escape
-from typing import Any
+from typing import Literal
 
 import viser
 
 from app.analysis.metrics import FIGURES, Account, Figure, account
+from app.dashboard.theme.colors import RUNS, css
+from app.dashboard.theme.style import COMMIT, MARKS
 from app.dashboard.widgets.controls import Desk
 from app.dashboard.widgets.matrix_text import written
 from app.scenario.data import differences
-from app.session.commands import Pin, Unpin
+from app.session.commands import Pin, Rename, Unpin
 from app.session.snapshot import Snapshot
 from app.session.timeline import Pinned
 from app.storage.session_index import PINS
 
+Over = Literal["own", "same"]
+OVER: dict[str, Over] = {"each run's own last seconds": "own", "the same instants": "same"}
 _EVERY = 1.0  # s, between two looks at the figures
 _TOLD = 4  # differences of a pinned run that are shown
 
 
 class RunsPanel:
-    """Buttons to pin and forget runs, and a table of figures over the last seconds up to the instant looked at: over
-    the same instants of every run that has come that far, over the last ones of every other."""
+    """Buttons to pin, name and forget runs, and a table of figures over the last seconds of every run: its own ones, or
+    the same instants of all."""
 
     def __init__(self, desk: Desk) -> None:
         self._desk = desk
@@ -33,74 +37,116 @@ class RunsPanel:
         gui.add_button(
             "Pin this run", hint="Keep it as it is now, to compare it with what you change. Key: P"
         ).on_click(self._on_pin)
+        self._over = gui.add_dropdown("Figures over", tuple(OVER), hint="Which instants of the runs are compared.")
         self._table = gui.add_html("")
-        self._forget = [gui.add_button("", visible=False, hint="Frees its place.") for _ in range(PINS)]
-        self._numbers: list[int | None] = [None] * PINS
-        for place, button in enumerate(self._forget):
-            button.on_click(self._forgetting(place))
+        copy = '<button class="vs-copy" data-copy=".vs-runs">Copy the table</button>'
+        self._copy = gui.add_html(copy, visible=False)
+        self._rows = [_PinnedRow(desk) for _ in range(PINS)]
         self._due = -math.inf
         self._key: object = None
 
     async def _on_pin(self, _: viser.GuiEvent) -> None:
         self._desk.post(Pin())
 
-    def _forgetting(self, place: int) -> Any:
-        async def on_click(_: viser.GuiEvent) -> None:
-            number = self._numbers[place]
-            if number is not None:
-                self._desk.post(Unpin(number))
-
-        return on_click
-
     def show(self, snapshot: Snapshot) -> None:
-        window = self._desk.viewing.window
-        key = (window, tuple(pinned.number for pinned in snapshot.pinned), snapshot.revision, snapshot.run)
+        window, over = self._desk.viewing.window, OVER[self._over.value]
+        key = (window, over, tuple((p.number, p.name) for p in snapshot.pinned), snapshot.revision, snapshot.run)
         if key == self._key and time.monotonic() < self._due:
             return
         self._key, self._due = key, time.monotonic() + _EVERY
-        self._numbers = [pinned.number for pinned in snapshot.pinned] + [None] * (PINS - len(snapshot.pinned))
-        for button, number in zip(self._forget, self._numbers, strict=True):
-            if number is not None:
-                button.label = f"Forget run {number}"
-            if button.visible != (number is not None):
-                button.visible = number is not None
-        self._note.content = f'<div class="vs-note">{_note(snapshot, window)}</div>'
-        self._table.content = table_html(snapshot, window) if snapshot.pinned else ""
+        for i, row in enumerate(self._rows):
+            row.show(snapshot.pinned[i] if i < len(snapshot.pinned) else None)
+        for widget in (self._over, self._copy):
+            if widget.visible != bool(snapshot.pinned):
+                widget.visible = bool(snapshot.pinned)
+        self._note.content = f'<div class="vs-note">{_note(snapshot, window, over)}</div>'
+        self._table.content = table_html(snapshot, window, over) if snapshot.pinned else ""
 
 
-def _note(snapshot: Snapshot, window: float) -> str:
+class _PinnedRow:
+    """Name of a pinned run, to be changed, and a button to forget it."""
+
+    def __init__(self, desk: Desk) -> None:
+        self._desk, self._run, self._typing = desk, None, False
+        self._form = desk.gui.add_form(None, visible=False)
+        with self._form:
+            self._text = desk.gui.add_text("", "", hint="What this run is called in the plots and in the table.")
+        self._forget = desk.gui.add_button("", visible=False, hint="Frees its place.")
+        self._text.on_update(self._on_text)
+        self._forget.on_click(self._on_forget)
+
+    async def _on_text(self, event: viser.GuiEvent) -> None:
+        if event.client is None:
+            return
+        self._typing = not self._text.value.endswith(COMMIT)
+        name = self._text.value.rstrip("".join(MARKS)).strip()
+        if self._run is not None and not self._typing:
+            self._desk.post(Rename(self._run.number, "" if name == f"run {self._run.number}" else name))
+
+    async def _on_forget(self, _: viser.GuiEvent) -> None:
+        if self._run is not None:
+            self._desk.post(Unpin(self._run.number))
+
+    def show(self, run: Pinned | None) -> None:
+        another = run is None or self._run is None or run.number != self._run.number
+        self._run = run
+        for widget in (self._form, self._forget):
+            if widget.visible != (run is not None):
+                widget.visible = run is not None
+        if run is not None and (another or not self._typing):
+            self._typing = False
+            self._text.label, self._text.value = f"run {run.number}", run.title
+            self._forget.label = f"Forget run {run.number}"
+
+
+def _note(snapshot: Snapshot, window: float, over: Over) -> str:
     if not snapshot.pinned:
         return (
-            f"Pin up to {PINS} runs, change something, and see both: pinned runs are the grey lines in the plots, and "
-            "stand beside the running one in a table here. A fork pins what it leaves, an edit a run that has stopped."
+            f"Pin up to {PINS} runs, change something, and see both: each has a colour of its own in the plots and the "
+            "scene, and a column in a table here. A fork pins what it leaves, an edit a run that has stopped."
         )
+    if over == "own":
+        return f"Of every run its own last {window:g} s; in brackets: against the present run."
     start = max(snapshot.t - window, 0.0)
-    told = f"Every run from t = {start:.2f} to {snapshot.t:.2f} s."
-    ended = any(pinned.t < snapshot.t for pinned in snapshot.pinned)
-    return f"{told} One that ended before: its own last {window:g} s." if ended else told
+    return f"From t = {start:.2f} to {snapshot.t:.2f} s of every run; in brackets: against the present run."
 
 
-def table_html(snapshot: Snapshot, window: float) -> str:
-    """Table of figures over the last `window` s, a column for each run, and the differences of each pinned run's
-    scenario."""
+def table_html(snapshot: Snapshot, window: float, over: Over = "own") -> str:
+    """Table of figures over `window` s, a column for each run, those of pinned ones with their difference from the
+    present run in per cent; and the differences of each pinned run's scenario."""
+    ends = [p.t if over == "own" else snapshot.t for p in snapshot.pinned]
     runs = [
         (snapshot.system, snapshot.recording, snapshot.t),
-        *((p.system, p.recording, min(p.t, snapshot.t)) for p in snapshot.pinned),
+        *((p.system, p.recording, end) for p, end in zip(snapshot.pinned, ends, strict=True)),
     ]
     systems = tuple(system for system, _, _ in runs)
     accounts = tuple(account(system, rows, end - window, end) for system, rows, end in runs)
-    heads = "".join(f"<th>{head}</th>" for head in ("now", *(str(p.number) for p in snapshot.pinned)))
+    heads = "".join(f'<th><i class="vs-dot" style="background: {css(RUNS[p.place])}"></i> {escape(p.title)}</th>'
+                    for p in snapshot.pinned)  # fmt: skip
     rows = "".join(_row(figure, figure.units(systems), accounts) for figure in FIGURES)
     told = "".join(_told(pinned, snapshot) for pinned in snapshot.pinned)
-    return f'<table class="vs-facts vs-runs"><tr><th></th>{heads}</tr>{rows}</table>{told}'
+    return f'<table class="vs-facts vs-runs"><tr><th></th><th>now</th>{heads}</tr>{rows}</table>{told}'
 
 
 def _row(figure: Figure, unit: str, accounts: tuple[Account | None, ...]) -> str:
-    values = [figure.of(account) for account in accounts]
-    if all(value is None for value in values):
+    now, *others = (figure.of(account) for account in accounts)
+    if now is None and not any(value is not None for value in others):
         return ""
-    cells = "".join(f"<td>{'—' if value is None else f'{value:.3g}'}</td>" for value in values)
+    cells = f"<td>{_number(now)}</td>" + "".join(f"<td>{_number(v)}{_against(v, now)}</td>" for v in others)
     return f'<tr><td>{figure.title} <span class="vs-dim">{unit}</span></td>{cells}</tr>'
+
+
+def _number(value: float | None) -> str:
+    return "—" if value is None else f"{value:.3g}"
+
+
+def _against(value: float | None, now: float | None) -> str:
+    """Difference from the present run in per cent, as HTML."""
+    if value is None or now is None or abs(now) < 1e-12:
+        return ""
+    per_cent = 100.0 * (value - now) / abs(now)
+    told = f"{per_cent:+.0f} %" if abs(per_cent) < 1000 else f"{value / now:.3g} ×"
+    return f' <span class="vs-dim">({told})</span>'
 
 
 def _told(pinned: Pinned, snapshot: Snapshot) -> str:
@@ -110,7 +156,7 @@ def _told(pinned: Pinned, snapshot: Snapshot) -> str:
     if len(different) > _TOLD:
         parts.append(f"{len(different) - _TOLD} more")
     what = ", ".join(parts) or "as now"
-    return f'<div class="vs-note"><b>{pinned.number}</b> up to {pinned.t:.2f} s: {escape(what)}</div>'
+    return f'<div class="vs-note"><b>{escape(pinned.title)}</b> up to {pinned.t:.2f} s: {escape(what)}</div>'
 
 
 def _short(value: object) -> str:

@@ -6,6 +6,7 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Mapping
 from dataclasses import replace
+from html import escape
 from typing import Any, Protocol
 
 import viser
@@ -16,8 +17,8 @@ from app.dashboard.theme.colors import (
     ERROR_COLORS,
     GHOST,
     MEASURED,
-    PINNED_ARMS,
     PUSH,
+    RUNS,
     SERIES,
     TOOL_PATH,
     Rgb,
@@ -151,9 +152,7 @@ def legend_html(look: Look, legend: Legend, snapshot: Snapshot) -> str:
         names = [] if snapshot.system.layout.joint else snapshot.coordinates[: snapshot.system.layout.positions]
         keys += [_key(SERIES[i], coordinate.name) for i, coordinate in enumerate(names)]
     if look.pinned_arms and snapshot.pinned:
-        keys += [
-            _key(color, f"run {pinned.number}") for color, pinned in zip(PINNED_ARMS, snapshot.pinned, strict=False)
-        ]
+        keys += [_key(RUNS[pinned.place], escape(pinned.title)) for pinned in snapshot.pinned]
     if look.ghost:
         away = "out of reach" if legend.ghost is None else f"{1e3 * legend.ghost:.3f} mm away"
         keys.append(_key(GHOST, f"ghost, {away}"))

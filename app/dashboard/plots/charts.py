@@ -25,13 +25,14 @@ from app.simulation.recording import Recording
 from app.simulation.system import Coordinate
 
 Signals = Mapping[str, np.ndarray]
+Label = tuple[str, Rgb]  # name and colour of a pinned run
 
 BUCKETS = 170  # two points each: about the number of pixels of a plot
 GREY: Rgb = (140, 140, 140)
 UNLISTED = "vs-unlisted"  # class of the lines that the legend leaves out
 _NOTHING = np.array([0.01, 0.02])  # on a logarithmic axis, too
 MOST_SERIES = 48  # of a chart: those of three pinned runs and the shown one with seven coordinates each, and backdrops
-_DOCK, _ENTRY, _LETTER = 366, 20, 6  # px: width of the legend, of an entry, and of a letter in it
+_DOCK, _ENTRY, _LETTER = 366, 54, 6  # px: width of the legend, of an entry with its value, and of a letter in it
 _FOOT, _HEAD = ({"pad": 0.0, "hard": end, "soft": end, "mode": 1} for end in (0.0, 1.0))
 _RULE = "rgba(128, 128, 128, 0.7)"  # visible on dark and on light
 
@@ -129,10 +130,11 @@ class Drawing:
     floor: float | None = None
     at_least: tuple[float, float] | None = None
 
-    def legend_rows(self, pinned: Sequence[str]) -> int:
+    def legend_rows(self, pinned: Sequence[Label]) -> int:
         """Number of rows that its legend takes on the dock, about."""
         compared = any(line.compared for line in self.lines)
-        names = ["t [s]", *(line.name for line in self.lines if line.listed), *(pinned if compared else ())]
+        names = ["t [s]", *(line.name for line in self.lines if line.listed)]
+        names += [name for name, _ in pinned] if compared else []
         return -(-sum(_ENTRY + _LETTER * len(name) for name in names) // _DOCK)
 
     def y_scale(self) -> uplot.Scale:
@@ -154,12 +156,13 @@ class Plot:
 
 @dataclass(frozen=True)
 class Pinned:
-    """A run to compare with, drawn in grey behind the shown one. start: instant (s) of the shown run at which its zero
-    is drawn."""
+    """A run to compare with, drawn in one colour behind the shown one. start: instant (s) of the shown run at which its
+    zero is drawn."""
 
     name: str
     recording: Recording
     start: float = 0.0
+    color: Rgb = GREY
 
 
 @dataclass(frozen=True)
@@ -194,8 +197,8 @@ class Frame:
                 columns.append(_bridged(future))
         shown = np.concatenate(columns)
         compared = [line for line in lines if line.compared]
-        grey = [self._behind(pinned, compared, len(shown), begins) for pinned in self.pinned]
-        return np.concatenate(x), *(column for block in (*grey, shown) for column in block.T)
+        behind = [self._behind(pinned, compared, len(shown), begins) for pinned in self.pinned]
+        return np.concatenate(x), *(column for block in (*behind, shown) for column in block.T)
 
     def _behind(self, rows: Signals | None, lines: Sequence[Line], count: int, begins: int) -> np.ndarray:
         behind = np.full((count, len(lines)), np.nan)
@@ -271,7 +274,7 @@ class Chart:
         """Set the height in pixels, without title and legend."""
         self._handle.height = pixels
 
-    def draw(self, setup: Setup, pinned: Sequence[str], frame: Frame) -> None:
+    def draw(self, setup: Setup, pinned: Sequence[Label], frame: Frame) -> None:
         if self._adapted != (setup, tuple(pinned)):
             self._adapted = (setup, tuple(pinned))
             self._adapt(self._plot.draw(setup), pinned)
@@ -284,7 +287,7 @@ class Chart:
                 (x, *(np.maximum(line, low) for line, low in zip(lines, self._lowest, strict=True)))
             )
 
-    def _adapt(self, drawing: Drawing | None, pinned: Sequence[str]) -> None:
+    def _adapt(self, drawing: Drawing | None, pinned: Sequence[Label]) -> None:
         self._drawing = drawing
         self._legend_rows = 0 if drawing is None else drawing.legend_rows(pinned)
         if self._handle.visible != (drawing is not None):
@@ -292,15 +295,11 @@ class Chart:
         if drawing is None:
             return
         compared = [line for line in drawing.lines if line.compared and not self._plot.spectral]
-        grey = [
-            Line(name if line is compared[0] else "", GREY, line.values, width=1.0, listed=line is compared[0]).series()
-            for name in pinned
-            for line in compared
-        ]
-        first = 1 + len(grey)
+        behind = [_of_pinned(line, label, listed=line is compared[0]) for label in pinned for line in compared]
+        first = 1 + len(behind)
         floor = -np.inf if drawing.floor is None else drawing.floor
-        self._lowest = [floor] * len(grey) + [-np.inf if line.backdrop else floor for line in drawing.lines]
-        series = (uplot.Series(label=self._axis), *grey, *(line.series() for line in drawing.lines))
+        self._lowest = [floor] * len(behind) + [-np.inf if line.backdrop else floor for line in drawing.lines]
+        series = (uplot.Series(label=self._axis), *behind, *(line.series() for line in drawing.lines))
         handle = self._handle
         handle.data = _padded(())
         handle.series = series
@@ -321,6 +320,14 @@ class Chart:
         return "Hz" if self._plot.spectral else "t [s]"
 
 
+def _of_pinned(line: Line, label: Label, *, listed: bool) -> uplot.Series:
+    """Look of a line of a pinned run: dotted, and its first one is in the legend for all."""
+    name, color = label
+    look = Line(name if listed else "", color, line.values, width=1.3, listed=listed).series()
+    look["dash"] = (2.0, 3.0)
+    return look
+
+
 def _padded(data: tuple[np.ndarray, ...]) -> tuple[np.ndarray, ...]:
     """Data padded to the largest number of series of a chart. The page receives the series and the data in two
     messages, may draw between them, and fails at a series without an array, whereas spare arrays cost nothing."""
@@ -329,7 +336,7 @@ def _padded(data: tuple[np.ndarray, ...]) -> tuple[np.ndarray, ...]:
 
 def _axes(drawing: Drawing, *, spectral: bool) -> tuple[uplot.Axis, ...]:
     x = uplot.Axis(size=29, gap=3, space=60, ticks={"size": 5})
-    y = uplot.Axis(size=52, space=18, ticks={"show": drawing.floor is None, "size": 5}, gap=3)
+    y = uplot.Axis(size=52, space=14, ticks={"show": drawing.floor is None, "size": 5}, gap=3)
     if spectral:
         return x, y
     grid: uplot.Axis_Grid = {"show": True, "stroke": _RULE, "width": 1, "dash": (3.0, 3.0)}

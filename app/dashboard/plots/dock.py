@@ -62,7 +62,7 @@ class Plots:
     def show(self, snapshot: Snapshot, shown: Shown, looked_at: Collection[str]) -> None:
         """Draw the visible tabs, unless they are drawn already."""
         setup = Setup.of(snapshot, self._viewing.coordinate, self._viewing.joint)
-        pinned = tuple((p.name, id(p.recording), p.start) for p in shown.pinned)
+        pinned = tuple((p.name, p.color, id(p.recording), p.start) for p in shown.pinned)
         outlook = None if shown.outlook is None else (shown.outlook.number, len(shown.outlook.ahead))
         drawn = (snapshot.run, snapshot.revision, shown.now, shown.window, setup, pinned, outlook)
         stale = [title for title in self._tabs if title in looked_at and self._drawn.get(title) != drawn]
@@ -141,7 +141,7 @@ class _TabView:
             self._title, shown.window, ahead, self._tab.note(snapshot) if self._tab.note else ""
         )
         for chart in self._charts:
-            chart.draw(setup, [p.name for p in shown.pinned], frame)
+            chart.draw(setup, [(p.name, p.color) for p in shown.pinned], frame)
         self._share()
 
     def _show_choices(self, setup: Setup) -> None:

@@ -8,7 +8,7 @@ import numpy as np
 import viser
 
 from app.dashboard.scene.robot_view import Paint, RobotView
-from app.dashboard.theme.colors import PINNED_ARMS
+from app.dashboard.theme.colors import RUNS
 from app.session.snapshot import Snapshot
 from app.session.timeline import Pinned
 
@@ -17,8 +17,8 @@ _COAT = 0.0045  # m, beyond that of the ghost
 
 
 class PinnedArms:
-    """One translucent arm for each pinned run of the arm that is shown, at the instants at which it was recorded, later
-    pins lighter."""
+    """One translucent arm for each pinned run of the arm that is shown, in its colour, at the instants at which it was
+    recorded."""
 
     def __init__(self, scene: viser.SceneApi, new_root: Callable[[], str]) -> None:
         self._scene, self._new_root = scene, new_root
@@ -28,13 +28,14 @@ class PinnedArms:
         """Move them to their postures at snapshot.t; hide them unless wanted."""
         runs = {pinned.number: pinned for pinned in snapshot.pinned}
         for number, (pinned, arm) in list(self._arms.items()):
-            if runs.get(number) is not pinned:  # a session that is continued has numbers of its own
+            # a session that is continued has numbers of its own
+            if number not in runs or runs[number].recording is not pinned.recording:
                 arm.remove()
                 del self._arms[number]
-        for place, pinned in enumerate(snapshot.pinned):
+        for pinned in snapshot.pinned:
             q = posture(pinned, snapshot.t) if wanted and _same_arm(pinned, snapshot) else None
             if q is not None and pinned.number not in self._arms:
-                paint = Paint(PINNED_ARMS[place % len(PINNED_ARMS)], opacity=0.3, coat=_COAT)
+                paint = Paint(RUNS[pinned.place], opacity=0.3, coat=_COAT)
                 view = RobotView(self._scene, pinned.system.robot, self._new_root(), _CELL, paint)
                 self._arms[pinned.number] = pinned, view
             if pinned.number in self._arms:

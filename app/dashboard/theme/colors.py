@@ -16,7 +16,7 @@ SURFACE_LINES: Rgb = (110, 165, 225)
 TOOL_PATH: Rgb = (255, 205, 90)
 PUSH: Rgb = (204, 90, 190)
 GHOST: Rgb = (120, 165, 240)
-PINNED_ARMS: tuple[Rgb, ...] = ((150, 150, 150), (185, 175, 150), (150, 175, 185))
+RUNS: tuple[Rgb, ...] = ((186, 145, 255), (120, 215, 215), (222, 184, 135))  # pinned ones, by their places
 BOUND: Rgb = (235, 80, 80)
 # viser derives shades of it; on a light page its links and buttons are two shades lighter than this
 BRAND: dict[Theme, Rgb] = {"dark": ACCENT, "light": (14, 66, 160)}
@@ -88,7 +88,7 @@ def css_variables() -> str:
 
 
 def _variables(theme: Theme) -> str:
-    plain = {"accent": ACCENT, "sky": SKY[theme], "line": LINE[theme], "edge": EDGE[theme]}
+    plain = {"accent": ACCENT, "push": PUSH, "sky": SKY[theme], "line": LINE[theme], "edge": EDGE[theme]}
     colors = {name: css(color) for name, color in plain.items()}
     for name, ink in INKS[theme].items():
         colors[name] = css(ink.text)

@@ -21,7 +21,17 @@ from app.dashboard.theme.fonts import font_faces
 COMMIT, RELEASED, ESCAPED = MARKS = "\u200b", "\u200c", "\u200d"
 
 _SHEETS = ("page.css", "phone.css")
-_SCRIPTS = ("fonts.js", "rows.js", "plots.js", "reading.js", "scene.js", "looking.js", "keys.js", "hints.js")
+_SCRIPTS = (
+    "fonts.js",
+    "rows.js",
+    "plots.js",
+    "reading.js",
+    "scene.js",
+    "stage.js",
+    "looking.js",
+    "keys.js",
+    "hints.js",
+)
 
 # Scripts in innerHTML do not run; the load event of an image that is part of the page does, and needs no request.
 _PIXEL = "data:image/gif;base64,R0lGODlhAQABAAAAACH5BAEKAAEALAAAAAABAAEAAAICTAEAOw=="

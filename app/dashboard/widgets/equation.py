@@ -178,7 +178,8 @@ def is_fixed(snapshot: Snapshot, name: str, i: int) -> bool:
 
 
 def _cells(contents: list[str]) -> str:
-    return "<mtr>" + "".join(f"<mtd>{content}</mtd>" for content in contents) + "</mtr>"
+    # in a row of its own each stays in one piece where a narrow page breaks the line between cells
+    return "<mtr>" + "".join(f"<mtd><mrow>{content}</mrow></mtd>" for content in contents) + "</mtr>"
 
 
 def _sub(base: str, index: str) -> str:

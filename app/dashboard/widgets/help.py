@@ -9,7 +9,7 @@ import viser
 from app.dashboard.theme.colors import BOUND, DESIRED, MEASURED, SURFACE, Rgb, css
 from controllers.modes import MODES
 
-# Text of each key in viser's palette, except for "?" and Esc, which the page's script adds.
+# Text of each key in viser's palette, except for S, "?" and Esc, which the page's script adds.
 KEYS: dict[str, str] = {
     "space": "play or pause",
     "arrowright": "one control period on",
@@ -23,6 +23,8 @@ KEYS: dict[str, str] = {
     **{str(number): mode.label.lower() for number, mode in enumerate(MODES.values(), start=1)},
     "L": "swap the law: robust, or computed torque",
     "B": "push the tool",
+    "G": "a guided minute: the five modes",
+    "S": "presentation: the scene, one plot, the sliders used last, large type; S or Esc ends it",
     "T": "dark or light",
     "H": "this help, also ?",
 }
@@ -121,7 +123,7 @@ def tools_html() -> str:
         '<button data-key="t" title="dark or light (T)" aria-label="dark or light"><i class="vs-half"></i></button>'
         '<button data-key="h" title="help (?)" aria-label="help">?</button></div>'
         '<template id="vs-hints"><aside class="vs-hints" role="note" aria-label="first steps">'
-        f"{hints}<button>Got it</button></aside></template>"
+        f'{hints}<button data-key="g">A guided minute</button><button>Got it</button></aside></template>'
     )
 
 

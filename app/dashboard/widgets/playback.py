@@ -1,13 +1,15 @@
-"""Playback: the buttons that are always visible, the time, and their keys."""
+"""Playback: the timeline under the scene, with its buttons, the time, the speed and their keys."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Coroutine
 from dataclasses import dataclass
+from html import escape
 from typing import Literal
 
 import viser
 
+from app.analysis.run_events import Event, RunEvents
 from app.dashboard.theme.style import COMMIT, ESCAPED, MARKS, RELEASED
 from app.dashboard.widgets.controls import Answer, Desk
 from app.session.commands import Command, Fork, Pause, Pin, Play, Reset, Seek, SetSpeed, StepOnce, ToEnd
@@ -29,78 +31,117 @@ def _moved(snapshot: Snapshot, by: float) -> Command:
 
 @dataclass(frozen=True)
 class _Action:
-    """Action of a key, an entry of the palette and a button; no button where `button` is empty."""
+    """Action of a key and an entry of the palette; with an icon, also of a button of the timeline.
+    name: what the button is called; icon: its drawing, a path of SVG in a square of 24."""
 
     title: str
-    button: str
     command: Callable[[Snapshot], Command]
     key: Literal["space", "arrowleft", "arrowright", "R", "F", "end", "P"]
     modifier: Literal["shift"] | None = None
+    name: str = ""
+    icon: str = ""
 
 
-_RUN = (
-    _Action("Play / pause", "play / pause", _toggled, "space"),
-    _Action("One control period on", "step", lambda _: StepOnce(), "arrowright"),
-    _Action("Begin anew", "reset", lambda _: Reset(), "R"),
+_PLAYING, _HELD = "M6 4h4v16H6zM14 4h4v16h-4z", "M7 4l13 8-13 8z"
+_ACTIONS = (
+    _Action("Begin anew", lambda _: Reset(), "R", name="reset", icon="M4 5h2v14H4zM20 5v14L9 12z"),
+    _Action(
+        "One control period back",
+        lambda s: _moved(s, -s.scenario.controller.period),
+        "arrowleft",
+        name="back",
+        icon="M17 5v14L6 12z",
+    ),
+    _Action("Play or pause", _toggled, "space", name="play / pause", icon=_HELD),
+    _Action("One control period on", lambda _: StepOnce(), "arrowright", name="step", icon="M7 5v14l11-7z"),
+    _Action("To the end of the run", lambda _: ToEnd(), "end", name="to the end", icon="M18 5h2v14h-2zM4 5v14l11-7z"),
+    _Action(
+        "Fork: go on from the instant looked at; what followed is pinned",
+        lambda _: Fork(),
+        "F",
+        name="fork here",
+        icon="M6 3h2v7.5c1-2 3-3 8-3.6V4l5 4-5 4V9c-6 .7-8 2-8 6v6H6z",
+    ),
+    _Action(
+        "Pin this run, to compare it with others",
+        lambda _: Pin(),
+        "P",
+        name="pin",
+        icon="M8 3h8v2l-1 1v5l3 3v2h-5v5l-1 1-1-1v-5H6v-2l3-3V6L8 5z",
+    ),
+    _Action("A tenth of a second on", lambda s: _moved(s, _STRIDE), "arrowright", "shift"),
+    _Action("A tenth of a second back", lambda s: _moved(s, -_STRIDE), "arrowleft", "shift"),
 )
-_PAST = (
-    _Action("One control period back", "back", lambda s: _moved(s, -s.scenario.controller.period), "arrowleft"),
-    _Action("Fork: go on from the instant looked at", "fork here", lambda _: Fork(), "F"),
-    _Action("To the end of the run", "to the end", lambda _: ToEnd(), "end"),
-    _Action("Pin this run for comparison", "pin", lambda _: Pin(), "P"),
-)
-_STRIDES = (
-    _Action("A tenth of a second on", "", lambda s: _moved(s, _STRIDE), "arrowright", "shift"),
-    _Action("A tenth of a second back", "", lambda s: _moved(s, -_STRIDE), "arrowleft", "shift"),
-)
+# what a pressed button sends is a key: `static/page/keys.js`
+_PRESSED = {"space": " ", "arrowleft": "ArrowLeft", "arrowright": "ArrowRight", "end": "End"}
 
 
 class Playback:
-    """Buttons to play or pause, make one step, begin anew, look back, fork and pin; the speed, and the time."""
+    """Timeline under the scene: buttons to play or pause, make one step, begin anew, look back, fork and pin; the
+    speed; the time as a slider over the known stretch of the run, and above it a tick for each of its events."""
 
     def __init__(self, desk: Desk) -> None:
-        self._desk = desk
+        self._desk, self._events = desk, RunEvents()
         gui = desk.gui
-        self._add_buttons("Run", _RUN, "Keys: space, →, R.")
+        self._buttons = gui.add_html("")
         self._speed = gui.add_dropdown("Speed", tuple(_SPEEDS), initial_value="1×", hint="Simulated over real time.")
         self._speed.on_update(self._on_speed)
+        self._ticks = gui.add_html("")
         self._time = _Time(desk)
-        self._add_buttons(
-            "Past",
-            _PAST,
-            "Back: look one control period earlier (←; with Shift 0.1 s). Fork here (F): go on from the instant looked "
-            "at; what followed is pinned. To the end (End): look where the run has come to. Pin (P): keep this run to "
-            "compare it with others, see the tab Runs.",
-        )
-        for action in (*_RUN, *_PAST, *_STRIDES):
+        for action in _ACTIONS:
             entry = gui.add_command(action.title, hotkey=action.key, modifier=action.modifier)
             entry.on_trigger(self._posting(action))
 
-    def _add_buttons(self, label: str, actions: tuple[_Action, ...], hint: str) -> None:
-        group = self._desk.gui.add_button_group(label, tuple(action.button for action in actions), hint=hint)
-        by_button = {action.button: action for action in actions}
-
-        async def on_click(event: viser.GuiEvent) -> None:
-            self._post(by_button[event.target.value])
-
-        group.on_click(on_click)
-
     def _posting(self, action: _Action) -> Callable[[object], Coroutine[None, None, None]]:
         async def on_trigger(_: object) -> None:
-            self._post(action)
+            self._desk.post(action.command(self._desk.snapshot()))
 
         return on_trigger
-
-    def _post(self, action: _Action) -> None:
-        self._desk.post(action.command(self._desk.snapshot()))
 
     async def _on_speed(self, event: viser.GuiEvent) -> None:
         if event.client is not None:
             self._desk.post(SetSpeed(_SPEEDS[self._speed.value]))
 
     def show(self, snapshot: Snapshot) -> None:
+        events = self._events.of(snapshot.recording, snapshot.end, snapshot.state.flagged, snapshot.forks)
+        # what has not changed is not sent: a button that is replaced under the mouse is not clicked
+        for widget, html in ((self._buttons, _buttons_html(snapshot)), (self._ticks, _ticks_html(snapshot, events))):
+            if widget.content != html:
+                widget.content = html
         self._speed.value = min(_SPEEDS, key=lambda title: abs(_SPEEDS[title] - snapshot.speed))
         self._time.show(snapshot)
+
+
+def _buttons_html(snapshot: Snapshot) -> str:
+    running = snapshot.phase == "running"
+    buttons = []
+    for action in _ACTIONS:
+        if not action.icon:
+            continue
+        key = _PRESSED.get(action.key, action.key.lower())
+        icon, told = action.icon, action.name
+        if action.key == "space":
+            icon, told = (_PLAYING, "pause") if running else (_HELD, "play")
+        shown = {"space": "space", "arrowleft": "←", "arrowright": "→", "end": "End"}.get(action.key, action.key)
+        buttons.append(
+            f'<button data-key="{key}" aria-label="{action.name}" title="{action.title} ({shown})">'
+            f'<svg viewBox="0 0 24 24" aria-hidden="true"><path d="{icon}"/></svg><span>{told}</span></button>'
+        )
+    return f'<div class="vs-timeline" role="toolbar" aria-label="timeline">{"".join(buttons)}</div>'
+
+
+def _ticks_html(snapshot: Snapshot, events: tuple[Event, ...]) -> str:
+    """A tick for each event of the known stretch, and for a run that has stopped; pressed, it is looked at."""
+    known = snapshot.end - snapshot.first
+    if snapshot.phase == "stopped":
+        events = (*events, Event(snapshot.end, "fault", f"stopped: {snapshot.reason}"))
+    ticks = "".join(
+        f'<i class="vs-tick vs-{event.kind}" data-seek="{event.t:.4f}" style="left:{share:.1%}" '
+        f'title="{event.t:.2f} s: {escape(event.what)}"></i>'
+        for event in events
+        if known > 0.0 and 0.0 <= (share := (event.t - snapshot.first) / known) <= 1.0
+    )
+    return f'<div class="vs-ticks">{ticks}</div>'
 
 
 class _Time:

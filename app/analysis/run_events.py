@@ -1,0 +1,86 @@
+"""Events of a run, the ticks of its timeline: changes, pushes, contacts, forks and faults, each with its instant."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Literal
+
+import numpy as np
+
+from app.scenario.data import differences
+from app.simulation.recording import Recording
+from app.simulation.state import Flag
+
+Kind = Literal["edit", "push", "contact", "fork", "fault"]
+
+APART = 0.1  # s: a contact that is lost and made again within this is one event
+MOST = 400  # events of pushes and contacts, the newest
+_TOLD = 3  # changed fields that an edit names
+
+
+@dataclass(frozen=True)
+class Event:
+    """Something that happened at t (s), in a few words."""
+
+    t: float
+    kind: Kind
+    what: str
+
+
+class RunEvents:
+    """Events of a recording that grows: of its rows only those are read that have come since."""
+
+    def __init__(self) -> None:
+        self._recording: Recording | None = None
+        self._felt: list[Event] = []
+        self._flags: dict[Flag, None] = {}
+
+    def of(self, recording: Recording, end: float, flag: Flag | None, forks: tuple[float, ...]) -> tuple[Event, ...]:
+        """All events up to now, in the order of their instants.
+        end: s, the last instant of the run.
+        flag: what the run has been flagged for since its last change."""
+        if recording is not self._recording:
+            self._recording, self._felt, self._flags = recording, [], {}
+            self._read, self._pushed, self._touching = -np.inf, False, None
+        if flag is not None:
+            self._flags[flag] = None
+        self._feel(recording, end)
+        faults = [Event(flag.t, "fault", flag.reason) for flag in self._flags]
+        forked = [Event(t, "fork", "forked here") for t in forks]
+        return tuple(sorted((*_edits(recording), *self._felt, *forked, *faults), key=lambda event: event.t))
+
+    def _feel(self, recording: Recording, end: float) -> None:
+        """Find pushes and contacts in the rows that are new."""
+        rows = recording.stretch(np.nextafter(self._read, np.inf), end)
+        t = rows["t"]
+        if not len(t):
+            return
+        pushed, touching = np.linalg.norm(rows["F_push"], axis=1) > 0.0, rows["multiplier"] != 0.0
+        before = touching[0] if self._touching is None else self._touching
+        for i in np.flatnonzero(pushed & ~np.r_[self._pushed, pushed[:-1]]):
+            newtons = np.linalg.norm(rows["F_push"][i])
+            self._felt.append(Event(float(t[i]), "push", f"pushed with {newtons:.3g} N"))
+        for i in np.flatnonzero(touching != np.r_[before, touching[:-1]]):
+            self._note_contact(float(t[i]), "contact made" if touching[i] else "contact lost")
+        self._read, self._pushed, self._touching = float(t[-1]), bool(pushed[-1]), bool(touching[-1])
+        del self._felt[:-MOST]
+
+    def _note_contact(self, t: float, what: str) -> None:
+        last = self._felt[-1] if self._felt else None
+        if last is None or last.kind != "contact" or t - last.t > APART:
+            self._felt.append(Event(t, "contact", what))
+
+
+def _edits(recording: Recording) -> Iterator[Event]:
+    """Changes of the scenario; that of a push is the push itself."""
+    for before, after in pairwise(tuple(recording.epochs)):
+        changed = {
+            path: new
+            for path, (_, new) in differences(before.scenario, after.scenario).items()
+            if not path.startswith("truth.push")
+        }
+        if changed:
+            told = ", ".join(f"{path} = {new}" for path, new in list(changed.items())[:_TOLD])
+            yield Event(after.t, "edit", told + (", …" if len(changed) > _TOLD else ""))

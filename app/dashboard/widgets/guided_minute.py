@@ -1,0 +1,98 @@
+"""Guided minute: a folder above the tabs that leads through the five modes, a click for each."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import viser
+
+from app.dashboard.widgets.controls import Desk
+from app.scenario.data import edited, load
+from app.scenario.schema import Scenario
+from app.session.commands import Load, Play
+from controllers.modes import MODES
+
+
+@dataclass(frozen=True)
+class Step:
+    """Step of the guided minute: a scenario, and what to look at (HTML)."""
+
+    scenario: Scenario
+    look: str
+
+    @property
+    def title(self) -> str:
+        return MODES[self.scenario.mode].label
+
+
+def steps() -> tuple[Step, ...]:
+    """One step for each mode."""
+    heavy = edited(load("ur5-heavy"), "controller.law", "vsmrc")
+    return (
+        Step(
+            load("ur5-motion"),
+            "The tool draws a circle in free space. The arm is 15 % heavier than the controller believes, and the "
+            "<b>tracking error</b> on the left settles below 0.02 mm all the same. <kbd>B</kbd> pushes the tool, and "
+            "nothing happens: this target model has no force in it, K_f = 0.",
+        ),
+        Step(
+            load("ur5-impedance"),
+            "Now the arm is a mass, a damper and a spring. It meets the plane and stops where spring and plane "
+            "balance: this error stays, because nobody asked for a force. Every few seconds it is pushed with 30 N, "
+            "and the spring of 2000 N/m gives way by 15 mm.",
+        ),
+        Step(
+            heavy,
+            "Force across the surface, motion along it: the tool presses with 20 N and draws its circle, pushed or "
+            "not. <kbd>L</kbd> swaps the robust law for computed torque, and the <b>force</b> is wrong by up to 9 N; "
+            "<kbd>L</kbd> again brings it back.",
+        ),
+        Step(
+            load("ur5-hybrid-impedance"),
+            "The force is held at 20 N as before, but along the surface the arm is a spring: a push of 30 N moves it "
+            "away by 7 mm and it comes back, while the <b>force</b> stays where it is.",
+        ),
+        Step(
+            load("ur5-constrained"),
+            "The plane is rigid now. The force is whatever keeps the tool on it, a multiplier λ instead of a spring's "
+            "force, and the law holds it at 20 N without measuring any depth.",
+        ),
+    )
+
+
+class GuidedMinute:
+    """The folder; key G opens and closes it. Like the run that it changes, all pages of a session share it."""
+
+    def __init__(self, desk: Desk) -> None:
+        self._desk, self._steps, self._at = desk, steps(), 0
+        gui = desk.gui
+        gui.add_command("A guided minute: the five modes", hotkey="G").on_trigger(self._toggle)
+        self._folder = gui.add_folder("A guided minute", visible=False)
+        with self._folder:
+            self._text = gui.add_html("")
+            self._next = gui.add_button("")
+            self._close = gui.add_button("Close", color="gray", hint="Key: G")
+        self._next.on_click(self._go_on)
+        self._close.on_click(self._toggle)
+
+    async def _toggle(self, _: object) -> None:
+        self._folder.visible = not self._folder.visible
+        if self._folder.visible:
+            self._enter(0)
+
+    async def _go_on(self, _: viser.GuiEvent) -> None:
+        if self._at + 1 < len(self._steps):
+            self._enter(self._at + 1)
+        else:
+            self._folder.visible = False
+
+    def _enter(self, at: int) -> None:
+        self._at, step = at, self._steps[at]
+        self._desk.post(Load(step.scenario))
+        self._desk.post(Play())
+        self._text.content = (
+            f'<div class="vs-minute"><b>{step.title}</b> <span class="vs-dim">{at + 1} of {len(self._steps)}</span>'
+            f"<p>{step.look}</p></div>"
+        )
+        following = self._steps[at + 1 :]
+        self._next.label = f"Next: {following[0].title}" if following else "Done: go on by yourself"

@@ -1,0 +1,54 @@
+// Presentation: the scene, one plot, the sliders used last, and the equation, in large type. S begins and ends it, and Esc
+// ends it. The plot is the one that was pressed last, else the first one.
+const page = document.documentElement, MOST = 3;
+const SLIDERS = "[data-dock-group] [data-dock-group] form:has(.mantine-Slider-root)";
+const nameOf = (row) => row.querySelector("label")?.textContent;
+let used = [], pressed = null;
+for (const kind of ["pointerdown", "focusin"])
+  document.addEventListener(kind, (e) => {
+    if (!(e.target instanceof Element)) return;
+    const row = e.target.closest(SLIDERS);
+    if (row) used = [nameOf(row), ...used.filter((name) => name !== nameOf(row))].slice(0, MOST);
+    pressed = e.target.closest(".uplot-container") ?? pressed;
+  }, true);
+const onStage = () => "stage" in page.dataset;
+const mark = (all, chosen) => { for (const e of all) e.toggleAttribute("data-staged", chosen.includes(e)); };
+const choose = () => {
+  const rows = [...document.querySelectorAll(SLIDERS)], boxes = [...document.querySelectorAll(".uplot-container")];
+  const known = rows.filter((row) => used.includes(nameOf(row)));
+  mark(rows, known.length ? known : rows.filter((row) => row.querySelector("input:not(:disabled)")).slice(0, MOST));
+  const drawn = boxes.filter((box) => box.parentElement.checkVisibility());
+  mark(boxes, [drawn.includes(pressed) ? pressed : drawn[0]]);
+};
+const staged = new Map(); // the height of each plot before
+const fill = () => {
+  for (const { chart } of Object.values(window.__viserTestpoints?.uplots ?? {})) {
+    const box = chart.root.closest(".uplot-container"), here = onStage() && box?.matches("[data-staged]");
+    if (!here && staged.has(chart)) {
+      const height = staged.get(chart);
+      staged.delete(chart);
+      window.vsmrcType(chart, 1);
+      chart.setSize({ width: chart.width, height });
+    } else if (here) {
+      if (!staged.has(chart)) {
+        staged.set(chart, chart.height);
+        window.vsmrcType(chart, 1.6);
+      }
+      const group = box.closest("[data-dock-group]").getBoundingClientRect(), own = chart.root.getBoundingClientRect();
+      const height = Math.round(group.bottom - own.top - (own.height - chart.height) - 24);
+      if (height > 100 && Math.abs(height - chart.height) > 2) chart.setSize({ width: chart.width, height });
+    }
+  }
+};
+const toggle = () => {
+  page.toggleAttribute("data-stage");
+  if (onStage()) choose();
+  else for (const e of document.querySelectorAll("[data-staged]")) e.removeAttribute("data-staged");
+  fill();
+};
+document.body.addEventListener("keydown", (e) => {
+  const typing = e.target instanceof HTMLElement && /^(INPUT|TEXTAREA|SELECT)$/.test(e.target.tagName);
+  if (e.ctrlKey || e.metaKey || e.altKey || e.repeat || document.querySelector(".vs-help")) return;
+  if ((/^s$/i.test(e.key) && !typing) || (e.key === "Escape" && onStage() && !typing)) toggle();
+});
+setInterval(() => { if (onStage()) { choose(); fill(); } }, 300);

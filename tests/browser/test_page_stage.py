@@ -1,0 +1,103 @@
+"""What a lecture is staged with: the timeline under the scene, the guided minute, and the presentation."""
+
+from __future__ import annotations
+
+import pytest
+from playwright.sync_api import expect
+
+from app.dashboard.widgets.guided_minute import steps
+from app.session.commands import Edit, PushNow
+from controllers.modes import MODES
+from drivers.pages import Session
+
+OVER = """(parts) => {
+  const boxes = parts.map((part) => [...document.querySelectorAll(part)].filter((e) => e.checkVisibility()));
+  const rects = boxes.flat().map((e) => e.getBoundingClientRect());
+  return rects.some((a, i) => rects.some((b, j) => i < j &&
+    Math.min(a.right, b.right) - Math.max(a.left, b.left) > 1 &&
+    Math.min(a.bottom, b.bottom) - Math.max(a.top, b.top) > 1));
+}"""
+
+
+def test_the_timeline_has_a_tick_for_what_has_happened_and_leads_there(session: Session):
+    page = session.page
+    session.wait(lambda now: now.t > 0.5)
+    session.runner.post(PushNow())
+    session.wait(lambda now: any(now.scenario.truth.push))
+    pushed = session.now.scenario.truth.push_start
+    session.runner.post(Edit("force.value", 25.0))
+    session.wait(lambda now: now.scenario.force.value == 25.0)
+    tick = page.locator(".vs-tick.vs-push").last
+    tick.wait_for()
+    page.locator(".vs-tick.vs-edit[title*='force.value = 25']").wait_for()
+    session.wait(lambda now: now.t > pushed + 1.0)
+    tick.click()
+    session.wait(lambda now: now.looking_back)
+    assert session.now.t == pytest.approx(pushed, abs=2e-3)
+    page.get_by_role("button", name="fork here", exact=True).click()
+    session.wait(lambda now: now.forks != ())
+    page.locator(".vs-tick.vs-fork").wait_for()
+    page.get_by_role("button", name="play / pause").click()
+    session.wait(lambda now: now.phase == "running" and now.t > pushed + 0.2)
+
+
+@pytest.mark.usefixtures("own_page")
+def test_nothing_lies_over_the_timeline_whatever_the_window(session: Session):
+    parts = [".vs-timeline button", "div:has(> .vs-timeline) + div input", "div:has(> .vs-ticks) + form input"]
+    scenario = session.page.get_by_label("Scenario", exact=True)
+    for width, height in ((1024, 768), (1280, 720), (1920, 1080), (390, 844)):
+        session.page.set_viewport_size({"width": width, "height": height})
+        session.page.wait_for_function(f"!({OVER})({parts})")
+        session.page.wait_for_function("""(width) => {
+          const boxes = [...document.querySelectorAll(".vs-timeline button")].map((e) => e.getBoundingClientRect());
+          return boxes.length === 7 && boxes.every((b) => b.left >= 0 && b.right <= width && b.width >= 20);
+        }""", arg=width)  # fmt: skip
+        box = scenario.bounding_box()
+        assert box is not None
+        assert box["y"] < 250 or width < 500  # controls begin high enough to see many
+
+
+def test_the_guided_minute_leads_through_the_five_modes(session: Session):
+    page = session.page
+    page.locator("canvas[data-engine]").click(position={"x": 20, "y": 200})
+    page.keyboard.press("g")
+    minute = page.locator(".vs-minute")
+    for number, step in enumerate(steps(), start=1):
+        minute.get_by_text(f"{number} of {len(MODES)}").wait_for()
+        session.wait(lambda now, step=step: now.scenario == step.scenario and now.phase == "running")
+        if number < len(MODES):
+            page.get_by_role("button", name=f"Next: {steps()[number].title}").click()
+    page.get_by_role("button", name="Done", exact=False).click()
+    minute.wait_for(state="hidden")
+
+
+def test_a_presentation_has_one_plot_the_chosen_sliders_and_large_type(session: Session):
+    page = session.page
+    font = "Number(getComputedStyle(document.querySelector('.vs-title')).fontSize.replace('px', ''))"
+    small = page.evaluate(font)
+    rows = page.locator("form:has(.mantine-Slider-root):visible")
+    plots = page.locator(".uplot-container:visible")
+    many, before = rows.count(), plots.count()
+    heights = "Object.values(__viserTestpoints.uplots).map((p) => p.chart.height)"
+    own = page.evaluate(heights)
+    session.row("F_d [N]").locator(".mantine-Slider-root").click(position={"x": 40, "y": 5})
+    plots.nth(1).click(position={"x": 5, "y": 5})
+    page.keyboard.press("s")
+    expect(plots).to_have_count(1)
+    assert "force" in plots.locator(".u-title").inner_text()
+    expect(session.number("F_d [N]")).to_be_visible()
+    expect(rows).to_have_count(2)  # that, and the time
+    assert page.evaluate(font) > 1.2 * small
+    page.wait_for_function(f"Math.max(...{heights}) > 300")
+    for width, height in ((1024, 768), (1280, 720)):
+        page.set_viewport_size({"width": width, "height": height})
+        page.wait_for_function(f"!({OVER})({['.vs-timeline', '.vs-equation', '.vs-acts button', 'form[data-staged]']})")
+        page.wait_for_function("""(width) => {
+          const inputs = [...document.querySelectorAll("form[data-staged] input")];
+          return inputs.every((input) => input.getBoundingClientRect().right <= width);
+        }""", arg=width)  # fmt: skip
+    page.keyboard.press("Escape")
+    expect(plots).to_have_count(before)
+    expect(rows).to_have_count(many)
+    page.wait_for_function(f"JSON.stringify({heights}) === '{own}'.replaceAll(' ', '')")
+    assert page.evaluate(font) == small

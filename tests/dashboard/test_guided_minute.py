@@ -1,0 +1,71 @@
+"""Guided minute: what its texts say is what the runs do."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from app.dashboard.widgets.guided_minute import Step, steps
+from app.scenario.data import edited
+from app.scenario.schema import Scenario
+from app.session.changes import pushed
+from app.simulation.closed_loop import ClosedLoop
+from controllers.modes import MODES
+
+
+def ran(scenario: Scenario, to: float) -> dict[str, np.ndarray]:
+    loop = ClosedLoop(scenario)
+    while loop.t < to:
+        loop.advance()
+        assert loop.stopped is None
+    assert loop.warning is None
+    return loop.recording.signals(("t", "e_r", "F_c", "F_cd", "F_push", "multiplier"))
+
+
+def step(mode: str) -> Step:
+    return next(each for each in steps() if each.scenario.mode == mode)
+
+
+def settled(rows: dict[str, np.ndarray], signal: str) -> np.ndarray:
+    return rows[signal][rows["t"] > 3.0]
+
+
+def test_every_mode_has_a_step_and_its_arm_is_heavier_than_believed() -> None:
+    assert [each.scenario.mode for each in steps()] == list(MODES)
+    assert all(each.scenario.truth.link_scaling == pytest.approx(1.15) for each in steps())
+    assert all(each.scenario.controller.law == "vsmrc" for each in steps())
+
+
+def test_motion_is_not_moved_by_a_push() -> None:
+    rows = ran(pushed(step("motion").scenario, 4.0), 5.0)
+    assert np.linalg.norm(rows["F_push"], axis=1).max() > 20.0
+    assert np.abs(settled(rows, "e_r")).max() < 0.02e-3
+
+
+def test_a_push_moves_an_impedance_as_its_spring_says() -> None:
+    rows = ran(step("impedance").scenario, 7.0)
+    assert np.linalg.norm(rows["F_push"][-1]) == pytest.approx(30.0)
+    assert rows["e_r"][-1, 1] == pytest.approx(30.0 / 2000.0, rel=0.02)
+    before = rows["e_r"][np.searchsorted(rows["t"], 5.9)]
+    assert 2000.0 * before[2] == pytest.approx(rows["multiplier"][np.searchsorted(rows["t"], 5.9)], rel=1e-3)
+
+
+def test_the_robust_law_holds_the_force_and_computed_torque_does_not() -> None:
+    scenario = step("hybrid").scenario
+    held, other = (
+        np.abs(settled(rows, "F_c")[:, 0] - 20.0).max()
+        for rows in (ran(scenario, 8.0), ran(edited(scenario, "controller.law", "computed-torque"), 8.0))
+    )
+    assert held < 0.01
+    assert other == pytest.approx(9.0, abs=0.5)
+
+
+def test_along_the_surface_a_push_is_yielded_to_while_the_force_stays() -> None:
+    rows = ran(step("hybrid-impedance").scenario, 7.0)
+    assert np.abs(rows["e_r"][-1, 1:3]).max() == pytest.approx(7.35e-3, abs=0.4e-3)
+    assert np.abs(settled(rows, "multiplier") - 20.0).max() < 0.1
+
+
+def test_a_rigid_plane_is_pressed_with_what_is_asked() -> None:
+    rows = ran(step("constrained").scenario, 4.0)
+    assert np.abs(settled(rows, "multiplier") - 20.0).max() < 0.05
