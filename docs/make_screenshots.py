@@ -39,7 +39,7 @@ MODES = {
 SIZES = ((1280, 720), (1920, 1080))
 PHONE = {"viewport": {"width": 390, "height": 844}, "is_mobile": True, "has_touch": True, "device_scale_factor": 2}
 SETTLED = 6.0  # s of simulated time
-MINUTE = 6.7  # s of a step of the guided minute: some are pushed at 6 s
+MINUTE = 5.7  # s of a step of the guided minute: some are pushed at 5 s
 FREQUENT, RARE = 150, 100  # colours of a picture, together at most 256: a third of its size
 
 
