@@ -86,8 +86,8 @@ def main(folder: Path) -> None:
         for title in each_tab(page):
             shoot(page, album, f"tab-{slug(title)}", f"Tab {title}")
         refuse_and_hold(page, runner, album)
-        compare(page, runner, album)
         present(page, album)
+        compare(page, runner, album)
         guided_minute(page, runner, album)
         load(runner, "ur5-hybrid", page)
         show_help(page, album)
@@ -181,10 +181,12 @@ def present(page: Page, album: Album) -> None:
     page.locator(".vs-measure").nth(1).click()
     shoot(page, album, "cursors", "A plot on the whole screen, measured with two cursors")
     page.keyboard.press("Escape")
-    page.keyboard.press("s")
-    page.wait_for_timeout(1500)
-    shoot(page, album, "presentation", "The presentation: one plot, the sliders used last, large type")
-    page.keyboard.press("s")
+    page.get_by_role("tab", name="Task", exact=True).click()
+    page.keyboard.press("v")
+    page.mouse.move(800, 300)
+    page.wait_for_timeout(3000)
+    album.add(page, "presentation", "The presentation: one plot, the sliders used last, large type")
+    page.keyboard.press("v")
     page.wait_for_timeout(1500)
 
 

@@ -40,6 +40,7 @@ from app.dashboard.widgets.status import splash_html, status_html
 from app.dashboard.widgets.whatif import WhatIf
 from app.dashboard.widgets.whatif_panel import WhatIfPanel
 from app.export.export_jobs import ExportJobs
+from app.scenario.data import shipped
 from app.session.preview_client import Previewer
 from app.session.runner import Runner
 from app.session.snapshot import Snapshot
@@ -218,6 +219,7 @@ class _View:
         self._complaint, self._complaint_until, self._complaint_revision = "", 0.0, -1
         self._notified = -math.inf
         self._refusals = runner.snapshot.refusal_number
+        self._shipped = shipped()
         self._previewer = Previewer()
         self._whatif = WhatIf(self._previewer)
         self._viewing = Viewing()
@@ -313,7 +315,9 @@ class _View:
             self._say("Refused", snapshot.refusal or "")
         if now > self._complaint_until or snapshot.revision != self._complaint_revision:
             self._complaint = ""
-        self._status.content = status_html(snapshot, self.hang or self._complaint)
+        self._status.content = status_html(
+            snapshot, self.hang or self._complaint, self._shipped.get(snapshot.scenario.name)
+        )
         self._equation.content = equation_html(snapshot)
         for part in (self._playback, self._whatif_panel, self._scene_buttons, *self._panels):
             with self._widget_lock.drawing:

@@ -196,7 +196,7 @@ document.addEventListener("click", async (e) => {
   const button = e.target instanceof Element && e.target.closest("[data-copy]");
   const table = button && document.querySelector(button.dataset.copy);
   if (!table) return;
-  const text = [...table.rows].map((line) => [...line.cells].map((cell) => cell.innerText.trim()).join("\t")).join("\n");
+  const text = [...table.rows].map((line) => [...line.cells].map((cell) => cell.innerText.trim().replace(/\s+/g, " ")).join("\t")).join("\n");
   try {
     await navigator.clipboard.writeText(text);
     button.textContent = "Copied";

@@ -1,4 +1,4 @@
-// Presentation: the scene, one plot, the sliders used last, and the equation, in large type. S begins and ends it, and Esc
+// Presentation: the scene, one plot, the sliders used last, and the equation, in large type. V begins and ends it, and Esc
 // ends it. The plot is the one that was pressed last, else the first one.
 const page = document.documentElement, MOST = 3;
 const SLIDERS = "[data-dock-group] [data-dock-group] form:has(.mantine-Slider-root)";
@@ -49,6 +49,6 @@ const toggle = () => {
 document.body.addEventListener("keydown", (e) => {
   const typing = e.target instanceof HTMLElement && /^(INPUT|TEXTAREA|SELECT)$/.test(e.target.tagName);
   if (e.ctrlKey || e.metaKey || e.altKey || e.repeat || document.querySelector(".vs-help")) return;
-  if ((/^s$/i.test(e.key) && !typing) || (e.key === "Escape" && onStage() && !typing)) toggle();
+  if ((/^v$/i.test(e.key) && !typing) || (e.key === "Escape" && onStage() && !typing)) toggle();
 });
 setInterval(() => { if (onStage()) { choose(); fill(); } }, 300);

@@ -82,7 +82,7 @@ def test_a_presentation_has_one_plot_the_chosen_sliders_and_large_type(session: 
     own = page.evaluate(heights)
     session.row("F_d [N]").locator(".mantine-Slider-root").click(position={"x": 40, "y": 5})
     plots.nth(1).click(position={"x": 5, "y": 5})
-    page.keyboard.press("s")
+    page.keyboard.press("v")
     expect(plots).to_have_count(1)
     assert "force" in plots.locator(".u-title").inner_text()
     expect(session.number("F_d [N]")).to_be_visible()

@@ -145,8 +145,8 @@ def _against(value: float | None, now: float | None) -> str:
     if value is None or now is None or abs(now) < 1e-12:
         return ""
     per_cent = 100.0 * (value - now) / abs(now)
-    told = f"{per_cent:+.0f} %" if abs(per_cent) < 1000 else f"{value / now:.3g} ×"
-    return f' <span class="vs-dim">({told})</span>'
+    told = f"{per_cent:+.0f} %" if abs(per_cent) < 1000 else f"{value / now:.0f} ×"
+    return f' <span class="vs-dim vs-against">({told})</span>'
 
 
 def _told(pinned: Pinned, snapshot: Snapshot) -> str:

@@ -9,7 +9,7 @@ import viser
 from app.dashboard.theme.colors import BOUND, DESIRED, MEASURED, SURFACE, Rgb, css
 from controllers.modes import MODES
 
-# Text of each key in viser's palette, except for S, "?" and Esc, which the page's script adds.
+# Text of each key in viser's palette, except for V, "?" and Esc, which the page's script adds.
 KEYS: dict[str, str] = {
     "space": "play or pause",
     "arrowright": "one control period on",
@@ -24,7 +24,7 @@ KEYS: dict[str, str] = {
     "L": "swap the law: robust, or computed torque",
     "B": "push the tool",
     "G": "a guided minute: the five modes",
-    "S": "presentation: the scene, one plot, the sliders used last, large type; S or Esc ends it",
+    "V": "presentation: the scene, one plot, the sliders used last, large type; V or Esc ends it",
     "T": "dark or light",
     "H": "this help, also ?",
 }

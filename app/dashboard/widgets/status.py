@@ -8,20 +8,23 @@ import numpy as np
 
 from app.dashboard.widgets.chips import LOOK_OF, Look, chip
 from app.scenario.declared_bounds import outside
+from app.scenario.schema import Scenario
 from app.session.pacing import Pace
 from app.session.snapshot import Snapshot
 from controllers.modes import MODES
+from environments.robots import CATALOGUE
 
 _LATELY = 0.2  # s that the badge looks back
 
 
-def status_html(snapshot: Snapshot, complaint: str) -> str:
+def status_html(snapshot: Snapshot, complaint: str, begun_from: Scenario | None = None) -> str:
     """Lines of chips and numbers; in a strip over the scene, where they move nothing: the reason of a stop, the
-    complaint and the notice."""
+    complaint and the notice.
+    begun_from: the shipped scenario of this name, None where there is none."""
     scenario = snapshot.scenario
     pace = snapshot.pace
     lines = [
-        f'<div class="vs-row"><span class="vs-title">{escape(scenario.title or scenario.name)}</span></div>',
+        f'<div class="vs-row"><span class="vs-title">{_title(scenario, begun_from)}</span></div>',
         '<div class="vs-row">'
         f"{chip(MODES[scenario.mode].label, 'vs-mode')}{_phase(snapshot)}"
         f'<span class="vs-right"><span class="vs-dim">t</span> <b class="vs-number">{snapshot.t:.2f}</b> s</span>'
@@ -41,6 +44,23 @@ def status_html(snapshot: Snapshot, complaint: str) -> str:
         messages.append(_message("vs-warn", snapshot.notice))
     strip = f'<div class="vs-strip">{"".join(messages)}</div>'
     return f'<div class="vs-status">{"".join(lines)}{strip}</div>'
+
+
+def _title(scenario: Scenario, begun_from: Scenario | None) -> str:
+    """Title as HTML: that of the scenario file, with a word when the user has edited it since; of what runs now, when
+    the title can no longer be true."""
+    if begun_from is None or begun_from == scenario:
+        return escape(scenario.title or scenario.name)
+    told = scenario.title or scenario.name
+    if _about(scenario) != _about(begun_from):
+        told = f"{CATALOGUE[scenario.robot.name].title}: {MODES[scenario.mode].label.lower()}"
+        told += f", {scenario.surface.title}" if scenario.contact.nature.touches else ""
+    return f'{escape(told)} <span class="vs-dim">edited</span>'
+
+
+def _about(scenario: Scenario) -> tuple[str, ...]:
+    """What the title of a scenario is about; with another arm a scenario has no longer its name."""
+    return scenario.mode, scenario.surface.title, scenario.contact.kind
 
 
 def splash_html(text: str) -> str:

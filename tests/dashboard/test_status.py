@@ -1,0 +1,43 @@
+"""The status line's title follows what runs."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+
+import msgspec
+import pytest
+
+from app.dashboard.widgets.status import status_html
+from app.scenario.data import edited, load
+from app.scenario.schema import Scenario
+from app.session.changes import in_mode, on_robot, on_surface
+from app.session.snapshot import Snapshot, snapshot_of
+from app.simulation.closed_loop import ClosedLoop
+
+SHIPPED = load("ur5-hybrid")
+
+
+@pytest.fixture(scope="module")
+def snapshot() -> Snapshot:
+    return snapshot_of(ClosedLoop(SHIPPED))
+
+
+def title(snapshot: Snapshot, scenario: Scenario) -> str:
+    begun_from = SHIPPED if scenario.name == SHIPPED.name else None
+    html = status_html(replace(snapshot, scenario=scenario), "", begun_from)
+    found = re.search(r'<span class="vs-title">(.*?)</span></div>', html)
+    assert found is not None
+    return re.sub(r"<.*?>", "", found[1])
+
+
+def test_a_title_says_that_the_scenario_was_edited_and_is_another_where_it_would_be_false(snapshot: Snapshot) -> None:
+    assert title(snapshot, SHIPPED) == SHIPPED.title
+    assert title(snapshot, edited(SHIPPED, "force.value", 25.0)) == f"{SHIPPED.title} edited"
+    assert title(snapshot, in_mode(SHIPPED, "motion")) == "Universal Robots UR5: motion, plane edited"
+    assert title(snapshot, on_surface(SHIPPED, "sphere")) == (
+        "Universal Robots UR5: hybrid position / force, sphere edited"
+    )
+    assert title(snapshot, on_robot(SHIPPED, "panda")) == "Franka Emika Panda"
+    own = msgspec.structs.replace(SHIPPED, name="mine", title="<b>mine</b>")
+    assert "&lt;b&gt;mine" in status_html(replace(snapshot, scenario=own), "", None)
