@@ -3,6 +3,7 @@
 import re
 
 import pytest
+from playwright.sync_api import expect
 
 from app.dashboard.widgets.help import KEYS
 from app.scenario.data import shipped
@@ -131,7 +132,7 @@ def test_first_steps_come_once_and_a_reload_in_the_middle_of_a_run_is_harmless(s
     warning.locator("button").click()
     warning.wait_for(state="detached")
     assert lasting_faults(page) == []
-    page.locator(".vs-hints button").click()
+    page.locator(".vs-hints button", has_text="Got it").click()
     page.locator(".vs-hints").wait_for(state="detached")
 
     t = runner.snapshot.t
@@ -178,3 +179,18 @@ def test_the_target_model_stays_within_the_scene_of_a_small_window(session: Sess
     for width, height in ((1024, 768), (853, 480), (1024, 768)):  # the second is 1280 x 720 at 150 %
         session.page.set_viewport_size({"width": width, "height": height})
         session.wait(lambda _: session.page.evaluate(WITHIN) and not faults(session.page))
+
+
+def test_everything_has_a_name_and_a_slider_its_value_with_unit(session: Session):
+    page = session.page
+    page.wait_for_function("document.title === 'VSMRC Lab'")
+    slider = page.get_by_role("slider", name="F_d [N]", exact=True)
+    expect(slider).to_have_attribute("aria-valuetext", "20 N")
+    session.runner.post(Edit("force.value", 25.0))
+    expect(slider).to_have_attribute("aria-valuetext", "25 N")
+    for tab in ("Controller", "World", "Robot", "View", "Task"):
+        session.tab(tab)
+        page.wait_for_function("""() => [...document.querySelectorAll("button, input, [role=slider], [role=tab]")]
+          .filter((e) => e.checkVisibility() && e.type !== "submit")
+          .every((e) => e.innerText?.trim() || e.getAttribute("aria-label") || e.title || e.labels?.length)""")
+    assert not page.locator(".tabler-icon-adjustments:visible").count()  # viser's own, for developers

@@ -28,6 +28,7 @@ _SCRIPTS = (
     "reading.js",
     "scene.js",
     "stage.js",
+    "names.js",
     "looking.js",
     "keys.js",
     "hints.js",

@@ -24,7 +24,6 @@ KEYS: dict[str, str] = {
     "L": "swap the law: robust, or computed torque",
     "B": "push the tool",
     "G": "a guided minute: the five modes",
-    "V": "presentation: the scene, one plot, the sliders used last, large type; V or Esc ends it",
     "T": "dark or light",
     "H": "this help, also ?",
 }
@@ -101,6 +100,7 @@ class Help:
 def help_html() -> str:
     """Text of the help."""
     keys = "".join(f"<tr><td>{_keys(key)}</td><td>{does}</td></tr>" for key, does in KEYS.items())
+    keys += f"<tr><td>{_key('V')}</td><td>presentation: scene, one plot, the sliders used last, large type</td></tr>"
     keys += f"<tr><td>{_key('Ctrl')} {_key('K')}</td><td>search all commands</td></tr>"
     colors = "".join(
         f'<tr><td><span class="vs-swatch" style="background: {css(color)}"></span></td><td>{meaning}</td></tr>'

@@ -83,7 +83,7 @@ class Playback:
     def __init__(self, desk: Desk) -> None:
         self._desk, self._events = desk, RunEvents()
         gui = desk.gui
-        self._buttons = gui.add_html("")
+        gui.add_html(_buttons_html())
         self._speed = gui.add_dropdown("Speed", tuple(_SPEEDS), initial_value="1×", hint="Simulated over real time.")
         self._speed.on_update(self._on_speed)
         self._ticks = gui.add_html("")
@@ -104,30 +104,32 @@ class Playback:
 
     def show(self, snapshot: Snapshot) -> None:
         events = self._events.of(snapshot.recording, snapshot.end, snapshot.state.flagged, snapshot.forks)
-        # what has not changed is not sent: a button that is replaced under the mouse is not clicked
-        for widget, html in ((self._buttons, _buttons_html(snapshot)), (self._ticks, _ticks_html(snapshot, events))):
-            if widget.content != html:
-                widget.content = html
+        if (ticks := _ticks_html(snapshot, events)) != self._ticks.content:
+            self._ticks.content = ticks
         self._speed.value = min(_SPEEDS, key=lambda title: abs(_SPEEDS[title] - snapshot.speed))
         self._time.show(snapshot)
 
 
-def _buttons_html(snapshot: Snapshot) -> str:
-    running = snapshot.phase == "running"
+def _buttons_html() -> str:
+    """The buttons. They are sent once: what stands on play / pause follows the phase in the status line (page.css), so
+    that a button keeps the focus and is not replaced under the mouse."""
     buttons = []
-    for action in _ACTIONS:
-        if not action.icon:
-            continue
+    for action in (action for action in _ACTIONS if action.icon):
         key = _PRESSED.get(action.key, action.key.lower())
-        icon, told = action.icon, action.name
-        if action.key == "space":
-            icon, told = (_PLAYING, "pause") if running else (_HELD, "play")
         shown = {"space": "space", "arrowleft": "←", "arrowright": "→", "end": "End"}.get(action.key, action.key)
+        face = _face(action.icon, action.name)
+        if action.key == "space":
+            face = (
+                f'<i class="vs-to-play">{_face(_HELD, "play")}</i><i class="vs-to-pause">{_face(_PLAYING, "pause")}</i>'
+            )
         buttons.append(
-            f'<button data-key="{key}" aria-label="{action.name}" title="{action.title} ({shown})">'
-            f'<svg viewBox="0 0 24 24" aria-hidden="true"><path d="{icon}"/></svg><span>{told}</span></button>'
+            f'<button data-key="{key}" aria-label="{action.name}" title="{action.title} ({shown})">{face}</button>'
         )
     return f'<div class="vs-timeline" role="toolbar" aria-label="timeline">{"".join(buttons)}</div>'
+
+
+def _face(icon: str, name: str) -> str:
+    return f'<svg viewBox="0 0 24 24" aria-hidden="true"><path d="{icon}"/></svg><span>{name}</span>'
 
 
 def _ticks_html(snapshot: Snapshot, events: tuple[Event, ...]) -> str:

@@ -43,7 +43,7 @@ def status_html(snapshot: Snapshot, complaint: str, begun_from: Scenario | None 
     if snapshot.notice:
         messages.append(_message("vs-warn", snapshot.notice))
     strip = f'<div class="vs-strip">{"".join(messages)}</div>'
-    return f'<div class="vs-status">{"".join(lines)}{strip}</div>'
+    return f'<div class="vs-status" data-phase="{snapshot.phase}">{"".join(lines)}{strip}</div>'
 
 
 def _title(scenario: Scenario, begun_from: Scenario | None) -> str:
