@@ -51,6 +51,7 @@ TESTS = (
     "tests/simulation/test_practice.py",
     "tests/kernels/test_kernels.py",
     "tests/simulation/test_domain.py",
+    "tests/simulation/test_promise.py",
 )
 PATIENCE = 1200.0  # s for one row
 PAGE = ROOT / "docs" / "mutations.md"

@@ -4,7 +4,7 @@ const ICONS = { "tabler-icon-list-search": "search all commands", "tabler-icon-a
 const set = (element, name, value) => { if (element.getAttribute(name) !== value) element.setAttribute(name, value); };
 const call = () => {
   if (document.title !== "VSMRC Lab") document.title = "VSMRC Lab";
-  for (const control of document.querySelectorAll("input:not([type=checkbox]), [role=slider]")) {
+  for (const control of document.querySelectorAll("input:not([type=checkbox], [type=hidden]), [role=slider]")) {
     const row = control.closest("form") ?? control.closest(".mantine-Flex-root:has(label)");
     const label = [...(row?.querySelectorAll("label") ?? [])].map((each) => each.textContent.trim()).find(Boolean);
     if (!label || control.labels?.length) continue;

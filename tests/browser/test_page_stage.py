@@ -25,12 +25,13 @@ def test_the_timeline_has_a_tick_for_what_has_happened_and_leads_there(session: 
     session.runner.post(PushNow())
     session.wait(lambda now: any(now.scenario.truth.push))
     pushed = session.now.scenario.truth.push_start
+    session.wait(lambda now: now.t > pushed + 1.0)  # far enough that neither tick lies on the other
     session.runner.post(Edit("force.value", 25.0))
     session.wait(lambda now: now.scenario.force.value == 25.0)
     tick = page.locator(".vs-tick.vs-push").last
     tick.wait_for()
     page.locator(".vs-tick.vs-edit[title*='force.value = 25']").wait_for()
-    session.wait(lambda now: now.t > pushed + 1.0)
+    session.wait(lambda now: now.t > pushed + 2.0)
     tick.click()
     session.wait(lambda now: now.looking_back)
     assert session.now.t == pytest.approx(pushed, abs=2e-3)

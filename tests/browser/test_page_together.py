@@ -79,7 +79,7 @@ def test_two_pages_of_one_loop(session: Session, served: tuple[Dashboard, Runner
     session.wait(lambda _: again.number("F_d [N]").input_value() == "26")
     again.page.locator("#webgl-software-rendering button").click()
     again.choose("Mode", MODES["motion"].label)
-    session.page.locator(".vs-status").get_by_text(MODES["motion"].label).wait_for()
+    session.page.locator(".vs-mode", has_text=MODES["motion"].label).wait_for()
     session.page.wait_for_timeout(1000)  # for an echo, if there were one
     assert session.now.revision == before.revision + 2
     assert session.now.refusal_number == before.refusal_number
