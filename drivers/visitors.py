@@ -41,7 +41,8 @@ class Visitor:
         self._socket.send(message if isinstance(message, bytes) else msgspec.msgpack.encode(message))
 
     def trigger(self, command: str) -> None:
-        self.wait(lambda: command in self.commands)
+        """Choose this command of the page. Raises AssertionError when the page has none of this title."""
+        self.wait(lambda: command in self.commands, told=lambda: f"{command!r} is not among {sorted(self.commands)}")
         self.say({"type": "CommandTriggerMessage", "uuid": self.commands[command]})
 
     @property
@@ -61,15 +62,18 @@ class Visitor:
         found = re.search(r"\bt\s+([\d.]+)\s+s", self.status)
         return float(found[1]) if found else -1.0
 
-    def wait(self, condition: Callable[[], bool], seconds: float = PATIENCE) -> None:
-        """Wait until the condition holds. Raises ConnectionClosed, and AssertionError after so long."""
+    def wait(
+        self, condition: Callable[[], bool], seconds: float = PATIENCE, told: Callable[[], str] | None = None
+    ) -> None:
+        """Wait until the condition holds. Raises ConnectionClosed, and AssertionError after so long, which says what
+        `told` returns, or else the status line."""
         with self._news:
             self._news.wait_for(lambda: condition() or self._ended is not None, seconds)
             if condition():
                 return
             if self._ended is not None:
                 raise self._ended
-        raise AssertionError(self.status)
+        raise AssertionError(told() if told else self.status[-400:])
 
     def lose(self) -> None:
         """Wait until the other side closes. Raises ConnectionClosed then."""

@@ -31,7 +31,7 @@ from drivers.visitors import PATIENCE, Server, gone, serving, visiting
 
 pytestmark = pytest.mark.slow  # servers
 
-MOTION, IMPEDANCE, PIN = "Mode: Motion", "Mode: Impedance", "Pin this run for comparison"
+MOTION, IMPEDANCE, PIN = "Mode: Motion", "Mode: Impedance", "Pin this run, to compare it with others"
 
 
 class Answer(NamedTuple):
@@ -245,7 +245,7 @@ def test_links_scenarios_and_pinned_runs_outlive_the_server(tmp_path: Path) -> N
             page.trigger(IMPEDANCE)
             page.wait(lambda: "Impedance" in page.status)
             page.trigger(PIN)
-            page.wait(lambda: "<th>1</th>" in page.text)
+            page.wait(lambda: "</i> run 1</th>" in page.text)
         pinned_in(tmp_path / "shared" / link.watch().path.split("/")[-2])
         server.process.kill()
         server.process.wait()
@@ -253,7 +253,7 @@ def test_links_scenarios_and_pinned_runs_outlive_the_server(tmp_path: Path) -> N
         again = Link(server.port, link.path)
         again.loaded()
         with visiting(again.url) as page:
-            page.wait(lambda: "Impedance" in page.status and "<th>1</th>" in page.text)
+            page.wait(lambda: "Impedance" in page.status and "</i> run 1</th>" in page.text)
         assert arrive(server.port).path != link.path
 
 
