@@ -50,7 +50,8 @@ log = structlog.get_logger()
 
 FPS = 30.0  # scene
 SLOWEST_FPS, FASTEST_FPS = 1.0, 60.0
-REFRESH = 1 / 10  # s, plots, numbers and controls
+REFRESH = 1 / 10  # s, plots and numbers
+CONTROLS = 1 / 2  # s, controls that nobody uses, of a run that nobody changes, and the numbers among them
 PLOTTING = 0.1  # share of the time for drawing plots: long windows are drawn less often
 COMPLAINT_SHOWN = 12.0  # s
 COMPLAINTS_APART = 0.5  # s, between two notifications: the status line has every one
@@ -187,7 +188,8 @@ class Dashboard:
     def _draw(self, view: _View, started: float) -> None:
         """Draw one frame; a fault in it must not take the page down: it is shown and logged, and drawing goes on."""
         try:
-            view.draw(started)
+            with self._server.atomic():  # one wake of the server's thread for all messages of a frame
+                view.draw(started)
         except Exception as error:
             if self._closed.is_set():  # the server has stopped meanwhile
                 return
@@ -254,7 +256,8 @@ class _View:
         with equation.add_tab("Target model"):
             self._equation = server.gui.add_html("")
         equation.float(x=12, y=-92, width=440)
-        self._refreshed = 0.0
+        self._refreshed = self._controls_due = 0.0
+        self._controls_of: object = None
         self._drawn: Snapshot | None = None
         self._page_height = 0
 
@@ -318,14 +321,30 @@ class _View:
         self._status.content = status_html(
             snapshot, self.hang or self._complaint, self._shipped.get(snapshot.scenario.name)
         )
-        self._equation.content = equation_html(snapshot)
-        for part in (self._playback, self._whatif_panel, self._scene_buttons, *self._panels):
+        for part in (self._playback, self._whatif_panel, self._scene_buttons):
             with self._widget_lock.drawing:
                 part.show(snapshot)
+        self._show_controls(snapshot, now)
         self._fit()
         self._scene.draw_paths(self._viewing.look)
         if now >= self._plots_due:
             self._plot(snapshot, now)
+
+    def _show_controls(self, snapshot: Snapshot, now: float) -> None:
+        """Show the running values in the controls and the equation: at once when somebody has used a control or the run
+        has changed."""
+        of = (
+            *(snapshot.scenario, snapshot.revision, snapshot.run, snapshot.phase, snapshot.refusal_number),
+            *(snapshot.blending, [(pinned.number, pinned.title) for pinned in snapshot.pinned]),
+            *(self._whatif.held, self._widget_lock.used),
+        )
+        if of == self._controls_of and now < self._controls_due:
+            return
+        self._controls_of, self._controls_due = of, now + CONTROLS
+        self._equation.content = equation_html(snapshot)
+        for panel in self._panels:
+            with self._widget_lock.drawing:
+                panel.show(snapshot)
 
     def _plot(self, snapshot: Snapshot, now: float) -> None:
         whatif, looked_at = self._whatif, self._visible_tabs.tabs(self._server.get_clients())

@@ -273,7 +273,7 @@ def test_a_draft_is_applied_by_a_blend_and_judged_before() -> None:
     assert re.search(r"certified by eigenvalues, .* at α = [\d.]+ a pole at −[\d.]+", told)
     assert blend_html(snapshot, None) == blend_html(snapshot, Edit("target_model.M_m", [0.0] * 3)) == ""
     runner.post(command)
-    runner._drain()
+    runner._obey(runner._queued())
     for _ in range(100):
         runner._step()
     half, revision = runner._publish(), runner.snapshot.revision

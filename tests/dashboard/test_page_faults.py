@@ -138,8 +138,9 @@ def test_a_client_that_does_not_read_is_dropped_and_bounded_meanwhile(server: Se
     reading, stuck = server.open(), server.open(reads=False)
     websock = server.dashboard._server._websock_server
     stalled_clients = StalledClients(server.dashboard._server, patience=2.0)
-    # something big enough to fill every buffer on the way
-    server.dashboard.clients[stuck.number].send_file_download("file", bytes(20_000_000))
+    # something that fills every buffer on the way, also when it is compressed
+    filling = np.random.default_rng(0).bytes(20_000_000)
+    server.dashboard.clients[stuck.number].send_file_download("file", filling)
     until(lambda: stalled_clients._sizes().get(stuck.number, 0) > 20_000)
     kept = len(websock._broadcast_buffer.message_from_id)
     counter = websock._broadcast_buffer.message_counter

@@ -177,7 +177,7 @@ def test_a_run_holds_the_file_of_its_arm(tmp_path: Path, monkeypatch: pytest.Mon
     monkeypatch.setattr(runner, "hold", lambda robot, path: held.append((robot, path)))
     running = Runner(one)
     running.post(Load(two))
-    assert running._drain()
+    assert running._obey(running._queued())
     assert [path for _, path in held] == [one.robot.urdf, two.robot.urdf]
     assert held[-1][0] is running._loop.system.robot
 

@@ -159,10 +159,10 @@ def test_pause_and_a_new_run_let_go() -> None:
     loop = runner._loop
     for command in (Pause(),):
         runner.post(Push(grip))
-        runner._drain()
+        runner._obey(runner._queued())
         assert loop.grip == grip
         runner.post(command)
-        runner._drain()
+        runner._obey(runner._queued())
         assert loop.grip is None
     loop.hold(grip)
     loop.reset()
@@ -193,7 +193,7 @@ def test_push_now_begins_the_scenarios_push_or_one_sideways_and_the_run_goes_on(
     loop = runner._line.loop
     run(loop, 0.2)
     runner.post(PushNow())
-    runner._drain()
+    runner._obey(runner._queued())
     assert loop.t == pytest.approx(0.2)
     run(loop, PUSH_LASTS + 0.1)
     record = loop.recording.signals(("t", "F_push"))
@@ -202,7 +202,7 @@ def test_push_now_begins_the_scenarios_push_or_one_sideways_and_the_run_goes_on(
     assert record["F_push"].max(axis=0) == pytest.approx(PUSH)
     runner.post(Edit("truth.push", [0.0, 0.0, -5.0]))
     runner.post(PushNow())
-    runner._drain()
+    runner._obey(runner._queued())
     assert loop.system.scenario.truth.push_start == pytest.approx(loop.t)
     assert loop.system.scenario.truth.push == (0.0, 0.0, -5.0)
 

@@ -18,6 +18,7 @@ from viser import uplot
 from app.analysis.spectrum import amplitude_spectrum
 from app.analysis.thinning import Grid
 from app.dashboard.theme.colors import Rgb, css
+from app.dashboard.transport.viser_private import plot
 from app.scenario.units import Units
 from app.session.snapshot import Snapshot
 from app.simulation.controller_builder import law_of
@@ -283,8 +284,9 @@ class Chart:
             return
         x, *lines = _spectra(drawing, frame) if self._plot.spectral else frame.courses(drawing.lines)
         if len(x) > 1:
-            self._handle.data = _padded(
-                (x, *(np.maximum(line, low) for line, low in zip(lines, self._lowest, strict=True)))
+            plot(
+                self._handle,
+                _padded((x, *(np.maximum(line, low) for line, low in zip(lines, self._lowest, strict=True)))),
             )
 
     def _adapt(self, drawing: Drawing | None, pinned: Sequence[Label]) -> None:
@@ -301,7 +303,7 @@ class Chart:
         self._lowest = [floor] * len(behind) + [-np.inf if line.backdrop else floor for line in drawing.lines]
         series = (uplot.Series(label=self._axis), *behind, *(line.series() for line in drawing.lines))
         handle = self._handle
-        handle.data = _padded(())
+        plot(handle, _padded(()))
         handle.series = series
         handle.title = drawing.title
         handle.bands = tuple(

@@ -14,6 +14,7 @@ import trimesh
 import viser
 
 from app.dashboard.theme.colors import Rgb
+from app.dashboard.transport.viser_private import move
 from app.dashboard.view_options import FINE
 from app.storage.link_meshes import LinkMesh, link_meshes
 from environments.robots import Robot
@@ -121,8 +122,7 @@ class RobotView:
         pin.forwardKinematics(self._model, self._data, np.asarray(q, dtype=float))
         for joint, frame in enumerate(self._frames, start=1):
             T_parent_joint = self._data.liMi[joint]
-            frame.wxyz = _wxyz(T_parent_joint.rotation)
-            frame.position = T_parent_joint.translation
+            move(frame, T_parent_joint.translation, _wxyz(T_parent_joint.rotation))
 
     def _shaped(self) -> list[viser.MeshHandle]:
         """Meshes of the arm's known parts in the scene."""

@@ -68,26 +68,25 @@ class SceneView:
         shade = self._ghost.follow(snapshot) if look.ghost else None
         self._rebuild(snapshot, look, shade)
         newtons = self._scale.fit((snapshot.force, snapshot.force_desired, snapshot.push), look.newtons)
-        with self._server.atomic():
-            if self._robot_view is not None:
-                self._robot_view.show(snapshot.q)
-            if self._ghost_view is not None:
-                self._ghost_view.set_visible(shade is not None)
-                if shade is not None:
-                    self._ghost_view.show(shade.q)
-            self._pinned.show(snapshot, wanted=look.pinned_arms)
-            self._surface.place(snapshot, visible=look.surface)
-            for arrow, start, force in (
-                (self._measured, snapshot.tool, snapshot.force),
-                (self._desired, snapshot.tool + _ASIDE, snapshot.force_desired),
-            ):
-                arrow.show(start, force if look.forces else np.zeros(3), newtons)
-            if look.frame:
-                system = snapshot.system
-                self._frame.show(system.charted, system.layout.positions, snapshot.tool, snapshot.t)
-            else:
-                self._frame.hide()
-            self._grid.visible = look.grid
+        if self._robot_view is not None:
+            self._robot_view.show(snapshot.q)
+        if self._ghost_view is not None:
+            self._ghost_view.set_visible(shade is not None)
+            if shade is not None:
+                self._ghost_view.show(shade.q)
+        self._pinned.show(snapshot, wanted=look.pinned_arms)
+        self._surface.place(snapshot, visible=look.surface)
+        for arrow, start, force in (
+            (self._measured, snapshot.tool, snapshot.force),
+            (self._desired, snapshot.tool + _ASIDE, snapshot.force_desired),
+        ):
+            arrow.show(start, force if look.forces else np.zeros(3), newtons)
+        if look.frame:
+            system = snapshot.system
+            self._frame.show(system.charted, system.layout.positions, snapshot.tool, snapshot.t)
+        else:
+            self._frame.hide()
+        self._grid.visible = look.grid
         if not snapshot.looking_back:  # the paths are there already
             self._tool_path.extend(snapshot.tool, _path_error(snapshot))
             if snapshot.tool_desired is not None:

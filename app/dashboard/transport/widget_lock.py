@@ -25,10 +25,13 @@ class WidgetLock:
     So a callback of a widget must not wait for anything: anything slow in it is a task of its own. A drawing that hangs
     is waited for once; after that the messages of pages, which all come through one event loop, are processed without
     it.
+
+    used: number of values that pages have sent.
     """
 
     def __init__(self, server: viser.ViserServer) -> None:
         self.drawing = threading.RLock()
+        self.used = 0
         self._hangs = False
         wrap_updates(server, self._in_turn)
 
@@ -40,6 +43,7 @@ class WidgetLock:
                 outcome = handler(client, message)
                 if isawaitable(outcome):
                     await outcome
+                self.used += 1
             finally:
                 if turn:
                     self.drawing.release()

@@ -1,0 +1,67 @@
+"""What is sent to a page: what has changed, and nothing else."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+import viser
+
+from app.dashboard.page import Dashboard
+from app.dashboard.scene.trails import PIECE, PIECES, SPACING, Trail
+from app.scenario.data import load
+from app.session.runner import Runner
+
+
+@pytest.fixture(scope="module")
+def dashboard() -> Iterator[Dashboard]:
+    dashboard = Dashboard(port=0)
+    yield dashboard
+    dashboard.close()
+
+
+def sent(server: viser.ViserServer) -> int:
+    """Number of messages to all pages so far."""
+    return server._websock_server.get_message_buffer().message_counter
+
+
+def test_a_run_at_rest_sends_nothing_and_a_moving_one_does(dashboard: Dashboard) -> None:
+    runner = Runner(load("ur5-hybrid"))
+    dashboard.attach(runner)
+    view = dashboard._view
+    assert view is not None
+    frames = iter(range(1000))
+
+    def frame() -> int:
+        """Number of messages of a frame that shows everything anew."""
+        view._controls_due, before = -math.inf, sent(dashboard._server)
+        view.draw(1e9 + next(frames))
+        return sent(dashboard._server) - before
+
+    for _ in range(3):
+        frame()
+    assert [frame() for _ in range(3)] == [0, 0, 0]
+    for _ in range(50):
+        runner._step()
+    runner._newest = runner._publish()
+    assert frame() > 10
+    assert frame() == 0
+
+
+def test_of_a_path_only_the_newest_piece_is_sent(dashboard: Dashboard) -> None:
+    trail = Trail(dashboard._server.scene, "/test_trail", (1, 2, 3), 1.0)
+    points = 2.0 * SPACING * np.arange(PIECES * PIECE + 20)[:, None] * [1.0, 0.0, 0.0]
+    for point in points:
+        trail.extend(point)
+    trail.draw(shown=True, largest=None)
+    before = sent(dashboard._server)
+    trail.extend(points[-1] + [0.0, 1.0, 0.0])
+    trail.draw(shown=True, largest=None)
+    assert sent(dashboard._server) == before + 1
+    # one line without gaps, to the newest point
+    drawn = np.concatenate([piece._line.points[: len(piece.points) - 1] for piece in trail._pieces])
+    np.testing.assert_array_equal(drawn[1:, 0], drawn[:-1, 1])
+    np.testing.assert_allclose(drawn[-1], [points[-1], points[-1] + [0.0, 1.0, 0.0]], rtol=1e-6)
+    assert (PIECES - 1) * PIECE < len(drawn) <= PIECES * PIECE
