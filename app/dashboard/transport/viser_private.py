@@ -6,7 +6,7 @@ Each function says which public way is missing.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import viser
@@ -91,5 +91,5 @@ def plot(chart: viser.GuiUplotHandle, data: tuple[np.ndarray, ...]) -> None:
     """Give a chart its data (N,), each in single precision: a pixel cannot tell more, and half as much is sent.
     Missing: the public setter casts to double precision, and looks up the type of every array anew."""
     lean = tuple(values.astype(np.float32) for values in data)
-    chart._impl.props.data = lean
+    cast(Any, chart._impl.props).data = lean
     chart._queue_update("data", lean)
