@@ -10,7 +10,7 @@ from playwright.sync_api import Browser, Page, ViewportSize, sync_playwright
 from drivers.browser import LAUNCH_ARGS, find_or_install
 
 VIEWPORT: ViewportSize = {"width": 1280, "height": 720}
-RUNNING = "‖s‖ ≤ bound: holds"  # text on the page once it shows the running loop
+RUNNING = '.vs-status[data-phase="running"]'
 
 
 @contextlib.contextmanager
@@ -28,5 +28,5 @@ def opened(browser: Browser, url: str, frames: list[bytes | str] | None = None) 
         # a function of ours: playwright sets attributes on it, which `frames.append` does not take
         page.on("websocket", lambda socket: socket.on("framereceived", lambda frame: frames.append(frame)))
     page.goto(url)
-    page.get_by_text(RUNNING).wait_for(timeout=60_000)
+    page.locator(RUNNING).wait_for(state="attached", timeout=60_000)
     return page

@@ -1,7 +1,7 @@
 """Number of sessions that one machine can run at 1 kHz, the cost of each, and the time until a visitor has a page.
 
-The server is `vsmrc serve --shared`; every session is looked at by one page that receives everything but draws
-nothing; a browser would run on another machine.
+The server is `vsmrc serve --shared`; every session is looked at by one page, with a tab of plots, that receives
+everything but draws nothing; a browser would run on another machine.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from drivers.visitors import PATIENCE, Server, Visitor, serving, visiting
 
 COUNTS = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32)
 HELD = 0.995  # of real time, by the slowest session
-RUNNING = "‖s‖ ≤ bound: holds"
+TAB = "Overview"
 _TICKS = os.sysconf("SC_CLK_TCK")
 
 
@@ -109,7 +109,8 @@ def _fared(number: int, count: int, seconds: float) -> Fared:
             began = time.perf_counter()
             url = arrived(server.port)
             pages.append(page := stack.enter_context(visiting(url)))
-            page.wait(lambda page=page: RUNNING in page.status)
+            page.wait(lambda page=page: page.running)
+            page.look_at(TAB)
             waits.append(time.perf_counter() - began)
         time.sleep(5.0)
         everyone = [server.process.pid, *server.children()]

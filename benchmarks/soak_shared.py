@@ -26,7 +26,7 @@ from tqdm import tqdm
 
 from app.process.markdown import Table
 from benchmarks import machine, processes
-from benchmarks.sessions import RUNNING, arrived, late
+from benchmarks.sessions import arrived, late
 from benchmarks.soak import PAGE, PLACE, Crowd, grown
 from drivers.visitors import Visitor, serving, visiting
 
@@ -60,7 +60,7 @@ def soak(minutes: float, sessions: int, clients: int, every: float, seed: int) -
         for _ in range(sessions):
             urls.append(url := arrived(server.port))
             watchers.append(watcher := stack.enter_context(visiting(_watched(url))))
-            watcher.wait(lambda watcher=watcher: RUNNING in watcher.status)
+            watcher.wait(lambda watcher=watcher: watcher.running)
         crowd = Crowd(urls, clients, seed)
         for number in tqdm(range(1, math.ceil(minutes / every) + 1), desc="looks", disable=None):
             time.sleep(60.0 * every)

@@ -32,6 +32,7 @@ class Visitor:
         self.html: dict[str, str] = {}
         self.commands: dict[str, str] = {}
         self.received = 0
+        self._looking = ""  # field in which a page reports its visible tabs: the first one without a label
         self._news = threading.Condition()
         self._ended: ConnectionClosed | None = None
         threading.Thread(target=self._listen, daemon=True).start()
@@ -50,6 +51,16 @@ class Visitor:
         """Text of the status line."""
         found = [re.sub(r"<[^>]+>", " ", html) for html in self.html.values() if "vs-status" in html]
         return " ".join(found).strip()
+
+    @property
+    def running(self) -> bool:
+        """Whether the page shows a running loop."""
+        return any('data-phase="running"' in html for html in self.html.values())
+
+    def look_at(self, tab: str) -> None:
+        """Report that this tab of plots is visible, as the page's script does."""
+        self.wait(lambda: self._looking != "")
+        self.say({"type": "GuiUpdateMessage", "uuid": self._looking, "updates": {"value": f"{tab}#"}})
 
     @property
     def text(self) -> str:
@@ -100,6 +111,8 @@ class Visitor:
                 self.html[message["uuid"]] = message["props"]["content"]
             elif message["type"] == "GuiUpdateMessage" and "content" in message["updates"]:
                 self.html[message["uuid"]] = message["updates"]["content"]
+            elif message["type"] == "GuiTextMessage" and not message["props"]["label"]:
+                self._looking = self._looking or message["uuid"]
             elif message["type"] == "RegisterCommandMessage":
                 self.commands[message["props"]["label"]] = message["uuid"]
 
