@@ -35,6 +35,7 @@ from app.dashboard.widgets.help import Help, tools_html
 from app.dashboard.widgets.last_session import LastSession, add_last_session
 from app.dashboard.widgets.playback import Playback
 from app.dashboard.widgets.scene_buttons import SceneButtons
+from app.dashboard.widgets.scene_legend import SceneLegend
 from app.dashboard.widgets.shortcuts import Shortcuts
 from app.dashboard.widgets.status import splash_html, status_html
 from app.dashboard.widgets.whatif import WhatIf
@@ -240,6 +241,7 @@ class _View:
         self._playback = Playback(desk)
         self._shortcuts = Shortcuts(desk)
         self._scene_buttons = SceneButtons(desk)
+        self._scene_legend = SceneLegend(desk)
         self._whatif_panel = WhatIfPanel(desk)
         self._guided_minute = GuidedMinute(desk)
         self._widget_lock = WidgetLock(server)
@@ -321,7 +323,7 @@ class _View:
         self._status.content = status_html(
             snapshot, self.hang or self._complaint, self._shipped.get(snapshot.scenario.name)
         )
-        for part in (self._playback, self._whatif_panel, self._scene_buttons):
+        for part in (self._playback, self._whatif_panel, self._scene_buttons, self._scene_legend):
             with self._widget_lock.drawing:
                 part.show(snapshot)
         self._show_controls(snapshot, now)

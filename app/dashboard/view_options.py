@@ -13,6 +13,7 @@ Drag = Literal["push", "target"]
 @dataclass(frozen=True)
 class Look:
     """Look of the scene.
+    spring: the target model's spring and damper, so many `times` as long as the deflection.
     newtons: force that an arrow of 100 mm stands for, None for one that suits the forces.
     cell: m, see `FINE`.
     drag: action of the mouse on the tool, with Shift held the other one.
@@ -27,6 +28,8 @@ class Look:
     frame: bool = True
     surface: bool = True
     grid: bool = True
+    spring: bool = True
+    times: float = 1.0
     newtons: float | None = None
     cell: float = FINE
     drag: Drag = "push"

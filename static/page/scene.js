@@ -6,4 +6,8 @@ const place = () => {
   document.documentElement.toggleAttribute("data-narrow", !!box && box.width < 180); // no room for the equation
 };
 setInterval(place, 200);
-addEventListener("resize", () => requestAnimationFrame(place));
+window.addEventListener("resize", () => requestAnimationFrame(place));
+window.addEventListener("click", (e) => {
+  const button = e.target.closest?.(".vs-legend-button");
+  if (button) button.ariaExpanded = String(document.documentElement.toggleAttribute("data-legend"));
+});

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from app.dashboard.scene.arrows import LONGEST, UNIT, ForceScale, task_directions
+from app.dashboard.scene.spring_damper import BESIDE, HALF_WIDTH, segments
 from app.dashboard.scene.trails import error_colors
 from app.dashboard.theme.colors import ERROR_COLORS
 from app.dashboard.view_options import rounded_up
@@ -50,3 +51,17 @@ def test_task_directions_change_one_coordinate_each(t: float) -> None:
             np.testing.assert_allclose(np.delete(change, i), 0.0, atol=1e-4)
         gradient = surface.chart(p, t).G[0]
         np.testing.assert_allclose(directions[0], gradient / np.linalg.norm(gradient))
+
+
+@pytest.mark.parametrize("away", [(0.0, 0.0, 0.02), (0.01, -0.02, 0.0), (0.03, 0.0, -0.01), (0.02, 0.01, 0.0)])
+def test_the_spring_is_as_long_as_the_deflection_and_leads_to_the_tool(away: tuple[float, ...]) -> None:
+    tool, e = np.array([0.4, 0.2, 0.3]), np.array(away)
+    for times in (1.0, 10.0):
+        drawn = segments(tool, tool + e, times)
+        along = (drawn - tool) @ e / np.linalg.norm(e)
+        # from the tool to the desired point, in the direction of the one from the other, and nothing beyond
+        np.testing.assert_allclose([along.min(), along.max()], [0.0, times * np.linalg.norm(e)], atol=1e-12)
+        np.testing.assert_array_equal(drawn[-1, 0], tool)
+        across = np.linalg.norm(drawn - tool - along[..., None] * e / np.linalg.norm(e), axis=-1)
+        assert across[:-1].min() > 0.5 * BESIDE
+        assert across.max() < BESIDE + 2.0 * HALF_WIDTH

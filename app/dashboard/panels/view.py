@@ -6,26 +6,14 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Mapping
 from dataclasses import replace
-from html import escape
 from typing import Any, Protocol
 
 import viser
 
 from app.dashboard.scene.camera import VIEWS, fly, viewpoint
-from app.dashboard.theme.colors import (
-    DESIRED,
-    ERROR_COLORS,
-    GHOST,
-    MEASURED,
-    PUSH,
-    RUNS,
-    SERIES,
-    TOOL_PATH,
-    Rgb,
-    css,
-)
-from app.dashboard.view_options import FINE, LIGHT, Legend, Look, Viewing
+from app.dashboard.view_options import FINE, LIGHT, Look, Viewing
 from app.dashboard.widgets.controls import Desk
+from app.dashboard.widgets.scene_legend import legend_html
 from app.session.snapshot import Snapshot
 from environments.push import MOST_FORCE, MOST_STIFF
 
@@ -47,12 +35,17 @@ SWITCHES = {
         "Task frame",
         "Normal and tangents at the tool, in the colours that their coordinates have in the plots.",
     ),
+    "spring": (
+        "Spring and damper",
+        "The target model's K_m and B_m, between the desired point and the tool; not drawn where shorter than 6 mm.",
+    ),
     "surface": ("Surface", "What the tool works on."),
     "grid": ("Grid", "The floor, squares of 0.1 m."),
 }
 SCALES: dict[str, float | None] = {"automatic": None} | {
     f"100 mm = {n:g} N": n for n in (1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0)
 }
+TIMES: dict[str, float] = {"to scale": 1.0} | {f"{n:g} times as large": n for n in (10.0, 100.0, 1000.0)}
 MESHES = {"fine": FINE, "light": LIGHT}
 DRAGS = {"pushes it (Shift: moves the target)": "push", "moves the target (Shift: pushes)": "target"}
 
@@ -102,6 +95,12 @@ class ViewPanel:
                 for name, (title, hint) in SWITCHES.items()
             ]
             self._fields += [
+                _Field(
+                    viewing,
+                    "times",
+                    gui.add_dropdown("Deflection", tuple(TIMES), hint="Length of the spring and damper drawn."),
+                    TIMES,
+                ),
                 _Field(viewing, "newtons", gui.add_dropdown("Force arrows", tuple(SCALES)), SCALES),
                 _Field(
                     viewing, "cell", gui.add_dropdown("Meshes", tuple(MESHES), hint="Light: for slow graphics."), MESHES
@@ -127,39 +126,6 @@ class ViewPanel:
 
     def show(self, snapshot: Snapshot) -> None:
         viewing = self._desk.viewing
-        self._legend.content = legend_html(viewing.look, viewing.legend, snapshot)
+        self._legend.content = f'<div class="vs-note">{legend_html(viewing.look, viewing.legend, snapshot)}</div>'
         for field in self._fields:
             field.show(viewing.look)
-
-
-def legend_html(look: Look, legend: Legend, snapshot: Snapshot) -> str:
-    """Legend of the colours and lengths in the scene, of what is drawn, as HTML."""
-    lines = []
-    if look.tool_path and look.error_colors and snapshot.tool_desired is not None:
-        colors = ", ".join(css(color) for color in ERROR_COLORS)
-        bar = f'<span class="vs-bar" style="background: linear-gradient(90deg, {colors})">'
-        lines.append(f"<div class='vs-row'>path error&ensp;0 {bar}</span> {1e3 * legend.error:g} mm</div>")
-    keys = []
-    if look.desired_path:
-        keys.append(_key(DESIRED, "desired"))
-    if look.tool_path and not look.error_colors:
-        keys.append(_key(TOOL_PATH, "tool"))
-    if look.forces:
-        keys += [_key(MEASURED, "force"), _key(DESIRED, "desired force")]
-    if look.forces or snapshot.push.any():
-        keys += [_key(PUSH, "push"), f"100 mm = {legend.newtons:g} N"]
-    if look.frame:
-        names = [] if snapshot.system.layout.joint else snapshot.coordinates[: snapshot.system.layout.positions]
-        keys += [_key(SERIES[i], coordinate.name) for i, coordinate in enumerate(names)]
-    if look.pinned_arms and snapshot.pinned:
-        keys += [_key(RUNS[pinned.place], escape(pinned.title)) for pinned in snapshot.pinned]
-    if look.ghost:
-        away = "out of reach" if legend.ghost is None else f"{1e3 * legend.ghost:.3f} mm away"
-        keys.append(_key(GHOST, f"ghost, {away}"))
-    lines.append(f"<div class='vs-row'>{' '.join(keys)}</div>")
-    return f'<div class="vs-note">{"".join(lines)}</div>'
-
-
-def _key(color: Rgb, name: str) -> str:
-    dot = f'<span class="vs-dot" style="background: {css(color)}"></span>'
-    return f"<span>{dot} {name}</span>"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Literal
 
 import numpy as np
 import viser
@@ -16,6 +17,7 @@ LONGEST, SHORTEST = 0.22, 0.06  # m: a scale is kept while the longest arrow lie
 LEAST_SCALE = 1.0  # N per UNIT
 LEAST_FORCE = 0.2  # N: below this no arrow
 FRAME = 0.09  # m
+Side = Literal["center-left", "center-right"]
 
 
 class ForceScale:
@@ -37,9 +39,12 @@ class ForceScale:
 
 
 class ForceArrow:
-    """An arrow from a point along a force, to scale; none for a force near zero."""
+    """An arrow from a point along a force, to scale, with its number in newtons, which nothing hides; none for a force
+    near zero."""
 
-    def __init__(self, scene: viser.SceneApi, name: str, color: Rgb) -> None:
+    def __init__(self, scene: viser.SceneApi, name: str, color: Rgb, side: Side = "center-left") -> None:
+        """side: of the number's box, which is at the arrow's tip."""
+        self._number = scene.add_label(f"{name}/number", "", visible=False, anchor=side)
         self._arrow = scene.add_arrows(
             name,
             np.array([[[0.0, 0.0, 0.0], [0.0, 0.0, 0.1]]]),
@@ -54,11 +59,11 @@ class ForceArrow:
         """Show the force (3,) N from start (3,) m, `newtons` N per `UNIT`."""
         visible = bool(LEAST_FORCE < np.linalg.norm(force) < np.inf)
         if visible:
-            self._arrow.points = np.stack([start, start + UNIT / newtons * force])[None].astype(np.float32)
-        self._arrow.visible = visible
-
-    def hide(self) -> None:
-        self._arrow.visible = False
+            end = start + UNIT / newtons * force
+            self._arrow.points = np.stack([start, end])[None].astype(np.float32)
+            self._number.text = f"{np.linalg.norm(force):.1f} N"
+            self._number.position = end
+        self._arrow.visible = self._number.visible = visible
 
 
 def task_directions(charted: Surface, p: np.ndarray, t: float) -> np.ndarray:

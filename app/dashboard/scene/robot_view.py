@@ -13,7 +13,7 @@ import structlog
 import trimesh
 import viser
 
-from app.dashboard.theme.colors import Rgb
+from app.dashboard.theme.colors import TIP, Rgb
 from app.dashboard.transport.viser_private import move
 from app.dashboard.view_options import FINE
 from app.storage.link_meshes import LinkMesh, link_meshes
@@ -24,6 +24,7 @@ log = structlog.get_logger()
 _PLAIN: Rgb = (196, 200, 206)
 _JOINT: Rgb = (86, 120, 170)
 _BONE = 0.03  # radius over the arm's length
+_TIP_RADIUS = 0.012  # m
 
 
 @dataclass(frozen=True)
@@ -38,12 +39,12 @@ class Part:
 
 def parts(robot: Robot, meshes: tuple[LinkMesh, ...], cell: float) -> list[Part]:
     """Parts of the arm: these visuals of the URDF, grouped, without detail finer than `cell` m; links without a frame
-    in the reduced model are left out. A joint without a visual among them is drawn as a bone to the next joint."""
+    in the reduced model are left out. A joint without a visual among them is drawn as a bone to the next joint. The
+    tool tip is the last part."""
     groups = _visuals(robot, meshes)
     bare = set(range(robot.model.njoints)) - {joint for joint, _ in groups}
-    return [Part(joint, color, *_lightened(meshes, cell)) for (joint, color), meshes in groups.items()] + [
-        part for joint in sorted(bare) for part in _bone(robot, joint)
-    ]
+    links = [Part(joint, color, *_lightened(meshes, cell)) for (joint, color), meshes in groups.items()]
+    return [*links, *(part for joint in sorted(bare) for part in _bone(robot, joint)), _tip(robot)]
 
 
 def _visuals(robot: Robot, meshes: tuple[LinkMesh, ...]) -> dict[tuple[int, Rgb], list[trimesh.Trimesh]]:
@@ -68,6 +69,12 @@ def _bone(robot: Robot, joint: int) -> Iterator[Part]:
         yield Part(joint, _PLAIN, shaft.vertices.astype(np.float32), shaft.faces.astype(np.uint32))
     ball = trimesh.creation.icosphere(2, 1.4 * radius)
     yield Part(joint, _JOINT, ball.vertices.astype(np.float32), ball.faces.astype(np.uint32))
+
+
+def _tip(robot: Robot) -> Part:
+    """The tool point, where the contact is, as a small ball."""
+    ball = trimesh.creation.icosphere(2, _TIP_RADIUS).apply_translation(robot.tool_placement.translation)
+    return Part(robot.tool_joint, TIP, ball.vertices.astype(np.float32), ball.faces.astype(np.uint32))
 
 
 def _lightened(meshes: list[trimesh.Trimesh], cell: float) -> tuple[np.ndarray, np.ndarray]:

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 import viser
 
-from app.dashboard.scene.arrows import UNIT, ForceArrow
+from app.dashboard.scene.arrows import ForceArrow
 from app.dashboard.theme.colors import ACCENT, DESIRED, PUSH
 from app.dashboard.transport.callback_errors import guarded
 from app.dashboard.widgets.controls import Desk
@@ -20,6 +20,7 @@ from environments.push import Grip
 
 RADIUS = 0.045  # m
 RESOLUTION = 4  # decimals of the shift, m
+_BESIDE = np.array([RADIUS, 0.0, RADIUS])  # m, from the tool to the hint
 
 
 @dataclass(frozen=True)
@@ -50,12 +51,15 @@ def shifted(snapshot: Snapshot, moved: np.ndarray) -> Edit:
 
 
 class Hand:
-    """The hand on the tool: drags by the mouse, and the drawing of a push, whoever pushes. viser ends the drag of a
-    page that closes: it lets go of the tool, and leaves the target where it was."""
+    """The hand on the tool: drags by the mouse, and the drawing of a push, whoever pushes. The ball says that one can
+    drag it until somebody has.
+
+    viser ends the drag of a page that closes: it lets go of the tool, and leaves the target where it was."""
 
     def __init__(self, scene: viser.SceneApi, desk: Desk, connected: Callable[[int], bool]) -> None:
         self._desk, self._connected = desk, connected
         self._held: _Held | None = None
+        self._taken_once = False
         # not hidden when idle: it is the object to take hold of
         self._handle = scene.add_icosphere(
             "/hand/handle", RADIUS, ACCENT, subdivisions=2, opacity=0.4, cast_shadow=False, receive_shadow=False
@@ -74,7 +78,7 @@ class Hand:
             "/hand/spring", np.zeros((1, 2, 3)), PUSH, thickness=3.0, thickness_units="screen", visible=False
         )
         self._arrow = ForceArrow(scene, "/hand/force", PUSH)
-        self._label = scene.add_label("/hand/newtons", "", visible=False, anchor="bottom-center")
+        self._hint = scene.add_label("/hand/hint", "drag this ball", anchor="center-left")
         self._handle.on_drag("left")(guarded(self._on_drag, desk.complain))
         self._handle.on_drag("left", modifier="shift")(guarded(self._on_shift_drag, desk.complain))
 
@@ -128,11 +132,10 @@ class Hand:
         if grip is not None:
             self._spring.points = np.array([[tool, grip.anchor]], dtype=np.float32)
         self._spring.visible = grip is not None
-        size = float(np.linalg.norm(push))
-        if size > 0.0:
-            self._label.text = f"{size:.1f} N"
-            self._label.position = tool + UNIT / newtons * push
-        self._label.visible = size > 0.0
+        self._taken_once |= self._held is not None
+        self._hint.visible = not self._taken_once and not push.any()
+        if self._hint.visible:
+            self._hint.position = tool + _BESIDE
         self._show_target(snapshot)
 
     def _show_target(self, snapshot: Snapshot) -> None:

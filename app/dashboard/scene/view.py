@@ -10,6 +10,7 @@ from app.dashboard.scene.camera import look as look_from
 from app.dashboard.scene.camera import viewpoint
 from app.dashboard.scene.pinned_arms import PinnedArms
 from app.dashboard.scene.robot_view import Paint, RobotView
+from app.dashboard.scene.spring_damper import SpringDamper
 from app.dashboard.scene.surface_view import SurfaceView
 from app.dashboard.scene.trails import Trail
 from app.dashboard.theme.colors import DESIRED, GHOST, GRID, GRID_SECTION, MEASURED, TOOL_PATH, Theme
@@ -28,10 +29,13 @@ class SceneView:
     def __init__(self, server: viser.ViserServer) -> None:
         self._server = server
         scene = server.scene
-        scene.configure_default_lights(enabled=True, cast_shadow=False)
+        scene.configure_default_lights(enabled=False)
         scene.configure_environment_map(None)
         scene.world_axes.visible = False
-        scene.add_light_hemisphere("/light", sky_color=(255, 255, 255), ground_color=(150, 150, 160), intensity=1.2)
+        # one side brighter than the other shows the shape of what is of one colour
+        scene.add_light_hemisphere("/light/sky", sky_color=(255, 255, 255), ground_color=(110, 110, 125), intensity=1.3)
+        scene.add_light_directional("/light/key", intensity=2.4, position=(0.8, -1.6, 2.0))
+        scene.add_light_directional("/light/fill", color=(190, 205, 255), intensity=0.7, position=(-1.5, 0.6, 0.5))
         self._grid = scene.add_grid(
             "/grid",
             width=4.0,
@@ -45,9 +49,10 @@ class SceneView:
         self._desired_path = Trail(scene, "/path/desired", DESIRED, thickness=2.0)
         self._tool_path = Trail(scene, "/path/tool", TOOL_PATH, thickness=5.0)
         self._measured = ForceArrow(scene, "/force/measured", MEASURED)
-        self._desired = ForceArrow(scene, "/force/desired", DESIRED)
+        self._desired = ForceArrow(scene, "/force/desired", DESIRED, side="center-right")
         self._scale = ForceScale()
         self._frame = TaskFrame(scene, "/frame")
+        self._spring = SpringDamper(scene, "/spring_damper")
         self._ghost = Ghost()
         self._arms = 0
         self._robot_view: RobotView | None = None
@@ -86,6 +91,10 @@ class SceneView:
             self._frame.show(system.charted, system.layout.positions, snapshot.tool, snapshot.t)
         else:
             self._frame.hide()
+        if look.spring:
+            self._spring.show(snapshot.tool, snapshot.tool_desired, look.times)
+        else:
+            self._spring.hide()
         self._grid.visible = look.grid
         if not snapshot.looking_back:  # the paths are there already
             self._tool_path.extend(snapshot.tool, _path_error(snapshot))

@@ -16,6 +16,8 @@ SURFACE_LINES: Rgb = (110, 165, 225)
 TOOL_PATH: Rgb = (255, 205, 90)
 PUSH: Rgb = (204, 90, 190)
 GHOST: Rgb = (120, 165, 240)
+TIP: Rgb = (235, 60, 60)  # tool tip
+MODEL: Rgb = (240, 128, 110)  # spring and damper of the target model
 RUNS: tuple[Rgb, ...] = ((186, 145, 255), (120, 215, 215), (222, 184, 135))  # pinned ones, by their places
 BOUND: Rgb = (235, 80, 80)
 # viser derives shades of it; on a light page its links and buttons are two shades lighter than this

@@ -1,0 +1,73 @@
+"""Legend of the scene: colours and lengths of what is drawn; over the scene behind a button, and in the tab View."""
+
+from __future__ import annotations
+
+from html import escape
+
+from app.dashboard.theme.colors import (
+    DESIRED,
+    ERROR_COLORS,
+    GHOST,
+    MEASURED,
+    MODEL,
+    PUSH,
+    RUNS,
+    SERIES,
+    TIP,
+    TOOL_PATH,
+    Rgb,
+    css,
+)
+from app.dashboard.view_options import Legend, Look
+from app.dashboard.widgets.controls import Desk
+from app.session.snapshot import Snapshot
+
+
+class SceneLegend:
+    """The button, and the legend that it opens and closes on the page where it is pressed."""
+
+    def __init__(self, desk: Desk) -> None:
+        self._viewing = desk.viewing
+        # apart: the legend is sent anew while a button must stay the one that is pressed
+        desk.gui.add_html('<button class="vs-legend-button" title="What the colours in the scene mean">Legend</button>')
+        self._html = desk.gui.add_html("")
+
+    def show(self, snapshot: Snapshot) -> None:
+        rows = legend_html(self._viewing.look, self._viewing.legend, snapshot)
+        self._html.content = f'<div class="vs-legend">{rows}</div>'
+
+
+def legend_html(look: Look, legend: Legend, snapshot: Snapshot) -> str:
+    """Rows of the legend as HTML: of what is drawn."""
+    lines = []
+    if look.tool_path and look.error_colors and snapshot.tool_desired is not None:
+        colors = ", ".join(css(color) for color in ERROR_COLORS)
+        bar = f'<span class="vs-bar" style="background: linear-gradient(90deg, {colors})">'
+        lines.append(f"<div class='vs-row'>path error&ensp;0 {bar}</span> {1e3 * legend.error:g} mm</div>")
+    keys = [_key(TIP, "tool tip")]
+    if look.desired_path:
+        keys.append(_key(DESIRED, "desired"))
+    if look.tool_path and not look.error_colors:
+        keys.append(_key(TOOL_PATH, "tool"))
+    if look.forces:
+        keys += [_key(MEASURED, "force"), _key(DESIRED, "desired force")]
+    if look.forces or snapshot.push.any():
+        keys += [_key(PUSH, "push"), f"100 mm = {legend.newtons:g} N"]
+    if look.spring and snapshot.tool_desired is not None:
+        times = "" if look.times == 1.0 else f", deflection × {look.times:g}"
+        keys.append(_key(MODEL, f"spring and damper of (8){times}"))
+    if look.frame:
+        names = [] if snapshot.system.layout.joint else snapshot.coordinates[: snapshot.system.layout.positions]
+        keys += [_key(SERIES[i], coordinate.name) for i, coordinate in enumerate(names)]
+    if look.pinned_arms and snapshot.pinned:
+        keys += [_key(RUNS[pinned.place], escape(pinned.title)) for pinned in snapshot.pinned]
+    if look.ghost:
+        away = "out of reach" if legend.ghost is None else f"{1e3 * legend.ghost:.3f} mm away"
+        keys.append(_key(GHOST, f"ghost, {away}"))
+    lines.append(f"<div class='vs-row'>{' '.join(keys)}</div>")
+    return "".join(lines)
+
+
+def _key(color: Rgb, name: str) -> str:
+    dot = f'<span class="vs-dot" style="background: {css(color)}"></span>'
+    return f"<span>{dot} {name}</span>"
