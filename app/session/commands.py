@@ -75,6 +75,15 @@ class SetSpeed:
 
 
 @dataclass(frozen=True)
+class ShowAgain:
+    """Show a stretch of the run, from `start` to `end` s, at another speed; from its end on at the present one."""
+
+    start: float
+    end: float
+    factor: float
+
+
+@dataclass(frozen=True)
 class Load:
     """Load another scenario."""
 
@@ -132,6 +141,7 @@ Command = (
     | Rename
     | Unpin
     | SetSpeed
+    | ShowAgain
     | Load
     | Continue
     | Edit

@@ -34,6 +34,7 @@ from app.session.commands import (
     Reset,
     Seek,
     SetSpeed,
+    ShowAgain,
     StepOnce,
     ToEnd,
     Unpin,
@@ -80,6 +81,9 @@ class Runner:
         self._reach = reach
         self._playing = True
         self._speed = 1.0
+        self._after: tuple[float, float] | None = (
+            None  # the instant (s) from which on another speed holds, and that one
+        )
         self._revision = self._runs = self._refusals = 0
         self._refusal: str | None = None
         self._told = ""
@@ -157,7 +161,10 @@ class Runner:
             if self._going:
                 changed = True
                 self._advance(schedule, now)
-                if schedule.target(now) - self._loop.t - self._period > LAG * self._speed:
+                if self._resumes():
+                    schedule = self._schedule()
+                    began = measured = schedule.wall
+                elif schedule.target(now) - self._loop.t - self._period > LAG * self._speed:
                     schedule = self._schedule()
                 if now - measured > MEASURE:
                     measured = now
@@ -178,6 +185,14 @@ class Runner:
             return PUBLISH
         due = schedule.due(self._loop.t + self._period) - time.perf_counter()
         return min(max(due, LEAST_REST if self._loop.grip else BATCH), PUBLISH)
+
+    def _resumes(self) -> bool:
+        """Whether the stretch that is shown at a speed of its own has ended just now; then the former speed holds."""
+        if self._after is None or self._loop.t < self._after[0]:
+            return False
+        _, self._speed = self._after
+        self._after = None
+        return True
 
     def _note_stop(self) -> None:
         log.info("stopped", scenario=self._loop.system.scenario.name, reason=self._loop.stopped)
@@ -299,9 +314,12 @@ class Runner:
             case Unpin(number):
                 line.unpin(number)
             case SetSpeed(factor):
-                if not SLOWEST <= factor <= FASTEST:
-                    raise ScenarioError(f"speed: {factor}; allowed: {SLOWEST} to {FASTEST}")
-                self._speed = float(factor)
+                self._speed, self._after = _admitted(factor), None
+            case ShowAgain(start, end, factor):
+                slow, usual = _admitted(factor), self._speed if self._after is None else self._after[1]
+                line.hold(None)
+                line.seek(start)
+                self._speed, self._after, self._playing = slow, (end, usual), True
             case Push(grip):
                 line.hold(grip)
             case Blend(model, over):
@@ -372,6 +390,13 @@ class Runner:
             pinned=line.pinned,
             forks=line.forks,
         )
+
+
+def _admitted(speed: float) -> float:
+    """The speed, if it is one that the runner keeps. Raises ScenarioError."""
+    if not SLOWEST <= speed <= FASTEST:
+        raise ScenarioError(f"speed: {speed}; allowed: {SLOWEST} to {FASTEST}")
+    return float(speed)
 
 
 def _overtaken(command: Command, following: Command | None) -> bool:

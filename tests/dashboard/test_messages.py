@@ -1,9 +1,10 @@
-"""What is sent to a page: what has changed, and nothing else."""
+"""What is sent to a page: what has changed, and nothing else; and what is offered there."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,8 +12,10 @@ import viser
 
 from app.dashboard.page import Dashboard
 from app.dashboard.scene.trails import PIECE, PIECES, SPACING, Trail
+from app.dashboard.widgets.scene_buttons import reaching
 from app.scenario.data import load
 from app.session.runner import Runner
+from app.session.snapshot import snapshot_of
 
 
 @pytest.fixture(scope="module")
@@ -65,3 +68,19 @@ def test_of_a_path_only_the_newest_piece_is_sent(dashboard: Dashboard) -> None:
     np.testing.assert_array_equal(drawn[1:, 0], drawn[:-1, 1])
     np.testing.assert_allclose(drawn[-1], [points[-1], points[-1] + [0.0, 1.0, 0.0]], rtol=1e-6)
     assert (PIECES - 1) * PIECE < len(drawn) <= PIECES * PIECE
+
+
+def test_the_reaching_phase_is_offered_where_there_is_one() -> None:
+    none = Runner(load("ur5-motion")).snapshot
+    assert reaching(none) is None
+    runner = Runner(load("ur5-hybrid-reaching"))
+    for _ in range(700):
+        runner._step()
+    snapshot = snapshot_of(runner._loop)
+    again, epoch = reaching(replace(snapshot, first=0.0)), snapshot.state.epoch
+    assert again is not None
+    assert epoch.reached is not None
+    # the whole of it, until s is within the layer, in some seconds
+    assert again.start == 0.0
+    assert epoch.reached < again.end < 2.0 * epoch.reached
+    assert 3.0 < (again.end - again.start) / again.factor < 10.0

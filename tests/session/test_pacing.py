@@ -11,7 +11,7 @@ import pytest
 
 from app.dashboard.widgets.status import status_html
 from app.scenario.data import edited, shipped
-from app.session.commands import Edit, Pause, Push, Seek, SetSpeed, ToEnd
+from app.session.commands import Edit, Pause, Push, Seek, SetSpeed, ShowAgain, ToEnd
 from app.session.pacing import Pace, PaceMeter, Schedule
 from app.session.runner import Runner
 from app.session.snapshot import Snapshot
@@ -144,3 +144,20 @@ def test_a_hand_lets_go_when_one_looks_back(runner: Runner):
     runner.post(Push(None))
     runner.post(ToEnd())
     wait(runner, lambda now: now.state.grip is None and not now.looking_back)
+
+
+def test_a_stretch_is_shown_again_slowly_and_then_the_run_goes_on_as_before(runner: Runner):
+    wait(runner, lambda now: now.t > 0.5)
+    runner.post(SetSpeed(2.0))
+    runner.post(ShowAgain(0.1, 0.11, 0.02))
+    now = wait(runner, lambda now: now.speed == 0.02)
+    assert 0.1 <= now.t <= 0.11
+    assert (now.phase, now.looking_back) == ("running", True)
+    now = wait(runner, lambda now: now.speed != 0.02)
+    assert now.speed == 2.0
+    assert now.t >= 0.11
+    runner.post(ShowAgain(-1.0, 0.1, 0.02))
+    now = wait(runner, lambda now: now.refusal_number > 0)
+    assert now.refusal is not None
+    assert now.refusal.startswith("time: -1 s; allowed: 0 to")
+    assert now.speed == 2.0

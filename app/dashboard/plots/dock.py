@@ -19,7 +19,7 @@ from app.dashboard.widgets.equation import symbol
 from app.session.preview import Outlook
 from app.session.snapshot import Snapshot
 
-WINDOWS = {"2 s": 2.0, "4 s": 4.0, "8 s": 8.0, "20 s": 20.0, "60 s": 60.0}
+WINDOWS = {"0.5 s": 0.5, "2 s": 2.0, "4 s": 4.0, "8 s": 8.0, "20 s": 20.0, "60 s": 60.0}
 WINDOW = "8 s"
 ABOVE, NOTE, AROUND, LEGEND, LEAST, MOST = 134, 20, 36, 18, 90, 400  # px
 _NONE: str = "–"

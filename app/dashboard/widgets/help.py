@@ -23,6 +23,7 @@ KEYS: dict[str, str] = {
     **{str(number): mode.label.lower() for number, mode in enumerate(MODES.values(), start=1)},
     "L": "swap the law: robust, or computed torque",
     "B": "push the tool",
+    "N": "see s reach zero, in slow motion",
     "G": "a guided minute: the five modes",
     "T": "dark or light",
     "H": "this help, also ?",

@@ -1,15 +1,22 @@
-"""Two large buttons over the scene: swap the control law, and push the tool."""
+"""Large buttons over the scene: swap the control law, push the tool, and see the sliding variable reach zero."""
 
 from __future__ import annotations
 
 from html import escape
 
+import numpy as np
+
 from app.dashboard.widgets.controls import Desk
 from app.session.changes import PUSH
-from app.session.commands import Edit, PushNow
+from app.session.commands import Edit, PushNow, ShowAgain
+from app.session.runner import SLOWEST
 from app.session.snapshot import Snapshot
 from controllers.control_law import ControlLaw
 from controllers.laws.table import LAWS
+
+_SHOWN_IN = 6.0  # s of wall time for the reaching phase
+_LONGER = 1.5  # times the reaching time are shown
+_WINDOWS = (0.5, 2.0)  # s, for the plots
 
 
 class SceneButtons:
@@ -17,9 +24,11 @@ class SceneButtons:
 
     def __init__(self, desk: Desk) -> None:
         self._desk = desk
+        self._after: tuple[float, float] | None = None  # an instant, s, and the plots' window from then on, s
         self._html = desk.gui.add_html("")
         desk.gui.add_command("Swap the law: robust, or computed torque", hotkey="L").on_trigger(self._swap)
         desk.gui.add_command("Push the tool", hotkey="B").on_trigger(self._push)
+        desk.gui.add_command("See s reach zero, in slow motion", hotkey="N").on_trigger(self._reach)
 
     async def _swap(self, _: object) -> None:
         self._desk.post(Edit("controller.law", _other(self._desk.snapshot().system.controller.law).kind))
@@ -27,16 +36,45 @@ class SceneButtons:
     async def _push(self, _: object) -> None:
         self._desk.post(PushNow())
 
+    async def _reach(self, _: object) -> None:
+        again = reaching(self._desk.snapshot())
+        if again is None:
+            self._desk.complain("reaching: s has begun at zero; allowed: after an edit with z kept, see tab Controller")
+            return
+        viewing, long = self._desk.viewing, again.end - again.start
+        if self._after is None:
+            self._after = again.end, viewing.window
+        viewing.window = next((window for window in _WINDOWS if window >= long), viewing.window)
+        self._desk.post(again)
+
     def show(self, snapshot: Snapshot) -> None:
+        if self._after is not None and snapshot.t > self._after[0]:
+            _, self._desk.viewing.window = self._after
+            self._after = None
         law, push = snapshot.system.controller.law, snapshot.scenario.truth.push
         force = sum(value**2 for value in (push if any(push) else PUSH)) ** 0.5
         content = (
             '<div class="vs-acts">'
             f"{_button('l', f'Try {_other(law).title}', f'now: {law.title}')}"
-            f"{_button('b', f'Push with {force:.3g} N', 'or drag the ball at the tool')}</div>"
+            f"{_button('b', f'Push with {force:.3g} N', 'or drag the ball at the tool')}"
         )
+        if reaching(snapshot) is not None:
+            content += _button("n", "See s reach zero", "in slow motion")
+        content += "</div>"
         if self._html.content != content:
             self._html.content = content
+
+
+def reaching(snapshot: Snapshot) -> ShowAgain | None:
+    """Command that shows the last reaching phase slowly; None where s began at zero, or nothing was to be reached."""
+    epoch, period = snapshot.state.epoch, snapshot.scenario.controller.period
+    if not snapshot.system.controller.law.robust or not epoch.certificate.t_r > 10.0 * period:
+        return None
+    reached = epoch.reached if epoch.reached is not None else epoch.banded
+    took = epoch.certificate.t_r if reached is None else reached - epoch.t
+    long = _LONGER * max(took, 10.0 * period)
+    start = max(epoch.t, snapshot.first)
+    return ShowAgain(start, start + long, float(np.clip(long / _SHOWN_IN, SLOWEST, 1.0)))
 
 
 def _other(law: ControlLaw) -> ControlLaw:
