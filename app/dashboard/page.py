@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import math
 import socket
 import threading
 import time
@@ -55,7 +54,6 @@ REFRESH = 1 / 10  # s, plots and numbers
 CONTROLS = 1 / 2  # s, controls that nobody uses, of a run that nobody changes, and the numbers among them
 PLOTTING = 0.1  # share of the time for drawing plots: long windows are drawn less often
 COMPLAINT_SHOWN = 12.0  # s
-COMPLAINTS_APART = 0.5  # s, between two notifications: the status line has every one
 SLOW = 2.0  # s, a drawing that is worth a line in the log
 ENDING = 0.7  # s to wait for the end of viser's server
 FRAME_ENDING = 0.7  # s to wait for the end of a frame
@@ -220,7 +218,6 @@ class _View:
     ) -> None:
         self._server, self._status, self._scene, self._runner = server, status, scene, runner
         self._complaint, self._complaint_until, self._complaint_revision = "", 0.0, -1
-        self._notified = -math.inf
         self._refusals = runner.snapshot.refusal_number
         self._shipped = shipped()
         self._previewer = Previewer()
@@ -282,15 +279,10 @@ class _View:
             self._say("Failed", sentence)
 
     def _say(self, title: str, sentence: str) -> None:
-        """Show a sentence in the status line, and by a notification unless there has just been one."""
+        """Show a sentence in the strip over the scene."""
         now = time.monotonic()
         self._complaint, self._complaint_until = f"{title}: {sentence}", now + COMPLAINT_SHOWN
         self._complaint_revision = self._runner.snapshot.revision
-        if now < self._notified + COMPLAINTS_APART:
-            return
-        self._notified = now
-        for client in self._server.get_clients().values():
-            client.add_notification(title, sentence, color="red", auto_close_seconds=6.0)
 
     def offer(self, last_session: LastSession) -> None:
         above = self._status.order + 0.5

@@ -38,6 +38,23 @@ class UnboundedGain(ScenarioError):
     """A scenario whose gain by (17) would grow without bound."""
 
 
+class SurfaceOutOfReach(ScenarioError):
+    """A scenario whose surface is out of the arm's reach."""
+
+
+class TooStiff(ScenarioError):
+    """A scenario with a contact or friction that the plant's steps cannot follow.
+    substeps: number of them with which they could; None where no allowed number suffices."""
+
+    def __init__(self, sentence: str, substeps: int | None) -> None:
+        super().__init__(sentence)
+        self.substeps = substeps
+
+
+class PullingForce(ScenarioError):
+    """A scenario whose desired force pulls at a surface that only pushes."""
+
+
 class IrregularSurface(ScenarioError):
     """A scenario whose surface has no coordinates where the tool is."""
 

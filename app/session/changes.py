@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Mapping
+from contextlib import suppress
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -15,10 +17,13 @@ from app.scenario.schema import (
     Contact,
     IrregularSurface,
     PathOutOfReach,
+    PullingForce,
     Robot,
     Scenario,
     ScenarioError,
+    SurfaceOutOfReach,
     TargetModel,
+    TooStiff,
     UnboundedGain,
     field_info,
 )
@@ -77,6 +82,45 @@ def possible(scenario: Scenario, build: Callable[[Scenario], _Built]) -> _Built:
             if usual.surface == scenario.surface:
                 raise
             scenario = usual
+
+
+@dataclass(frozen=True)
+class WayOut:
+    """Way out of a refusal: a title for its button, and the scenario to be asked for instead, see `possible`."""
+
+    title: str
+    scenario: Scenario
+
+
+def way_out(asked: Scenario, error: ScenarioError) -> WayOut | None:
+    """Way out where this scenario is refused for this error; None where only the user knows one."""
+    match error:
+        case PathOutOfReach():
+            return WayOut("Take a path that the arm can follow", asked)
+        case UnboundedGain():
+            return WayOut("Take a constant gain d", asked)
+        case IrregularSurface():
+            return WayOut("Take this surface's default form", asked)
+        case SurfaceOutOfReach():
+            return WayOut("Move the surface under the tool", _adapted(asked, asked))
+        case PullingForce():
+            return WayOut("Let the surface pull, too", edited(asked, "contact.unilateral", False))
+        case TooStiff(substeps=int(substeps)):
+            return WayOut(f"Take {substeps} steps per period", edited(asked, "simulation.substeps", substeps))
+        case _:
+            return None
+
+
+def nearest(scenario: Scenario, path: str, value: object) -> WayOut | None:
+    """Way out where a number is out of its field's bounds: the bound; None for anything else."""
+    if not isinstance(value, float | int):
+        return None
+    info = field_info(path)
+    for bound, word in ((info.least, "smallest"), (info.largest, "largest")):
+        if bound is not None and (value < bound if word == "smallest" else value > bound):
+            with suppress(ScenarioError):  # a bound that is itself not allowed is no way out
+                return WayOut(f"Take {bound:g}, the {word} allowed", edited(scenario, path, type(value)(bound)))
+    return None
 
 
 def told(asked: Scenario, done: Scenario) -> str:

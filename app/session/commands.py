@@ -117,6 +117,11 @@ class Blend:
 
 
 @dataclass(frozen=True)
+class TakeWayOut:
+    """Take the way out of the last refusal."""
+
+
+@dataclass(frozen=True)
 class PushNow:
     """The scenario's push begins now; where it has none, one of `changes.PUSH`."""
 
@@ -147,5 +152,6 @@ Command = (
     | Edit
     | Blend
     | PushNow
+    | TakeWayOut
     | Push
 )

@@ -36,6 +36,7 @@ from app.session.commands import (
     SetSpeed,
     ShowAgain,
     StepOnce,
+    TakeWayOut,
     ToEnd,
     Unpin,
 )
@@ -87,6 +88,7 @@ class Runner:
         self._revision = self._runs = self._refusals = 0
         self._refusal: str | None = None
         self._told = ""
+        self._way_out: changes.WayOut | None = None
         self._slowed = False
         self.meter = PaceMeter()
         self._pace_now: Pace | None = None
@@ -261,7 +263,7 @@ class Runner:
                 self._newest = replace(self._newest, notice=PREPARING)
             try:
                 self._require_reach(command)
-                self._carry_out(command)
+                self._heed(command)
             except (ScenarioError, ArithmeticError, ValueError) as error:
                 self._refuse(str(error), command)
             except Exception as error:  # a fault of ours: the command has failed, and the run goes on
@@ -283,6 +285,24 @@ class Runner:
         self._refusal = sentence
         self._refusals += 1
         log.info("refused", command=type(command).__name__, sentence=sentence)
+
+    def _heed(self, command: Command) -> None:
+        """Carry out a command; where it is refused, keep the way out, if there is one."""
+        way = self._way_out
+        match command:
+            case TakeWayOut():
+                if way is None:
+                    raise ScenarioError("way out: there is none; allowed: after a refusal that names one")
+                self._adapt(way.scenario, way.scenario)
+            case Edit(path, value):
+                self._way_out = None
+                try:
+                    self._carry_out(command)
+                except ScenarioError:
+                    self._way_out = self._way_out or changes.nearest(self._loop.system.scenario, path, value)
+                    raise
+            case _:
+                self._carry_out(command)
 
     def _carry_out(self, command: Command) -> None:
         line, scenario_now = self._line, self._loop.system.scenario
@@ -351,7 +371,12 @@ class Runner:
 
     def _edit(self, scenario: Scenario) -> None:
         before = self._loop.system.robot
-        self._runs += self._line.edit(scenario)
+        try:
+            self._runs += self._line.edit(scenario)
+        except ScenarioError as error:
+            self._way_out = changes.way_out(scenario, error)
+            raise
+        self._way_out = None
         if self._loop.system.robot is not before:
             hold(self._loop.system.robot, scenario.robot.urdf)
         self._told = ""
@@ -386,6 +411,7 @@ class Runner:
             speed=self._speed,
             refusal=self._refusal,
             refusal_number=self._refusals,
+            way_out="" if self._way_out is None else self._way_out.title,
             recording=line.recording,
             pinned=line.pinned,
             forks=line.forks,

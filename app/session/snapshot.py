@@ -27,6 +27,7 @@ class Snapshot:
     revision: number of accepted changes of the scenario; run: of beginnings at t = 0 and forks; refusal_number: of
     refused
     commands.
+    way_out: title of the way out of that refusal, "" for none.
     t: the instant looked at, between `first` and `end`, s.
     recording: of the whole run, up to its end.
     system: its plant, law and nominal model belong to the loop's thread; the screen reads only what never changes.
@@ -51,6 +52,7 @@ class Snapshot:
     speed: float
     refusal: str | None
     refusal_number: int
+    way_out: str
     notice: str
     system: System
     robot: Robot
@@ -102,6 +104,7 @@ def snapshot_of(loop: ClosedLoop) -> Snapshot:
         speed=1.0,
         refusal=None,
         refusal_number=0,
+        way_out="",
         notice=loop.warning or "",
         robot=system.robot,
         coordinates=system.coordinates,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from app.process.own_code import own_course, own_shape
-from app.scenario.schema import Scenario, ScenarioError, scenario_errors
+from app.scenario.schema import PullingForce, Scenario, ScenarioError, scenario_errors
 from controllers.modes import Mode
 from controllers.nominal_model import NominalModel
 from controllers.task_space import TaskLayout
@@ -132,14 +132,14 @@ def motion_of(scenario: Scenario, mode: Mode, layout: TaskLayout) -> Course:
 
 
 def require_pushing(scenario: Scenario, mode: Mode) -> None:
-    """Raise ScenarioError where the desired force is negative at times and the surface only pushes.
+    """Raise PullingForce where the desired force is negative at times and the surface only pushes.
 
     With a rigid surface this is not checked here: the run stops when contact is lost.
     """
     contact, pulling = scenario.contact, scenario.force.pulling()
     if pulling and mode.m() and contact.unilateral and not contact.nature.rigid:
         said, allowed = pulling
-        raise ScenarioError(
+        raise PullingForce(
             f"{said}, but the surface only pushes (contact.unilateral); allowed: {allowed}, or "
             "contact.unilateral = false"
         )

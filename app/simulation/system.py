@@ -7,7 +7,15 @@ from functools import cached_property
 
 import numpy as np
 
-from app.scenario.schema import IrregularSurface, Scenario, ScenarioError, field_info, scenario_errors
+from app.scenario.schema import (
+    IrregularSurface,
+    Scenario,
+    ScenarioError,
+    SurfaceOutOfReach,
+    TooStiff,
+    field_info,
+    scenario_errors,
+)
 from app.scenario.units import CARTESIAN, JOINT, Units
 from app.simulation.control_period import Observer, Planned, ReferencePlan
 from app.simulation.controller_builder import blend_of, controller_of, uncertainty_of
@@ -283,8 +291,8 @@ def _start(plant: Plant, robot: robots.Robot) -> np.ndarray:
 
 
 def _require_within_reach(observer: Observer, reference: Reference, q_0: np.ndarray) -> None:
-    """Raise ScenarioError where Newton's method does not bring the tool from q_0 (n,) rad to its starting place on the
-    surface."""
+    """Raise SurfaceOutOfReach where Newton's method does not bring the tool from q_0 (n,) rad to its starting place on
+    the surface."""
     estimate, task = observer.at(q_0, np.zeros_like(q_0), 0.0)
     try:
         q, _ = posture_at(observer.at, q_0, reference, 0.0)
@@ -293,7 +301,7 @@ def _require_within_reach(observer: Observer, reference: Reference, q_0: np.ndar
         away = np.inf
     if not away < ON_SURFACE:
         depth, tool = float(task.r[0]), np.round(estimate.p, 3).tolist()
-        raise ScenarioError(
+        raise SurfaceOutOfReach(
             f"surface: out of the arm's reach, {abs(depth):.3g} m {'behind' if depth > 0.0 else 'ahead of'} the tool "
             f"at {tool} m; allowed: one that the arm reaches, by surface.origin or robot.posture"
         )
@@ -342,9 +350,10 @@ def _require_resolved(scenario: Scenario, plant: Plant, mobility: Mobility) -> N
         if resolved(integrator, o, period / plant.substeps):
             continue
         enough = substeps_needed(integrator, o, EASE * period, int(field_info("simulation.substeps").largest or 1))
-        raise ScenarioError(
+        raise TooStiff(
             f"{o.field}: {o.value:g} {o.unit} is too stiff for {plant.substeps} step(s) of {integrator} per control "
             f"period of {period:g} s, the plant would explode; allowed: "
             + ("" if enough is None else f"simulation.substeps >= {enough}, or ")
-            + "a smaller value"
+            + "a smaller value",
+            enough,
         )

@@ -1,13 +1,16 @@
 """Changes of a scenario that take along what depends on them."""
 
+import random
 from collections.abc import Callable
 
 import numpy as np
 import pytest
 
-from app.scenario.data import edited, shipped
+from app.scenario.data import differences, edited, shipped
 from app.scenario.schema import Scenario, ScenarioError
 from app.session.changes import in_mode, on_robot, on_surface, possible, told
+from app.session.commands import Edit, Pause, TakeWayOut
+from app.session.runner import Runner
 from app.simulation.closed_loop import ClosedLoop
 from app.simulation.system import assemble
 from controllers.modes import MODES
@@ -34,6 +37,25 @@ def test_every_shipped_scenario_goes_into_every_mode_onto_every_arm_and_surface(
         for _ in range(20):
             loop.step()
         assert loop.stopped is None, value
+
+
+def _pairs() -> list[tuple[str, tuple[str, str], tuple[str, str]]]:
+    """Pairs of two changes one after the other, on a shipped scenario: a sample, since there are thousands."""
+    chance = random.Random(5)
+    single = [(change, value) for change, (_, values) in CHANGES.items() for value in values]
+    return [(chance.choice(list(shipped())), chance.choice(single), chance.choice(single)) for _ in range(40)]
+
+
+@pytest.mark.parametrize(("name", "first", "second"), _pairs())
+def test_two_changes_one_after_the_other_are_possible(
+    name: str, first: tuple[str, str], second: tuple[str, str]
+) -> None:
+    scenario = shipped()[name]
+    for change, value in (first, second):
+        loop = possible(CHANGES[change][0](scenario, value), ClosedLoop)
+        scenario = loop.system.scenario
+        loop.step()
+        assert loop.stopped is None
 
 
 def test_of_a_path_in_space_a_surface_keeps_what_lies_along_it_and_that_is_said() -> None:
@@ -82,3 +104,38 @@ def test_what_no_adaptation_mends_is_refused() -> None:
     scenario = edited(shipped()["ur5-hybrid"], "surface.origin", [0.0, 0.0, 5.0])
     with pytest.raises(ScenarioError, match="out of the arm's reach"):
         possible(scenario, assemble)
+
+
+@pytest.mark.parametrize(
+    ("scenario", "edits", "title", "path", "value"),
+    [
+        ("ur5-hybrid", {"surface.origin": [0.0, 0.0, -3.0]}, "Move the surface under the tool", None, None),
+        ("ur5-hybrid", {"contact.B_e": 1e5}, "Take 13 steps per period", "contact.B_e", 1e5),
+        ("ur5-hybrid", {"force.value": -20.0}, "Let the surface pull, too", "force.value", -20.0),
+        ("ur5-hybrid", {"motion.radius": 2.0}, "Take a path that the arm can follow", None, None),
+        ("ur5-hybrid", {"controller.layer": -1.0}, "", None, None),
+        ("ur5-hybrid", {"simulation.substeps": 10**6}, "Take 1000, the largest allowed", "simulation.substeps", 1000),
+    ],
+)
+def test_a_refusal_has_a_way_out_that_works(
+    scenario: str, edits: dict[str, object], title: str, path: str | None, value: object
+) -> None:
+    runner = Runner(shipped()[scenario])
+    before = runner._loop.system.scenario
+    runner._obey([Edit(path, value) for path, value in edits.items()])
+    refused = runner._publish()
+    assert (refused.refusal_number, refused.way_out) == (1, title)
+    assert refused.scenario == before
+    runner._obey([Pause(), TakeWayOut()])
+    after = runner._publish()
+    assert after.way_out == ""
+    if not title:
+        assert after.refusal == "way out: there is none; allowed: after a refusal that names one"
+        return
+    assert (after.refusal_number, after.phase) == (1, "paused")
+    assert after.scenario != before
+    if path is not None:  # what was asked for holds now
+        assert differences(after.scenario, before)[path][0] == value
+    for _ in range(50):
+        runner._step()
+    assert runner._loop.stopped is None

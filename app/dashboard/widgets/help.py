@@ -24,6 +24,7 @@ KEYS: dict[str, str] = {
     "L": "swap the law: robust, or computed torque",
     "B": "push the tool",
     "N": "see s reach zero, in slow motion",
+    "O": "take the way out that is offered after a refusal",
     "G": "a guided minute: the five modes",
     "T": "dark or light",
     "H": "this help, also ?",

@@ -1,4 +1,4 @@
-"""Large buttons over the scene: swap the control law, push the tool, and see the sliding variable reach zero."""
+"""Large buttons over the scene: swap the law, push the tool, see s reach zero, take the way out of a refusal."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 
 from app.dashboard.widgets.controls import Desk
 from app.session.changes import PUSH
-from app.session.commands import Edit, PushNow, ShowAgain
+from app.session.commands import Edit, PushNow, ShowAgain, TakeWayOut
 from app.session.runner import SLOWEST
 from app.session.snapshot import Snapshot
 from controllers.control_law import ControlLaw
@@ -28,6 +28,7 @@ class SceneButtons:
         self._html = desk.gui.add_html("")
         desk.gui.add_command("Swap the law: robust, or computed torque", hotkey="L").on_trigger(self._swap)
         desk.gui.add_command("Push the tool", hotkey="B").on_trigger(self._push)
+        desk.gui.add_command("Take the way out of a refusal", hotkey="O").on_trigger(self._take_way_out)
         desk.gui.add_command("See s reach zero, in slow motion", hotkey="N").on_trigger(self._reach)
 
     async def _swap(self, _: object) -> None:
@@ -35,6 +36,9 @@ class SceneButtons:
 
     async def _push(self, _: object) -> None:
         self._desk.post(PushNow())
+
+    async def _take_way_out(self, _: object) -> None:
+        self._desk.post(TakeWayOut())
 
     async def _reach(self, _: object) -> None:
         again = reaching(self._desk.snapshot())
@@ -60,6 +64,8 @@ class SceneButtons:
         )
         if reaching(snapshot) is not None:
             content += _button("n", "See s reach zero", "in slow motion")
+        if snapshot.way_out:
+            content += _button("o", snapshot.way_out, "a way out of what was refused")
         content += "</div>"
         if self._html.content != content:
             self._html.content = content
