@@ -58,8 +58,8 @@ def serve(asker: Connection, path: Path) -> None:
 def _make(job: Job, asker: Connection, path: Path) -> None:
     tell = _Reporter(asker).tell
     match job:
-        case FigureJob(figure, form):
-            path.write_bytes(render(figure, form))
+        case FigureJob(figure, form, options):
+            path.write_bytes(render(figure, form, options))
         case DataJob(data, form, limit):
             write = {"csv": write_csv, "npz": write_npz}[form]
             with path.open("wb") as file:

@@ -15,7 +15,7 @@ from controllers.modes import MODES
 
 _NAMES = ("M_m", "B_m", "K_m", "K_f")
 _INLINE = 3  # rows of the largest matrix within the equation; a larger one is written below it
-_GREEK = {"phi": "φ", "psi": "ψ", "lambda": "λ", "alpha": "α", "beta": "β", "gamma": "γ", "theta": "θ"}
+_GREEK = {"phi": "φ", "psi": "ψ", "lambda": "λ", "alpha": "α", "beta": "β", "gamma": "γ", "theta": "θ", "tau": "τ"}
 
 
 def symbol(coordinate: str) -> str:
