@@ -119,7 +119,8 @@ def serve(
     asking: Token = one_of("--token", token, TOKENS)
     level: log.Level | None = None
     if log_level is not None:
-        level = one_of("--log-level", log_level, LEVELS)
+        named: log.Level = one_of("--log-level", log_level, LEVELS)
+        level = named
     try:
         log.configure(level, log_file)
     except OSError as error:
