@@ -69,7 +69,7 @@ def test_a_symbol_explains_itself_by_touch(
     title = page.locator(".u-title:visible").first
     title.wait_for(timeout=PATIENCE * 1e3)
     title.tap()
-    expect(page.locator("#vs-symbol")).to_contain_text("Tracking error r − rd")
+    expect(page.locator("#vs-symbol")).to_contain_text("Tracking error r − r_d")
     box = page.locator("#vs-symbol").bounding_box()
     assert box is not None
     assert box["x"] >= 0

@@ -138,7 +138,7 @@ def test_svg_is_the_same_again_and_its_words_are_text(snapshot: Snapshot) -> Non
         for word in re.findall(r"[a-z]{3,}", title):
             assert word in words
     assert "frequency [Hz]" in words
-    assert "presses on a moving surface (ur5-hybrid-moving): hybrid mode" in words
+    assert "moving surface (ur5-hybrid-moving, edited): hybrid mode" in words
     assert "dc:date" not in svg.decode()
 
 
@@ -214,6 +214,13 @@ def test_caption_says_the_scenario_in_numbers() -> None:
         "T = 1 ms", "K_e = 10000 N/m", "Force: constant, value 20 N", "F_1 = 10",
     ):  # fmt: skip
         assert words in said
+    assert said.startswith("UR5 presses with 20 N, draws a circle (ur5-hybrid, edited): ")
+    plain = caption(load("ur5-hybrid"), assemble(scenario).controller, model, 1.0, 9.0)
+    assert plain.startswith("UR5 presses with 20 N, draws a circle (ur5-hybrid): ")
+    moving = edited(scenario, "mode", "motion")
+    assert caption(moving, assemble(scenario).controller, model, 1.0, 9.0).startswith(
+        "Universal Robots UR5: motion, plane (ur5-hybrid, edited): "
+    )
     assert "True arm: as believed" in caption(Scenario(), assemble(Scenario()).controller, model, 0.0, 1.0)
 
 

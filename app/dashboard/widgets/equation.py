@@ -82,7 +82,7 @@ def _general() -> str:
     force = _explained("<mi>e</mi><msub><mi>F</mi><mi>c</mi></msub>", "e_F")
     return _cells(
         [
-            '<mtext class="vs-where" data-symbol="(8)" tabindex="0">(8)</mtext>',
+            '<mtext data-symbol="(8)" tabindex="0" class="vs-where">(8)</mtext>',
             f"{_matrix('M_m')}{_explained_error('¨')}",
             f"<mo>+</mo>{_matrix('B_m')}{_explained_error('˙')}",
             f"<mo>+</mo>{_matrix('K_m')}{_explained_error('')}",
