@@ -9,10 +9,10 @@ from pathlib import Path
 from tqdm import tqdm
 
 from app.dashboard.plots.charts import Setup
-from app.dashboard.plots.paper_figures import figure_of, plots_of, with_series
+from app.dashboard.plots.paper_figures import BESIDE_FILM, figure_of, plots_of, with_series
 from app.dashboard.scene.standalone import standalone_html
 from app.export.export_jobs import PLAYBACK_LIMIT, file_name
-from app.export.figures import FigureOptions, render
+from app.export.figures import Figure, FigureOptions, render
 from app.export.formats import ALL_PLOTS, Kind
 from app.export.playback_frames import film
 from app.process.atomic_write import write_whole
@@ -80,20 +80,28 @@ def _write(stretch: Stretch, kind: Kind, choice: FigureChoice, path: Path) -> No
 
         match kind:
             case "svg" | "pdf" | "png":
-                snapshot = snapshot_of(ClosedLoop(scenario, history=1))
-                if not recording.epochs:  # a file does not hold the changes during the run
-                    recording.epochs.extend(snapshot.recording.epochs)
-                snapshot, setup = replace(snapshot, recording=recording), Setup.of(snapshot, 0, 0)
-                figure = figure_of(plots_of(choice.plots), snapshot, setup, stretch.start, stretch.end)
                 with scenario_errors():
-                    content = render(with_series(figure, choice.series), kind, choice.options)
+                    content = render(_figure(stretch, choice), kind, choice.options)
                 write_whole(path, lambda file: file.write(content))
             case "csv" | "npz":
                 write_data = {"csv": write_csv, "npz": write_npz}[kind]
                 rows = table(scenario, recording, stretch.start, stretch.end)
                 write_whole(path, lambda file: write_data(rows, file, tell=tell))
             case "html":
-                page = standalone_html(film(scenario, recording, stretch.start, stretch.end), PLAYBACK_LIMIT, tell)
+                plots = BESIDE_FILM if choice.plots == (ALL_PLOTS,) else choice.plots
+                figure = _figure(stretch, replace(choice, plots=plots))
+                frames = film(scenario, recording, stretch.start, stretch.end)
+                page = standalone_html(frames, PLAYBACK_LIMIT, tell, figure)
                 write_whole(path, lambda file: file.write(page.encode()))
             case "toml":
                 write_whole(path, lambda file: file.write(to_toml(scenario).encode()))
+
+
+def _figure(stretch: Stretch, choice: FigureChoice) -> Figure:
+    """Figure of the stretch. Raises ValueError when it is empty, and ScenarioError."""
+    snapshot = snapshot_of(ClosedLoop(stretch.scenario, history=1))
+    if not stretch.recording.epochs:  # a file does not hold the changes during the run
+        stretch.recording.epochs.extend(snapshot.recording.epochs)
+    snapshot, setup = replace(snapshot, recording=stretch.recording), Setup.of(snapshot, 0, 0)
+    figure = figure_of(plots_of(choice.plots), snapshot, setup, stretch.start, stretch.end)
+    return with_series(figure, choice.series)

@@ -53,10 +53,11 @@ class DataJob:
 
 @dataclass(frozen=True)
 class PlaybackJob:
-    """Job for a film as a page of its own, at most `limit` bytes."""
+    """Job for a film as a page of its own with this figure beside it, at most `limit` bytes."""
 
     film: Film
     limit: float
+    figure: Figure | None = None
 
 
 Job = FigureJob | DataJob | PlaybackJob

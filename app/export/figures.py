@@ -181,6 +181,41 @@ def render(figure: Figure, form: Format, options: FigureOptions | None = None) -
     return with_fallbacks(file.getvalue()) if form == "svg" else file.getvalue()
 
 
+@dataclass(frozen=True)
+class Panel:
+    """Place of a chart's axes over time, in shares of the figure from its upper left corner, and their ends (s)."""
+
+    left: float
+    right: float
+    top: float
+    bottom: float
+    first: float
+    last: float
+
+
+@dataclass(frozen=True)
+class DrawnFigure:
+    """SVG of a figure, and its charts over time, on which a cursor can stand."""
+
+    svg: bytes
+    panels: tuple[Panel, ...]
+
+
+def svg_with_panels(figure: Figure, options: FigureOptions) -> DrawnFigure:
+    """The figure as SVG, with the places of its charts. Raises ValueError, as `render` does."""
+    from matplotlib import rc_context
+
+    svg = render(figure, "svg", options)
+    with rc_context(STYLE):
+        axes = drawn(figure, options).axes
+    panels = []
+    for each, chart in zip(axes, figure.charts, strict=True):
+        if chart.x_label == TIME:
+            box, (first, last) = each.get_position(), each.get_xlim()
+            panels.append(Panel(*map(float, (box.x0, box.x1, 1.0 - box.y1, 1.0 - box.y0, first, last))))
+    return DrawnFigure(svg, tuple(panels))
+
+
 def drawn(figure: Figure, options: FigureOptions) -> Canvas:
     """The figure as matplotlib has it, in its present settings. Raises ValueError when it has no room for its
     charts."""

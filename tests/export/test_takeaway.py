@@ -9,6 +9,7 @@ import struct
 import subprocess
 import sys
 from dataclasses import replace
+from html import unescape
 from pathlib import Path
 
 import msgspec
@@ -267,6 +268,26 @@ def test_playback_moves_arm_surface_and_force(loop: ClosedLoop) -> None:
     surface = loop.system.surface.motion
     for t, height in heights[1:]:
         assert height == pytest.approx(surface.offset(t + shot.signals["t"][0])[2], abs=1e-3)
+
+
+def test_playback_has_its_plots_beside_it(loop: ClosedLoop, snapshot: Snapshot) -> None:
+    shot = film(loop.system.scenario, loop.recording, 0.2, 0.8)
+    figure = figure_of(plots_of(["Overview", "Chattering"]), snapshot, Setup.of(snapshot, 0, 0), 0.2, 0.8)
+    page = made(PlaybackJob(shot, 25e6, figure), lambda _: None).decode()
+    aside = re.search(
+        r'<aside id="vs-plots" data-begin="([\d.]+)" data-panels="([^"]*)">.*?(<svg.*?</svg>)', page, re.DOTALL
+    )
+    assert aside is not None
+    assert float(aside[1]) == shot.signals["t"][0]
+    panels = msgspec.json.decode(unescape(aside[2]))
+    assert len(panels) == 5, "those over time: a spectrum has no instant"
+    for panel in panels:
+        assert 0.2 <= panel["first"] < 0.31, "a variation needs 0.1 s before its first value"
+        assert panel["last"] == pytest.approx(0.8, abs=2e-3)
+        assert 0 < panel["left"] < panel["right"] < 1
+        assert 0 < panel["top"] < panel["bottom"] < 1
+    assert "tracking error" in letters_of(aside[3].encode())
+    assert page.count("</body>") == 1
 
 
 def test_playback_over_its_limit_is_refused_with_what_fits(loop: ClosedLoop) -> None:

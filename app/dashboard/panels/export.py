@@ -13,7 +13,7 @@ import viser
 from PIL import Image
 
 from app.dashboard.plots.charts import Setup
-from app.dashboard.plots.paper_figures import figure_of, plots_of, with_series
+from app.dashboard.plots.paper_figures import BESIDE_FILM, figure_of, plots_of, with_series
 from app.dashboard.plots.plot_table import TABS
 from app.dashboard.transport.callback_errors import guarded
 from app.dashboard.widgets.controls import Desk
@@ -118,11 +118,13 @@ class ExportPanel:
         self._give(event, "Data", form, make)
 
     def _on_playback(self, event: viser.GuiEvent) -> None:
-        back = self._back(self._part.value)
+        back, viewing = self._back(self._part.value), self._desk.viewing
 
         def make(snapshot: Snapshot, tell: Tell) -> bytes:
             frames = film(snapshot.scenario, snapshot.recording, snapshot.t - back, snapshot.t)
-            return self._desk.export_jobs.made(PlaybackJob(frames, PLAYBACK_LIMIT), tell)
+            setup = Setup.of(snapshot, viewing.coordinate, viewing.joint)
+            figure = figure_of(plots_of(BESIDE_FILM), snapshot, setup, snapshot.t - back, snapshot.t)
+            return self._desk.export_jobs.made(PlaybackJob(frames, PLAYBACK_LIMIT, figure), tell)
 
         self._give(event, "3-D playback", "html", make)
 

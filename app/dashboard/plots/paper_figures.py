@@ -22,6 +22,7 @@ from app.session.snapshot import Snapshot
 from parameters import allowed
 
 EXAMINED = 300  # instants at which the true arm is looked at
+BESIDE_FILM = ("Overview",)  # plots beside a 3-D playback
 WIDTH = 0.6  # points of a line on paper for each of its pixels on the page
 
 
