@@ -58,9 +58,9 @@ const setLabels = () => {
     const has = new RegExp(INDEXED, "u").test(text.normalize("NFC"));
     label.toggleAttribute("data-set", has);
     if (!has) continue;
-    const set = document.createElement("span"), { fontSize, fontWeight, letterSpacing, lineHeight, color } = getComputedStyle(label);
+    const set = document.createElement("span"), { fontSize, fontWeight, letterSpacing, lineHeight } = getComputedStyle(label);
     Object.assign(set, { className: "vs-set", textContent: text });
-    Object.assign(set.style, { fontSize, fontWeight, letterSpacing, lineHeight, color });
+    Object.assign(set.style, { fontSize, fontWeight, letterSpacing, lineHeight });
     Object.assign(set.dataset, { of: text });
     set.setAttribute("aria-hidden", "true");
     set.addEventListener("click", () => label.control?.focus());
