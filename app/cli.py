@@ -8,9 +8,8 @@ import signal
 import sys
 import tomllib
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, TypeVar, get_args
 
-import msgspec
 import structlog
 import tyro
 from rich.console import Console
@@ -27,22 +26,44 @@ from app.process import log, open_files
 from app.process.other_users import other_people
 from app.process.terminal_text import printable, say
 from app.scenario.data import OPENING, edited, load, shipped
-from app.scenario.schema import Scenario, ScenarioError
+from app.scenario.schema import Scenario, ScenarioError, scenario_errors
 from controllers.laws import KINDS
+from parameters import allowed
 
 if TYPE_CHECKING:
     from app.analysis.metrics import Metrics
+    from app.simulation.system import System
 
 # Each command imports its own libraries: no other command waits for those of the page or of the simulation.
 
 DONE, FAULT, BAD_INPUT, STOPPED, BROKEN, UNPROMISED = 0, 1, 2, 3, 4, 5
+TITLE = 40  # letters of a figure's name, before its value
 FILES = 64 + 2 * Limits().per_session  # open at once in a server for oneself: its own, pages and new connections
 events = structlog.get_logger()
+Choice = TypeVar("Choice", bound=str)
 Files = Annotated[tyro.conf.UseAppendAction[tuple[Path, ...]], tyro.conf.arg(metavar="FILE.py")]
 Settings = Annotated[
     tyro.conf.UseAppendAction[tuple[tuple[str, ...], ...]],
     tyro.conf.arg(name="set", metavar="KEY=VALUE", help="change fields, e.g. --set force.value=30 contact.K_e=2e4"),
 ]
+
+
+def one_of(flag: str, given: str, names: tuple[Choice, ...]) -> Choice:
+    """The one of these names that was given to a flag. Raises ScenarioError with the one that was probably meant."""
+    for name in names:
+        if name == given:
+            return name
+    raise ScenarioError(f"{flag} {given!r:.60}; {allowed(given, names)}")
+
+
+def _braces(names: tuple[str, ...]) -> str:
+    return f"{{{','.join(names)}}}"
+
+
+KINDS_OF_FILES: tuple[Kind, ...] = get_args(Kind)
+THEMES: tuple[Theme, ...] = get_args(Theme)
+TOKENS: tuple[Token, ...] = get_args(Token)
+LEVELS: tuple[log.Level, ...] = get_args(log.Level)
 
 
 def serve(
@@ -51,14 +72,14 @@ def serve(
     *,
     host: str = "127.0.0.1",
     port: int = 8080,
-    theme: Theme = "dark",
+    theme: Annotated[str, tyro.conf.arg(metavar=_braces(THEMES))] = "dark",
     fps: float = 30.0,
     state_dir: Path | None = None,
     stateless: bool = False,
-    log_level: log.Level | None = None,
+    log_level: Annotated[str | None, tyro.conf.arg(metavar=_braces(LEVELS))] = None,
     log_file: Path | None = None,
     shared: bool = False,
-    token: Token = "auto",
+    token: Annotated[str, tyro.conf.arg(metavar=_braces(TOKENS))] = "auto",
     token_file: Path | None = None,
     origin: tuple[str, ...] = (),
     max_sessions: int | None = None,
@@ -94,8 +115,14 @@ def serve(
     from app.dashboard import local_server
     from app.dashboard.page import Dashboard, check_fps
 
+    look: Theme = one_of("--theme", theme, THEMES)
+    asking: Token = one_of("--token", token, TOKENS)
+    level: log.Level | None = None
+    if log_level is not None:
+        named: log.Level = one_of("--log-level", log_level, LEVELS)
+        level = named
     try:
-        log.configure(log_level, log_file)
+        log.configure(level, log_file)
     except OSError as error:
         raise ScenarioError(f"--log-file {log_file}: cannot be written: {error.strerror}") from error
     signal.signal(signal.SIGINT, signal.default_int_handler)  # a script that begins us with & hands it on ignored
@@ -106,12 +133,12 @@ def serve(
         raise ScenarioError(f"--port {port}; allowed: 0 to 65535")
     _use(use)
     chosen = _configured(scenario, settings)
-    people = other_people() if token == "auto" else []
+    people = other_people() if asking == "auto" else []
     server_settings = ServerSettings(
         host=host,
         port=port,
         shared=shared,
-        token=token,
+        token=asking,
         origins=origin,
         places=max_sessions,
         of_one_address=per_address,
@@ -129,10 +156,10 @@ def serve(
     if server_settings.open:
         from app.gateway.serve import serve as serve_others
 
-        serve_others(chosen, Look(theme, fps), server_settings, None if stateless else state_dir)
+        serve_others(chosen, Look(look, fps), server_settings, None if stateless else state_dir)
         return DONE
     open_files.require(FILES, "for the session and its pages")
-    dashboard = Dashboard(host=host, port=port, theme=theme, fps=fps, tokens=server_settings.tokens)
+    dashboard = Dashboard(host=host, port=port, theme=look, fps=fps, tokens=server_settings.tokens)
     local_server.serve(chosen, dashboard, state_dir=state_dir, stateless=stateless)
     return DONE
 
@@ -162,7 +189,6 @@ def run(
         strict: end with status 4 when what the theorem promises is broken, 5 when it promises nothing
         use: a file with a control law of your own (docs/extending.md)
     """
-    from app.analysis.metrics import unit_of
     from app.scenario.declared_bounds import outside
     from app.session import headless_run
     from app.session.changes import blending_to
@@ -177,10 +203,7 @@ def run(
         headless_run.write(loop, metrics, out)
     except OSError as error:
         raise ScenarioError(f"--out {out}: cannot be written: {error.strerror}") from error
-    for name, value in msgspec.to_builtins(metrics).items():
-        if name not in ("promise", "premises"):
-            unit = "" if value is None else unit_of(name, loop.system.units)
-            print(f"{name:28s} {_shown(value)} {unit}".rstrip())
+    _print_figures(metrics, loop.system)
     _print_promise(metrics)
     for violation in outside(loop.system.scenario):
         print(f"the truth is outside what was declared: {violation}")
@@ -192,11 +215,23 @@ def run(
     return STOPPED if loop.stopped else DONE
 
 
+def _print_figures(metrics: Metrics, system: System) -> None:
+    from app.analysis.metrics import METRICS
+
+    for figure in METRICS:
+        value = figure.of(metrics)
+        unit = "" if value is None else figure.units([system])
+        print(f"{figure.title:{TITLE}s} {_shown(value)} {unit}".rstrip())
+    print(f"{'variation of the torques, per joint':{TITLE}s} {_shown(metrics.torque_total_variation)} N·m/s")
+    if metrics.stopped is not None:
+        print(f"{'stopped':{TITLE}s} {metrics.stopped}")
+
+
 def _print_promise(metrics: Metrics) -> None:
     """The verdict on the theorem's promise, and each premise that failed."""
     promise = metrics.promise
-    print(f"{'promise':28s} {promise.verdict}: {promise.because}")
-    print(f"{'promised share of the run':28s} {100 * promise.share:.4g} %")
+    print(f"{'promise':{TITLE}s} {promise.verdict}: {promise.because}")
+    print(f"{'promised share of the run':{TITLE}s} {100 * promise.share:.4g} %")
     for finding in metrics.premises:
         if finding.failed is not None:
             print(
@@ -252,8 +287,14 @@ def export(
     /,
     *,
     out: Path,
-    to: tuple[Kind, ...] = ("pdf",),
-    plots: str = ALL_PLOTS,
+    to: Annotated[tuple[str, ...], tyro.conf.arg(metavar=_braces(KINDS_OF_FILES))] = ("pdf",),
+    plots: tuple[str, ...] = (ALL_PLOTS,),
+    series: tuple[str, ...] = (),
+    width: str | None = None,
+    height: str | None = None,
+    type_size: float = 7.0,
+    letters: bool = False,
+    caption: bool = True,
     start: float = 0.0,
     end: float = math.inf,
     use: Files = (),
@@ -265,18 +306,29 @@ def export(
         run: a recording.npz of `vsmrc run` or of the page, a shipped scenario or a .toml file
         out: folder for the files
         to: svg, pdf, png: figures; csv, npz: data; html: 3-D playback; toml: scenario
-        plots: the plots of a figure: a tab of the page by its title, or all of them
+        plots: what a figure shows: plots by their names, tabs of the page by their titles (docs/export.md), or all
+        series: only these lines, by their names in the legends; psi_1 is ψ₁
+        width: of a figure: single (85 mm) or double (180 mm) column, or a length such as 120mm or 5in
+        height: of a figure, such as 60mm, instead of what its plots need
+        type_size: of a figure's text, pt
+        letters: (a), (b), … before the titles of the plots
+        caption: the scenario's numbers below the figure
         start: first instant, s
         end: last instant, s
         use: a file with a control law of your own (docs/extending.md)
     """
-    from app.dashboard.export import Stretch, write
+    from app.dashboard.export import FigureChoice, Stretch, write
     from app.dashboard.plots.paper_figures import plots_of
+    from app.export.figures import FigureOptions
     from app.session import headless_run
     from app.storage.constants_store import kept_memory
     from app.storage.recording_files import read_npz
 
+    kinds: list[Kind] = [one_of("--to", kind, KINDS_OF_FILES) for kind in to]
     plots_of(plots)  # before the simulation, which would be in vain
+    with scenario_errors():
+        wide, high = _inches("--width", width), _inches("--height", height)
+        options = FigureOptions(wide, high, type_size, letters, caption)
     _use(use)
     status = DONE
     if run.endswith(".npz"):
@@ -291,7 +343,7 @@ def export(
             print(f"stopped: {loop.stopped}")
             status = STOPPED
     try:
-        for path in write(Stretch(scenario, recording, start, end), to, plots, out):
+        for path in write(Stretch(scenario, recording, start, end), kinds, FigureChoice(plots, series, options), out):
             print(f"written: {path}")
     except OSError as error:
         raise ScenarioError(f"--out {out}: cannot be written: {error.strerror}") from error
@@ -311,7 +363,7 @@ def figures(*, out: Path, only: tuple[str, ...] = (), thin: int = 1) -> int:
 
     names = [section.name for section in SECTIONS]
     if unknown := [name for name in only if name not in names]:
-        raise ScenarioError(f"--only {unknown[0]}: allowed: {', '.join(names)}")
+        raise ScenarioError(f"--only {unknown[0]}: {allowed(unknown[0], names)}")
     if thin < 1:
         raise ScenarioError(f"--thin {thin}: allowed: 1 or more")
     try:
@@ -333,6 +385,16 @@ def list_() -> int:
     for name, scenario in shipped().items():
         print(f"  {name:34s} {scenario.title}")
     return DONE
+
+
+def _inches(flag: str, text: str | None) -> float | None:
+    """Length of a flag in inches, None without one. Raises ValueError."""
+    from app.export.figures import inches_of
+
+    try:
+        return None if text is None else inches_of(text)
+    except ValueError as error:
+        raise ValueError(f"{flag} {error}") from error
 
 
 def _use(files: tuple[Path, ...]) -> None:
@@ -378,7 +440,7 @@ def _value(text: str) -> object:
 def _shown(value: object) -> str:
     if isinstance(value, list):
         return "  ".join(_shown(v) for v in value)
-    return f"{value:.4g}" if isinstance(value, float) else "-" if value is None else str(value)
+    return f"{value:.4g}" if isinstance(value, float) else "—" if value is None else str(value)
 
 
 def execute(arguments: list[str]) -> int:
@@ -387,6 +449,9 @@ def execute(arguments: list[str]) -> int:
     commands = {"serve": serve, "run": run, "compare": compare, "export": export, "figures": figures, "list": list_}
     if not arguments or (arguments[0].startswith("-") and arguments[0] not in ("-h", "--help")):
         arguments = ["serve", *arguments]
+    if arguments[0] not in (*commands, "-h", "--help"):
+        print(f"vsmrc: {printable(arguments[0])}: no such command; {allowed(arguments[0], commands)}", file=sys.stderr)
+        return BAD_INPUT
     try:
         return tyro.extras.subcommand_cli_from_dict(commands, args=arguments, prog="vsmrc")
     except (ScenarioError, PortTaken) as error:

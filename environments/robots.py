@@ -20,6 +20,7 @@ import pinocchio as pin
 from environments import urdf as description
 from environments.urdf import RobotError
 from environments.working_posture import Geometry, Tool, geometry_of
+from parameters import allowed
 
 FEWEST_JOINTS, MOST_JOINTS = 2, 8  # between base and tool
 USUAL_JOINTS = 7  # links beyond are probably a gripper
@@ -258,7 +259,7 @@ def load(
 
 def _entry(name: str) -> RobotEntry:
     if name not in CATALOGUE:
-        raise RobotError(f"robot.name: unknown robot {name!r}; allowed: {', '.join(CATALOGUE)} (or give robot.urdf)")
+        raise RobotError(f"robot.name: unknown robot {name!r}; {allowed(name, CATALOGUE)} (or give robot.urdf)")
     return CATALOGUE[name]
 
 

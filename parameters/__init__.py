@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from difflib import get_close_matches
 from typing import Annotated, Any
 
 from msgspec import Meta, Struct
@@ -65,6 +66,14 @@ class Parameter:
     meaning: str
 
 
+def allowed(given: str, names: Iterable[str]) -> str:
+    """End of a refusal: the names that are allowed, and which of them was probably meant."""
+    names = list(names)
+    by_lower = {name.lower(): name for name in reversed(names)}
+    close = [by_lower[name] for name in get_close_matches(given.lower(), by_lower, n=1)]
+    return f"allowed: {', '.join(names) or 'none'}" + "".join(f"; did you mean {name}?" for name in close)
+
+
 def values_of(parameters: Iterable[Parameter], given: Mapping[str, float], place: str) -> dict[str, float]:
     """Values of all parameters by name: those that a scenario gives at this place, else their own. Raises ValueError
     with one sentence."""
@@ -72,8 +81,8 @@ def values_of(parameters: Iterable[Parameter], given: Mapping[str, float], place
     for name, value in given.items():
         parameter = by_name.get(name)
         if parameter is None:
-            raise ValueError(f"{place}.{name:.60}: no such parameter; allowed: {', '.join(by_name) or 'none'}")
+            raise ValueError(f"{place}.{name:.60}: no such parameter; {allowed(name, by_name)}")
         if not parameter.low <= value <= parameter.high:
-            allowed = f"{value:g} {parameter.unit}; allowed: {parameter.low:g} to {parameter.high:g} {parameter.unit}"
-            raise ValueError(f"{place}.{name}: {allowed}".rstrip())
+            said = f"{value:g} {parameter.unit}; allowed: {parameter.low:g} to {parameter.high:g} {parameter.unit}"
+            raise ValueError(f"{place}.{name}: {said}".rstrip())
     return {name: given.get(name, parameter.value) for name, parameter in by_name.items()}

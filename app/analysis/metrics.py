@@ -32,37 +32,18 @@ class Metrics(Struct, frozen=True):
     reaching_time: (
         float | None
     )  # s, of the run's beginning until ||s|| is within the boundary layer; None while it is not
-    reaching_time_bound: float  # s, (18): until s = 0 in continuous time, and so until the layer
+    reaching_time_bound: float | None  # s, (18): until s = 0 in continuous time, and so until the layer
     layer_time_bound: float | None  # s, until the boundary layer; None for a law that has none
     band_time: float | None  # s, until ||s|| is within its band
     band_time_bound: float | None  # s
     envelope_violation: float | None  # max of ||s|| beyond (20) and the band where they are promised, m/s
-    gain_condition_margin: float  # min of d minus what (17) needs, N
+    gain_condition_margin: float | None  # min of d minus what (17) needs, N; None under a law without the gain d
     target_model_residual_tail: float  # RMS of the left side of (8) minus its right side, N
     torque_total_variation: list[float]  # sum of |changes| per second, N m/s, per joint
     saturated_share: float  # of the control periods, in which a drive's limit cuts the torque
     simulated_time: float  # s
     realtime_factor: float | None
     stopped: str | None
-
-
-def unit_of(field: str, units: Units) -> str:
-    """Unit of a field of `Metrics` in a task space with these units, "" for a field without a unit."""
-    return {
-        "motion_error_tail": units.coordinate,
-        "force_error_tail": "N",
-        "constraint_violation": "m",
-        "reaching_time": "s",
-        "reaching_time_bound": "s",
-        "layer_time_bound": "s",
-        "band_time": "s",
-        "band_time_bound": "s",
-        "envelope_violation": units.speed,
-        "gain_condition_margin": units.force,
-        "target_model_residual_tail": units.force,
-        "torque_total_variation": "N·m/s",
-        "simulated_time": "s",
-    }.get(field, "")
 
 
 def measure(loop: ClosedLoop, realtime_factor: float | None = None) -> Metrics:
@@ -87,12 +68,12 @@ def measure(loop: ClosedLoop, realtime_factor: float | None = None) -> Metrics:
         promise=standing.run,
         premises=standing.findings,
         reaching_time=since(begun, begun.reached),
-        reaching_time_bound=begun.certificate.t_r,
+        reaching_time_bound=begun.certificate.t_r if system.controller.law.robust else None,
         layer_time_bound=since(begun, begun.reached_by),
         band_time=since(begun, begun.banded),
         band_time_bound=since(begun, begun.banded_by),
         envelope_violation=max(float(promised.max()), 0.0) if len(promised) else None,
-        gain_condition_margin=float((record["d"] - record["d_required"]).min()),
+        gain_condition_margin=_least_margin(record),
         target_model_residual_tail=float(np.sqrt(np.mean(record["residual"][tail] ** 2))),
         torque_total_variation=[float(v) / duration for v in np.abs(np.diff(tau, axis=0)).sum(axis=0)],
         saturated_share=float(saturated(record).mean()),
@@ -100,6 +81,12 @@ def measure(loop: ClosedLoop, realtime_factor: float | None = None) -> Metrics:
         realtime_factor=realtime_factor,
         stopped=loop.stopped,
     )
+
+
+def _least_margin(record: Mapping[str, np.ndarray]) -> float | None:
+    """Least d minus what (17) needs, N, over the rows whose law has a gain d."""
+    under = record["d"] > 0.0
+    return float((record["d"] - record["d_required"])[under].min()) if under.any() else None
 
 
 def since(epoch: Epoch, instant: float | None) -> float | None:
@@ -173,24 +160,24 @@ class Account(Struct, frozen=True):
     path_max: float  # m
     force_rms: float | None  # of f_n - f_nd, N
     force_max: float | None  # N
-    s_max: float  # of ||s||, m/s
+    s_max: float | None  # of ||s||, m/s; None under a law without the gain d, where s means nothing
     residual_rms: float  # of the target model (8), N
     effort: float  # RMS of ||tau|| as applied, N m
     variation: float  # of the commanded torques: sum of their |changes| per second, N m/s
-    gain_margin: float  # least d minus what (17) needs, N
+    gain_margin: float | None  # least d minus what (17) needs, N; None under such a law
 
 
 @dataclass(frozen=True)
 class Figure:
-    """Display of a figure of an `Account`: in units of which `factor` make one SI unit, and which depend on the task
-    space."""
+    """Display of a figure of an `Account` or of `Metrics`: in units of which `factor` make one SI unit, and which
+    depend on the task space."""
 
     title: str
     field: str
     factor: float
     unit: Callable[[Units], str]
 
-    def of(self, account: Account | None) -> float | None:
+    def of(self, account: Account | Metrics | None) -> float | None:
         """Value of the figure in the unit in which it is shown."""
         value = None if account is None else getattr(account, self.field)
         return None if value is None else value * self.factor + 0.0  # no "-0"
@@ -211,6 +198,23 @@ FIGURES = (
     Figure("its variation", "variation", 1.0, lambda _: "N·m/s"),
     Figure("least margin of (17)", "gain_margin", 1.0, lambda units: units.force),
 )
+# those of a whole run; the torques' variation, a number per joint, stands beside them
+METRICS = (
+    Figure("path error at the end, largest", "motion_error_tail", 1e3, lambda units: units.error),
+    Figure("force error at the end, largest", "force_error_tail", 1.0, lambda _: "N"),
+    Figure("distance from the rigid surface, largest", "constraint_violation", 1e3, lambda _: "mm"),
+    Figure("band reached after", "band_time", 1.0, lambda _: "s"),
+    Figure("band promised within", "band_time_bound", 1.0, lambda _: "s"),
+    Figure("boundary layer reached after", "reaching_time", 1.0, lambda _: "s"),
+    Figure("boundary layer promised within", "layer_time_bound", 1.0, lambda _: "s"),
+    Figure("s = 0 by (18) within", "reaching_time_bound", 1.0, lambda _: "s"),
+    Figure("‖s‖ beyond (20) and the band, largest", "envelope_violation", 1e3, lambda units: units.rate),
+    Figure("least margin of (17)", "gain_condition_margin", 1.0, lambda units: units.force),
+    Figure("residual of (8) at the end, RMS", "target_model_residual_tail", 1.0, lambda units: units.force),
+    Figure("time with a drive at its limit", "saturated_share", 100.0, lambda _: "%"),
+    Figure("simulated time", "simulated_time", 1.0, lambda _: "s"),
+    Figure("simulated time per computing time", "realtime_factor", 1.0, lambda _: ""),
+)
 
 
 def account(system: System, recording: Recording, t_from: float, t_to: float) -> Account | None:
@@ -228,11 +232,11 @@ def account(system: System, recording: Recording, t_from: float, t_to: float) ->
         path_max=float(path.max()),
         force_rms=None if force is None else _rms(force),
         force_max=None if force is None else float(np.abs(force).max()),
-        s_max=float(record["s_norm"].max()),
+        s_max=float(record["s_norm"].max()) if (record["d"] > 0.0).any() else None,
         residual_rms=_rms(np.linalg.norm(record["residual"], axis=1)),
         effort=_rms(np.linalg.norm(record["tau_applied"], axis=1)),
         variation=float(np.abs(np.diff(record["tau"], axis=0)).sum() / (t[-1] - t[0])),
-        gain_margin=float((record["d"] - record["d_required"]).min()),
+        gain_margin=_least_margin(record),
     )
 
 

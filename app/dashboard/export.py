@@ -2,22 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from tqdm import tqdm
 
 from app.dashboard.plots.charts import Setup
-from app.dashboard.plots.paper_figures import figure_of, plots_of
+from app.dashboard.plots.paper_figures import BESIDE_FILM, figure_of, plots_of, with_series
 from app.dashboard.scene.standalone import standalone_html
 from app.export.export_jobs import PLAYBACK_LIMIT, file_name
-from app.export.figures import render
-from app.export.formats import Kind
+from app.export.figures import Figure, FigureOptions, render
+from app.export.formats import ALL_PLOTS, Kind
 from app.export.playback_frames import film
 from app.process.atomic_write import write_whole
 from app.scenario.data import to_toml
-from app.scenario.schema import Scenario, ScenarioError
+from app.scenario.schema import Scenario, ScenarioError, scenario_errors
 from app.session.snapshot import snapshot_of
 from app.simulation.closed_loop import ClosedLoop
 from app.simulation.recording import Recording
@@ -35,11 +35,20 @@ class Stretch:
     end: float
 
 
-def write(stretch: Stretch, kinds: Iterable[Kind], plots: str, out: Path) -> Iterator[Path]:
-    """Write files of these kinds to the folder `out`, which is made; yields their paths, one after the other.
+@dataclass(frozen=True)
+class FigureChoice:
+    """Choice of what a figure shows, and its look.
+    plots: plots, or tabs of the page, by their names.
+    series: lines by their names in the legends, () for all."""
 
-    plots: the tab of the page whose plots a figure shows, or all. Raises ScenarioError, and OSError.
-    """
+    plots: Sequence[str] = (ALL_PLOTS,)
+    series: Sequence[str] = ()
+    options: FigureOptions = field(default_factory=FigureOptions)
+
+
+def write(stretch: Stretch, kinds: Iterable[Kind], choice: FigureChoice, out: Path) -> Iterator[Path]:
+    """Write files of these kinds to the folder `out`, which is made; yields their paths, one after the other. Raises
+    ScenarioError, and OSError."""
     rows = stretch.recording.signals(("t",), stretch.start, stretch.end)["t"]
     if len(rows) < 2:
         t = stretch.recording.signals(("t",))["t"]
@@ -56,13 +65,13 @@ def write(stretch: Stretch, kinds: Iterable[Kind], plots: str, out: Path) -> Ite
     for kind in kinds:
         path = out / file_name(stretch.scenario.name, float(rows[-1]), kind)
         try:
-            _write(stretch, kind, plots, path)
+            _write(stretch, kind, choice, path)
         except TooLarge as error:
             raise ScenarioError(f"--to {kind}: {error}") from error
         yield path
 
 
-def _write(stretch: Stretch, kind: Kind, plots: str, path: Path) -> None:
+def _write(stretch: Stretch, kind: Kind, choice: FigureChoice, path: Path) -> None:
     scenario, recording = stretch.scenario, stretch.recording
     with tqdm(total=1.0, bar_format="{desc} {percentage:3.0f} %", desc=path.name, leave=False, disable=None) as bar:
 
@@ -71,19 +80,28 @@ def _write(stretch: Stretch, kind: Kind, plots: str, path: Path) -> None:
 
         match kind:
             case "svg" | "pdf" | "png":
-                snapshot = snapshot_of(ClosedLoop(scenario, history=1))
-                if not recording.epochs:  # a file does not hold the changes during the run
-                    recording.epochs.extend(snapshot.recording.epochs)
-                snapshot, setup = replace(snapshot, recording=recording), Setup.of(snapshot, 0, 0)
-                figure = figure_of(plots_of(plots), snapshot, setup, stretch.start, stretch.end)
-                content = render(figure, kind)
+                with scenario_errors():
+                    content = render(_figure(stretch, choice), kind, choice.options)
                 write_whole(path, lambda file: file.write(content))
             case "csv" | "npz":
                 write_data = {"csv": write_csv, "npz": write_npz}[kind]
                 rows = table(scenario, recording, stretch.start, stretch.end)
                 write_whole(path, lambda file: write_data(rows, file, tell=tell))
             case "html":
-                page = standalone_html(film(scenario, recording, stretch.start, stretch.end), PLAYBACK_LIMIT, tell)
+                plots = BESIDE_FILM if choice.plots == (ALL_PLOTS,) else choice.plots
+                figure = _figure(stretch, replace(choice, plots=plots))
+                frames = film(scenario, recording, stretch.start, stretch.end)
+                page = standalone_html(frames, PLAYBACK_LIMIT, tell, figure)
                 write_whole(path, lambda file: file.write(page.encode()))
             case "toml":
                 write_whole(path, lambda file: file.write(to_toml(scenario).encode()))
+
+
+def _figure(stretch: Stretch, choice: FigureChoice) -> Figure:
+    """Figure of the stretch. Raises ValueError when it is empty, and ScenarioError."""
+    snapshot = snapshot_of(ClosedLoop(stretch.scenario, history=1))
+    if not stretch.recording.epochs:  # a file does not hold the changes during the run
+        stretch.recording.epochs.extend(snapshot.recording.epochs)
+    snapshot, setup = replace(snapshot, recording=stretch.recording), Setup.of(snapshot, 0, 0)
+    figure = figure_of(plots_of(choice.plots), snapshot, setup, stretch.start, stretch.end)
+    return with_series(figure, choice.series)

@@ -37,6 +37,7 @@ from app.dashboard.widgets.scene_buttons import SceneButtons
 from app.dashboard.widgets.scene_legend import SceneLegend
 from app.dashboard.widgets.shortcuts import Shortcuts
 from app.dashboard.widgets.status import splash_html, status_html
+from app.dashboard.widgets.symbols import Symbols
 from app.dashboard.widgets.whatif import WhatIf
 from app.dashboard.widgets.whatif_panel import WhatIfPanel
 from app.export.export_jobs import ExportJobs
@@ -241,6 +242,7 @@ class _View:
         self._scene_legend = SceneLegend(desk)
         self._whatif_panel = WhatIfPanel(desk)
         self._guided_minute = GuidedMinute(desk)
+        self._symbols = Symbols(server.gui)
         self._widget_lock = WidgetLock(server)
         self._visible_tabs = VisibleTabs()
         self._visible_tabs.add_field(server.gui)
@@ -315,7 +317,7 @@ class _View:
         self._status.content = status_html(
             snapshot, self.hang or self._complaint, self._shipped.get(snapshot.scenario.name)
         )
-        for part in (self._playback, self._whatif_panel, self._scene_buttons, self._scene_legend):
+        for part in (self._playback, self._whatif_panel, self._scene_buttons, self._scene_legend, self._symbols):
             with self._widget_lock.drawing:
                 part.show(snapshot)
         self._show_controls(snapshot, now)

@@ -3,14 +3,26 @@
 from __future__ import annotations
 
 import io
-import textwrap
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from app.export.figures import CAPTION_LETTERS, DOUBLE, MARGIN, ROW, STYLE, Chart, Figure, plain_number, render
+from app.export.figures import (
+    DOUBLE,
+    MARGIN,
+    ROW,
+    SMALL,
+    STYLE,
+    TYPE,
+    Chart,
+    Figure,
+    plain_number,
+    render,
+    with_fallbacks,
+)
+from app.export.lettering import wrapped, write
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -50,7 +62,7 @@ def heat_maps(maps: Sequence[HeatMap], caption: str) -> bytes:
     from matplotlib import rc_context
     from matplotlib.figure import Figure as Canvas
 
-    lines = textwrap.wrap(caption, int((DOUBLE - 2 * MARGIN) * CAPTION_LETTERS))
+    lines = wrapped(caption, DOUBLE - 2 * MARGIN, SMALL * TYPE)
     height = MARGIN + 2 * ROW + TALL + BELOW + ROW * (len(lines) + 1)
     wide = (DOUBLE - LEFT - GAP * len(maps) + 0.3) / len(maps)
     file = io.BytesIO()
@@ -63,10 +75,9 @@ def heat_maps(maps: Sequence[HeatMap], caption: str) -> bytes:
             bar = canvas.add_axes(((left + wide + 0.06) / DOUBLE, bottom, BAR / DOUBLE, TALL / height))
             _draw(axes, bar, each)
         for number, line in enumerate(lines):
-            y = (ROW * (len(lines) - number) + 0.3 * ROW) / height
-            canvas.text(MARGIN / DOUBLE, y, line, va="top", fontsize=6.5, color="0.2")
+            write(canvas, MARGIN, ROW * (len(lines) - number - 0.5), line, SMALL * TYPE, color="0.2")
         canvas.savefig(file, format="svg", metadata={"Date": None, "Creator": "VSMRC Lab"})
-    return file.getvalue()
+    return with_fallbacks(file.getvalue())
 
 
 def _draw(axes: Axes, bar: Axes, each: HeatMap) -> None:

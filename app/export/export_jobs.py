@@ -11,14 +11,14 @@ import subprocess
 import tempfile
 import threading
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from multiprocessing import Pipe
 from multiprocessing.connection import Connection
 from pathlib import Path
 
 import numpy as np
 
-from app.export.figures import Figure
+from app.export.figures import Figure, FigureOptions
 from app.export.formats import DataFormat, Format
 from app.export.playback_frames import Film
 from app.process import launcher
@@ -39,6 +39,7 @@ class FigureJob:
 
     figure: Figure
     form: Format
+    options: FigureOptions = field(default_factory=FigureOptions)
 
 
 @dataclass(frozen=True)
@@ -52,10 +53,11 @@ class DataJob:
 
 @dataclass(frozen=True)
 class PlaybackJob:
-    """Job for a film as a page of its own, at most `limit` bytes."""
+    """Job for a film as a page of its own with this figure beside it, at most `limit` bytes."""
 
     film: Film
     limit: float
+    figure: Figure | None = None
 
 
 Job = FigureJob | DataJob | PlaybackJob

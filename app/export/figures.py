@@ -1,21 +1,23 @@
 """Figures on paper: charts on white ground, with type that is readable at a column's width, vectors and text kept as
 such.
 
-`Figure` says what to draw in numbers and words alone; nothing here depends on the page. The same figure always makes
-the same bytes.
+`Figure` says what to draw in numbers and words alone, `FigureOptions` how it looks; nothing here depends on the page.
+The same figure always makes the same bytes.
 """
 
 from __future__ import annotations
 
 import io
-import textwrap
-from dataclasses import dataclass
-from itertools import zip_longest
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from itertools import cycle, zip_longest
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from app.export.formats import Format
+from app.export.lettering import width_of, wrapped, write
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -23,17 +25,33 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure as Canvas
 
 Rgb = tuple[int, int, int]
+Ink = tuple[float, float, float]  # a colour on paper, each part within 0 to 1
 TIME, FREQUENCY = "t [s]", "frequency [Hz]"
-SINGLE, DOUBLE = 3.5, 7.16  # in, a journal's column and its page
+MM = 1.0 / 25.4  # in
+SINGLE, DOUBLE = 85.0 * MM, 180.0 * MM  # in, a journal's column and its page
+TWO_COLUMNS = 130.0 * MM  # in, from which on charts stand in two columns
 ONE_COLUMN = 4  # charts, more of which stand in two columns on paper
-AXES_HEIGHT, LEFT, RIGHT, BELOW, GAP, MARGIN = 0.95, 0.52, 0.08, 0.2, 0.05, 0.06  # in
+TYPE = 7.0  # pt, of the running text; the lengths of letters below belong to it
+AXES_HEIGHT, LOWEST_AXES = 0.95, 0.35  # in
+LEFT, RIGHT, BELOW, GAP, MARGIN = 0.52, 0.08, 0.2, 0.05, 0.06  # in
 X_LABEL = 0.16  # in
 ROW = 0.125  # in, of a title, of a row of the legend, of a line of the caption
-LETTERS = 20.0  # per inch in the smallest type, in words of a legend
-CAPTION_LETTERS = 20.5  # and in sentences
-HANDLE = 0.235  # in, of an entry of the legend beside its name
+HANDLE, APART = 0.2, 0.1  # in, an entry of the legend: its line, and its distance from the next one
+SMALL, TITLE = 6.5 / TYPE, 7.5 / TYPE  # of the type
 BINS = 600  # of a curve, each with its smallest and its largest value
 CONTRAST = 3.0  # with white, at least: WCAG 2, for graphics
+DARKEST, LIGHTEST, STEP = 15.0, 60.7, 14.0  # of a chart's lines, in lightness; the lightest has that contrast
+FEW = 3  # lines that differ in grey well enough without different dashes
+DASHES: tuple[Any, ...] = (
+    "-",
+    (0, (1.2, 1.2)),
+    (0, (6.0, 1.5, 1.2, 1.5)),
+    (0, (9.0, 2.5)),
+    (0, (2.8, 1.0)),
+)
+FALLBACKS = {
+    "DejaVu Sans": "'Bitstream Vera Sans', Verdana, sans-serif",
+}
 PNG_DPI = 300
 RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
@@ -42,7 +60,7 @@ STYLE: dict[Any, Any] = {
     "svg.hashsalt": "vsmrc",
     "pdf.fonttype": 42,
     "font.family": "DejaVu Sans",
-    "font.size": 7.0,
+    "font.size": TYPE,
     "text.parse_math": False,  # a title with dollars in it is text, too
     "axes.linewidth": 0.5,
     "axes.edgecolor": "0.35",
@@ -51,8 +69,8 @@ STYLE: dict[Any, Any] = {
     "grid.linewidth": 0.4,
     "axes.spines.top": False,
     "axes.spines.right": False,
-    "xtick.labelsize": 6.5,
-    "ytick.labelsize": 6.5,
+    "xtick.labelsize": SMALL * TYPE,
+    "ytick.labelsize": SMALL * TYPE,
     "xtick.major.width": 0.5,
     "ytick.major.width": 0.5,
     "ytick.minor.width": 0.3,
@@ -109,8 +127,43 @@ class Figure:
     one_column: int = ONE_COLUMN
 
 
-def render(figure: Figure, form: Format) -> bytes:
-    """File of the figure in this form. Raises ValueError when it has no chart.
+@dataclass(frozen=True)
+class FigureOptions:
+    """Look of a figure on paper.
+    width, height: in; None for what its charts need, a journal's column or its page wide.
+    type_size: of the running text, pt.
+    letters: whether (a), (b), … stand before the titles.
+    caption: whether the figure's caption stands below."""
+
+    width: float | None = None
+    height: float | None = None
+    type_size: float = TYPE
+    letters: bool = False
+    caption: bool = True
+
+    def __post_init__(self) -> None:
+        for name, value, low, high in (
+            ("width", self.width, 40 * MM, 600 * MM),
+            ("height", self.height, 20 * MM, 2000 * MM),
+        ):
+            if value is not None and not low <= value <= high:
+                raise ValueError(f"{name}: {value / MM:.4g} mm; allowed: {low / MM:.0f} to {high / MM:.0f} mm")
+        if not 4.0 <= self.type_size <= 24.0:
+            raise ValueError(f"type size: {self.type_size:g} pt; allowed: 4 to 24 pt")
+
+
+def inches_of(text: str) -> float:
+    """Length in inches of a text such as "85", "85mm", "8.5 cm", "3.35in", "single" or "double". Raises ValueError."""
+    if text in ("single", "double"):
+        return SINGLE if text == "single" else DOUBLE
+    found = re.fullmatch(r"\s*(\d+(?:\.\d*)?|\.\d+)\s*(mm|cm|in|)\s*", text)
+    if not found:
+        raise ValueError(f"{text!r:.60}; allowed: a length such as 85mm, 8.5cm or 3.35in, or single, or double")
+    return float(found[1]) * {"mm": MM, "": MM, "cm": 10 * MM, "in": 1.0}[found[2]]
+
+
+def render(figure: Figure, form: Format, options: FigureOptions | None = None) -> bytes:
+    """File of the figure in this form. Raises ValueError when it has no chart, or no room for its charts.
 
     It takes a second, and matplotlib is not made for threads: to be called in a process that has nothing else to do.
     """
@@ -118,19 +171,105 @@ def render(figure: Figure, form: Format) -> bytes:
 
     if not figure.charts:
         raise ValueError("figure: no chart to draw")
+    options = options or FigureOptions()
+    factor = options.type_size / TYPE
+    sizes: dict[Any, Any] = {name: factor * STYLE[name] for name in ("font.size", "xtick.labelsize", "ytick.labelsize")}
     metadata = {"svg": {"Date": None, "Creator": "VSMRC Lab"}, "pdf": {"CreationDate": None}, "png": {}}
     file = io.BytesIO()
+    with rc_context({**STYLE, **sizes}):
+        drawn(figure, options).savefig(file, format=form, dpi=PNG_DPI, metadata=metadata[form])
+    return with_fallbacks(file.getvalue()) if form == "svg" else file.getvalue()
+
+
+@dataclass(frozen=True)
+class Panel:
+    """Place of a chart's axes over time, in shares of the figure from its upper left corner, and their ends (s)."""
+
+    left: float
+    right: float
+    top: float
+    bottom: float
+    first: float
+    last: float
+
+
+@dataclass(frozen=True)
+class DrawnFigure:
+    """SVG of a figure, and its charts over time, on which a cursor can stand."""
+
+    svg: bytes
+    panels: tuple[Panel, ...]
+
+
+def svg_with_panels(figure: Figure, options: FigureOptions) -> DrawnFigure:
+    """The figure as SVG, with the places of its charts. Raises ValueError, as `render` does."""
+    from matplotlib import rc_context
+
+    svg = render(figure, "svg", options)
     with rc_context(STYLE):
-        _drawn(figure).savefig(file, format=form, dpi=PNG_DPI, metadata=metadata[form])
-    return file.getvalue()
+        axes = drawn(figure, options).axes
+    panels = []
+    for each, chart in zip(axes, figure.charts, strict=True):
+        if chart.x_label == TIME:
+            box, (first, last) = each.get_position(), each.get_xlim()
+            panels.append(Panel(*map(float, (box.x0, box.x1, 1.0 - box.y1, 1.0 - box.y0, first, last))))
+    return DrawnFigure(svg, tuple(panels))
 
 
-def printed(color: Rgb) -> tuple[float, float, float]:
-    """A colour of the dark page, darkened until it has `CONTRAST` with white paper; each part within 0 to 1."""
+def drawn(figure: Figure, options: FigureOptions) -> Canvas:
+    """The figure as matplotlib has it, in its present settings. Raises ValueError when it has no room for its
+    charts."""
+    return _Sheet(figure, options).drawn()
+
+
+def with_fallbacks(svg: bytes) -> bytes:
+    """The SVG with other fonts of the same widths for machines without matplotlib's, and without the comments in which
+    matplotlib repeats each text with its markup."""
+    for name, others in FALLBACKS.items():
+        svg = svg.replace(f"'{name}'".encode(), f"'{name}', {others}".encode())
+    return re.sub(rb"\s*<!--.*?-->", b"", svg, flags=re.DOTALL)
+
+
+def printed(color: Rgb) -> Ink:
+    """A colour of the dark page, darkened until it has `CONTRAST` with white paper."""
     parts = np.array(color) / 255
     while 1.05 / (_luminance(parts) + 0.05) < CONTRAST:
         parts = parts * 0.98
-    r, g, b = parts
+    return _ink(parts)
+
+
+def inks_of(chart: Chart) -> dict[Rgb, Ink]:
+    """Colours of a chart on paper by those of the page: of the same hues, and so far apart in lightness that they
+    differ in grey, too."""
+    colors = list(dict.fromkeys(curve.color for curve in chart.curves if curve.width > 0 or curve.dotted))
+    if len(colors) < 2:
+        return {color: printed(color) for color in colors}
+    own = {color: _luminance(np.array(color) / 255) for color in colors}
+    steps = np.linspace(max(DARKEST, LIGHTEST - STEP * (len(colors) - 1)), LIGHTEST, len(colors))
+    return {
+        color: _with_luminance(color, _luminance_of(step))
+        for color, step in zip(sorted(colors, key=own.__getitem__), steps, strict=True)
+    }
+
+
+def _luminance_of(lightness: float) -> float:
+    """Luminance of CIE's lightness, 0 to 100, in which equal steps look equal."""
+    return ((lightness + 16) / 116) ** 3
+
+
+def _with_luminance(color: Rgb, luminance: float) -> Ink:
+    """The colour darkened, or mixed with white, to this luminance."""
+    linear = _linear(np.array(color) / 255)
+    scaled = linear * luminance / max(float(linear @ _WEIGHTS), 1e-9)
+    clipped = scaled / max(float(scaled.max()), 1.0)
+    below = float(clipped @ _WEIGHTS)
+    white = (luminance - below) / (1.0 - below)
+    mixed = np.clip(clipped + white * (1.0 - clipped), 0.0, 1.0)
+    return _ink(np.where(mixed <= 0.0031308, 12.92 * mixed, 1.055 * mixed ** (1 / 2.4) - 0.055))
+
+
+def _ink(parts: np.ndarray) -> Ink:
+    r, g, b = np.clip(parts, 0.0, 1.0)
     return float(r), float(g), float(b)
 
 
@@ -146,38 +285,147 @@ def thinned(x: np.ndarray, y: np.ndarray, bins: int) -> tuple[np.ndarray, np.nda
     return x[kept], y[kept]
 
 
+_WEIGHTS = np.array([0.2126, 0.7152, 0.0722])
+
+
+def _linear(parts: np.ndarray) -> np.ndarray:
+    return np.where(parts <= 0.04045, parts / 12.92, ((parts + 0.055) / 1.055) ** 2.4)
+
+
 def _luminance(parts: np.ndarray) -> float:
     """Relative luminance of sRGB, as WCAG 2 has it."""
-    linear = np.where(parts <= 0.04045, parts / 12.92, ((parts + 0.055) / 1.055) ** 2.4)
-    return float(linear @ (0.2126, 0.7152, 0.0722))
+    return float(_linear(parts) @ _WEIGHTS)
 
 
-def _drawn(figure: Figure) -> Canvas:
-    from matplotlib.figure import Figure as Canvas
+@dataclass(frozen=True)
+class _Entry:
+    """Entry of a legend. number: of its curve; row: counted from the top; x: in from the legend's left."""
 
-    count = len(figure.charts)
-    columns = 1 if count <= figure.one_column else 2
-    width = (SINGLE, DOUBLE)[columns - 1]
-    rows = -(-count // columns)
-    stacks = [figure.charts[rows * c : rows * (c + 1)] for c in range(columns)]
-    column_width = width / columns
-    inside = column_width - LEFT - RIGHT
-    caption = textwrap.wrap(figure.caption, int((width - 2 * MARGIN) * CAPTION_LETTERS))
-    top = MARGIN + max(sum(_height(chart, following, inside) for chart, following in _pairs(s)) for s in stacks)
-    height = top + ROW * (len(caption) + 1) + MARGIN
+    number: int
+    row: int
+    x: float
 
-    canvas = Canvas(figsize=(width, height))
-    for column, stack in enumerate(stacks):
-        y = height - MARGIN
-        for chart, following in _pairs(stack):
-            y -= _header(chart, inside) + AXES_HEIGHT
-            place = ((column * column_width + LEFT) / width, y / height, inside / width, AXES_HEIGHT / height)
-            _draw(canvas.add_axes(place), chart, inside, labelled=_labelled(chart, following))
-            y -= _footer(chart, following)
-    start = height - top - 0.4 * ROW
-    for number, line in enumerate(caption):
-        canvas.text(MARGIN / width, (start - number * ROW) / height, line, va="top", fontsize=6.5, color="0.2")
-    return canvas
+
+class _Sheet:
+    """Sheet of paper with a figure; lengths in inches, from the lower left corner."""
+
+    def __init__(self, figure: Figure, options: FigureOptions) -> None:
+        self._options = options
+        self._factor = factor = options.type_size / TYPE
+        count = len(figure.charts)
+        width = options.width or (SINGLE if count <= figure.one_column else DOUBLE)
+        columns = 2 if count > 1 and width >= TWO_COLUMNS else 1
+        rows = -(-count // columns)
+        charts = _lettered(figure.charts) if options.letters else figure.charts
+        self._width, self._column = width, width / columns
+        self._inside = self._column - factor * LEFT - RIGHT
+        self._stacks = [charts[rows * c : rows * (c + 1)] for c in range(columns)]
+        told = figure.caption if options.caption else ""
+        self._caption = wrapped(told, width - 2 * MARGIN, factor * SMALL * TYPE)
+        self._below = factor * ROW * (len(self._caption) + 1) + MARGIN if self._caption else MARGIN
+        around = [sum(self._around(*pair) for pair in _pairs(stack)) for stack in self._stacks]
+        if options.height is None:
+            self._axes_height = AXES_HEIGHT
+            self._height = MARGIN + max(around) + rows * AXES_HEIGHT + self._below
+        else:
+            self._height = options.height
+            room = options.height - MARGIN - self._below
+            self._axes_height = min((room - a) / len(s) for a, s in zip(around, self._stacks, strict=True) if s)
+            if self._axes_height < LOWEST_AXES:
+                least = MARGIN + max(around) + rows * LOWEST_AXES + self._below
+                raise ValueError(
+                    f"height: {options.height / MM:.4g} mm; allowed: at least {np.ceil(least / MM):.0f} mm "
+                    "for these plots at this width and type size"
+                )
+
+    def drawn(self) -> Canvas:
+        from matplotlib.figure import Figure as Canvas
+
+        canvas = Canvas(figsize=(self._width, self._height))
+        for column, stack in enumerate(self._stacks):
+            y = self._height - MARGIN
+            for chart, following in _pairs(stack):
+                y -= self._header(chart) + self._axes_height
+                self._draw(canvas, chart, column * self._column + self._factor * LEFT, y, _labelled(chart, following))
+                y -= self._footer(chart, following)
+        row = self._factor * ROW
+        for number, line in enumerate(self._caption):
+            y = self._below - (number + 1.4) * row
+            write(canvas, MARGIN, y, line, self._small, color="0.2")
+        return canvas
+
+    @property
+    def _small(self) -> float:
+        return self._factor * SMALL * TYPE
+
+    def _around(self, chart: Chart, following: Chart | None) -> float:
+        """Height of what stands above and below the axes."""
+        return self._header(chart) + self._footer(chart, following)
+
+    def _header(self, chart: Chart) -> float:
+        """Height of the title and the legend."""
+        rows = max((entry.row + 1 for entry in self._legend(chart)), default=0)
+        return self._factor * ROW * (len(self._title(chart)) + rows) + 0.06
+
+    def _footer(self, chart: Chart, following: Chart | None) -> float:
+        return self._factor * (BELOW + (X_LABEL if _labelled(chart, following) else 0.0)) + GAP
+
+    def _title(self, chart: Chart) -> list[str]:
+        return wrapped(chart.title, self._inside, self._factor * TITLE * TYPE, "bold")
+
+    def _legend(self, chart: Chart) -> list[_Entry]:
+        """Entries beside one another, in as many rows as they need."""
+        entries, row, x = [], 0, 0.0
+        for number, curve in enumerate(chart.curves):
+            if not curve.listed:
+                continue
+            wide = self._factor * HANDLE + width_of(curve.name, self._small)
+            if x and x + wide > self._inside:
+                row, x = row + 1, 0.0
+            entries.append(_Entry(number, row, x))
+            x += wide + self._factor * APART
+        return entries
+
+    def _draw(self, canvas: Canvas, chart: Chart, left: float, bottom: float, labelled: bool) -> None:
+        wide, high = self._width, self._height
+        box = (left / wide, bottom / high, self._inside / wide, self._axes_height / high)
+        axes = canvas.add_axes(box)
+        looks = looks_of(chart)
+        _plot(axes, chart, looks)
+        axes.tick_params(pad=2, length=2)
+        if chart.unit:
+            axes.set_ylabel(f"[{chart.unit}]")
+        axes.yaxis.set_label_coords((0.15 - LEFT) * self._factor / self._inside, 0.5)
+        if labelled:
+            middle = left + (self._inside - width_of(chart.x_label, self._options.type_size)) / 2
+            write(canvas, middle, bottom - self._factor * (BELOW + 0.09), chart.x_label, self._options.type_size)
+        self._head(canvas, chart, left, bottom + self._axes_height, looks)
+
+    def _head(self, canvas: Canvas, chart: Chart, left: float, top: float, looks: list[dict[str, Any]]) -> None:
+        """Write the title, and the legend below it."""
+        from matplotlib.lines import Line2D
+
+        row, entries = self._factor * ROW, self._legend(chart)
+        rows = max((entry.row + 1 for entry in entries), default=0)
+        for entry in entries:
+            x, y = left + entry.x, top + (rows - entry.row - 0.7) * row
+            ends = np.array([x, x + 0.75 * self._factor * HANDLE]) / self._width
+            line = np.full(2, y + 0.28 * row) / self._height
+            look = looks[entry.number]
+            if any(entry.number in (area.upper, area.lower) for area in chart.areas):
+                look = {**look, "linewidth": 0.35 * self._small, "alpha": 0.6, "solid_capstyle": "butt"}
+            canvas.add_artist(Line2D(ends, line, transform=canvas.transFigure, **look))
+            write(canvas, x + self._factor * HANDLE, y, chart.curves[entry.number].name, self._small)
+        lines = self._title(chart)
+        for number, line in enumerate(lines):
+            y = top + (rows + len(lines) - 1 - number + 0.35) * row
+            write(canvas, left, y, line, self._factor * TITLE * TYPE, "bold")
+
+
+def _lettered(charts: tuple[Chart, ...]) -> tuple[Chart, ...]:
+    names = [chr(ord("a") + number) for number in range(26)]
+    names += [first + second for first in names for second in names]
+    return tuple(replace(chart, title=f"({name}) {chart.title}") for name, chart in zip(names, charts, strict=False))
 
 
 def _pairs(stack: tuple[Chart, ...]) -> list[tuple[Chart, Chart | None]]:
@@ -189,67 +437,46 @@ def _labelled(chart: Chart, following: Chart | None) -> bool:
     return following is None or following.x_label != chart.x_label
 
 
-def _height(chart: Chart, following: Chart | None, width: float) -> float:
-    return _header(chart, width) + AXES_HEIGHT + _footer(chart, following)
+def looks_of(chart: Chart) -> list[dict[str, Any]]:
+    """Look of each curve as matplotlib has it. Where many lines are solid on the page, their dashes differ, too."""
+    inks = inks_of(chart)
+    solid = dict.fromkeys(curve.color for curve in chart.curves if curve.width > 0 and not curve.dashed)
+    dashes = dict(zip(solid if len(solid) > FEW and not chart.areas else (), cycle(DASHES), strict=False))
+    return [
+        {
+            "color": inks.get(curve.color, "0.5"),
+            "linewidth": curve.width,
+            "linestyle": (0, (4.0, 2.0)) if curve.dashed else dashes.get(curve.color, "-"),
+            "marker": "o" if curve.dotted else "",
+            "markersize": 2.4,
+            "markeredgewidth": 0.0,
+        }
+        for curve in chart.curves
+    ]
 
 
-def _header(chart: Chart, width: float) -> float:
-    """Height in inches of the title and the legend."""
-    return ROW * (1 + _legend_rows(chart, width)) + 0.06
+def _stretches(curve: Curve) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+    """The curve's points between its gaps."""
+    y = np.asarray(curve.y, dtype=float)
+    for known in np.ma.clump_unmasked(np.ma.masked_invalid(y)):
+        yield thinned(np.asarray(curve.x, dtype=float)[known], y[known], BINS)
 
 
-def _footer(chart: Chart, following: Chart | None) -> float:
-    return BELOW + (X_LABEL if _labelled(chart, following) else 0.0) + GAP
-
-
-def _legend_rows(chart: Chart, width: float) -> int:
-    names = [curve.name for curve in chart.curves if curve.listed]
-    beside = max(int(width / (max(map(len, names), default=1) / LETTERS + HANDLE)), 1)
-    return -(-len(names) // beside)
-
-
-def _draw(axes: Axes, chart: Chart, width: float, *, labelled: bool) -> None:
+def _plot(axes: Axes, chart: Chart, looks: list[dict[str, Any]]) -> None:
     for area in chart.areas:
         upper, lower = chart.curves[area.upper], chart.curves[area.lower]
         few = slice(None, None, max(len(upper.x) // BINS, 1))
-        axes.fill_between(
-            upper.x[few], lower.y[few], upper.y[few], color=printed(area.color), alpha=0.35, linewidth=0.0
-        )
-    for curve in chart.curves:
-        x, y = thinned(np.asarray(curve.x, dtype=float), np.asarray(curve.y, dtype=float), BINS)
-        style = (0, (4.0, 2.0)) if curve.dashed else "-"
-        axes.plot(
-            x,
-            y,
-            color=printed(curve.color),
-            linewidth=curve.width,
-            linestyle=style,
-            marker="o" if curve.dotted else "",
-            markersize=2.4,
-            markeredgewidth=0.0,
-            clip_on=not curve.dotted,
-            zorder=3 if curve.dotted else 2,
-            label=curve.name if curve.listed else "_",
-        )
-    ends = [end for curve in chart.curves if len(curve.x) for end in (np.min(curve.x), np.max(curve.x))]
+        ink = inks_of(chart).get(area.color, printed(area.color))
+        axes.fill_between(upper.x[few], lower.y[few], upper.y[few], color=ink, alpha=0.35, linewidth=0.0)
+    for curve, look in zip(chart.curves, looks, strict=True):
+        for x, y in _stretches(curve):
+            axes.plot(x, y, clip_on=not curve.dotted, zorder=3 if curve.dotted else 2, **look)
+    known = [curve.x[np.isfinite(curve.y)] for curve in chart.curves]
+    ends = [end for x in known if len(x) for end in (np.min(x), np.max(x))]
     if ends and min(ends) < max(ends):
         axes.set_xlim(min(ends), max(ends))
     _scale(axes, chart)
     axes.set_axisbelow(True)
-    axes.tick_params(pad=2, length=2)
-    axes.set_ylabel(chart.unit)
-    axes.yaxis.set_label_coords((0.15 - LEFT) / width, 0.5)
-    if labelled:
-        axes.set_xlabel(chart.x_label, labelpad=1)
-    rows = _legend_rows(chart, width)
-    axes.set_title(chart.title, loc="left", fontsize=7.5, fontweight="bold", pad=72 * ROW * rows + 1)
-    if rows:
-        listed = sum(curve.listed for curve in chart.curves)
-        axes.legend(
-            loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=-(-listed // rows), frameon=False,
-            fontsize=6.5, borderpad=0.0, borderaxespad=0.1, handlelength=1.3, handletextpad=0.4, columnspacing=0.8,
-            labelspacing=0.15,
-        )  # fmt: skip
 
 
 def _scale(axes: Axes, chart: Chart) -> None:

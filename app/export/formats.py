@@ -4,5 +4,5 @@ from typing import Literal
 
 Format = Literal["svg", "pdf", "png"]  # of figures
 DataFormat = Literal["csv", "npz"]
-Kind = Format | DataFormat | Literal["html", "toml"]
+Kind = Literal["svg", "pdf", "png", "csv", "npz", "html", "toml"]
 ALL_PLOTS = "all plots"  # instead of the title of a tab of the page

@@ -3,17 +3,46 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from typing import NamedTuple
 
 import numpy as np
 from msgspec import Struct
 
+from app.scenario.data import shipped
 from app.scenario.schema import Scenario, field_info
 from controllers.controller import Controller
+from controllers.modes import MODES
+from environments.robots import CATALOGUE
 
 _LAW = ("A", "F_1", "F_2", "K_s")
 _MODEL_UNITS = {"M_m": " kg", "B_m": " N·s/m", "K_m": " N/m", "K_f": ""}
 _ELSEWHERE = ("name", "title", "mode", "robot", "target_model", "controller", "simulation")
 _IN_FULL = ("motion", "force")  # of these, and of springs, defaults that are not zero are listed, too
+
+
+class Title(NamedTuple):
+    """Title of what runs. edited: whether it differs from the shipped scenario of its name."""
+
+    text: str
+    edited: bool
+
+
+def title_of(scenario: Scenario, begun_from: Scenario | None) -> Title:
+    """Title of a scenario: that of its file; of what runs now, where an edit has made that one false.
+    begun_from: the shipped scenario of this name, None where there is none."""
+    own = scenario.title or scenario.name
+    if begun_from is None or begun_from == scenario:
+        return Title(own, edited=False)
+    if _about(scenario) == _about(begun_from):
+        return Title(own, edited=True)
+    arm = CATALOGUE[scenario.robot.name].title if scenario.robot.urdf is None else "own arm"
+    surface = f", {scenario.surface.title}" if scenario.contact.nature.touches else ""
+    return Title(f"{arm}: {MODES[scenario.mode].label.lower()}{surface}", edited=True)
+
+
+def _about(scenario: Scenario) -> tuple[str, ...]:
+    """What the title of a scenario is about; with another arm a scenario has no longer its name."""
+    return scenario.mode, scenario.surface.title, scenario.contact.kind
 
 
 def caption(
@@ -24,9 +53,10 @@ def caption(
     model: the matrices of (8) in force, each (n, n).
     t_from, t_to: s."""
     arm = scenario.robot.urdf or scenario.robot.name
+    title = title_of(scenario, shipped().get(scenario.name))
     matrices = ", ".join(f"{name} = {_matrix(model[name])}{unit}" for name, unit in _MODEL_UNITS.items())
     sentences = [
-        f"{scenario.title or scenario.name} ({scenario.name}): {scenario.mode} mode, {arm}, "
+        f"{title.text} ({scenario.name}{', edited' if title.edited else ''}): {scenario.mode} mode, {arm}, "
         f"t = {t_from:.4g} to {t_to:.4g} s",
         f"Target model (8): {matrices}",
         _law(scenario, controller),

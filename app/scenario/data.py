@@ -13,6 +13,7 @@ import tomli_w
 from msgspec import Struct
 
 from app.scenario.schema import Scenario, ScenarioError, field_info, types_of
+from parameters import allowed
 
 LARGEST = 100_000  # bytes of a TOML file; the shipped ones have 2000, and readers of TOML are slow
 MOST_DOTS = 300  # in a line: a key a.b.c... of 50,000 parts keeps tomllib busy for minutes
@@ -81,12 +82,12 @@ def edited(scenario: Scenario, path: str, value: object) -> Scenario:
         if path.startswith(OWN_PARAMETERS) and isinstance(table, dict):
             table[section] = table.get(section) or {}
         if not isinstance(table, dict) or not isinstance(table.get(section), dict):
-            raise ScenarioError(f"{path}: no such field; {_allowed(table)}")
+            raise ScenarioError(f"{path}: no such field; {_fields_of(table, section)}")
         table = table[section]
     if path.startswith(OWN_PARAMETERS):
         table.setdefault(last, 0.0)
     if not isinstance(table, dict) or last not in table:
-        raise ScenarioError(f"{path}: no such field; {_allowed(table)}")
+        raise ScenarioError(f"{path}: no such field; {_fields_of(table, last)}")
     table[last] = of_kind(value) if isinstance(table[last], dict) and isinstance(value, str) else value
     return from_plain(_without_none(data))
 
@@ -132,7 +133,8 @@ def load(name_or_file: str) -> Scenario:
         return scenarios[name_or_file]
     path = Path(name_or_file)
     if path.suffix != ".toml":
-        raise ScenarioError(f"scenario {name_or_file!r:.200}: unknown; allowed: a .toml file or {', '.join(scenarios)}")
+        named = allowed(name_or_file, scenarios).replace("allowed: ", "allowed: a .toml file or ", 1)
+        raise ScenarioError(f"scenario {name_or_file!r:.200}: unknown; {named}")
     try:
         if path.exists() and not path.is_file():  # a folder, or a pipe that would never end
             raise ScenarioError(f"scenario {name_or_file!r:.200}: cannot be read: no file")
@@ -147,8 +149,8 @@ def load(name_or_file: str) -> Scenario:
         raise ScenarioError(f"scenario {name_or_file!r:.200}: {error}") from error
 
 
-def _allowed(table: object) -> str:
-    return f"allowed: {', '.join(table)}" if isinstance(table, dict) else "it has no fields"
+def _fields_of(table: object, given: str) -> str:
+    return allowed(given, table) if isinstance(table, dict) else "it has no fields"
 
 
 def _without_none(value: Any) -> Any:
@@ -180,7 +182,7 @@ def _sentence(message: str, data: object) -> str:
     path = _keys_named(place.rstrip("`").removeprefix("$").removeprefix("."), data)
     if unknown := re.fullmatch("Object contains unknown field `(.*)`", reason, re.DOTALL):
         where = f"{path}." if path else ""
-        return f"{where}{unknown[1]:.60}: no such field; allowed: {', '.join(_fields_at(path, data))}"
+        return f"{where}{unknown[1]:.60}: no such field; {allowed(unknown[1], _fields_at(path, data))}"
     reason = re.sub(" matching regex .*", " in one line, without control characters", reason, flags=re.DOTALL)
     for technical, plain in _PLAIN.items():
         reason = reason.replace(technical, plain)
@@ -189,10 +191,10 @@ def _sentence(message: str, data: object) -> str:
     value = _at(path, data)
     shown = "" if isinstance(value, dict) else f"{value!r:.60}; "
     if reason.startswith("Invalid enum value"):
-        reason = f"allowed: {', '.join(field_info(path).choices)}"
+        reason = allowed(str(value), field_info(path).choices)
     if reason.startswith("Invalid value"):  # the tag of a section that has several kinds
         kinds = types_of(Scenario, path.partition(".")[0])
-        reason = f"allowed: {', '.join(str(kind.__struct_config__.tag) for kind in kinds)}"
+        reason = allowed(str(value), (str(kind.__struct_config__.tag) for kind in kinds))
     return f"{path}: {shown}{reason[:1].lower()}{reason[1:]}"
 
 

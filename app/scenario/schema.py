@@ -132,16 +132,18 @@ class TaskSpace(Section, frozen=True, forbid_unknown_fields=True):
     kind: Annotated[Literal["cartesian", "joint"], field("r from the tool's pose, or r = q (motion mode only)", "")] = (
         "cartesian"
     )
-    characteristic_length: Annotated[float, field("makes radians metres: r holds l·angle", "m", gt=0, le=10)] = 0.15
+    characteristic_length: Annotated[
+        float, field("characteristic length: makes radians metres, since r holds ℓ·angle", "m", gt=0, le=10)
+    ] = 0.15
 
 
 class TargetModel(Section, frozen=True, forbid_unknown_fields=True):
     """Target model (8); each matrix as n diagonal entries or n rows; a missing one takes the mode's default."""
 
-    M_m: Annotated[Matrix | None, field("inertia", "kg")] = None
-    B_m: Annotated[Matrix | None, field("damping", "N·s/m")] = None
-    K_m: Annotated[Matrix | None, field("stiffness", "N/m")] = None
-    K_f: Annotated[Matrix | None, field("weight of the force error", "1")] = None
+    M_m: Annotated[Matrix | None, field("inertia of the target model (8)", "kg")] = None
+    B_m: Annotated[Matrix | None, field("damping of the target model (8)", "N·s/m")] = None
+    K_m: Annotated[Matrix | None, field("stiffness of the target model (8)", "N/m")] = None
+    K_f: Annotated[Matrix | None, field("weight of the force error in the target model (8)", "1")] = None
 
 
 class Blend(Section, frozen=True, forbid_unknown_fields=True):
@@ -168,18 +170,18 @@ class Controller(Section, frozen=True, forbid_unknown_fields=True):
     own: Annotated[
         dict[Name, dict[Name, float]] | None, field("parameters of laws of your own, by law and name", "")
     ] = None
-    A: Annotated[Matrix | float, field("compensator (9): diagonal, <= 0", "1/s")] = 0.0
+    A: Annotated[Matrix | float, field("rate of the compensator (9): diagonal, ≤ 0", "1/s")] = 0.0
     F_1: Annotated[Matrix | float, field("sliding gain on e_r (10): diagonal", "1/s")] = 10.0
     F_2: Annotated[Matrix | float, field("sliding gain on z (10): diagonal, nonsingular", "1")] = 1.0
-    K_s: Annotated[Matrix | float, field("linear reaching gain (15), s.p.d.", "N·s/m")] = 100.0
+    K_s: Annotated[Matrix | float, field("gain of the linear reaching term (15), s.p.d.", "N·s/m")] = 100.0
     gain: Annotated[Literal["theorem", "constant"], field("d by (17), or a constant", "")] = "theorem"
     d: Annotated[float, field("the constant d", "N", gt=0, le=1e5)] = 30.0
-    epsilon: Annotated[float, field("margin in (17)", "N", gt=0, le=1e4)] = 2.0
+    epsilon: Annotated[float, field("margin of the gain d in (17)", "N", gt=0, le=1e4)] = 2.0
     bounds: Annotated[Literal["tight", "paper"], field("error bounds in task space, or as in (7)", "")] = "tight"
     switching: Annotated[
         Literal["discontinuous", "saturation", "rational", "tanh"], field("s/||s||, or a smooth version of it", "")
     ] = "saturation"
-    layer: Annotated[float, field("boundary layer", "m/s", gt=0, le=10)] = 0.01
+    layer: Annotated[float, field("boundary layer: within it the switching is smooth", "m/s", gt=0, le=10)] = 0.01
     on_change: Annotated[
         Literal["remove", "watch"],
         field("z at the start and on changes: s = 0 (Remark 2), or kept, s is reached", ""),
@@ -195,9 +197,9 @@ class Contact(Section, frozen=True, forbid_unknown_fields=True):
     """Contact between the tool and the surface."""
 
     kind: Annotated[ContactName, field("nothing, (32), (28), or (39)", "")] = "free"
-    K_e: Annotated[float, field("stiffness", "N/m", ge=0, le=1e7)] = 10000.0
-    B_e: Annotated[float, field("damping", "N·s/m", ge=0, le=1e5)] = 0.0
-    M_e: Annotated[float, field("mass", "kg", ge=0, le=1e4)] = 0.0
+    K_e: Annotated[float, field("stiffness of the surface", "N/m", ge=0, le=1e7)] = 10000.0
+    B_e: Annotated[float, field("damping of the surface", "N·s/m", ge=0, le=1e5)] = 0.0
+    M_e: Annotated[float, field("mass of the surface", "kg", ge=0, le=1e4)] = 0.0
     unilateral: Annotated[bool, field("pushes only, as real surfaces do", "")] = True
     friction_coulomb: Annotated[float, field("friction coefficient", "1", ge=0, le=2)] = 0.0
     friction_viscous: Annotated[float, field("viscous friction along the surface", "N·s/m", ge=0, le=1e4)] = 0.0

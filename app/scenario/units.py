@@ -13,16 +13,6 @@ class Units(NamedTuple):
     rate: str
     force: str
 
-    @property
-    def coordinate(self) -> str:
-        """Unit of r."""
-        return self.error.removeprefix("m")
-
-    @property
-    def speed(self) -> str:
-        """Unit of r_dot and s."""
-        return self.rate.removeprefix("m")
-
 
 CARTESIAN = Units("mm", "mm/s", "N")
 JOINT = Units("mrad", "mrad/s", "N·m")

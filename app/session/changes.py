@@ -35,6 +35,7 @@ from controllers.target_model import InvalidGain
 from environments import robots
 from environments.trajectories.point_to_point import Hold
 from environments.urdf import RobotError
+from parameters import allowed
 
 NEAR = 0.03  # m
 PUSH, PUSH_LASTS = (0.0, 30.0, 0.0), 0.5  # N, s: sideways, which every mode shows
@@ -173,7 +174,7 @@ def with_robot(scenario: Scenario, changes: Mapping[str, object]) -> Scenario:
     """
     fields = Robot.__struct_fields__
     if unknown := [name for name in changes if name not in fields]:
-        raise ScenarioError(f"robot.{unknown[0]}: no such field; allowed: {', '.join(fields)}")
+        raise ScenarioError(f"robot.{unknown[0]}: no such field; {allowed(unknown[0], fields)}")
     data = to_plain(scenario)
     if isinstance(urdf := changes.get("urdf"), str):  # a scenario may be saved in another folder
         changes = {**changes, "urdf": os.path.abspath(os.path.expanduser(urdf))}

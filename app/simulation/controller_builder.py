@@ -20,7 +20,7 @@ from controllers.switching import Switching
 from controllers.target_model import InvalidGain
 from controllers.target_model import TargetModel as Model
 from controllers.task_space import TaskLayout
-from parameters import values_of
+from parameters import allowed, values_of
 
 
 def laws() -> dict[str, ControlLaw]:
@@ -33,7 +33,7 @@ def law_of(scenario: Scenario) -> ControlLaw:
     known, kind = laws(), scenario.controller.law
     if kind not in known:
         raise ScenarioError(
-            f"controller.law: {kind!r:.60}; allowed: {', '.join(known)}, or that of a file of your own (--use FILE)"
+            f"controller.law: {kind!r:.60}; {allowed(kind, known)} (or that of a file of your own: --use FILE)"
         )
     return known[kind]
 

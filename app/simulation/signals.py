@@ -41,39 +41,43 @@ class Row(NamedTuple):
     t: Annotated[Number, Signal("s", "simulated time")]
     q: Annotated[Vector, Signal("rad", "joint angles")]
     q_dot: Annotated[Vector, Signal("rad/s", "joint rates")]
-    r: Annotated[Vector, Signal("m", "task coordinates, (3)", "rad")]
+    r: Annotated[Vector, Signal("m", "task coordinates of the tool, (3)", "rad")]
     r_dot: Annotated[Vector, Signal("m/s", "their rates", "rad/s")]
-    r_d: Annotated[Vector, Signal("m", "desired task coordinates", "rad")]
-    e_r: Annotated[Vector, Signal("m", "r - r_d", "rad")]
-    e_r_dot: Annotated[Vector, Signal("m/s", "its rate", "rad/s")]
+    r_d: Annotated[Vector, Signal("m", "desired task coordinates: what r is to follow", "rad")]
+    e_r: Annotated[Vector, Signal("m", "tracking error r − r_d, of which angles count ℓ times", "rad")]
+    e_r_dot: Annotated[Vector, Signal("m/s", "rate of the tracking error", "rad/s")]
     tool: Annotated[Vector, Signal("m", "tool point in the world", width=3)]
     F: Annotated[
         Vector, Signal("N", "measured force of the tool on what touches it, surface and hand, world axes", width=3)
     ]
-    F_push: Annotated[Vector, Signal("N", "force of a hand, or of truth.push, on the tool", width=3)]
+    F_push: Annotated[Vector, Signal("N", "force with which a hand, or the scenario's push, acts on the tool", width=3)]
     F_c: Annotated[Vector, Signal("N", "controlled force, from the measured one", "N·m")]
     F_cd: Annotated[Vector, Signal("N", "desired controlled force", "N·m")]
-    z: Annotated[Vector, Signal("m/s", "state of the compensator, (9)", "rad/s")]
-    s: Annotated[Vector, Signal("m/s", "switching function, (10)", "rad/s")]
+    z: Annotated[Vector, Signal("m/s", "state of the compensator (9), which brings the target model into s", "rad/s")]
+    s: Annotated[Vector, Signal("m/s", "sliding variable (10): 0 means that the arm obeys the target model", "rad/s")]
     tau_inertia: Annotated[Vector, Signal("N·m", "M_hat q_eq_ddot, (25)")]
     tau_coriolis: Annotated[Vector, Signal("N·m", "C_hat q_eq_dot, (25)")]
     tau_gravity: Annotated[Vector, Signal("N·m", "G_hat, (25)")]
     tau_force: Annotated[Vector, Signal("N·m", "J^T F, (25)")]
     tau_linear: Annotated[Vector, Signal("N·m", "-J_q^T K_s s, (25)")]
     tau_switching: Annotated[Vector, Signal("N·m", "-J_q^T d sigma(s), (25)")]
-    tau: Annotated[Vector, Signal("N·m", "their sum")]
+    tau: Annotated[Vector, Signal("N·m", "torque that the law asks of the drives, the sum of its terms (25)")]
     tau_applied: Annotated[Vector, Signal("N·m", "what the drives make of it: tau, within truth.torque_limit")]
     q_eq_ddot: Annotated[Vector, Signal("rad/s^2", "joint acceleration that the law prescribes, (25)")]
     needed: Annotated[
         Vector, Signal("N", "terms of (17): inertia, Coriolis, gravity, moving task, disturbance, epsilon", "N·m", 6)
     ]
-    d: Annotated[Number, Signal("N", "gain of the switching term", "N·m")]
-    d_required: Annotated[Number, Signal("N", "what (17) needs: the sum of `needed`", "N·m")]
-    s_norm: Annotated[Number, Signal("m/s", "||s||", "rad/s")]
-    s_bound: Annotated[
-        Number, Signal("m/s", "envelope of ||s||, (20); not a number where nothing is promised", "rad/s")
+    d: Annotated[Number, Signal("N", "gain of the switching term, which overcomes the perturbation", "N·m")]
+    d_required: Annotated[
+        Number, Signal("N", "least gain d by (17): the sum of what each cause of perturbation needs", "N·m")
     ]
-    s_band: Annotated[Number, Signal("m/s", "what sampling and the boundary layer add to it", "rad/s")]
+    s_norm: Annotated[
+        Number, Signal("m/s", "norm of the sliding variable: 0 means that the arm obeys the target model", "rad/s")
+    ]
+    s_bound: Annotated[
+        Number, Signal("m/s", "bound of ‖s‖ by the theorem, (20); none where nothing is promised", "rad/s")
+    ]
+    s_band: Annotated[Number, Signal("m/s", "what sampling and the boundary layer add to the bound (20)", "rad/s")]
     V_band: Annotated[Number, Signal("J", "what they add to sqrt(V) of (24), squared")]
     held_error: Annotated[
         Number, Signal("N", "what (25) without its robust terms changed within the period before", "N·m")
@@ -83,7 +87,7 @@ class Row(NamedTuple):
     F_true: Annotated[
         Vector, Signal("N", "the force on the surface itself; F is the reading of F_true - F_push", width=3)
     ]
-    multiplier: Annotated[Number, Signal("N", "true normal force per gradient of phi, (32) or (39)")]
+    multiplier: Annotated[Number, Signal("N", "true normal force per gradient of φ, (32) or (39)")]
     phi: Annotated[Number, Signal("m", "penetration of the tool into the surface")]
 
     @classmethod

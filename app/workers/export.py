@@ -58,18 +58,18 @@ def serve(asker: Connection, path: Path) -> None:
 def _make(job: Job, asker: Connection, path: Path) -> None:
     tell = _Reporter(asker).tell
     match job:
-        case FigureJob(figure, form):
-            path.write_bytes(render(figure, form))
+        case FigureJob(figure, form, options):
+            path.write_bytes(render(figure, form, options))
         case DataJob(data, form, limit):
             write = {"csv": write_csv, "npz": write_npz}[form]
             with path.open("wb") as file:
                 write(replace(data, pieces=_received(data, asker)), file, limit, tell)
-        case PlaybackJob(film, limit):
+        case PlaybackJob(film, limit, figure):
             from app.dashboard.scene.standalone import (
                 standalone_html,  # here: the others need neither viser nor the law
             )
 
-            path.write_text(standalone_html(film, limit, tell), encoding="utf-8")
+            path.write_text(standalone_html(film, limit, tell, figure), encoding="utf-8")
 
 
 def _received(data: Table, asker: Connection) -> Iterator[np.ndarray]:

@@ -28,7 +28,7 @@ def test_figures_data_and_scenario_are_handed_over_and_the_run_goes_on(session: 
     session.wait(lambda now: now.t > 1.0)
     before = session.now
     svg = taken(session, "SVG", tmp_path).read_text()
-    assert "tracking error e_r" in svg
+    assert "tracking error" in svg
     assert "hybrid mode" in svg
     assert taken(session, "PDF", tmp_path).read_bytes().startswith(b"%PDF-")
     with np.load(taken(session, "NPZ", tmp_path)) as saved:
@@ -58,6 +58,11 @@ def test_picture_and_playback_show_the_scene(session: Session, tmp_path: Path, o
     assert played.title() == title
     clock = played.locator("input.mantine-NumberInput-input")
     begun = float(clock.input_value(timeout=PATIENCE * 1e3))
+    played.wait_for_function("document.querySelector('#vs-plots line').hasAttribute('x1')", timeout=PATIENCE * 1e3)
+    at = played.locator("#vs-plots line").first.get_attribute("x1")
+    played.wait_for_function(
+        "at => document.querySelector('#vs-plots line').getAttribute('x1') !== at", arg=at, timeout=PATIENCE * 1e3
+    )
     played.wait_for_function(
         "begun => Number(document.querySelector('input.mantine-NumberInput-input').value) !== begun",
         arg=begun,

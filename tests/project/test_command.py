@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -16,7 +17,7 @@ import numpy as np
 import pytest
 
 from app import cli
-from app.analysis.metrics import FIGURES, unit_of
+from app.analysis.metrics import FIGURES, METRICS
 from app.cli import run
 from app.scenario.data import edited, from_toml, load, to_toml
 from app.scenario.schema import Scenario, ScenarioError
@@ -76,18 +77,30 @@ def test_stopped_run_keeps_its_files_and_says_why(tmp_path: Path) -> None:
     assert (tmp_path / "recording.npz").exists()
 
 
-@pytest.mark.parametrize(("space", "length", "force"), [("joint", "rad", "N·m"), ("cartesian", "m", "N")])
+@pytest.mark.parametrize(("space", "length", "force"), [("joint", "mrad", "N·m"), ("cartesian", "mm", "N")])
 def test_run_says_in_which_units_its_figures_are(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], space: str, length: str, force: str
 ) -> None:
     assert run("ur5-motion", out=tmp_path, duration=0.05, settings=((f"task_space.kind={space}",),)) == 0
-    units = {line.split()[0]: line.split()[-1] for line in capsys.readouterr().out.splitlines()}
-    assert units["motion_error_tail"] == length
-    assert unit_of("envelope_violation", JOINT if space == "joint" else CARTESIAN) == f"{length}/s"
-    assert units["gain_condition_margin"] == units["target_model_residual_tail"] == force
-    assert units["reaching_time_bound"] == units["simulated_time"] == "s"
-    assert units["torque_total_variation"] == "N·m/s"
-    assert units["force_error_tail"] == "-"
+    told = capsys.readouterr().out
+    assert not re.search(r"[a-z]_[a-z]", told.replace(str(tmp_path), "")), "words, as on the page"
+    units = {line[:40].strip(): line.split()[-1] for line in told.splitlines()}
+    assert units["path error at the end, largest"] == length
+    excess = next(figure for figure in METRICS if figure.field == "envelope_violation")
+    assert excess.unit(JOINT if space == "joint" else CARTESIAN) == f"{length}/s"
+    assert units["least margin of (17)"] == units["residual of (8) at the end, RMS"] == force
+    assert units["s = 0 by (18) within"] == units["simulated time"] == "s"
+    assert units["variation of the torques, per joint"] == "N·m/s"
+    assert units["force error at the end, largest"] == "—"
+
+
+def test_figures_that_a_law_has_not_are_not_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    own = ("controller.law=computed-torque",)
+    assert run("planar2r-semicircle", out=tmp_path, duration=0.05, settings=(own,)) == 0
+    told = {line[:40].strip(): line[40:].strip() for line in capsys.readouterr().out.splitlines()}
+    for figure in ("least margin of (17)", "s = 0 by (18) within", "‖s‖ beyond (20) and the band, largest"):
+        assert told[figure] == "—"
+    assert told["path error at the end, largest"] != "—"
 
 
 def test_runs_are_compared_side_by_side(here: Callable[..., Done]) -> None:
@@ -102,6 +115,22 @@ def test_a_frame_rate_that_makes_no_sense_is_refused(here: Callable[..., Done]) 
     done = here("serve", "--port", "0", "--fps", "0")
     assert done.returncode == 2
     assert "--fps: 0; allowed: 1 to 60" in done.stderr
+
+
+def test_a_misspelt_choice_of_a_flag_is_refused_with_what_was_meant(here: Callable[..., Done]) -> None:
+    for arguments, said in (
+        (("serve", "--theme", "drak"), "--theme 'drak'; allowed: dark, light; did you mean dark?"),
+        (
+            ("serve", "--log-level", "inf"),
+            "--log-level 'inf'; allowed: debug, info, warning, error; did you mean info?",
+        ),
+        (("serve", "--token", "allways"), "did you mean always?"),
+        (("figures", "--out", "x", "--only", "theorm"), "did you mean theorem?"),
+    ):
+        done = here(*arguments)
+        assert done.returncode == 2
+        assert said in done.stderr
+        assert done.stderr.count("\n") == 1
 
 
 def test_a_port_that_is_none_is_refused(here: Callable[..., Done]) -> None:
@@ -137,6 +166,21 @@ def test_list_shows_robots_and_scenarios() -> None:
     ("arguments", "said"),
     [
         (("run", "nothing"), "allowed: a .toml file or"),
+        (("run", "ur5-hybird"), "; did you mean ur5-hybrid?"),
+        (("run", "UR5-Motion"), "; did you mean ur5-motion?"),
+        (
+            ("run", "ur5-hybrid", "--set", "force.vale=3"),
+            "force.vale: no such field; allowed: kind, value; did you mean v",
+        ),
+        (("run", "ur5-hybrid", "--set", "robot.nmae=ur3"), "; did you mean name?"),
+        (("run", "ur5-hybrid", "--set", "robot.name=pandas"), "; did you mean panda?"),
+        (("run", "ur5-hybrid", "--set", "mode=hybrd"), "; did you mean hybrid?"),
+        (("run", "ur5-hybrid", "--set", "contact.kind=elastc"), "; did you mean elastic?"),
+        (("run", "ur5-hybrid", "--set", "controller.law=vsmcr"), "; did you mean vsmrc?"),
+        (
+            ("exprt", "ur5-hybrid"),
+            "exprt: no such command; allowed: serve, run, compare, export, figures, list; did you m",
+        ),
         (("run", "ur5-hybrid", "--set", "force.value"), "allowed: KEY=VALUE"),
         (("run", "ur5-hybrid", "--set", "force.value=nan"), "force.value: nan; allowed: a finite number"),
         (("run", "ur5-hybrid", "--set", "controller.layer=-1"), "controller.layer: -1; allowed: a number > 0"),

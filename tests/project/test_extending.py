@@ -328,12 +328,12 @@ def test_a_plot_is_a_row(monkeypatch: pytest.MonkeyPatch) -> None:
     def heights(_: Setup) -> Drawing:
         return Drawing("height of the tool  [m]", [Line("z", (66, 135, 245), column("tool", 2))])
 
-    monkeypatch.setitem(plot_table.TABS, "Mine", Tab((Plot(heights),)))
+    monkeypatch.setitem(plot_table.TABS, "Mine", Tab((Plot("height", heights),)))
     loop = ClosedLoop(load("planar3r-hybrid"))
     for _ in range(20):
         loop.step()
     snapshot = snapshot_of(loop)
-    figure = figure_of(plots_of("Mine"), snapshot, Setup.of(snapshot, 0, 0), 0.0, 1.0)
+    figure = figure_of(plots_of(["Mine", "height"]), snapshot, Setup.of(snapshot, 0, 0), 0.0, 1.0)
     np.testing.assert_array_equal(figure.charts[0].curves[0].y, loop.recording.signals(("tool",))["tool"][:, 2])
     gui = MagicMock()
     Plots(gui, VisibleTabs(), Viewing(), nullcontext())

@@ -13,7 +13,7 @@ import viser
 from PIL import Image
 
 from app.dashboard.plots.charts import Setup
-from app.dashboard.plots.paper_figures import figure_of, plots_of
+from app.dashboard.plots.paper_figures import BESIDE_FILM, figure_of, plots_of, with_series
 from app.dashboard.plots.plot_table import TABS
 from app.dashboard.transport.callback_errors import guarded
 from app.dashboard.widgets.controls import Desk
@@ -26,6 +26,7 @@ from app.export.export_jobs import (
     TakeAwayError,
     file_name,
 )
+from app.export.figures import DOUBLE, SINGLE, FigureOptions
 from app.export.formats import ALL_PLOTS, Format
 from app.export.playback_frames import film
 from app.scenario.data import from_file, to_toml
@@ -44,6 +45,8 @@ OnClick = Callable[[viser.GuiEvent[viser.GuiButtonGroupHandle]], None]
 Make = Callable[[Snapshot, Tell], bytes]
 
 
+WIDTHS = {"as the plots need": None, "one column, 85 mm": SINGLE, "two columns, 180 mm": DOUBLE}
+TYPES = {f"{size} pt": float(size) for size in (7, 6, 8, 9, 10, 12)}
 SHOWN, WHOLE = "as shown by the plots", "the whole run"
 
 
@@ -57,7 +60,13 @@ class ExportPanel:
         self._desk = desk
         self._busy = threading.Lock()
         gui = desk.gui
-        self._plots = gui.add_dropdown("Figure of", (ALL_PLOTS, *TABS), hint="One tab of the plots, or all.")
+        plots = (ALL_PLOTS, *TABS, *(plot.name for plot in plots_of([ALL_PLOTS])))
+        self._plots = gui.add_dropdown("Figure of", plots, hint="All plots, those of a tab, or a single one.")
+        self._lines = gui.add_text("Lines", "", hint="By their names in the legends, with commas between; empty: all.")
+        self._width = gui.add_dropdown("Width", tuple(WIDTHS), hint="Of the figure: of a journal's column or its page.")
+        self._type = gui.add_dropdown("Type", tuple(TYPES), hint="Size of the figure's text.")
+        self._letters = gui.add_checkbox("Letters (a), (b)", False, hint="Before the titles of the plots.")
+        self._caption = gui.add_checkbox("Caption", True, hint="The scenario's numbers, below.")
         self._buttons("Figure", ("SVG", "PDF", "PNG"), self._on_figure, "Plots and scenario on white, as shown now.")
         self._part = gui.add_dropdown("Part of the run", (SHOWN, WHOLE), hint="For the data and the 3-D playback.")
         self._buttons("Data", ("CSV", "NPZ"), self._on_data, "Every signal, every control period, in SI units.")
@@ -82,12 +91,19 @@ class ExportPanel:
 
     def _on_figure(self, event: viser.GuiEvent) -> None:
         form: Format = event.target.value.lower()
-        plots, viewing = plots_of(self._plots.value), self._desk.viewing
+        plots, viewing = plots_of([self._plots.value]), self._desk.viewing
+        lines = [name for name in map(str.strip, self._lines.value.split(",")) if name]
+        options = FigureOptions(
+            width=WIDTHS[self._width.value],
+            type_size=TYPES[self._type.value],
+            letters=self._letters.value,
+            caption=self._caption.value,
+        )
 
         def make(snapshot: Snapshot, tell: Tell) -> bytes:
             setup = Setup.of(snapshot, viewing.coordinate, viewing.joint)
             figure = figure_of(plots, snapshot, setup, snapshot.t - viewing.window, snapshot.t)
-            return self._desk.export_jobs.made(FigureJob(figure, form), tell)
+            return self._desk.export_jobs.made(FigureJob(with_series(figure, lines), form, options), tell)
 
         self._give(event, "Figure", form, make)
 
@@ -102,11 +118,13 @@ class ExportPanel:
         self._give(event, "Data", form, make)
 
     def _on_playback(self, event: viser.GuiEvent) -> None:
-        back = self._back(self._part.value)
+        back, viewing = self._back(self._part.value), self._desk.viewing
 
         def make(snapshot: Snapshot, tell: Tell) -> bytes:
             frames = film(snapshot.scenario, snapshot.recording, snapshot.t - back, snapshot.t)
-            return self._desk.export_jobs.made(PlaybackJob(frames, PLAYBACK_LIMIT), tell)
+            setup = Setup.of(snapshot, viewing.coordinate, viewing.joint)
+            figure = figure_of(plots_of(BESIDE_FILM), snapshot, setup, snapshot.t - back, snapshot.t)
+            return self._desk.export_jobs.made(PlaybackJob(frames, PLAYBACK_LIMIT, figure), tell)
 
         self._give(event, "3-D playback", "html", make)
 

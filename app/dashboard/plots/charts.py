@@ -149,8 +149,12 @@ class Drawing:
 
 @dataclass(frozen=True)
 class Plot:
-    """A row of the table of plots. draw: None for a run where it has no meaning; spectral: over frequency."""
+    """A row of the table of plots.
+    name: by which a figure for paper chooses it.
+    draw: its drawing, None for a run where it has no meaning.
+    spectral: over frequency."""
 
+    name: str
     draw: Callable[[Setup], Drawing | None]
     spectral: bool = False
 

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -12,21 +13,62 @@ from app.analysis.spectrum import amplitude_spectrum
 from app.analysis.thinning import Grid
 from app.dashboard.plots.charts import Drawing, Plot, Setup, Signals
 from app.dashboard.plots.plot_table import TABS
+from app.dashboard.widgets.equation import symbol
 from app.export.figures import FREQUENCY, TIME, Area, Chart, Curve, Figure
 from app.export.formats import ALL_PLOTS
 from app.scenario.caption import caption, promised
 from app.scenario.schema import ScenarioError
 from app.session.snapshot import Snapshot
+from parameters import allowed
 
 EXAMINED = 300  # instants at which the true arm is looked at
+BESIDE_FILM = ("Overview",)  # plots beside a 3-D playback
 WIDTH = 0.6  # points of a line on paper for each of its pixels on the page
 
 
-def plots_of(tab: str) -> list[Plot]:
-    """The plots of a tab of the page, or `ALL_PLOTS`. Raises ScenarioError."""
-    if tab not in (ALL_PLOTS, *TABS):
-        raise ScenarioError(f"plots: {tab!r}; allowed: {', '.join((ALL_PLOTS, *TABS))}")
-    return [plot for title, row in TABS.items() if tab in (ALL_PLOTS, title) for plot in row.plots]
+def plots_of(names: Sequence[str]) -> list[Plot]:
+    """The plots of these names, each once: of a plot, of a tab of the page, or `ALL_PLOTS`. Raises ScenarioError."""
+    by_name = {ALL_PLOTS: [plot for tab in TABS.values() for plot in tab.plots]}
+    by_name |= {title: list(tab.plots) for title, tab in TABS.items()}
+    by_name |= {plot.name: [plot] for plot in by_name[ALL_PLOTS]}
+    if unknown := [name for name in names if name not in by_name]:
+        raise ScenarioError(f"plots: {unknown[0]!r:.60}; {allowed(unknown[0], by_name)}")
+    return list(dict.fromkeys(plot for name in names for plot in by_name[name]))
+
+
+def with_series(figure: Figure, names: Sequence[str]) -> Figure:
+    """The figure with only these lines, by their names in the legends, and only the charts that have one of them; as it
+    is without names. Raises ScenarioError."""
+    if not names:
+        return figure
+    there = dict.fromkeys(curve.name for chart in figure.charts for curve in chart.curves if curve.listed)
+    known = {_plain(name): name for name in there}
+    if unknown := [name for name in names if _plain(name) not in known]:
+        raise ScenarioError(f"series: {unknown[0]!r:.60}; {allowed(unknown[0], there)}")
+    chosen = {known[_plain(name)] for name in names}
+    charts = (_chart_with(chart, chosen) for chart in figure.charts)
+    return replace(figure, charts=tuple(chart for chart in charts if any(curve.listed for curve in chart.curves)))
+
+
+def _plain(name: str) -> str:
+    """Name as it can be typed: ‖s‖ is also ||s||, and ψ₁ psi_1."""
+    return symbol(name.strip()).replace("||", "‖").casefold()
+
+
+def _chart_with(chart: Chart, chosen: set[str]) -> Chart:
+    """The chart without the other lines, and their areas; lines that bound an area stay, unseen."""
+    curves = tuple(
+        curve if curve.name in chosen else replace(curve, listed=False, width=0.0, dotted=False)
+        for curve in chart.curves
+    )
+    areas = tuple(
+        area
+        for area in chart.areas
+        if any(chart.curves[k].name in chosen and chart.curves[k].color == area.color for k in (area.upper, area.lower))
+    )
+    if areas:
+        return replace(chart, curves=curves, areas=areas)
+    return replace(chart, curves=tuple(curve for curve in curves if curve.width > 0), areas=())
 
 
 def figure_of(plots: Iterable[Plot], snapshot: Snapshot, setup: Setup, t_from: float, t_to: float) -> Figure:
@@ -39,7 +81,8 @@ def figure_of(plots: Iterable[Plot], snapshot: Snapshot, setup: Setup, t_from: f
         raise ValueError("figure: nothing recorded there yet")
     openings = Grid.over(float(t[0]), float(t[-1]), EXAMINED).openings(t)
     known = PerturbationAnalysis(snapshot.system).recorded(rows, tuple(recording.epochs), openings)
-    charts = (_chart(plot, drawing, known) for plot in plots if (drawing := plot.draw(setup)) is not None)
+    drawn = (_chart(plot, drawing, known) for plot in plots if (drawing := plot.draw(setup)) is not None)
+    charts = (chart for chart in drawn if any(np.isfinite(curve.y).any() for curve in chart.curves if curve.listed))
     told = caption(snapshot.scenario, snapshot.system.controller, snapshot.matrices, float(t[0]), float(t[-1]))
     return Figure(tuple(charts), f"{told} {promised(rows)}")
 
@@ -58,7 +101,7 @@ def _chart(plot: Plot, drawing: Drawing, signals: Signals) -> Chart:
             np.maximum(y, floor),
             line.dashed,
             WIDTH * line.width,
-            line.listed and bool(len(x)),
+            line.listed and bool(np.isfinite(y).any()),
         )
         for line, (x, y) in zip(lines, courses, strict=True)
     )
@@ -70,13 +113,14 @@ def _chart(plot: Plot, drawing: Drawing, signals: Signals) -> Chart:
 
 
 def _course(values: np.ndarray, t: np.ndarray, *, spectral: bool) -> tuple[np.ndarray, np.ndarray]:
-    """x and y of the known points of a line."""
+    """x and y of the known points of a line; y is nan where what it shows does not exist."""
     values = np.asarray(values, dtype=float)
     if spectral:
         spectrum = amplitude_spectrum(t, values[:, None])
         return spectrum.frequency, spectrum.amplitude[:, 0]
-    known = np.isfinite(values)
-    return t[known], values[known]
+    told = ~np.isnan(values)
+    absent = np.isinf(values[told])
+    return t[told], np.where(absent, np.nan, values[told])
 
 
 def title_and_unit(text: str) -> tuple[str, str]:

@@ -329,7 +329,7 @@ def _residuals(setup: Setup) -> Drawing:
 
 
 def _residual(setup: Setup) -> Drawing:
-    lines = [*(_phases()[:2] if setup.bounded else ()), Line("‖left − right side of (8)‖", color(0), norm("residual"))]
+    lines = [*(_phases()[:2] if setup.bounded else ()), Line("‖residual‖", color(0), norm("residual"))]
     return Drawing(f"norm of the residual  [{setup.units.force}]", lines, floor=1e-3)
 
 
@@ -353,12 +353,33 @@ def _reaching_note(snapshot: Snapshot) -> str:
 
 
 TABS: dict[str, Tab] = {
-    "Overview": Tab((Plot(_errors), Plot(_force), Plot(_sliding), Plot(_gain))),
-    "Tracking": Tab((Plot(_positions), Plot(_rotations), Plot(_followed)), ("coordinate",)),
-    "Force": Tab((Plot(_normal_force), Plot(_force_error), Plot(_force_axes))),
-    "Sliding": Tab((Plot(_reaching), Plot(_lyapunov), Plot(_components)), note=_reaching_note),
-    "Guarantee": Tab((Plot(_guarantee), Plot(_perturbation), Plot(_margins)), note=premises_html),
-    "Torque": Tab((Plot(_torques), Plot(_terms), Plot(_robust_terms)), ("joint",)),
-    "Chattering": Tab((Plot(_spectrum, spectral=True), Plot(_variation))),
-    "Residual": Tab((Plot(_residuals), Plot(_residual))),
+    "Overview": Tab(
+        (
+            Plot("tracking error", _errors),
+            Plot("force", _force),
+            Plot("bound of s", _sliding),
+            Plot("gain", _gain),
+        )
+    ),
+    "Tracking": Tab(
+        (Plot("position error", _positions), Plot("rotation error", _rotations), Plot("one coordinate", _followed)),
+        ("coordinate",),
+    ),
+    "Force": Tab(
+        (Plot("normal force", _normal_force), Plot("force error", _force_error), Plot("force by axes", _force_axes))
+    ),
+    "Sliding": Tab(
+        (Plot("reaching", _reaching), Plot("Lyapunov function", _lyapunov), Plot("components of s", _components)),
+        note=_reaching_note,
+    ),
+    "Guarantee": Tab(
+        (Plot("gain by causes", _guarantee), Plot("perturbation", _perturbation), Plot("margin", _margins)),
+        note=premises_html,
+    ),
+    "Torque": Tab(
+        (Plot("torques", _torques), Plot("terms of a torque", _terms), Plot("robust terms", _robust_terms)),
+        ("joint",),
+    ),
+    "Chattering": Tab((Plot("spectrum", _spectrum, spectral=True), Plot("variation", _variation))),
+    "Residual": Tab((Plot("residual", _residuals), Plot("norm of the residual", _residual))),
 }

@@ -7,7 +7,9 @@ import io
 from collections.abc import Iterator
 from dataclasses import replace
 from html import escape
+from importlib import resources
 
+import msgspec
 import numpy as np
 import viser
 from viser.infra import StateSerializer
@@ -17,6 +19,7 @@ from app.dashboard.scene.view import SceneView
 from app.dashboard.transport.handshake import behind_doors
 from app.dashboard.transport.message_filter import MessageFilter
 from app.dashboard.view_options import Look
+from app.export.figures import SINGLE, Figure, FigureOptions, svg_with_panels
 from app.export.playback_frames import FRAMES_PER_SECOND, Film
 from app.process.redaction import new_secret
 from app.session.snapshot import Snapshot, snapshot_of
@@ -28,14 +31,17 @@ from app.storage.recording_files import Tell, TooLarge
 PATHS_EVERY = 3  # frames, as on the page
 
 
-def standalone_html(film: Film, limit: float, tell: Tell) -> str:
-    """HTML page of the film, at most `limit` bytes. Raises ValueError for a film without a frame, and TooLarge.
+def standalone_html(film: Film, limit: float, tell: Tell, figure: Figure | None = None) -> str:
+    """HTML page of the film with this figure beside it, at most `limit` bytes. Raises ValueError for a film without a
+    frame, and TooLarge.
 
     It runs a viser server of its own at a free port of this machine while it works.
     """
     if not len(film):
         raise ValueError("playback: nothing recorded there")
     html = _html(film, len(film), tell)
+    if figure is not None:
+        html = html.replace("</body>", f"{plots_html(figure, float(film.signals['t'][0]))}</body>", 1)
     if (size := len(html)) > limit:
         raise TooLarge(_too_large(film, size, limit))
     return html
@@ -70,6 +76,20 @@ def _html(film: Film, count: int, tell: Tell) -> str:
         assert recorder is not None
         title = escape(film.scenario.title or film.scenario.name)
         return recorder.as_html(dark_mode=True).replace("<title>Viser</title>", f"<title>{title}</title>")
+
+
+def plots_html(figure: Figure, begin: float) -> str:
+    """The figure as part of the page, with a line at the instant that is played. begin: of the film, s."""
+    drawn = svg_with_panels(figure, FigureOptions(width=SINGLE, caption=False))
+    svg = drawn.svg[drawn.svg.index(b"<svg") :].decode()
+    panels = msgspec.json.encode(drawn.panels).decode()
+    files = resources.files("static").joinpath("playback")
+    sheet, script = (files.joinpath(name).read_text(encoding="utf-8") for name in ("plots.css", "plots.js"))
+    return (
+        f"<style>{sheet}</style>"
+        f'<aside id="vs-plots" data-begin="{begin}" data-panels="{escape(panels)}"><button>Plots</button>{svg}</aside>'
+        f"<script>{script}</script>"
+    )
 
 
 @contextlib.contextmanager

@@ -26,6 +26,7 @@ _SCRIPTS = (
     "rows.js",
     "plots.js",
     "reading.js",
+    "symbols.js",
     "scene.js",
     "stage.js",
     "names.js",

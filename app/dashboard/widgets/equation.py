@@ -14,8 +14,9 @@ from app.session.snapshot import Snapshot
 from controllers.modes import MODES
 
 _NAMES = ("M_m", "B_m", "K_m", "K_f")
+_LETTERS = {"": "e", "˙": "ė", "¨": "ë"}
 _INLINE = 3  # rows of the largest matrix within the equation; a larger one is written below it
-_GREEK = {"phi": "φ", "psi": "ψ", "lambda": "λ", "alpha": "α", "beta": "β", "gamma": "γ", "theta": "θ"}
+_GREEK = {"phi": "φ", "psi": "ψ", "lambda": "λ", "alpha": "α", "beta": "β", "gamma": "γ", "theta": "θ", "tau": "τ"}
 
 
 def symbol(coordinate: str) -> str:
@@ -78,16 +79,31 @@ def equation_html(snapshot: Snapshot) -> str:
 
 
 def _general() -> str:
-    force = "<msub><mi>e</mi><msub><mi>F</mi><mi>c</mi></msub></msub>"
+    force = _explained("<mi>e</mi><msub><mi>F</mi><mi>c</mi></msub>", "e_F")
     return _cells(
         [
-            '<mtext class="vs-where">(8)</mtext>',
-            f"{_sub('M', 'm')}{_error('¨', 'r')}",
-            f"<mo>+</mo>{_sub('B', 'm')}{_error('˙', 'r')}",
-            f"<mo>+</mo>{_sub('K', 'm')}{_error('', 'r')}",
-            f"<mo>=</mo><mo>−</mo>{_sub('K', 'f')}{force}",
+            '<mtext data-symbol="(8)" tabindex="0" class="vs-where">(8)</mtext>',
+            f"{_matrix('M_m')}{_explained_error('¨')}",
+            f"<mo>+</mo>{_matrix('B_m')}{_explained_error('˙')}",
+            f"<mo>+</mo>{_matrix('K_m')}{_explained_error('')}",
+            f"<mo>=</mo><mo>−</mo>{_matrix('K_f')}{force}",
         ]
     )
+
+
+def _explained(content: str, symbol: str) -> str:
+    """A letter with its index that the page's script explains."""
+    return f'<msub data-symbol="{symbol}" tabindex="0">{content}</msub>'
+
+
+def _matrix(name: str) -> str:
+    letter, index = name.split("_")
+    return _explained(f"<mi>{letter}</mi><mi>{index}</mi>", name)
+
+
+def _explained_error(accent: str) -> str:
+    letter = _LETTERS[accent]
+    return _explained(f'<mi style="font-style: italic">{letter}</mi><mi>r</mi>', f"{letter}_r")
 
 
 def _row(line: Line, snapshot: Snapshot) -> str:
@@ -188,6 +204,6 @@ def _sub(base: str, index: str) -> str:
 
 def _error(accent: str, index: str = "") -> str:
     # composed letters: an accent of its own (<mover>) is lost in small type
-    letter = {"": "e", "˙": "ė", "¨": "ë"}[accent]
+    letter = _LETTERS[accent]
     styled = f'<mi style="font-style: italic">{letter}</mi>'
     return f"<msub>{styled}<mi>{index}</mi></msub>" if index else styled

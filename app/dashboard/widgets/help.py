@@ -111,6 +111,7 @@ def help_html() -> str:
     documents = "".join(f"<tr><td>{name}</td><td>{about}</td></tr>" for name, about in DOCUMENTS.items())
     return (
         '<div class="vs-help">'
+        '<p><button type="button" data-glossary>Every symbol of the page</button></p>'
         f"<div><h3>Where to start</h3><ul>{_items(START)}</ul><h3>Colours</h3><table>{colors}</table></div>"
         f"<div><h3>Keys</h3><table>{keys}</table><h3>In the project's folder</h3><table>{documents}</table></div>"
         "</div>"

@@ -7,12 +7,12 @@ from html import escape
 import numpy as np
 
 from app.dashboard.widgets.chips import LOOK_OF, Look, chip
+from app.scenario.caption import title_of
 from app.scenario.declared_bounds import outside
 from app.scenario.schema import Scenario
 from app.session.pacing import Pace
 from app.session.snapshot import Snapshot
 from controllers.modes import MODES
-from environments.robots import CATALOGUE
 
 _LATELY = 0.2  # s that the badge looks back
 
@@ -47,20 +47,9 @@ def status_html(snapshot: Snapshot, complaint: str, begun_from: Scenario | None 
 
 
 def _title(scenario: Scenario, begun_from: Scenario | None) -> str:
-    """Title as HTML: that of the scenario file, with a word when the user has edited it since; of what runs now, when
-    the title can no longer be true."""
-    if begun_from is None or begun_from == scenario:
-        return escape(scenario.title or scenario.name)
-    told = scenario.title or scenario.name
-    if _about(scenario) != _about(begun_from):
-        told = f"{CATALOGUE[scenario.robot.name].title}: {MODES[scenario.mode].label.lower()}"
-        told += f", {scenario.surface.title}" if scenario.contact.nature.touches else ""
-    return f'{escape(told)} <span class="vs-dim">edited</span>'
-
-
-def _about(scenario: Scenario) -> tuple[str, ...]:
-    """What the title of a scenario is about; with another arm a scenario has no longer its name."""
-    return scenario.mode, scenario.surface.title, scenario.contact.kind
+    """Title as HTML, with a word when the user has edited the scenario since."""
+    title = title_of(scenario, begun_from)
+    return f'{escape(title.text)} <span class="vs-dim">edited</span>' if title.edited else escape(title.text)
 
 
 def splash_html(text: str) -> str:

@@ -93,7 +93,7 @@ def _facts(snapshot: Snapshot) -> list[tuple[str, str, str, str]]:
         )
     rows.append(
         (
-            "σ_min(J_q)",
+            "<i>σ</i><sub>min</sub>(<i>J</i><sub>q</sub>)",
             f"{number('sigma_min')} {'' if units == JOINT else 'm'}",
             "",
             "smallest singular value; Ω ends where it vanishes",

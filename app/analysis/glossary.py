@@ -1,0 +1,153 @@
+"""Glossary: the symbols of the page, each with one sentence, unit, equation of the paper and present value.
+
+Sentences and units are those of the recorded signals and of the scenario's fields, wherever one of them is meant. A new
+symbol is a row of `GLOSSARY`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from app.scenario.schema import Scenario, field_info
+from app.simulation.signals import SIGNALS
+
+_SIGNALS = {signal.name: signal for signal in SIGNALS}
+_THOUSANDTHS = ("m", "m/s", "rad", "rad/s")  # what the page shows in mm, mm/s, …
+
+
+@dataclass(frozen=True)
+class Symbol:
+    """Symbol of the page.
+    written: as the page writes it.
+    meaning: one sentence without its full stop.
+    unit, joint_unit: of its value, where the task coordinates are lengths and where they are the joints' angles.
+    equation: of the paper, "" for a symbol of our own.
+    also: other words for it in titles and legends.
+    signal, field: of which it is the value, "" where none is."""
+
+    written: str
+    meaning: str
+    unit: str = ""
+    joint_unit: str = ""
+    equation: str = ""
+    also: tuple[str, ...] = ()
+    signal: str = ""
+    field: str = ""
+
+    def value(self, row: Mapping[str, np.ndarray], scenario: Scenario, model: Mapping[str, np.ndarray]) -> str:
+        """Its present value with its unit; "" where there is none.
+        row: recorded signals of one instant.
+        model: the matrices of (8) in force, each (n, n)."""
+        joint = scenario.task_space.kind == "joint"
+        unit = self.joint_unit or self.unit if joint else self.unit
+        if self.signal:
+            value = np.atleast_1d(row[self.signal]).astype(float)
+        elif self.written in model:
+            value = np.diag(model[self.written])
+        else:
+            value = _of_field(self.field, scenario)
+        if value is None or not len(value) or not np.isfinite(value).all():
+            return ""
+        if self.signal and unit in _THOUSANDTHS:
+            value, unit = 1e3 * value, f"m{unit}"
+        alike = len(value) > 1 and bool((value == value[0]).all())
+        if alike:
+            return f"{_short(value[0])} {unit}".strip() + ", each"
+        told = ", ".join(_short(number) for number in value)
+        return f"{told} {unit}".strip()
+
+
+def _of_field(path: str, scenario: Scenario) -> np.ndarray | None:
+    """Numbers of a field; None where it has none."""
+    value: object = scenario
+    for name in path.split(".") if path else ():
+        value = getattr(value, name, None)
+    if not isinstance(value, int | float | tuple):
+        return None
+    return np.ravel(np.array(value, dtype=float))
+
+
+def _short(number: float) -> str:
+    told = f"{number:.0f}" if 1e3 <= abs(number) < 1e6 else f"{0.0 if abs(number) < 1e-6 else number:.3g}"
+    return told.replace("-", "−")
+
+
+def _signal(written: str, signal: str, equation: str, *also: str) -> Symbol:
+    of = _SIGNALS[signal]
+    return Symbol(written, of.doc, of.unit, of.joint_unit, equation, also, signal=signal)
+
+
+def _field(written: str, path: str, equation: str, *also: str) -> Symbol:
+    of = field_info(path)
+    unit = "" if of.unit == "1" else of.unit
+    return Symbol(written, of.doc, unit, "", equation, also, field=path)
+
+
+def _own(written: str, meaning: str, equation: str = "", unit: str = "", also: tuple[str, ...] = ()) -> Symbol:
+    return Symbol(written, meaning, unit, "", equation, also)
+
+
+GLOSSARY: tuple[Symbol, ...] = (
+    _field("M_m", "target_model.M_m", "(8)"),
+    _field("B_m", "target_model.B_m", "(8)"),
+    _field("K_m", "target_model.K_m", "(8)"),
+    _field("K_f", "target_model.K_f", "(8)"),
+    _signal("r", "r", "(3)"),
+    _signal("r_d", "r_d", "(8)"),
+    _signal("e_r", "e_r", "(8)", "tracking error", "position error", "rotation error", "joint error"),
+    _signal("ė_r", "e_r_dot", "(8)"),
+    _own("ë_r", "second derivative of the tracking error", "(8)", "m/s²"),
+    _own("e_F", "force error F_c − F_cd: measured minus desired", "(8)", "N", ("e_Fc",)),
+    _signal("F_c", "F_c", "(8)", "measured normal"),
+    _signal("F_cd", "F_cd", "(8)", "desired normal"),
+    _signal("F", "F", "(8)", "force on the environment"),
+    _own("ℓ·α", "rotation of the tool about the task frame's x axis, times ℓ", "(3)", "m", ("α",)),
+    _own("ℓ·β", "rotation of the tool about the task frame's y axis, times ℓ", "(3)", "m", ("β",)),
+    _own("ℓ·γ", "rotation of the tool about the task frame's z axis, times ℓ", "(3)", "m", ("γ",)),
+    _field("ℓ", "task_space.characteristic_length", "", "characteristic length"),
+    _signal("φ", "phi", "(30)", "penetration"),
+    _own("ψ₁", "first coordinate of the tool along the surface", "(31)", "m"),
+    _own("ψ₂", "second coordinate of the tool along the surface", "(31)", "m"),
+    _own("x", "coordinate of the tool along the task frame's x axis, or force along the world's", "(3)", "m"),
+    _own("y", "coordinate of the tool along the task frame's y axis, or force along the world's", "(3)", "m"),
+    _own("z", "coordinate of the tool along the task frame's z axis, or force along the world's", "(3)", "m"),
+    _signal("s", "s", "(10)"),
+    _signal("‖s‖", "s_norm", "(10)", "sliding variable"),
+    _signal("(20)", "s_bound", "(20)", "bound"),
+    _signal("band", "s_band", ""),
+    _signal("d", "d", "(17)", "gain d"),
+    _signal("(17)", "d_required", "(17)", "needed"),
+    _own("(8)", "target model: the second-order system that the arm is to be", "(8)"),
+    _own("(18)", "reaching time: s is 0 at the latest then, in continuous time", "(18)", "s"),
+    _own("(24)", "bound of the Lyapunov function V", "(24)", "J"),
+    _own("(25)", "control law: torque from the estimates of the arm, the force, and the robust terms", "(25)", "N·m"),
+    _own(
+        "(37)",
+        "steady force error that the target model leaves where the surface's stiffness is misjudged",
+        "(37)",
+        "N",
+    ),
+    _own("V", "Lyapunov function of the proof, ½ sᵀHs", "(21)", "J", ("Lyapunov function",)),
+    _field("ε", "controller.epsilon", "(17)"),
+    _field("K_s", "controller.K_s", "(15)"),
+    _field("F_1", "controller.F_1", "(10)"),
+    _field("F_2", "controller.F_2", "(10)"),
+    _field("A", "controller.A", "(9)"),
+    _field("layer φ", "controller.layer", "(15)", "boundary layer", "layer"),
+    _field("T", "controller.period", "", "period"),
+    _field("K_e", "contact.K_e", "(32)"),
+    _field("B_e", "contact.B_e", "(28)"),
+    _field("M_e", "contact.M_e", "(28)"),
+    _field("K̂_e", "controller.K_e_hat", "(33)"),
+    _signal("τ", "tau", "(25)", "joint torque"),
+    _signal("λ", "multiplier", "(39)"),
+    _signal("σ_min(J_q)", "sigma_min", "(3)", "σmin(Jq)"),
+    _own("J_q", "Jacobian of the task coordinates", "(3)"),
+    _own("Ĥ", "inertia of the arm in task coordinates, as the controller estimates it", "(6)", "kg", ("H",)),
+    _own("residual", "left side of (8) minus its right side: how far the arm is from the target model", "(8)", "N"),
+    _signal("push", "F_push", ""),
+    _own("Ω", "postures for which the theorem's constants were found; it ends where J_q is singular", "(18)"),
+)

@@ -1,0 +1,58 @@
+"""Symbols of the page: the glossary as a template for the page's script, and the present values."""
+
+from __future__ import annotations
+
+import time
+from html import escape
+
+import msgspec
+import viser
+
+from app.analysis.glossary import GLOSSARY, Symbol
+from app.session.snapshot import Snapshot
+
+EVERY = 0.5  # s, between two sets of values
+
+
+class Symbols:
+    """Glossary, which `static/page/symbols.js` shows as tips and as a page, and the symbols' present values."""
+
+    def __init__(self, gui: viser.GuiApi) -> None:
+        gui.add_html(glossary_html())
+        self._values = gui.add_html("")
+        self._due = 0.0
+
+    def show(self, snapshot: Snapshot) -> None:
+        """Send the values, now and then; viser sends what has changed only."""
+        if (now := time.monotonic()) >= self._due:
+            self._due = now + EVERY
+            self._values.content = values_html(snapshot)
+
+
+def glossary_html() -> str:
+    """Every symbol with its sentence, unit and equation, as a template that shows nothing by itself."""
+    entries = "".join(map(_entry, GLOSSARY))
+    return f'<template id="vs-symbols"><dl>{entries}</dl></template>'
+
+
+def _entry(symbol: Symbol) -> str:
+    names = "|".join((symbol.written, *symbol.also))
+    unit = f' <span class="vs-unit">[{escape(symbol.unit)}]</span>' if symbol.unit else ""
+    cited = f" <cite>equation {escape(symbol.equation)} of the paper</cite>" if symbol.equation else ""
+    sentence = symbol.meaning[:1].upper() + symbol.meaning[1:] if symbol.meaning[:2].islower() else symbol.meaning
+    return (
+        f'<div data-of="{escape(symbol.written)}" data-names="{escape(names)}"><dt>{escape(symbol.written)}</dt>'
+        f"<dd>{escape(sentence.rstrip('.'))}.{unit}{cited}</dd></div>"
+    )
+
+
+def values_html(snapshot: Snapshot) -> str:
+    """The symbols' present values, as data that show nothing."""
+    rows = snapshot.recording.stretch(snapshot.t, snapshot.t) if len(snapshot.recording) else {}
+    row = {name: values[-1] for name, values in rows.items() if len(values)}
+    told = {
+        symbol.written: value
+        for symbol in GLOSSARY
+        if (row or not symbol.signal) and (value := symbol.value(row, snapshot.scenario, snapshot.matrices))
+    }
+    return f'<data id="vs-values" value="{escape(msgspec.json.encode(told).decode())}"></data>'

@@ -1,0 +1,137 @@
+"""Lettering of a figure: words as they are, and the symbols among them as mathematics, with matplotlib's mathtext.
+
+A text such as "gain d against what (17) needs" is cut into runs: `d` is a symbol, the rest are words. Nothing else of
+the text is markup: a title with dollars and backslashes in it stays what it is.
+"""
+
+from __future__ import annotations
+
+import re
+import unicodedata
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from functools import cache
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+POINTS = 72.0  # per inch
+SPACE = 0.32  # em, between words
+MATHEMATICS = "dejavusans"  # of the same family as the words, and so at hand where these are
+_ACCENTS = {"\u0302": "hat", "\u0307": "dot", "\u0308": "ddot"}
+_LOWERED = str.maketrans("₀₁₂₃₄₅₆₇₈₉", "0123456789")
+# A letter, maybe with an accent, an index and an exponent. A letter alone after a number or within a unit is a unit.
+_SYMBOL = re.compile(
+    r"(?<![A-Za-z0-9_α-ωΑ-Ω/'’\\$])"
+    r"(?P<letter>[A-Za-zα-ωΑ-Ωℓ][\u0302\u0307\u0308]?)"
+    r"(?P<hat>_hat)?(?P<index>_[A-Za-z0-9]{1,3}(?![A-Za-z0-9_])|[₀-₉]+)?"
+    r"(?:(?P<power>ᵀ|⁻¹)|(?![A-Za-z0-9_α-ωΑ-Ω\u0302\u0307\u0308$\\]))"
+)
+_UNIT_BEFORE = re.compile(r"[0-9)\]] $|·$")
+_PANEL = re.compile(r"\([a-z]{1,2}\) ")
+_IN_BRACKETS = re.compile(r"\[[^\]]*\]")
+
+
+@dataclass(frozen=True)
+class Run:
+    """Run of letters that are set alike. text: as it is, or between dollars as mathtext has it where it is
+    mathematics; spaced: a space stands before it."""
+
+    text: str
+    mathematics: bool
+    spaced: bool
+
+
+def runs(text: str) -> list[Run]:
+    """Runs of a text in one line; what stands in brackets is a unit, and "(a) " at its beginning the panel's letter."""
+    if panel := _PANEL.match(text):
+        first, *rest = runs(text[panel.end() :]) or [Run("", False, False)]
+        return [Run(panel[0].strip(), False, False), replace(first, spaced=True), *rest]
+    text = unicodedata.normalize("NFD", text)
+    units = [found.span() for found in _IN_BRACKETS.finditer(text)]
+    found: list[Run] = []
+    begin = 0
+    for symbol in _SYMBOL.finditer(text):
+        if any(low < symbol.start() < high for low, high in units) or not _is_symbol(symbol, text):
+            continue
+        found += _words(text[begin : symbol.start()], text[:begin])
+        found.append(Run(f"${_mathtext(symbol)}$", True, text[: symbol.start()].endswith(" ")))
+        begin = symbol.end()
+    return [*found, *_words(text[begin:], text[:begin])]
+
+
+def _words(text: str, before: str) -> Iterator[Run]:
+    plain = unicodedata.normalize("NFC", " ".join(text.split()))
+    if plain:
+        yield Run(plain, False, text.startswith(" ") or before.endswith(" "))
+
+
+def _is_symbol(found: re.Match[str], text: str) -> bool:
+    """Whether a letter is a symbol, and neither a unit nor the word "a"."""
+    if found["index"] or found["hat"] or found["power"] or not found["letter"].isascii():
+        return True
+    if found[0] == "a" or text[found.end() :].startswith(("·", "/")):
+        return False
+    return not _UNIT_BEFORE.search(text[: found.start()])
+
+
+def _mathtext(symbol: re.Match[str]) -> str:
+    letter, *accent = symbol["letter"]
+    set_letter = rf"\{_ACCENTS[accent[0]]}{{{letter}}}" if accent else letter
+    if symbol["hat"]:
+        set_letter = rf"\hat{{{letter}}}"
+    index = (symbol["index"] or "").removeprefix("_").translate(_LOWERED)
+    power = {"ᵀ": r"^{\mathrm{T}}", "⁻¹": "^{-1}", None: ""}[symbol["power"]]
+    return set_letter + (f"_{{{index}}}" if index else "") + power
+
+
+def width_of(text: str, size: float, weight: str = "normal") -> float:
+    """Width in inches of a text in type of this size (pt)."""
+    return sum(_advance(run, size, weight) + _gap(run, number, size) for number, run in enumerate(runs(text)))
+
+
+@cache
+def _advance(run: Run, size: float, weight: str) -> float:
+    from matplotlib.font_manager import FontProperties
+    from matplotlib.textpath import text_to_path
+
+    font = FontProperties(size=size, weight=weight, math_fontfamily=MATHEMATICS)
+    return text_to_path.get_text_width_height_descent(run.text, font, run.mathematics)[0] / POINTS
+
+
+def _gap(run: Run, number: int, size: float) -> float:
+    return SPACE * size / POINTS if run.spaced and number else 0.0
+
+
+def wrapped(text: str, width: float, size: float, weight: str = "normal") -> list[str]:
+    """Lines of a text that are at most so wide (in), broken between words."""
+    lines: list[str] = []
+    for word in text.split():
+        longer = f"{lines[-1]} {word}" if lines else word
+        if lines and width_of(longer, size, weight) <= width:
+            lines[-1] = longer
+        else:
+            lines.append(word)
+    return lines
+
+
+def write(
+    canvas: Figure, x: float, y: float, text: str, size: float, weight: str = "normal", color: str = "0.0"
+) -> None:
+    """Write a text whose first letter stands at x, y (in from the lower left corner) on its base line."""
+    wide, high = canvas.get_size_inches()
+    for number, run in enumerate(runs(text)):
+        x += _gap(run, number, size)
+        canvas.text(
+            x / wide,
+            y / high,
+            run.text,
+            va="baseline",
+            fontsize=size,
+            fontweight=weight,
+            color=color,
+            parse_math=run.mathematics,
+            math_fontfamily=MATHEMATICS,
+        )
+        x += _advance(run, size, weight)

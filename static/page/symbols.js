@@ -1,0 +1,211 @@
+// Every symbol explains itself where it stands: in the equation, in titles and legends of plots, in tables and in labels.
+// The glossary is a template of the server (widgets/symbols.py); here it becomes a tip, a page, and letters with indices.
+const template = () => document.querySelector("template#vs-symbols");
+let entries = [], read = null;
+const known = () => {
+  if (template() && read !== template()) {
+    read = template();
+    entries = [...read.content.querySelectorAll("[data-of]")].map((entry) => ({ entry, of: entry.dataset.of, names: entry.dataset.names.split("|") }));
+  }
+  return entries;
+};
+// Names in a text, the longest first, each letter once; what stands in brackets is a unit.
+const LETTER = /[\p{L}\p{Nd}_′]/u; // an index below the line is none: τ₁ is a τ
+const found = (text) => {
+  let rest = text.normalize("NFC").replace(/\[[^\]]*\]/g, (unit) => " ".repeat(unit.length));
+  const all = known().flatMap(({ of, names }) => names.map((name) => [name.normalize("NFC"), of]));
+  const at = [];
+  for (const [name, of] of all.sort((a, b) => b[0].length - a[0].length))
+    for (let i = rest.indexOf(name); i >= 0; i = rest.indexOf(name, i + 1)) {
+      const before = rest[i - 1] ?? " ", after = rest[i + name.length] ?? " ";
+      if ((LETTER.test(before) && LETTER.test(name[0])) || (LETTER.test(after) && LETTER.test(name.at(-1)))) continue;
+      at.push([i, of]);
+      rest = rest.slice(0, i) + "\u0000".repeat(name.length) + rest.slice(i + name.length);
+    }
+  return [...new Set(at.sort((a, b) => a[0] - b[0]).map(([, of]) => of))].slice(0, 3);
+};
+const PLACES = ".u-legend .u-series th, .u-title, .vs-facts td:first-child, .vs-where, label, .vs-set";
+const place = (target) => (target instanceof Element ? target.closest(`[data-symbol], ${PLACES}`) : null);
+const symbolsOf = (where) => (where.dataset?.symbol ? [where.dataset.symbol] : found(where.textContent));
+
+// Letters with their indices: the underscore stays in the text, unseen, for whoever copies or hears it.
+const TEXTS = "[role=tab] span, .u-title, .u-legend th > .u-label, .vs-note, .vs-tip, .vs-checks";
+const INDEXED = /(?<![\p{L}\p{N}_./])(\p{L}\p{M}?)_([A-Za-z0-9]{1,3})(?![\p{L}\p{N}_])/gu;
+const typeset = (root) => {
+  const walker = document.createTreeWalker(root, NodeFilter.SHOW_TEXT), texts = [];
+  while (walker.nextNode())
+    if (walker.currentNode.data.includes("_") && !walker.currentNode.parentElement.closest(".vs-index, input, textarea, code")) texts.push(walker.currentNode);
+  for (const text of texts) {
+    const parts = [];
+    let from = 0;
+    for (const hit of text.data.normalize("NFC").matchAll(INDEXED)) {
+      const letter = document.createElement("i"), line = document.createElement("span"), index = document.createElement("sub");
+      [letter.textContent, line.textContent, index.textContent] = [hit[1], "_", hit[2]];
+      line.className = "vs-index";
+      parts.push(text.data.normalize("NFC").slice(from, hit.index), letter, line, index);
+      from = hit.index + hit[0].length;
+    }
+    if (parts.length) text.replaceWith(...parts, text.data.normalize("NFC").slice(from));
+  }
+};
+
+// viser's labels are kept by its own program: beside each stands one that is set, and the label itself is only heard
+const setLabels = () => {
+  for (const label of document.querySelectorAll("label")) {
+    const text = label.textContent, beside = label.nextElementSibling?.matches(".vs-set") ? label.nextElementSibling : null;
+    if (beside?.dataset.of === text) continue;
+    beside?.remove();
+    const has = new RegExp(INDEXED, "u").test(text.normalize("NFC"));
+    label.toggleAttribute("data-set", has);
+    if (!has) continue;
+    const set = document.createElement("span"), { fontSize, fontWeight, letterSpacing, lineHeight } = getComputedStyle(label);
+    Object.assign(set, { className: "vs-set", textContent: text });
+    Object.assign(set.style, { fontSize, fontWeight, letterSpacing, lineHeight });
+    Object.assign(set.dataset, { of: text });
+    set.setAttribute("aria-hidden", "true");
+    set.addEventListener("click", () => label.control?.focus());
+    typeset(set);
+    label.after(set);
+  }
+};
+
+const tip = document.createElement("div");
+Object.assign(tip, { className: "vs-symbol", id: "vs-symbol", hidden: true });
+tip.setAttribute("role", "tooltip");
+document.body.append(tip);
+let shown = null; // { where, symbols, by, x, y }
+const present = () => {
+  try { return JSON.parse(document.querySelector("data#vs-values")?.value || "{}"); } catch { return {}; }
+};
+const write = () => {
+  const values = present();
+  tip.replaceChildren(...shown.symbols.map((of) => {
+    const entry = known().find((each) => each.of === of).entry.cloneNode(true);
+    typeset(entry);
+    if (values[of]) {
+      const now = document.createElement("dd");
+      now.className = "vs-present";
+      now.textContent = `now ${values[of]}`;
+      entry.append(now);
+    }
+    return entry;
+  }));
+};
+const put = () => {
+  const box = shown.where.getBoundingClientRect(), { width, height } = tip.getBoundingClientRect();
+  const under = box.bottom + 6 + height < innerHeight ? box.bottom + 6 : box.top - height - 6;
+  tip.style.left = `${Math.max(6, Math.min(box.left, innerWidth - width - 6))}px`;
+  tip.style.top = `${Math.max(6, under)}px`;
+};
+// the lines of the symbol stay, the others step back; a plot that is named after it has a frame
+const charts = () => Object.values(window.__viserTestpoints?.uplots ?? {}).map((entry) => entry.chart);
+const highlight = (symbols) => {
+  for (const plot of charts().filter((each) => each.root.isConnected)) {
+    const own = plot.series.map((series, i) => i > 0 && found(series.label ?? "").some((of) => symbols.includes(of)));
+    const any = own.some(Boolean), title = plot.root.querySelector(".u-title")?.textContent ?? "";
+    plot.root.classList.toggle("vs-named", symbols.length > 0 && (any || found(title).some((of) => symbols.includes(of))));
+    plot.series.forEach((series, i) => { if (i) series.alpha = any && !own[i] ? 0.15 : 1; });
+    plot.redraw(false);
+  }
+};
+const show = (where, by) => {
+  const symbols = symbolsOf(where);
+  if (!symbols.length || !known().length) return hide();
+  if (shown?.where === where) return;
+  shown?.where.removeAttribute("aria-describedby");
+  shown = { where, symbols, by };
+  where.setAttribute("aria-describedby", tip.id);
+  tip.hidden = false;
+  write();
+  put();
+  highlight(symbols);
+};
+const hide = () => {
+  if (!shown) return;
+  shown.where.removeAttribute("aria-describedby");
+  shown = null;
+  tip.hidden = true;
+  highlight([]);
+};
+let waiting = 0, awaited = "", pointer = [0, 0], keyed = false;
+const same = (where) => (where ? symbolsOf(where).join() : "");
+// what stands there then: tables are sent again and again
+const later = (where) => {
+  if (same(where) === awaited) return;
+  clearTimeout(waiting);
+  awaited = same(where);
+  waiting = setTimeout(() => {
+    const now = place(document.elementFromPoint(...pointer));
+    if (now && same(now) === awaited) show(now, "mouse");
+    awaited = "";
+  }, 250);
+};
+document.addEventListener("pointermove", (e) => { pointer = [e.clientX, e.clientY]; }, true);
+document.addEventListener("pointerover", (e) => {
+  const where = place(e.target);
+  if (e.pointerType !== "mouse" || e.buttons) return;
+  if (shown && where && same(where) === shown.symbols.join()) shown.where = where;
+  else if (where && where.tagName !== "LABEL") later(where); // viser has a hint for its labels
+  else {
+    clearTimeout(waiting);
+    awaited = "";
+    if (shown?.by === "mouse") hide();
+  }
+}, true);
+document.addEventListener("pointerdown", () => { keyed = false; }, true);
+document.addEventListener("click", (e) => {
+  const where = place(e.target);
+  if (where && (e.pointerType === "touch" || where.matches("label, .vs-set, [data-symbol]"))) show(where, "tap");
+  else if (shown?.by !== "mouse") hide();
+}, true);
+document.addEventListener("keydown", (e) => {
+  keyed = e.key === "Tab";
+  if (e.key === "Escape") hide();
+}, true);
+document.addEventListener("focusin", (e) => {
+  if (!keyed) return;
+  const row = e.target instanceof Element ? e.target.closest("form, .mantine-Flex-root:has(label)") : null;
+  const where = e.target.dataset?.symbol ? e.target : (row?.querySelector(".vs-set") ?? row?.querySelector("label"));
+  if (where && symbolsOf(where).length) show(where, "focus");
+  else hide();
+});
+document.addEventListener("scroll", () => { if (shown) hide(); }, true);
+addEventListener("blur", hide);
+// What is sent again takes its elements with it: the tip goes over to the one that stands there now.
+setInterval(() => {
+  for (const root of document.querySelectorAll(TEXTS)) typeset(root);
+  setLabels();
+  if (!shown) return;
+  if (!shown.where.isConnected) {
+    const now = shown.by === "mouse" ? place(document.elementFromPoint(...pointer)) : null;
+    const { by, symbols } = shown;
+    if (same(now) !== symbols.join()) return hide();
+    shown = { where: now, symbols, by };
+  }
+  write();
+}, 300);
+
+// The glossary as a page of its own, above the others.
+document.addEventListener("click", (e) => {
+  if (!(e.target instanceof Element && e.target.closest("[data-glossary]"))) return;
+  const dialog = document.createElement("dialog"), title = document.createElement("h2"), close = document.createElement("button");
+  dialog.className = "vs-glossary";
+  [title.textContent, close.textContent] = ["Symbols", "Close"];
+  dialog.setAttribute("aria-label", "Symbols");
+  const list = template().content.querySelector("dl").cloneNode(true), values = present();
+  for (const entry of list.children) {
+    const now = document.createElement("dd");
+    now.className = "vs-present";
+    now.textContent = values[entry.dataset.of] ? `now ${values[entry.dataset.of]}` : "";
+    entry.append(now);
+  }
+  typeset(list);
+  close.addEventListener("click", () => dialog.close());
+  dialog.addEventListener("close", () => dialog.remove());
+  dialog.addEventListener("keydown", (key) => key.stopPropagation());
+  dialog.addEventListener("click", (at) => { if (at.target === dialog) dialog.close(); });
+  Object.assign(title, { tabIndex: -1, autofocus: true });
+  dialog.append(title, list, close);
+  document.body.append(dialog);
+  dialog.showModal();
+});

@@ -1,0 +1,92 @@
+"""Every symbol explains itself where it stands: by mouse, by keyboard and by touch; and the glossary."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from playwright.sync_api import Page, expect
+
+from app.dashboard.page import Dashboard
+from app.session.runner import Runner
+from drivers.pages import PATIENCE, Session
+
+ALPHAS = """() => Object.values(__viserTestpoints.uplots).map((entry) => entry.chart)
+  .flatMap((plot) => plot.series.slice(1).map((series) => [series.label, series.alpha ?? 1]))"""
+
+
+def alphas(page: Page) -> dict[str, float]:
+    """How strongly each line of the plots is drawn, by its name in the legend."""
+    return dict(page.evaluate(ALPHAS))
+
+
+def test_a_symbol_explains_itself_under_the_mouse_and_its_line_stands_out(session: Session) -> None:
+    page, tip = session.page, session.page.locator("#vs-symbol")
+    session.wait(lambda now: now.t > 1.0)
+    page.locator('.vs-equation [data-symbol="K_m"]').hover()
+    expect(tip).to_contain_text("Stiffness of the target model (8). [N/m] equation (8) of the paper")
+    expect(tip).to_contain_text("now 0, 4000, 4000")
+    page.keyboard.press("Escape")
+    expect(tip).to_be_hidden()
+    page.locator(".u-legend:visible th", has_text="‖s‖").hover()
+    expect(tip).to_contain_text("Norm of the sliding variable")
+    drawn = alphas(page)
+    assert drawn["‖s‖"] == 1
+    assert drawn["bound (20) + band"] < 0.5
+    page.mouse.move(640, 200)
+    expect(tip).to_be_hidden()
+    assert alphas(page)["bound (20) + band"] == 1
+    session.tab("Controller")  # its table is sent again ten times a second
+    page.locator(".vs-verdicts td", has_text="gain d").hover()
+    expect(tip).to_contain_text("Least gain d by (17)")
+    before = session.now.t
+    session.wait(lambda now: now.t > before + 1.0)
+    expect(tip).to_be_visible()
+
+
+def test_a_symbol_explains_itself_by_keyboard_and_labels_have_indices(session: Session) -> None:
+    page, tip = session.page, session.page.locator("#vs-symbol")
+    session.tab("Controller")
+    label = page.locator(".vs-set", has_text="K_s")
+    expect(label.locator("sub")).to_have_text("s")
+    session.number("K_s [N·s/m]").click()
+    page.mouse.move(640, 200)
+    expect(tip).to_be_hidden()
+    page.keyboard.press("Tab")
+    page.keyboard.press("Shift+Tab")
+    expect(tip).to_contain_text("Gain of the linear reaching term (15)")
+    page.keyboard.press("Escape")
+    expect(tip).to_be_hidden()
+    page.locator('.vs-equation [data-symbol="M_m"]').focus()
+    page.keyboard.press("Tab")
+    expect(tip).to_contain_text("Second derivative of the tracking error")
+
+
+def test_a_symbol_explains_itself_by_touch(
+    session: Session, served: tuple[Dashboard, Runner], open_page: Callable[..., Page]
+) -> None:
+    session.wait(lambda now: now.t > 0.5)
+    page = open_page(served[0].link, viewport={"width": 390, "height": 844}, is_mobile=True, has_touch=True)
+    title = page.locator(".u-title:visible").first
+    title.wait_for(timeout=PATIENCE * 1e3)
+    title.tap()
+    expect(page.locator("#vs-symbol")).to_contain_text("Tracking error r − r_d")
+    box = page.locator("#vs-symbol").bounding_box()
+    assert box is not None
+    assert box["x"] >= 0
+    assert box["x"] + box["width"] <= 390
+    page.locator(".vs-title").first.tap()
+    expect(page.locator("#vs-symbol")).to_be_hidden()
+
+
+def test_the_help_leads_to_every_symbol(session: Session) -> None:
+    page = session.page
+    page.keyboard.press("?")
+    page.locator("[data-glossary]").click()
+    glossary = page.get_by_role("dialog", name="Symbols")
+    expect(glossary.locator("dt", has_text="ε")).to_be_visible()
+    expect(glossary).to_contain_text(
+        "Sliding variable (10): 0 means that the arm obeys the target model. [m/s] equation (10)"
+    )
+    assert glossary.evaluate("(dialog) => dialog.scrollTop") == 0
+    page.keyboard.press("Escape")
+    expect(glossary).to_be_hidden()

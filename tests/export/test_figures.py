@@ -1,0 +1,174 @@
+"""Figures for paper: size, letters, type, symbols and greys as asked for, and nothing that the page does not draw."""
+
+from __future__ import annotations
+
+import itertools
+import re
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+
+from app.dashboard.plots.charts import Setup
+from app.dashboard.plots.paper_figures import figure_of, plots_of, with_series
+from app.dashboard.plots.plot_table import TABS
+from app.dashboard.theme.colors import SERIES
+from app.export.figures import (
+    DOUBLE,
+    SINGLE,
+    SMALL,
+    TITLE,
+    Chart,
+    Curve,
+    Figure,
+    FigureOptions,
+    drawn,
+    inches_of,
+    inks_of,
+    looks_of,
+    render,
+)
+from app.export.formats import ALL_PLOTS
+from app.export.lettering import runs
+from app.scenario.data import edited, load
+from app.scenario.schema import ScenarioError
+from app.session import headless_run
+from app.session.snapshot import Snapshot, snapshot_of
+from app.simulation.closed_loop import ClosedLoop
+from tests.support.svg import letters_of
+
+
+@pytest.fixture(scope="module")
+def snapshot() -> Snapshot:
+    loop, _ = headless_run.simulate(edited(load("ur5-hybrid-moving"), "simulation.duration", 1.0))
+    return snapshot_of(loop)
+
+
+def size_of(svg: bytes) -> tuple[float, float]:
+    """Width and height of a figure, mm."""
+    root = ElementTree.fromstring(svg)
+    return (
+        float(root.attrib["width"].removesuffix("pt")) / 72 * 25.4,
+        float(root.attrib["height"].removesuffix("pt")) / 72 * 25.4,
+    )
+
+
+def test_a_figure_has_the_size_letters_and_type_that_were_asked_for(snapshot: Snapshot) -> None:
+    figure = figure_of(plots_of(["Overview", "torques"]), snapshot, Setup.of(snapshot, 0, 0), 0.2, 0.9)
+    plain = render(figure, "svg", FigureOptions(width=SINGLE))
+    asked = render(
+        figure, "svg", FigureOptions(inches_of("180mm"), inches_of("12 cm"), 9.0, letters=True, caption=False)
+    )
+    assert size_of(plain)[0] == pytest.approx(85, abs=0.1)
+    assert size_of(asked) == pytest.approx((180, 120), abs=0.1)
+    assert "(a)" not in letters_of(plain)
+    for letter in "abcde":
+        assert f"({letter})" in letters_of(asked)
+    assert "hybrid mode" in letters_of(plain)
+    assert "hybrid mode" not in letters_of(asked)
+    sizes = set(re.findall(rb"(?:font: |font-size: )(?:bold )?([\d.]+)px", asked))
+    assert {round(float(size), 2) for size in sizes} >= {round(9.0 * SMALL, 2), round(9.0 * TITLE, 2)}
+    with pytest.raises(ValueError, match=r"^height: 50 mm; allowed: at least \d+ mm"):
+        render(figure, "svg", FigureOptions(height=inches_of("50")))
+
+
+def test_nothing_of_a_figure_leaves_the_paper_or_another_text(snapshot: Snapshot) -> None:
+    figure = figure_of(plots_of([ALL_PLOTS]), snapshot, Setup.of(snapshot, 0, 0), 0.2, 0.9)
+    for width, type_size in ((SINGLE, 6.0), (SINGLE, 10.0), (DOUBLE, 8.0)):
+        canvas = drawn(figure, FigureOptions(width, type_size=type_size, letters=True))
+        canvas.dpi = 600  # the letters' widths are rounded to pixels
+        renderer = FigureCanvasAgg(canvas).get_renderer()
+        texts = [text for text in canvas.texts if text.get_text().strip()]
+        boxes = [text.get_window_extent(renderer) for text in texts]
+        for text, box in zip(texts, boxes, strict=True):
+            assert box.x0 >= 0
+            assert box.x1 <= canvas.bbox.x1, text.get_text()
+            assert box.y0 >= 0
+        for one, other in itertools.combinations(boxes, 2):
+            wide = min(one.x1, other.x1) - max(one.x0, other.x0)
+            high = min(one.y1, other.y1) - max(one.y0, other.y0)
+            assert not (wide > 0.02 * canvas.dpi and high > 0.02 * canvas.dpi)
+
+
+def test_symbols_are_set_as_mathematics_and_no_markup_is_left(snapshot: Snapshot) -> None:
+    figure = figure_of(plots_of([ALL_PLOTS]), snapshot, Setup.of(snapshot, 0, 0), 0.2, 0.9)
+    svg = render(figure, "svg", FigureOptions(letters=True))
+    said = letters_of(svg)
+    assert not re.search(r"[$\\_]", said)
+    assert b"$" not in svg
+    italic = {
+        tspan.text
+        for tspan in ElementTree.fromstring(svg).iter("{http://www.w3.org/2000/svg}tspan")
+        if "oblique" in tspan.attrib.get("style", "") or "italic" in tspan.attrib.get("style", "")
+    }
+    assert {"e", "r", "s", "d", "τ", "M", "m", "K", "ψ"} <= italic
+    assert not {"N", "I"} & italic  # a unit, and the identity
+
+
+@pytest.mark.parametrize(
+    ("text", "symbols"),
+    [
+        ("gain d against what (17) needs", ["$d$"]),
+        ("a circle of 5 m, B_m = diag(632.5, 4) N·s/m and 20 N", ["$B_{m}$"]),
+        ("‖s‖ ≤ V = ½ sᵀH s", ["$s$", "$V$", r"$s^{\mathrm{T}}$", "$H$", "$s$"]),
+        ("ℓ·α, ψ₁, t [s]", ["$ℓ$", "$α$", r"$ψ_{1}$", "$t$"]),
+        ("(a) ė over M_hat", [r"$\dot{e}$", r"$\hat{M}$"]),
+        ("$x_1^ and own_name \\frac{", []),
+    ],
+)
+def test_letters_that_are_symbols_are_told_from_words_and_units(text: str, symbols: list[str]) -> None:
+    assert [run.text for run in runs(text) if run.mathematics] == symbols
+
+
+def test_lines_of_a_chart_differ_in_grey(snapshot: Snapshot) -> None:
+    figure = figure_of(plots_of([ALL_PLOTS]), snapshot, Setup.of(snapshot, 0, 0), 0.2, 0.9)
+    for chart in figure.charts:
+        inks = inks_of(chart)
+        greys = sorted(0.2126 * r**2.2 + 0.7152 * g**2.2 + 0.0722 * b**2.2 for r, g, b in inks.values())
+        lightness = [116 * grey ** (1 / 3) - 16 for grey in greys]
+        assert all(grey <= 0.31 for grey in greys)
+        assert all(b - a > 4.5 for a, b in itertools.pairwise(lightness))
+        looks = looks_of(chart)
+        solid = [curve for curve in chart.curves if curve.listed and not curve.dashed]
+        if len(solid) > 3 and not chart.areas:
+            assert len({str(look["linestyle"]) for look in looks}) > 3
+
+
+def test_a_figure_shows_only_the_lines_that_were_asked_for(snapshot: Snapshot) -> None:
+    figure = figure_of(plots_of(["Overview", "Torque"]), snapshot, Setup.of(snapshot, 0, 0), 0.2, 0.9)
+    chosen = with_series(figure, ["||s||", "tau_2", "gravity"])
+    listed = [[curve.name for curve in chart.curves if curve.listed] for chart in chosen.charts]
+    assert listed == [["‖s‖"], ["τ₂"], ["gravity"]]
+    (area, *_) = chosen.charts[2].areas
+    assert chosen.charts[2].curves[area.upper].name == "gravity"
+    with pytest.raises(ScenarioError, match=r"series: 'grvity'; allowed: .*; did you mean gravity\?"):
+        with_series(figure, ["grvity"])
+
+
+def test_what_the_page_does_not_draw_the_figure_does_not_either() -> None:
+    """Under computed torque s has no bound; when the law is swapped, the lines end there and begin there."""
+    loop = ClosedLoop(edited(load("ur5-hybrid"), "controller.law", "computed-torque"), 3000)
+    for _ in range(300):
+        loop.advance()
+    shown = figure_of(plots_of([ALL_PLOTS]), snapshot_of(loop), Setup.of(snapshot_of(loop), 0, 0), 0.0, 1.0)
+    names = {curve.name for chart in shown.charts for curve in chart.curves}
+    assert not {"‖s‖", "(20)", "bound (20) + band", "needed (17)", "V"} & names
+    assert "Theorem 1 promises nothing here" in shown.caption
+
+
+def test_a_gap_of_a_line_stays_a_gap() -> None:
+    y = np.where(np.abs(np.arange(3000.0) - 1500) < 500, np.nan, 1.0)
+    gap = Curve("‖s‖", SERIES[0], np.arange(3000.0), y)
+    full = Curve("d", SERIES[1], np.arange(3000.0), np.ones(3000))
+    paths = [len(drawn(Figure((Chart("", "", (curve,)),), ""), FigureOptions()).axes[0].lines) for curve in (gap, full)]
+    assert paths == [2, 1]
+
+
+def test_the_page_on_exports_names_every_plot() -> None:
+    text = (Path(__file__).parents[2] / "docs" / "export.md").read_text(encoding="utf-8")
+    told = dict(re.findall(r"^\| (\w+) \| ([\w ,]+) \|$", text.partition("The plots by name")[2], re.MULTILINE))
+    assert {tab: names for tab, names in told.items() if tab != "tab"} == {
+        title: ", ".join(plot.name for plot in tab.plots) for title, tab in TABS.items()
+    }
