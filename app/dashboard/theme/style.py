@@ -26,6 +26,7 @@ _SCRIPTS = (
     "rows.js",
     "plots.js",
     "reading.js",
+    "held.js",
     "scene.js",
     "stage.js",
     "names.js",
