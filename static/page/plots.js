@@ -73,11 +73,7 @@ const enlist = (entry) => {
   if (listed.has(chart)) return entry;
   listed.add(chart);
   (chart.hooks.draw ??= []).push(dim, follow);
-  const markers = chart.root.querySelectorAll(".u-legend .u-marker");
-  chart.series.forEach((series, i) => {
-    series.gaps = gaps;
-    if (series.dash && markers[i]) markers[i].style.borderStyle = "dashed"; // as its line
-  });
+  for (const series of chart.series) series.gaps = gaps;
   // uPlot writes 0 for what is below 0.001
   // uPlot rounds to three decimals, which makes neighbours look alike far from zero
   const digits = (at) => (at.length > 1 ? Math.min(8, Math.max(0, Math.ceil(-Math.log10(at[1] - at[0])) + 1)) : 3);
@@ -102,5 +98,7 @@ setInterval(() => {
     // now and then uPlot does not lay out the time axis of a chart that is made with its data
     if (!chart.axes[0]._splits && stands(chart)) chart.setSize({ width: chart.width, height: chart.height });
     follow(chart);
+    const markers = chart.root.querySelectorAll(".u-legend .u-marker");
+    chart.series.forEach(({ dash }, i) => { if (dash && markers[i]) markers[i].style.borderStyle = "dashed"; }); // as its line
   }
 }, 400);
