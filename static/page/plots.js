@@ -99,6 +99,6 @@ setInterval(() => {
     if (!chart.axes[0]._splits && stands(chart)) chart.setSize({ width: chart.width, height: chart.height });
     follow(chart);
     const markers = chart.root.querySelectorAll(".u-legend .u-marker");
-    chart.series.forEach(({ dash }, i) => { if (dash && markers[i]) markers[i].style.borderStyle = "dashed"; }); // as its line
+    chart.series.forEach(({ dash }, i) => markers[i]?.toggleAttribute("data-dashed", !!dash)); // as its line
   }
 }, 400);

@@ -89,7 +89,7 @@ def test_a_presentation_has_one_plot_the_chosen_sliders_and_large_type(session: 
     expect(session.number("F_d [N]")).to_be_visible()
     expect(rows).to_have_count(2)  # that, and the time
     assert page.evaluate(font) > 1.2 * small
-    page.wait_for_function(f"Math.max(...{heights}) > 300")
+    page.wait_for_function(f"Math.max(...{heights}) > {2 * max(own)}")
     for width, height in ((1024, 768), (1280, 720)):
         page.set_viewport_size({"width": width, "height": height})
         page.wait_for_function(f"!({OVER})({['.vs-timeline', '.vs-equation', '.vs-acts button', 'form[data-staged]']})")
