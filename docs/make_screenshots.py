@@ -148,7 +148,7 @@ def refuse_and_hold(page: Page, runner: Runner, album: Album) -> None:
     """A value that is refused, and a slider that is held until its preview is whole."""
     runner.post(Edit("target_model.M_m", [0.0] * 6))
     shoot(page, album, "refused", "Refused, with the reason")
-    row = page.locator("form", has=page.get_by_text("F_d [N]", exact=True))
+    row = page.locator("form:visible", has=page.get_by_text("F_d [N]", exact=True))
     box = row.locator(".mantine-Slider-root").bounding_box()
     assert box is not None
     y = box["y"] + box["height"] / 2

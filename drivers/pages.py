@@ -59,7 +59,7 @@ class Session:
         self.page.get_by_role("tab", name=name, exact=True).click()
 
     def row(self, label: str) -> Locator:
-        return self.page.locator("form", has=self.page.get_by_text(label, exact=True))
+        return self.page.locator("form:visible", has=self.page.get_by_text(label, exact=True))
 
     def number(self, label: str) -> Locator:
         return self.row(label).locator(".mantine-TextInput-input")

@@ -27,6 +27,7 @@ from app.dashboard.transport.stalled_clients import StalledClients
 from app.dashboard.transport.visible_tabs import VisibleTabs
 from app.dashboard.transport.widget_lock import WidgetLock
 from app.dashboard.view_options import Viewing
+from app.dashboard.widgets.chosen_sliders import ChosenSliders
 from app.dashboard.widgets.controls import Desk
 from app.dashboard.widgets.equation import equation_html
 from app.dashboard.widgets.guided_minute import GuidedMinute
@@ -234,6 +235,7 @@ class _View:
             self.complain,
             self._export_jobs,
             uploads,
+            lambda row: self._chosen_sliders.choose(row),
         )
         self._hand = Hand(server.scene, desk, lambda client: client in server.get_clients())
         self._playback = Playback(desk)
@@ -243,6 +245,7 @@ class _View:
         self._whatif_panel = WhatIfPanel(desk)
         self._guided_minute = GuidedMinute(desk)
         self._symbols = Symbols(server.gui)
+        self._chosen_sliders = ChosenSliders(desk)
         self._widget_lock = WidgetLock(server)
         self._visible_tabs = VisibleTabs()
         self._visible_tabs.add_field(server.gui)
@@ -317,7 +320,14 @@ class _View:
         self._status.content = status_html(
             snapshot, self.hang or self._complaint, self._shipped.get(snapshot.scenario.name)
         )
-        for part in (self._playback, self._whatif_panel, self._scene_buttons, self._scene_legend, self._symbols):
+        for part in (
+            self._playback,
+            self._whatif_panel,
+            self._scene_buttons,
+            self._scene_legend,
+            self._symbols,
+            self._chosen_sliders,
+        ):
             with self._widget_lock.drawing:
                 part.show(snapshot)
         self._show_controls(snapshot, now)

@@ -1,20 +1,60 @@
-// Names for whoever hears the page or goes through it by keyboard: viser's fields and sliders have labels that are tied to
-// nothing, its icons have no words, and a slider's value is a share of its track.
+// Names and roles for whoever hears the page or goes through it by keyboard: viser's fields and sliders have labels that
+// are tied to nothing, its icons have no words, a slider's value is a share of its track, and what folds or hides a line
+// answers to a mouse only.
 const ICONS = { "tabler-icon-list-search": "search all commands", "tabler-icon-adjustments": "settings of viser" };
+const PLACES = {
+  "#root": { role: "main" },
+  "[data-dock-region=left]": { role: "region", "aria-label": "plots" },
+  "[data-dock-region=right]": { role: "region", "aria-label": "controls" },
+  "[data-floating-window]": { role: "region", "aria-label": "target model" },
+  ".mantine-Notification-closeButton": { "aria-label": "close" },
+  "canvas[data-engine]": { role: "img", "aria-label": "the robot, the surface and the forces in three dimensions" },
+};
+// what a key presses: by Enter or the space bar, as a click
+const PRESSED = ".u-legend .u-label, .mantine-Paper-root > .mantine-Paper-root:has(> .tabler-icon)";
 const set = (element, name, value) => { if (element.getAttribute(name) !== value) element.setAttribute(name, value); };
+const press = (element, is) => {
+  set(element, "role", "button");
+  set(element, "tabindex", "0");
+  set(element, is[0], is[1]);
+};
 const call = () => {
   if (document.title !== "VSMRC Lab") document.title = "VSMRC Lab";
+  for (const [selector, attributes] of Object.entries(PLACES))
+    for (const place of document.querySelectorAll(selector))
+      for (const [name, value] of Object.entries(attributes)) set(place, name, value);
   for (const control of document.querySelectorAll("input:not([type=checkbox], [type=hidden]), [role=slider]")) {
     const row = control.closest("form") ?? control.closest(".mantine-Flex-root:has(label)");
     const label = [...(row?.querySelectorAll("label") ?? [])].map((each) => each.textContent.trim()).find(Boolean);
-    if (!label || control.labels?.length) continue;
+    if (!label || [...(control.labels ?? [])].some((each) => each.checkVisibility())) continue;
     set(control, "aria-label", label);
-    const shown = row.querySelector("input:not([type=hidden])")?.value;
-    if (control.role === "slider" && shown) set(control, "aria-valuetext", `${shown} ${/\[(.*)\]/.exec(label)?.[1] ?? ""}`.trim());
+    const shown = row.querySelector("input:not([type=hidden])")?.value, unit = /\[(.*)\]/.exec(label)?.[1] ?? "";
+    // the time has no number while the run goes on
+    if (control.role === "slider") set(control, "aria-valuetext", shown ? `${shown} ${unit}`.trim() : "now");
   }
   for (const [icon, name] of Object.entries(ICONS))
     for (const drawn of document.querySelectorAll(`button .${icon}`)) set(drawn.closest("button"), "aria-label", name);
+  for (const element of document.querySelectorAll(PRESSED)) {
+    const line = element.closest(".u-series");
+    if (!line) press(element, ["aria-expanded", `${!element.querySelector(".tabler-icon-chevron-down")}`]);
+    else if (line.previousElementSibling) press(element, ["aria-pressed", `${!line.matches(".u-off")}`]); // not the axis
+  }
+  for (const plot of document.querySelectorAll(".uplot")) {
+    const title = plot.querySelector(".u-title")?.textContent.trim().replace(/\s+/g, " ") ?? "";
+    for (const canvas of plot.querySelectorAll("canvas")) {
+      set(canvas, "role", "img");
+      set(canvas, "aria-label", `plot: ${title}`);
+    }
+    set(plot.querySelector("table"), "aria-label", `lines of ${title}`);
+    set(plot.parentElement.closest(".uplot-container"), "role", "group");
+    set(plot.parentElement.closest(".uplot-container"), "aria-label", title);
+  }
 };
 setInterval(call, 500);
+document.addEventListener("keydown", (e) => {
+  if (!(e.target instanceof Element) || !/^( |Enter)$/.test(e.key) || !e.target.matches(PRESSED)) return;
+  e.preventDefault();
+  e.target.dispatchEvent(new MouseEvent("click", { bubbles: true, ctrlKey: e.ctrlKey, metaKey: e.metaKey }));
+}, true);
 // what belongs to viser's developers is there for who asks: ?dev behind the address
 document.documentElement.toggleAttribute("data-dev", new URLSearchParams(location.search).has("dev"));

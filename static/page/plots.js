@@ -98,5 +98,7 @@ setInterval(() => {
     // now and then uPlot does not lay out the time axis of a chart that is made with its data
     if (!chart.axes[0]._splits && stands(chart)) chart.setSize({ width: chart.width, height: chart.height });
     follow(chart);
+    const markers = chart.root.querySelectorAll(".u-legend .u-marker");
+    chart.series.forEach(({ dash }, i) => markers[i]?.toggleAttribute("data-dashed", !!dash)); // as its line
   }
 }, 400);

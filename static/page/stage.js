@@ -1,27 +1,28 @@
-// Presentation: the scene, one plot, the sliders used last, and the equation, in large type. V begins and ends it, and Esc
+// Presentation: the scene, one plot, the sliders moved last, and the equation, in large type. V begins and ends it, and Esc
 // ends it. The plot is the one that was pressed last, else the first one.
 const page = document.documentElement, MOST = 3;
-const SLIDERS = "[data-dock-group] [data-dock-group] form:has(.mantine-Slider-root)";
-const nameOf = (row) => row.querySelector("label")?.textContent;
-let used = [], pressed = null;
+const OPEN = "[data-dock-group] [data-dock-group] form:has(.mantine-Slider-root)"; // in the tab that is open
+const CHOSEN = "div:has(> .vs-chosen) ~ form"; // app/dashboard/widgets/chosen_sliders.py
+let pressed = null;
 for (const kind of ["pointerdown", "focusin"])
   document.addEventListener(kind, (e) => {
-    if (!(e.target instanceof Element)) return;
-    const row = e.target.closest(SLIDERS);
-    if (row) used = [nameOf(row), ...used.filter((name) => name !== nameOf(row))].slice(0, MOST);
-    pressed = e.target.closest(".uplot-container") ?? pressed;
+    if (e.target instanceof Element) pressed = e.target.closest(".uplot-container") ?? pressed;
   }, true);
 const onStage = () => "stage" in page.dataset;
 const mark = (all, chosen) => { for (const e of all) e.toggleAttribute("data-staged", chosen.includes(e)); };
 const choose = () => {
-  const rows = [...document.querySelectorAll(SLIDERS)], boxes = [...document.querySelectorAll(".uplot-container")];
-  const known = rows.filter((row) => used.includes(nameOf(row)));
-  mark(rows, known.length ? known : rows.filter((row) => row.querySelector("input:not(:disabled)")).slice(0, MOST));
+  const moved = [...document.querySelectorAll(CHOSEN)], open = [...document.querySelectorAll(OPEN)];
+  const free = open.filter((row) => row.querySelector("input:not(:disabled)"));
+  mark([...moved, ...open], moved.length ? moved : free.slice(0, MOST));
+  const boxes = [...document.querySelectorAll(".uplot-container")];
   const drawn = boxes.filter((box) => box.parentElement.checkVisibility());
   mark(boxes, [drawn.includes(pressed) ? pressed : drawn[0]]);
 };
 const staged = new Map(); // the height of each plot before
 const fill = () => {
+  // the equation lies under plot and scene, from the window's left to the controls: what it leaves them
+  const below = document.querySelector("[data-floating-window]:has(.vs-equation)")?.offsetHeight ?? 0;
+  page.style.setProperty("--vs-equation-height", `${below}px`);
   for (const { chart } of Object.values(window.__viserTestpoints?.uplots ?? {})) {
     const box = chart.root.closest(".uplot-container"), here = onStage() && box?.matches("[data-staged]");
     if (!here && staged.has(chart)) {
@@ -36,7 +37,7 @@ const fill = () => {
       }
       const group = box.closest("[data-dock-group]").getBoundingClientRect(), own = chart.root.getBoundingClientRect();
       const height = Math.round(group.bottom - own.top - (own.height - chart.height) - 24);
-      if (height > 100 && Math.abs(height - chart.height) > 2) chart.setSize({ width: chart.width, height });
+      if (height > 60 && Math.abs(height - chart.height) > 2) chart.setSize({ width: chart.width, height });
     }
   }
 };

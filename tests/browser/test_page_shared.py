@@ -43,7 +43,8 @@ def test_a_lecture(shared: Server, open_page: Callable[..., Page]) -> None:
 
     student = opened(watch)
     expect(student.get_by_text("Watching live")).to_be_visible()
-    force = student.locator("form", has=student.get_by_text("F_d [N]", exact=True)).locator(".mantine-TextInput-input")
+    row = student.locator("form:visible", has=student.get_by_text("F_d [N]", exact=True))
+    force = row.locator(".mantine-TextInput-input")
     assert force.evaluate("(input) => getComputedStyle(input).pointerEvents") == "none"
     student.get_by_role("tab", name="Torque", exact=True).click()  # looking around is free
     expect(student.locator(".uplot-container:visible").first).to_be_visible()

@@ -26,7 +26,7 @@ def snapshot() -> Snapshot:
 def title(snapshot: Snapshot, scenario: Scenario) -> str:
     begun_from = SHIPPED if scenario.name == SHIPPED.name else None
     html = status_html(replace(snapshot, scenario=scenario), "", begun_from)
-    found = re.search(r'<span class="vs-title">(.*?)</span></div>', html)
+    found = re.search(r'<span class="vs-title"[^>]*>(.*?)</span></div>', html)
     assert found is not None
     return re.sub(r"<.*?>", "", found[1])
 

@@ -21,6 +21,7 @@ Values = Callable[[Signals], np.ndarray]
 Chooser = Literal["coordinate", "joint"]
 
 LEAD = 0.1  # s before the window, over which the total variation is taken
+SOLID = 4  # lines of a plot that colour alone tells apart
 
 
 @dataclass(frozen=True)
@@ -48,6 +49,12 @@ def color(i: int) -> Rgb:
     return SERIES[i % len(SERIES)]
 
 
+def is_dashed(i: int) -> bool:
+    """Whether the line of coordinate, joint or part i is dashed: colours of more than SOLID lines do not stay apart for
+    the colour-blind (`tests/browser/test_page_colors.py`)."""
+    return i >= SOLID
+
+
 def stack(parts: Sequence[tuple[str, Values]]) -> tuple[list[Line], list[Area]]:
     """Named parts of a sum as areas, positive ones upwards and negative ones downwards from zero."""
     lines = [Line("", ACCENT, lambda signals: np.zeros(len(signals["t"])), width=0.0, listed=False)]
@@ -55,7 +62,7 @@ def stack(parts: Sequence[tuple[str, Values]]) -> tuple[list[Line], list[Area]]:
     for sign in (1.0, -1.0):
         for i, (name, _) in enumerate(parts):
             edge = _edge([values for _, values in parts[: i + 1]], sign)
-            lines.append(Line(name, color(i), edge, width=0.8, listed=sign > 0))
+            lines.append(Line(name, color(i), edge, is_dashed(i), width=0.8, listed=sign > 0))
             here, below = len(lines) - 1, len(lines) - 2 if i else 0
             areas.append(Area(here, below, color(i)) if sign > 0 else Area(below, here, color(i)))
     return lines, areas
@@ -67,7 +74,7 @@ def _edge(parts: Sequence[Values], sign: float) -> Values:
 
 def _errors(setup: Setup) -> Drawing:
     lines = [
-        Line(symbol(coordinate.name), color(i), column("e_r", i, 1e3), compared=True)
+        Line(symbol(coordinate.name), color(i), column("e_r", i, 1e3), dashed=is_dashed(i), compared=True)
         for i, coordinate in enumerate(setup.coordinates)
     ]
     return Drawing(f"tracking error  e_r  [{setup.units.error}]", lines, at_least=(-0.01, 0.01))
@@ -75,7 +82,7 @@ def _errors(setup: Setup) -> Drawing:
 
 def _positions(setup: Setup) -> Drawing | None:
     lines = [
-        Line(symbol(coordinate.name), color(i), column("e_r", i, 1e3), compared=True)
+        Line(symbol(coordinate.name), color(i), column("e_r", i, 1e3), dashed=is_dashed(i), compared=True)
         for i, coordinate in enumerate(setup.coordinates)
         if not coordinate.is_angle
     ]
@@ -84,7 +91,13 @@ def _positions(setup: Setup) -> Drawing | None:
 
 def _rotations(setup: Setup) -> Drawing | None:
     lines = [
-        Line(_bare(coordinate), color(i), column("e_r", i, 1e3 / coordinate.per_radian), compared=True)
+        Line(
+            _bare(coordinate),
+            color(i),
+            column("e_r", i, 1e3 / coordinate.per_radian),
+            dashed=is_dashed(i),
+            compared=True,
+        )
         for i, coordinate in enumerate(setup.coordinates)
         if coordinate.is_angle
     ]
@@ -120,7 +133,7 @@ def _force(setup: Setup) -> Drawing:
 
 def _force_axes(_: Setup) -> Drawing:
     lines = [Line(f"F {axis}", color(i), column("F", i), compared=True) for i, axis in enumerate("xyz")]
-    lines.append(Line("push", PUSH, norm("F_push")))
+    lines.append(Line("push", PUSH, norm("F_push"), dashed=True))
     return Drawing("force on the environment  [N]", lines, at_least=(0.0, 1.0))
 
 
@@ -187,8 +200,8 @@ def _phases() -> list[Line]:
 
     return [
         Line("reaching", MEASURED, column("reaching"), width=0.0, alpha=0.16, backdrop=True),
-        Line("sliding", DESIRED, sliding, width=0.0, alpha=0.07, backdrop=True),
-        Line("t_r ≤ (18)", BOUND, spike("promised"), width=1.0, alpha=0.9, backdrop=True),
+        Line("sliding", ACCENT, sliding, width=0.0, alpha=0.07, backdrop=True),
+        Line("t_r ≤ (18)", BOUND, spike("promised"), dashed=True, width=1.0, alpha=0.9, backdrop=True),
         Line("t_r", DESIRED, spike("measured"), width=1.0, alpha=0.9, backdrop=True),
     ]
 
@@ -200,7 +213,7 @@ def _reaching(setup: Setup) -> Drawing | None:
     lines = [
         *_phases(),
         Line("(20)", DESIRED, _under_gain(bound), width=2.0),
-        Line("(20) + band", BOUND, _under_gain(total(bound, band)), dashed=True, width=1.4),
+        Line("(20) + band", BOUND, _under_gain(total(bound, band)), dashed=True),
         _s_norm(),
     ]
     return Drawing(f"sliding variable  ‖s‖  [{setup.units.rate}]", lines, floor=0.1)
@@ -221,7 +234,7 @@ def _components(setup: Setup) -> Drawing | None:
     if not setup.bounded:
         return None
     lines = [
-        Line(symbol(coordinate.name), color(i), _under_gain(column("s", i, 1e3)))
+        Line(symbol(coordinate.name), color(i), _under_gain(column("s", i, 1e3)), dashed=is_dashed(i))
         for i, coordinate in enumerate(setup.coordinates)
     ]
     return Drawing(f"s  [{setup.units.rate}]", lines, at_least=(-0.1, 0.1))
@@ -262,8 +275,8 @@ def _guarantee(setup: Setup) -> Drawing | None:
 
 def _perturbation(setup: Setup) -> Drawing:
     parts = (("inertia", 0), ("coriolis", 1), ("gravity", 2), ("disturbance", 4))
-    lines = [Line(CAUSES[i], color(i), column(name)) for name, i in parts]
-    lines.append(Line("together", ACCENT, column("perturbation"), width=2.0))
+    lines = [Line(CAUSES[i], color(i), column(name), dashed=is_dashed(i)) for name, i in parts]
+    lines.append(Line("together", ACCENT, column("perturbation"), width=2.6))
     return Drawing(f"real perturbation, cause by cause  [{setup.units.force}]", lines, at_least=(0.0, 1.0))
 
 
@@ -279,7 +292,10 @@ def _margins(setup: Setup) -> Drawing | None:
 
 
 def _torques(setup: Setup) -> Drawing:
-    lines = [Line(f"τ{symbol(f'_{i + 1}')}", color(i), column("tau", i)) for i in range(len(setup.joints))]
+    lines = [
+        Line(f"τ{symbol(f'_{i + 1}')}", color(i), column("tau", i), dashed=is_dashed(i))
+        for i in range(len(setup.joints))
+    ]
     return Drawing("joint torque  τ  [N·m]", lines)
 
 
@@ -315,7 +331,7 @@ def _variation(setup: Setup) -> Drawing:
         return lambda signals: variation_rate(signals["t"], tau(signals), LEAD)
 
     lines = [
-        Line(f"τ{symbol(f'_{i + 1}')}", color(i), rate(i), foreseen=False, compared=False)
+        Line(f"τ{symbol(f'_{i + 1}')}", color(i), rate(i), dashed=is_dashed(i), foreseen=False)
         for i in range(len(setup.joints))
     ]
     return Drawing("total variation of  τ  per second  [N·m/s]", lines, floor=1e-2)
@@ -323,7 +339,8 @@ def _variation(setup: Setup) -> Drawing:
 
 def _residuals(setup: Setup) -> Drawing:
     lines = [
-        Line(symbol(coordinate.name), color(i), column("residual", i)) for i, coordinate in enumerate(setup.coordinates)
+        Line(symbol(coordinate.name), color(i), column("residual", i), dashed=is_dashed(i))
+        for i, coordinate in enumerate(setup.coordinates)
     ]
     return Drawing(f"residual of the target model (8)  [{setup.units.force}]", lines, at_least=(-0.01, 0.01))
 

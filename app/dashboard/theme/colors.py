@@ -28,8 +28,8 @@ GRID_SECTION: dict[Theme, Rgb] = {"dark": (105, 110, 118), "light": (160, 167, 1
 # From no error to the largest: of medium lightness, visible on dark and on light, also to the colour-blind.
 ERROR_COLORS: tuple[Rgb, ...] = ((60, 140, 235), (235, 165, 45), (215, 45, 75))
 
-# One per task coordinate or joint, distinct also with the common colour deficiencies (Okabe and Ito). On a
-# light page the script darkens them.
+# One per task coordinate or joint, after Okabe and Ito; with the common colour deficiencies the first four are
+# distinct, and so are the others, which are dashed. On a light page the script darkens them.
 SERIES: tuple[Rgb, ...] = (
     (86, 180, 233),
     (230, 159, 0),
@@ -37,7 +37,7 @@ SERIES: tuple[Rgb, ...] = (
     (240, 228, 66),
     (213, 94, 0),
     (204, 121, 167),
-    (170, 170, 170),
+    (210, 210, 210),
 )
 
 

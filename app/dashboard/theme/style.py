@@ -27,6 +27,7 @@ _SCRIPTS = (
     "plots.js",
     "reading.js",
     "symbols.js",
+    "held.js",
     "scene.js",
     "stage.js",
     "names.js",

@@ -12,7 +12,7 @@ import math
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import viser
 from msgspec import Struct
@@ -32,7 +32,8 @@ from app.storage.uploaded_urdfs import UploadedUrdfs
 @dataclass(frozen=True)
 class Desk:
     """Environment of a panel: the GUI for its widgets, the queue for its commands, the newest snapshot, what-if
-    questions, options of the scene, complaints, export jobs, and the store of uploads."""
+    questions, options of the scene, complaints, export jobs, the store of uploads, and who is told of a row of a
+    number that was moved."""
 
     gui: viser.GuiApi
     post: Callable[[Command], None]
@@ -42,6 +43,7 @@ class Desk:
     complain: Callable[[str], None]
     export_jobs: ExportJobs
     uploads: UploadedUrdfs
+    choose: Callable[[Row], None]
 
 
 class Control(Protocol):
@@ -155,6 +157,14 @@ def _rounded(value: float) -> float:
     return float(f"{value:.3g}")
 
 
+class Row(NamedTuple):
+    """Row of a number: its field, its label, and the scale of its slider, None without one."""
+
+    place: Place
+    label: str
+    scale: Scale | None
+
+
 class Number:
     """A number as a text field, which takes effect on Enter or when it is left, and as a slider."""
 
@@ -169,6 +179,15 @@ class Number:
             if scale is not None:
                 self._slider = desk.gui.add_slider("", 0.0, 1.0, 0.002, 0.0, marks=(), hint=place.hint)
                 self._slider.on_update(self._on_slider)
+
+    @property
+    def row(self) -> Row:
+        """Row as it was made, with its present label."""
+        return Row(self._place, self._label, self._scale)
+
+    def remove(self) -> None:
+        """Take the row off the page."""
+        self._form.remove()
 
     async def _on_text(self, event: viser.GuiEvent) -> None:
         if event.client is None:
@@ -203,6 +222,7 @@ class Number:
         if self._place.read(snapshot) is None:  # the new scenario has no such field: the row is being hidden
             return
         self._text.value = written(value)
+        self._desk.choose(self.row)
         edit = self._place.edit(snapshot, value)
         if self._desk.whatif.on:
             self._desk.whatif.hold(Held(edit, self._label, written(value), self, event.client.client_id))

@@ -17,6 +17,8 @@ KEYS: dict[str, str] = {
     "Shift+arrowright": "0.1 s on",
     "Shift+arrowleft": "0.1 s back",
     "end": "to the end of the run",
+    "pageup": "to the event before: an edit, a push, a contact",
+    "pagedown": "to the event after",
     "F": "fork: go on from the instant looked at",
     "P": "pin this run, to compare it with others",
     "R": "begin anew, from t = 0",
@@ -29,7 +31,7 @@ KEYS: dict[str, str] = {
     "T": "dark or light",
     "H": "this help, also ?",
 }
-_WRITTEN = {"arrowright": "→", "arrowleft": "←", "arrowup": "↑", "arrowdown": "↓"}
+_WRITTEN = {"arrowright": "→", "arrowleft": "←", "arrowup": "↑", "arrowdown": "↓", "pageup": "PgUp", "pagedown": "PgDn"}
 
 START = (
     "<b>Task</b>: choose a scenario or a mode. It begins at once; nothing has to be started.",

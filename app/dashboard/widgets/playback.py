@@ -17,6 +17,7 @@ from app.session.snapshot import Snapshot
 
 _SPEEDS = {"1/20×": 0.05, "1/5×": 0.2, "1/2×": 0.5, "1×": 1.0, "2×": 2.0, "5×": 5.0, "10×": 10.0}
 _STRIDE = 0.1  # s, of an arrow key with Shift
+_SAME = 1e-3  # s: an event as near as this is the one that is looked at
 
 
 def _toggled(snapshot: Snapshot) -> Command:
@@ -82,6 +83,7 @@ class Playback:
 
     def __init__(self, desk: Desk) -> None:
         self._desk, self._events = desk, RunEvents()
+        self._instants: tuple[float, ...] = ()
         gui = desk.gui
         gui.add_html(_buttons_html())
         self._speed = gui.add_dropdown("Speed", tuple(_SPEEDS), initial_value="1×", hint="Simulated over real time.")
@@ -91,6 +93,8 @@ class Playback:
         for action in _ACTIONS:
             entry = gui.add_command(action.title, hotkey=action.key, modifier=action.modifier)
             entry.on_trigger(self._posting(action))
+        gui.add_command("To the event before", hotkey="pageup").on_trigger(self._to_event_before)
+        gui.add_command("To the event after", hotkey="pagedown").on_trigger(self._to_event_after)
 
     def _posting(self, action: _Action) -> Callable[[object], Coroutine[None, None, None]]:
         async def on_trigger(_: object) -> None:
@@ -98,12 +102,23 @@ class Playback:
 
         return on_trigger
 
+    async def _to_event_before(self, _: object) -> None:
+        snapshot = self._desk.snapshot()
+        if earlier := [t for t in self._instants if snapshot.first <= t < snapshot.t - _SAME]:
+            self._desk.post(Seek(max(earlier)))
+
+    async def _to_event_after(self, _: object) -> None:
+        t = self._desk.snapshot().t
+        later = [instant for instant in self._instants if instant > t + _SAME]
+        self._desk.post(Seek(min(later)) if later else ToEnd())
+
     async def _on_speed(self, event: viser.GuiEvent) -> None:
         if event.client is not None:
             self._desk.post(SetSpeed(_SPEEDS[self._speed.value]))
 
     def show(self, snapshot: Snapshot) -> None:
         events = self._events.of(snapshot.recording, snapshot.end, snapshot.state.flagged, snapshot.forks)
+        self._instants = tuple(event.t for event in events)
         if (ticks := _ticks_html(snapshot, events)) != self._ticks.content:
             self._ticks.content = ticks
         self._speed.value = min(_SPEEDS, key=lambda title: abs(_SPEEDS[title] - snapshot.speed))

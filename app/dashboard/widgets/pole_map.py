@@ -14,6 +14,10 @@ import numpy as np
 _R, _HOLE = 112.0, 14.0  # px: radius of the largest circle, and of the smallest decade's
 _X, _Y = 168.0, 128.0  # px: the origin
 _SIZE = (336, 148)
+_HATCH = (  # of the unstable half
+    '<pattern id="vs-hatch" width="6" height="6" patternUnits="userSpaceOnUse">'
+    '<path class="hatch" d="M 0 6 L 6 0"/></pattern>'
+)
 _DAMPING = (0.2, 0.5, 0.8)
 _SAME = 1e-3  # relative distance below which poles are drawn as one: repeated ones are known to half the digits only
 
@@ -64,7 +68,7 @@ def pole_map_html(now: list[Pole], asked: list[Pole]) -> str:
         *(_mark(pole, low, high, "asked") for pole in asked),
     ]
     return (
-        f'<svg class="vs-poles" viewBox="0 0 {_SIZE[0]} {_SIZE[1]}" role="img" aria-label="pole map">'
+        f'<svg class="vs-poles" viewBox="0 0 {_SIZE[0]} {_SIZE[1]}" role="img" aria-label="pole map">{_HATCH}'
         f"{''.join(parts)}</svg>"
     )
 

@@ -24,7 +24,8 @@ def status_html(snapshot: Snapshot, complaint: str, begun_from: Scenario | None 
     scenario = snapshot.scenario
     pace = snapshot.pace
     lines = [
-        f'<div class="vs-row"><span class="vs-title">{_title(scenario, begun_from)}</span></div>',
+        '<div class="vs-row"><span class="vs-title" role="heading" aria-level="1">'
+        f"{_title(scenario, begun_from)}</span></div>",
         '<div class="vs-row">'
         f"{chip(MODES[scenario.mode].label, 'vs-mode')}{_phase(snapshot)}"
         f'<span class="vs-right"><span class="vs-dim">t</span> <b class="vs-number">{snapshot.t:.2f}</b> s</span>'

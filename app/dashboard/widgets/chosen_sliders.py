@@ -1,0 +1,41 @@
+"""Sliders of the presentation: the rows that were moved last, whatever their tab."""
+
+from __future__ import annotations
+
+from app.dashboard.widgets.controls import Desk, Number, Row
+from app.session.snapshot import Snapshot
+
+MOST = 3
+
+
+class ChosenSliders:
+    """A folder with a second row for each of the last MOST fields that were moved. A row keeps its place while others
+    come and go; the one that was left alone longest goes. `page.css` shows the folder in the presentation only."""
+
+    def __init__(self, desk: Desk) -> None:
+        self._desk = desk
+        self._moved: tuple[Row, ...] = ()
+        self._numbers: list[Number] = []
+        self._folder = desk.gui.add_folder("Sliders", visible=False)
+        with self._folder:
+            desk.gui.add_html('<div class="vs-chosen"></div>')
+
+    def choose(self, row: Row) -> None:
+        """Take this row in, as the one that was moved last."""
+        if row.scale is not None:
+            others = tuple(other for other in self._moved if other.place != row.place)
+            self._moved = (row, *others)[:MOST]
+
+    def show(self, snapshot: Snapshot) -> None:
+        moved = self._moved
+        places = [row.place for row in moved]
+        for number in [number for number in self._numbers if number.row.place not in places]:
+            self._numbers.remove(number)
+            number.remove()
+        shown = [number.row.place for number in self._numbers]
+        with self._folder:
+            self._numbers += [Number(self._desk, *row) for row in moved if row.place not in shown]
+        for number in self._numbers:
+            number.show(snapshot)
+        if self._folder.visible != bool(moved):
+            self._folder.visible = bool(moved)

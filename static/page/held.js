@@ -1,0 +1,40 @@
+// On a phone the plots lie beside the sliders, out of sight: while a slider is held, the plot that it matters for lies over
+// the scene.
+const MATTERS = [ // words of the row's label, and of the plot's title
+  [/^(K_f|K_e|K̂_e|B_e|M_e|F_d|λ)|\[N\]|friction/, /force/],
+  [/^(constant d|margin|layer|K_s|F_1|F_2)/, /sliding/],
+  [/./, /./],
+];
+let lent = null; // what has been taken out of its place
+const giveBack = () => {
+  if (!lent) return;
+  const { box, chart, width, height } = lent;
+  lent = null;
+  delete box.dataset.heldPlot;
+  box.parentElement.style.minHeight = "";
+  chart.setSize({ width, height });
+};
+const lend = (row) => {
+  const label = row.querySelector("label")?.textContent ?? "", title = MATTERS.find(([words]) => words.test(label))[1];
+  const shown = Object.values(window.__viserTestpoints?.uplots ?? {}).map(({ chart }) => chart)
+    .filter((chart) => chart.root.checkVisibility());
+  const chart = shown.find((each) => title.test(each.root.querySelector(".u-title")?.textContent)) ?? shown[0];
+  const box = chart?.root.closest(".uplot-container");
+  if (!box) return;
+  lent = { box, chart, row, width: chart.width, height: chart.height };
+  box.parentElement.style.minHeight = `${box.parentElement.offsetHeight}px`; // nothing moves under the finger
+  box.dataset.heldPlot = "";
+  fill();
+};
+const fill = () => {
+  if (!lent) return;
+  const { box, chart } = lent, height = Math.max(box.clientHeight - (chart.root.offsetHeight - chart.height) - 8, 90);
+  if (Math.abs(height - chart.height) > 2) chart.setSize({ width: box.clientWidth - 4, height });
+};
+setInterval(fill, 200); // viser gives it the height that it has among the others
+const phone = matchMedia("(max-width: 36em)");
+new MutationObserver(() => {
+  const row = document.querySelector("form[data-held]");
+  if (lent && lent.row !== row) giveBack();
+  if (!lent && row && phone.matches) lend(row);
+}).observe(document.body, { subtree: true, attributes: true, attributeFilter: ["data-held"] });

@@ -1,0 +1,211 @@
+"""Page for those who hear it, go through it by keyboard, touch it, or see colours otherwise."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from itertools import combinations
+from pathlib import Path
+
+import pytest
+from axe_playwright_python.sync_playwright import Axe
+from coloraide import Color
+from coloraide.everything import ColorAll
+from playwright.sync_api import Browser, Page, expect
+
+from app.dashboard.page import Dashboard
+from app.dashboard.plots.charts import Drawing, Line, Setup
+from app.dashboard.plots.plot_table import TABS
+from app.dashboard.theme.colors import RUNS, css
+from app.scenario.data import shipped
+from app.session.commands import Edit, Pause
+from app.session.runner import Runner
+from drivers.pages import Session
+
+PHONE = {"viewport": {"width": 390, "height": 844}, "is_mobile": True, "has_touch": True}
+APART = 10.0  # least CIE Delta E 2000 of two lines of one plot that have the same style; 1 is just noticeable
+WIDER = 1.5  # factor between two widths that makes them different styles
+# What is viser's own and no attribute of ours can mend; nothing is, at present.
+VISERS_OWN: frozenset[str] = frozenset()
+SMALL = """() => [...document.querySelectorAll(
+  "button, [role=tab], [role=button], [role=combobox], .mantine-Input-input, .mantine-Slider-trackContainer")]
+  .filter((e) => e.checkVisibility({ opacityProperty: true, visibilityProperty: true }))
+  .map((e) => [e.ariaLabel || e.textContent || e.className, e.getBoundingClientRect()])
+  .filter(([, box]) => box.width > 0 && Math.min(box.width, box.height) < 43.5)
+  .map(([name, box]) => `${name}: ${box.width} x ${box.height}`)"""
+# Where the keyboard is, and whether one sees it there: a ring, within the window and on top.
+FOCUSED = """() => {
+  const e = document.activeElement, ring = getComputedStyle(e), box = e.getBoundingClientRect();
+  return {
+    name: e.ariaLabel || e.labels?.[0]?.textContent || e.textContent.trim(),
+    role: e.getAttribute("role") ?? e.tagName.toLowerCase(),
+    ring: ring.outlineStyle !== "none" && parseFloat(ring.outlineWidth) >= 1 && e.matches(":focus-visible"),
+    shown: e.checkVisibility({ opacityProperty: true, visibilityProperty: true })
+      && box.bottom > 0 && box.top < innerHeight && box.right > 0 && box.left < innerWidth,
+  };
+}"""
+
+
+VIOLATIONS = """async ([rules, own]) =>
+  (await axe.run({ resultTypes: ["violations"], ...(rules.length && { runOnly: rules }) })).violations
+  .filter(({ id }) => !own.includes(id))
+  .flatMap(({ id, nodes }) => nodes.map(({ html }) => `${id}: ${html.slice(0, 160)}`))"""
+
+
+def require_no_violations(page: Page, rules: tuple[str, ...] = ()) -> None:
+    """axe-core finds nothing by these rules, or by all. What appears has its names within half a second."""
+    if not page.evaluate("'axe' in window"):
+        page.evaluate(Axe().axe_script)
+    for _ in range(20):
+        if not (found := page.evaluate(VIOLATIONS, [rules, list(VISERS_OWN)])):
+            return
+        page.wait_for_timeout(300)
+    pytest.fail("\n".join(found))
+
+
+def test_axe_finds_nothing_on_the_page_its_tabs_and_the_presentation(session: Session):
+    page = session.page
+    page.locator("canvas[data-engine][role=img]").wait_for()
+    session.runner.post(Pause())  # leaves the cores to axe
+    for rules in ((), ("color-contrast",)):  # dark, then light, which is other colours
+        plots, controls = (page.locator(f"[data-dock-region={side}] [role=tab]:visible") for side in ("left", "right"))
+        for pair in zip(plots.all_inner_texts(), controls.all_inner_texts(), strict=True):  # eight of each
+            for title in pair:
+                session.tab(title)
+            require_no_violations(page, rules)
+        page.keyboard.press("v")
+        require_no_violations(page, rules)
+        page.keyboard.press("v")
+        page.keyboard.press("t")
+
+
+def test_axe_finds_nothing_on_a_phone_and_every_target_is_as_large_as_a_finger(
+    served: tuple[Dashboard, Runner], open_page: Callable[..., Page]
+):
+    page = open_page(served[0].url, **PHONE)
+    page.locator("main, [role=main]").wait_for()
+    page.locator(".uplot").first.wait_for()
+    require_no_violations(page)
+    page.locator(".mantine-Notification-closeButton").click()
+    expect(page.locator(".mantine-Notification-root")).to_have_count(0)
+    assert not page.evaluate(SMALL)
+
+
+def test_the_keyboard_reaches_every_control_and_shows_where_it_is(session: Session):
+    page = session.page
+    page.locator(".u-label[role=button]").first.wait_for()
+    page.locator("canvas[data-engine]").click(position={"x": 20, "y": 200})
+    reached = []
+    for _ in range(200):
+        page.keyboard.press("Tab")
+        now = page.evaluate(FOCUSED)
+        if now["role"] == "body" and reached:
+            break
+        reached.append(now)
+    unseen = [place for place in reached if place["role"] != "body" and not (place["ring"] and place["shown"])]
+    assert not unseen
+    names = {(place["role"], place["name"]) for place in reached}
+    assert {
+        ("button", "What if"), ("button", "play / pause"), ("button", "ψ₁"), ("slider", "F_d [N]"),
+        ("input", "F_d [N]"), ("tab", "Residual"), ("tab", "Export"), ("combobox", "Mode"),
+        ("button", "Minimize panel"),
+    } <= names  # fmt: skip
+    assert not [place for place in reached if not place["name"]]
+
+
+def test_lines_and_folders_answer_to_keys_and_sliders_tell_their_value(session: Session):
+    page = session.page
+    entry = page.locator(".u-label[role=button]").first
+    entry.focus()
+    page.keyboard.press("Enter")
+    expect(entry).to_have_attribute("aria-pressed", "false")
+    page.keyboard.press("Enter")
+    expect(entry).to_have_attribute("aria-pressed", "true")
+    folder = page.get_by_role("button", name="What if", exact=True)
+    folder.focus()
+    page.keyboard.press("Enter")
+    expect(folder).to_have_attribute("aria-expanded", "true")
+    page.keyboard.press("Enter")
+    expect(folder).to_have_attribute("aria-expanded", "false")
+    slider = page.get_by_role("slider", name="F_d [N]")
+    expect(slider).to_have_attribute("aria-valuetext", "20 N")
+
+
+def test_the_keyboard_leads_from_event_to_event(session: Session):
+    session.wait(lambda now: now.t > 0.5)
+    session.runner.post(Edit("force.value", 25.0))
+    session.wait(lambda now: now.scenario.force.value == 25.0)
+    edited = session.now.state.epoch.t
+    session.wait(lambda now: now.t > edited + 0.5)
+    session.page.locator(".vs-tick.vs-edit").wait_for()
+    session.page.locator("canvas[data-engine]").click(position={"x": 20, "y": 200})
+    session.page.keyboard.press("PageUp")
+    session.wait(lambda now: now.looking_back)
+    assert session.now.t == pytest.approx(edited, abs=2e-3)
+    session.page.keyboard.press("PageDown")
+    session.wait(lambda now: not now.looking_back)
+
+
+@pytest.mark.usefixtures("own_page")
+def test_on_a_phone_a_held_slider_shows_its_plot(served: tuple[Dashboard, Runner], open_page: Callable[..., Page]):
+    page = open_page(served[0].url, **PHONE)
+    row = page.locator("form:visible", has=page.get_by_text("F_d [N]", exact=True))
+    row.locator("[role=slider][aria-valuetext]").wait_for()
+    row.scroll_into_view_if_needed()
+    box = row.locator(".mantine-Slider-trackContainer").bounding_box()
+    assert box is not None
+    touch = page.context.new_cdp_session(page)
+    at = {"x": box["x"] + 0.4 * box["width"], "y": box["y"] + box["height"] / 2}
+    touch.send("Input.dispatchTouchEvent", {"type": "touchStart", "touchPoints": [at]})
+    lent = page.locator("[data-held-plot]")
+    expect(lent).to_contain_text("force on the environment")
+    over = lent.bounding_box()
+    assert over is not None
+    assert over["y"] == 0
+    assert over["width"] == pytest.approx(390, abs=1)
+    assert over["y"] + over["height"] < box["y"]
+    assert row.locator(".mantine-Slider-trackContainer").bounding_box() == box  # it has not moved under the finger
+    touch.send("Input.dispatchTouchEvent", {"type": "touchEnd", "touchPoints": []})
+    expect(lent).to_have_count(0)
+
+
+def drawings() -> Iterator[tuple[str, Drawing]]:
+    """Every plot of every tab, for an arm with seven joints that presses."""
+    runner = Runner(shipped()["panda-hybrid"])
+    setup = Setup.of(runner.snapshot, 0, 0)
+    for title, tab in TABS.items():
+        for plot in tab.plots:
+            if drawing := plot.draw(setup):
+                yield f"{title}: {drawing.title}", drawing
+    runner.close()
+
+
+def alike(one: Line, other: Line) -> bool:
+    """Whether only colour tells two lines apart."""
+    thin, wide = sorted((one.width, other.width))  # without width it is a filled area
+    return (one.dashed, one.backdrop) == (other.dashed, other.backdrop) and wide <= WIDER * thin
+
+
+def test_lines_stay_apart_for_the_colour_blind_in_both_themes(browser: Browser):
+    page = browser.new_page()
+    page.add_script_tag(
+        content=Path("static/page/plots.js").read_text(encoding="utf-8")
+    )  # has the light page's colours
+
+    def seen(color: str, sight: str, theme: str) -> Color:
+        shown = ColorAll(page.evaluate("onWhite", color) if theme == "light" else color)
+        return shown.filter(sight) if sight else shown
+
+    near = []
+    pinned = Drawing("pinned runs", [Line(f"run {i}", color, lambda _: None) for i, color in enumerate(RUNS)])  # pyright: ignore[reportArgumentType]
+    for title, drawing in (*drawings(), ("Pinned", pinned)):
+        listed = [line for line in drawing.lines if line.listed]
+        for one, other in combinations(listed, 2):
+            if not alike(one, other):
+                continue
+            for theme in ("dark", "light"):
+                for sight in ("", "protan", "deutan"):
+                    pair = [seen(css(line.color), sight, theme) for line in (one, other)]
+                    if (apart := pair[0].delta_e(pair[1], method="2000")) < APART:
+                        near.append(f"{title}: {one.name}, {other.name}: {apart:.1f} ({theme} {sight})")
+    page.close()
+    assert not near, "\n".join(near)

@@ -1,0 +1,96 @@
+"""Controls that can be pressed: at every size of the window, width of a dock and zoom, and in the presentation."""
+
+from __future__ import annotations
+
+import pytest
+from playwright.sync_api import expect
+
+from drivers.pages import Session
+
+# Controls that something else would take the press of, each after it was scrolled into view: name and what lies there.
+COVERED = """() => {
+  const controls = [...document.querySelectorAll(
+    "button, [role=tab], [role=button], [role=combobox], [role=slider], .mantine-Input-input, input[type=checkbox]")];
+  const faults = [], SLIDER = ".mantine-Slider-root";
+  for (const control of controls) {
+    if (!control.checkVisibility({ opacityProperty: true, visibilityProperty: true })) continue;
+    if (control.closest(".uplot-container") && !control.matches(".u-label")) continue; // shown under the mouse
+    control.scrollIntoView({ block: "nearest", inline: "nearest" });
+    const box = control.getBoundingClientRect();
+    if (box.width < 1 || box.height < 1) continue;
+    const there = document.elementFromPoint(box.x + box.width / 2, box.y + box.height / 2);
+    const label = (e) => e?.ariaLabel || e?.textContent?.trim().slice(0, 40) || e?.className || "the window's edge";
+    const own = there && (control.contains(there) || (control.matches("[role=slider]") && there.closest(SLIDER)));
+    if (!own) faults.push(`${label(control)} is under ${label(there)}`);
+  }
+  return faults;
+}"""
+SIZES = ((1024, 768), (1280, 720), (1920, 1080), (853, 480), (390, 844))  # 853 x 480 is 1280 x 720 at 150 %
+
+
+def require_nothing_covered(session: Session, where: str) -> None:
+    """Nothing is covered once the page has been laid out."""
+    for _ in range(40):
+        if not (found := session.page.evaluate(COVERED)):
+            return
+        session.page.wait_for_timeout(150)
+    pytest.fail(f"{where}: {found}")
+
+
+def drag_dock(session: Session, side: str, to: float) -> None:
+    """Pull the edge of a dock to this place of the window, px."""
+    box = session.page.locator(f"[data-dock-region-resize={side}]").bounding_box()
+    assert box is not None
+    x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] * 0.7
+    session.page.mouse.move(x, y)
+    session.page.mouse.down()
+    session.page.mouse.move(to, y, steps=4)
+    session.page.mouse.up()
+
+
+@pytest.mark.usefixtures("own_page")
+def test_no_control_is_covered_at_any_size_and_dock_width(session: Session):
+    page = session.page
+    for width, height in SIZES:
+        page.set_viewport_size({"width": width, "height": height})
+        require_nothing_covered(session, f"{width} x {height}")
+    page.set_viewport_size({"width": 1280, "height": 720})
+    for left, right in ((250, 800), (560, 900), (620, 860)):
+        drag_dock(session, "left", left)
+        drag_dock(session, "right", right)
+        require_nothing_covered(session, f"docks to {left} and {right} of 1280")
+
+
+@pytest.mark.usefixtures("own_page")
+def test_the_presentation_has_the_sliders_moved_last_of_any_tab_and_covers_nothing(session: Session):
+    page = session.page
+    session.choose("Scenario", "Panda presses, elbow angle added (Remark 5)")
+    session.wait(lambda now: len(now.coordinates) == 7)
+    for tab, label in (
+        ("Task", "F_d [N]"),
+        ("Controller", "K_s [N·s/m]"),
+        ("Robot", "Coulomb [N·m]"),
+        ("Robot", "viscous [N·m·s]"),
+    ):
+        session.tab(tab)
+        session.row(label).first.locator(".mantine-Slider-root").click(position={"x": 30, "y": 4})
+        page.locator("div:has(> .vs-chosen) ~ form", has=page.get_by_text(label, exact=True)).wait_for(state="attached")
+    session.tab("View")
+    page.keyboard.press("v")
+    chosen = page.locator("form[data-staged]:visible label:not(:empty)")
+    expect(chosen).to_have_text(["K_s [N·s/m]", "Coulomb [N·m]", "viscous [N·m·s]"])
+    expect(page.locator("form:has(.mantine-Slider-root):visible")).to_have_count(4)  # these, and the time
+    for width, height in SIZES[:-1]:
+        page.set_viewport_size({"width": width, "height": height})
+        require_nothing_covered(session, f"the presentation at {width} x {height}")
+        page.wait_for_function("""() => {
+          const math = document.querySelector(".vs-equation math"), box = math.getBoundingClientRect();
+          const scene = document.querySelector("canvas[data-engine]").getBoundingClientRect();
+          return math.scrollWidth <= math.clientWidth + 1 && math.scrollHeight <= math.clientHeight + 1
+            && box.left >= 0 && box.top >= scene.bottom - 1 && box.bottom <= innerHeight && scene.height > 150
+            && document.querySelector(".vs-equation").textContent.includes("q3");
+        }""")  # the equation is whole and beside the scene
+    row = session.row("Coulomb [N·m]")
+    row.locator(".mantine-TextInput-input").fill("2.5")
+    page.keyboard.press("Enter")
+    session.wait(lambda now: now.scenario.truth.coulomb == 2.5)
