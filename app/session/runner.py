@@ -10,7 +10,7 @@ import queue
 import sys
 import threading
 import time
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import structlog
@@ -62,6 +62,18 @@ SILENCE = 10.0  # s without a round of the thread: it hangs
 SLOWEST, FASTEST = 0.01, 100.0
 
 
+@dataclass(frozen=True)
+class _Stretch:
+    """A stretch of a run that is shown at a speed of its own.
+    run: number of the run.
+    end: s, its last instant.
+    usual: the speed that holds afterwards."""
+
+    run: int
+    end: float
+    usual: float
+
+
 class Runner:
     """Owner of the loop and of its thread. `post` and `snapshot` may be used from any thread; nothing else touches the
     loop.
@@ -82,9 +94,7 @@ class Runner:
         self._reach = reach
         self._playing = True
         self._speed = 1.0
-        self._after: tuple[float, float] | None = (
-            None  # the instant (s) from which on another speed holds, and that one
-        )
+        self._shown: _Stretch | None = None
         self._revision = self._runs = self._refusals = 0
         self._refusal: str | None = None
         self._told = ""
@@ -189,11 +199,12 @@ class Runner:
         return min(max(due, LEAST_REST if self._loop.grip else BATCH), PUBLISH)
 
     def _resumes(self) -> bool:
-        """Whether the stretch that is shown at a speed of its own has ended just now; then the former speed holds."""
-        if self._after is None or self._loop.t < self._after[0]:
+        """Whether the stretch that is shown at a speed of its own is over just now, at its end or because another run
+        has begun; then the former speed holds."""
+        shown = self._shown
+        if shown is None or (shown.run == self._runs and self._loop.t < shown.end):
             return False
-        _, self._speed = self._after
-        self._after = None
+        self._speed, self._shown = shown.usual, None
         return True
 
     def _note_stop(self) -> None:
@@ -334,12 +345,12 @@ class Runner:
             case Unpin(number):
                 line.unpin(number)
             case SetSpeed(factor):
-                self._speed, self._after = _admitted(factor), None
+                self._speed, self._shown = _admitted(factor), None
             case ShowAgain(start, end, factor):
-                slow, usual = _admitted(factor), self._speed if self._after is None else self._after[1]
+                slow, usual = _admitted(factor), self._speed if self._shown is None else self._shown.usual
                 line.hold(None)
                 line.seek(start)
-                self._speed, self._after, self._playing = slow, (end, usual), True
+                self._speed, self._shown, self._playing = slow, _Stretch(self._runs, end, usual), True
             case Push(grip):
                 line.hold(grip)
             case Blend(model, over):

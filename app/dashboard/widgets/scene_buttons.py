@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass, replace
 from html import escape
 
 import numpy as np
@@ -24,7 +25,7 @@ class SceneButtons:
 
     def __init__(self, desk: Desk) -> None:
         self._desk = desk
-        self._after: tuple[float, float] | None = None  # an instant, s, and the plots' window from then on, s
+        self._shown: _Shown | None = None
         self._html = desk.gui.add_html("")
         desk.gui.add_command("Swap the law: robust, or computed torque", hotkey="L").on_trigger(self._swap)
         desk.gui.add_command("Push the tool", hotkey="B").on_trigger(self._push)
@@ -41,20 +42,19 @@ class SceneButtons:
         self._desk.post(TakeWayOut())
 
     async def _reach(self, _: object) -> None:
-        again = reaching(self._desk.snapshot())
+        snapshot = self._desk.snapshot()
+        again = reaching(snapshot)
         if again is None:
             self._desk.complain("reaching: s has begun at zero; allowed: after an edit with z kept, see tab Controller")
             return
         viewing, long = self._desk.viewing, again.end - again.start
-        if self._after is None:
-            self._after = again.end, viewing.window
+        usual = viewing.window if self._shown is None else self._shown.usual
+        self._shown = _Shown(snapshot.run, again.end, usual)
         viewing.window = next((window for window in _WINDOWS if window >= long), viewing.window)
         self._desk.post(again)
 
     def show(self, snapshot: Snapshot) -> None:
-        if self._after is not None and snapshot.t > self._after[0]:
-            _, self._desk.viewing.window = self._after
-            self._after = None
+        self._restore_window(snapshot)
         law, push = snapshot.system.controller.law, snapshot.scenario.truth.push
         force = sum(value**2 for value in (push if any(push) else PUSH)) ** 0.5
         content = (
@@ -70,17 +70,44 @@ class SceneButtons:
         if self._html.content != content:
             self._html.content = content
 
+    def _restore_window(self, snapshot: Snapshot) -> None:
+        """The plots' usual window again, when the stretch shown slowly is over or another run has begun."""
+        shown = self._shown
+        if shown is None:
+            return
+        begun = shown.begun or snapshot.t <= shown.end
+        if snapshot.run != shown.run or (begun and snapshot.t > shown.end):
+            self._desk.viewing.window, self._shown = shown.usual, None
+        else:
+            self._shown = replace(shown, begun=begun)
+
+
+@dataclass(frozen=True)
+class _Shown:
+    """The stretch for which the plots have a window of their own.
+    run: number of the run.
+    end: s, its last instant.
+    usual: s, the window afterwards.
+    begun: whether a snapshot of it has been seen; until then those of the instant of the command still come."""
+
+    run: int
+    end: float
+    usual: float
+    begun: bool = False
+
 
 def reaching(snapshot: Snapshot) -> ShowAgain | None:
-    """Command that shows the last reaching phase slowly; None where s began at zero, or nothing was to be reached."""
+    """Command that shows the last reaching phase slowly; None where s began at zero, nothing was to be reached, or the
+    run is no longer known as far back."""
     epoch, period = snapshot.state.epoch, snapshot.scenario.controller.period
     if not snapshot.system.controller.law.robust or not epoch.certificate.t_r > 10.0 * period:
+        return None
+    if epoch.t < snapshot.first:
         return None
     reached = epoch.reached if epoch.reached is not None else epoch.banded
     took = epoch.certificate.t_r if reached is None else reached - epoch.t
     long = _LONGER * max(took, 10.0 * period)
-    start = max(epoch.t, snapshot.first)
-    return ShowAgain(start, start + long, float(np.clip(long / _SHOWN_IN, SLOWEST, 1.0)))
+    return ShowAgain(epoch.t, epoch.t + long, float(np.clip(long / _SHOWN_IN, SLOWEST, 1.0)))
 
 
 def _other(law: ControlLaw) -> ControlLaw:
