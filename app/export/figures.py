@@ -458,7 +458,7 @@ def looks_of(chart: Chart) -> list[dict[str, Any]]:
 def _stretches(curve: Curve) -> Iterator[tuple[np.ndarray, np.ndarray]]:
     """The curve's points between its gaps."""
     y = np.asarray(curve.y, dtype=float)
-    for known in np.ma.clump_unmasked(np.ma.masked_invalid(y)):
+    for known in np.ma.clump_unmasked(np.ma.masked_invalid(y)) if len(y) else ():
         yield thinned(np.asarray(curve.x, dtype=float)[known], y[known], BINS)
 
 

@@ -11,6 +11,7 @@ import zipfile
 from contextlib import suppress
 from itertools import count
 from pathlib import Path
+from types import SimpleNamespace
 from unittest.mock import MagicMock
 
 import numpy as np
@@ -378,6 +379,8 @@ def test_a_mesh_of_ones_own_is_shown(tmp_path: Path) -> None:
     arm.write_text(BENT.replace(UPPER, UPPER + visual))
     robot, scene = robots.load("", urdf=str(arm)), MagicMock()
     scene.add_mesh_simple.side_effect = lambda name, *_, **__: MagicMock(path=name)
+    pose = SimpleNamespace(name="", position=np.zeros(3), wxyz=np.zeros(4), api=MagicMock())
+    scene.add_frame.return_value._impl = pose
     view = RobotView(scene, robot, "/arm")
     bones = list(view._shapes)
     assert {Path(bone.path).name[:5] for bone in bones} == {"bone_"}  # nobody waits for the process that reads

@@ -11,10 +11,9 @@ from pathlib import Path
 
 import pytest
 
-from app.dashboard.export import Stretch, write
+from app.dashboard.export import FigureChoice, Stretch, write
 from app.dashboard.page import Dashboard
 from app.export.export_jobs import file_name
-from app.export.formats import ALL_PLOTS
 from app.scenario.data import edited, from_plain, load, shipped, to_plain
 from app.scenario.schema import Scenario
 from app.session.commands import Edit, Load, Pin
@@ -98,7 +97,7 @@ def test_files_that_are_taken_away(tmp_path: Path) -> None:
     loop, _ = simulate(scenario, show_progress=False)
     out = tmp_path / "out"
     stretch = Stretch(scenario, loop.recording, 0.0, 0.05)
-    svg, csv = (path.read_text(encoding="utf-8") for path in write(stretch, ("svg", "csv"), ALL_PLOTS, out))
+    svg, csv = (path.read_text(encoding="utf-8") for path in write(stretch, ("svg", "csv"), FigureChoice(), out))
     assert "<img" not in svg
     assert escape(EVIL, quote=False) in svg
     assert all(line.startswith("#") for line in csv.splitlines() if "onerror" in line or "\x1b" in line)

@@ -126,7 +126,7 @@ def test_its_parameters_are_said_by_the_scenario() -> None:
     assert loop.system.controller.parameters == {"k_i": 123.0}
     for change, said in (
         ({"k_i": -1.0}, "controller.own.pid-gravity.k_i: -1 N/(m·s); allowed: 0 to 50000 N/(m·s)"),
-        ({"k_d": 1.0}, "controller.own.pid-gravity.k_d: no such parameter; allowed: k_i"),
+        ({"k_d": 1.0}, "controller.own.pid-gravity.k_d: no such parameter; allowed: k_i; did you mean k_i?"),
     ):
         for path, value in change.items():
             with pytest.raises(ScenarioError) as refused:
@@ -236,7 +236,7 @@ def test_a_law_that_fails_later_stops_the_run_and_keeps_its_recording(written: C
 def test_laws_are_known_by_the_command_line_only(tmp_path: Path, written: Callable[[str], Path]) -> None:
     path = written(HEAD + NUMPY + LAW.format(""))
     for law in ("mine", str(path)):
-        with pytest.raises(ScenarioError, match=r"controller\.law: .*allowed: vsmrc, computed-torque, pd-gravity, or"):
+        with pytest.raises(ScenarioError, match=r"controller\.law: .*allowed: vsmrc, computed-torque, pd-gravity \(or"):
             ClosedLoop(under(law))
     assert execute(["run", "ur5-hybrid", "--set", "controller.law=mine", "--out", str(tmp_path / "out")]) == 2
 

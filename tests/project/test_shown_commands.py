@@ -103,6 +103,10 @@ def check(words: list[str], parse: Parse) -> None:
             call = parse(*words)
             if call.function.__name__ == "serve":
                 load(call.arguments["scenario"])
+                for name, allowed in (("theme", cli.THEMES), ("token", cli.TOKENS), ("log_level", (None, *cli.LEVELS))):
+                    assert call.arguments[name] in allowed
+            elif call.function.__name__ == "export":
+                assert {*call.arguments["to"]} <= {*cli.KINDS_OF_FILES}
             elif call.function.__name__ == "figures":
                 assert {*call.arguments["only"]} <= {section.name for section in SECTIONS}
             elif call.function.__name__ == "fuzz":
@@ -140,7 +144,8 @@ def test_each_command_is_accepted(page: Page, command: Command, parse: Parse) ->
     [
         "vsmrc simulate", "vsmrc run ur5-hybrid --duration 5", "vsmrc run ur5-hybrid --out out --durations 5",
         "vsmrc export ur5-hybrid --out out --to gif", "vsmrc figures --out out --only theorems",
-        "vsmrc serve ur5-hybird --fps 10", "make tests", 'make check ARGS="--quick"', "make run PORT=1",
+        "vsmrc serve ur5-hybird --fps 10", "vsmrc serve --theme blue", "make tests",
+        'make check ARGS="--quick"', "make run PORT=1",
         'make run ARGS="--ports 1"', 'make bench ARGS="--only steps"', 'make fuzz ARGS="--only urdfs"',
         "python -m benchmarks.soaks --minutes 1",
     ],
