@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import subprocess
 import sys
 import time
@@ -99,7 +100,8 @@ def test_files_that_are_taken_away(tmp_path: Path) -> None:
     stretch = Stretch(scenario, loop.recording, 0.0, 0.05)
     svg, csv = (path.read_text(encoding="utf-8") for path in write(stretch, ("svg", "csv"), FigureChoice(), out))
     assert "<img" not in svg
-    assert escape(EVIL, quote=False) in svg
+    words = "".join(re.sub(r"<[^>]*>", "", svg).split())  # a line may break within, a letter may be set as a symbol
+    assert escape(EVIL, quote=False).replace(" ", "") in words
     assert all(line.startswith("#") for line in csv.splitlines() if "onerror" in line or "\x1b" in line)
     for name in ("a\r\nContent-Type: text/html", "../../etc/passwd", 'a"; rm', EVIL, "\u202ecsv.exe"):
         assert set('/\\\r\n"<>;\u202e').isdisjoint(file_name(name, 1.0, "csv"))
