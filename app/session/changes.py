@@ -12,6 +12,7 @@ from typing import Any, TypeVar
 import msgspec
 import numpy as np
 
+from app.process.own_code import own_code
 from app.scenario.data import edited, from_plain, of_kind, to_plain
 from app.scenario.schema import (
     Contact,
@@ -27,12 +28,15 @@ from app.scenario.schema import (
     UnboundedGain,
     field_info,
 )
-from app.simulation.controller_builder import target_model
+from app.simulation.controller_builder import laws, target_model
 from app.simulation.environment_builder import positions_of, robot_of, surface_of, task_axes, tool_at_start
 from controllers import modes
+from controllers.control_law import ControlLaw
 from controllers.nominal_model import NominalModel
 from controllers.target_model import InvalidGain
 from environments import robots
+from environments.surfaces.own import OwnSurface
+from environments.trajectories.own import OwnTrajectory
 from environments.trajectories.point_to_point import Hold
 from environments.urdf import RobotError
 from parameters import allowed
@@ -116,12 +120,30 @@ def nearest(scenario: Scenario, path: str, value: object) -> WayOut | None:
     """Way out where a number is out of its field's bounds: the bound; None for anything else."""
     if not isinstance(value, float | int):
         return None
-    info = field_info(path)
-    for bound, word in ((info.least, "smallest"), (info.largest, "largest")):
+    least, largest = _bounds(scenario, path)
+    for bound, word in ((least, "smallest"), (largest, "largest")):
         if bound is not None and (value < bound if word == "smallest" else value > bound):
             with suppress(ScenarioError):  # a bound that is itself not allowed is no way out
                 return WayOut(f"Take {bound:g}, the {word} allowed", edited(scenario, path, type(value)(bound)))
     return None
+
+
+def _bounds(scenario: Scenario, path: str) -> tuple[float | None, float | None]:
+    """Least and largest number allowed at a dotted path, None where there is no bound or no such field."""
+    own: Mapping[str, ControlLaw | OwnSurface | OwnTrajectory]
+    with suppress(KeyError):
+        match path.split("."):
+            case "controller", "own", kind, name:
+                own = laws()
+            case "surface" | "motion" as section, "parameters", name:
+                own = own_code().surfaces if section == "surface" else own_code().trajectories
+                kind = getattr(getattr(scenario, section), "name", "")
+            case _:
+                info = field_info(path)
+                return info.least, info.largest
+        parameter = {each.name: each for each in own[kind].parameters}[name]
+        return parameter.low, parameter.high
+    return None, None
 
 
 def told(asked: Scenario, done: Scenario) -> str:

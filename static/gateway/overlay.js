@@ -67,9 +67,12 @@ const begin = (about) => {
   document.body.append(root);
 };
 
+// viser's client writes its web socket's address behind ours, again and again, where people would copy it along
+const replace = history.replaceState.bind(history);
+history.replaceState = (state, title) => replace(state, title, location.pathname);
+history.replaceState(null, "");
+
 const ask = async () => {
-  // viser's client writes its web socket's address behind ours, where people would copy it along
-  if (location.search) history.replaceState(null, "", location.pathname);
   try {
     const answer = await fetch("about", { cache: "no-store" });
     if (answer.ok) {

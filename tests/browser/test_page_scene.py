@@ -17,6 +17,7 @@ from app.session.commands import Load, Reset
 from app.session.runner import Runner
 from app.session.snapshot import Snapshot
 from drivers.pages import Session
+from tests.browser.test_page_stage import OVER
 
 
 @pytest.fixture
@@ -146,3 +147,25 @@ def test_camera_and_switches_are_the_pages_and_not_the_runs(scene: Scene):
     assert session.now.revision == before.revision
     assert session.now.scenario == before.scenario
     assert session.now.phase == "running"
+
+
+@pytest.mark.usefixtures("own_page")
+def test_the_legend_lies_over_no_control_whatever_the_window(session: Session):
+    page = session.page
+    page.locator(".vs-legend-button").click()
+    page.locator(".vs-legend").wait_for()
+    parts = [".vs-legend", ".vs-legend-button", ".vs-acts button", ".vs-timeline"]
+    for width, height in ((1024, 768), (1280, 720), (1920, 1080)):
+        page.set_viewport_size({"width": width, "height": height})
+        page.evaluate("window.apart = 0")
+        # five times in a row: right after a change of the window's size the old places may be apart by chance
+        page.wait_for_function(
+            f"""(parts) => {{
+              const box = document.querySelector(".vs-legend").getBoundingClientRect();
+              const apart = !({OVER})(parts) && box.width > 100 && box.bottom < innerHeight;
+              window.apart = apart ? window.apart + 1 : 0;
+              return window.apart === 5;
+            }}""",
+            arg=parts,
+            polling=300,
+        )

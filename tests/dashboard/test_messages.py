@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import math
 from collections.abc import Iterator
 from dataclasses import replace
@@ -14,6 +15,7 @@ from app.dashboard.page import Dashboard
 from app.dashboard.scene.trails import PIECE, PIECES, SPACING, Trail
 from app.dashboard.widgets.scene_buttons import reaching
 from app.scenario.data import load
+from app.session.commands import Reset, ToEnd
 from app.session.runner import Runner
 from app.session.snapshot import snapshot_of
 
@@ -84,3 +86,37 @@ def test_the_reaching_phase_is_offered_where_there_is_one() -> None:
     assert again.start == 0.0
     assert epoch.reached < again.end < 2.0 * epoch.reached
     assert 3.0 < (again.end - again.start) / again.factor < 10.0
+    # no longer, when the recording begins after it
+    assert reaching(replace(snapshot, first=0.2)) is None
+
+
+def test_the_plots_have_a_window_of_their_own_until_the_reaching_phase_has_been_shown(dashboard: Dashboard) -> None:
+    runner = Runner(load("ur5-hybrid-reaching"))
+    dashboard.attach(runner)
+    view = dashboard._view
+    assert view is not None
+    for _ in range(700):
+        runner._step()
+    runner._newest = runner._publish()
+    buttons, viewing = view._scene_buttons, view._viewing
+    usual = viewing.window
+
+    def shown() -> float:
+        buttons.show(runner._newest)
+        return viewing.window
+
+    asyncio.run(buttons._reach(None))
+    short = shown()  # before the runner has gone back
+    assert short < usual
+    runner._obey(runner._queued())
+    runner._newest = runner._publish()
+    assert runner._newest.t == 0.0
+    assert shown() == short
+    runner._obey([ToEnd()])
+    runner._newest = runner._publish()
+    assert shown() == usual
+    # another run ends it, too
+    asyncio.run(buttons._reach(None))
+    runner._obey([*runner._queued(), Reset()])
+    runner._newest = runner._publish()
+    assert shown() == usual

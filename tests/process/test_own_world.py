@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from app.process.own_code import OwnCodeError, own_code, own_course, own_shape, use
-from app.scenario.data import edited, from_toml, load, to_toml
+from app.scenario.data import differences, edited, from_toml, load, to_toml
 from app.scenario.schema import Scenario, ScenarioError
-from app.session.changes import in_mode, on_surface
+from app.session.changes import in_mode, nearest, on_surface
 from app.session.headless_run import simulate
 from app.simulation.closed_loop import ClosedLoop
 from environments.surfaces.own import Own as OwnForm
@@ -190,3 +190,17 @@ def test_derivatives_that_differences_do_not_confirm_are_refused(written: Callab
     use([written(PLANE.format(slope=-1.2), "floor")])
     with pytest.raises(ScenarioError, match=r"surface\.name: near .* its derivatives are not what differences say"):
         ClosedLoop(edited(load("ur5-hybrid"), "surface", {"kind": "own", "name": "floor", "origin": [0, 0, 0.17]}))
+
+
+def test_the_way_out_of_a_parameter_out_of_bounds_is_the_bound() -> None:
+    use([EXAMPLES / name for name in ("pid_gravity.py", "figure_eight.py", "cone.py")])
+    scenario = on_surface(edited(load("ur5-hybrid"), "motion", "own:figure-eight"), "own:cone")
+    for path, value, bound in (
+        ("controller.own.pid-gravity.k_i", -1.0, 0.0),
+        ("motion.parameters.height", 9.0, 0.2),
+        ("surface.parameters.angle", 0.1, 0.3),
+    ):
+        way = nearest(scenario, path, value)
+        assert way is not None
+        assert differences(way.scenario, scenario)[path][0] == bound
+    assert nearest(scenario, "surface.parameters.width", 0.1) is None

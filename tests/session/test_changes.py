@@ -114,6 +114,7 @@ def test_what_no_adaptation_mends_is_refused() -> None:
         ("ur5-hybrid", {"force.value": -20.0}, "Let the surface pull, too", "force.value", -20.0),
         ("ur5-hybrid", {"motion.radius": 2.0}, "Take a path that the arm can follow", None, None),
         ("ur5-hybrid", {"controller.layer": -1.0}, "", None, None),
+        ("ur5-hybrid", {"controller.nonsense": -1.0}, "", None, None),
         ("ur5-hybrid", {"simulation.substeps": 10**6}, "Take 1000, the largest allowed", "simulation.substeps", 1000),
     ],
 )

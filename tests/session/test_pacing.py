@@ -11,7 +11,7 @@ import pytest
 
 from app.dashboard.widgets.status import status_html
 from app.scenario.data import edited, shipped
-from app.session.commands import Edit, Pause, Push, Seek, SetSpeed, ShowAgain, ToEnd
+from app.session.commands import Edit, Pause, Push, Reset, Seek, SetSpeed, ShowAgain, ToEnd
 from app.session.pacing import Pace, PaceMeter, Schedule
 from app.session.runner import Runner
 from app.session.snapshot import Snapshot
@@ -161,3 +161,11 @@ def test_a_stretch_is_shown_again_slowly_and_then_the_run_goes_on_as_before(runn
     assert now.refusal is not None
     assert now.refusal.startswith("time: -1 s; allowed: 0 to")
     assert now.speed == 2.0
+
+
+def test_another_run_is_not_shown_slowly(runner: Runner):
+    wait(runner, lambda now: now.t > 0.5)
+    runner.post(ShowAgain(0.1, 0.5, 0.01))
+    run = wait(runner, lambda now: now.speed == 0.01).run
+    runner.post(Reset())
+    wait(runner, lambda now: now.run > run and now.speed == 1.0)

@@ -263,8 +263,8 @@ class Chart:
         self._legend_rows = 1
         self._lowest: list[float] = []
         self._handle = gui.add_uplot(
-            (_NOTHING, _NOTHING),
-            (uplot.Series(label=""), uplot.Series(label="")),
+            _padded(()),
+            tuple(uplot.Series(label="") for _ in range(MOST_SERIES)),
             cursor=uplot.Cursor() if plot.spectral else uplot.Cursor(sync={"key": "vsmrc"}),
             height=150,
             padding=(10, 14, 0, 0),
@@ -336,7 +336,8 @@ def _of_pinned(line: Line, label: Label, *, listed: bool) -> uplot.Series:
 
 def _padded(data: tuple[np.ndarray, ...]) -> tuple[np.ndarray, ...]:
     """Data padded to the largest number of series of a chart. The page receives the series and the data in two
-    messages, may draw between them, and fails at a series without an array, whereas spare arrays cost nothing."""
+    messages, in either order, may draw between them, and fails at a series without an array, whereas spare arrays cost
+    nothing."""
     return (*data, *(_NOTHING,) * (MOST_SERIES - len(data)))
 
 
