@@ -23,6 +23,7 @@ from app.dashboard.theme.style import injected_html
 from app.dashboard.transport.callback_errors import watch
 from app.dashboard.transport.handshake import behind_doors
 from app.dashboard.transport.message_filter import MessageFilter
+from app.dashboard.transport.repeated_inputs import RepeatedInputs
 from app.dashboard.transport.stalled_clients import StalledClients
 from app.dashboard.transport.visible_tabs import VisibleTabs
 from app.dashboard.transport.widget_lock import WidgetLock
@@ -247,6 +248,7 @@ class _View:
         self._symbols = Symbols(server.gui)
         self._chosen_sliders = ChosenSliders(desk)
         self._widget_lock = WidgetLock(server)
+        RepeatedInputs(server)
         self._visible_tabs = VisibleTabs()
         self._visible_tabs.add_field(server.gui)
         self._plots = Plots(server.gui, self._visible_tabs, self._viewing, self._widget_lock.drawing)

@@ -11,12 +11,16 @@ const write = (input, text) => {
   writing = false;
 };
 // viser sends no more than a message in 50 ms and drops those in between, so a mark may get lost. The server takes it off.
-const tell = (input, text, mark, again = 3) => {
-  const turn = (input.vsmrcTold = {});
-  write(input, text + mark);
-  setTimeout(() => {
-    if (again && input.vsmrcTold === turn && input.value === text + mark) tell(input, text + mark, mark, again - 1);
-  }, 700);
+// An odd number of marks and an even one in turn: by that the server knows what it has been told twice.
+const tell = (input, text, mark) => {
+  const turn = (input.vsmrcTold = { even: !input.vsmrcTold?.even });
+  const say = (marked, again) => {
+    write(input, marked);
+    setTimeout(() => {
+      if (again && input.vsmrcTold === turn && input.value === marked) say(marked + mark + mark, again - 1);
+    }, 700);
+  };
+  say(text + (turn.even ? mark + mark : mark), 3);
 };
 const commit = (input, text) => {
   if (input.dataset.pending === undefined) return;
