@@ -8,6 +8,7 @@ import math
 import os
 import signal
 import socket
+import sys
 from pathlib import Path
 
 import structlog
@@ -19,9 +20,10 @@ from app.gateway.server_settings import Look, ServerSettings
 from app.gateway.session_pool import SessionPool
 from app.gateway.session_store import SessionStore
 from app.gateway.visitors import Shares
-from app.gateway.worker import Worker
+from app.gateway.worker import Worker, started
 from app.process import open_files, precompile
 from app.process.deadline import end_within
+from app.process.fork_server import ForkServer
 from app.process.terminal_text import say
 from app.scenario.data import to_toml
 from app.scenario.schema import Scenario, ScenarioError
@@ -97,9 +99,12 @@ async def _serve(
     store: SessionStore | None,
 ) -> None:
     shared = server_settings.shared
+    # one session alone would have nothing to share with others
+    forks = ForkServer(scenario) if shared and sys.platform == "linux" else None
+    start = started if forks is None else forks.start
     pool = SessionPool(
         scenario,
-        lambda toml: Worker.prepared(toml, look),
+        lambda toml: Worker.prepared(toml, look, start=start),
         (server_settings.places or places()) if shared else 1,
         60.0 * server_settings.idle_minutes if shared else None,
         store=store,
@@ -133,6 +138,8 @@ async def _serve(
             end_within()
             say("\nended")
     finally:
+        if forks is not None:
+            forks.close()
         if warming is not None:
             warming.terminate()
 

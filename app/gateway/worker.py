@@ -7,7 +7,8 @@ import contextlib
 import signal
 import socket
 import subprocess
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Awaitable, Callable
+from typing import Protocol
 
 import structlog
 
@@ -42,6 +43,23 @@ class WorkerError(RuntimeError):
     """A process that could not be started: one sentence."""
 
 
+class ChildProcess(Protocol):
+    """Interface of a child process, as `subprocess.Popen` has it."""
+
+    pid: int
+
+    def poll(self) -> int | None: ...
+    def kill(self) -> None: ...
+
+
+Start = Callable[[int], Awaitable[ChildProcess]]
+
+
+async def started(file: int) -> ChildProcess:
+    """New process of a session, which inherits this file. Raises OSError."""
+    return launcher.start("app.workers.session", str(file), stdin=subprocess.DEVNULL, pass_fds=(file,))
+
+
 class Worker:
     """A process that is ready, or runs. One that gives no sign of life for `silence` s is killed.
     port, key: of its dashboard, which answers only requests with this key.
@@ -50,7 +68,7 @@ class Worker:
 
     def __init__(
         self,
-        process: subprocess.Popen[bytes],
+        process: ChildProcess,
         reader: asyncio.StreamReader,
         writer: asyncio.StreamWriter,
         key: str,
@@ -66,19 +84,23 @@ class Worker:
         self._listens = False
 
     @classmethod
-    async def prepared(cls, scenario: str, look: Look, silence: float = SILENCE) -> Worker:
-        """Process with its dashboard set up and this scenario (TOML) compiled. Raises WorkerError."""
+    async def prepared(
+        cls, scenario: str, look: Look, *, silence: float = SILENCE, start: Start = started
+    ) -> Worker:
+        """Process with its dashboard set up and this scenario (TOML) compiled. Raises WorkerError.
+        start: makes the process."""
         try:
             ours, theirs = socket.socketpair()
         except OSError as error:
             raise WorkerError(f"the session's process cannot be reached: {error.strerror}") from error
         with theirs:
-            file = theirs.fileno()
             try:
-                process = launcher.start("app.workers.session", str(file), stdin=subprocess.DEVNULL, pass_fds=(file,))
-            except OSError as error:
+                process = await start(theirs.fileno())
+            except BaseException as error:
                 ours.close()
-                raise WorkerError(f"the session's process cannot be started: {error.strerror}") from error
+                if isinstance(error, OSError):
+                    raise WorkerError(f"the session's process cannot be started: {error.strerror}") from error
+                raise
         reader, writer = await asyncio.open_connection(sock=ours, limit=LONGEST)
         worker = cls(process, reader, writer, new_secret(), silence)
         try:

@@ -48,13 +48,18 @@ def end_with_parent() -> None:
     threading.Thread(target=wait, name="parent", daemon=True).start()
 
 
-def main() -> None:
-    """Run the module, and end when the parent ends, also where this process is stopped and notices nothing."""
-    _, parent, module, *arguments = sys.argv
+def end_when_killed(parent: int) -> None:
+    """End this process, on Linux, when its parent ends, also where this process is stopped and notices nothing."""
     if sys.platform == "linux":
         ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL, 0, 0, 0)
-        if os.getppid() != int(parent):  # it has ended before
+        if os.getppid() != parent:  # it has ended before
             os._exit(1)
+
+
+def main() -> None:
+    """Run the module, which ends with its parent."""
+    _, parent, module, *arguments = sys.argv
+    end_when_killed(int(parent))
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))  # a core would have all links and tokens in it
     sys.argv = [module, *arguments]
     runpy.run_module(module, run_name="__main__", alter_sys=True)

@@ -192,11 +192,11 @@ def _limit(what: int, most: int) -> None:
     resource.setrlimit(what, (least, least))
 
 
-def main() -> None:
-    log.configure_as_parent()
+def run(file: int) -> None:
+    """Serve one session over this connection to the gateway, and end this process."""
     _limit(resource.RLIMIT_DATA, MEMORY)
     _limit(resource.RLIMIT_NOFILE, FILES)
-    with socket.socket(fileno=int(sys.argv[1])) as connection:
+    with socket.socket(fileno=file) as connection:
         gateway = Gateway(connection)
         try:
             serve(gateway)
@@ -211,4 +211,5 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    log.configure_as_parent()
+    run(int(sys.argv[1]))

@@ -16,6 +16,7 @@ from app.gateway.visitors import NOBODY, Viewer
 from app.gateway.worker import Worker
 from app.process import launcher
 from app.scenario.data import load, to_toml
+from app.workers.fork_server import NAME
 from drivers.visitors import PATIENCE, gone, serving
 from drivers.waiting import until
 
@@ -79,7 +80,7 @@ def limits(process: int) -> dict[str, list[str]]:
 
 
 def is_session(process: int) -> bool:
-    return b"app.workers.session" in Path(f"/proc/{process}/cmdline").read_bytes()
+    return Path(f"/proc/{process}/comm").read_text() == f"{NAME}\n"
 
 
 def limited(process: int) -> bool:

@@ -1,0 +1,103 @@
+"""Fork server: starts processes by forking one that has loaded the program, which takes milliseconds; what was loaded
+is in memory once for all of them. The forked end is `app.workers.fork_server`. Linux only."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import ctypes
+import os
+import signal
+import socket
+import subprocess
+from collections.abc import Iterator
+
+from app.process import launcher
+
+_PR_SET_CHILD_SUBREAPER = 36
+
+
+class ForkedProcess:
+    """A process that a fork server has made; a child of this one, with the methods of `subprocess.Popen`."""
+
+    def __init__(self, pid: int) -> None:
+        self.pid = pid
+        self._status: int | None = None
+
+    def poll(self) -> int | None:
+        """Exit status, negative for the number of a signal; None while the process runs."""
+        if self._status is None:
+            ended, status = os.waitpid(self.pid, os.WNOHANG)
+            if ended:
+                self._status = os.waitstatus_to_exitcode(status)
+        return self._status
+
+    def kill(self) -> None:
+        if self.poll() is None:  # until then nobody else can have its number
+            os.kill(self.pid, signal.SIGKILL)
+
+
+class ForkServer:
+    """Fork server for sessions, whose processes then know the kernels of this scenario (TOML). It begins with the first
+    `start`, and anew where it has ended."""
+
+    def __init__(self, scenario: str) -> None:
+        self._scenario = scenario
+        self._asking = asyncio.Lock()
+        self._control: socket.socket | None = None
+        self._process: subprocess.Popen[bytes] | None = None
+
+    async def start(self, file: int) -> ForkedProcess:
+        """Start a session's process, which inherits this file. Raises OSError."""
+        async with self._asking:
+            if self._control is not None:
+                with contextlib.suppress(ConnectionError):
+                    return await self._forked(self._control, file)
+            self._control = self._begun()
+            try:
+                return await self._forked(self._control, file)
+            except BaseException:  # also where nobody waits any more: its answer would be taken for that to the next one
+                self.close()
+                raise
+
+    async def _forked(self, control: socket.socket, file: int) -> ForkedProcess:
+        loop = asyncio.get_running_loop()
+        with _adopting_orphans():
+            socket.send_fds(control, [b"session"], [file])
+            if not (answer := await loop.sock_recv(control, 100)):
+                raise ConnectionResetError("the fork server has ended")
+        return ForkedProcess(int(answer))
+
+    def _begun(self) -> socket.socket:
+        self.close()
+        ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)  # messages arrive one by one
+        with theirs:
+            file = theirs.fileno()
+            self._process = launcher.start(
+                "app.workers.fork_server", str(file), stdin=subprocess.DEVNULL, pass_fds=(file,)
+            )
+        ours.send(self._scenario.encode())
+        ours.setblocking(False)
+        return ours
+
+    def close(self) -> None:
+        """End it; the processes that it has made go on."""
+        if self._control is not None:
+            self._control.close()
+            self._control = None
+        if self._process is not None:
+            self._process.kill()
+            self._process.wait()
+            self._process = None
+
+
+@contextlib.contextmanager
+def _adopting_orphans() -> Iterator[None]:
+    """Context in which orphans among the descendants of this process become its children: the fork server's child ends
+    at once, so that its own child, the session's process, does not depend on the fork server's life."""
+    prctl = ctypes.CDLL(None).prctl
+    prctl(_PR_SET_CHILD_SUBREAPER, 1, 0, 0, 0)
+    try:
+        yield
+    finally:
+        prctl(_PR_SET_CHILD_SUBREAPER, 0, 0, 0, 0)

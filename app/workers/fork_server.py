@@ -1,0 +1,67 @@
+"""Fork server's process: `python -m app.workers.fork_server FD`, started by `app.process.fork_server`.
+
+The first message is a scenario (TOML). Each later one brings a file, for which it makes a session's process; that one
+sends its number back. It has no thread but its own: a fork keeps no other.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import gc
+import os
+import signal
+import socket
+import sys
+import time
+from pathlib import Path
+
+from app.process import launcher, precompile
+from app.process.log import configure_as_parent
+from app.scenario.data import from_toml
+from app.scenario.schema import ScenarioError
+from app.simulation.warm_up import warm_up
+from app.workers import session
+
+LONGEST = 2**20  # bytes of a message
+NAME = "vsmrc-session"  # as `ps` and `top` show it
+
+
+def main() -> None:
+    """Load what every session needs, then fork until the other end closes."""
+    configure_as_parent()
+    parent = os.getppid()
+    with socket.socket(fileno=int(sys.argv[1])) as control:
+        scenario = control.recv(LONGEST).decode()
+        if precompile.mark().exists():  # otherwise the first session compiles, and tells how far it is
+            with contextlib.suppress(ScenarioError):  # it is told on the session's page
+                warm_up(from_toml(scenario))
+        gc.collect()
+        gc.freeze()  # or the first collection in a process would make all pages its own
+        while files := socket.recv_fds(control, LONGEST, 1)[1]:
+            between = os.fork()
+            if between == 0:
+                _fork_again(control, files[0], parent)
+            os.waitpid(between, 0)
+            os.close(files[0])
+
+
+def _fork_again(control: socket.socket, file: int, parent: int) -> None:
+    """Make the session's process, and end: that process is then its parent's child, see `app.process.fork_server`."""
+    between = os.getpid()
+    try:
+        if os.fork() == 0:
+            while os.getppid() == between:
+                time.sleep(1e-3)
+            if os.getppid() == parent:
+                os.setpgid(0, 0)
+                launcher.end_when_killed(parent)
+                Path("/proc/self/comm").write_text(NAME)
+                control.send(str(os.getpid()).encode())
+                control.close()
+                session.run(file)
+    finally:
+        os._exit(0)
+
+
+if __name__ == "__main__":
+    main()
