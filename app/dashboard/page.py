@@ -69,6 +69,7 @@ class Dashboard:
     port: 0 takes any free port.
     fps: pictures of the scene per second; for a machine without a graphics card, few are better.
     key: requests without it in the header KEY_HEADER are refused.
+    previewer: answers what-if questions; ends with the dashboard.
     Raises PortTaken, and ValueError for an fps outside of the allowed range.
     """
 
@@ -81,8 +82,10 @@ class Dashboard:
         fps: float = FPS,
         key: str | None = None,
         tokens: Tokens | None = None,
+        previewer: Previewer | None = None,
     ) -> None:
         check_fps(fps)
+        self._previewer = previewer or Previewer()
         self._frame = 1.0 / fps
         if port and (reason := _unusable(host, port)):
             raise PortTaken(f"port {port} of {host} cannot be used: {reason}; choose another one with --port")
@@ -145,7 +148,7 @@ class Dashboard:
 
     def attach(self, runner: Runner) -> None:
         """Build the controls for this runner, and show it from now on."""
-        self._view = _View(self._server, self._status, self._scene, runner, self.uploads)
+        self._view = _View(self._server, self._status, self._scene, runner, self.uploads, self._previewer)
 
     def offer(self, last_session: LastSession) -> None:
         """Ask above the controls whether to continue the last session; does nothing before `attach`."""
@@ -218,13 +221,14 @@ class _View:
         scene: SceneView,
         runner: Runner,
         uploads: UploadedUrdfs,
+        previewer: Previewer,
     ) -> None:
         self._server, self._status, self._scene, self._runner = server, status, scene, runner
         self._complaint, self._complaint_until, self._complaint_revision = "", 0.0, -1
         self._refusals = runner.snapshot.refusal_number
         self._shipped = shipped()
-        self._previewer = Previewer()
-        self._whatif = WhatIf(self._previewer)
+        self._previewer = previewer
+        self._whatif = WhatIf(previewer)
         self._viewing = Viewing()
         self._export_jobs = ExportJobs()
         desk = Desk(

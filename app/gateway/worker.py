@@ -8,7 +8,6 @@ import signal
 import socket
 import subprocess
 from collections.abc import AsyncIterator, Awaitable, Callable
-from typing import Protocol
 
 import structlog
 
@@ -30,6 +29,7 @@ from app.access.session_messages import (
 )
 from app.gateway.server_settings import Look
 from app.process import launcher
+from app.process.launcher import ChildProcess
 from app.process.redaction import new_secret
 
 log = structlog.get_logger()
@@ -41,15 +41,6 @@ SILENCE = 10.0  # s without a sign of life afterwards: it hangs
 
 class WorkerError(RuntimeError):
     """A process that could not be started: one sentence."""
-
-
-class ChildProcess(Protocol):
-    """Interface of a child process, as `subprocess.Popen` has it."""
-
-    pid: int
-
-    def poll(self) -> int | None: ...
-    def kill(self) -> None: ...
 
 
 Start = Callable[[int], Awaitable[ChildProcess]]
@@ -84,9 +75,7 @@ class Worker:
         self._listens = False
 
     @classmethod
-    async def prepared(
-        cls, scenario: str, look: Look, *, silence: float = SILENCE, start: Start = started
-    ) -> Worker:
+    async def prepared(cls, scenario: str, look: Look, *, silence: float = SILENCE, start: Start = started) -> Worker:
         """Process with its dashboard set up and this scenario (TOML) compiled. Raises WorkerError.
         start: makes the process."""
         try:

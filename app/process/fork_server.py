@@ -7,6 +7,7 @@ import asyncio
 import contextlib
 import ctypes
 import os
+import select
 import signal
 import socket
 import subprocess
@@ -18,7 +19,7 @@ _PR_SET_CHILD_SUBREAPER = 36
 
 
 class ForkedProcess:
-    """A process that a fork server has made; a child of this one, with the methods of `subprocess.Popen`."""
+    """A child of this process that has been forked, with the methods of `subprocess.Popen`."""
 
     def __init__(self, pid: int) -> None:
         self.pid = pid
@@ -32,9 +33,26 @@ class ForkedProcess:
                 self._status = os.waitstatus_to_exitcode(status)
         return self._status
 
+    def wait(self, timeout: float | None = None) -> int:
+        """Exit status, once there is one. Raises TimeoutExpired after so many s."""
+        end = os.pidfd_open(self.pid)
+        try:
+            select.select([end], [], [], timeout)
+        finally:
+            os.close(end)
+        if (status := self.poll()) is None:
+            raise subprocess.TimeoutExpired(str(self.pid), timeout or 0.0)
+        return status
+
+    def terminate(self) -> None:
+        self._send(signal.SIGTERM)
+
     def kill(self) -> None:
+        self._send(signal.SIGKILL)
+
+    def _send(self, number: int) -> None:
         if self.poll() is None:  # until then nobody else can have its number
-            os.kill(self.pid, signal.SIGKILL)
+            os.kill(self.pid, number)
 
 
 class ForkServer:
@@ -56,7 +74,9 @@ class ForkServer:
             self._control = self._begun()
             try:
                 return await self._forked(self._control, file)
-            except BaseException:  # also where nobody waits any more: its answer would be taken for that to the next one
+            except (
+                BaseException
+            ):  # also where nobody waits any more: its answer would be taken for that to the next one
                 self.close()
                 raise
 

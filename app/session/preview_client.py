@@ -13,6 +13,7 @@ from multiprocessing.connection import Connection
 import structlog
 
 from app.process import launcher
+from app.process.launcher import ChildProcess
 from app.scenario.schema import Scenario
 from app.session.preview import Done, Hurry, Outlook, Question, Refusal
 from app.simulation.state import State
@@ -28,7 +29,7 @@ class _Worker:
     busy: it has not yet answered.
     hurried: it knows that nobody waits for that answer."""
 
-    process: subprocess.Popen[bytes]
+    process: ChildProcess
     connection: Connection
     busy: bool = False
     hurried: bool = False
@@ -39,11 +40,13 @@ class Previewer:
 
     `newest` is the latest answer to the questions since `drop`, None before. `failure` is a sentence on the reason when
     there is no answer for lack of a process; the next question starts another one. May be used from any thread.
+
+    first: the process to begin with, and the connection to it; None to start one with the first question.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, first: tuple[ChildProcess, Connection] | None = None) -> None:
         self._lock = threading.Lock()
-        self._worker: _Worker | None = None
+        self._worker = None if first is None else self._heard(_Worker(*first))
         self._waiting: Question | None = None
         self._number = self._dropped = 0
         self._closed = False
@@ -107,7 +110,9 @@ class Previewer:
             process = self._starter.submit(
                 launcher.start, "app.workers.preview", str(file), stdin=subprocess.DEVNULL, pass_fds=(file,)
             ).result()
-        worker = _Worker(process, ours)
+        return self._heard(_Worker(process, ours))
+
+    def _heard(self, worker: _Worker) -> _Worker:
         threading.Thread(target=self._listen, args=(worker,), name="previews", daemon=True).start()
         return worker
 

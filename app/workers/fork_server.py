@@ -9,21 +9,24 @@ from __future__ import annotations
 import contextlib
 import gc
 import os
-import signal
 import socket
 import sys
 import time
+from multiprocessing import Pipe
+from multiprocessing.connection import Connection
 from pathlib import Path
 
 from app.process import launcher, precompile
+from app.process.fork_server import ForkedProcess
 from app.process.log import configure_as_parent
 from app.scenario.data import from_toml
 from app.scenario.schema import ScenarioError
+from app.session.preview_client import Previewer
 from app.simulation.warm_up import warm_up
-from app.workers import session
+from app.workers import preview, session
 
 LONGEST = 2**20  # bytes of a message
-NAME = "vsmrc-session"  # as `ps` and `top` show it
+SESSION, PREVIEW = "vsmrc-session", "vsmrc-preview"  # names as `ps` and `top` show them
 
 
 def main() -> None:
@@ -53,14 +56,35 @@ def _fork_again(control: socket.socket, file: int, parent: int) -> None:
             while os.getppid() == between:
                 time.sleep(1e-3)
             if os.getppid() == parent:
-                os.setpgid(0, 0)
-                launcher.end_when_killed(parent)
-                Path("/proc/self/comm").write_text(NAME)
+                _become(SESSION, parent)
                 control.send(str(os.getpid()).encode())
                 control.close()
-                session.run(file)
+                session.limit_resources()
+                session.run(file, Previewer(_forked_preview(file)))
     finally:
         os._exit(0)
+
+
+def _forked_preview(session_file: int) -> tuple[ForkedProcess, Connection]:
+    """Process that answers the session's what-if questions, and the connection to it."""
+    parent, (ours, theirs) = os.getpid(), Pipe()
+    if (process := os.fork()) == 0:
+        try:
+            _become(PREVIEW, parent)
+            os.close(session_file)
+            ours.close()
+            preview.run(theirs)
+        finally:
+            os._exit(0)
+    theirs.close()
+    return ForkedProcess(process), ours
+
+
+def _become(name: str, parent: int) -> None:
+    """Make this process one of its own: name, process group, and end with its parent."""
+    os.setpgid(0, 0)
+    launcher.end_when_killed(parent)
+    Path("/proc/self/comm").write_text(name)
 
 
 if __name__ == "__main__":

@@ -70,10 +70,10 @@ def _look_ahead(foresight: Foresight, asker: Connection) -> None:
     asker.send(foresight.outlook())
 
 
-def main() -> None:
-    configure_as_parent()
+def run(asker: Connection) -> None:
+    """Answer questions at a lower priority than the asker's, until it has gone."""
     os.nice(NICENESS)
-    with Connection(int(sys.argv[1])) as asker:
+    with asker:
         try:
             serve(asker)
         except (EOFError, ConnectionError):
@@ -81,4 +81,5 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    configure_as_parent()
+    run(Connection(int(sys.argv[1])))

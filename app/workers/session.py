@@ -44,6 +44,7 @@ from app.scenario.data import from_toml, to_toml
 from app.scenario.schema import Scenario, ScenarioError
 from app.session.autosave import Autosave, StateFolder
 from app.session.commands import Continue
+from app.session.preview_client import Previewer
 from app.session.runner import Runner
 from app.session.timeline import Pinned
 from app.storage import uploaded_urdfs
@@ -97,13 +98,15 @@ class Pulse:
                 self._stopped.wait(BEAT)
 
 
-def serve(gateway: Gateway) -> None:
+def serve(gateway: Gateway, previewer: Previewer) -> None:
     """Serve one session, from the preparation to the end of the connection. Raises EOFError or ConnectionError then."""
     prepare = gateway.next()
     assert isinstance(prepare, Prepare)
     scenario = from_toml(prepare.scenario)
     with contextlib.redirect_stdout(io.StringIO()):  # viser would print an address where nobody is answered
-        dashboard = Dashboard(port=0, theme=cast(Theme, prepare.theme), fps=prepare.fps, key=prepare.key)
+        dashboard = Dashboard(
+            port=0, theme=cast(Theme, prepare.theme), fps=prepare.fps, key=prepare.key, previewer=previewer
+        )
     given = scenario.robot.urdf
     preparing = Pulse(gateway, dashboard, lambda: None)  # the very first arm of its kind takes half a minute
     runner = Runner(scenario, Reach((given,) if given else ()))
@@ -185,21 +188,20 @@ def _report(gateway: Gateway, runner: Runner, told: Scenario) -> None:
                 gateway.tell(Changed(to_toml(told), pinned))
 
 
-def _limit(what: int, most: int) -> None:
-    """Limit a resource of this process and of those that it starts; a lower limit stays."""
-    hard = resource.getrlimit(what)[1]
-    least = most if hard == resource.RLIM_INFINITY else min(most, hard)
-    resource.setrlimit(what, (least, least))
+def limit_resources() -> None:
+    """Limit memory and open files of this process and of those that it starts; lower limits stay."""
+    for what, most in ((resource.RLIMIT_DATA, MEMORY), (resource.RLIMIT_NOFILE, FILES)):
+        hard = resource.getrlimit(what)[1]
+        least = most if hard == resource.RLIM_INFINITY else min(most, hard)
+        resource.setrlimit(what, (least, least))
 
 
-def run(file: int) -> None:
+def run(file: int, previewer: Previewer) -> None:
     """Serve one session over this connection to the gateway, and end this process."""
-    _limit(resource.RLIMIT_DATA, MEMORY)
-    _limit(resource.RLIMIT_NOFILE, FILES)
     with socket.socket(fileno=file) as connection:
         gateway = Gateway(connection)
         try:
-            serve(gateway)
+            serve(gateway, previewer)
         except (EOFError, ConnectionError):
             # at once: the gateway knows the scenario, processes of ours end with us, and nothing else is to be kept
             os._exit(0)
@@ -212,4 +214,5 @@ def run(file: int) -> None:
 
 if __name__ == "__main__":
     log.configure_as_parent()
-    run(int(sys.argv[1]))
+    limit_resources()
+    run(int(sys.argv[1]), Previewer())

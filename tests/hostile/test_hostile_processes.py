@@ -16,7 +16,7 @@ from app.gateway.visitors import NOBODY, Viewer
 from app.gateway.worker import Worker
 from app.process import launcher
 from app.scenario.data import load, to_toml
-from app.workers.fork_server import NAME
+from app.workers.fork_server import SESSION
 from drivers.visitors import PATIENCE, gone, serving
 from drivers.waiting import until
 
@@ -80,7 +80,7 @@ def limits(process: int) -> dict[str, list[str]]:
 
 
 def is_session(process: int) -> bool:
-    return Path(f"/proc/{process}/comm").read_text() == f"{NAME}\n"
+    return Path(f"/proc/{process}/comm").read_text() == f"{SESSION}\n"
 
 
 def limited(process: int) -> bool:

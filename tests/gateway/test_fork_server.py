@@ -1,0 +1,79 @@
+"""Sessions of a shared server are forked from a process that has loaded the program."""
+
+import os
+import signal
+import subprocess
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from app.process.fork_server import ForkedProcess
+from app.workers.fork_server import PREVIEW, SESSION
+from drivers.visitors import Server, serving, visiting
+from drivers.waiting import until
+from tests.gateway.test_gateway import arrive
+
+
+def name(process: int) -> str:
+    return Path(f"/proc/{process}/comm").read_text().strip()
+
+
+def fork_server(server: Server) -> int:
+    """The process that forks sessions: sessions have its command line, and names of their own."""
+    [found] = (
+        child
+        for child in server.children()
+        if b"app.workers.fork_server" in Path(f"/proc/{child}/cmdline").read_bytes() and name(child) != SESSION
+    )
+    return found
+
+
+def sessions(server: Server) -> list[int]:
+    """Processes of sessions, the oldest first."""
+    return [child for child in server.children() if name(child) == SESSION]
+
+
+@pytest.mark.slow
+def test_sessions_outlive_the_process_that_they_were_forked_from_and_another_one_takes_its_place() -> None:
+    with serving("--shared", "--max-sessions", "2", lines=2) as server:
+        first = arrive(server.port)
+        first.loaded()
+        with visiting(first.url) as page:
+            page.wait(lambda: page.t > 0.0)
+            forks = fork_server(server)
+            assert len(list(Path(f"/proc/{forks}/task").iterdir())) == 1  # a fork would lose any other thread
+            until(lambda: len(sessions(server)) == 2, "no spare")
+            spare = sessions(server)[1]
+            os.kill(forks, signal.SIGKILL)
+            os.kill(spare, signal.SIGKILL)
+            began = page.t
+            page.wait(lambda: page.t > began + 0.3)
+            second = arrive(server.port)
+            second.loaded()
+            with visiting(second.url) as other:
+                other.wait(lambda: other.t > 0.0)
+            assert fork_server(server) != forks
+            assert first.about()["crashes"] == second.about()["crashes"] == 0
+            theirs = [Path(f"/proc/{session}/task/{session}/children").read_text() for session in sessions(server)]
+            assert [[name(int(child)) for child in children.split()] for children in theirs] == [[PREVIEW], [PREVIEW]]
+
+
+@pytest.fixture
+def sleeper() -> Iterator[ForkedProcess]:
+    child = subprocess.Popen(["sleep", "1000"])  # forked by somebody else, which makes no difference to the system
+    yield ForkedProcess(child.pid)
+    child.returncode = 0  # it has been waited for
+
+
+def test_a_forked_process_has_the_methods_of_others(sleeper: ForkedProcess) -> None:
+    assert sleeper.poll() is None
+    began = time.monotonic()
+    with pytest.raises(subprocess.TimeoutExpired):
+        sleeper.wait(0.05)
+    assert time.monotonic() - began >= 0.05
+    sleeper.terminate()
+    assert sleeper.wait() == -signal.SIGTERM
+    sleeper.kill()  # nobody else
+    assert sleeper.poll() == -signal.SIGTERM
