@@ -21,8 +21,9 @@ from tqdm import tqdm
 from app.gateway.serve import cores
 from app.process import precompile
 from app.process.markdown import Table
+from app.workers.fork_server import SESSION
 from benchmarks.effort import Effort
-from benchmarks.processes import memory
+from benchmarks.processes import descendants, memory
 from drivers.visitors import PATIENCE, Server, Visitor, serving, visiting
 
 COUNTS = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32)
@@ -34,8 +35,9 @@ _TICKS = os.sysconf("SC_CLK_TCK")
 class Fared(NamedTuple):
     """Result for a number of sessions.
     realtime, late: share of real time and median lateness (ms) of the worst session.
-    session, gateway: processor's share of a session and of the gateway.
-    memory: of a session, MB.
+    session, gateway: processor's share of a session, with its what-if process and part of the fork server, and of the
+    gateway.
+    memory: of a session, MB, with the same.
     spared, started: seconds to the page with the spare process and without."""
 
     realtime: float
@@ -102,8 +104,7 @@ def _served(number: int, places: int) -> Iterator[Server]:
 
 def _fared(number: int, count: int, seconds: float) -> Fared:
     with _served(number, count) as server, ExitStack() as stack:
-        spare = _first(server)
-        _at_rest(spare)
+        _at_rest(_spare(server))
         pages, waits = [], []
         for _ in range(count):
             began = time.perf_counter()
@@ -113,7 +114,7 @@ def _fared(number: int, count: int, seconds: float) -> Fared:
             page.look_at(TAB)
             waits.append(time.perf_counter() - began)
         time.sleep(5.0)
-        everyone = [server.process.pid, *server.children()]
+        everyone = [server.process.pid, *descendants(server.process.pid)]
         before, began, since = [_used(pid) for pid in everyone], time.perf_counter(), [page.t for page in pages]
         time.sleep(seconds)
         passed = time.perf_counter() - began
@@ -150,10 +151,13 @@ def late(page: Visitor) -> float:
     return max((float(match[1]) for match in found if match), default=float("nan"))
 
 
-def _first(server: Server) -> int:
-    while not (children := server.children()):
+def _spare(server: Server) -> int:
+    """The first session's process, once it is there."""
+    while True:
+        for process in server.children():
+            if Path(f"/proc/{process}/comm").read_text(encoding="ascii").strip() == SESSION:
+                return process
         time.sleep(0.05)
-    return children[0]
 
 
 def _at_rest(pid: int) -> None:
