@@ -9,6 +9,7 @@ import numpy as np
 import viser
 
 from app.dashboard.theme.colors import SERIES, Rgb
+from app.dashboard.transport.viser_private import move
 from app.dashboard.view_options import rounded_up
 from environments.surfaces.table import Surface
 
@@ -62,7 +63,7 @@ class ForceArrow:
             end = start + UNIT / newtons * force
             self._arrow.points = np.stack([start, end])[None].astype(np.float32)
             self._number.text = f"{np.linalg.norm(force):.1f} N"
-            self._number.position = end
+            move(self._number, end)
         self._arrow.visible = self._number.visible = visible
 
 

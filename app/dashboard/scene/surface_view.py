@@ -8,6 +8,7 @@ import numpy as np
 import viser
 
 from app.dashboard.theme.colors import SURFACE, SURFACE_LINES
+from app.dashboard.transport.viser_private import move
 from app.session.snapshot import Snapshot
 from environments.surfaces.table import Surface
 
@@ -40,7 +41,7 @@ class SurfaceView:
     def place(self, snapshot: Snapshot, *, visible: bool) -> None:
         """Move the mesh as one body."""
         if self._mesh is not None:
-            self._mesh.position = snapshot.surface_offset
+            move(self._mesh, snapshot.surface_offset)
             self._mesh.visible = visible
 
     def _draw(self, surface: Surface | None, t: float) -> None:

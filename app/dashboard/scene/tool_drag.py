@@ -12,6 +12,7 @@ import viser
 from app.dashboard.scene.arrows import ForceArrow
 from app.dashboard.theme.colors import ACCENT, DESIRED, PUSH
 from app.dashboard.transport.callback_errors import guarded
+from app.dashboard.transport.viser_private import move
 from app.dashboard.widgets.controls import Desk
 from app.session.commands import Edit, Push
 from app.session.snapshot import Snapshot
@@ -126,7 +127,7 @@ class Hand:
     def show(self, snapshot: Snapshot, newtons: float) -> None:
         """Show the handle at the tool, and the spring that holds it. newtons: per `UNIT` of arrow."""
         tool, push = snapshot.tool, snapshot.push
-        self._handle.position = tool
+        move(self._handle, tool)
         self._arrow.show(tool, push, newtons)
         grip = snapshot.state.grip
         if grip is not None:
@@ -135,7 +136,7 @@ class Hand:
         self._taken_once |= self._held is not None
         self._hint.visible = not self._taken_once and not push.any()
         if self._hint.visible:
-            self._hint.position = tool + _BESIDE
+            move(self._hint, tool + _BESIDE)
         self._show_target(snapshot)
 
     def _show_target(self, snapshot: Snapshot) -> None:
@@ -145,5 +146,5 @@ class Hand:
         if held is not None and desired is not None and dragged:
             g, free = snapshot.system.charted.chart(desired, snapshot.t).g, shift_coordinates(snapshot)
             g[free] += held.moved[free]
-            self._target.position = snapshot.system.charted.point(g, snapshot.t)
+            move(self._target, snapshot.system.charted.point(g, snapshot.t))
         self._target.visible = dragged

@@ -74,13 +74,13 @@ def uuid_of(handle: viser.GuiInputHandle[Any]) -> str:
     return handle._impl.uuid
 
 
-def move(node: viser.SceneNodeHandle, position: np.ndarray, wxyz: np.ndarray) -> None:
-    """Move a node to position (3,) m and wxyz (4,), each unless it is there within `STILL`. Missing: the public setters
-    compare by `np.allclose`, which took half the time of a frame."""
+def move(node: viser.SceneNodeHandle, position: np.ndarray, wxyz: np.ndarray | None = None) -> None:
+    """Move a node to position (3,) m and turn it to wxyz (4,), each unless it is there within `STILL`. Missing: the
+    public setters compare by `np.allclose`, which took half the time of a frame."""
     known = node._impl
     for present, wanted, message in (
         (known.position, position, SetPositionMessage),
-        (known.wxyz, wxyz, SetOrientationMessage),
+        (known.wxyz, known.wxyz if wxyz is None else wxyz, SetOrientationMessage),
     ):
         if np.abs(wanted - present).max() > STILL:
             present[:] = wanted
