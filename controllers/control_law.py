@@ -112,7 +112,7 @@ class Gains(NamedTuple):
     epsilon: float
     tight: bool
     switching: int
-    phi: float
+    layer: float
     uncertainty: Uncertainty
 
 

@@ -46,7 +46,7 @@ class Controller:
     """A control law with its gains, for one target model.
 
     K_s (n, n) s.p.d., N s/m; d N: a constant, or None for the theorem's (17); epsilon N > 0; switching with boundary
-    layer phi m/s; bounds: see `controllers.bounds`; controlled (n,) and m: see `controllers.modes`; parameters: the
+    layer m/s; bounds: see `controllers.bounds`; controlled (n,) and m: see `controllers.modes`; parameters: the
     law's own, by name. Raises InvalidGain.
     """
 
@@ -58,7 +58,7 @@ class Controller:
     epsilon: float
     bounds: Literal["tight", "paper"]
     switching: Switching
-    phi: float
+    layer: float
     uncertainty: Uncertainty
     controlled: np.ndarray
     m: int
@@ -70,8 +70,8 @@ class Controller:
         for name, value, least in (("epsilon", self.epsilon, 0.0), ("d", self.d, 0.0)):
             if value is not None and not (np.isfinite(value) and value > least):
                 raise InvalidGain(f"controller.{name}: {value}; allowed: a number > {least}")
-        if self.switching is not Switching.DISCONTINUOUS and not (np.isfinite(self.phi) and self.phi > 0.0):
-            raise InvalidGain(f"controller.layer: {self.phi}; allowed: a number > 0, or switching = 'discontinuous'")
+        if self.switching is not Switching.DISCONTINUOUS and not (np.isfinite(self.layer) and self.layer > 0.0):
+            raise InvalidGain(f"controller.layer: {self.layer}; allowed: a number > 0, or switching = 'discontinuous'")
 
     @cached_property
     def gains(self) -> Gains:
@@ -97,7 +97,7 @@ class Controller:
             epsilon=float(self.epsilon),
             tight=self.bounds == "tight",
             switching=int(self.switching),
-            phi=float(self.phi),
+            layer=float(self.layer),
             uncertainty=self.uncertainty,
         )
 

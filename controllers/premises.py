@@ -115,7 +115,7 @@ STATEMENTS: dict[Premise, Statement] = {
         "boundary layer, sampled",
         "<",
         "",
-        "the boundary layer is too thin for the control period: (K_s + d/φ)T/H = {value}, allowed below 2",
+        "the boundary layer is too thin for the control period: (K_s + d/s_b)T/H = {value}, allowed below 2",
         "(λ_max(K_s) + d/φ) T / λ_min(H): inside the layer s chatters from 2 on",
     ),
     Premise.GAIN_BY_CHATTER: Statement(
@@ -353,11 +353,11 @@ def watch(gains, z, reference, task, estimate, feedforward, q_dot, output, room,
 
     at_rest = raised * gain_at_rest(gains, reference, task, estimate, deviation, q_dot, room)
     table.limit[LAYER] = 2.0 if gains.switching > 0 else NEVER
-    table.value[LAYER] = (gains.K_s_largest + at_rest / gains.phi) * period / watched.low
+    table.value[LAYER] = (gains.K_s_largest + at_rest / gains.layer) * period / watched.low
 
     # outside of `radius` one period makes V smaller; from within it V can rise to `V` (docs/theory.md)
     watched.d = raised * gain_on_surface(gains, z, reference, task, estimate, deviation, q_dot, output, room)
-    watched.width = layer_width(gains.switching, gains.phi, watched.d, gains.epsilon)
+    watched.width = layer_width(gains.switching, gains.layer, watched.d, gains.epsilon)
     stopping = watched.low - 0.5 * period * gains.K_s_largest
     chatter = period * watched.d / stopping if stopping > 0.0 else np.inf
     watched.radius = max(watched.width, chatter)

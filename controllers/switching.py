@@ -1,4 +1,4 @@
-"""Switching: s/||s|| of (15) and its smooth versions: sigma(s) = eta(||s||) s/||s|| with a boundary layer phi (m/s)."""
+"""Switching: s/||s|| of (15) and its smooth versions: sigma(s) = eta(||s||) s/||s|| with a boundary layer (m/s)."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ class Switching(IntEnum):
     """Smoothing of the unit vector s/||s|| around s = 0."""
 
     DISCONTINUOUS = 0  # eta = 1
-    SATURATION = 1  # eta = min(1, ||s||/phi)
-    RATIONAL = 2  # eta = ||s|| / (||s|| + phi)
-    TANH = 3  # eta = tanh(||s||/phi)
+    SATURATION = 1  # eta = min(1, ||s||/layer)
+    RATIONAL = 2  # eta = ||s|| / (||s|| + layer)
+    TANH = 3  # eta = tanh(||s||/layer)
 
     @property
     def kept(self) -> float:
@@ -29,45 +29,45 @@ class Switching(IntEnum):
 
 @inline
 def _discontinuous(size, _):
-    """eta(||s||) / ||s|| for ||s|| = size m/s > 0 and the layer phi m/s; all versions have these arguments."""
+    """eta(||s||) / ||s|| for ||s|| = size m/s > 0 and the layer m/s; all versions have these arguments."""
     return 1.0 / size
 
 
 @inline
-def _saturation(size, phi):
-    return 1.0 / max(size, phi)
+def _saturation(size, layer):
+    return 1.0 / max(size, layer)
 
 
 @inline
-def _rational(size, phi):
-    return 1.0 / (size + phi)
+def _rational(size, layer):
+    return 1.0 / (size + layer)
 
 
 @inline
-def _tanh(size, phi):
-    return np.tanh(size / phi) / size
+def _tanh(size, layer):
+    return np.tanh(size / layer) / size
 
 
 @inline
-def _no_width(_phi, _given_up):
+def _no_width(_layer, _given_up):
     """Norm ||s|| (m/s) from which on eta is 1 less the share of d that is given up; all versions have these
     arguments."""
     return 0.0
 
 
 @inline
-def _saturation_width(phi, _):
-    return phi
+def _saturation_width(layer, _):
+    return layer
 
 
 @inline
-def _rational_width(phi, given_up):
-    return phi * (1.0 - given_up) / given_up
+def _rational_width(layer, given_up):
+    return layer * (1.0 - given_up) / given_up
 
 
 @inline
-def _tanh_width(phi, given_up):
-    return phi * np.arctanh(1.0 - given_up)
+def _tanh_width(layer, given_up):
+    return layer * np.arctanh(1.0 - given_up)
 
 
 _factor = choice((_discontinuous, _saturation, _rational, _tanh))
@@ -75,18 +75,18 @@ _width = choice((_no_width, _saturation_width, _rational_width, _tanh_width))
 
 
 @kernel
-def layer_width(kind, phi, d, epsilon):
+def layer_width(kind, layer, d, epsilon):
     """Norm ||s|| (m/s) from which on d eta keeps its share of the margin epsilon in (17): outside of it, the proof
     holds."""
     if d <= 0.0:
         return 0.0
     given_up = min(0.5 * epsilon / d, 1.0)  # a d below half of epsilon keeps that share nowhere, and promises nothing
-    return _width(kind, phi, given_up)
+    return _width(kind, layer, given_up)
 
 
 @kernel
-def unit_factor(size, kind, phi):
+def unit_factor(size, kind, layer):
     """eta(||s||) / ||s||, s/m: sigma(s) is s times this, for ||s|| = size m/s; zero at s = 0."""
     if size == 0.0:
         return 0.0
-    return _factor(kind, size, phi)
+    return _factor(kind, size, layer)

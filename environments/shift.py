@@ -11,7 +11,7 @@ from kernels import inline, kernel
 from kernels.records import Record
 
 
-class Shift(NamedTuple):
+class SmoothShift(NamedTuple):
     """Shift of a trajectory as a whole: from `begin` s on and within `duration` s, the displacement `way` (n,) m with
     its rate (m/s) and acceleration (m/s^2) at `begin` changes into rest at `end` (n,) m, without a jump in any of the
     three."""
@@ -24,15 +24,15 @@ class Shift(NamedTuple):
     end: np.ndarray
 
     @classmethod
-    def fresh(cls, end: np.ndarray, duration: float) -> Shift:
+    def fresh(cls, end: np.ndarray, duration: float) -> SmoothShift:
         """Shift from rest at zero, at t = 0."""
         zero = np.zeros_like(end)
         return cls(0.0, float(duration), zero, zero, zero, end)
 
-    def turned(self, t: float, end: np.ndarray, duration: float) -> Shift:
+    def turned(self, t: float, end: np.ndarray, duration: float) -> SmoothShift:
         """Shift from the place of this one at time t (s) to another end."""
         now = self.evaluate(t)
-        return Shift(t, float(duration), now.value, now.rate, now.acceleration, end)
+        return SmoothShift(t, float(duration), now.value, now.rate, now.acceleration, end)
 
     def evaluate(self, t: float) -> Path:
         """Displacement, rate and acceleration at time t (s)."""

@@ -136,7 +136,7 @@ GLOSSARY: tuple[Symbol, ...] = (
     _field("F_1", "controller.F_1", "(10)"),
     _field("F_2", "controller.F_2", "(10)"),
     _field("A", "controller.A", "(9)"),
-    _field("layer φ", "controller.layer", "(15)", "boundary layer", "layer"),
+    _field("layer s_b", "controller.layer", "(15)", "boundary layer", "layer"),
     _field("T", "controller.period", "", "period"),
     _field("K_e", "contact.K_e", "(32)"),
     _field("B_e", "contact.B_e", "(28)"),

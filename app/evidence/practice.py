@@ -95,7 +95,7 @@ SWEEPS: dict[str, Sweep] = {
         "ur5-motion", {"motion.period": 2.0},
         "controller.period", (2e-4, 5e-4, 1e-3, 2e-3, 3e-3, 5e-3, 1e-2), "controller.layer",
         (1e-3, 2e-3, 5e-3, 1e-2, 2e-2, 5e-2, 0.1),
-        "control period [ms]", "layer φ [mm/s]", _milliseconds, _milliseconds,
+        "control period [ms]", "layer s_b [mm/s]", _milliseconds, _milliseconds,
     ),
     "drives": Sweep(
         "ur5-motion", {"motion.ramp": 1.0},

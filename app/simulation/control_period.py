@@ -36,7 +36,7 @@ from controllers.task_space import Scratch, TaskLayout, TaskSpace, task_space
 from environments.force_profiles.force_profile import ForceCourse
 from environments.force_profiles.table import force_at
 from environments.plant import limited
-from environments.shift import Shift, add_shift
+from environments.shift import SmoothShift, add_shift
 from environments.surfaces.chart import Chart, Shape
 from environments.surfaces.table import surface_chart
 from environments.trajectories.point_to_point import Hold
@@ -57,13 +57,13 @@ class ReferencePlan(NamedTuple):
     compliance: float
     m: int
     motion: Course
-    shift: Shift
+    shift: SmoothShift
     force: ForceCourse
 
     def held(self, r: np.ndarray, f: float) -> ReferencePlan:
         """Plan of staying at r (n,) with the present force f (N)."""
         still = course_of(Hold(), len(r), range(0))
-        here, force = Shift.fresh(np.zeros_like(r), 1.0), self.force._replace(start=f, change=0.0)
+        here, force = SmoothShift.fresh(np.zeros_like(r), 1.0), self.force._replace(start=f, change=0.0)
         return self._replace(start=r, compliance=0.0, motion=still, shift=here, force=force)
 
 

@@ -156,7 +156,7 @@ def controller_of(scenario: Scenario, mode: Mode, layout: TaskLayout, constants:
         epsilon=c.epsilon,
         bounds=c.bounds,
         switching=Switching[c.switching.upper()],
-        phi=c.layer,
+        layer=c.layer,
         uncertainty=uncertainty_of(scenario, constants.lipschitz.k_C),
         controlled=mode.controlled(n),
         m=mode.m(),

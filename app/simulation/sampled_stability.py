@@ -198,7 +198,7 @@ class _PeriodMap:
         while not state.reader.full:
             state.reader.read(state.arm.views.load.force)
         self._parts = [state.arm.views.q, state.arm.views.q_dot]
-        steps, speed = [], STEP * (controller.phi if controller.phi > 0.0 else 1.0)
+        steps, speed = [], STEP * (controller.layer if controller.layer > 0.0 else 1.0)
         if controller.law.robust:
             self._parts.append(state.period.views.z)
             steps += [speed] * system.layout.n

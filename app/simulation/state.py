@@ -21,7 +21,7 @@ from controllers.task_space import TaskSpace
 from environments.plant import PlantState
 from environments.push import Grip
 from environments.sensors import ForceReader
-from environments.shift import Shift
+from environments.shift import SmoothShift
 from kernels.records import Record
 
 
@@ -59,7 +59,7 @@ class State:
     period: Record[Period]  # z, and the state of the promise
     x: np.ndarray  # (k,), a law's own state; z of (25) is in `period`
     reader: ForceReader  # the force sensor's random stream, filter and delay line
-    shift: Shift  # of the reference, while it moves
+    shift: SmoothShift  # of the reference, while it moves
     along: Start | None  # of `ReferenceEstimates`, None where estimates are taken on-line
     grip: Grip | None  # the hand that holds the tool
     epoch: Epoch  # the one that began at the last change

@@ -49,7 +49,7 @@ from environments.contact import Contact
 from environments.plant import Plant
 from environments.push import TimedPush
 from environments.sensors import ForceSensor
-from environments.shift import Shift
+from environments.shift import SmoothShift
 from environments.step_resolution import Mobility, oscillators, resolved, substeps_needed
 from environments.surfaces.table import Surface
 from environments.urdf import RobotError
@@ -152,10 +152,10 @@ class System:
     def anew(self) -> System:
         """The system at t = 0: its shift starts from rest, and a blend is still to come."""
         shift = self.plan.shift
-        begun = self.with_shift(Shift.fresh(shift.end, shift.duration))
+        begun = self.with_shift(SmoothShift.fresh(shift.end, shift.duration))
         return begun if self.blend is None else replace(begun, controller=self.controller.following(self.blend.start))
 
-    def with_shift(self, shift: Shift) -> System:
+    def with_shift(self, shift: SmoothShift) -> System:
         """The system with this shift in place of the scenario's, which begins at t = 0."""
         return replace(self, plan=self.plan._replace(shift=shift))
 
@@ -225,7 +225,7 @@ def _assemble(scenario: Scenario, previous: System | None, memory: Memory) -> Sy
         compliance=0.0 if mode.rigid else 1.0 / scenario.controller.K_e_hat,
         m=mode.m(),
         motion=motion,
-        shift=Shift.fresh(shift, scenario.shift.duration),
+        shift=SmoothShift.fresh(shift, scenario.shift.duration),
         force=force,
     )
     if previous is not None and _shaping(previous.scenario) == _shaping(scenario):
@@ -233,7 +233,7 @@ def _assemble(scenario: Scenario, previous: System | None, memory: Memory) -> Sy
     else:
         # the arm is on the surface, not at r_fd (33) within it; only estimates taken along r_d are needed there, too
         compliance = plan.compliance if scenario.controller.estimates == "along-reference" else 0.0
-        unshifted = Planned(plan._replace(compliance=compliance, shift=Shift.fresh(0.0 * shift, 1.0)))
+        unshifted = Planned(plan._replace(compliance=compliance, shift=SmoothShift.fresh(0.0 * shift, 1.0)))
         rules = scenario.simulation
         if mode.on_surface:
             _require_within_reach(observer, unshifted.at(0.0), q_0)

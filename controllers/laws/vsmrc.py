@@ -22,7 +22,7 @@ def torque(told, out):
     out.d = gains.d
     if gains.by_theorem:
         out.d = sum_of(out.needed)  # (17)
-    switched = out.d * unit_factor(out.s_norm, gains.switching, gains.phi)  # d sigma(s) is s times this
+    switched = out.d * unit_factor(out.s_norm, gains.switching, gains.layer)  # d sigma(s) is s times this
     times(gains.K_s, out.s, reached)
     for j in range(out.tau.shape[0]):
         linear, switching = 0.0, 0.0

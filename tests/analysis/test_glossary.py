@@ -49,6 +49,6 @@ def test_values_are_those_of_the_run_in_the_units_of_the_page(space: str, unit: 
     assert of == unit
     assert [float(error) for error in errors] == pytest.approx(list(1e3 * row["e_r"]), rel=6e-3, abs=1e-6)
     assert told("‖s‖").endswith(f" {unit}/s")
-    assert float(told("layer φ").split()[0]) == scenario.controller.layer
+    assert float(told("layer s_b").split()[0]) == scenario.controller.layer
     assert told("K_m").endswith("N/m") or told("K_m").endswith("each")
     assert told("(8)") == ""

@@ -75,7 +75,7 @@ def test_the_controller_as_far_as_it_has_a_meaning(session: Session):
     page = session.page
     session.choose("Switching", "s / ‖s‖ (discontinuous)")
     session.wait(lambda now: now.scenario.controller.switching == "discontinuous")
-    session.row("layer φ [m/s]").wait_for(state="detached")
+    session.row("layer s_b [m/s]").wait_for(state="detached")
     assert session.row("constant d [N]").count() == 0
     session.choose("Gain d", "constant")
     enter(session, "constant d [N]", "40")

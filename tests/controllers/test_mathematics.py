@@ -139,7 +139,7 @@ def test_law_in_joint_space_is_the_law_in_task_space(
     r_eq_dot = reference.r_d_dot - c.F_1 @ e_r - c.F_2 @ z
     r_eq_ddot = reference.r_d_ddot - c.F_1 @ e_r_dot - c.F_2 @ z_dot
     F_t = -H @ task.v_t_dot - C @ task.v_t
-    robust = law.K_s @ s + out.d * unit_vector(s, int(switching), law.phi)
+    robust = law.K_s @ s + out.d * unit_vector(s, int(switching), law.layer)
     T_r = H @ r_eq_ddot + C @ r_eq_dot + J_inv.T @ estimate.G_hat + F_t + F_r - robust
 
     np.testing.assert_allclose(out.tau, task.J_q.T @ T_r, atol=1e-9 * np.abs(out.tau).max())
@@ -165,7 +165,7 @@ def test_known_arm_obeys_the_target_model(robot: str, chart: str, kind: str, ran
     q_ddot = pin.aba(system.robot.model, system.robot.model.createData(), q, q_dot, out.tau - estimate.J_v.T @ F)
     e_r_ddot = task.J_q @ q_ddot + task.J_q_dot @ q_dot + task.v_t_dot - reference.r_d_ddot
     H, C = task.J_q_inv.T @ estimate.M_hat @ task.J_q_inv, coriolis(system, q, q_dot, t)
-    s_dot = -np.linalg.solve(H, C @ out.s + law.K_s @ out.s + out.d * unit_vector(out.s, 1, law.phi))
+    s_dot = -np.linalg.solve(H, C @ out.s + law.K_s @ out.s + out.d * unit_vector(out.s, 1, law.layer))
     reaching = law.model.M_m @ (s_dot - law.compensator.A @ out.s) if law.law.robust else np.zeros(n)
     residual = law.model.residual(out.e_r, out.e_r_dot, e_r_ddot, out.e_Fc)
     np.testing.assert_allclose(residual, reaching, atol=1e-8 * np.abs(e_r_ddot).max() * 30.0)
@@ -220,12 +220,12 @@ def test_contact_acceleration_of_a_moving_surface(chart: str, random: np.random.
 
 @pytest.mark.parametrize("kind", [k for k in Switching if k is not Switching.DISCONTINUOUS])
 def test_smooth_switching_is_continuous(kind: Switching, random: np.random.Generator) -> None:
-    """Lipschitz with 1/phi, so that no step of s makes a larger step of the torque."""
-    phi = 0.02
+    """Lipschitz with 1/layer, so that no step of s makes a larger step of the torque."""
+    layer = 0.02
     for size in (1e-3, 0.02, 0.5):
         s, step = size * random.standard_normal(4), 1e-4 * random.standard_normal(4)
-        change = np.linalg.norm(unit_vector(s + step, int(kind), phi) - unit_vector(s, int(kind), phi))
-        assert change <= np.linalg.norm(step) / phi * (1.0 + 1e-9)
+        change = np.linalg.norm(unit_vector(s + step, int(kind), layer) - unit_vector(s, int(kind), layer))
+        assert change <= np.linalg.norm(step) / layer * (1.0 + 1e-9)
 
 
 @pytest.mark.parametrize(("K_s", "epsilon"), [(20.0, 1.0), (300.0, 10.0)])
@@ -312,8 +312,8 @@ def test_references_have_exact_derivatives(path: PointToPoint | Circle | Line | 
         ({"epsilon": 0.0}, r"controller\.epsilon: 0\.0; allowed: a number > 0"),
         ({"epsilon": float("nan")}, r"controller\.epsilon: nan"),
         ({"d": -1.0}, r"controller\.d: -1\.0"),
-        ({"phi": 0.0}, r"controller\.layer: 0\.0"),
-        ({"phi": float("nan")}, r"controller\.layer: nan"),
+        ({"layer": 0.0}, r"controller\.layer: 0\.0"),
+        ({"layer": float("nan")}, r"controller\.layer: nan"),
         ({"K_s": np.ones((3, 3))}, r"controller\.K_s: smallest eigenvalue"),
         ({"K_s": np.eye(2)}, r"controller\.K_s: shape \(2, 2\)"),
         ({"K_s": np.eye(3) + np.eye(3, k=1)}, r"controller\.K_s: not symmetric"),

@@ -145,7 +145,7 @@ def test_torque_25_is_force_15_in_task_space(robot: str, surface: str, bounds: s
     H = J_inv.T @ e.M_hat @ J_inv
     C = J_inv.T @ e.C_hat @ J_inv - H @ task.J_q_dot @ J_inv
     F_t = -H @ task.v_t_dot - C @ task.v_t
-    robust = system.controller.K_s @ s + out.d * s / max(np.linalg.norm(s), system.controller.phi)
+    robust = system.controller.K_s @ s + out.d * s / max(np.linalg.norm(s), system.controller.layer)
     T_r = H @ r_eq_ddot + C @ r_eq_dot + J_inv.T @ e.G_hat + F_t + F_r - robust
     np.testing.assert_allclose(out.tau, task.J_q.T @ T_r, atol=1e-8 * np.abs(out.tau).max())
     np.testing.assert_allclose(out.s, s, atol=1e-12)
@@ -178,19 +178,19 @@ def test_sliding_mode_is_the_target_model() -> None:
 @pytest.mark.parametrize("kind", Switching)
 def test_switching_functions(kind: Switching) -> None:
     random = np.random.default_rng(1)
-    phi = 0.01
+    layer = 0.01
     for size in (1e-4, 0.01, 1.0):
         s = random.standard_normal(5)
         s *= size / np.linalg.norm(s)
-        sigma = unit_vector(s, int(kind), phi)
+        sigma = unit_vector(s, int(kind), layer)
         assert np.linalg.norm(sigma) <= 1.0 + 1e-12
         assert np.isclose(sigma @ s, np.linalg.norm(sigma) * np.linalg.norm(s))
         np.testing.assert_allclose(unit_vector(s, int(kind), 1e-12 * size), s / size, atol=1e-10)
     d, epsilon = 20.0, 2.0
-    width = layer_width(int(kind), phi, d, epsilon)
-    outside = unit_vector(np.array([width * (1 + 1e-9) + 1e-15, 0.0]), int(kind), phi)[0]
+    width = layer_width(int(kind), layer, d, epsilon)
+    outside = unit_vector(np.array([width * (1 + 1e-9) + 1e-15, 0.0]), int(kind), layer)[0]
     assert d * outside >= d - (1.0 - kind.kept) * epsilon - 1e-6
-    assert np.array_equal(unit_vector(np.zeros(3), int(kind), phi), np.zeros(3))
+    assert np.array_equal(unit_vector(np.zeros(3), int(kind), layer), np.zeros(3))
 
 
 def test_spectral_norm_is_from_above_and_close() -> None:

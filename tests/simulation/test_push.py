@@ -15,7 +15,7 @@ from app.session.runner import Runner
 from app.simulation.closed_loop import ClosedLoop
 from app.simulation.signals import SIGNALS
 from environments.push import Grip, TimedPush
-from environments.shift import Shift
+from environments.shift import SmoothShift
 
 FORCE = np.array([3.0, -8.0, 5.0])
 
@@ -208,7 +208,7 @@ def test_push_now_begins_the_scenarios_push_or_one_sideways_and_the_run_goes_on(
 
 
 def test_a_shift_keeps_two_derivatives_wherever_it_is_turned() -> None:
-    first = Shift.fresh(np.array([0.1, 0.0, -0.2]), 1.0)
+    first = SmoothShift.fresh(np.array([0.1, 0.0, -0.2]), 1.0)
     second = first.turned(0.4, np.array([-0.1, 0.05, 0.0]), 0.7)
     for old, new in zip(first.evaluate(0.4), second.evaluate(0.4), strict=True):
         np.testing.assert_allclose(new, old, atol=1e-12)

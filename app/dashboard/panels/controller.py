@@ -58,7 +58,7 @@ class ControllerPanel:
             self._feedback = gui.add_html("")
             self._controls += [
                 Choice(desk, "controller.switching", "Switching", switching),
-                Number(desk, layer, "layer φ [m/s]", decades(1e-4, 0.1)),
+                Number(desk, layer, "layer s_b [m/s]", decades(1e-4, 0.1)),
                 Number(desk, Place("controller.K_s"), "K_s [N·s/m]", decades(1, 2000)),
             ]
         with surface:

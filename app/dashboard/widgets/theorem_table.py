@@ -72,7 +72,7 @@ def _facts(snapshot: Snapshot) -> list[tuple[str, str, str, str]]:
                     "layer, sampled",
                     f"{number('layer_loop_factor')} &lt; 2",
                     verdict(live["layer_loop_factor"] < 2.0),
-                    "(λ_max(K_s) + d/φ) T / λ_min(H): the boundary layer stops the chattering only below 2",
+                    "(λ_max(K_s) + d/s_b) T / λ_min(H): the boundary layer stops the chattering only below 2",
                 ),
             ]
     if math.isfinite(live["force_loop_factor"]):
