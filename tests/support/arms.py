@@ -96,7 +96,7 @@ def random_law(
         epsilon=1.0,
         bounds="tight",
         switching=switching,
-        phi=random.uniform(0.01, 10.0),
+        layer=random.uniform(0.01, 10.0),
         uncertainty=CERTAIN,
         controlled=controlled,
         m=m,
