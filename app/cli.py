@@ -112,8 +112,7 @@ def serve(
         idle_minutes: with --shared, a session that nobody looks at so long is closed; its link brings it back
         use: a file with a control law of your own (docs/extending.md); it runs as your program
     """
-    from app.dashboard import local_server
-    from app.dashboard.page import Dashboard, check_fps
+    from app.dashboard.frame_rate import check_fps
 
     look: Theme = one_of("--theme", theme, THEMES)
     asking: Token = one_of("--token", token, TOKENS)
@@ -158,6 +157,9 @@ def serve(
 
         serve_others(chosen, Look(look, fps), server_settings, None if stateless else state_dir)
         return DONE
+    from app.dashboard import local_server
+    from app.dashboard.page import Dashboard
+
     open_files.require(FILES, "for the session and its pages")
     dashboard = Dashboard(host=host, port=port, theme=look, fps=fps, tokens=server_settings.tokens)
     local_server.serve(chosen, dashboard, state_dir=state_dir, stateless=stateless)

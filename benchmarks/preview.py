@@ -14,7 +14,8 @@ from typing import NamedTuple
 import numpy as np
 import viser
 
-from app.dashboard.page import FPS, REFRESH
+from app.dashboard.frame_rate import FPS
+from app.dashboard.page import REFRESH
 from app.dashboard.plots.dock import Plots, Shown
 from app.dashboard.transport.visible_tabs import VisibleTabs
 from app.dashboard.view_options import Viewing

@@ -12,6 +12,7 @@ import viser
 
 from app.access.admission import Names, PortTaken, Tokens
 from app.access.rate_limits import NARROW
+from app.dashboard.frame_rate import FPS, check_fps
 from app.dashboard.panels import PANELS, Panel
 from app.dashboard.plots.charts import Pinned
 from app.dashboard.plots.dock import Plots, Shown
@@ -51,8 +52,6 @@ from app.storage.uploaded_urdfs import UploadedUrdfs
 
 log = structlog.get_logger()
 
-FPS = 30.0  # scene
-SLOWEST_FPS, FASTEST_FPS = 1.0, 60.0
 REFRESH = 1 / 10  # s, plots and numbers
 CONTROLS = 1 / 2  # s, controls that nobody uses, of a run that nobody changes, and the numbers among them
 PLOTTING = 0.1  # share of the time for drawing plots: long windows are drawn less often
@@ -372,12 +371,6 @@ class _View:
         if height and height != self._page_height:
             self._page_height = height
             self._plots.fit(height)
-
-
-def check_fps(fps: float) -> None:
-    """Raise ValueError for pictures per second outside of the allowed range."""
-    if not SLOWEST_FPS <= fps <= FASTEST_FPS:
-        raise ValueError(f"fps: {fps:g}; allowed: {SLOWEST_FPS:g} to {FASTEST_FPS:g}")
 
 
 def _unusable(host: str, port: int) -> str:

@@ -12,6 +12,7 @@ import pytest
 pytestmark = pytest.mark.slow  # processes of its own
 
 RUN = "from app.cli import execute; assert execute({}) == 0; "
+REFUSED = RUN.replace("== 0", "== 2")
 HEAVY = ("viser", "trimesh", "matplotlib", "aiohttp")
 NUMERIC = ("pinocchio", "numba", "scipy")
 
@@ -22,10 +23,11 @@ NUMERIC = ("pinocchio", "numba", "scipy")
         (RUN.format(["list"]), (*HEAVY, "numba", "scipy")),
         (RUN.format(["run", "planar2r-semicircle", "--duration", "0.01", "--out", "OUT"]), HEAVY),
         ("import app.gateway.serve; ", ("viser", *NUMERIC)),
+        (REFUSED.format(["serve", "--shared", "--max-sessions", "0"]), ("viser", *NUMERIC)),
         ("import app.workers.preview; ", HEAVY),
         ("import app.workers.precompile; ", HEAVY),
     ],
-    ids=["list", "run", "gateway", "preview", "precompile"],
+    ids=["list", "run", "gateway", "server", "preview", "precompile"],
 )
 def test_only_what_is_needed_is_loaded(code: str, not_needed: tuple[str, ...], tmp_path: Path) -> None:
     code = "import sys; " + code.replace("OUT", str(tmp_path)) + f"print([m for m in {not_needed} if m in sys.modules])"
