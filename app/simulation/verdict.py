@@ -93,10 +93,11 @@ class Standing:
 
     @property
     def reason(self) -> str:
-        """Reason why nothing is promised now, in a few words; "" where something is."""
+        """Reason of the verdict on this instant, in a few words."""
         if self.stopped is not None:
             return "stopped"
-        return next((f"because of: {STATEMENTS[p].title}" for p in Premise if self.table.now[p]), "")
+        usual = f"all premises hold since t = {self.kept.since:.4g} s" if self.kept.standing else ""
+        return next((f"premise not met: {STATEMENTS[p].title}" for p in Premise if self.table.now[p]), usual)
 
     @property
     def run(self) -> Promise:

@@ -12,6 +12,7 @@ from app.scenario.declared_bounds import outside
 from app.scenario.schema import Scenario
 from app.session.pacing import Pace
 from app.session.snapshot import Snapshot
+from app.simulation.verdict import Promise
 from controllers.modes import MODES
 
 _LATELY = 0.2  # s that the badge looks back
@@ -30,9 +31,11 @@ def status_html(snapshot: Snapshot, complaint: str, begun_from: Scenario | None 
         f"{chip(MODES[scenario.mode].label, 'vs-mode')}{_phase(snapshot)}"
         f'<span class="vs-right"><span class="vs-dim">t</span> <b class="vs-number">{snapshot.t:.2f}</b> s</span>'
         "</div>",
-        '<div class="vs-row vs-verdict-row">'
-        f'{_promise(snapshot)}<span class="vs-right" title="{_kept(pace)}"><span class="vs-dim">real time</span> '
+        '<div class="vs-row">'
+        f"{_verdict(snapshot.standing.now)}"
+        f'<span class="vs-right vs-pace" title="{_kept(pace)}"><span class="vs-dim">real time</span> '
         f'<b class="vs-number">{f"{snapshot.realtime_factor:.2f}×" if pace else "—"}</b></span></div>',
+        _reason(snapshot),
     ]
     messages = []
     if snapshot.phase == "stopped":
@@ -65,21 +68,20 @@ def _phase(snapshot: Snapshot) -> str:
     return chip(snapshot.phase, looks[snapshot.phase])
 
 
-def _promise(snapshot: Snapshot) -> str:
-    """Verdict on the theorem's promise, and the reason in a few words."""
-    promise = snapshot.standing.now
+def _verdict(promise: Promise) -> str:
+    """Verdict on the theorem's promise."""
     text = {"holds": "promise holds", "broken": "promise broken"}.get(promise.verdict, promise.verdict)
-    violated = outside(snapshot.scenario)
+    return f'<span title="{escape(promise.because)}">{chip(text, LOOK_OF[promise.verdict])}</span>'
+
+
+def _reason(snapshot: Snapshot) -> str:
+    """Line with the reason of the verdict in a few words; it is always there, so that nothing below it jumps."""
+    why, whole = snapshot.standing.reason, snapshot.standing.now.because
     if saturating := _saturating(snapshot):
-        why, whole = saturating, promise.because
-    elif violated:
+        why = saturating
+    elif violated := outside(snapshot.scenario):
         why, whole = "truth outside the declared bounds", "; ".join(violated)
-    else:
-        why, whole = snapshot.standing.reason, promise.because
-    return (
-        f'<span title="{escape(promise.because)}">{chip(text, LOOK_OF[promise.verdict])}</span>'
-        f'<span class="vs-dim vs-why" title="{escape(whole)}">{escape(why)}</span>'
-    )
+    return f'<div class="vs-dim vs-why" title="{escape(whole)}">{escape(why)}</div>'
 
 
 def _saturating(snapshot: Snapshot) -> str:
