@@ -3,8 +3,9 @@ no file."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
+import msgspec
 import numpy as np
 from msgspec import Struct
 
@@ -19,18 +20,24 @@ from app.simulation.system import System
 POINTS = 200  # about the number of pixels that a plot has ahead of now
 FORCE_RESOLUTION, MOTION_RESOLUTION = 0.1, 5e-5  # N, m: the ripple of a settled loop is no transient
 STEADY = 1e-6  # N, by which a constant desired force may vary in the tail
+BEGINS, LASTS = 0.1, 1.0  # s after now, s: the push where nothing else would move the arm
+LOOKS = 50  # instants at which the reference is compared with the present one
 
 
 @dataclass(frozen=True)
 class Question:
     """Request for a preview: the next `horizon` s from `state` on under `scenario`. Numbers grow.
-    partial: an intermediate answer is wanted, too, and given even when a newer question is waiting."""
+    partial: an intermediate answer is wanted, too, and given even when a newer question is waiting.
+    push: N, of the push on the tool where nothing else would move the arm; 0 for none.
+    compared: the figures of the running scenario are wanted, too."""
 
     number: int
     state: State
     scenario: Scenario
     horizon: float
     partial: bool = True
+    push: float = 0.0
+    compared: bool = False
 
 
 class Figures(Struct, frozen=True):
@@ -38,14 +45,21 @@ class Figures(Struct, frozen=True):
     never."""
 
     span: float  # s ahead of now that these figures look at
+    push: float  # of the push where nothing else moves the arm, N; 0 where there is none
     force_error: float | None  # mean of f_n - f_nd over the tail, N
     force_error_predicted: float | None  # the same by (37), for a constant desired force, N
     force_settling: float | None  # s, see `metrics.settling_time`
+    force_overshoot: float | None  # farthest from its beginning beyond its final value, N
+    contact_largest: float | None  # force on the surface where it is not controlled, N
+    contact_final: float | None  # its mean over the tail, N
+    motion_largest: float  # error, m
     motion_error: float  # largest in the tail, m
     motion_settling: float  # s
-    reaching_time: float  # of s, s
+    motion_overshoot: float | None  # farthest to the other side after the push, m
+    torque_largest: float  # of one joint, as applied, N m
+    reaching_time: float | None  # of s, s; None under a law without the gain d
     reaching_time_promised: float  # (18), s
-    gain_margin: float  # smallest d minus what (17) needs, N
+    gain_margin: float | None  # smallest d minus what (17) needs, N; None under such a law
     left: str | None  # how and when it leaves the theorem's domain
 
 
@@ -55,7 +69,8 @@ class Outlook:
     ahead: (N,) s after now.
     signals: those of a recording, at these instants.
     epochs: those that the signals were computed under.
-    restarts: the edit begins the scenario anew."""
+    restarts: the edit begins the scenario anew.
+    today: figures of the running scenario; None until they are known."""
 
     number: int
     scenario: Scenario
@@ -65,6 +80,7 @@ class Outlook:
     figures: Figures
     whole: bool
     restarts: bool
+    today: Figures | None = None
 
 
 @dataclass(frozen=True)
@@ -99,12 +115,35 @@ class Foresight:
         self.base = self._loop.system  # of the running scenario: a good `previous` for the next question
         if question.scenario != question.state.scenario:
             self._loop.edit(question.scenario)
+        self._push = question.push if question.push and self._rests() else 0.0
+        if self._push:
+            self._loop.edit(_pushed(self._loop.system, self._loop.t + BEGINS, self._push))
         self._start, self._rows, self._points = self._loop.t, rows, _points(rows)
+
+    @property
+    def unchanged(self) -> Question:
+        """The same question about the scenario that runs, with a push where this one has it."""
+        return replace(self.question, scenario=self.question.state.scenario, push=self._push)
 
     @property
     def share(self) -> float:
         """Share of the horizon that is computed, 0 to 1; 1 for a run that has stopped."""
         return 1.0 if self._loop.stopped else len(self._loop.recording) / self._rows
+
+    def _rests(self) -> bool:
+        """Whether nothing moves the arm within the horizon: no reference, surface, push or disturbance."""
+        loop, scenario, horizon = self._loop, self._loop.system.scenario, self.question.horizon
+        truth, began = scenario.truth, scenario.truth.push_start
+        comes = any(truth.push) and began < loop.t + horizon
+        if comes and (truth.push_every > 0.0 or began + truth.push_duration > loop.t):
+            return False
+        if truth.disturbance > 0.0 or scenario.surface.motion.amplitude > 0.0:
+            return False
+        now = self.base.reference(loop.t)  # an edit may move the reference, too
+        later = [loop.system.reference(t) for t in loop.t + np.linspace(0.0, horizon, LOOKS)]
+        moved = max(float(np.abs(reference.r_d - now.r_d).max()) for reference in later)
+        changed = max(float(np.abs(reference.F_cd - now.F_cd).max()) for reference in later)
+        return moved < MOTION_RESOLUTION and changed < FORCE_RESOLUTION
 
     def advance(self, steps: int) -> None:
         """Compute that many control periods, or up to the horizon."""
@@ -112,8 +151,8 @@ class Foresight:
         for _ in range(min(steps, self._rows - len(loop.recording))):
             loop.advance()
 
-    def outlook(self) -> Outlook | Refusal:
-        """Outlook of what has been computed so far."""
+    def outlook(self, today: Figures | None = None) -> Outlook | Refusal:
+        """Outlook of what has been computed so far. today: figures of the running scenario."""
         number, recording = self.question.number, self._loop.recording
         if not len(recording):
             return Refusal(number, f"nothing lies ahead: {self._loop.stopped or 'no control period is computed yet'}")
@@ -129,31 +168,63 @@ class Foresight:
             self._figures(record, signals),
             whole=self.share >= 1.0,
             restarts=self._start != self.question.state.t,
+            today=today,
         )
 
     def _figures(self, record: dict[str, np.ndarray], thinned: dict[str, np.ndarray]) -> Figures:
         loop, system, t = self._loop, self._loop.system, record["t"]
-        tail = tail_of(t)
-        path = np.linalg.norm(_path_error(system, thinned), axis=1)
-        error = predicted = settling = None
+        tail, robust = tail_of(t), system.controller.law.robust
+        deviations = _path_error(system, thinned)
+        path = np.linalg.norm(deviations, axis=1)
+        error = predicted = settling = overshoot = pressing = pressed = None
         if system.m:
             deviation, f_nd = force_error(record), record["F_cd"][tail, 0]
             error = float(deviation[tail].mean())
             s = record["s"][tail].mean(axis=0)
             predicted = steady_force_error(system, float(f_nd[-1]), s) if np.ptp(f_nd) < STEADY else None
             settling = settling_time(t, deviation, FORCE_RESOLUTION)
+            overshoot = _beyond(deviation, error)
+        elif system.plant.kind.touches:
+            pressing, pressed = float(record["multiplier"].max()), float(record["multiplier"][tail].mean())
         return Figures(
             span=float(t[-1] - self._start) + system.scenario.controller.period,
+            push=self._push,
             force_error=error,
             force_error_predicted=predicted,
             force_settling=settling,
+            force_overshoot=overshoot,
+            contact_largest=pressing,
+            contact_final=pressed,
+            motion_largest=float(path.max()),
             motion_error=float(path[tail_of(thinned["t"])].max()),
             motion_settling=settling_time(thinned["t"], path, MOTION_RESOLUTION),
-            reaching_time=np.inf if loop.reaching_time is None else loop.reaching_time,
+            motion_overshoot=_other_side(deviations) if self._push else None,
+            torque_largest=float(np.abs(record["tau_applied"]).max()),
+            reaching_time=(np.inf if loop.reaching_time is None else loop.reaching_time) if robust else None,
             reaching_time_promised=loop.certificate.t_r,
-            gain_margin=float((record["d"] - record["d_required"]).min()),
+            gain_margin=float((record["d"] - record["d_required"]).min()) if robust else None,
             left=loop.stopped or loop.warning or _unpromised(loop),
         )
+
+
+def _pushed(system: System, t: float, newtons: float) -> Scenario:
+    """The scenario with one push, sideways and within the plane of a planar arm, from t (s) on."""
+    push = (newtons, 0.0, 0.0) if system.robot.geometry == "planar" else (0.0, newtons, 0.0)
+    once = {"push": push, "push_start": t, "push_duration": LASTS, "push_every": 0.0}
+    scenario = system.scenario
+    return msgspec.structs.replace(scenario, truth=msgspec.structs.replace(scenario.truth, **once))
+
+
+def _beyond(signal: np.ndarray, final: float) -> float:
+    """How far the signal (N,) goes beyond its final value, seen from its beginning."""
+    return max(float((np.sign(final - signal[0]) * (signal - final)).max()), 0.0)
+
+
+def _other_side(errors: np.ndarray) -> float:
+    """How far errors (N, k) go to the side opposite of the largest one, after it."""
+    top = int(np.linalg.norm(errors, axis=1).argmax())
+    size = float(np.linalg.norm(errors[top]))
+    return max(float((-errors[top:] @ errors[top]).max()) / size, 0.0) if size > 0.0 else 0.0
 
 
 def _unpromised(loop: ClosedLoop) -> str | None:

@@ -71,11 +71,20 @@ class Previewer:
         with self._lock:
             self._put(Question(0, state, state.scenario, state.scenario.controller.period, partial=False))
 
-    def ask(self, state: State, scenario: Scenario, horizon: float, *, partial: bool = True) -> None:
+    def ask(
+        self,
+        state: State,
+        scenario: Scenario,
+        horizon: float,
+        *,
+        partial: bool = True,
+        push: float = 0.0,
+        compared: bool = False,
+    ) -> None:
         """Ask for a preview, see `Question`."""
         with self._lock:
             self._number += 1
-            self._put(Question(self._number, state, scenario, horizon, partial))
+            self._put(Question(self._number, state, scenario, horizon, partial, push, compared))
 
     def drop(self) -> None:
         """Forget the answer; the questions asked so far do not count any more."""

@@ -69,10 +69,41 @@ const letGo = (mark) => {
   }, 80));
 };
 const moves = (e) => /^(Arrow|Home|End|Page)/.test(e.key);
+// A slider's step is a fine one (FINE in app/dashboard/widgets/controls.py). Ten of them are a step by mouse or key, and
+// one with Shift, when the mouse also moves it a tenth as far. Between two pixels an event gets a place of its own.
+const TIMES = 10, STEPS = 500;
+let place = 0, mouse = 0;
+const lies = (e, x) => Object.defineProperty(e, "clientX", { value: x });
+const onStep = (box, x) => box.left + (Math.round(((x - box.left) / box.width) * STEPS) / STEPS) * box.width;
+const track = (within) => within.querySelector(".mantine-Slider-track");
+window.addEventListener("mousedown", (e) => {
+  if (!slider(e) || !e.isTrusted) return;
+  place = mouse = e.clientX;
+  lies(e, onStep(track(slider(e)).getBoundingClientRect(), place));
+}, true);
+window.addEventListener("mousemove", (e) => {
+  if (!held || byKey || !e.isTrusted) return;
+  place += (e.clientX - mouse) * (e.shiftKey ? 1 / TIMES : 1);
+  mouse = e.clientX;
+  lies(e, e.shiftKey ? place : onStep(track(held).getBoundingClientRect(), place));
+}, true);
+document.addEventListener("keydown", (e) => {
+  if (!slider(e) || !/^Arrow/.test(e.key)) return;
+  e.preventDefault();
+  e.stopPropagation(); // the slider would take a fine step
+  const thumb = slider(e).querySelector("[role=slider]"), steps = e.shiftKey ? STEPS * TIMES : STEPS;
+  const at = thumb.ariaValueNow * steps, close = 1e-3;
+  const next = /Right|Up/.test(e.key) ? Math.floor(at + close) + 1 : Math.ceil(at - close) - 1;
+  const on = track(slider(e)), box = on.getBoundingClientRect();
+  const x = box.left + (Math.min(Math.max(next, 0), steps) / steps) * box.width;
+  for (const kind of ["mousedown", "mouseup"])
+    on.dispatchEvent(lies(new MouseEvent(kind, { bubbles: true, cancelable: true, clientY: box.top }), x));
+  thumb.focus(); // a press focuses what is around it
+}, true);
 for (const kind of ["mousedown", "touchstart"])
-  document.addEventListener(kind, (e) => { const s = slider(e); if (s) hold(s.closest("form"), false); }, true);
+  document.addEventListener(kind, (e) => { const s = slider(e); if (s && e.isTrusted) hold(s.closest("form"), false); }, true);
 for (const kind of ["mouseup", "touchend", "touchcancel"])
-  document.addEventListener(kind, () => letGo("\u200c"), true);
+  document.addEventListener(kind, (e) => { if (e.isTrusted) letGo("\u200c"); }, true);
 document.addEventListener("keydown", (e) => {
   const s = slider(e);
   if (e.key === "Escape" && held) {

@@ -118,3 +118,51 @@ def test_the_simplest_baseline_with_weak_drives(session: Session):
     enter(session, "torque limit ×", "0.05")
     session.wait(lambda now: now.scenario.truth.torque_limit == 0.05)
     session.page.locator(".vs-status", has_text="torque at its limit: joint").wait_for()
+
+
+def test_with_shift_a_slider_moves_a_tenth_as_far_by_mouse_and_key(session: Session):
+    page, slider = session.page, session.row("F_d [N]").get_by_role("slider")
+
+    def at() -> float:
+        return float(slider.get_attribute("aria-valuenow") or "nan")
+
+    def reaches(expected: float) -> None:
+        near = "(x) => Math.abs(document.querySelector('form[data-held] [role=slider]').ariaValueNow - x) < 0.01"
+        page.wait_for_function(near, arg=expected)
+
+    boxes = [session.row("F_d [N]").locator(f".mantine-Slider-{part}").bounding_box() for part in ("root", "track")]
+    root, track = (box["width"] for box in boxes if box is not None)
+    move, _ = session.grip("F_d [N]", 0.5)
+    reaches(0.5)
+    move(0.7)
+    reaches(0.5 + 0.2 * root / track)
+    page.keyboard.down("Shift")
+    move(0.9)
+    reaches(0.5 + 0.22 * root / track)
+    page.keyboard.up("Shift")
+    page.mouse.up()
+    session.wait(lambda now: now.scenario.force.value == float(f"{60.0 * at():.4g}"))
+    page.locator("form[data-held]").wait_for(state="detached")
+
+    slider.focus()
+    for keys, step in (("ArrowLeft",), 0.002), (("Shift", "ArrowLeft"), 0.0002), (("Shift", "ArrowUp"), 0.0002):
+        before = at()
+        for key in keys:
+            page.keyboard.down(key)
+        page.wait_for_function("(before) => document.activeElement.ariaValueNow != before", arg=str(before))
+        assert abs(at() - before) <= step + 1e-9
+        assert round(at() / step, 6).is_integer()
+        assert (at() > before) == (keys[-1] == "ArrowUp")
+        for key in reversed(keys):
+            page.keyboard.up(key)
+        page.locator("form[data-held]").wait_for(state="detached")
+
+
+def test_linked_axes_move_together(session: Session):
+    session.tab("Model")
+    session.page.get_by_label("Link equal axes").first.check()
+    session.tab("K_m")
+    session.number("K_m ψ₁").fill("3000")
+    session.number("K_m ψ₁").press("Enter")
+    session.wait(lambda now: now.matrices["K_m"].diagonal().tolist() == [0.0, 3000.0, 3000.0, 4000.0, 4000.0, 4000.0])
+    session.page.get_by_label("Link equal axes").first.uncheck()

@@ -100,6 +100,20 @@ def test_editing_an_axis_keeps_coupling(hybrid: Snapshot):
         assert (edited_once[1, 1], edited_once[1, 2]) == (9000.0, 500.0)
 
 
+def test_linked_axes_are_those_that_are_alike(hybrid: Snapshot):
+    """psi_1, psi_2 and the three angles of ur5-hybrid have the same stiffness, phi another one."""
+    stiffness = np.diag([0.0, 9000.0, 9000.0, 4000.0, 4000.0, 4000.0])
+    linked = DiagonalPlace("target_model.K_m", 1, lambda: True)
+    np.testing.assert_array_equal(applied(hybrid, linked.edit(hybrid, 9000.0)).matrices["K_m"], stiffness)
+    apart = applied(hybrid, DiagonalPlace("target_model.K_m", 2).edit(hybrid, 5000.0))
+    stiffness[2, 2] = 5000.0
+    np.testing.assert_array_equal(applied(apart, linked.edit(apart, 9000.0)).matrices["K_m"], stiffness)
+    swinging = OscillatorPlace("target_model", "omega", 4, lambda: True)
+    before, after = oscillators_of(hybrid), oscillators_of(applied(hybrid, swinging.edit(hybrid, 7.5)))
+    np.testing.assert_allclose(after.omega, [*before.omega[:3], 7.5, 7.5, 7.5])
+    np.testing.assert_allclose(after.zeta, before.zeta)
+
+
 @pytest.mark.parametrize("value", [0.0, -3, [1, 2]])
 def test_what_is_no_frequency_is_refused_in_a_sentence(hybrid: Snapshot, value: object):
     with pytest.raises(ValueError, match=re.escape(written(value))):

@@ -16,7 +16,7 @@ import pytest
 from app.analysis.metrics import BAND, settling_time, steady_force_error
 from app.scenario.data import edited, from_plain, shipped, to_plain
 from app.scenario.schema import Scenario
-from app.session.preview import Foresight, Outlook, Question, Refusal
+from app.session.preview import LASTS, Figures, Foresight, Outlook, Question, Refusal
 from app.session.preview_client import Previewer
 from app.simulation.closed_loop import ClosedLoop
 from drivers.waiting import until
@@ -174,6 +174,49 @@ def test_leaving_the_domain_is_said() -> None:
     assert outlook.figures.left.startswith("t = ")
 
 
+def figures_of(question: Question) -> Figures:
+    foresight = Foresight(question)
+    foresight.advance(100_000)
+    outlook = foresight.outlook()
+    assert isinstance(outlook, Outlook)
+    return outlook.figures
+
+
+def test_an_arm_at_rest_is_pushed_and_gives_way_as_its_stiffness_says() -> None:
+    """m e'' + b e' + k e = F for a second, from rest: the closed form at its end, and the swing back."""
+    free = edited(edited(shipped()["ur5-impedance"], "motion", "hold"), "contact.kind", "free")
+    free = edited(free, "truth.push", [0.0, 0.0, 0.0])
+    m, b, k = 10.0, 60.0, 2000.0
+    loop = running(edited(free, "target_model.B_m", 6 * [b]))
+    state, scenario = loop.state.copy(), loop.system.scenario
+    figures = figures_of(Question(1, state, scenario, 4.0, push=30.0))
+    assert figures.push == 30.0
+    omega, zeta = np.sqrt(k / m), b / (2.0 * np.sqrt(k * m))
+    beyond = np.exp(-np.pi * zeta / np.sqrt(1.0 - zeta**2))
+    assert figures.motion_largest == pytest.approx(30.0 / k * (1.0 + beyond), rel=0.02)
+    wave = np.exp(-zeta * omega * LASTS)  # left of the first swing when the push ends
+    assert figures.motion_overshoot == pytest.approx(30.0 / k * beyond, rel=0.1 + 2.0 * wave)
+    assert figures.motion_error < 2e-4
+    assert figures.contact_largest is None
+    assert figures_of(Question(1, state, scenario, 4.0)).motion_largest < 2e-4
+    # what moves by itself is not pushed: by an edit, on its path, by a push of its own
+    shifted = edited(scenario, "shift.by", [0.02])
+    assert figures_of(Question(1, state, shifted, 1.0, push=30.0)).push == 0.0
+    for moving in ("ur5-hybrid", "ur5-heavy"):
+        state = running(shipped()[moving]).state.copy()
+        assert figures_of(Question(1, state, state.scenario, 5.0, push=30.0)).push == 0.0
+
+
+def test_overshoot_of_a_force_is_what_goes_beyond_its_final_value() -> None:
+    hybrid = edited(shipped()["ur5-hybrid"], "target_model.B_m", [200.0, *5 * [400.0]])
+    state = running(hybrid, 1500).state.copy()
+    figures = figures_of(Question(1, state, edited(hybrid, "force.value", 30.0), 2.0))
+    zeta = 200.0 / (2.0 * np.sqrt(10.0 * 1e4))  # M_m, K_f K_e
+    beyond = 10.0 * np.exp(-np.pi * zeta / np.sqrt(1.0 - zeta**2))
+    assert figures.force_overshoot == pytest.approx(beyond, rel=0.3)  # the desired force changes within some time
+    assert figures.torque_largest > 10.0
+
+
 @pytest.fixture
 def previewer() -> Iterator[Previewer]:
     previewer = Previewer()
@@ -201,6 +244,21 @@ def test_the_process_answers_the_newest_question_only(previewer: Previewer) -> N
     rows = np.searchsorted(really["t"], answer.signals["t"])
     assert len(rows) > 100
     np.testing.assert_array_equal(answer.signals["F_c"], really["F_c"][rows])
+
+
+def test_the_running_scenario_is_computed_for_comparison_and_once(previewer: Previewer) -> None:
+    state = running(shipped()["ur5-hybrid"]).state.copy()
+    for force in (30.0, 40.0):
+        previewer.ask(state, edited(state.scenario, "force.value", force), 0.5, partial=False, compared=True)
+        answer = until(lambda force=force: compared(previewer, force))
+        today = figures_of(Question(1, state, state.scenario, 0.5))
+        assert answer.today == today
+        assert answer.figures != today
+
+
+def compared(previewer: Previewer, force: float) -> Outlook | None:
+    newest = whole(previewer)
+    return newest if newest is not None and newest.today and newest.scenario.force.value == force else None
 
 
 def test_answers_on_the_way_come_first_and_a_dropped_one_never(previewer: Previewer) -> None:

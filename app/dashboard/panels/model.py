@@ -23,9 +23,10 @@ from app.session.snapshot import Snapshot
 
 @dataclass(frozen=True)
 class _Quantity:
-    """One number per task coordinate: its place in the scenario, its slider, and the note on it."""
+    """One number per task coordinate: its place in the scenario, which may be linked to others, its slider, and the
+    note on it."""
 
-    place: Callable[[int], Place]
+    place: Callable[[int, Callable[[], bool]], Place]
     scale: Scale
     note: Callable[[Snapshot], str]
 
@@ -94,6 +95,10 @@ class _PerCoordinate:
 
     def __init__(self, desk: Desk, quantities: Mapping[str, _Quantity]) -> None:
         self._desk, self._quantities = desk, quantities
+        self._linked = False
+        hint = "A slider or number also sets the other lengths, or the other angles, that have the same value."
+        self._link = desk.gui.add_checkbox("Link equal axes", self._linked, hint=hint)
+        self._link.on_update(self._on_link)
         tabs = desk.gui.add_tab_group()
         self._tabs = {name: tabs.add_tab(name) for name in quantities}
         self._rows: dict[str, list[Number]] = {name: [] for name in quantities}
@@ -102,12 +107,17 @@ class _PerCoordinate:
             with tab:
                 self._notes[name] = desk.gui.add_html("")
 
+    async def _on_link(self, event: viser.GuiEvent) -> None:
+        if event.client is not None:
+            self._linked = self._link.value
+
     def show(self, snapshot: Snapshot) -> None:
         for name, quantity in self._quantities.items():
             rows = self._rows[name]
             for i in range(len(rows), len(snapshot.coordinates)):
                 with self._tabs[name]:
-                    rows.append(Number(self._desk, quantity.place(i), f"{name} {i + 1}", quantity.scale))
+                    place = quantity.place(i, lambda: self._linked)
+                    rows.append(Number(self._desk, place, f"{name} {i + 1}", quantity.scale))
             for i, row in enumerate(rows):
                 row.show(snapshot)
                 if i < len(snapshot.coordinates):
@@ -152,7 +162,7 @@ def oscillator_note(snapshot: Snapshot, unit: str) -> str:
 
 def _diagonal(name: str, meaning: str, metric: str, angular: str, scale: Scale) -> _Quantity:
     return _Quantity(
-        lambda i: DiagonalPlace(f"target_model.{name}", i),
+        lambda i, linked: DiagonalPlace(f"target_model.{name}", i, linked),
         scale,
         lambda snapshot: matrix_note(snapshot, name, meaning, metric, angular),
     )
@@ -166,12 +176,12 @@ _DIAGONALS = {
 }
 _OSCILLATORS = {
     "ω": _Quantity(
-        lambda i: OscillatorPlace("target_model", "omega", i),
+        lambda i, linked: OscillatorPlace("target_model", "omega", i, linked),
         decades(1, 200),
         lambda snapshot: oscillator_note(snapshot, "rad/s"),
     ),
     "ζ": _Quantity(
-        lambda i: OscillatorPlace("target_model", "zeta", i),
+        lambda i, linked: OscillatorPlace("target_model", "zeta", i, linked),
         decades(0.05, 5),
         lambda snapshot: oscillator_note(snapshot, "damping ratio"),
     ),

@@ -28,6 +28,9 @@ from app.session.commands import Command, Edit
 from app.session.snapshot import Snapshot
 from app.storage.uploaded_urdfs import UploadedUrdfs
 
+FINE = 0.0002  # of a slider's length: its step with Shift; `rows.js` makes STEP of ten
+STEP = 0.002
+
 
 @dataclass(frozen=True)
 class Desk:
@@ -128,11 +131,14 @@ class Scale:
     zero: bool = False
 
     def value(self, position: float) -> float:
-        if not self.logarithmic:
-            return _rounded(self.low + position * (self.high - self.low))
+        """Value at this share of the slider's length: of three digits at whole steps, of four between them."""
         if self.zero and position <= 0:
             return 0.0
-        return _rounded(self.low * (self.high / self.low) ** position)
+        value = self.low + position * (self.high - self.low)
+        if self.logarithmic:
+            value = self.low * (self.high / self.low) ** position
+        whole = abs(position - STEP * round(position / STEP)) < 0.1 * FINE
+        return float(f"{value:.3g}" if whole else f"{value:.4g}")
 
     def position(self, value: float) -> float:
         if not self.logarithmic:
@@ -151,10 +157,6 @@ def decades(low: float, high: float, *, zero: bool = False) -> Scale:
 def labelled(label: str, unit: str) -> str:
     """Label of a control with the unit of its numbers."""
     return label if unit in ("", "1") else f"{label} [{unit}]"
-
-
-def _rounded(value: float) -> float:
-    return float(f"{value:.3g}")
 
 
 class Row(NamedTuple):
@@ -177,7 +179,7 @@ class Number:
             self._text.on_update(self._on_text)
             self._slider = None
             if scale is not None:
-                self._slider = desk.gui.add_slider("", 0.0, 1.0, 0.002, 0.0, marks=(), hint=place.hint)
+                self._slider = desk.gui.add_slider("", 0.0, 1.0, FINE, 0.0, marks=(), hint=place.hint)
                 self._slider.on_update(self._on_slider)
 
     @property

@@ -3,7 +3,7 @@ at once."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -11,6 +11,7 @@ import numpy as np
 from msgspec import to_builtins
 
 from app.dashboard.widgets.controls import Place
+from app.dashboard.widgets.equation import is_fixed
 from app.dashboard.widgets.matrix_text import written
 from app.session.commands import Blend, Edit
 from app.session.snapshot import Snapshot
@@ -46,11 +47,26 @@ def oscillators_of(snapshot: Snapshot) -> Oscillators:
     return oscillators(**snapshot.matrices, K_e=pressed_on(snapshot))
 
 
+def alone() -> bool:
+    """Answer of a place that is linked to no other."""
+    return False
+
+
+def alike(snapshot: Snapshot, index: int, values: np.ndarray) -> list[int]:
+    """Coordinates to which that of this index is linked, itself among them: all lengths or all angles, with equal
+    values (n,)."""
+    of = [coordinate.metres_per_radian is None for coordinate in snapshot.coordinates]
+    equal = np.isclose(values, values[index], rtol=1e-9)
+    return [j for j in range(len(of)) if of[j] == of[index] and equal[j]]
+
+
 @dataclass(frozen=True)
 class DiagonalPlace(Place):
-    """Entry `index` on the diagonal of a matrix of the target model, as it is in force."""
+    """Entry `index` on the diagonal of a matrix of the target model, as it is in force.
+    linked: whether equal entries of like coordinates that the mode leaves free are set, too."""
 
     index: int
+    linked: Callable[[], bool] = alone
 
     def read(self, snapshot: Snapshot) -> Any:
         matrix = self._matrix(snapshot)
@@ -58,19 +74,28 @@ class DiagonalPlace(Place):
 
     def edit(self, snapshot: Snapshot, value: Any) -> Edit:
         matrix = self._matrix(snapshot).copy()
-        matrix[self.index, self.index] = _single(value)
+        places = alike(snapshot, self.index, np.diag(matrix)) if self.linked() else [self.index]
+        for i in places:
+            if i == self.index or not is_fixed(snapshot, self._name, i):
+                matrix[i, i] = _single(value)
         return Edit(self.path, plain(matrix))
 
+    @property
+    def _name(self) -> str:
+        return self.path.rpartition(".")[2]
+
     def _matrix(self, snapshot: Snapshot) -> np.ndarray:
-        return snapshot.matrices[self.path.rpartition(".")[2]]
+        return snapshot.matrices[self._name]
 
 
 @dataclass(frozen=True)
 class OscillatorPlace(Place):
-    """omega or zeta of coordinate `index`, with M_m and the other of the two kept; see `controllers.second_order`."""
+    """omega or zeta of coordinate `index`, with M_m and the other of the two kept; see `controllers.second_order`.
+    linked: whether like coordinates with the same value get it, too."""
 
     kind: Literal["omega", "zeta"]
     index: int
+    linked: Callable[[], bool] = alone
 
     def read(self, snapshot: Snapshot) -> Any:
         values = getattr(oscillators_of(snapshot), self.kind)
@@ -82,15 +107,17 @@ class OscillatorPlace(Place):
         value = _single(value)
         if not value > 0.0:
             raise ValueError(f"{written(value)}; allowed: a number > 0")
-        i, now = self.index, oscillators_of(snapshot)
-        wanted = {"omega": float(now.omega[i]), "zeta": float(now.zeta[i]), self.kind: value}
-        M_m, K_m, K_f = (float(snapshot.matrices[name][i, i]) for name in ("M_m", "K_m", "K_f"))
-        entries = shaped(M_m, K_m, K_f, float(pressed_on(snapshot)[i]), **wanted)
-        changed = {}
-        for name in ("B_m", "K_m", "K_f"):
-            if snapshot.matrices[name][i, i] != getattr(entries, name):
-                changed[name] = snapshot.matrices[name].copy()
-                changed[name][i, i] = getattr(entries, name)
+        now = oscillators_of(snapshot)
+        places = alike(snapshot, self.index, getattr(now, self.kind)) if self.linked() else [self.index]
+        changed: dict[str, np.ndarray] = {}
+        for i in places:
+            wanted = {"omega": float(now.omega[i]), "zeta": float(now.zeta[i]), self.kind: value}
+            M_m, K_m, K_f = (float(snapshot.matrices[name][i, i]) for name in ("M_m", "K_m", "K_f"))
+            entries = shaped(M_m, K_m, K_f, float(pressed_on(snapshot)[i]), **wanted)
+            for name in ("B_m", "K_m", "K_f"):
+                if snapshot.matrices[name][i, i] != getattr(entries, name):
+                    matrix = changed.setdefault(name, snapshot.matrices[name].copy())
+                    matrix[i, i] = getattr(entries, name)
         return model_edit(snapshot, changed)
 
     @property

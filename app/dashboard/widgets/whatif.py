@@ -12,7 +12,7 @@ from app.session.preview import Outlook, Refusal
 from app.session.preview_client import Previewer
 from app.session.snapshot import Snapshot
 
-HORIZON = 5.0  # s, until the user says otherwise
+HORIZON, PUSH = 5.0, 30.0  # s, N, until the user says otherwise
 
 
 @dataclass(frozen=True)
@@ -33,6 +33,7 @@ class _Asked:
     edit: Edit
     base: Scenario
     horizon: float
+    push: float
     t: float
 
 
@@ -52,13 +53,14 @@ def _answers(snapshot: Snapshot) -> tuple[int, int]:
 class WhatIf:
     """Previews of one slider at a time, whoever holds it. Callbacks `hold` and `let_go`; the drawing loop calls `look`.
 
+    push: N, see `Question`.
     outlook: preview to draw, None for nothing; refusal: reason why there is nothing, in a sentence.
     """
 
     def __init__(self, previewer: Previewer) -> None:
         self._previewer = previewer
         self.on = True
-        self.horizon = HORIZON
+        self.horizon, self.push = HORIZON, PUSH
         self.held: Held | None = None
         self.outlook: Outlook | None = None
         self.refusal = ""
@@ -127,8 +129,8 @@ class WhatIf:
         return False
 
     def _ask(self, held: Held, snapshot: Snapshot) -> None:
-        asked, now = self._asked, _Asked(held.edit, snapshot.scenario, self.horizon, snapshot.t)
-        moved = asked is None or (asked.edit, asked.horizon) != (now.edit, now.horizon)
+        asked, now = self._asked, _Asked(held.edit, snapshot.scenario, self.horizon, self.push, snapshot.t)
+        moved = asked is None or (asked.edit, asked.horizon, asked.push) != (now.edit, now.horizon, now.push)
         if not moved and (now == asked or not self._previewer.idle):
             return
         self._asked = now
@@ -139,4 +141,4 @@ class WhatIf:
             self.outlook, self.refusal = None, str(error)
         else:
             # the same question from a later state replaces a complete drawing, which must not grow from nothing again
-            self._previewer.ask(snapshot.state, scenario, self.horizon, partial=moved)
+            self._previewer.ask(snapshot.state, scenario, self.horizon, partial=moved, push=self.push, compared=True)

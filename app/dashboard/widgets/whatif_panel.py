@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 import time
+from collections.abc import Callable
+from dataclasses import dataclass
 from html import escape
 
 import viser
@@ -26,8 +28,11 @@ class WhatIfPanel:
             hint = "While a slider is held: draw what it would do, and apply it when it is let go."
             self._on = gui.add_checkbox("Preview", desk.whatif.on, hint=hint)
             self._horizon = gui.add_slider("Ahead [s]", 1.0, 20.0, 0.5, desk.whatif.horizon, marks=())
+            hint = "Push for a second where nothing else would move the arm, so that there is something to compare."
+            self._push = gui.add_slider("Push at rest [N]", 0.0, 100.0, 1.0, desk.whatif.push, marks=(), hint=hint)
         self._on.on_update(self._on_switch)
         self._horizon.on_update(self._on_horizon)
+        self._push.on_update(self._on_push)
         self._window = gui.add_panel(visible=False)
         with self._window.add_tab("What if"):
             self._html = gui.add_html("")
@@ -38,11 +43,15 @@ class WhatIfPanel:
 
     async def _on_switch(self, event: viser.GuiEvent) -> None:
         if event.client is not None:
-            self._desk.whatif.on = self._horizon.visible = self._on.value
+            self._desk.whatif.on = self._horizon.visible = self._push.visible = self._on.value
 
     async def _on_horizon(self, event: viser.GuiEvent) -> None:
         if event.client is not None:
             self._desk.whatif.horizon = self._horizon.value
+
+    async def _on_push(self, event: viser.GuiEvent) -> None:
+        if event.client is not None:
+            self._desk.whatif.push = self._push.value
 
     async def _on_revert(self, _: viser.GuiEvent) -> None:
         whatif = self._desk.whatif
@@ -73,13 +82,66 @@ class WhatIfPanel:
             return f'<div class="vs-message vs-bad">{escape(whatif.refusal)}</div>'
         if whatif.outlook is None:
             return '<div class="vs-dim">…</div>'
-        figures = whatif.outlook.figures
-        rows = "".join(f"<tr><td>{what}</td><td>{value}</td></tr>" for what, value in _rows(figures, units))
+        figures, today = whatif.outlook.figures, whatif.outlook.today
         notes = [f'<div class="vs-message vs-warn">{escape(figures.left)}</div>'] if figures.left else []
         if whatif.outlook.restarts:
             notes.append('<div class="vs-message vs-warn">This edit begins the scenario anew.</div>')
-        span = f'<div class="vs-dim">within the next {figures.span:.1f} s:</div>'
-        return f'{span}<table class="vs-facts">{rows}</table>{"".join(notes)}'
+        pushed = f", with a push of {figures.push:g} N" if figures.push else ""
+        span = f'<div class="vs-dim">within the next {figures.span:.1f} s{pushed}:</div>'
+        return f"{span}{_table(figures, today, units)}{''.join(notes)}"
+
+
+@dataclass(frozen=True)
+class _Row:
+    """Row of the table: title, and the value of the figures as text; None where it has no meaning.
+    told: value that belongs to the title, such as a prediction, as text."""
+
+    title: str
+    value: Callable[[Figures], str | None]
+    told: Callable[[Figures], str | None] = lambda _: None
+
+
+def _rows(units: Units) -> tuple[_Row, ...]:
+    def length(value: float | None) -> str | None:
+        return None if value is None else f"{_small(value * 1e3, 1e-4)} {units.error}"
+
+    def force(value: float | None) -> str | None:
+        return None if value is None else f"{_small(value, 1e-9)} {units.force}"
+
+    def predicted(figures: Figures) -> str | None:
+        by_37 = figures.force_error_predicted
+        return "F_d varies" if by_37 is None else f"by (37) {_small(by_37, 1e-3)} N"
+
+    return (
+        _Row("force error at the end", lambda f: _newtons(f.force_error), predicted),
+        _Row("force within 2 % after", lambda f: _seconds(f.force_settling)),
+        _Row("force overshoot", lambda f: _newtons(f.force_overshoot)),
+        _Row("largest force on the surface", lambda f: _newtons(f.contact_largest)),
+        _Row("force on it at the end", lambda f: _newtons(f.contact_final)),
+        _Row("largest deflection", lambda f: length(f.motion_largest)),
+        _Row("deflection at the end", lambda f: length(f.motion_error)),
+        _Row("path within 2 % after", lambda f: _seconds(f.motion_settling)),
+        _Row("swing to the other side", lambda f: length(f.motion_overshoot)),
+        _Row("largest torque of a joint", lambda f: f"{_small(f.torque_largest, 1e-3)} N·m"),
+        _Row(
+            "layer reached after",
+            lambda f: _seconds(f.reaching_time),
+            lambda f: f"s = 0 by (18): ≤ {f.reaching_time_promised:.3g} s",
+        ),
+        _Row("least margin of (17)", lambda f: force(f.gain_margin)),
+    )
+
+
+def _table(figures: Figures, today: Figures | None, units: Units) -> str:
+    """Table of the figures beside today's, for rows that have a meaning."""
+    lines = ["<tr><th></th><th>then</th><th>now</th></tr>"]
+    for row in _rows(units):
+        if (value := row.value(figures)) is None:
+            continue
+        told = f'<br><span class="vs-dim">{text}</span>' if (text := row.told(figures)) else ""
+        before = "…" if today is None else row.value(today) or "—"
+        lines.append(f"<tr><td>{row.title}{told}</td><td><b>{value}</b></td><td>{before}</td></tr>")
+    return f'<table class="vs-facts vs-foreseen">{"".join(lines)}</table>'
 
 
 def _html(head: str, hint: str, body: str) -> str:
@@ -87,25 +149,14 @@ def _html(head: str, hint: str, body: str) -> str:
     return f'<div class="vs-held">{row}{body}</div>'
 
 
-def _rows(figures: Figures, units: Units) -> list[tuple[str, str]]:
-    rows = []
-    if figures.force_error is not None and figures.force_settling is not None:
-        predicted = figures.force_error_predicted
-        told = "— (F_d varies)" if predicted is None else f"{_small(predicted, 1e-3)} N"
-        rows.append(("force error at the end, by (37)", f"<b>{_small(figures.force_error, 1e-3)}</b>, {told}"))
-        rows.append(("force within 2 % after", _seconds(figures.force_settling)))
-    promised = f"≤ {figures.reaching_time_promised:.3g} s"
-    rows += [
-        ("path error at the end", f"<b>{_small(figures.motion_error * 1e3, 1e-4)}</b> {units.error}"),
-        ("path within 2 % after", _seconds(figures.motion_settling)),
-        ("layer reached after, s = 0 by (18)", f"{_seconds(figures.reaching_time)}, {promised}"),
-        ("least margin of (17)", f"{_small(figures.gain_margin, 1e-9)} {units.force}"),
-    ]
-    return rows
+def _newtons(value: float | None) -> str | None:
+    return None if value is None else f"{_small(value, 1e-3)} N"
 
 
-def _seconds(value: float) -> str:
-    return f"<b>{value:.2f}</b> s" if math.isfinite(value) else "not yet"
+def _seconds(value: float | None) -> str | None:
+    if value is None:
+        return None
+    return f"{value:.2f} s" if math.isfinite(value) else "not yet"
 
 
 def _small(value: float, zero: float) -> str:
