@@ -92,8 +92,7 @@ document.addEventListener("keydown", (e) => {
   e.preventDefault();
   e.stopPropagation(); // the slider would take a fine step
   const thumb = slider(e).querySelector("[role=slider]"), steps = e.shiftKey ? STEPS * TIMES : STEPS;
-  const at = thumb.ariaValueNow * steps, close = 1e-3;
-  const next = /Right|Up/.test(e.key) ? Math.floor(at + close) + 1 : Math.ceil(at - close) - 1;
+  const next = Math.round(thumb.ariaValueNow * steps + (/Right|Up/.test(e.key) ? 1 : -1));
   const on = track(slider(e)), box = on.getBoundingClientRect();
   const x = box.left + (Math.min(Math.max(next, 0), steps) / steps) * box.width;
   for (const kind of ["mousedown", "mouseup"])
