@@ -173,13 +173,13 @@ def _accelerate(around, M, bias, arm, tau, t):
 
 
 @kernel
-def _accelerate_free(around, M, bias, arm, tau, t):
+def accelerate_free(around, M, bias, arm, tau, t):
     """Compute q_ddot in free space under the torque tau; bias (n,) N m: C q_dot + G."""
     _accelerate(around[0], M, bias, arm[0], tau, t)
 
 
 @kernel
-def _accelerate_elastic(around, M, bias, J, rotation, translation, arm, tau, t):
+def accelerate_elastic(around, M, bias, J, rotation, translation, arm, tau, t):
     """Compute the load in the present state, and q_ddot under the torque tau against it."""
     around, arm = around[0], arm[0]
     touch_at(around.world, J, rotation, translation, arm.q_dot, t, around.touch)
@@ -193,7 +193,7 @@ def _touching(world, touch):
 
 
 @kernel
-def _accelerate_heavy(around, M, bias, J, J_dot, rotation, translation, arm, tau, t):
+def accelerate_heavy(around, M, bias, J, J_dot, rotation, translation, arm, tau, t):
     """Compute q_ddot under the torque tau, and the load, which depends on it."""
     around, arm = around[0], arm[0]
     world, touch, torque, n = around.world, around.touch, around.torque, arm.q.shape[0]
@@ -225,7 +225,7 @@ def _accelerate_heavy(around, M, bias, J, J_dot, rotation, translation, arm, tau
 
 
 @kernel
-def _load(around, J, rotation, translation, arm, t):
+def load_at(around, J, rotation, translation, arm, t):
     around, arm = around[0], arm[0]
     world = around.world
     touch_at(world, J, rotation, translation, arm.q_dot, t, around.touch)
@@ -233,7 +233,7 @@ def _load(around, J, rotation, translation, arm, t):
 
 
 @kernel
-def _penetration(around, J, rotation, translation, arm, t):
+def penetration_at(around, J, rotation, translation, arm, t):
     touch_at(around[0].world, J, rotation, translation, arm[0].q_dot, t, around[0].touch)
     arm[0].load.phi = around[0].touch.phi
 
@@ -264,7 +264,7 @@ def _onto_surface(around, J, rotation, translation, M, arm, t):
 
 
 @kernel
-def _drift(arm, h):
+def drift(arm, h):
     """Move q along q_dot for h s."""
     arm = arm[0]
     for i in range(arm.q.shape[0]):
@@ -272,7 +272,7 @@ def _drift(arm, h):
 
 
 @kernel
-def _kick_and_drift(arm, h):
+def kick_and_drift(arm, h):
     """Change q_dot by h s of q_ddot, then move q along it for half as long."""
     arm = arm[0]
     for i in range(arm.q.shape[0]):
@@ -281,7 +281,7 @@ def _kick_and_drift(arm, h):
 
 
 @kernel
-def _semi_implicit_euler(arm, h):
+def semi_implicit_euler(arm, h):
     arm = arm[0]
     for i in range(arm.q.shape[0]):
         arm.q_dot[i] += h * arm.q_ddot[i]
@@ -326,6 +326,11 @@ class Plant:
         )
         self._resolve_kernels(robot.n)
 
+    @property
+    def workspace(self) -> np.ndarray:
+        """Data of the `PlantWorkspace`, (1,), for kernels."""
+        return self._around
+
     def smooth(self, *, touching: bool) -> Plant:
         """Plant of the same arm without anything that has a kink or acts from outside: no Coulomb friction, no limits
         of the drives, no disturbance, and a surface that also pulls, or, not touching, a spring of zero stiffness."""
@@ -337,20 +342,20 @@ class Plant:
 
     def _resolve_kernels(self, n: int) -> None:
         around, arm, tau = self._around, Record(Arm.zeros(n)).data, np.zeros(n)
-        self._drift = compiled_for(_drift, arm, 0.0)
-        self._kick_and_drift = compiled_for(_kick_and_drift, arm, 0.0)
-        self._step_of_euler = compiled_for(_semi_implicit_euler, arm, 0.0)
+        self._drift = compiled_for(drift, arm, 0.0)
+        self._kick_and_drift = compiled_for(kick_and_drift, arm, 0.0)
+        self._step_of_euler = compiled_for(semi_implicit_euler, arm, 0.0)
         if self.kind.springs:
-            find = _penetration if self.kind.massive else _load
+            find = penetration_at if self.kind.massive else load_at
             self._find = compiled_for(find, around, *self._tool, arm, 0.0)
         inertia, M = self._inertia, self.data.M
         if self.kind.heavy:
-            self._answer = compiled_for(_accelerate_heavy, around, *inertia, *self._tool_moving, arm, tau, 0.0)
+            self._answer = compiled_for(accelerate_heavy, around, *inertia, *self._tool_moving, arm, tau, 0.0)
             self._onto_surface = compiled_for(_onto_surface, around, *self._tool, M, arm, 0.0)
         elif self.kind.springs:
-            self._answer = compiled_for(_accelerate_elastic, around, *inertia, *self._tool, arm, tau, 0.0)
+            self._answer = compiled_for(accelerate_elastic, around, *inertia, *self._tool, arm, tau, 0.0)
         else:
-            self._answer = compiled_for(_accelerate_free, around, *inertia, arm, tau, 0.0)
+            self._answer = compiled_for(accelerate_free, around, *inertia, arm, tau, 0.0)
 
     def start(self, q: np.ndarray, q_dot: np.ndarray, t: float) -> PlantState:
         """State with q (n,), q_dot (n,) at time t; on a rigid surface it is moved onto the surface.
@@ -362,7 +367,7 @@ class Plant:
             self._constrain(state, t)
         if self.kind.springs:
             pin.computeJointJacobians(self.model, self.data, state.views.q)
-            _load(self._around, *self._tool, state.data, t)
+            load_at(self._around, *self._tool, state.data, t)
         return state
 
     def advance(self, state: PlantState, tau: np.ndarray, t: float, period: float) -> None:

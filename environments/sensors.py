@@ -189,6 +189,11 @@ class ForceReader:
         return force
 
     @property
+    def exact(self) -> bool:
+        """Whether its reading is the force itself."""
+        return not self._stages
+
+    @property
     def full(self) -> bool:
         """Whether the memory of every stage has its final shape."""
         return all(stage.full for stage in self._stages)

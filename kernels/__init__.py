@@ -52,6 +52,11 @@ def kernel(function: Callable[..., Any]) -> Any:
     return Kernel(function, cache=True)
 
 
+def without_lock(function: Callable[..., Any]) -> Any:
+    """Kernel that is kept in the cache and lets other threads of the interpreter run meanwhile."""
+    return Kernel(function, cache=True, nogil=True)
+
+
 def not_kept(function: Callable[..., Any]) -> Any:
     """Kernel that is compiled anew in each process."""
     return Kernel(function)

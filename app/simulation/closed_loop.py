@@ -267,8 +267,33 @@ class ClosedLoop:
         self.recording.commit()
         if alarms:
             self._heed(Alarm(alarms))
-        state.steps += 1
-        state.t = state.epoch.t + state.steps * self._h
+        self._count(1)
+
+    @property
+    def memory(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """Data that the compiled functions of a period work in: setting, period, arm and plant, each (1,)."""
+        return self._arm.settings.data, self.state.period.data, self.state.arm.data, self.system.plant.workspace
+
+    def measure(self) -> np.ndarray:
+        """Present reading of the force sensor, (3,) N; to be called once per control period."""
+        return self._arm.measure()
+
+    def look(self) -> None:
+        """Judge the premises that depend on the posture, in the middle of the present period."""
+        self._watch.look()
+
+    def take(self, periods: int, alarms: Alarm) -> None:
+        """Take up periods that `app.simulation.compiled_run` has computed in the loop's memory; alarms: of the last."""
+        self.recording.commit(periods)
+        if alarms:
+            self._count(periods - 1)
+            self._heed(alarms)
+            periods = 1
+        self._count(periods)
+
+    def _count(self, periods: int) -> None:
+        self.state.steps += periods
+        self.state.t = self.state.epoch.t + self.state.steps * self._h
 
     def advance(self) -> None:
         """Compute one control period, if the run has not stopped; any exception in it stops the run, and the recording
