@@ -1,6 +1,6 @@
 """Compiled run: many control periods of a closed loop in one compiled call, without the interpreter lock.
 
-`advance_compiled` does what `ClosedLoop.step` does, in its order and with its parts; only the order of the calls stands
+`CompiledRun.advance` does what `ClosedLoop.step` does, in its order and with its parts; only the order of the calls stands
 twice, here and there. Where a period needs the interpreter (the watch looks at the posture, an alarm), the compiled
 function returns, and its caller does there what `step` does. Terms of the arm come from `kernels.rigid_body`, not from
 Pinocchio, so the two differ by rounding.
@@ -25,7 +25,7 @@ from environments.plant import (
     penetration_at,
     semi_implicit_euler,
 )
-from kernels import inline, without_lock
+from kernels import compiled_for, inline, without_lock
 from kernels.algebra import copy
 from kernels.records import Record
 from kernels.rigid_body import Chain, Motion, estimated_terms, mass_and_bias, place, travel, weigh
@@ -38,7 +38,9 @@ class Engine(NamedTuple):
     springs, massive: see `ContactKind`.
     carrier: the link that carries the tool, counted from 0.
     first: (n,), q_ddot of the first substep.
-    done, moving: where a run is: completed periods, and whether the law of the next one is done."""
+    begun: s, of the epoch; steps: periods since then, at the call.
+    done, moving: where a call is: completed periods, and whether the law of the next one is done.
+    alarms: `Alarm` flags of the last completed period, not heeded yet."""
 
     known: Chain
     true: Chain
@@ -51,18 +53,10 @@ class Engine(NamedTuple):
     massive: bool
     carrier: int
     first: np.ndarray
+    begun: float
+    steps: int
     done: int
     moving: bool
-
-
-class Halt(NamedTuple):
-    """Where and why a compiled run halted.
-    done: completed periods.
-    looks: whether the next period has evaluated its law, and its posture is to be looked at before the plant moves.
-    alarms: `Alarm` flags of the last completed period, not heeded yet."""
-
-    done: int
-    looks: bool
     alarms: int
 
 
@@ -129,29 +123,31 @@ def _move(engine, around, arm, tau, t):
 
 
 @without_lock
-def _run(engine, setting, period, arm, around, rows, begun, steps, looked):
-    """Compute as many periods as there are rows, or fewer, see `Halt`; returns its fields.
-    begun: s, of the epoch; steps: periods since then; looked: whether the first period has evaluated its law."""
+def _run(engine, setting, period, arm, around, rows):
+    """Compute as many periods as there are rows, or fewer: after one with alarms, and, at an instant of the watch,
+    before the plant moves. `engine` has begun, steps and moving of the first period, and where the call ended."""
     data = engine[0]
+    seen = data.seen
+    data.alarms = 0
     for k in range(rows.shape[0]):
-        t = begun + (steps + k) * data.period
+        t = data.begun + (data.steps + k) * data.period
         row = rows[k : k + 1]
-        data.done, data.moving = k, False
-        if k > 0 or not looked:
-            place(data.known, arm[0].q, data.seen)
-            travel(arm[0].q_dot, data.seen)
-            weigh(data.known, data.seen)
-            estimated_terms(data.known, data.seen)
-            seen, F = data.seen, arm[0].load.force
+        data.done = k
+        if not data.moving:
+            place(data.known, arm[0].q, seen)
+            travel(arm[0].q_dot, seen)
+            weigh(data.known, seen)
+            estimated_terms(data.known, seen)
+            F = arm[0].load.force
             control_period(setting, period, seen.momenta, seen.C, seen.J, seen.J_dot, seen.placements, arm, F, t, row)
-            if (steps + k) % WATCH == 0:
-                return k, True, 0
-        data.moving = True
+            data.moving = True
+            if (data.steps + k) % WATCH == 0:
+                return
         _move(data, around, arm, period[0].applied, t)
-        alarms = complete_row(setting, period, arm, row)
-        if alarms != 0:
-            return k + 1, False, alarms
-    return rows.shape[0], False, 0
+        data.alarms = complete_row(setting, period, arm, row)
+        data.done, data.moving = k + 1, False
+        if data.alarms != 0:
+            return
 
 
 class CompiledRun:
@@ -180,27 +176,32 @@ class CompiledRun:
                 massive=plant.kind.massive,
                 carrier=system.robot.tool_joint - 1,
                 first=np.zeros(n),
+                begun=0.0,
+                steps=0,
                 done=0,
                 moving=False,
+                alarms=0,
             )
         )
+        self._run = compiled_for(_run, self._engine.data, *loop.memory, loop.recording.new_rows(1))
 
     def advance(self, periods: int) -> int:
         """Compute so many control periods, or fewer when the run stops; an exception in one stops it, as in
         `ClosedLoop.advance`. Returns how many were computed."""
-        loop, left, looked = self._loop, periods, False
+        loop, engine, left = self._loop, self._engine.fields, periods
         loop.measure()  # without a hand there is no push
-        while left > 0 and (looked or loop.stopped is None):
+        while left > 0 and (engine.moving or loop.stopped is None):
             rows = loop.recording.new_rows(left if loop.stopped is None else 1)
+            engine.begun, engine.steps = loop.state.epoch.t, loop.state.steps
             try:
-                halt = Halt(*_run(self._engine.data, *loop.memory, rows, loop.state.epoch.t, loop.state.steps, looked))
+                self._run(self._engine.data, *loop.memory, rows)
             except (ArithmeticError, ValueError) as error:
-                at = self._engine.fields
-                loop.take(at.done, Alarm(0))
-                loop.fail("the plant" if at.moving else "the control law", error)
-                return periods - left + at.done
-            loop.take(halt.done, Alarm(halt.alarms))
-            left, looked = left - halt.done, halt.looks
-            if looked:
+                loop.take(engine.done, Alarm(0))
+                loop.fail("the plant" if engine.moving else "the control law", error)
+                engine.moving = False
+                return periods - left + engine.done
+            loop.take(engine.done, Alarm(engine.alarms))
+            left -= engine.done
+            if engine.moving:
                 loop.look()
         return periods - left

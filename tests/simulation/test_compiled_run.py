@@ -22,6 +22,7 @@ def scenarios() -> dict[str, Scenario]:
         "semi-implicit Euler": edited(base, "simulation.integrator", "semi-implicit-euler"),
         "substeps": edited(base, "simulation.substeps", 3),
         "mass, damper, spring": edited(base, "contact.kind", "mass-damper-spring"),
+        "free": load("ur5-motion"),
         "saturated": edited(base, "truth.torque_limit", [30.0] * 6),
         "shaken until it stops": edited(base, "truth.disturbance", 200.0),
     }
