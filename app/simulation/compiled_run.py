@@ -1,9 +1,9 @@
 """Compiled run: many control periods of a closed loop in one compiled call, without the interpreter lock.
 
-`CompiledRun.advance` does what `ClosedLoop.step` does, in its order and with its parts; only the order of the calls stands
-twice, here and there. Where a period needs the interpreter (the watch looks at the posture, an alarm), the compiled
-function returns, and its caller does there what `step` does. Terms of the arm come from `kernels.rigid_body`, not from
-Pinocchio, so the two differ by rounding.
+`CompiledRun.advance` does what `ClosedLoop.step` does, in its order and with its parts; only the order of the calls
+stands twice, here and there. Where a period needs the interpreter (the watch looks at the posture, an alarm), the
+compiled function returns, and its caller does there what `step` does. Terms of the arm come from `kernels.rigid_body`,
+not from Pinocchio, so the two differ by rounding; a discontinuous law makes jumps of it, and then rows differ visibly.
 """
 
 from __future__ import annotations
