@@ -128,6 +128,16 @@ def compiled_for(kernel: Kernel, *arguments: np.ndarray | float) -> Callable[...
     return kernel.dispatcher.compile(tuple(type_of(argument) for argument in arguments))
 
 
+def address_for(kernel: Kernel, *arguments: np.ndarray | float) -> int:
+    """Address in this process of the kernel compiled for arguments of these types, for `kernels.pointers.ask`."""
+    from kernels.symbols import type_of
+
+    types = tuple(type_of(argument) for argument in arguments)
+    kernel.dispatcher.compile(types)
+    found = kernel.dispatcher.overloads[types]
+    return found.library.get_pointer_to_function(found.fndesc.llvm_func_name)
+
+
 class Elsewhere:
     """A kernel of a module that imports numba; the module is imported only when another kernel that calls it is
     compiled."""

@@ -75,13 +75,15 @@ def _subspace(joint: pin.JointModel) -> np.ndarray:
 class Motion(NamedTuple):
     """Terms of an arm at one state, and the memory to compute them.
 
-    R, p: (n, 3, 3), (n, 3) m, of the links' frames.
-    J, J_dot: (6, n), Jacobian of the last link and its derivative.
+    Matrices are transposed: in memory they are as Pinocchio's are, for which kernels are compiled.
+
+    R, p: (n, 3, 3), (n, 3) m, of the links' frames, R itself.
+    J, J_dot: (n, 6), Jacobian of the last link and its derivative.
     velocity, acceleration, wrench: (n, 6), of the links; the acceleration without q_ddot, with that of gravity.
     inertia: (n, 10), mass, first moment (3), second moment xx, xy, xz, yy, yz, zz about the origin; of each link, or,
     once added up, of all links from this one on.
     momentum: (n, 3), linear. turning: (n, 3, 3), the angular block of the Christoffel factor.
-    momenta, C, placements: see `nominal_model.Terms`.
+    momenta, C, placements: (n, 6), (n, n), (4n, 3), see `nominal_model.Terms`.
     M: (n, n), with rotors. bias: (n,), C q_dot + G.
     """
 
@@ -105,21 +107,20 @@ class Motion(NamedTuple):
     def zeros(cls, n: int) -> Motion:
         """Motion of an arm of n joints."""
         turned, vectors, spatial, square = (np.zeros(shape) for shape in ((n, 3, 3), (n, 3), (n, 6), (n, n)))
-        columns = np.zeros((6, n))
         return cls(
             R=turned,
             p=vectors,
-            J=columns,
-            J_dot=columns,
+            J=spatial,
+            J_dot=spatial,
             velocity=spatial,
             acceleration=spatial,
             wrench=spatial,
             inertia=np.zeros((n, 10)),
             momentum=vectors,
             turning=turned,
-            momenta=columns,
+            momenta=spatial,
             C=square,
-            placements=np.zeros((3, 4 * n)),
+            placements=np.zeros((4 * n, 3)),
             M=square,
             bias=np.zeros(n),
         )
@@ -128,7 +129,7 @@ class Motion(NamedTuple):
 @inline
 def place(chain, q, motion):
     """Compute R, p and J at q (n,)."""
-    R, p, J = motion.R, motion.p, motion.J
+    R, p, J = motion.R, motion.p, motion.J.T
     for i in range(q.shape[0]):
         x, y, z = chain.axes[i, 0], chain.axes[i, 1], chain.axes[i, 2]
         sliding = chain.slides[i] > 0.0
@@ -166,7 +167,7 @@ def place(chain, q, motion):
 @inline
 def travel(q_dot, motion):
     """Compute velocity and J_dot for q_dot (n,), after `place`."""
-    J, J_dot, v = motion.J, motion.J_dot, motion.velocity
+    J, J_dot, v = motion.J.T, motion.J_dot.T, motion.velocity
     for i in range(q_dot.shape[0]):
         for a in range(6):
             before = 0.0 if i == 0 else v[i - 1, a]
@@ -257,15 +258,15 @@ def _christoffel_factors(motion):
 @inline
 def estimated_terms(chain, motion):
     """Compute momenta, C and placements, after `place`, `travel` and `weigh`; adds the inertias up."""
-    J, J_dot, Y, C, momenta = motion.J, motion.J_dot, motion.inertia, motion.C, motion.momenta
-    momentum, turning, n = motion.momentum, motion.turning, motion.bias.shape[0]
+    J, J_dot, Y, C, momenta = motion.J.T, motion.J_dot.T, motion.inertia, motion.C.T, motion.momenta.T
+    momentum, turning, placements, n = motion.momentum, motion.turning, motion.placements.T, motion.bias.shape[0]
     _christoffel_factors(motion)
     for i in range(n - 1, -1, -1):
         share = 1.0 / chain.total_mass
         for a in range(3):
-            motion.placements[a, 4 * i] = motion.p[i, a] * share
+            placements[a, 4 * i] = motion.p[i, a] * share
             for b in range(3):
-                motion.placements[a, 4 * i + 1 + b] = motion.R[i, a, b] * share
+                placements[a, 4 * i + 1 + b] = motion.R[i, a, b] * share
         if i < n - 1:
             for k in range(10):
                 Y[i, k] += Y[i + 1, k]
@@ -299,10 +300,10 @@ def estimated_terms(chain, motion):
 
 
 @inline
-def mass_and_bias(chain, q_dot, motion):
-    """Compute M and bias, after `place`, `travel` and `weigh`; adds the inertias up."""
-    J, J_dot, Y, v = motion.J, motion.J_dot, motion.inertia, motion.velocity
-    acceleration, wrench, M, n = motion.acceleration, motion.wrench, motion.M, q_dot.shape[0]
+def resist(chain, q_dot, motion):
+    """Compute bias, after `place`, `travel` and `weigh`."""
+    J, J_dot, Y, v = motion.J.T, motion.J_dot.T, motion.inertia, motion.velocity
+    acceleration, wrench, n = motion.acceleration, motion.wrench, q_dot.shape[0]
     for i in range(n):
         for a in range(6):
             before = acceleration[i - 1, a] if i > 0 else (-chain.gravity[a] if a < 3 else 0.0)
@@ -318,9 +319,17 @@ def mass_and_bias(chain, q_dot, motion):
         if i < n - 1:
             for a in range(6):
                 wrench[i, a] += wrench[i + 1, a]
+        motion.bias[i] = _along(J, i, wrench[i])
+
+
+@inline
+def inertia(chain, motion):
+    """Compute M, after `place` and `weigh`; adds the inertias up."""
+    J, Y, M, n = motion.J.T, motion.inertia, motion.M, motion.bias.shape[0]
+    for i in range(n - 1, -1, -1):
+        if i < n - 1:
             for k in range(10):
                 Y[i, k] += Y[i + 1, k]
-        motion.bias[i] = _along(J, i, wrench[i])
         carried = _times_inertia(Y, i, _column(J, i))
         for j in range(i + 1):
             M[i, j] = M[j, i] = _along(J, j, carried)
@@ -342,4 +351,5 @@ def drive_motion(chain, q, q_dot, motion):
     place(chain[0], q, motion[0])
     travel(q_dot, motion[0])
     weigh(chain[0], motion[0])
-    mass_and_bias(chain[0], q_dot, motion[0])
+    resist(chain[0], q_dot, motion[0])
+    inertia(chain[0], motion[0])

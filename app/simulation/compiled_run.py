@@ -1,157 +1,293 @@
 """Compiled run: many control periods of a closed loop in one compiled call, without the interpreter lock.
 
 `CompiledRun.advance` does what `ClosedLoop.step` does, in its order and with its parts; only the order of the calls
-stands twice, here and there. Where a period needs the interpreter (the watch looks at the posture, an alarm), the
-compiled function returns, and its caller does there what `step` does. Terms of the arm come from `kernels.rigid_body`,
-not from Pinocchio, so the two differ by rounding; a discontinuous law makes jumps of it, and then rows differ visibly.
+stands twice, here and in `ControlledArm` and `Plant`. Where a period needs the interpreter (the watch looks at the
+posture, an alarm), the compiled function returns, and its caller does there what `step` does. Terms of the arm come
+from `kernels.rigid_body`, not from Pinocchio, so the two differ by rounding; a discontinuous law makes jumps of it, and
+then rows differ visibly.
 """
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple, get_args
 
 import numpy as np
 
 from app.simulation.closed_loop import ClosedLoop
-from app.simulation.control_period import Alarm, complete_row, control_period
+from app.simulation.control_period import Alarm
+from app.simulation.controlled_arm import FORCE_ITERATIONS, FORCE_MISSED, PeriodAddresses
 from controllers.premises import WATCH
 from environments.plant import (
-    accelerate_elastic,
-    accelerate_free,
-    accelerate_heavy,
+    CORRECTIONS,
+    ON_SURFACE,
+    STAGES,
+    Integrator,
+    PlantAddresses,
+    begin_stages,
     drift,
+    end_stages,
     kick_and_drift,
-    load_at,
-    penetration_at,
+    next_stage,
+    out_of_reach,
     semi_implicit_euler,
 )
-from kernels import compiled_for, inline, without_lock
+from environments.push import TimedPush, acts
+from environments.readings_ahead import ReadingsAhead, known, read_force
+from kernels import Elsewhere, compiled_for, inline, without_lock
 from kernels.algebra import copy
 from kernels.records import Record
-from kernels.rigid_body import Chain, Motion, estimated_terms, mass_and_bias, place, travel, weigh
+from kernels.rigid_body import Chain, Motion, estimated_terms, inertia, place, resist, travel, weigh
+
+# kernels that stand below are called by their address: compiled for the step, they are not compiled once more
+ask: Any = Elsewhere("kernels.pointers", "ask")
+ask_integer: Any = Elsewhere("kernels.pointers", "ask_integer")
+ask_number: Any = Elsewhere("kernels.pointers", "ask_number")
+LEAPFROG, EULER, RK4 = range(len(get_args(Integrator)))
+BATCH = 4096  # periods whose readings are prepared together
 
 
 class Engine(NamedTuple):
     """Data of a compiled run.
+    period_kernels, plant_kernels: to be called by their addresses.
     known, true: the arm as the controller knows it, and as it is; seen, moved: their terms, with the memory for them.
-    period: s; substeps: of the plant in each; leapfrog: whether it is integrated by that, or by semi-implicit Euler.
-    springs, massive: see `ContactKind`.
-    carrier: the link that carries the tool, counted from 0.
+    period: s; substeps: of the plant in each; integrator: its place in `Integrator`.
+    springs, massive, rigid: see `ContactKind`; ideal: see `ControlledArm`.
+    carrier, turned: the link that carries the tool, counted from 0, and its transposed rotation.
+    push, pushed: by the clock, and its torque (n,) N m in the present period.
+    F: (3,) N, as the law reads it. tau: (n,) N m, of drives and push.
     first: (n,), q_ddot of the first substep.
-    begun: s, of the epoch; steps: periods since then, at the call.
+    steps: periods since the epoch began, at the call.
+    read: readings that were taken before the call.
     done, moving: where a call is: completed periods, and whether the law of the next one is done.
+    unsolved, astray: the ideal sensor has no reading; the tool cannot be brought onto the rigid surface.
     alarms: `Alarm` flags of the last completed period, not heeded yet."""
 
+    period_kernels: PeriodAddresses
+    plant_kernels: PlantAddresses
     known: Chain
     true: Chain
     seen: Motion
     moved: Motion
     period: float
     substeps: int
-    leapfrog: bool
+    integrator: int
     springs: bool
     massive: bool
+    rigid: bool
+    ideal: bool
     carrier: int
+    turned: np.ndarray
+    push: TimedPush
+    pushed: np.ndarray
+    F: np.ndarray
+    tau: np.ndarray
     first: np.ndarray
-    begun: float
     steps: int
+    read: int
     done: int
     moving: bool
+    unsolved: bool
+    astray: bool
     alarms: int
 
 
 def obstacle(loop: ClosedLoop) -> str | None:
     """Why the compiled run cannot take this loop in its present state, None where it can."""
-    system, scenario = loop.system, loop.system.scenario
+    law = loop.system.controller.law
     reasons = {
-        "the law is the user's own": system.controller.gains.law < 0,
-        "estimates are taken along the reference": loop.state.along is not None,
-        "the force sensor has noise, bias, delay or a filter": not loop.state.reader.exact,
-        "the force sensor is ideal on a heavy surface": scenario.sensor.ideal and system.plant.kind.heavy,
-        "the surface is rigid": system.plant.kind.rigid,
-        "the integrator is rk4": scenario.simulation.integrator == "rk4",
-        "a push is scripted": any(system.push.force),
+        f"controller.law: {law.kind!r} is a law of your own": loop.system.controller.gains.law < 0,
+        "the force sensor has a stage that is known to the interpreter only": not known(loop.state.reader),
         "a hand holds the tool": loop.grip is not None,
-        "a blend is planned": system.blend is not None,
     }
     return next((reason for reason, holds in reasons.items() if holds), None)
 
 
 @inline
-def _accelerate(engine, around, arm, tau, t):
-    """Compute q_ddot under the torque tau at t (s), and the load that goes with it, as `Plant` does."""
-    data, chain, motion = arm[0], engine.true, engine.moved
-    R, p = motion.R[engine.carrier], motion.p[engine.carrier]
-    place(chain, data.q, motion)
-    travel(data.q_dot, motion)
-    weigh(chain, motion)
-    mass_and_bias(chain, data.q_dot, motion)
-    if engine.massive:
-        accelerate_heavy(around, motion.M, motion.bias, motion.J, motion.J_dot, R, p, arm, tau, t)
-    elif engine.springs:
-        accelerate_elastic(around, motion.M, motion.bias, motion.J, R, p, arm, tau, t)
-    else:
-        accelerate_free(around, motion.M, motion.bias, arm, tau, t)
+def _find_tool(engine, q):
+    """Placement of the true arm at q (n,): Jacobian, rotation and position of the link that carries the tool."""
+    motion, link = engine.moved, engine.carrier
+    place(engine.true, q, motion)
+    for a in range(3):
+        for b in range(3):
+            engine.turned[b, a] = motion.R[link, a, b]
+    return motion.J.T, engine.turned.T, motion.p[link]
 
 
 @inline
-def _move(engine, around, arm, tau, t):
-    """Advance the plant from t (s) by one period, as `Plant.advance` does."""
+def _measure(engine, sensing, errors, line, k, around, arm, period, t):
+    """Compute the push at t (s) and the reading of the force sensor, as `ControlledArm.measure` does."""
+    push, F = period[0].push, engine.F
+    if acts(engine.push, t):
+        copy(engine.push.force, push)
+        J, R, p = _find_tool(engine, arm[0].q)
+        ask(engine.plant_kernels.push, (around, J, R, p, push, engine.pushed))
+    else:
+        push[:] = 0.0
+        engine.pushed[:] = 0.0
+    for a in range(3):
+        F[a] = arm[0].load.force[a] - push[a]
+    read_force(sensing[0], errors, line, k, F)
+
+
+@inline
+def _observe(engine, arm):
+    """Compute the terms of the arm as the controller knows it, as `NominalModel.update` does."""
+    chain, motion = engine.known, engine.seen
+    place(chain, arm[0].q, motion)
+    travel(arm[0].q_dot, motion)
+    weigh(chain, motion)
+    estimated_terms(chain, motion)
+
+
+@inline
+def _evaluate(engine, setting, period, arm, t, row):
+    """Evaluate the law at t (s) for the force F."""
+    seen = engine.seen
+    terms = (seen.momenta.T, seen.C.T, seen.J.T, seen.J_dot.T, seen.placements.T)
+    ask(engine.period_kernels.law, (setting, period, *terms, arm, engine.F, t, row))
+    for i in range(engine.tau.shape[0]):
+        engine.tau[i] = period[0].applied[i] + engine.pushed[i]
+
+
+@inline
+def _accelerate(engine, around, arm, t):
+    """Compute q_ddot at t (s), and the load that goes with it, as `Plant` does."""
+    data, chain, motion, tau = arm[0], engine.true, engine.moved, engine.tau
+    J, R, p = _find_tool(engine, data.q)
+    travel(data.q_dot, motion)
+    weigh(chain, motion)
+    resist(chain, data.q_dot, motion)
+    inertia(chain, motion)
+    M, bias, J_dot, call = motion.M.T, motion.bias, motion.J_dot.T, engine.plant_kernels.accelerate
+    if engine.massive or engine.rigid:
+        ask(call, (around, M, bias, J, J_dot, R, p, arm, tau, t))
+    elif engine.springs:
+        ask(call, (around, M, bias, J, R, p, arm, tau, t))
+    else:
+        ask(call, (around, M, bias, arm, tau, t))
+
+
+@inline
+def _evaluated_at(engine, arm, twin, t):
+    """Copy the arm to the state at which a period from t (s) on evaluates the acceleration first; returns the time."""
+    copy(arm[0].q, twin[0].q)
+    copy(arm[0].q_dot, twin[0].q_dot)
+    if engine.integrator != LEAPFROG:
+        return t
+    half = 0.5 * engine.period / engine.substeps
+    drift(twin, half)
+    return t + half
+
+
+@inline
+def _missed(engine, setting, period, around, arm, twin, guess, t, row):
+    """Difference (N) between the multiplier that the law's torque for a guess causes, and the guess, as
+    `ControlledArm` computes it."""
+    at = _evaluated_at(engine, arm, twin, t)
+    J, R, p = _find_tool(engine, twin[0].q)
+    ask(engine.plant_kernels.force, (around, J, R, p, twin, guess, at, engine.F))
+    for a in range(3):
+        engine.F[a] -= period[0].push[a]
+    _evaluate(engine, setting, period, arm, t, row)
+    at = _evaluated_at(engine, arm, twin, t)
+    _accelerate(engine, around, twin, at)
+    return twin[0].load.multiplier - guess
+
+
+@inline
+def _solve_for_force(engine, setting, period, whole, spare, around, arm, twin, t, row):
+    """Evaluate the law with the force that its own torque causes, as `ControlledArm` does; returns whether that force
+    was found. whole, spare: the bytes of the period, and memory for them; twin: memory for an arm."""
+    guess, slope = arm[0].load.multiplier, -1.0
+    copy(whole, spare)
+    before, change = 0.0, 0.0
+    for k in range(FORCE_ITERATIONS + 1):
+        copy(spare, whole)
+        error = _missed(engine, setting, period, around, arm, twin, guess, t, row)
+        if abs(error) <= FORCE_MISSED * (1.0 + abs(guess)):
+            return k < FORCE_ITERATIONS
+        if k > 0:
+            slope = (error - before) / change
+        change = -error / slope if slope != 0.0 else error
+        guess += change
+        before = error
+    return False
+
+
+@inline
+def _constrain(engine, around, arm, t):
+    """Move the arm onto the rigid surface at t (s), as `Plant` does."""
+    J, R, p = _find_tool(engine, arm[0].q)
+    weigh(engine.true, engine.moved)
+    inertia(engine.true, engine.moved)
+    for _ in range(CORRECTIONS):
+        if abs(ask_number(engine.plant_kernels.constrain, (around, J, R, p, engine.moved.M.T, arm, t))) < ON_SURFACE:
+            return
+        place(engine.true, arm[0].q, engine.moved)
+    engine.astray = True
+    raise ValueError("out of reach")
+
+
+@inline
+def _move(engine, around, arm, twin, t):
+    """Advance the plant from t (s) by one period, as `Plant.advance` does. twin: memory for an arm."""
     h = engine.period / engine.substeps
     for i in range(engine.substeps):
         now = t + i * h
-        at = now
-        if engine.leapfrog:
+        if engine.integrator == LEAPFROG:
             drift(arm, 0.5 * h)
-            at = now + 0.5 * h
-        _accelerate(engine, around, arm, tau, at)
-        if engine.leapfrog:
+            _accelerate(engine, around, arm, now + 0.5 * h)
             kick_and_drift(arm, h)
         else:
-            semi_implicit_euler(arm, h)
+            _accelerate(engine, around, arm, now)
+            if engine.integrator == EULER:
+                semi_implicit_euler(arm, h)
+            else:
+                begin_stages(around, arm, twin)
+                for weight, ahead in STAGES:
+                    next_stage(around, arm, twin, weight, ahead * h)
+                    _accelerate(engine, around, twin, now + ahead * h)
+                end_stages(around, arm, twin, h)
         if i == 0:
             copy(arm[0].q_ddot, engine.first)
+        if engine.rigid:
+            _constrain(engine, around, arm, now + h)
     copy(engine.first, arm[0].q_ddot)
     if engine.springs:
-        motion = engine.moved
-        place(engine.true, arm[0].q, motion)
-        R, p = motion.R[engine.carrier], motion.p[engine.carrier]
-        if engine.massive:
-            penetration_at(around, motion.J, R, p, arm, t + engine.period)
-        else:
-            load_at(around, motion.J, R, p, arm, t + engine.period)
+        J, R, p = _find_tool(engine, arm[0].q)
+        ask(engine.plant_kernels.find, (around, J, R, p, arm, t + engine.period))
 
 
 @without_lock
-def _run(engine, setting, period, arm, around, rows):
-    """Compute as many periods as there are rows, or fewer: after one with alarms, and, at an instant of the watch,
-    before the plant moves. `engine` has begun, steps and moving of the first period, and where the call ended."""
+def _run(engine, setting, period, arm, around, whole, spare, twin, sensing, errors, line, rows):
+    """Compute as many periods as there are rows, whose times stand in them, or fewer: after one with alarms, and before
+    the plant moves at an instant of the watch or when an ideal sensor has no reading. `engine` has steps, read and
+    moving of the first period, and where the call ended."""
     data = engine[0]
-    seen = data.seen
     data.alarms = 0
     for k in range(rows.shape[0]):
-        t = data.begun + (data.steps + k) * data.period
         row = rows[k : k + 1]
+        t = row[0].t
         data.done = k
         if not data.moving:
-            place(data.known, arm[0].q, seen)
-            travel(arm[0].q_dot, seen)
-            weigh(data.known, seen)
-            estimated_terms(data.known, seen)
-            F = arm[0].load.force
-            control_period(setting, period, seen.momenta, seen.C, seen.J, seen.J_dot, seen.placements, arm, F, t, row)
+            _measure(data, sensing, errors, line, data.read + k, around, arm, period, t)
+            _observe(data, arm)
+            if data.ideal:
+                data.unsolved = not _solve_for_force(data, setting, period, whole, spare, around, arm, twin, t, row)
+            else:
+                _evaluate(data, setting, period, arm, t, row)
             data.moving = True
-            if (data.steps + k) % WATCH == 0:
+            if data.unsolved or (data.steps + k) % WATCH == 0:
                 return
-        _move(data, around, arm, period[0].applied, t)
-        data.alarms = complete_row(setting, period, arm, row)
+        _move(data, around, arm, twin, t)
+        data.alarms = ask_integer(data.period_kernels.complete, (setting, period, arm, row))
         data.done, data.moving = k + 1, False
         if data.alarms != 0:
             return
 
 
 class CompiledRun:
-    """Compiled run of one system in one state of a loop: to be made anew when the loop has been edited.
+    """Compiled run of a loop, until it is edited: then it is to be made anew.
 
     Raises ValueError where there is an `obstacle`.
     """
@@ -159,49 +295,88 @@ class CompiledRun:
     def __init__(self, loop: ClosedLoop) -> None:
         reason = obstacle(loop)
         if reason is not None:
-            raise ValueError(f"the compiled run cannot take this scenario: {reason}")
+            raise ValueError(reason)
         system, n = loop.system, loop.system.robot.n
-        simulation, plant = system.scenario.simulation, system.plant
-        self._loop = loop
+        plant = system.plant
+        self._loop, rows = loop, loop.recording.new_rows(1)
         self._engine = Record(
             Engine(
+                period_kernels=loop.addresses,
+                plant_kernels=plant.addresses,
                 known=Chain.of(system.nominal.model),
                 true=Chain.of(plant.model),
                 seen=Motion.zeros(n),
                 moved=Motion.zeros(n),
                 period=loop.period,
                 substeps=plant.substeps,
-                leapfrog=simulation.integrator == "leapfrog",
+                integrator=get_args(Integrator).index(system.scenario.simulation.integrator),
                 springs=plant.kind.springs,
                 massive=plant.kind.massive,
+                rigid=plant.kind.rigid,
+                ideal=loop.ideal,
                 carrier=system.robot.tool_joint - 1,
+                turned=np.zeros((3, 3)),
+                push=system.push,
+                pushed=np.zeros(n),
+                F=np.zeros(3),
+                tau=np.zeros(n),
                 first=np.zeros(n),
-                begun=0.0,
                 steps=0,
+                read=0,
                 done=0,
                 moving=False,
+                unsolved=False,
+                astray=False,
                 alarms=0,
             )
         )
-        self._run = compiled_for(_run, self._engine.data, *loop.memory, loop.recording.new_rows(1))
+        self._spare, self._twin = loop.state.period.copy().data.view(np.uint8), loop.state.arm.copy().data
+        self._run = compiled_for(_run, *self._arguments(ReadingsAhead(loop.state.reader, 1)), rows)
+
+    def _arguments(self, ahead: ReadingsAhead) -> tuple[np.ndarray, ...]:
+        """Arguments of the compiled function but for the rows."""
+        setting, period, arm, around = self._loop.memory
+        spare = period.view(np.uint8), self._spare, self._twin
+        return self._engine.data, setting, period, arm, around, *spare, ahead.sensing, ahead.errors, ahead.line
 
     def advance(self, periods: int) -> int:
         """Compute so many control periods, or fewer when the run stops; an exception in one stops it, as in
         `ClosedLoop.advance`. Returns how many were computed."""
-        loop, engine, left = self._loop, self._engine.fields, periods
-        loop.measure()  # without a hand there is no push
-        while left > 0 and (engine.moving or loop.stopped is None):
-            rows = loop.recording.new_rows(left if loop.stopped is None else 1)
-            engine.begun, engine.steps = loop.state.epoch.t, loop.state.steps
-            try:
-                self._run(self._engine.data, *loop.memory, rows)
-            except (ArithmeticError, ValueError) as error:
-                loop.take(engine.done, Alarm(0))
-                loop.fail("the plant" if engine.moving else "the control law", error)
-                engine.moving = False
-                return periods - left + engine.done
-            loop.take(engine.done, Alarm(engine.alarms))
-            left -= engine.done
-            if engine.moving:
-                loop.look()
+        left = periods
+        while left > 0 and self._loop.stopped is None:
+            ahead = ReadingsAhead(self._loop.state.reader, min(left, BATCH))
+            computed = self._advance(ahead)
+            ahead.end(computed)
+            left -= computed
         return periods - left
+
+    def _advance(self, ahead: ReadingsAhead) -> int:
+        """Compute the periods of these readings, or fewer when the run stops; returns how many were computed."""
+        loop, engine, left, alike = self._loop, self._engine.fields, ahead.periods, 0
+        while left > 0 and (engine.moving or loop.stopped is None):
+            engine.done = 0
+            try:
+                alike = alike or loop.prepare(left)
+                self._call(ahead, ahead.periods - left, alike if loop.stopped is None else 1)
+            except Exception as error:
+                loop.take(engine.done, Alarm(0))
+                found = out_of_reach(loop.state.arm.fields.load.phi) if engine.astray else error
+                loop.fail("the plant" if engine.moving else "the control law", found)
+                engine.moving = engine.astray = False
+                return ahead.periods - left + engine.done
+            left, alike = left - engine.done, alike - engine.done
+            loop.take(engine.done, Alarm(engine.alarms))
+            if engine.unsolved:
+                loop.leave_unsolved()
+                engine.unsolved = False
+            if engine.moving and loop.state.steps % WATCH == 0:
+                loop.look()
+        return ahead.periods - left
+
+    def _call(self, ahead: ReadingsAhead, read: int, periods: int) -> None:
+        """Call the compiled function for at most so many periods, before whose first so many readings were taken."""
+        loop, engine = self._loop, self._engine.fields
+        rows = loop.recording.new_rows(periods)
+        engine.steps, engine.read = loop.state.steps, read
+        rows["t"] = loop.state.epoch.t + np.arange(engine.steps, engine.steps + len(rows)) * loop.period
+        self._run(*self._arguments(ahead), rows)
