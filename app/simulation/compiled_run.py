@@ -376,7 +376,7 @@ class CompiledRun:
     def _call(self, ahead: ReadingsAhead, read: int, periods: int) -> None:
         """Call the compiled function for at most so many periods, before whose first so many readings were taken."""
         loop, engine = self._loop, self._engine.fields
-        rows = loop.recording.new_rows(periods)
+        rows = loop.recording.new_rows(min(periods, WATCH + 1))  # the watch looks before they are all computed
         engine.steps, engine.read = loop.state.steps, read
         rows["t"] = loop.state.epoch.t + np.arange(engine.steps, engine.steps + len(rows)) * loop.period
         self._run(*self._arguments(ahead), rows)
