@@ -223,7 +223,7 @@ def _constrain(engine, around, arm, t):
     for _ in range(CORRECTIONS):
         if abs(ask_number(engine.plant_kernels.constrain, (around, J, R, p, engine.moved.M.T, arm, t))) < ON_SURFACE:
             return
-        place(engine.true, arm[0].q, engine.moved)
+        _find_tool(engine, arm[0].q)
     engine.astray = True
     raise ValueError("out of reach")
 
