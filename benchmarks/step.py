@@ -23,7 +23,8 @@ OURS = "ur5-hybrid"  # the task that MuJoCo gets, too
 RK4 = f"{OURS}, rk4"
 FLOOR = "bare pin calls of "
 COMPILED = ", compiled"
-WARM = 300  # steps before the first round
+HISTORY = 4096  # rows, whose memory is used again: a longer one would measure how the machine hands out memory
+WARM = 14_000  # steps before the first round, until no new memory is needed
 
 
 def scenarios() -> dict[str, Scenario]:
@@ -73,7 +74,7 @@ def measure(effort: Effort) -> Table:
     """Table of steps. Raises RuntimeError when a run stopped or did not do its task."""
     loops, calls = dict[str, ClosedLoop](), dict[str, Call | Whole]()
     for name, scenario in tqdm(scenarios().items(), desc="compiling", leave=False, disable=None):
-        stepped, whole = ClosedLoop(scenario), ClosedLoop(scenario)
+        stepped, whole = ClosedLoop(scenario, HISTORY), ClosedLoop(scenario, HISTORY)
         run = CompiledRun(whole)
         for _ in range(WARM):
             stepped.step()

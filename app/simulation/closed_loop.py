@@ -303,9 +303,10 @@ class ClosedLoop:
         """Stop because an ideal sensor has no reading."""
         self._watch.left("stop", "the loop through the multiplier has no solution")
 
-    def look(self) -> None:
-        """Judge the premises that depend on the posture, in the middle of the present period."""
-        self._watch.look()
+    def heed_posture(self, nearest: int) -> None:
+        """Judge the premises that depend on the posture, in the middle of the present period, which is nearest to the
+        centre of Omega with this number."""
+        self._watch.heed_posture(nearest)
 
     def take(self, periods: int, alarms: Alarm) -> None:
         """Take up periods that `app.simulation.compiled_run` has computed in the loop's memory; alarms: of the last."""

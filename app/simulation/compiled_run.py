@@ -16,7 +16,8 @@ import numpy as np
 from app.simulation.closed_loop import ClosedLoop
 from app.simulation.control_period import Alarm
 from app.simulation.controlled_arm import FORCE_ITERATIONS, FORCE_MISSED, PeriodAddresses
-from controllers.premises import WATCH
+from app.simulation.stations import APART
+from controllers.premises import DOMAIN, WATCH
 from environments.plant import (
     CORRECTIONS,
     ON_SURFACE,
@@ -56,6 +57,9 @@ class Engine(NamedTuple):
     push, pushed: by the clock, and its torque (n,) N m in the present period.
     F: (3,) N, as the law reads it. tau: (n,) N m, of drives and push.
     first: (n,), q_ddot of the first substep.
+    station, close: where the sampled loops were judged last, -1 off the reference; within this distance of Omega's
+    centres (rad) they need not be judged while the arm is at that station.
+    nearest: centre of Omega at which they are to be judged now, -1 while they need not be.
     steps: periods since the epoch began, at the call.
     read: readings that were taken before the call.
     done, moving: where a call is: completed periods, and whether the law of the next one is done.
@@ -82,6 +86,9 @@ class Engine(NamedTuple):
     F: np.ndarray
     tau: np.ndarray
     first: np.ndarray
+    station: int
+    close: float
+    nearest: int
     steps: int
     read: int
     done: int
@@ -259,27 +266,30 @@ def _move(engine, around, arm, twin, t):
 
 
 @without_lock
-def _run(engine, setting, period, arm, around, whole, spare, twin, sensing, errors, line, rows):
-    """Compute as many periods as there are rows, whose times stand in them, or fewer: after one with alarms, and before
-    the plant moves at an instant of the watch or when an ideal sensor has no reading. `engine` has steps, read and
-    moving of the first period, and where the call ended."""
+def _run(engine, setting, period, arm, around, whole, spare, twin, centres, stations, sensing, errors, line, t, rows):
+    """Compute the periods that begin at t (N,) s, or fewer: after one with alarms, and before the plant moves when the
+    watch has something to judge or an ideal sensor has no reading. `engine` has steps, read and moving of the first
+    period, and where the call ended. centres, stations: (k, n) rad, of Omega, (k,), the station of each."""
     data = engine[0]
-    data.alarms = 0
+    data.alarms, data.nearest = 0, -1
     for k in range(rows.shape[0]):
         row = rows[k : k + 1]
-        t = row[0].t
         data.done = k
         if not data.moving:
-            _measure(data, sensing, errors, line, data.read + k, around, arm, period, t)
+            _measure(data, sensing, errors, line, data.read + k, around, arm, period, t[k])
             _observe(data, arm)
             if data.ideal:
-                data.unsolved = not _solve_for_force(data, setting, period, whole, spare, around, arm, twin, t, row)
+                data.unsolved = not _solve_for_force(data, setting, period, whole, spare, around, arm, twin, t[k], row)
             else:
-                _evaluate(data, setting, period, arm, t, row)
+                _evaluate(data, setting, period, arm, t[k], row)
             data.moving = True
-            if data.unsolved or (data.steps + k) % WATCH == 0:
+            if (data.steps + k) % WATCH == 0:
+                nearest = ask_integer(data.period_kernels.watch, (setting, period, centres))
+                if period[0].table.value[DOMAIN] > data.close or stations[nearest] != data.station:
+                    data.nearest = nearest
+            if data.unsolved or data.nearest >= 0:
                 return
-        _move(data, around, arm, twin, t)
+        _move(data, around, arm, twin, t[k])
         data.alarms = ask_integer(data.period_kernels.complete, (setting, period, arm, row))
         data.done, data.moving = k + 1, False
         if data.alarms != 0:
@@ -321,6 +331,9 @@ class CompiledRun:
                 F=np.zeros(3),
                 tau=np.zeros(n),
                 first=np.zeros(n),
+                station=-1,
+                close=min(APART, system.constants.radius),
+                nearest=-1,
                 steps=0,
                 read=0,
                 done=0,
@@ -331,13 +344,15 @@ class CompiledRun:
             )
         )
         self._spare, self._twin = loop.state.period.copy().data.view(np.uint8), loop.state.arm.copy().data
-        self._run = compiled_for(_run, *self._arguments(ReadingsAhead(loop.state.reader, 1)), rows)
+        self._centres, self._stations = system.constants.centres, system.stations.of
+        self._run = compiled_for(_run, *self._arguments(ReadingsAhead(loop.state.reader, 1)), np.zeros(1), rows)
 
     def _arguments(self, ahead: ReadingsAhead) -> tuple[np.ndarray, ...]:
-        """Arguments of the compiled function but for the rows."""
+        """Arguments of the compiled function but for times and rows."""
         setting, period, arm, around = self._loop.memory
         spare = period.view(np.uint8), self._spare, self._twin
-        return self._engine.data, setting, period, arm, around, *spare, ahead.sensing, ahead.errors, ahead.line
+        watched, sensor = (self._centres, self._stations), (ahead.sensing, ahead.errors, ahead.line)
+        return self._engine.data, setting, period, arm, around, *spare, *watched, *sensor
 
     def advance(self, periods: int) -> int:
         """Compute so many control periods, or fewer when the run stops; an exception in one stops it, as in
@@ -369,14 +384,15 @@ class CompiledRun:
             if engine.unsolved:
                 loop.leave_unsolved()
                 engine.unsolved = False
-            if engine.moving and loop.state.steps % WATCH == 0:
-                loop.look()
+            if engine.nearest >= 0:
+                loop.heed_posture(engine.nearest)
         return ahead.periods - left
 
     def _call(self, ahead: ReadingsAhead, read: int, periods: int) -> None:
         """Call the compiled function for at most so many periods, before whose first so many readings were taken."""
         loop, engine = self._loop, self._engine.fields
-        rows = loop.recording.new_rows(min(periods, WATCH + 1))  # the watch looks before they are all computed
-        engine.steps, engine.read = loop.state.steps, read
-        rows["t"] = loop.state.epoch.t + np.arange(engine.steps, engine.steps + len(rows)) * loop.period
-        self._run(*self._arguments(ahead), rows)
+        rows, begun, state = loop.recording.new_rows(periods), loop.state.steps, loop.state
+        engine.steps, engine.read = begun, read
+        engine.station = -1 if state.judged.station is None else state.judged.station
+        t = state.epoch.t + np.arange(begun, begun + len(rows)) * loop.period
+        self._run(*self._arguments(ahead), t, rows)

@@ -30,9 +30,10 @@ FORCE_ITERATIONS, FORCE_MISSED = 30, 1e-10  # of an ideal sensor: at most so man
 
 
 class PeriodAddresses(NamedTuple):
-    """Addresses of `control_period` and `complete_row` in this process, for `kernels.pointers`."""
+    """Addresses of `control_period`, `watch_posture` and `complete_row` in this process, for `kernels.pointers`."""
 
     law: int
+    watch: int
     complete: int
 
 
@@ -80,7 +81,9 @@ class ControlledArm:
         data, arm = (self._settings, self._period), self._arm_data
         before = (*data, *self._nominal.terms, arm, self._force, self._state.t)
         return PeriodAddresses(
-            address_for(control_period, *before, self._scratch), address_for(complete_row, *data, arm, self._scratch)
+            law=address_for(control_period, *before, self._scratch),
+            watch=address_for(watch_posture, *data, self._centres),
+            complete=address_for(complete_row, *data, arm, self._scratch),
         )
 
     def follow(self, gains: Gains) -> None:
