@@ -114,6 +114,16 @@ def test_shipped_scenarios_have_the_rows_of_the_steps_for_eight_seconds(name: st
     require_same_rows(stepped, compiled)
 
 
+def test_a_discontinuous_law_chatters_as_much_in_both() -> None:
+    stepped, compiled = ClosedLoop(load("ur5-motion-discontinuous")), ClosedLoop(load("ur5-motion-discontinuous"))
+    CompiledRun(compiled).advance(2000)
+    for _ in range(2000):
+        stepped.advance()
+    for signal in ("s_norm", "tau_switching", "e_r"):
+        sizes = [np.sqrt(np.mean(loop.recording.stretch()[signal] ** 2)) for loop in (stepped, compiled)]
+        assert sizes[1] == pytest.approx(sizes[0], rel=0.02), signal
+
+
 def test_reader_continues_with_the_same_noise_after_any_number_of_readings() -> None:
     loop, other = (ClosedLoop(changed("ur5-impedance: pushed, noisy, late")) for _ in range(2))
     CompiledRun(loop).advance(7)
