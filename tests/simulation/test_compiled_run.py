@@ -23,13 +23,14 @@ PRECISION = 2e-11  # of the largest number of each signal: contact, friction and
 PRECISION_OF_SUDDEN = 1e-8
 PUSH = {"truth.push": [0.0, 30.0, 5.0], "truth.push_start": 0.03, "truth.push_duration": 0.02, "truth.push_every": 0.05}
 SENSOR = {"sensor.noise": 0.5, "sensor.bias": [1.0, 2.0, 3.0], "sensor.delay": 0.003, "sensor.cutoff": 100.0}
+SHAKEN = {"truth.disturbance": 5.0, "truth.disturbance_frequency": 20.0, "truth.coulomb": 1.0, "truth.viscous": 0.5}
 HEAVY = {"contact.kind": "mass-damper-spring", "contact.M_e": 1.0}
 ROUGH = {"contact.unilateral": False, "contact.friction_coulomb": 0.2, "contact.friction_viscous": 5.0}
 # what a scenario gets beside its own fields, of `ur5-hybrid` or of the scenario before the colon
 CHANGES: dict[str, dict[str, object]] = {
     "substeps": {"simulation.substeps": 3},
     "euler": {"simulation.integrator": "semi-implicit-euler"},
-    "rk4": {"simulation.integrator": "rk4", "simulation.substeps": 2, **PUSH},
+    "rk4": {"simulation.integrator": "rk4", "simulation.substeps": 2, **PUSH, **SHAKEN},
     "heavy": HEAVY | ROUGH,
     "heavy, euler, ideal sensor": HEAVY | {"simulation.integrator": "semi-implicit-euler", "sensor.ideal": True},
     "heavy, rk4, pushed": HEAVY | PUSH | {"simulation.integrator": "rk4"},
