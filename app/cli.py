@@ -27,6 +27,7 @@ from app.process.other_users import other_people
 from app.process.terminal_text import printable, say
 from app.scenario.data import OPENING, edited, load, shipped
 from app.scenario.schema import Scenario, ScenarioError, scenario_errors
+from app.simulation.engines import Engine
 from controllers.laws import KINDS
 from parameters import allowed
 
@@ -63,6 +64,7 @@ def _braces(names: tuple[str, ...]) -> str:
 KINDS_OF_FILES: tuple[Kind, ...] = get_args(Kind)
 THEMES: tuple[Theme, ...] = get_args(Theme)
 TOKENS: tuple[Token, ...] = get_args(Token)
+ENGINES: tuple[Engine, ...] = get_args(Engine)
 LEVELS: tuple[log.Level, ...] = get_args(log.Level)
 
 
@@ -176,6 +178,7 @@ def run(
     blend_at: float = 0.0,
     blend_over: float = 2.0,
     strict: bool = False,
+    engine: Annotated[str, tyro.conf.arg(metavar=_braces(ENGINES))] = "pinocchio",
     use: Files = (),
     settings: Settings = (),
 ) -> int:
@@ -189,6 +192,7 @@ def run(
         blend_at: when that begins, s
         blend_over: how long it takes, s
         strict: end with status 4 when what the theorem promises is broken, 5 when it promises nothing
+        engine: pinocchio; or compiled, faster, and its digits differ by rounding (docs/command-line.md)
         use: a file with a control law of your own (docs/extending.md)
     """
     from app.scenario.declared_bounds import outside
@@ -196,11 +200,12 @@ def run(
     from app.session.changes import blending_to
     from app.storage.constants_store import kept_memory
 
+    by: Engine = one_of("--engine", engine, ENGINES)
     _use(use)
     chosen = _configured(scenario, settings, duration)
     if blend_to is not None:
         chosen = blending_to(chosen, load(blend_to), blend_at, blend_over)
-    loop, metrics = headless_run.simulate(chosen, show_progress=True, memory=kept_memory())
+    loop, metrics = headless_run.simulate(chosen, engine=by, show_progress=True, memory=kept_memory())
     try:
         headless_run.write(loop, metrics, out)
     except OSError as error:
@@ -248,6 +253,7 @@ def compare(
     *,
     last: float | None = None,
     duration: float | None = None,
+    engine: Annotated[str, tyro.conf.arg(metavar=_braces(ENGINES))] = "pinocchio",
     use: Files = (),
     settings: Settings = (),
 ) -> int:
@@ -257,6 +263,7 @@ def compare(
         scenarios: shipped scenarios or .toml files
         last: how much of the end counts, in s, instead of the whole run
         duration: simulated time in s, instead of the scenarios'
+        engine: pinocchio; or compiled, faster, and its digits differ by rounding (docs/command-line.md)
         use: a file with a control law of your own (docs/extending.md)
     """
     from app.analysis.metrics import FIGURES, account
@@ -267,10 +274,11 @@ def compare(
         raise ScenarioError(f"--last {last:g}: allowed: more than 0 s")
     if not scenarios:
         raise ScenarioError("compare: no scenario; allowed: one or more (see `vsmrc list`)")
+    by: Engine = one_of("--engine", engine, ENGINES)
     _use(use)
     systems, accounts, stopped = [], [], False
     for name, scenario in [(name, _configured(name, settings, duration)) for name in scenarios]:
-        loop, _ = headless_run.simulate(scenario, show_progress=True, memory=kept_memory())
+        loop, _ = headless_run.simulate(scenario, engine=by, show_progress=True, memory=kept_memory())
         since = -math.inf if last is None else loop.t - last
         systems.append(loop.system)
         accounts.append(account(loop.system, loop.recording, since, loop.t))
@@ -299,6 +307,7 @@ def export(
     caption: bool = True,
     start: float = 0.0,
     end: float = math.inf,
+    engine: Annotated[str, tyro.conf.arg(metavar=_braces(ENGINES))] = "pinocchio",
     use: Files = (),
     settings: Settings = (),
 ) -> int:
@@ -317,6 +326,7 @@ def export(
         caption: the scenario's numbers below the figure
         start: first instant, s
         end: last instant, s
+        engine: pinocchio; or compiled, faster, and its digits differ by rounding (docs/command-line.md)
         use: a file with a control law of your own (docs/extending.md)
     """
     from app.dashboard.export import FigureChoice, Stretch, write
@@ -326,6 +336,7 @@ def export(
     from app.storage.constants_store import kept_memory
     from app.storage.recording_files import read_npz
 
+    by: Engine = one_of("--engine", engine, ENGINES)
     kinds: list[Kind] = [one_of("--to", kind, KINDS_OF_FILES) for kind in to]
     plots_of(plots)  # before the simulation, which would be in vain
     with scenario_errors():
@@ -339,7 +350,7 @@ def export(
         scenario, recording = read_npz(Path(run))
     else:
         scenario = _configured(run, settings)
-        loop, _ = headless_run.simulate(scenario, show_progress=True, memory=kept_memory())
+        loop, _ = headless_run.simulate(scenario, engine=by, show_progress=True, memory=kept_memory())
         recording = loop.recording
         if loop.stopped:
             print(f"stopped: {loop.stopped}")

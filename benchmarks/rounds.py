@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from statistics import median
 
 from tqdm import tqdm
@@ -11,8 +12,15 @@ from tqdm import tqdm
 Call = Callable[[], None]
 
 
-def interleaved(calls: Mapping[str, Call], rounds: int, steps: int) -> dict[str, list[float]]:
-    """Mean time of one call, in us, for every round of `steps` calls."""
+@dataclass(frozen=True)
+class Whole:
+    """A run that computes as many steps as it is told in one call."""
+
+    advance: Callable[[int], object]
+
+
+def interleaved(calls: Mapping[str, Call | Whole], rounds: int, steps: int) -> dict[str, list[float]]:
+    """Mean time of one step, in us, for every round of `steps` calls, or of that many steps in one call."""
     times: dict[str, list[float]] = {name: [] for name in calls}
     for _ in tqdm(range(rounds), desc="rounds", leave=False, disable=None):
         for name, call in calls.items():
@@ -20,11 +28,14 @@ def interleaved(calls: Mapping[str, Call], rounds: int, steps: int) -> dict[str,
     return times
 
 
-def microseconds(call: Call, steps: int) -> float:
-    """Mean time of one call."""
+def microseconds(call: Call | Whole, steps: int) -> float:
+    """Mean time of one step."""
     started = time.perf_counter()
-    for _ in range(steps):
-        call()
+    if isinstance(call, Whole):
+        call.advance(steps)
+    else:
+        for _ in range(steps):
+            call()
     return (time.perf_counter() - started) / steps * 1e6
 
 

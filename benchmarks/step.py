@@ -10,16 +10,26 @@ import pinocchio as pin
 from tqdm import tqdm
 
 from app.process.markdown import Table
-from app.scenario.data import load
+from app.scenario.data import edited, load
+from app.scenario.schema import Scenario
 from app.simulation.closed_loop import ClosedLoop
+from app.simulation.compiled_run import CompiledRun
 from benchmarks import mujoco_osc
 from benchmarks.effort import Effort
-from benchmarks.rounds import Call, interleaved, ratio
+from benchmarks.rounds import Call, Whole, interleaved, ratio
 
 SCENARIOS = ("ur5-hybrid", "ur5-motion", "ur5-constrained", "panda-hybrid", "planar2r-semicircle", "planar3r-hybrid")
 OURS = "ur5-hybrid"  # the task that MuJoCo gets, too
+RK4 = f"{OURS}, rk4"
 FLOOR = "bare pin calls of "
-WARM = 300  # steps before the first round
+COMPILED = ", compiled"
+HISTORY = 4096  # rows, whose memory is used again: a longer one would measure how the machine hands out memory
+WARM = 14_000  # steps before the first round, until no new memory is needed
+
+
+def scenarios() -> dict[str, Scenario]:
+    """The scenarios by the names of their rows."""
+    return {name: load(name) for name in SCENARIOS} | {RK4: edited(load(OURS), "simulation.integrator", "rk4")}
 
 
 def bare_calls(loop: ClosedLoop) -> Call:
@@ -62,31 +72,44 @@ def bare_calls(loop: ClosedLoop) -> Call:
 
 def measure(effort: Effort) -> Table:
     """Table of steps. Raises RuntimeError when a run stopped or did not do its task."""
-    loops = {name: ClosedLoop(load(name)) for name in SCENARIOS}
-    calls: dict[str, Call] = {}
-    for name, loop in tqdm(loops.items(), desc="compiling", leave=False, disable=None):
+    loops, calls = dict[str, ClosedLoop](), dict[str, Call | Whole]()
+    for name, scenario in tqdm(scenarios().items(), desc="compiling", leave=False, disable=None):
+        stepped, whole = ClosedLoop(scenario, HISTORY), ClosedLoop(scenario, HISTORY)
+        run = CompiledRun(whole)
         for _ in range(WARM):
-            loop.step()
-        calls[name] = loop.step
-        calls[FLOOR + name] = bare_calls(loop)
+            stepped.step()
+        run.advance(WARM)
+        loops |= {name: stepped, name + COMPILED: whole}
+        calls |= {name: stepped.step, name + COMPILED: Whole(run.advance)}
+        if name != RK4:
+            calls[FLOOR + name] = bare_calls(stepped)
     contenders = mujoco_osc.contenders(loops[OURS].system)
     times = interleaved(calls | contenders, effort.rounds, effort.steps)
     for name, loop in loops.items():
         if loop.stopped:
             raise RuntimeError(f"{name}: {loop.stopped}")
-    periods = {name: loop.system.scenario.controller.period for name, loop in loops.items()}
-    header = ("one control period", "µs", "× real time", "bare pin calls, µs", "× bare calls", f"× our {OURS}")
+    header = (
+        "one control period",
+        "µs",
+        "× real time",
+        "bare pin calls, µs",
+        "× bare calls",
+        f"× {OURS}",
+        f"× {OURS}{COMPILED}",
+    )
     rows = []
-    for name in (*SCENARIOS, *contenders):
+    for name in (*loops, *contenders):
         us, floor = times[name], times.get(FLOOR + name)
+        period = loops[name if name in loops else OURS].period
         rows.append(
             (
                 name,
                 f"{median(us):.1f}",
-                f"{periods.get(name, periods[OURS]) / median(us) * 1e6:.1f}",
+                f"{period / median(us) * 1e6:.1f}",
                 f"{median(floor):.1f}" if floor else "",
                 f"{ratio(us, floor):.1f}" if floor else "",
                 f"{ratio(us, times[OURS]):.2f}",
+                f"{ratio(us, times[OURS + COMPILED]):.2f}",
             )
         )
     return Table(header, rows)

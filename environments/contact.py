@@ -90,14 +90,22 @@ class World(NamedTuple):
 
 
 @inline
+def place_tool(lever, rotation, translation, p):
+    """Compute the tool point p (3,) m from the placement of the joint that carries it."""
+    for a in range(3):
+        reach = rotation[a, 0] * lever[0] + rotation[a, 1] * lever[1] + rotation[a, 2] * lever[2]
+        p[a] = translation[a] + reach
+
+
+@inline
 def touch_at(world, J, rotation, translation, q_dot, t, touch):
     """Compute the `ContactKinematics` from the world Jacobian J (6, n) of the joint that carries the tool and that
     joint's placement; phi_ddot_bias lacks the tool's own drift, see `add_drift`."""
-    lever, shape, n = world.lever, world.shape, q_dot.shape[0]
+    shape, n = world.shape, q_dot.shape[0]
     p, p_dot, chart = touch.p, touch.p_dot, touch.chart
+    place_tool(world.lever, rotation, translation, p)
     for a in range(3):
-        reach = rotation[a, 0] * lever[0] + rotation[a, 1] * lever[1] + rotation[a, 2] * lever[2]
-        p[a], p_dot[a] = translation[a] + reach, 0.0
+        p_dot[a] = 0.0
     for j in range(n):
         around = cross(p, (J[3, j], J[4, j], J[5, j]))
         for a in range(3):

@@ -4,7 +4,7 @@ controller."""
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -18,18 +18,20 @@ from environments.contact import (
     contact_force,
     elastic_load,
     heavy_multiplier,
+    place_tool,
     touch_at,
 )
 from environments.contact_kinds import ContactKind
 from environments.robots import Robot
 from environments.surfaces.table import Surface
-from kernels import compiled_for, inline, kernel
-from kernels.algebra import dot, solve_spd, transposed_times
+from kernels import address_for, compiled_for, inline, kernel
+from kernels.algebra import copy, cross, dot, solve_spd, transposed_times
 from kernels.records import Record
 
 Integrator = Literal["leapfrog", "semi-implicit-euler", "rk4"]
 WORLD = pin.Convention.WORLD
-ON_SURFACE = 1e-12  # m
+ON_SURFACE, CORRECTIONS = 1e-12, 20  # m, of which a rigid surface is met, in at most so many steps of Newton's
+STAGES = ((1.0, 0.5), (2.0, 0.5), (2.0, 1.0))  # of Runge and Kutta: weight of each, and where in the step the next is
 SLIP_RATE = 0.01  # rad/s, the smooth transition of Coulomb friction in the joints
 
 
@@ -108,13 +110,6 @@ class Arm(NamedTuple):
 PlantState = Record[Arm]
 
 
-class Tool(NamedTuple):
-    """Tool point p (3,) m, and its Jacobian J_v (3, n) in world axes."""
-
-    p: np.ndarray
-    J_v: np.ndarray
-
-
 @inline
 def limited(limits, tau, applied):
     """Compute the torque that the drives apply: applied (n,) = tau, within the limits (n,) N m."""
@@ -144,7 +139,8 @@ def _resistance_alone(resistance, q_dot, t, torque):
 
 class PlantWorkspace(NamedTuple):
     """Workspace of the plant: the resistance of the arm's joints, and the data between two of Pinocchio's calls: the
-    contact's geometry, the torque (n,) N m that moves the arm, and memory (3,), (n,), (n,), (n, n)."""
+    contact's geometry, the torque (n,) N m that moves the arm, memory (3,), (n,), (n,), (n, n), and sums of q_dot and
+    q_ddot (n,) over the stages of Runge and Kutta."""
 
     world: World
     resistance: Resistance
@@ -154,12 +150,26 @@ class PlantWorkspace(NamedTuple):
     pushed: np.ndarray
     response: np.ndarray
     factor: np.ndarray
+    speeds: np.ndarray
+    accelerations: np.ndarray
 
     @classmethod
     def of(cls, world: World, resistance: Resistance, n: int) -> PlantWorkspace:
         """Workspace of an arm with n joints."""
         v = np.zeros(n)
-        return cls(world, resistance, ContactKinematics.zeros(n), v, np.zeros(3), v, v, np.zeros((n, n)))
+        return cls(world, resistance, ContactKinematics.zeros(n), v, np.zeros(3), v, v, np.zeros((n, n)), v, v)
+
+
+class PlantAddresses(NamedTuple):
+    """Addresses of the kernels of one kind of contact in this process, for `kernels.pointers`; 0 for one without.
+    accelerate: `accelerate_...`. find: the load after a period. push: torque of a push on the tool.
+    force: see `Plant.force_of`. constrain: a step onto a rigid surface."""
+
+    accelerate: int
+    find: int
+    push: int
+    force: int
+    constrain: int
 
 
 @inline
@@ -173,13 +183,13 @@ def _accelerate(around, M, bias, arm, tau, t):
 
 
 @kernel
-def _accelerate_free(around, M, bias, arm, tau, t):
+def accelerate_free(around, M, bias, arm, tau, t):
     """Compute q_ddot in free space under the torque tau; bias (n,) N m: C q_dot + G."""
     _accelerate(around[0], M, bias, arm[0], tau, t)
 
 
 @kernel
-def _accelerate_elastic(around, M, bias, J, rotation, translation, arm, tau, t):
+def accelerate_elastic(around, M, bias, J, rotation, translation, arm, tau, t):
     """Compute the load in the present state, and q_ddot under the torque tau against it."""
     around, arm = around[0], arm[0]
     touch_at(around.world, J, rotation, translation, arm.q_dot, t, around.touch)
@@ -193,7 +203,7 @@ def _touching(world, touch):
 
 
 @kernel
-def _accelerate_heavy(around, M, bias, J, J_dot, rotation, translation, arm, tau, t):
+def accelerate_heavy(around, M, bias, J, J_dot, rotation, translation, arm, tau, t):
     """Compute q_ddot under the torque tau, and the load, which depends on it."""
     around, arm = around[0], arm[0]
     world, touch, torque, n = around.world, around.touch, around.torque, arm.q.shape[0]
@@ -225,7 +235,7 @@ def _accelerate_heavy(around, M, bias, J, J_dot, rotation, translation, arm, tau
 
 
 @kernel
-def _load(around, J, rotation, translation, arm, t):
+def load_at(around, J, rotation, translation, arm, t):
     around, arm = around[0], arm[0]
     world = around.world
     touch_at(world, J, rotation, translation, arm.q_dot, t, around.touch)
@@ -233,20 +243,32 @@ def _load(around, J, rotation, translation, arm, t):
 
 
 @kernel
-def _penetration(around, J, rotation, translation, arm, t):
+def penetration_at(around, J, rotation, translation, arm, t):
     touch_at(around[0].world, J, rotation, translation, arm[0].q_dot, t, around[0].touch)
     arm[0].load.phi = around[0].touch.phi
 
 
 @kernel
-def _force_of(around, J, rotation, translation, arm, multiplier, t, force):
+def force_of(around, J, rotation, translation, arm, multiplier, t, force):
     world, around = around[0].world, around[0]
     touch_at(world, J, rotation, translation, arm[0].q_dot, t, around.touch)
     contact_force(world.contact, multiplier, _touching(world, around.touch), around.touch, force)
 
 
 @kernel
-def _onto_surface(around, J, rotation, translation, M, arm, t):
+def torque_of_push(around, J, rotation, translation, push, torque):
+    """Compute the torque (n,) N m of a push (3,) N on the tool."""
+    tool = around[0].touch.p
+    place_tool(around[0].world.lever, rotation, translation, tool)
+    for j in range(torque.shape[0]):
+        about = cross(tool, (J[3, j], J[4, j], J[5, j]))
+        torque[j] = 0.0
+        for a in range(3):
+            torque[j] += (J[a, j] - about[a]) * push[a]
+
+
+@kernel
+def onto_surface(around, J, rotation, translation, M, arm, t):
     """Move q a step of Newton's method towards phi = 0, or, once phi = 0, make phi_dot zero, too; returns phi."""
     around, arm = around[0], arm[0]
     world, touch = around.world, around.touch
@@ -264,7 +286,7 @@ def _onto_surface(around, J, rotation, translation, M, arm, t):
 
 
 @kernel
-def _drift(arm, h):
+def drift(arm, h):
     """Move q along q_dot for h s."""
     arm = arm[0]
     for i in range(arm.q.shape[0]):
@@ -272,7 +294,7 @@ def _drift(arm, h):
 
 
 @kernel
-def _kick_and_drift(arm, h):
+def kick_and_drift(arm, h):
     """Change q_dot by h s of q_ddot, then move q along it for half as long."""
     arm = arm[0]
     for i in range(arm.q.shape[0]):
@@ -281,11 +303,49 @@ def _kick_and_drift(arm, h):
 
 
 @kernel
-def _semi_implicit_euler(arm, h):
+def semi_implicit_euler(arm, h):
     arm = arm[0]
     for i in range(arm.q.shape[0]):
         arm.q_dot[i] += h * arm.q_ddot[i]
         arm.q[i] += h * arm.q_dot[i]
+
+
+@kernel
+def begin_stages(around, arm, stage):
+    """Begin the method of Runge and Kutta: the first stage has the state of the arm, and its acceleration."""
+    around, arm, stage = around[0], arm[0], stage[0]
+    copy(arm.q, stage.q)
+    copy(arm.q_dot, stage.q_dot)
+    copy(arm.q_ddot, stage.q_ddot)
+    for i in range(arm.q.shape[0]):
+        around.speeds[i] = around.accelerations[i] = 0.0
+
+
+@kernel
+def next_stage(around, arm, stage, weight, ahead):
+    """Add q_dot and q_ddot of the stage to the sums, with a weight, and make it the next one, `ahead` s from the arm's
+    state along them."""
+    around, arm, stage = around[0], arm[0], stage[0]
+    for i in range(arm.q.shape[0]):
+        speed, acceleration = stage.q_dot[i], stage.q_ddot[i]
+        around.speeds[i] += weight * speed
+        around.accelerations[i] += weight * acceleration
+        stage.q[i] = arm.q[i] + ahead * speed
+        stage.q_dot[i] = arm.q_dot[i] + ahead * acceleration
+
+
+@kernel
+def end_stages(around, arm, stage, h):
+    """Move the arm by h s along the mean of the stages, of which the last one is not in the sums yet."""
+    around, arm, stage = around[0], arm[0], stage[0]
+    for i in range(arm.q.shape[0]):
+        arm.q[i] += h / 6.0 * (around.speeds[i] + stage.q_dot[i])
+        arm.q_dot[i] += h / 6.0 * (around.accelerations[i] + stage.q_ddot[i])
+
+
+def out_of_reach(phi: float) -> ValueError:
+    """Error of a tool that cannot be brought onto the rigid surface, phi m away."""
+    return ValueError(f"surface: the tool cannot be brought onto the rigid surface (phi = {phi:.2g} m)")
 
 
 class Plant:
@@ -326,6 +386,11 @@ class Plant:
         )
         self._resolve_kernels(robot.n)
 
+    @property
+    def workspace(self) -> np.ndarray:
+        """Data of the `PlantWorkspace`, (1,), for kernels."""
+        return self._around
+
     def smooth(self, *, touching: bool) -> Plant:
         """Plant of the same arm without anything that has a kink or acts from outside: no Coulomb friction, no limits
         of the drives, no disturbance, and a surface that also pulls, or, not touching, a spring of zero stiffness."""
@@ -337,20 +402,45 @@ class Plant:
 
     def _resolve_kernels(self, n: int) -> None:
         around, arm, tau = self._around, Record(Arm.zeros(n)).data, np.zeros(n)
-        self._drift = compiled_for(_drift, arm, 0.0)
-        self._kick_and_drift = compiled_for(_kick_and_drift, arm, 0.0)
-        self._step_of_euler = compiled_for(_semi_implicit_euler, arm, 0.0)
+        self._stage = Record(Arm.zeros(n))
+        self._begin_stages = compiled_for(begin_stages, around, arm, arm)
+        self._next_stage = compiled_for(next_stage, around, arm, arm, 0.0, 0.0)
+        self._end_stages = compiled_for(end_stages, around, arm, arm, 0.0)
+        self._drift = compiled_for(drift, arm, 0.0)
+        self._kick_and_drift = compiled_for(kick_and_drift, arm, 0.0)
+        self._step_of_euler = compiled_for(semi_implicit_euler, arm, 0.0)
+        by_kind = self._kernels_of_contact(arm, tau)
+        self._torque_of_push = compiled_for(*by_kind["push"])
+        self._answer = compiled_for(*by_kind["accelerate"])
         if self.kind.springs:
-            find = _penetration if self.kind.massive else _load
-            self._find = compiled_for(find, around, *self._tool, arm, 0.0)
-        inertia, M = self._inertia, self.data.M
+            self._find = compiled_for(*by_kind["find"])
         if self.kind.heavy:
-            self._answer = compiled_for(_accelerate_heavy, around, *inertia, *self._tool_moving, arm, tau, 0.0)
-            self._onto_surface = compiled_for(_onto_surface, around, *self._tool, M, arm, 0.0)
+            self._onto_surface = compiled_for(*by_kind["constrain"])
+
+    def _kernels_of_contact(self, arm: np.ndarray, tau: np.ndarray) -> dict[str, tuple[Any, ...]]:
+        """Kernels that this kind of contact needs, by the names of `PlantAddresses`, each with its arguments."""
+        around, tool, inertia = self._around, self._tool, self._inertia
+        kernels: dict[str, tuple[Any, ...]] = {"push": (torque_of_push, around, *tool, np.zeros(3), tau)}
+        if self.kind.springs:
+            find = penetration_at if self.kind.massive else load_at
+            kernels["find"] = (find, around, *tool, arm, 0.0)
+        if self.kind.heavy:
+            kernels["accelerate"] = (accelerate_heavy, around, *inertia, *self._tool_moving, arm, tau, 0.0)
+            kernels["constrain"] = (onto_surface, around, *tool, self.data.M, arm, 0.0)
+            kernels["force"] = (force_of, around, *tool, arm, 0.0, 0.0, np.zeros(3))
         elif self.kind.springs:
-            self._answer = compiled_for(_accelerate_elastic, around, *inertia, *self._tool, arm, tau, 0.0)
+            kernels["accelerate"] = (accelerate_elastic, around, *inertia, *tool, arm, tau, 0.0)
         else:
-            self._answer = compiled_for(_accelerate_free, around, *inertia, arm, tau, 0.0)
+            kernels["accelerate"] = (accelerate_free, around, *inertia, arm, tau, 0.0)
+        return kernels
+
+    @property
+    def addresses(self) -> PlantAddresses:
+        """Addresses of the kernels of this contact."""
+        arm = Record(Arm.zeros(self.model.nv))
+        kernels = self._kernels_of_contact(arm.data, arm.views.q)
+        names = PlantAddresses._fields
+        return PlantAddresses._make(address_for(*kernels[name]) if name in kernels else 0 for name in names)
 
     def start(self, q: np.ndarray, q_dot: np.ndarray, t: float) -> PlantState:
         """State with q (n,), q_dot (n,) at time t; on a rigid surface it is moved onto the surface.
@@ -362,7 +452,7 @@ class Plant:
             self._constrain(state, t)
         if self.kind.springs:
             pin.computeJointJacobians(self.model, self.data, state.views.q)
-            _load(self._around, *self._tool, state.data, t)
+            load_at(self._around, *self._tool, state.data, t)
         return state
 
     def advance(self, state: PlantState, tau: np.ndarray, t: float, period: float) -> None:
@@ -396,7 +486,7 @@ class Plant:
         force = np.zeros(3)
         acting, at = self._evaluated_at(state, t, period / self.substeps)
         pin.computeJointJacobians(self.model, self.data, acting.views.q)
-        _force_of(self._around, *self._tool, acting.data, multiplier, at, force)
+        force_of(self._around, *self._tool, acting.data, multiplier, at, force)
         return force
 
     def _evaluated_at(self, state: PlantState, t: float, h: float) -> tuple[PlantState, float]:
@@ -407,12 +497,18 @@ class Plant:
         self._drift(twin.data, 0.5 * h)
         return twin, t + 0.5 * h
 
-    def tool(self, state: PlantState) -> Tool:
-        """Tool point in a state."""
-        J, rotation, translation = self._tool
+    def torque_of_push(self, state: PlantState, push: np.ndarray) -> np.ndarray:
+        """Torque (n,) N m of a push (3,) N on the tool in a state."""
+        torque = np.zeros(self.model.nv)
         pin.computeJointJacobians(self.model, self.data, state.views.q)
-        p = translation + rotation @ self._lever
-        return Tool(p, J[:3] - pin.skew(p) @ J[3:])
+        self._torque_of_push(self._around, *self._tool, push, torque)
+        return torque
+
+    def tool(self, state: PlantState) -> np.ndarray:
+        """Tool point (3,) m in a state."""
+        _, rotation, translation = self._tool
+        pin.computeJointJacobians(self.model, self.data, state.views.q)
+        return translation + rotation @ self._lever
 
     # q_ddot under the torque tau (n,) N m at time t (s), and the load that goes with it, are found in place; in world
     # axes M comes with the tool's Jacobian and placement
@@ -460,23 +556,13 @@ class Plant:
             self._constrain(state, t + h)
 
     def _rk4(self, state: PlantState, tau: np.ndarray, t: float, h: float) -> None:
-        stage, q, q_dot = state.copy(), state.views.q.copy(), state.views.q_dot.copy()
-
-        def acceleration(q: np.ndarray, q_dot: np.ndarray, t: float) -> np.ndarray:
-            stage.views.q[:], stage.views.q_dot[:] = q, q_dot
-            self._accelerate(stage, tau, t)
-            return stage.views.q_ddot.copy()
-
+        stage, around, arm = self._stage, self._around, state.data
         self._accelerate(state, tau, t)
-        a_1 = state.views.q_ddot
-        v_2 = q_dot + 0.5 * h * a_1
-        a_2 = acceleration(q + 0.5 * h * q_dot, v_2, t + 0.5 * h)
-        v_3 = q_dot + 0.5 * h * a_2
-        a_3 = acceleration(q + 0.5 * h * v_2, v_3, t + 0.5 * h)
-        v_4 = q_dot + h * a_3
-        a_4 = acceleration(q + h * v_3, v_4, t + h)
-        state.views.q[:] = q + (h / 6) * (q_dot + 2 * v_2 + 2 * v_3 + v_4)
-        state.views.q_dot[:] = q_dot + (h / 6) * (a_1 + 2 * a_2 + 2 * a_3 + a_4)
+        self._begin_stages(around, arm, stage.data)
+        for weight, ahead in STAGES:
+            self._next_stage(around, arm, stage.data, weight, ahead * h)
+            self._accelerate(stage, tau, t + ahead * h)
+        self._end_stages(around, arm, stage.data, h)
         if self.kind.rigid:
             self._constrain(state, t + h)
 
@@ -485,9 +571,9 @@ class Plant:
         q = state.views.q
         M = pin.crba(self.model, self.data, q, WORLD)
         phi = np.inf
-        for _ in range(20):
+        for _ in range(CORRECTIONS):
             phi = self._onto_surface(self._around, *self._tool, M, state.data, t)
             if abs(phi) < ON_SURFACE:
                 return
             pin.computeJointJacobians(self.model, self.data, q)
-        raise ValueError(f"surface: the tool cannot be brought onto the rigid surface (phi = {phi:.2g} m)")
+        raise out_of_reach(phi)

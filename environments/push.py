@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
+
+from kernels import inline
 
 MOST_STIFF, MOST_FORCE = 5000.0, 500.0  # N/m, N: largest values of a hand
 
@@ -35,16 +38,23 @@ class Grip:
         return pull if size <= self.limit else pull * (self.limit / size)
 
 
-@dataclass(frozen=True)
-class TimedPush:
+class TimedPush(NamedTuple):
     """A constant force (3,) N on the tool from `start` s on, for `duration` s, again `every` s where that is not 0."""
 
-    force: tuple[float, float, float]
+    force: np.ndarray
     start: float
     duration: float
     every: float = 0.0
 
     def acts(self, t: float) -> bool:
         """Whether the push acts at time t (s)."""
-        since = t - self.start
-        return since >= 0.0 and (since % self.every if self.every else since) < self.duration
+        return acts.py_func(self, t)
+
+
+@inline
+def acts(push, t):
+    """Whether a `TimedPush` acts at time t (s)."""
+    since = t - push.start
+    if push.every > 0.0:
+        since = since % push.every if since >= 0.0 else since
+    return 0.0 <= since < push.duration

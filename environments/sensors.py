@@ -10,6 +10,7 @@ from typing import Annotated
 import numpy as np
 from msgspec import structs
 
+from kernels import inline
 from parameters import Section, Vector3, Widget, decades, field
 
 
@@ -104,7 +105,11 @@ class Noise(Stage):
         return sensor.settings.noise > 0.0
 
     def read(self, reading: np.ndarray) -> np.ndarray:
-        return reading + self.sensor.settings.noise * self._random.standard_normal(3)
+        return reading + self.draw(1)[0]
+
+    def draw(self, readings: int) -> np.ndarray:
+        """Errors (N, 3) N of the next readings."""
+        return self.sensor.settings.noise * self._random.standard_normal((readings, 3))
 
     def copy(self) -> Noise:
         twin = copy(self)
@@ -112,12 +117,18 @@ class Noise(Stage):
         return twin
 
 
+@inline
+def filtered_further(gain, previous, reading):
+    """Output of a low-pass with this gain for a reading, after the previous output."""
+    return previous + gain * (reading - previous)
+
+
 class LowPass(Stage):
     """A first-order low-pass, initialized by its first reading."""
 
     def __init__(self, sensor: ForceSensor, seed: int) -> None:
         super().__init__(sensor, seed)
-        self._gain = 1.0 - np.exp(-2 * np.pi * sensor.settings.cutoff * sensor.period)
+        self.gain = float(1.0 - np.exp(-2 * np.pi * sensor.settings.cutoff * sensor.period))
         self._filtered: np.ndarray | None = None
 
     @staticmethod
@@ -126,7 +137,7 @@ class LowPass(Stage):
 
     def read(self, reading: np.ndarray) -> np.ndarray:
         previous = reading if self._filtered is None else self._filtered
-        self._filtered = filtered = previous + self._gain * (reading - previous)
+        self._filtered = filtered = filtered_further.py_func(self.gain, previous, reading)
         return filtered
 
     @property
@@ -138,7 +149,7 @@ class LowPass(Stage):
         return np.empty((0, 3)) if self._filtered is None else self._filtered[None]
 
     def recall(self, memory: np.ndarray) -> None:
-        self._filtered = memory[0]
+        self._filtered = memory[0].copy()
 
 
 class Delay(Stage):
@@ -167,6 +178,15 @@ class Delay(Stage):
     def recall(self, memory: np.ndarray) -> None:
         self._line.extend((self._line[0], *memory))
 
+    @property
+    def line(self) -> np.ndarray:
+        """Readings in the line, (k, 3) N, oldest first."""
+        return np.array(self._line).reshape(-1, 3)
+
+    def extend(self, readings: np.ndarray) -> None:
+        """Take up readings (k, 3) N that came in order."""
+        self._line.extend(reading.copy() for reading in readings[-1 - self.sensor.late :])
+
     def copy(self) -> Delay:
         twin = copy(self)
         twin._line = self._line.copy()
@@ -187,6 +207,11 @@ class ForceReader:
         for stage in self._stages:
             force = stage.read(force)
         return force
+
+    @property
+    def stages(self) -> tuple[Stage, ...]:
+        """Its stages, in the order in which a reading passes them."""
+        return tuple(self._stages)
 
     @property
     def full(self) -> bool:

@@ -52,6 +52,11 @@ def kernel(function: Callable[..., Any]) -> Any:
     return Kernel(function, cache=True)
 
 
+def without_lock(function: Callable[..., Any]) -> Any:
+    """Kernel that is kept in the cache and lets other threads of the interpreter run meanwhile."""
+    return Kernel(function, cache=True, nogil=True)
+
+
 def not_kept(function: Callable[..., Any]) -> Any:
     """Kernel that is compiled anew in each process."""
     return Kernel(function)
@@ -121,6 +126,16 @@ def compiled_for(kernel: Kernel, *arguments: np.ndarray | float) -> Callable[...
     from kernels.symbols import type_of
 
     return kernel.dispatcher.compile(tuple(type_of(argument) for argument in arguments))
+
+
+def address_for(kernel: Kernel, *arguments: np.ndarray | float) -> int:
+    """Address in this process of the kernel compiled for arguments of these types, for `kernels.pointers.ask`."""
+    from kernels.symbols import type_of
+
+    types = tuple(type_of(argument) for argument in arguments)
+    kernel.dispatcher.compile(types)
+    found = kernel.dispatcher.overloads[types]
+    return found.library.get_pointer_to_function(found.fndesc.llvm_func_name)
 
 
 class Elsewhere:

@@ -1,5 +1,5 @@
 """Calls of functions by their address in this process: kernels that were compiled without these functions can call
-them."""
+them, and need not be compiled anew with them."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from typing import Any
 
 from llvmlite import ir
 from numba import cfunc, types
+from numba.core import cgutils
 from numba.extending import intrinsic
 from numba.np.numpy_support import carray
 from numba.np.unsafe import ndarray
@@ -45,6 +46,49 @@ def _generate_numbers_at(_typing, _place):
 _jump: Any = intrinsic(_generate_jump)
 _numbers_at: Any = intrinsic(_generate_numbers_at)
 _fixed: Any = ndarray.to_fixed_tuple
+
+
+def _generate_ask(returns: types.Type) -> Any:
+    """Call of a kernel that returns a value of this type; its exceptions go on to the caller."""
+
+    def generate_ask(_typing, address, arguments):
+        kinds = tuple(arguments)
+
+        def generate(context, builder, _signature, given):
+            convention = context.call_conv
+            kind = convention.get_function_type(returns, kinds)
+            kernel = builder.inttoptr(given[0], kind.as_pointer())
+            values = [builder.extract_value(given[1], i) for i in range(len(kinds))]
+            status, result = convention.call_function(builder, kernel, returns, kinds, values)
+            with cgutils.if_unlikely(builder, status.is_error):
+                convention.return_status_propagate(builder, status)
+            return context.get_dummy_value() if returns == types.none else result
+
+        return returns(address, arguments), generate
+
+    return intrinsic(generate_ask)
+
+
+_ask, _ask_integer, _ask_number = (_generate_ask(kind) for kind in (types.none, types.int64, types.float64))
+
+
+@inline
+def ask(address, arguments):
+    """Call the kernel at an address, which returns nothing, with a tuple of arguments of exactly the types for which it
+    was compiled (`kernels.address_for`)."""
+    _ask(address, arguments)
+
+
+@inline
+def ask_integer(address, arguments):
+    """The same for a kernel that returns an integer."""
+    return _ask_integer(address, arguments)
+
+
+@inline
+def ask_number(address, arguments):
+    """The same for a kernel that returns a number."""
+    return _ask_number(address, arguments)
 
 
 @inline

@@ -12,6 +12,7 @@ from msgspec import Struct
 from app.scenario.units import Units
 from app.simulation.closed_loop import ClosedLoop
 from app.simulation.controller_builder import compensation
+from app.simulation.engines import Engine
 from app.simulation.recording import Epoch, Recording
 from app.simulation.system import System
 from app.simulation.verdict import Finding, Promise
@@ -43,11 +44,12 @@ class Metrics(Struct, frozen=True):
     saturated_share: float  # of the control periods, in which a drive's limit cuts the torque
     simulated_time: float  # s
     realtime_factor: float | None
+    engine: Engine
     stopped: str | None
 
 
-def measure(loop: ClosedLoop, realtime_factor: float | None = None) -> Metrics:
-    """Metrics of everything recorded so far. Raises ValueError for a run without a single step."""
+def measure(loop: ClosedLoop, realtime_factor: float | None = None, engine: Engine = "pinocchio") -> Metrics:
+    """Metrics of everything recorded so far, by this engine. Raises ValueError for a run without a single step."""
     record = loop.recording.signals(tuple(loop.recording.columns))
     t = record["t"]
     if len(t) == 0:
@@ -79,6 +81,7 @@ def measure(loop: ClosedLoop, realtime_factor: float | None = None) -> Metrics:
         saturated_share=float(saturated(record).mean()),
         simulated_time=float(t[-1]) + system.scenario.controller.period,
         realtime_factor=realtime_factor,
+        engine=engine,
         stopped=loop.stopped,
     )
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from functools import partial
 from pathlib import Path
 
 import msgspec
@@ -11,33 +12,54 @@ from tqdm import tqdm
 from app.analysis.metrics import Metrics, measure
 from app.process.atomic_write import write_whole
 from app.scenario.data import to_toml
-from app.scenario.schema import Scenario
+from app.scenario.schema import Scenario, ScenarioError
 from app.simulation.closed_loop import ClosedLoop
+from app.simulation.compiled_run import CompiledRun
+from app.simulation.engines import Engine
 from app.simulation.search_memory import Memory
 from app.simulation.system import System
 from app.storage.recording_files import table, write_npz
 
+BATCH = 500  # control periods between two movements of the bar
+
 
 def simulate(
-    scenario: Scenario, *, show_progress: bool = False, previous: System | None = None, memory: Memory | None = None
+    scenario: Scenario,
+    *,
+    engine: Engine = "pinocchio",
+    show_progress: bool = False,
+    previous: System | None = None,
+    memory: Memory | None = None,
 ) -> tuple[ClosedLoop, Metrics]:
     """Run of the whole duration of a scenario, or until it stops; equal parts of `previous` are used again, and the
     results that `memory` has.
 
-    Raises ScenarioError.
+    Raises ScenarioError, also where the engine cannot take the scenario.
     """
     steps = max(1, round(scenario.simulation.duration / scenario.controller.period))
     loop = ClosedLoop(scenario, steps + 1, previous, memory)
-    batch = max(1, steps // 200)
+    advance = partial(_by_steps, loop) if engine == "pinocchio" else _compiled(loop).advance
     started = time.perf_counter()
     with tqdm(total=steps, unit=" steps", disable=not show_progress, desc=scenario.name) as bar:
-        for step in range(1, steps + 1):
-            loop.advance()
-            if step % batch == 0:
-                bar.update(batch)
+        for begun in range(0, steps, BATCH):
+            periods = min(BATCH, steps - begun)
+            advance(periods)
+            bar.update(periods)
             if loop.stopped:
                 break
-    return loop, measure(loop, loop.t / (time.perf_counter() - started))
+    return loop, measure(loop, loop.t / (time.perf_counter() - started), engine)
+
+
+def _by_steps(loop: ClosedLoop, periods: int) -> None:
+    for _ in range(periods):
+        loop.advance()
+
+
+def _compiled(loop: ClosedLoop) -> CompiledRun:
+    try:
+        return CompiledRun(loop)
+    except ValueError as error:
+        raise ScenarioError(f"--engine compiled: {error}; allowed: --engine pinocchio") from error
 
 
 def write(loop: ClosedLoop, metrics: Metrics, out: Path) -> None:

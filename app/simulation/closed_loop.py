@@ -13,7 +13,7 @@ from app.process.own_code import OwnCodeError
 from app.scenario.declared_bounds import outside
 from app.scenario.schema import Scenario, ScenarioError, after_blend
 from app.simulation.control_period import Alarm, Period
-from app.simulation.controlled_arm import ControlledArm
+from app.simulation.controlled_arm import ControlledArm, PeriodAddresses
 from app.simulation.premise_watch import PremiseWatch
 from app.simulation.recording import Recording
 from app.simulation.sampled_stability import SampledLoop
@@ -257,7 +257,7 @@ class ClosedLoop:
         F = arm.measure()
         self._stage = "the control law"
         if not arm.control(F, row):
-            self._watch.left("stop", "the loop through the multiplier has no solution")
+            self.leave_unsolved()
         if state.steps % WATCH == 0:
             self._watch.look()
         self._stage = "the plant"
@@ -267,8 +267,63 @@ class ClosedLoop:
         self.recording.commit()
         if alarms:
             self._heed(Alarm(alarms))
-        state.steps += 1
-        state.t = state.epoch.t + state.steps * self._h
+        self._count(1)
+
+    @property
+    def ideal(self) -> bool:
+        """Whether the force sensor is ideal on a surface on which that makes a difference."""
+        return self._arm.ideal
+
+    @property
+    def addresses(self) -> PeriodAddresses:
+        """Addresses of the kernels of a period with one of the project's laws."""
+        return self._arm.addresses
+
+    @property
+    def memory(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """Data that the compiled functions of a period work in: setting, period, arm and plant, each (1,)."""
+        return self._arm.settings.data, self.state.period.data, self.state.arm.data, self.system.plant.workspace
+
+    def prepare(self, most: int) -> int:
+        """Do what comes before the law in the present period, and return for how many periods from this one on, at
+        most so many, that is all: for the parts of a run that `app.simulation.compiled_run` does not compute."""
+        blend = self.system.blend
+        if blend is not None:
+            self._blend(blend)
+        self._arm.feed_forward(self.state.period)
+        if self._arm.along is not None:
+            return 1
+        blend = self.system.blend
+        if blend is None:
+            return most
+        steps, most = self.state.steps, min(most, WATCH)
+        return next((k for k in range(1, most) if self._blend_acts(blend, self._time(steps + k))), most)
+
+    def leave_unsolved(self) -> None:
+        """Stop because an ideal sensor has no reading."""
+        self._watch.left("stop", "the loop through the multiplier has no solution")
+
+    def heed_posture(self, nearest: int) -> None:
+        """Judge the premises that depend on the posture, in the middle of the present period, which is nearest to the
+        centre of Omega with this number."""
+        self._watch.heed_posture(nearest)
+
+    def take(self, periods: int, alarms: Alarm) -> None:
+        """Take up periods that `app.simulation.compiled_run` has computed in the loop's memory; alarms: of the last."""
+        self.recording.commit(periods)
+        self._arm.resume()
+        if alarms:
+            self._count(periods - 1)
+            self._heed(alarms)
+            periods = 1
+        self._count(periods)
+
+    def _count(self, periods: int) -> None:
+        self.state.steps += periods
+        self.state.t = self._time(self.state.steps)
+
+    def _time(self, steps: int) -> float:
+        return self.state.epoch.t + steps * self._h
 
     def advance(self) -> None:
         """Compute one control period, if the run has not stopped; any exception in it stops the run, and the recording
@@ -311,6 +366,14 @@ class ClosedLoop:
                 self._new_epoch()
             if blend.share(self.t) != self._share:
                 self._follow(blend)
+
+    def _blend_acts(self, blend: ModelBlend, t: float) -> bool:
+        """Whether `_blend` does something at t (s), after it has been called in the present period."""
+        half = 0.5 * self._h
+        if t <= blend.begins - half:
+            return False
+        ends, begins = t > blend.begins + blend.over - half, self.state.epoch.t < blend.begins - half
+        return ends or begins or blend.share(t) != self._share
 
     def _new_epoch(self) -> None:
         self._watch.begin()

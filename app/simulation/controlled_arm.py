@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from app.simulation.control_period import (
@@ -20,11 +22,19 @@ from app.simulation.state import State
 from app.simulation.system import System
 from controllers.control_law import Gains
 from controllers.reference_estimates import ReferenceEstimates
-from kernels import compiled_for
+from kernels import address_for, compiled_for
 from kernels.records import Record
 
 SPEED_LIMIT = 20.0  # rad/s, beyond which a run counts as diverging
-FORCE_ITERATIONS = 30
+FORCE_ITERATIONS, FORCE_MISSED = 30, 1e-10  # of an ideal sensor: at most so many, and the share of 1 N and the force
+
+
+class PeriodAddresses(NamedTuple):
+    """Addresses of `control_period`, `watch_posture` and `complete_row` in this process, for `kernels.pointers`."""
+
+    law: int
+    watch: int
+    complete: int
 
 
 class ControlledArm:
@@ -33,7 +43,8 @@ class ControlledArm:
 
     settings: the data of the system that the compiled functions read.
     along: the estimates taken beforehand (Remark 3), None where they are taken on-line.
-    push: (3,) N, force of hand and script on the tool over this period.
+    ideal: whether the force sensor is ideal, and that makes a difference.
+    push: (3,) N, force of hand and script on the tool over this period; push_torque: (n,) N m, that in the joints.
     """
 
     def __init__(self, system: System, state: State) -> None:
@@ -45,10 +56,10 @@ class ControlledArm:
             self.along = ReferenceEstimates(system.nominal, lipschitz, system.posture_at, self._h, state.along)
         arm, period = state.arm, state.period
         self._q, self._q_dot, self._force = arm.views.q, arm.views.q_dot, arm.views.load.force
-        self._ideal = system.scenario.sensor.ideal and system.plant.kind.heavy
+        self.ideal = system.scenario.sensor.ideal and system.plant.kind.heavy
         self._scripted = system.push if any(system.push.force) else None
         self._applied, self.push = period.views.applied, period.views.push
-        self._push_torque, self._pushed = np.zeros(system.robot.n), True
+        self.push_torque, self._pushed = np.zeros(system.robot.n), True
         self.settings = settings = Record(_setting_of(system, online=self.along is None))
         self._scratch = row = Record(Row.zeros(system.layout.n)).data
         self._settings, self._period, self._arm_data = settings.data, period.data, arm.data
@@ -63,6 +74,17 @@ class ControlledArm:
             self._end = compiled_for(end_period, *data, arm.data, state.t, row)
         self._complete = compiled_for(complete_row, *data, arm.data, row)
         self._look = compiled_for(watch_posture, *data, self._centres)
+
+    @property
+    def addresses(self) -> PeriodAddresses:
+        """Addresses of the kernels of a period with one of the project's laws."""
+        data, arm = (self._settings, self._period), self._arm_data
+        before = (*data, *self._nominal.terms, arm, self._force, self._state.t)
+        return PeriodAddresses(
+            law=address_for(control_period, *before, self._scratch),
+            watch=address_for(watch_posture, *data, self._centres),
+            complete=address_for(complete_row, *data, arm, self._scratch),
+        )
 
     def follow(self, gains: Gains) -> None:
         """Continue with these gains, those of the target model that is in force now."""
@@ -80,28 +102,38 @@ class ControlledArm:
         force = script.force if script is not None and script.acts(self._state.t) else None
         pushed = force is not None or grip is not None
         if pushed:
-            tool = self._plant.tool(self._state.arm)
+            arm = self._state.arm
             self.push[:] = 0.0 if force is None else force
             if grip is not None:
-                self.push += grip.force(tool.p)
-            self._push_torque = tool.J_v.T @ self.push
+                self.push += grip.force(self._plant.tool(arm))
+            self.push_torque = self._plant.torque_of_push(arm, self.push)
         elif self._pushed:
-            self.push[:] = self._push_torque[:] = 0.0
+            self.push[:] = self.push_torque[:] = 0.0
         self._pushed = pushed
         return pushed
+
+    def resume(self) -> None:
+        """Continue after periods that have been computed in the same memory without this object."""
+        self._pushed = True  # so that the next period without a push clears that of the last one
 
     def control(self, F: np.ndarray, row: np.ndarray) -> bool:
         """Evaluate the law for the present state and the measured force F (3,) N, into the state's period and the row.
         An ideal sensor reads the force that the law's torque causes, instead of F. False where there is no such
         force."""
-        if self._ideal:
+        if self.ideal:
             return self._solve_for_force(row)
         self._evaluate(self._state.period, F, row)
         return True
 
+    def feed_forward(self, period: Record[Period]) -> None:
+        """Write the estimates that were taken beforehand, if they are, into a period that begins now."""
+        if self.along is not None:
+            period.write("feedforward", self.along.at(self._q, self._q_dot, self._state.t))
+            self._state.along = self.along.start
+
     def move(self) -> None:
         """Advance the plant under the torque, held over one period."""
-        tau = self._applied + self._push_torque if self._pushed else self._applied
+        tau = self._applied + self.push_torque if self._pushed else self._applied
         self._plant.advance(self._state.arm, tau, self._state.t, self._h)
 
     def complete(self, row: np.ndarray) -> int:
@@ -132,9 +164,7 @@ class ControlledArm:
 
     def _evaluate(self, period: Record[Period], F: np.ndarray, row: np.ndarray) -> None:
         state, data = self._state, self._arm_data
-        if self.along is not None:
-            period.write("feedforward", self.along.at(self._q, self._q_dot, state.t))
-            state.along = self.along.start
+        self.feed_forward(period)
         terms = self._nominal.update(self._q, self._q_dot)
         if self._law is None:
             self._control(self._settings, period.data, *terms, data, F, state.t, row)
@@ -150,7 +180,7 @@ class ControlledArm:
         guess, slope, begun = self._state.arm.read().load.multiplier, -1.0, period.data.copy()
         error = self._missed(guess, row)
         for _ in range(FORCE_ITERATIONS):
-            if abs(error) <= 1e-10 * (1.0 + abs(guess)):
+            if abs(error) <= FORCE_MISSED * (1.0 + abs(guess)):
                 return True
             change = -error / slope if slope != 0.0 else error
             guess += change
@@ -163,7 +193,7 @@ class ControlledArm:
         """Difference (N) between the multiplier that the law's torque for a guess causes, and the guess."""
         plant, arm, t, h = self._plant, self._state.arm, self._state.t, self._h
         self._evaluate(self._state.period, plant.force_of(arm, guess, t, h) - self.push, row)
-        return plant.respond(arm, self._applied + self._push_torque, t, h).multiplier - guess
+        return plant.respond(arm, self._applied + self.push_torque, t, h).multiplier - guess
 
 
 def _setting_of(system: System, *, online: bool) -> Setting:

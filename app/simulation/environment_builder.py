@@ -63,7 +63,7 @@ def truth_of(scenario: Scenario, robot: robots.Robot) -> Truth:
 def push_of(scenario: Scenario) -> TimedPush:
     """The push by the clock."""
     t = scenario.truth
-    return TimedPush(t.push, t.push_start, t.push_duration, t.push_every)
+    return TimedPush(np.array(t.push), t.push_start, t.push_duration, t.push_every)
 
 
 def _torque_limit(given: float | tuple[float, ...], robot: robots.Robot) -> np.ndarray:

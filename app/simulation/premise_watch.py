@@ -75,7 +75,7 @@ class PremiseWatch:
         nearest, distance = system.constants.omega.centre_near(state.arm.views.q)
         self._state_premise(Premise.DOMAIN, distance, system.constants.radius)
         state.judged = Judged(None, np.full(system.robot.n, np.nan), state.t)
-        self._heed_posture(nearest)
+        self.heed_posture(nearest)
 
     def _state_premise(self, premise: Premise, value: float, limit: float) -> None:
         """Set the value of a premise that the compiled period does not compute; one with a value of nan does not
@@ -85,9 +85,9 @@ class PremiseWatch:
 
     def look(self) -> None:
         """Judge the premises that depend on the arm's posture."""
-        self._heed_posture(self._arm.look(self._state.period))
+        self.heed_posture(self._arm.look(self._state.period))
 
-    def _heed_posture(self, nearest: int) -> None:
+    def heed_posture(self, nearest: int) -> None:
         """Flag it when q has left Omega, whose centre of this number is the nearest, and judge the sampled loops when
         the arm has moved: along the reference at a station, off it at the present posture."""
         state, distance = self._state, self._table.value[Premise.DOMAIN]

@@ -126,21 +126,25 @@ class Recording:
 
     def new_row(self) -> np.ndarray:
         """The row to be filled next, the memory (1,) of a `Row`; readers see it after `commit`."""
+        return self.new_rows(1)
+
+    def new_rows(self, most: int) -> np.ndarray:
+        """The rows to be filled next, at least one and at most so many, the memory (N,) of `Row`s in one piece."""
         if not self._blocks or self._blocks[-1].filled == BLOCK:
             self._blocks.append(self._new_block())
             if len(self._blocks) > self._most:
                 self._thinned.append(self._blocks[0].rows[::THINNING].copy())  # first: readers never miss a row
                 self._blocks.popleft()
         last = self._blocks[-1]
-        return last.records[last.filled : last.filled + 1]
+        return last.records[last.filled : last.filled + most]
 
     def _new_block(self, filled: int = 0, rows: np.ndarray | None = None) -> _Block:
         memory = np.empty((BLOCK, self.width)) if rows is None else rows.copy()
         return _Block(memory, memory.view(self._dtype)[:, 0], filled)
 
-    def commit(self) -> None:
-        """Mark the new row as complete."""
-        self._blocks[-1].filled += 1
+    def commit(self, rows: int = 1) -> None:
+        """Mark so many of the new rows as complete."""
+        self._blocks[-1].filled += rows
 
     @property
     def first(self) -> float:

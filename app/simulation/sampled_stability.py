@@ -188,7 +188,7 @@ class _PeriodMap:
             plant=self._plant,
             plan=system.plan.held(r_d, met),
             sensor=system.sensor.steady(),
-            push=TimedPush((0.0, 0.0, 0.0), 0.0, 0.0),
+            push=TimedPush(np.zeros(3), 0.0, 0.0),
             blend=None,
         )
         self._state = state = State.at(still, at.q, q_dot, at.t)

@@ -17,6 +17,7 @@ from app.scenario.data import edited, load
 from app.scenario.schema import Scenario
 from app.session.changes import in_mode, on_robot
 from app.simulation.closed_loop import ClosedLoop
+from app.simulation.compiled_run import CompiledRun
 from app.simulation.warm_up import warm_up, warm_up_for_own_laws
 from environments import robots
 
@@ -27,6 +28,7 @@ def compiled(joints: int | None = None) -> Iterator[ClosedLoop]:
     for scenario in to_compile(joints):
         loop = warm_up(scenario)
         warm_up_for_own_laws(loop.system)
+        CompiledRun(loop)
         yield loop
 
 

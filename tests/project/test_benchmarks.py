@@ -10,7 +10,7 @@ import pytest
 
 from benchmarks import __main__ as command
 from benchmarks import report
-from benchmarks.rounds import interleaved, ratio
+from benchmarks.rounds import Whole, interleaved, ratio
 
 TABLE = report.Table(("what", "µs"), [("a step", "14.5"), ("a longer name", "3")])
 
@@ -45,4 +45,7 @@ def test_rounds_are_interleaved_and_ratios_taken_round_by_round() -> None:
     times = interleaved({name: lambda name=name: order.append(name) for name in "ab"}, rounds=2, steps=2)
     assert "".join(order) == "aabbaabb"
     assert [len(rounds) for rounds in times.values()] == [2, 2]
+    together: list[int] = []
+    interleaved({"whole": Whole(together.append)}, rounds=2, steps=3)
+    assert together == [3, 3]
     assert ratio([1.0, 20.0, 3.0], [1.0, 10.0, 1.0]) == 2.0

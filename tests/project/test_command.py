@@ -70,6 +70,32 @@ def test_run_writes_recording_and_metrics(tmp_path: Path) -> None:
     assert scenario.controller.layer == 0.02
 
 
+def test_compiled_run_says_so_and_repeats_to_the_last_bit(tmp_path: Path, here: Callable[..., Done]) -> None:
+    tables = []
+    for folder in (tmp_path / "first", tmp_path / "second"):
+        done = here(
+            "run", "ur5-hybrid", "--set", "sensor.noise=0.5", "--duration", "0.5", "--engine", "compiled",
+            "--out", str(folder),
+        )  # fmt: skip
+        assert done.returncode == 0, done.stderr
+        assert json.loads((folder / "metrics.json").read_text())["engine"] == "compiled"
+        with np.load(folder / "recording.npz") as recording:
+            tables.append({name: recording[name] for name in recording})
+    assert len(tables[0]["t"]) == 500
+    np.testing.assert_equal(tables[0], tables[1])
+
+
+def test_compiled_run_refuses_a_law_of_your_own(tmp_path: Path) -> None:
+    done = vsmrc(
+        "run", "ur5-hybrid", "--use", "docs/examples/pid_gravity.py", "--set", "controller.law=pid-gravity",
+        "--engine", "compiled", "--out", str(tmp_path),
+    )  # fmt: skip
+    assert done.returncode == 2
+    assert done.stderr == (
+        "vsmrc: --engine compiled: controller.law: 'pid-gravity' is a law of your own; allowed: --engine pinocchio\n"
+    )
+
+
 def test_stopped_run_keeps_its_files_and_says_why(tmp_path: Path) -> None:
     done = vsmrc("run", "ur5-constrained", "--set", "force.value=-5", "--duration", "1", "--out", str(tmp_path))
     assert done.returncode == 3
@@ -125,6 +151,7 @@ def test_a_misspelt_choice_of_a_flag_is_refused_with_what_was_meant(here: Callab
             "--log-level 'inf'; allowed: debug, info, warning, error; did you mean info?",
         ),
         (("serve", "--token", "allways"), "did you mean always?"),
+        (("compare", "ur5-hybrid", "--engine", "compild"), "allowed: pinocchio, compiled; did you mean compiled?"),
         (("figures", "--out", "x", "--only", "theorm"), "did you mean theorem?"),
     ):
         done = here(*arguments)

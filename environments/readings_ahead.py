@@ -1,0 +1,102 @@
+"""Readings ahead: the stages of the force sensor for many control periods of a compiled run.
+
+What does not depend on the force, the noise, is drawn beforehand, from the same stream; what does is computed by
+`read_force`. Afterwards the reader continues as if it had read those forces itself.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple, TypeVar
+
+import numpy as np
+
+from environments.sensors import Bias, Delay, ForceReader, LowPass, Noise, Stage, filtered_further
+from kernels import inline
+from kernels.records import Record
+
+KNOWN: tuple[type[Stage], ...] = (Bias, Noise, LowPass, Delay)  # in the order of `read_force`
+
+
+class Sensing(NamedTuple):
+    """Stages of a sensor.
+    bias: (3,) N.
+    gain, filters: of the low-pass, whether there is one.
+    filtered, begun: its last output (3,) N, whether there is one.
+    late: readings by which the sensor is late.
+    held: readings in the line when it was begun."""
+
+    bias: np.ndarray
+    gain: float
+    filters: bool
+    filtered: np.ndarray
+    begun: bool
+    late: int
+    held: int
+
+
+@inline
+def read_force(sensing, errors, line, k, force):
+    """Compute the reading number k of a force (3,) N, in its place; errors: (N, 3) N, the noise; line: (held + N, 3) N,
+    readings before the delay."""
+    for a in range(3):
+        reading = force[a] + sensing.bias[a] + errors[k, a]
+        if sensing.filters:
+            previous = sensing.filtered[a] if sensing.begun else reading
+            sensing.filtered[a] = reading = filtered_further(sensing.gain, previous, reading)
+        line[sensing.held + k, a] = reading
+        force[a] = line[max(0, sensing.held + k - sensing.late), a]
+    sensing.begun = True
+
+
+class ReadingsAhead:
+    """Data for the next readings of a reader whose stages are all `KNOWN`.
+
+    sensing: `Sensing`, (1,). errors, line: see `read_force`; periods: how many readings there are at most.
+    """
+
+    def __init__(self, reader: ForceReader, periods: int) -> None:
+        self.periods = periods
+        self._noise, self._delay = _stage(reader, Noise), _stage(reader, Delay)
+        self._low_pass = low_pass = _stage(reader, LowPass)
+        bias = _stage(reader, Bias)
+        filtered = np.empty((0, 3)) if low_pass is None else low_pass.memory
+        held = np.empty((0, 3)) if self._delay is None else self._delay.line
+        self._record = Record(
+            Sensing(
+                bias=np.zeros(3) if bias is None else np.array(bias.sensor.settings.bias),
+                gain=1.0 if low_pass is None else low_pass.gain,
+                filters=low_pass is not None,
+                filtered=filtered[0] if len(filtered) else np.zeros(3),
+                begun=len(filtered) > 0,
+                late=0 if self._delay is None else self._delay.sensor.late,
+                held=len(held),
+            )
+        )
+        self.sensing = self._record.data
+        # a copy draws: how many readings there will be is not known yet
+        self.errors = np.zeros((periods, 3)) if self._noise is None else self._noise.copy().draw(periods)
+        self.line = np.concatenate([held, np.zeros((periods, 3))])
+
+    def end(self, used: int) -> None:
+        """Let the reader continue after so many readings."""
+        if used == 0:
+            return
+        held = self._record.fields.held
+        if self._noise is not None:
+            self._noise.draw(used)
+        if self._low_pass is not None:
+            self._low_pass.recall(self._record.fields.filtered[None])
+        if self._delay is not None:
+            self._delay.extend(self.line[held : held + used])
+
+
+def known(reader: ForceReader) -> bool:
+    """Whether all stages of the reader are `KNOWN`."""
+    return all(type(stage) in KNOWN for stage in reader.stages)
+
+
+S = TypeVar("S", bound=Stage)
+
+
+def _stage(reader: ForceReader, kind: type[S]) -> S | None:
+    return next((stage for stage in reader.stages if type(stage) is kind), None)

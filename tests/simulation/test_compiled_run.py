@@ -1,0 +1,155 @@
+"""Compiled runs against `ClosedLoop.step`: the same rows, and the same stop at the same period."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from app.scenario.data import edited, load, shipped
+from app.scenario.schema import Scenario
+from app.session.changes import blending_to
+from app.simulation.closed_loop import ClosedLoop
+from app.simulation.compiled_run import CompiledRun, obstacle
+from app.simulation.warm_up import SILENT
+from controllers.switching import Switching
+from environments import sensors
+from environments.push import Grip
+
+PERIODS, MANY = (70, 20, 60), (700, 300, 7000)  # compiled, by steps, and compiled again
+PRECISION = 2e-11  # of the largest number of each signal: contact, friction and feedback amplify the terms' rounding
+# the discontinuous law divides by ||s||; where s is 0 it makes jumps of rounding, so this run ends while s is not
+PRECISION_OF_SUDDEN = 1e-8
+PUSH = {"truth.push": [0.0, 30.0, 5.0], "truth.push_start": 0.03, "truth.push_duration": 0.02, "truth.push_every": 0.05}
+SENSOR = {"sensor.noise": 0.5, "sensor.bias": [1.0, 2.0, 3.0], "sensor.delay": 0.003, "sensor.cutoff": 100.0}
+SHAKEN = {"truth.disturbance": 5.0, "truth.disturbance_frequency": 20.0, "truth.coulomb": 1.0, "truth.viscous": 0.5}
+HEAVY = {"contact.kind": "mass-damper-spring", "contact.M_e": 1.0}
+ROUGH = {"contact.unilateral": False, "contact.friction_coulomb": 0.2, "contact.friction_viscous": 5.0}
+# what a scenario gets beside its own fields, of `ur5-hybrid` or of the scenario before the colon
+CHANGES: dict[str, dict[str, object]] = {
+    "substeps": {"simulation.substeps": 3},
+    "euler": {"simulation.integrator": "semi-implicit-euler"},
+    "rk4": {"simulation.integrator": "rk4", "simulation.substeps": 2, **PUSH, **SHAKEN},
+    "heavy": HEAVY | ROUGH,
+    "heavy, euler, ideal sensor": HEAVY | {"simulation.integrator": "semi-implicit-euler", "sensor.ideal": True},
+    "heavy, rk4, pushed": HEAVY | PUSH | {"simulation.integrator": "rk4"},
+    "heavy, ideal sensor": HEAVY | PUSH | {"sensor.ideal": True},
+    "ur5-constrained: euler": {"simulation.integrator": "semi-implicit-euler", "simulation.substeps": 2},
+    "ur5-constrained: rk4": {"simulation.integrator": "rk4"},
+    "ur5-constrained: bilateral, pushed": ROUGH | PUSH | SENSOR,
+    "ur5-constrained: ideal sensor": {"sensor.ideal": True},
+    "noise": {"sensor.noise": 0.5},
+    "delay": {"sensor.delay": 0.003},
+    "low-pass": {"sensor.cutoff": 100.0, "sensor.bias": [1.0, 2.0, 3.0]},
+    "ur5-impedance: pushed, noisy, late": PUSH | SENSOR,
+    "along the reference": {"controller.estimates": "along-reference", "controller.law": "vsmrc"},
+    "computed torque": {"controller.law": "computed-torque"},
+    "pd": {"controller.law": "pd-gravity"},
+    "drives at their limits": {"truth.torque_limit": [30.0] * 6},
+    "ur5-hybrid-reaching: sudden": {"controller.switching": "discontinuous"},
+    "shaken until it stops": {"truth.disturbance": 200.0, "truth.torque_limit": [1.0] * 6},
+    "ur5-constrained: pulled off until it stops": PUSH | {"truth.push": [0.0, 0.0, 400.0]},
+}
+
+
+def changed(name: str) -> Scenario:
+    """The scenario of a row of `CHANGES`."""
+    base, _, _ = name.rpartition(": ")
+    scenario = load(base or "ur5-hybrid")
+    for path, value in CHANGES[name].items():
+        scenario = edited(scenario, path, value)
+    return scenario
+
+
+def scenarios() -> dict[str, Scenario]:
+    """Every row of `CHANGES`, and blends."""
+    base = load("ur5-hybrid")
+    softer = edited(base, "target_model", {"B_m": [300.0, *[600.0] * 5], "K_m": [0.0, *[6000.0] * 5]})
+    return {
+        **{name: changed(name) for name in CHANGES},
+        "blend": blending_to(base, softer, 0.03, 0.05),
+        "blend without a beginning": blending_to(base, softer, 0.0, 0.02),
+    }
+
+
+def loops(scenario: Scenario, periods: tuple[int, int, int]) -> tuple[ClosedLoop, ClosedLoop]:
+    """The run by steps, and the other, by turns compiled and by steps; no two of them share memory."""
+    stepped, compiled = ClosedLoop(scenario), ClosedLoop(scenario)
+    for _ in range(sum(periods)):
+        stepped.advance()
+    run = CompiledRun(compiled)
+    first, between, last = periods
+    run.advance(first)
+    for _ in range(between):
+        compiled.advance()
+    run.advance(last)
+    return stepped, compiled
+
+
+def require_same_rows(stepped: ClosedLoop, compiled: ClosedLoop) -> None:
+    """Fail unless the two have stopped alike, and all their signals are the same to the precision."""
+    assert (compiled.state.steps, compiled.t, compiled.stopped) == (stepped.state.steps, stepped.t, stepped.stopped)
+    assert compiled.warning == stepped.warning
+    assert compiled.state.judged.station == stepped.state.judged.station
+    assert [epoch.t for epoch in compiled.recording.epochs] == [epoch.t for epoch in stepped.recording.epochs]
+    expected, found = stepped.recording.stretch(), compiled.recording.stretch()
+    sudden = stepped.system.controller.switching is Switching.DISCONTINUOUS
+    precision = PRECISION_OF_SUDDEN if sudden else PRECISION
+    for signal in expected:
+        within = precision * np.nanmax(np.abs(expected[signal]), initial=1e-3)
+        np.testing.assert_allclose(found[signal], expected[signal], rtol=0.0, atol=within, err_msg=signal)
+
+
+@pytest.mark.parametrize("name", scenarios())
+def test_compiled_run_has_the_rows_of_the_steps(name: str) -> None:
+    stepped, compiled = loops(scenarios()[name], PERIODS)
+    assert (stepped.stopped is not None) == name.endswith("until it stops")
+    require_same_rows(stepped, compiled)
+
+
+@pytest.mark.parametrize("name", [name for name in shipped() if not name.endswith("discontinuous")])
+def test_shipped_scenarios_have_the_rows_of_the_steps_for_eight_seconds(name: str) -> None:
+    stepped, compiled = loops(load(name), MANY)
+    assert stepped.stopped is None
+    require_same_rows(stepped, compiled)
+
+
+def test_a_discontinuous_law_chatters_as_much_in_both() -> None:
+    stepped, compiled = ClosedLoop(load("ur5-motion-discontinuous")), ClosedLoop(load("ur5-motion-discontinuous"))
+    CompiledRun(compiled).advance(2000)
+    for _ in range(2000):
+        stepped.advance()
+    for signal in ("s_norm", "tau_switching", "e_r"):
+        sizes = [np.sqrt(np.mean(loop.recording.stretch()[signal] ** 2)) for loop in (stepped, compiled)]
+        assert sizes[1] == pytest.approx(sizes[0], rel=0.02), signal
+
+
+def test_reader_continues_with_the_same_noise_after_any_number_of_readings() -> None:
+    loop, other = (ClosedLoop(changed("ur5-impedance: pushed, noisy, late")) for _ in range(2))
+    CompiledRun(loop).advance(7)
+    for _ in range(7):
+        other.advance()
+    F = np.array([1.0, -2.0, 3.0])
+    for _ in range(10):
+        np.testing.assert_allclose(loop.state.reader.read(F), other.state.reader.read(F), rtol=0.0, atol=1e-11)
+
+
+def test_obstacle_names_why_a_run_is_not_taken(monkeypatch: pytest.MonkeyPatch) -> None:
+    base = load("ur5-hybrid")
+    held = ClosedLoop(base)
+    assert obstacle(held) is None
+    held.hold(Grip((0.0, 0.0, 0.0)))
+    assert obstacle(held) == "a hand holds the tool"
+
+    system = ClosedLoop(base).system
+    own = replace(system, controller=replace(system.controller, law=SILENT, parameters={}))
+    with pytest.raises(ValueError, match=r"controller\.law: 'silent' is a law of your own"):
+        CompiledRun(ClosedLoop.of(own))
+
+    class Clip(sensors.Bias):
+        """A stage that the compiled run does not know."""
+
+    monkeypatch.setattr(sensors, "STAGES", (Clip,))
+    clipped = ClosedLoop(edited(base, "sensor.bias", [1.0, 0.0, 0.0]))
+    assert obstacle(clipped) == "the force sensor has a stage that is known to the interpreter only"
