@@ -12,6 +12,8 @@ from msgspec import Struct
 from app.analysis.metrics import force_error, motion_error, settling_time, steady_force_error, tail_of
 from app.scenario.schema import Scenario
 from app.simulation.closed_loop import ClosedLoop
+from app.simulation.compiled_run import CompiledRun, obstacle
+from app.simulation.engines import Engine
 from app.simulation.recording import Epoch
 from app.simulation.search_memory import Memory
 from app.simulation.state import State
@@ -106,9 +108,16 @@ class Foresight:
 
     Takes over what is the same from `previous`, and what `memory` knows. Raises ScenarioError when the edited scenario
     cannot be built.
+    engine: the compiled one where it can take the scenario; without its kernels in the cache it compiles for seconds.
     """
 
-    def __init__(self, question: Question, previous: System | None = None, memory: Memory | None = None) -> None:
+    def __init__(
+        self,
+        question: Question,
+        previous: System | None = None,
+        memory: Memory | None = None,
+        engine: Engine = "pinocchio",
+    ) -> None:
         self.question = question
         rows = max(1, round(question.horizon / question.scenario.controller.period))
         self._loop = ClosedLoop.resume(question.state, rows, previous, memory)
@@ -119,6 +128,8 @@ class Foresight:
         if self._push:
             self._loop.edit(_pushed(self._loop.system, self._loop.t + BEGINS, self._push))
         self._start, self._rows, self._points = self._loop.t, rows, _points(rows)
+        compiled = engine == "compiled" and obstacle(self._loop) is None
+        self._run = CompiledRun(self._loop) if compiled else None
 
     @property
     def unchanged(self) -> Question:
@@ -145,11 +156,19 @@ class Foresight:
         changed = max(float(np.abs(reference.F_cd - now.F_cd).max()) for reference in later)
         return moved < MOTION_RESOLUTION and changed < FORCE_RESOLUTION
 
+    @property
+    def batch(self) -> int:
+        """Number of control periods that take about a millisecond."""
+        return 25 if self._run is None else 150
+
     def advance(self, steps: int) -> None:
         """Compute that many control periods, or up to the horizon."""
-        loop = self._loop
-        for _ in range(min(steps, self._rows - len(loop.recording))):
-            loop.advance()
+        loop, left = self._loop, min(steps, self._rows - len(self._loop.recording))
+        if self._run is not None:
+            self._run.advance(left)
+        else:
+            for _ in range(left):
+                loop.advance()
 
     def outlook(self, today: Figures | None = None) -> Outlook | Refusal:
         """Outlook of what has been computed so far. today: figures of the running scenario."""

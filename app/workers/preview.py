@@ -13,9 +13,11 @@ from multiprocessing.connection import Connection
 
 import structlog
 
+from app.process import precompile
 from app.process.log import configure_as_parent
 from app.scenario.schema import ScenarioError
 from app.session.preview import Done, Figures, Foresight, Outlook, Question, Refusal
+from app.simulation.engines import Engine
 from app.simulation.search_memory import Memory
 from app.simulation.system import System
 from app.storage.constants_store import kept_memory
@@ -24,7 +26,6 @@ log = structlog.get_logger()
 
 DRAWING = 0.06  # s between two answers on the way: every one is drawn
 SOON = 0.06  # s of work left, for the sake of which an answer is not given up any more
-LOOK = 25  # control periods between two looks at the clock and at the connection
 NICENESS = 10  # the running loop comes first
 
 
@@ -59,7 +60,7 @@ def serve(asker: Connection) -> None:
 
 def _answer(question: Question, asker: Connection, known: _Known, memory: Memory) -> None:
     try:
-        foresight = Foresight(question, known.system, memory)
+        foresight = Foresight(question, known.system, memory, _engine())
         known.system = foresight.base
         today = known.figures_for(foresight.unchanged)
         if _look_ahead(foresight, asker, today) and question.compared and today is None:
@@ -74,12 +75,17 @@ def _answer(question: Question, asker: Connection, known: _Known, memory: Memory
         asker.send(Refusal(question.number, f"internal error: {error}"))
 
 
+def _engine() -> Engine:
+    """The compiled engine once its kernels are in the cache: nobody waits for them here."""
+    return "compiled" if precompile.mark().exists() else "pinocchio"
+
+
 def _look_ahead(foresight: Foresight, asker: Connection, today: Figures | None) -> bool:
     """Answer, and on the way where that is wanted. Whether the answer is whole: a newer question can overtake it."""
     owed = foresight.question.partial
     began = drawn = time.perf_counter()
     while foresight.share < 1.0:
-        foresight.advance(LOOK)
+        foresight.advance(foresight.batch)
         now, share = time.perf_counter(), foresight.share
         left = (now - began) * (1.0 - share) / share
         if left > SOON and not owed and asker.poll():
@@ -95,9 +101,9 @@ def _compare(foresight: Foresight, asker: Connection, known: _Known, memory: Mem
     """Answer once more, with the figures of the running scenario. Not given up for a newer question: all that follow
     while the slider is held have the same figures beside theirs."""
     question = foresight.unchanged
-    running = Foresight(question, known.system, memory)
+    running = Foresight(question, known.system, memory, _engine())
     while running.share < 1.0:
-        running.advance(LOOK)
+        running.advance(running.batch)
     if isinstance(outlook := running.outlook(), Outlook):
         known.question, known.today = question, outlook.figures
         asker.send(foresight.outlook(outlook.figures))

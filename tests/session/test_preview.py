@@ -10,6 +10,7 @@ import threading
 from collections.abc import Iterator
 from typing import TypeVar
 
+import msgspec
 import numpy as np
 import pytest
 
@@ -174,6 +175,20 @@ def test_leaving_the_domain_is_said() -> None:
     assert outlook.figures.left.startswith("t = ")
 
 
+def test_the_compiled_engine_foresees_the_same() -> None:
+    for name in ("ur5-hybrid", "ur5-impedance", "ur5-constrained"):
+        state = running(shipped()[name]).state.copy()
+        question = Question(1, state, edited(state.scenario, "controller.layer", 0.02), 0.3)
+        foreseen = [Foresight(question, engine="pinocchio"), Foresight(question, engine="compiled")]
+        while foreseen[0].share < 1.0:
+            for foresight in foreseen:
+                foresight.advance(70)
+        step, compiled = (foresight._loop.recording.signals(("e_r", "s", "tau", "F")) for foresight in foreseen)
+        for name_of, values in step.items():
+            assert len(values) == 300
+            np.testing.assert_allclose(compiled[name_of], values, rtol=0.0, atol=1e-9 * np.abs(values).max())
+
+
 def figures_of(question: Question) -> Figures:
     foresight = Foresight(question)
     foresight.advance(100_000)
@@ -243,7 +258,8 @@ def test_the_process_answers_the_newest_question_only(previewer: Previewer) -> N
     really = loop.recording.signals(("t", "F_c"), state.t)
     rows = np.searchsorted(really["t"], answer.signals["t"])
     assert len(rows) > 100
-    np.testing.assert_array_equal(answer.signals["F_c"], really["F_c"][rows])
+    # by rounding where the process computes with the compiled engine
+    np.testing.assert_allclose(answer.signals["F_c"], really["F_c"][rows], rtol=1e-9)
 
 
 def test_the_running_scenario_is_computed_for_comparison_and_once(previewer: Previewer) -> None:
@@ -252,8 +268,11 @@ def test_the_running_scenario_is_computed_for_comparison_and_once(previewer: Pre
         previewer.ask(state, edited(state.scenario, "force.value", force), 0.5, partial=False, compared=True)
         answer = until(lambda force=force: compared(previewer, force))
         today = figures_of(Question(1, state, state.scenario, 0.5))
-        assert answer.today == today
-        assert answer.figures != today
+        assert answer.today is not None
+        for figure, value in msgspec.structs.asdict(today).items():
+            found = getattr(answer.today, figure)
+            assert found == value if value is None else found == pytest.approx(value, rel=1e-5, abs=1e-9), figure
+        assert answer.figures.torque_largest != pytest.approx(today.torque_largest, rel=1e-3)
 
 
 def compared(previewer: Previewer, force: float) -> Outlook | None:
