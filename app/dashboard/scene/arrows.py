@@ -40,11 +40,12 @@ class ForceScale:
 
 
 class ForceArrow:
-    """An arrow from a point along a force, to scale, with its number in newtons, which nothing hides; none for a force
-    near zero."""
+    """An arrow from a point along a force, to scale, with its name and size, which nothing hides; none for a force near
+    zero."""
 
-    def __init__(self, scene: viser.SceneApi, name: str, color: Rgb, side: Side = "center-left") -> None:
-        """side: of the number's box, which is at the arrow's tip."""
+    def __init__(self, scene: viser.SceneApi, name: str, word: str, color: Rgb, side: Side = "center-left") -> None:
+        """name: of the node; word: said of the force; side: of the box with it, which is at the arrow's tip."""
+        self._word = word
         self._number = scene.add_label(f"{name}/number", "", visible=False, anchor=side)
         self._arrow = scene.add_arrows(
             name,
@@ -62,7 +63,7 @@ class ForceArrow:
         if visible:
             end = start + UNIT / newtons * force
             self._arrow.points = np.stack([start, end])[None].astype(np.float32)
-            self._number.text = f"{np.linalg.norm(force):.1f} N"
+            self._number.text = f"{self._word} {np.linalg.norm(force):.1f} N"
             move(self._number, end)
         self._arrow.visible = self._number.visible = visible
 
