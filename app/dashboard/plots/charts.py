@@ -32,7 +32,9 @@ BUCKETS = 170  # two points each: about the number of pixels of a plot
 GREY: Rgb = (140, 140, 140)
 UNLISTED = "vs-unlisted"  # class of the lines that the legend leaves out
 _NOTHING = np.array([0.01, 0.02])  # on a logarithmic axis, too
-MOST_SERIES = 48  # of a chart: those of three pinned runs and the shown one with seven coordinates each, and backdrops
+# Of a chart: those of three pinned runs and the shown one with seven coordinates each, and backdrops. A page receives
+# series and data in two messages, in either order, may draw between them, and fails at a series without an array.
+MOST_SERIES = 48
 _DOCK, _ENTRY, _LETTER = 366, 54, 6  # px: width of the legend, of an entry with its value, and of a letter in it
 _FOOT, _HEAD = ({"pad": 0.0, "hard": end, "soft": end, "mode": 1} for end in (0.0, 1.0))
 _RULE = "rgba(128, 128, 128, 0.7)"  # visible on dark and on light
@@ -263,7 +265,7 @@ class Chart:
         self._legend_rows = 1
         self._lowest: list[float] = []
         self._handle = gui.add_uplot(
-            _padded(()),
+            (_NOTHING,) * MOST_SERIES,
             tuple(uplot.Series(label="") for _ in range(MOST_SERIES)),
             cursor=uplot.Cursor() if plot.spectral else uplot.Cursor(sync={"key": "vsmrc"}),
             height=150,
@@ -288,10 +290,8 @@ class Chart:
             return
         x, *lines = _spectra(drawing, frame) if self._plot.spectral else frame.courses(drawing.lines)
         if len(x) > 1:
-            plot(
-                self._handle,
-                _padded((x, *(np.maximum(line, low) for line, low in zip(lines, self._lowest, strict=True)))),
-            )
+            raised = (np.maximum(line, low) for line, low in zip(lines, self._lowest, strict=True))
+            plot(self._handle, (x, *raised), MOST_SERIES)
 
     def _adapt(self, drawing: Drawing | None, pinned: Sequence[Label]) -> None:
         self._drawing = drawing
@@ -307,7 +307,7 @@ class Chart:
         self._lowest = [floor] * len(behind) + [-np.inf if line.backdrop else floor for line in drawing.lines]
         series = (uplot.Series(label=self._axis), *behind, *(line.series() for line in drawing.lines))
         handle = self._handle
-        plot(handle, _padded(()))
+        plot(handle, (_NOTHING,), MOST_SERIES)
         handle.series = series
         handle.title = drawing.title
         handle.bands = tuple(
@@ -332,13 +332,6 @@ def _of_pinned(line: Line, label: Label, *, listed: bool) -> uplot.Series:
     look = Line(name if listed else "", color, line.values, width=1.3, listed=listed).series()
     look["dash"] = (2.0, 3.0)
     return look
-
-
-def _padded(data: tuple[np.ndarray, ...]) -> tuple[np.ndarray, ...]:
-    """Data padded to the largest number of series of a chart. The page receives the series and the data in two
-    messages, in either order, may draw between them, and fails at a series without an array, whereas spare arrays cost
-    nothing."""
-    return (*data, *(_NOTHING,) * (MOST_SERIES - len(data)))
 
 
 def _axes(drawing: Drawing, *, spectral: bool) -> tuple[uplot.Axis, ...]:

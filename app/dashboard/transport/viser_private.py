@@ -87,9 +87,10 @@ def move(node: viser.SceneNodeHandle, position: np.ndarray, wxyz: np.ndarray | N
             known.api._queue_scene_message(message(known.name, tuple(wanted.tolist())))
 
 
-def plot(chart: viser.GuiUplotHandle, data: tuple[np.ndarray, ...]) -> None:
-    """Give a chart its data (N,), each in single precision: a pixel cannot tell more, and half as much is sent.
-    Missing: the public setter casts to double precision, and looks up the type of every array anew."""
-    lean = tuple(values.astype(np.float32) for values in data)
+def plot(chart: viser.GuiUplotHandle, data: tuple[np.ndarray, ...], count: int) -> None:
+    """Give a chart its data (N,), each in single precision: a pixel cannot tell more, and half as much is sent. Empty
+    lists, of a byte each, follow up to this count of arrays.
+    Missing: the public setter casts to double precision, looks up the type of every array anew, and knows no list."""
+    lean = (*(values.astype(np.float32) for values in data), *((),) * (count - len(data)))
     cast(Any, chart._impl.props).data = lean
     chart._queue_update("data", lean)
