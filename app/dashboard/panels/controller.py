@@ -77,6 +77,14 @@ class ControllerPanel:
                 '<div class="vs-note">K_s, F_1, F_2, A: one number for all axes, or one per axis, separated by '
                 "commas.</div>"
             )
+        with gui.add_folder("Domain Ω"):
+            stop_or_flag = {"stops the run": "stop", "is said, and the run goes on": "flag"}
+            self._controls += [
+                Number(desk, Place("simulation.domain_radius"), "radius [rad]", decades(0.01, 3)),
+                Number(desk, Place("simulation.sigma_min"), "σ_min ≥ [m]", decades(0.001, 0.2, zero=True)),
+                Choice(desk, "simulation.leaving_domain", "Leaving it", stop_or_flag),
+                Choice(desk, "simulation.bound_violation", "‖s‖ over (20)", stop_or_flag),
+            ]
         with gui.add_folder("Computation"):
             estimates = {"M, C, G on-line": "online", "along r_d (Remark 3)": "along-reference"}
             self._controls += [
