@@ -270,6 +270,8 @@ def _file(entry: RobotEntry) -> Path:
 
 
 def _given(urdf: str) -> Path:
+    if not urdf:
+        raise RobotError("robot.urdf: none is given; allowed: a file's path")
     try:
         return Path(urdf).expanduser()
     except RuntimeError as error:

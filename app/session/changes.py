@@ -91,10 +91,12 @@ def possible(scenario: Scenario, build: Callable[[Scenario], _Built]) -> _Built:
 
 @dataclass(frozen=True)
 class WayOut:
-    """Way out of a refusal: a title for its button, and the scenario to be asked for instead, see `possible`."""
+    """Way out of a refusal.
+    title: of its button.
+    scenario: to be asked for instead, see `possible`; None where the page has to ask for a URDF."""
 
     title: str
-    scenario: Scenario
+    scenario: Scenario | None
 
 
 def way_out(asked: Scenario, error: ScenarioError) -> WayOut | None:
@@ -117,7 +119,10 @@ def way_out(asked: Scenario, error: ScenarioError) -> WayOut | None:
 
 
 def nearest(scenario: Scenario, path: str, value: object) -> WayOut | None:
-    """Way out where a number is out of its field's bounds: the bound; None for anything else."""
+    """Way out where a number is out of its field's bounds: the bound; where a URDF cannot be used: another one; None
+    for anything else."""
+    if path == "robot.urdf":
+        return WayOut("Upload a URDF", None)
     if not isinstance(value, float | int):
         return None
     least, largest = _bounds(scenario, path)
@@ -198,7 +203,7 @@ def with_robot(scenario: Scenario, changes: Mapping[str, object]) -> Scenario:
     if unknown := [name for name in changes if name not in fields]:
         raise ScenarioError(f"robot.{unknown[0]}: no such field; {allowed(unknown[0], fields)}")
     data = to_plain(scenario)
-    if isinstance(urdf := changes.get("urdf"), str):  # a scenario may be saved in another folder
+    if isinstance(urdf := changes.get("urdf"), str) and urdf:  # a scenario may be saved in another folder
         changes = {**changes, "urdf": os.path.abspath(os.path.expanduser(urdf))}
     another = changes.keys() & {"name", "urdf", "tool_frame"}
     if another:

@@ -273,7 +273,6 @@ class Runner:
             ):
                 self._newest = replace(self._newest, notice=PREPARING)
             try:
-                self._require_reach(command)
                 self._heed(command)
             except (ScenarioError, ArithmeticError, ValueError) as error:
                 self._refuse(str(error), command)
@@ -302,7 +301,7 @@ class Runner:
         way = self._way_out
         match command:
             case TakeWayOut():
-                if way is None:
+                if way is None or way.scenario is None:
                     raise ScenarioError("way out: there is none; allowed: after a refusal that names one")
                 self._adapt(way.scenario, way.scenario)
             case Edit(path, value):
@@ -317,6 +316,7 @@ class Runner:
 
     def _carry_out(self, command: Command) -> None:
         line, scenario_now = self._line, self._loop.system.scenario
+        self._require_reach(command)
         match command:
             case Play():
                 self._playing = True
@@ -422,7 +422,7 @@ class Runner:
             speed=self._speed,
             refusal=self._refusal,
             refusal_number=self._refusals,
-            way_out="" if self._way_out is None else self._way_out.title,
+            way_out=self._way_out,
             recording=line.recording,
             pinned=line.pinned,
             forks=line.forks,

@@ -8,6 +8,7 @@ from typing import Literal
 import numpy as np
 
 from app.scenario.schema import Scenario
+from app.session.changes import WayOut
 from app.session.pacing import Pace
 from app.session.timeline import Pinned
 from app.simulation.closed_loop import ClosedLoop
@@ -27,7 +28,7 @@ class Snapshot:
     revision: number of accepted changes of the scenario; run: of beginnings at t = 0 and forks; refusal_number: of
     refused
     commands.
-    way_out: title of the way out of that refusal, "" for none.
+    way_out: of that refusal, None where there is none.
     t: the instant looked at, between `first` and `end`, s.
     recording: of the whole run, up to its end.
     system: its plant, law and nominal model belong to the loop's thread; the screen reads only what never changes.
@@ -52,7 +53,7 @@ class Snapshot:
     speed: float
     refusal: str | None
     refusal_number: int
-    way_out: str
+    way_out: WayOut | None
     notice: str
     system: System
     robot: Robot
@@ -104,7 +105,7 @@ def snapshot_of(loop: ClosedLoop) -> Snapshot:
         speed=1.0,
         refusal=None,
         refusal_number=0,
-        way_out="",
+        way_out=None,
         notice=loop.warning or "",
         robot=system.robot,
         coordinates=system.coordinates,

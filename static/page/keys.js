@@ -7,15 +7,23 @@ const press = (key) => document.documentElement.dispatchEvent(
 const taken = (e) =>
   /^(Arrow|Home|End|Page)/.test(e.key) ? near(e, ".mantine-Slider-root, [role=tab]")
     : e.repeat || (/^( |Enter)$/.test(e.key) && near(e, "button, a, summary, [role=button], [role=tab]"));
+// A browser opens its dialog for a file only while a key or a button is being pressed, so not from the server.
+const upload = () => {
+  const way = document.querySelector("[data-upload]");
+  if (way) document.querySelector(`input[type=file][accept^="${way.dataset.upload}"]`).click();
+  return way !== null;
+};
 document.body.addEventListener("keydown", (e) => {
   const help = document.querySelector(".vs-help");
   if (typing(e) || e.ctrlKey || e.metaKey || e.altKey) return;
   if (e.key === "?" || (help && e.key === "Escape")) press("h");
   else if (taken(e) || (help && !/^h$/i.test(e.key))) e.stopPropagation();
+  else if (/^o$/i.test(e.key) && upload()) e.stopPropagation();
 });
 document.addEventListener("click", (e) => {
   const tool = near(e, "[data-key]");
   if (tool) press(tool.dataset.key);
+  else if (near(e, "[data-upload]")) upload();
   else if (document.querySelector(".vs-help") && near(e, ".mantine-Modal-inner") && !near(e, ".mantine-Modal-content"))
     press("h");
   // what was pressed with a pointer does not keep the space key for itself

@@ -24,7 +24,11 @@ def enter(session: Session, label: str, text: str) -> None:
 
 def test_an_uploaded_urdf_runs_with_the_tool_frame_and_posture_that_are_asked_for(tab: Session):
     upload = tab.page.locator("input[type=file]")
-    upload.set_input_files(BENT)
+    tab.choose("Arm", "own URDF")
+    tab.page.locator(".vs-message", has_text="robot.urdf: none is given").wait_for()
+    with tab.page.expect_file_chooser() as dialog:
+        tab.page.locator(".vs-acts").get_by_role("button", name="Upload a URDF").click()
+    dialog.value.set_files(BENT)
     tab.wait(lambda now: now.robot.title == "bent3r" and now.t > 0.5)
     assert tab.now.phase == "running", tab.now.reason
     assert Path(tab.now.scenario.robot.urdf or "").read_bytes() == BENT.read_bytes()

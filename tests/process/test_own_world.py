@@ -202,5 +202,6 @@ def test_the_way_out_of_a_parameter_out_of_bounds_is_the_bound() -> None:
     ):
         way = nearest(scenario, path, value)
         assert way is not None
+        assert way.scenario is not None
         assert differences(way.scenario, scenario)[path][0] == bound
     assert nearest(scenario, "surface.parameters.width", 0.1) is None

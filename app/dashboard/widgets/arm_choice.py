@@ -54,7 +54,7 @@ class ArmChoice:
             self._answer.expect(snapshot, seconds=1.0)
             self._desk.post(Edit("robot.name", self._names[chosen]))
         elif snapshot.scenario.robot.urdf is None:
-            self._desk.complain(f"Arm: {OWN!r}, but there is none yet; upload one or give its path")
+            self._desk.post(Edit("robot.urdf", ""))
 
     def show(self, snapshot: Snapshot) -> None:
         robot = snapshot.robot

@@ -64,8 +64,9 @@ class SceneButtons:
         )
         if reaching(snapshot) is not None:
             content += _button("n", "See s reach zero", "in slow motion")
-        if snapshot.way_out:
-            content += _button("o", snapshot.way_out, "a way out of what was refused")
+        if way := snapshot.way_out:
+            note = "a way out of what was refused"
+            content += _button("o", way.title, note, opens="" if way.scenario else ".urdf")
         content += "</div>"
         if self._html.content != content:
             self._html.content = content
@@ -115,8 +116,11 @@ def _other(law: ControlLaw) -> ControlLaw:
     return next(each for each in LAWS.values() if each.robust != law.robust)
 
 
-def _button(key: str, does: str, note: str) -> str:
+def _button(key: str, does: str, note: str, opens: str = "") -> str:
+    """Button that presses a key, as HTML.
+    opens: ending of the files that it asks for instead, as the panel's upload button does."""
+    presses = f'data-upload="{opens}"' if opens else f'data-key="{key}"'
     return (
-        f'<button data-key="{key}" title="{escape(does)} ({key.upper()})"><b>{escape(does)}</b> '
+        f'<button {presses} title="{escape(does)} ({key.upper()})"><b>{escape(does)}</b> '
         f"<kbd>{key.upper()}</kbd><small>{escape(note)}</small></button>"
     )
