@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Literal
@@ -10,7 +9,7 @@ from typing import Literal
 import numpy as np
 
 from app.scenario.data import differences
-from app.simulation.recording import Recording
+from app.simulation.recording import Epoch, Recording
 from app.simulation.state import Flag
 
 Kind = Literal["edit", "push", "contact", "fork", "fault"]
@@ -30,26 +29,33 @@ class Event:
 
 
 class RunEvents:
-    """Events of a recording that grows: of its rows only those are read that have come since."""
+    """Events of a recording that grows: of its rows and changes only those are read that have come since."""
 
     def __init__(self) -> None:
         self._recording: Recording | None = None
         self._felt: list[Event] = []
         self._flags: dict[Flag, None] = {}
+        self._edited: dict[int, tuple[Epoch, Event | None]] = {}  # by the id of an epoch that is kept with it
 
     def of(self, recording: Recording, end: float, flag: Flag | None, forks: tuple[float, ...]) -> tuple[Event, ...]:
         """All events up to now, in the order of their instants.
         end: s, the last instant of the run.
         flag: what the run has been flagged for since its last change."""
         if recording is not self._recording:
-            self._recording, self._felt, self._flags = recording, [], {}
+            self._recording, self._felt, self._flags, self._edited = recording, [], {}, {}
             self._read, self._pushed, self._touching = -np.inf, False, None
         if flag is not None:
             self._flags[flag] = None
         self._feel(recording, end)
         faults = [Event(flag.t, "fault", flag.reason) for flag in self._flags]
         forked = [Event(t, "fork", "forked here") for t in forks]
-        return tuple(sorted((*_edits(recording), *self._felt, *forked, *faults), key=lambda event: event.t))
+        return tuple(sorted((*self._edits(recording), *self._felt, *forked, *faults), key=lambda event: event.t))
+
+    def _edits(self, recording: Recording) -> list[Event]:
+        """Changes of the scenario."""
+        known, pairs = self._edited, pairwise(tuple(recording.epochs))
+        self._edited = {id(after): known.get(id(after)) or (after, _edit(before, after)) for before, after in pairs}
+        return [event for _, event in self._edited.values() if event is not None]
 
     def _feel(self, recording: Recording, end: float) -> None:
         """Find pushes and contacts in the rows that are new."""
@@ -73,14 +79,14 @@ class RunEvents:
             self._felt.append(Event(t, "contact", what))
 
 
-def _edits(recording: Recording) -> Iterator[Event]:
-    """Changes of the scenario; that of a push is the push itself."""
-    for before, after in pairwise(tuple(recording.epochs)):
-        changed = {
-            path: new
-            for path, (_, new) in differences(before.scenario, after.scenario).items()
-            if not path.startswith("truth.push")
-        }
-        if changed:
-            told = ", ".join(f"{path} = {new}" for path, new in list(changed.items())[:_TOLD])
-            yield Event(after.t, "edit", told + (", …" if len(changed) > _TOLD else ""))
+def _edit(before: Epoch, after: Epoch) -> Event | None:
+    """Change from one epoch to the next; None where only a push differs, which is an event itself."""
+    changed = {
+        path: new
+        for path, (_, new) in differences(before.scenario, after.scenario).items()
+        if not path.startswith("truth.push")
+    }
+    if not changed:
+        return None
+    told = ", ".join(f"{path} = {new}" for path, new in list(changed.items())[:_TOLD])
+    return Event(after.t, "edit", told + (", …" if len(changed) > _TOLD else ""))
