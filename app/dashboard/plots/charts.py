@@ -28,7 +28,7 @@ from app.simulation.system import Coordinate
 Signals = Mapping[str, np.ndarray]
 Label = tuple[str, Rgb]  # name and colour of a pinned run
 
-BUCKETS = 170  # two points each: about the number of pixels of a plot
+BUCKETS = 120  # two points each: one per pixel or so of a plot on the dock, and no spike is lost
 GREY: Rgb = (140, 140, 140)
 UNLISTED = "vs-unlisted"  # class of the lines that the legend leaves out
 _NOTHING = np.array([0.01, 0.02])  # on a logarithmic axis, too
