@@ -58,7 +58,7 @@ class Press:
         self.start = self.data.site_xpos[self.site].copy()
         self.attitude = np.empty(4)
         mujoco.mju_mat2Quat(self.attitude, self.data.site_xmat[self.site])
-        self.course = course_of(scenario.motion, 3, range(2))
+        self.course = course_of("motion", scenario.motion, 3, range(2))
         self.force = force_course(scenario.force).start
         self.missing = 0.0  # N s, integral of the force error
 

@@ -52,6 +52,7 @@ TESTS = (
     "tests/kernels/test_kernels.py",
     "tests/simulation/test_domain.py",
     "tests/simulation/test_promise.py",
+    "tests/simulation/test_task_coordinates.py",
 )
 PATIENCE = 1200.0  # s for one row
 PAGE = ROOT / "docs" / "mutations.md"

@@ -57,6 +57,11 @@ class TaskLayout(NamedTuple):
     l: float
     R_ref: np.ndarray
 
+    @property
+    def supplemental_joints(self) -> tuple[int, ...]:
+        """Numbers, from 0, of the joints that are coordinates themselves."""
+        return tuple(self.supplemental[: self.n - self.positions - self.angles].tolist())
+
 
 class Scratch(NamedTuple):
     """Scratch memory for intermediate results: S, T, U (n, n), u (n,), and in space V, W (3, 3), Y (3, n)."""

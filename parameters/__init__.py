@@ -27,14 +27,14 @@ class Widget:
     """Display of a field on the page: its label; a slider from low to high where there is one, logarithmic where
     decades matter.
     zero: the left end of a logarithmic slider means exactly 0.
-    options: the text shown for each allowed text."""
+    options: the text shown for each allowed value."""
 
     label: str
     low: float | None = None
     high: float | None = None
     logarithmic: bool = False
     zero: bool = False
-    options: tuple[tuple[str, str], ...] = ()
+    options: tuple[tuple[str, object], ...] = ()
 
 
 def slider(label: str, low: float, high: float) -> Widget:

@@ -20,6 +20,7 @@ from environments.plant import Integrator, Plant
 
 TOWARDS = np.array([0.28, 0.0, 0.96])  # out of the surface, in the plane of the planar arms
 LAYER, D = 0.1, 6.0
+WAY, TURN = 0.03, 0.1  # m and rad, of the desired motion along the surface and of the tool's first angle
 DEPTH = 0.001  # m, of the tool in an elastic surface to begin with
 
 
@@ -59,6 +60,11 @@ class Twin:
     def rigid(self) -> bool:
         return self.mode == "constrained"
 
+    @property
+    def turns(self) -> bool:
+        """Whether the tool turns on its way: there is an angle among the coordinates."""
+        return arm(self.robot).layout.angles > 0
+
     def surface(self) -> Surface:
         p = arm(self.robot).nominal.evaluate(arm(self.robot).q_0, np.zeros(self.n)).p
         inside = p + (0.0 if self.rigid else DEPTH) * TOWARDS
@@ -81,7 +87,10 @@ class Twin:
 
     def wish(self) -> Wish:
         displacement = np.zeros(self.n)
-        displacement[1] = 0.03
+        displacement[1] = WAY
+        if self.turns:
+            system = arm(self.robot)
+            displacement[system.layout.positions] = system.layout.l * TURN
         return Wish(displacement, 2 * np.pi * 1.0, 20.0, 5.0, 2 * np.pi * 3.0, 0.0 if self.rigid else 1 / 9000.0)
 
     def scenario(self, period: float) -> Scenario:
@@ -107,7 +116,9 @@ class Twin:
             else {"kind": "plane", "normal": normal, **where},
             "contact": {"kind": kind, "M_e": self.M_e, "B_e": 40.0, "K_e": 8000.0, "unilateral": False},
             "sensor": {"ideal": self.ideal},
-            "motion": {"kind": "line", "displacement": [0.03], "period": 1.0, "ramp": 0.0},
+            "motion": {"kind": "line", "displacement": [WAY], "period": 1.0, "ramp": 0.0},
+            "rotation": {"kind": "line", "displacement": [TURN], "period": 1.0, "ramp": 0.0}
+            if self.turns else {"kind": "hold"},
             "force": {"kind": "sinusoid", "value": 20.0, "amplitude": 5.0, "frequency": 3.0},
             "simulation": {"duration": 1.0, "integrator": self.integrator},
         })  # fmt: skip

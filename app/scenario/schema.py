@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from typing import Annotated, Any, Literal, cast
 
@@ -22,8 +22,10 @@ from environments.sensors import Sensor
 from environments.surfaces.plane import Plane
 from environments.surfaces.table import AnyForm
 from environments.trajectories.point_to_point import Hold
-from environments.trajectories.table import AnyTrajectory
+from environments.trajectories.table import AnyRotation, AnyTrajectory
 from parameters import Matrix, Name, Section, Text, Vector, Vector3, Widget, decades, field
+
+_Metadata = msgspec.inspect.Metadata
 
 
 class ScenarioError(ValueError):
@@ -53,6 +55,10 @@ class TooStiff(ScenarioError):
 
 class PullingForce(ScenarioError):
     """A scenario whose desired force pulls at a surface that only pushes."""
+
+
+class ForceInJoints(ScenarioError):
+    """A scenario with r = q in a mode that measures forces in space."""
 
 
 class IrregularSurface(ScenarioError):
@@ -135,6 +141,13 @@ class TaskSpace(Section, frozen=True, forbid_unknown_fields=True):
     characteristic_length: Annotated[
         float, field("characteristic length: makes radians metres, since r holds ℓ·angle", "m", gt=0, le=10)
     ] = 0.15
+    axes: Annotated[
+        Vector3, field("rotation vector of Cartesian coordinates against the world", "rad", Widget("axes turned by"))
+    ] = (0.0, 0.0, 0.0)
+    supplemental: Annotated[
+        tuple[int, ...] | None,
+        field("joints, counted from 1, that are coordinates themselves (Remark 5); default: the arm's, if any", ""),
+    ] = None
 
 
 class TargetModel(Section, frozen=True, forbid_unknown_fields=True):
@@ -182,6 +195,7 @@ class Controller(Section, frozen=True, forbid_unknown_fields=True):
         Literal["discontinuous", "saturation", "rational", "tanh"], field("s/||s||, or a smooth version of it", "")
     ] = "saturation"
     layer: Annotated[float, field("boundary layer: within it the switching is smooth", "m/s", gt=0, le=10)] = 0.01
+    z_0: Annotated[Vector | None, field("z at the start where it is kept; default: zeros", "m/s")] = None
     on_change: Annotated[
         Literal["remove", "watch"],
         field("z at the start and on changes: s = 0 (Remark 2), or kept, s is reached", ""),
@@ -252,6 +266,7 @@ class Scenario(Struct, frozen=True, forbid_unknown_fields=True):
     contact: Contact = msgspec.field(default_factory=Contact)
     sensor: Sensor = msgspec.field(default_factory=Sensor)
     motion: AnyTrajectory = msgspec.field(default_factory=Hold)
+    rotation: Annotated[AnyRotation, msgspec.Meta(extra={"metre": "rad"})] = msgspec.field(default_factory=Hold)
     shift: Shift = msgspec.field(default_factory=Shift)
     force: AnyForceProfile = msgspec.field(default_factory=ConstantForce)
     simulation: Simulation = msgspec.field(default_factory=Simulation)
@@ -281,15 +296,20 @@ class FieldInfo:
 
 
 def field_info(path: str) -> FieldInfo:
-    """Facts of the field at a dotted path; in a section of several kinds, those of the first kind that has it."""
+    """Facts of the field at a dotted path; in a section of several kinds, those of the first kind that has it. A
+    section whose metadata has a `metre` gives its lengths in that unit."""
     candidates: list[type[Struct]] = [Scenario]
     *sections, last = path.split(".")
+    metre = "m"
     for section in sections:
+        held = [f.type for c in candidates for f in _schema(c).fields if f.name == section]
+        metre = next((t.extra["metre"] for t in held if isinstance(t, _Metadata) and t.extra), metre)
         candidates = [t for c in candidates for t in types_of(c, section)]
     for candidate in candidates:
         for f in _schema(candidate).fields:
-            if f.name == last and isinstance(f.type, msgspec.inspect.Metadata):
-                return _info(f.type)
+            if f.name == last and isinstance(f.type, _Metadata):
+                info = _info(f.type)
+                return replace(info, unit=metre) if info.unit == "m" else info
     raise KeyError(path)
 
 
@@ -314,6 +334,7 @@ def _info(metadata: msgspec.inspect.Metadata) -> FieldInfo:
 def types_of(struct: type[Struct], name: str) -> list[type[Struct]]:
     """Structs that a field may hold: one for a section, several for a section of several kinds, else none."""
     kind = next((f.type for f in _schema(struct).fields if f.name == name), None)
+    kind = kind.type if isinstance(kind, _Metadata) else kind
     kinds = kind.types if isinstance(kind, msgspec.inspect.UnionType) else [kind]
     return [k.cls for k in kinds if isinstance(k, msgspec.inspect.StructType)]
 

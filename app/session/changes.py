@@ -16,6 +16,7 @@ from app.process.own_code import own_code
 from app.scenario.data import edited, from_plain, of_kind, to_plain
 from app.scenario.schema import (
     Contact,
+    ForceInJoints,
     IrregularSurface,
     PathOutOfReach,
     PullingForce,
@@ -44,7 +45,13 @@ from parameters import allowed
 NEAR = 0.03  # m
 PUSH, PUSH_LASTS = (0.0, 30.0, 0.0), 0.5  # N, s: sideways, which every mode shows
 HALVINGS = 3  # of a path that is too long for an arm, before it holds
-_WORDS = {"motion": "path", "contact": "contact", "task_space": "task space", "surface": "surface"}
+_WORDS = {
+    "motion": "path",
+    "rotation": "rotation",
+    "contact": "contact",
+    "task_space": "task space",
+    "surface": "surface",
+}
 _Built = TypeVar("_Built")
 
 
@@ -76,10 +83,12 @@ def possible(scenario: Scenario, build: Callable[[Scenario], _Built]) -> _Built:
         try:
             return build(scenario)
         except PathOutOfReach:
-            half = scenario.motion.halved() if halvings < HALVINGS else None
-            if half is None and isinstance(scenario.motion, Hold):
+            paths = {name: getattr(scenario, name) for name in ("motion", "rotation")}
+            if all(isinstance(path, Hold) for path in paths.values()):
                 raise
-            scenario, halvings = msgspec.structs.replace(scenario, motion=half or Hold()), halvings + 1
+            paths = {name: path.halved() if halvings < HALVINGS else None for name, path in paths.items()}
+            paths = {name: path or Hold() for name, path in paths.items()}
+            scenario, halvings = msgspec.structs.replace(scenario, **paths), halvings + 1
         except UnboundedGain:
             scenario = edited(scenario, "controller.gain", "constant")
         except IrregularSurface:
@@ -106,6 +115,8 @@ def way_out(asked: Scenario, error: ScenarioError) -> WayOut | None:
             return WayOut("Take a path that the arm can follow", asked)
         case UnboundedGain():
             return WayOut("Take a constant gain d", asked)
+        case ForceInJoints():
+            return WayOut("Go to motion mode", in_mode(asked, "motion"))
         case IrregularSurface():
             return WayOut("Take this surface's default form", asked)
         case SurfaceOutOfReach():
@@ -156,7 +167,7 @@ def told(asked: Scenario, done: Scenario) -> str:
     asked: the scenario with that change alone.
     done: the scenario that runs."""
     adapted: list[str] = []
-    for section in ("motion", "contact", "task_space", "surface"):
+    for section in ("motion", "rotation", "contact", "task_space", "surface"):
         old, new = getattr(asked, section), getattr(done, section)
         before, after = to_plain(asked)[section], to_plain(done)[section]
         if before["kind"] != after["kind"]:
@@ -169,7 +180,9 @@ def told(asked: Scenario, done: Scenario) -> str:
             info = field_info(f"{section}.{name}")
             label = info.widget.label if info.widget else name.replace("_", " ")
             unit = f" {info.unit}" if info.unit not in ("", "1") else ""
-            adapted.append(f"{_WORDS[section]} {label} {_shown(after[name])} instead of {_shown(before[name])}{unit}")
+            words = {_plain(of): text for text, of in info.widget.options} if info.widget else {}
+            was, now = (words.get(_plain(table[name]), _shown(table[name])) for table in (before, after))
+            adapted.append(f"{_WORDS[section]} {label} {now} instead of {was}{unit}")
     if asked.controller.gain != done.controller.gain:
         adapted.append(f"gain d {done.controller.gain}")
     return f"Adapted: {'; '.join(adapted)}." if adapted else ""
@@ -179,6 +192,10 @@ def _title_of(section: Any) -> str:
     """The page's word for the kind of a section."""
     described = section.nature if isinstance(section, Contact) else section
     return described.title if hasattr(described, "title") else str(section.kind)
+
+
+def _plain(value: object) -> object:
+    return tuple(value) if isinstance(value, list) else value
 
 
 def _shown(value: object) -> str:
@@ -210,6 +227,8 @@ def with_robot(scenario: Scenario, changes: Mapping[str, object]) -> Scenario:
         kept = ("name", "urdf") if another == {"tool_frame"} else ()
         data["robot"] = {name: value for name, value in data["robot"].items() if name in kept}
         data["target_model"] = data["blend"] = data["shift"] = {}
+        data["task_space"] = {name: data["task_space"][name] for name in ("kind", "characteristic_length")}
+        data["controller"].pop("z_0", None)
         for gain in ("A", "F_1", "F_2", "K_s"):
             value = data["controller"][gain]
             data["controller"][gain] = value[0] if isinstance(value, list) and not isinstance(value[0], list) else value
@@ -226,6 +245,14 @@ def with_robot(scenario: Scenario, changes: Mapping[str, object]) -> Scenario:
 def _title(robot: Robot) -> str:
     entry = robots.CATALOGUE.get(robot.name)
     return Path(robot.urdf).stem if robot.urdf else entry.title if entry else robot.name
+
+
+def in_coordinates(scenario: Scenario, field: str, value: object) -> Scenario:
+    """The scenario with another field of `task_space`; the target model is at the mode's defaults then, since its
+    coordinates are others, and paths keep the part that lies in those. Raises ScenarioError."""
+    data = to_plain(edited(scenario, f"task_space.{field}", value))
+    data["target_model"] = data["blend"] = data["shift"] = {}
+    return _adapted(scenario, from_plain(data))
 
 
 def on_surface(scenario: Scenario, kind: str) -> Scenario:
@@ -257,7 +284,15 @@ def _adapted(before: Scenario, scenario: Scenario) -> Scenario:
     old, new = _free_directions(before), _free_directions(scenario)
     alike = before.task_space.kind == scenario.task_space.kind
     known = new @ old.T if alike and new.shape[1] == old.shape[1] else None
-    return msgspec.structs.replace(scenario, motion=scenario.motion.within(known, len(new)))
+    angles, before_angles = _rotated(scenario), _rotated(before)
+    rotation = scenario.rotation.within(np.eye(angles, before_angles), angles) if angles else Hold()
+    return msgspec.structs.replace(scenario, motion=scenario.motion.within(known, len(new)), rotation=rotation)
+
+
+def _rotated(scenario: Scenario) -> int:
+    """Number of coordinates that are angles, which `rotation` may move."""
+    robot, _ = _start(scenario)
+    return 0 if scenario.task_space.kind == "joint" else robot.n - positions_of(robot)
 
 
 def _free_directions(scenario: Scenario) -> np.ndarray:
@@ -267,7 +302,7 @@ def _free_directions(scenario: Scenario) -> np.ndarray:
         return np.eye(robot.n)
     mode, positions = modes.MODES[scenario.mode], positions_of(robot)
     if not mode.on_surface:
-        return task_axes(robot)[:positions]
+        return task_axes(scenario, robot)[:positions]
     return surface_of(scenario, p).chart(p, 0.0).G[mode.m() : positions]
 
 

@@ -369,6 +369,9 @@ class Runner:
                 self._adapt(scenario_now, changes.in_mode(scenario_now, str(value)))
             case Edit(path, value) if path.startswith("robot."):
                 self._adapt(scenario_now, changes.with_robot(scenario_now, {path.removeprefix("robot."): value}))
+            case Edit("task_space.kind" | "task_space.supplemental" as path, value):
+                asked = edited(scenario_now, path, value)
+                self._adapt(asked, changes.in_coordinates(scenario_now, path.removeprefix("task_space."), value))
             case Edit("surface", str() as kind):
                 changed = changes.on_surface(scenario_now, kind)
                 self._adapt(changed, changed)

@@ -53,6 +53,11 @@ class View:
     live: dict[str, float]
 
 
+def _begun_with(scenario: Scenario) -> tuple[object, ...]:
+    """Fields of other sections that a run keeps from its start on."""
+    return scenario.contact.kind, scenario.controller.period, scenario.controller.z_0
+
+
 class ClosedLoop:
     """One run of a scenario: a system, a state and a recording; no thread, no screen, no file.
 
@@ -142,7 +147,7 @@ class ClosedLoop:
         old, new = self.system.scenario, assemble(scenario, self.system)
         replanned = scenario.blend.planned and scenario.blend != old.blend
         restarts = any(getattr(old, f) != getattr(scenario, f) for f in RESTARTING)
-        restarts |= (old.contact.kind, old.controller.period) != (scenario.contact.kind, scenario.controller.period)
+        restarts |= _begun_with(old) != _begun_with(scenario)
         restarts |= replanned and scenario.blend.at < self.t - 0.5 * self._h
         if restarts or self.stopped:
             self._become(ClosedLoop.of(new, self.recording.history))

@@ -40,7 +40,7 @@ from environments.shift import SmoothShift, add_shift
 from environments.surfaces.chart import Chart, Shape
 from environments.surfaces.table import surface_chart
 from environments.trajectories.point_to_point import Hold
-from environments.trajectories.table import course_of, path_at
+from environments.trajectories.table import add_path, course_of, path_at
 from environments.trajectories.trajectory import Course
 from kernels import inline, kernel
 from kernels.algebra import copy, norm, row_times
@@ -57,14 +57,15 @@ class ReferencePlan(NamedTuple):
     compliance: float
     m: int
     motion: Course
+    rotation: Course
     shift: SmoothShift
     force: ForceCourse
 
     def held(self, r: np.ndarray, f: float) -> ReferencePlan:
         """Plan of staying at r (n,) with the present force f (N)."""
-        still = course_of(Hold(), len(r), range(0))
+        still = course_of("motion", Hold(), len(r), range(0))
         here, force = SmoothShift.fresh(np.zeros_like(r), 1.0), self.force._replace(start=f, change=0.0)
-        return self._replace(start=r, compliance=0.0, motion=still, shift=here, force=force)
+        return self._replace(start=r, compliance=0.0, motion=still, rotation=still, shift=here, force=force)
 
 
 class ObservationModel(NamedTuple):
@@ -182,8 +183,9 @@ class Period(NamedTuple):
 
 @inline
 def reference_at(plan, t, reference):
-    """r_d(t) = start + motion + shift, but r_fd = f_nd / K_e_hat (33) in the first m coordinates; F_cd = f_nd there."""
+    """r_d(t) = start + motion + rotation + shift; the first m coordinates: r_fd = f_nd / K_e_hat (33), F_cd = f_nd."""
     path_at(plan.motion, t, reference.r_d, reference.r_d_dot, reference.r_d_ddot)
+    add_path(plan.rotation, t, reference.r_d, reference.r_d_dot, reference.r_d_ddot)
     add_shift(plan.shift, t, reference.r_d, reference.r_d_dot, reference.r_d_ddot)
     f, f_dot, f_ddot = force_at(plan.force, t)
     for i in range(reference.r_d.shape[0]):

@@ -139,6 +139,14 @@ def blend_of(scenario: Scenario, mode: Mode, layout: TaskLayout) -> ModelBlend |
     return ModelBlend(start, end, scenario.blend.at, scenario.blend.over, certificate)
 
 
+def z_at_start(scenario: Scenario, n: int) -> np.ndarray:
+    """State z of the compensator (9) at the start, (n,) m/s, where it is kept. Raises ScenarioError."""
+    given = scenario.controller.z_0
+    if given is not None and len(given) != n:
+        raise ScenarioError(f"controller.z_0: {len(given)} values; allowed: {n}")
+    return np.zeros(n) if given is None else np.array(given, dtype=float)
+
+
 def controller_of(scenario: Scenario, mode: Mode, layout: TaskLayout, constants: Constants) -> Controller:
     """Controller of the scenario: its law with its gains. Raises ScenarioError and InvalidGain."""
     n, c = layout.n, scenario.controller

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from app.process.own_code import own_course, own_shape
+from app.scenario.data import kind_of
 from app.scenario.schema import PullingForce, Scenario, ScenarioError, scenario_errors
 from controllers.modes import Mode
 from controllers.nominal_model import NominalModel
@@ -17,6 +19,7 @@ from environments.push import TimedPush
 from environments.surfaces import own as own_surfaces
 from environments.surfaces.table import Surface
 from environments.trajectories import own as own_trajectories
+from environments.trajectories.point_to_point import Hold
 from environments.trajectories.table import course_of, numbered
 from environments.trajectories.trajectory import Course, spread
 
@@ -100,9 +103,30 @@ def surface_of(scenario: Scenario, near: np.ndarray) -> Surface:
         return Surface.of(form, near, shape)
 
 
-def task_axes(robot: robots.Robot) -> np.ndarray:
-    """Cartesian coordinates in their order, as rows; a planar arm uses the first two, x and z."""
-    return np.eye(3)[[0, 2, 1]] if robot.geometry == "planar" else np.eye(3)
+def task_axes(scenario: Scenario, robot: robots.Robot) -> np.ndarray:
+    """Cartesian axes in the order of their coordinates, as rows in the world; a planar arm uses the first two, x and z.
+    Raises ScenarioError."""
+    turn = scenario.task_space.axes
+    if robot.geometry == "planar" and (turn[0] or turn[2]):
+        raise ScenarioError(f"task_space.axes: {list(turn)} rad; allowed for a planar arm: 0, a number, 0")
+    axes = Rotation.from_rotvec(turn).as_matrix().T
+    return axes[[0, 2, 1]] if robot.geometry == "planar" else axes
+
+
+def task_joints(scenario: Scenario, robot: robots.Robot) -> tuple[tuple[int, ...], int]:
+    """Supplemental joints, counted from 0, and the number of the tool's angles that complete r with them. Raises
+    ScenarioError."""
+    given, path = scenario.task_space.supplemental, "task_space.supplemental"
+    n, rest = robot.n, robot.n - positions_of(robot)
+    if given is None:
+        return robot.supplemental, rest - len(robot.supplemental)
+    if len(set(given)) < len(given) or not all(1 <= joint <= n for joint in given):
+        raise ScenarioError(f"{path}: {list(given)}; allowed: different numbers from 1 to {n}")
+    counts = sorted({len(robot.supplemental), rest})
+    if len(given) not in counts:
+        allowed = " or ".join(map(str, counts))
+        raise ScenarioError(f"{path}: {len(given)} joints; allowed: {allowed} with this arm")
+    return tuple(joint - 1 for joint in given), rest - len(given)
 
 
 def positions_of(robot: robots.Robot) -> int:
@@ -128,7 +152,20 @@ def motion_of(scenario: Scenario, mode: Mode, layout: TaskLayout) -> Course:
     with scenario_errors():
         if isinstance(path, own_trajectories.Own):
             return numbered(path, own_course(path, layout.n, free))
-        return course_of(path, layout.n, free)
+        return course_of("motion", path, layout.n, free)
+
+
+def rotation_of(scenario: Scenario, layout: TaskLayout) -> Course:
+    """Desired motion of the coordinates that are angles, of the tool or of supplemental joints, (n,), from the start.
+    Raises ScenarioError."""
+    path, n = scenario.rotation, layout.n
+    if layout.joint and not isinstance(path, Hold):
+        raise ScenarioError(
+            f"rotation.kind: {kind_of(path)!r}; allowed where r = q: 'hold', since motion moves the joints"
+        )
+    with scenario_errors():
+        course = course_of("rotation", path, n, range(layout.positions, n))
+    return course._replace(u=layout.l * course.u, v=layout.l * course.v)
 
 
 def require_pushing(scenario: Scenario, mode: Mode) -> None:

@@ -77,6 +77,7 @@ class State:
         """State of a run that begins at t (s) with the arm at q (n,) rad, q_dot (n,) rad/s; on a rigid surface the arm
         is brought there. Raises ValueError when the rigid surface cannot be reached from q."""
         arm, period = system.plant.start(q, q_dot, t), Record(Period.zeros(system.layout.n))
+        period.views.z[:] = system.z_0
         return cls(
             scenario=system.scenario,
             t=t,

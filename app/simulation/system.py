@@ -8,6 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from app.scenario.schema import (
+    ForceInJoints,
     IrregularSurface,
     Scenario,
     ScenarioError,
@@ -18,7 +19,7 @@ from app.scenario.schema import (
 )
 from app.scenario.units import CARTESIAN, JOINT, Units
 from app.simulation.control_period import Observer, Planned, ReferencePlan
-from app.simulation.controller_builder import blend_of, controller_of, uncertainty_of
+from app.simulation.controller_builder import blend_of, controller_of, uncertainty_of, z_at_start
 from app.simulation.domain import Constants, centres, constants_over, mobility_over, posture_at, span_of
 from app.simulation.environment_builder import (
     force_of,
@@ -27,9 +28,11 @@ from app.simulation.environment_builder import (
     push_of,
     require_pushing,
     robot_of,
+    rotation_of,
     spread_over,
     surface_of,
     task_axes,
+    task_joints,
     tool_at_start,
     truth_of,
 )
@@ -84,6 +87,7 @@ class System:
     mobility: the true arm's largest over Omega.
     controller: with the target model in force, from which `blend`, if there is one, leads to another.
     q_0: (n,) rad.
+    z_0: (n,) m/s, of (9), where it is kept at the start.
     memory: of the results of searches."""
 
     scenario: Scenario
@@ -103,6 +107,7 @@ class System:
     push: TimedPush
     plan: ReferencePlan
     q_0: np.ndarray
+    z_0: np.ndarray
     memory: Memory
 
     @property
@@ -186,7 +191,7 @@ def _assemble(scenario: Scenario, previous: System | None, memory: Memory) -> Sy
             f"contact.kind: {scenario.contact.kind!r} in {mode.name} mode; allowed: {', '.join(mode.contacts)}"
         )
     if scenario.task_space.kind == "joint" and not mode.in_joints:
-        raise ScenarioError(
+        raise ForceInJoints(
             f"task_space.kind: 'joint' in {mode.name} mode; allowed: 'cartesian' (joint in motion mode)"
         )
     same_robot = previous is not None and previous.scenario.robot == scenario.robot
@@ -208,9 +213,9 @@ def _assemble(scenario: Scenario, previous: System | None, memory: Memory) -> Sy
     )
     q_0 = _start(plant, robot)
     layout = _layout(scenario, robot, nominal, q_0)
-    charted = surface if mode.on_surface else Surface.cartesian(task_axes(robot))
+    charted = surface if mode.on_surface else Surface.cartesian(task_axes(scenario, robot))
     require_pushing(scenario, mode)
-    motion, force = motion_of(scenario, mode, layout), force_of(scenario)
+    motion, rotation, force = motion_of(scenario, mode, layout), rotation_of(scenario, layout), force_of(scenario)
     shift = spread_over("shift.by", scenario.shift.by, mode, layout)
 
     observer = Observer(nominal, charted.shape, layout)
@@ -219,12 +224,14 @@ def _assemble(scenario: Scenario, previous: System | None, memory: Memory) -> Sy
     except ValueError as error:
         raise ScenarioError(
             f"robot.posture: {np.round(q_0, 4).tolist()} rad; allowed: one at which J_q is not singular"
+            + ("" if scenario.task_space.supplemental is None else ", or other joints in task_space.supplemental")
         ) from error
     plan = ReferencePlan(
         start=start,
         compliance=0.0 if mode.rigid else 1.0 / scenario.controller.K_e_hat,
         m=mode.m(),
         motion=motion,
+        rotation=rotation,
         shift=SmoothShift.fresh(shift, scenario.shift.duration),
         force=force,
     )
@@ -252,7 +259,7 @@ def _assemble(scenario: Scenario, previous: System | None, memory: Memory) -> Sy
         robot=robot,
         mode=mode,
         layout=layout,
-        coordinates=_coordinates(layout, mode, robot),
+        coordinates=_coordinates(layout, mode),
         surface=surface,
         charted=charted,
         nominal=nominal,
@@ -265,6 +272,7 @@ def _assemble(scenario: Scenario, previous: System | None, memory: Memory) -> Sy
         push=push_of(scenario),
         plan=plan,
         q_0=q_0,
+        z_0=z_at_start(scenario, robot.n),
         memory=memory,
     )
 
@@ -308,10 +316,10 @@ def _require_within_reach(observer: Observer, reference: Reference, q_0: np.ndar
 
 
 def _layout(scenario: Scenario, robot: robots.Robot, nominal: NominalModel, q_0: np.ndarray) -> TaskLayout:
-    angles = {"planar": min(robot.n - 2, 1), "pose": 3, "position": 0}[robot.geometry]
+    joints, angles = task_joints(scenario, robot)
     estimate = nominal.evaluate(q_0, np.zeros(robot.n))
     supplemental = np.zeros(robot.n, dtype=np.int64)
-    supplemental[: len(robot.supplemental)] = robot.supplemental
+    supplemental[: len(joints)] = joints
     return TaskLayout(
         n=robot.n,
         joint=scenario.task_space.kind == "joint",
@@ -325,19 +333,19 @@ def _layout(scenario: Scenario, robot: robots.Robot, nominal: NominalModel, q_0:
 
 def _shaping(scenario: Scenario) -> tuple[object, ...]:
     """Parts of the scenario that Omega and the constants over it depend on."""
-    names = ("robot", "task_space", "declared", "surface", "mode", "motion", "shift", "simulation")
+    names = ("robot", "task_space", "declared", "surface", "mode", "motion", "rotation", "shift", "simulation")
     where = tuple(getattr(scenario, name) for name in names)
     if scenario.controller.estimates == "along-reference":
         return (*where, scenario.force, scenario.controller.K_e_hat)
     return where
 
 
-def _coordinates(layout: TaskLayout, mode: Mode, robot: robots.Robot) -> tuple[Coordinate, ...]:
+def _coordinates(layout: TaskLayout, mode: Mode) -> tuple[Coordinate, ...]:
     if layout.joint:
-        return tuple(Coordinate(f"q{joint + 1}", "rad") for joint in range(robot.n))
+        return tuple(Coordinate(f"q{joint + 1}", "rad") for joint in range(layout.n))
     places = ["φ", "ψ₁", "ψ₂"] if mode.on_surface else (["x", "z"] if layout.positions == 2 else ["x", "y", "z"])
     angles = {0: [], 1: ["ℓ·θ"], 3: ["ℓ·α", "ℓ·β", "ℓ·γ"]}[layout.angles]
-    extra = [f"ℓ·q{joint + 1}" for joint in robot.supplemental]
+    extra = [f"ℓ·q{joint + 1}" for joint in layout.supplemental_joints]
     lengths = [Coordinate(name, "m") for name in places[: layout.positions]]
     return (*lengths, *(Coordinate(name, "m", layout.l) for name in angles + extra))
 

@@ -10,7 +10,11 @@ from msgspec.structs import replace
 from environments.trajectories.line import Line, unit_circle
 from environments.trajectories.trajectory import Course, Trajectory, along, in_plane
 from kernels import inline
-from parameters import decades, field, slider
+from parameters import Widget, decades, field, slider
+
+_PLANE = Widget(
+    "plane", options=(("first and second", (0, 1)), ("first and third", (0, 2)), ("second and third", (1, 2)))
+)
 
 
 @inline
@@ -20,7 +24,7 @@ def _move(course, t, value, rate, acceleration):
 
 
 class Circle(Trajectory, frozen=True, forbid_unknown_fields=True, tag="circle"):
-    """A circle in two of the position coordinates, through the start."""
+    """A circle in two coordinates, through the start."""
 
     title = "circle"
     move = _move
@@ -28,15 +32,15 @@ class Circle(Trajectory, frozen=True, forbid_unknown_fields=True, tag="circle"):
     radius: Annotated[float, field("radius", "m", slider("radius", 0, 0.15), ge=0, le=2)] = 0.05
     period: Annotated[float, field("time of one turn", "s", decades("period", 1, 30), gt=0, le=3600)] = 4.0
     ramp: Annotated[float, field("time to full speed", "s", slider("ramp", 0, 5), ge=0, le=3600)] = 1.0
-    axes: Annotated[tuple[int, int], field("which two coordinates, counted from 0", "")] = (0, 1)
+    axes: Annotated[tuple[int, int], field("which two coordinates, counted from 0", "", _PLANE)] = (0, 1)
 
     def course(self, n: int, free: range) -> Course:
         a, b = self.axes
         if a == b or not all(0 <= axis < len(free) for axis in self.axes):
             raise ValueError(
-                f"motion.axes: {list(self.axes)}; allowed: two different numbers from 0 to {len(free) - 1}"
+                f"axes: {list(self.axes)}; allowed: two different numbers from 0 to {len(free) - 1}"
                 if len(free) > 1
-                else "motion.kind: 'circle' needs two free coordinates; allowed here: hold, point-to-point, line"
+                else "kind: 'circle' needs two free coordinates; allowed here: hold, point-to-point, line"
             )
         along_axes = np.eye(n)[free.start :]
         return in_plane(self.radius * along_axes[a], self.radius * along_axes[b], self.ramp, 2 * np.pi / self.period)

@@ -40,5 +40,5 @@ class Line(Displaced, frozen=True, forbid_unknown_fields=True, tag="line"):
     ramp: Annotated[float, field("time to full speed", "s", slider("ramp", 0, 5), ge=0, le=3600)] = 1.0
 
     def course(self, n: int, free: range) -> Course:
-        u = spread("motion.displacement", self.displacement, n, free)
+        u = spread("displacement", self.displacement, n, free)
         return in_plane(u, np.zeros(n), self.ramp, 2 * np.pi / self.period)

@@ -42,8 +42,6 @@ class OwnTrajectory:
 
 @inline
 def _move(course, t, value, rate, acceleration):
-    for i in range(value.shape[0]):
-        value[i], rate[i], acceleration[i] = 0.0, 0.0, 0.0
     own, first = course.own, course.first
     call(own.address, t, own.parameters, value[first:], rate[first:], acceleration[first:])
 

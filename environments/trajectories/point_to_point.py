@@ -32,7 +32,7 @@ class Hold(Trajectory, frozen=True, forbid_unknown_fields=True, tag="hold"):
 class Displaced(Trajectory, frozen=True, forbid_unknown_fields=True):
     """Base class of paths along one displacement."""
 
-    displacement: Annotated[Vector, field("by how much, along x, y, z or the tangents", "m", Widget("by"))] = (0.1,)
+    displacement: Annotated[Vector, field("by how much, each coordinate that it may move", "m", Widget("by"))] = (0.1,)
 
     def within(self, directions: np.ndarray | None, k: int) -> Trajectory:
         """The path's part along the directions where it has more values than there are directions."""
@@ -50,7 +50,7 @@ class Displaced(Trajectory, frozen=True, forbid_unknown_fields=True):
 
 
 class PointToPoint(Displaced, frozen=True, forbid_unknown_fields=True, tag="point-to-point"):
-    """A minimum-jerk move of the position coordinates."""
+    """A minimum-jerk move."""
 
     title = "point to point"
     move = _move
@@ -58,5 +58,5 @@ class PointToPoint(Displaced, frozen=True, forbid_unknown_fields=True, tag="poin
     duration: Annotated[float, field("duration", "s", decades("duration", 0.2, 20), gt=0, le=3600)] = 2.0
 
     def course(self, n: int, free: range) -> Course:
-        u = spread("motion.displacement", self.displacement, n, free)
+        u = spread("displacement", self.displacement, n, free)
         return in_plane(u, np.zeros(n), self.duration)

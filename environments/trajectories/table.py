@@ -15,18 +15,22 @@ from kernels import choice, inline, kernel
 from kernels.records import Record
 
 TRAJECTORIES: tuple[type[Trajectory], ...] = (Hold, PointToPoint, Circle, Line, Own)
+ROTATIONS: tuple[type[Trajectory], ...] = (Hold, PointToPoint, Circle, Line)  # of the coordinates that are angles
 if TYPE_CHECKING:
-    AnyTrajectory = Trajectory
+    AnyTrajectory = AnyRotation = Trajectory
 else:
-    AnyTrajectory = Union[TRAJECTORIES]  # noqa: UP007
+    AnyTrajectory, AnyRotation = Union[TRAJECTORIES], Union[ROTATIONS]  # noqa: UP007
 
 _move = choice([each.move for each in TRAJECTORIES])
 
 
-def course_of(trajectory: Trajectory, n: int, free: range) -> Course:
-    """The path as a displacement of n coordinates, of which it may move those in `free`. Raises ValueError with one
-    sentence."""
-    return numbered(trajectory, trajectory.course(n, free))
+def course_of(section: str, trajectory: Trajectory, n: int, free: range) -> Course:
+    """The path in a section of a scenario as a displacement of n coordinates, of which it may move those in `free`.
+    Raises ValueError with one sentence."""
+    try:
+        return numbered(trajectory, trajectory.course(n, free))
+    except ValueError as error:
+        raise ValueError(f"{section}.{error}") from error
 
 
 def numbered(trajectory: Trajectory, course: Course) -> Course:
@@ -37,6 +41,14 @@ def numbered(trajectory: Trajectory, course: Course) -> Course:
 @inline
 def path_at(course, t, value, rate, acceleration):
     """Write the displacement (n,) and its derivatives at time t (s)."""
+    for i in range(value.shape[0]):
+        value[i], rate[i], acceleration[i] = 0.0, 0.0, 0.0
+    add_path(course, t, value, rate, acceleration)
+
+
+@inline
+def add_path(course, t, value, rate, acceleration):
+    """Add the displacement (n,) and its derivatives at time t (s)."""
     _move(course.kind, course, t, value, rate, acceleration)
 
 

@@ -36,9 +36,9 @@ class Course(NamedTuple):
 
 
 class Trajectory(Section, frozen=True, forbid_unknown_fields=True, tag_field="kind"):
-    """Section `motion` of a scenario.
+    """Section `motion` or `rotation` of a scenario.
 
-    title: name on the page; move: its kernel `move(course, t, value, rate, acceleration)`, which writes the
+    title: name on the page; move: its kernel `move(course, t, value, rate, acceleration)`, which adds the
     displacement (n,) and its derivatives at time t (s).
     """
 
@@ -47,7 +47,7 @@ class Trajectory(Section, frozen=True, forbid_unknown_fields=True, tag_field="ki
 
     def course(self, n: int, free: range) -> Course:
         """The path as a displacement of n coordinates, of which it may move those in `free`; the table sets `kind`.
-        Raises ValueError with one sentence."""
+        Raises ValueError with one sentence that begins with the field's name."""
         raise NotImplementedError
 
     def within(self, directions: np.ndarray | None, k: int) -> Trajectory:
@@ -78,8 +78,8 @@ def spread(name: str, displacement: tuple[float, ...], n: int, free: range) -> n
 
 @inline
 def along(course, x, y, value, rate, acceleration):
-    """Write the path of x and y, each with its two derivatives."""
+    """Add the path of x and y, each with its two derivatives."""
     for i in range(value.shape[0]):
-        value[i] = x[0] * course.u[i] + y[0] * course.v[i]
-        rate[i] = x[1] * course.u[i] + y[1] * course.v[i]
-        acceleration[i] = x[2] * course.u[i] + y[2] * course.v[i]
+        value[i] += x[0] * course.u[i] + y[0] * course.v[i]
+        rate[i] += x[1] * course.u[i] + y[1] * course.v[i]
+        acceleration[i] += x[2] * course.u[i] + y[2] * course.v[i]

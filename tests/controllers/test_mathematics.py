@@ -298,7 +298,7 @@ def test_references_have_exact_derivatives(path: PointToPoint | Circle | Line | 
     if isinstance(path, ForceStep | ForceSinusoid):
         at = partial(forces.evaluated, forces.course_of(path))
     else:
-        at = partial(paths.evaluated, paths.course_of(path, 2, range(2)))
+        at = partial(paths.evaluated, paths.course_of("motion", path, 2, range(2)))
         np.testing.assert_allclose(at(0.0).value, 0.0, atol=1e-15)
     for t in np.linspace(0.013, 1.2, 9):
         before, here, after = (at(float(t + dt)) for dt in (-h, 0.0, h))

@@ -74,7 +74,7 @@ def test_a_circle_that_leaves_the_surface_is_laid_on_it() -> None:
     upright = edited(shipped()["ur5-motion"], "motion", {"kind": "circle", "axes": [0, 2]})
     changed = in_mode(upright, "hybrid")
     assemble(changed)
-    assert "path axes 0, 1 instead of 0, 2" in told(upright, changed)
+    assert "path plane first and second instead of first and third" in told(upright, changed)
     assert "surface brought to the tool" in told(upright, changed)
 
 

@@ -6,6 +6,7 @@ from html import escape
 
 import viser
 
+from app.dashboard.widgets.arm_choice import InForce
 from app.dashboard.widgets.controls import Choice, Control, Desk, Number, Place, PlaceWhere, decades
 from app.dashboard.widgets.own_parameters import own_number
 from app.dashboard.widgets.theorem_table import TheoremTable
@@ -73,6 +74,7 @@ class ControllerPanel:
                     {"z anew: no reaching": "remove", "z kept: watch it reach": "watch"},
                 ),
             ]
+            self._controls.append(Number(desk, InForce("controller.z_0", _kept_z), "z(0) [m/s]"))
             gui.add_html(
                 '<div class="vs-note">K_s, F_1, F_2, A: one number for all axes, or one per axis, separated by '
                 "commas.</div>"
@@ -102,6 +104,12 @@ class ControllerPanel:
                 folder.visible = law.robust
         for control in self._controls:
             control.show(snapshot)
+
+
+def _kept_z(snapshot: Snapshot) -> tuple[float, ...] | None:
+    """State z of the compensator at the start; None, which hides its row, where it is made anew."""
+    kept = snapshot.scenario.controller.on_change == "watch"
+    return tuple(snapshot.system.z_0.tolist()) if kept else None
 
 
 def _feedback_html(snapshot: Snapshot) -> str:

@@ -2,20 +2,41 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import viser
 
-from app.dashboard.widgets.controls import Choice, Control, Desk, Number, Place, decades
+from app.dashboard.widgets.controls import Choice, Control, Desk, Number, Place, PlaceWhere, decades
 from app.dashboard.widgets.section_controls import field_controls, kind_choice
 from app.process.own_code import own_code
 from app.scenario.data import shipped
-from app.scenario.schema import Truth
-from app.session.commands import Load
+from app.scenario.schema import Scenario, Truth
+from app.session.commands import Edit, Load
 from app.session.snapshot import Snapshot
 from controllers.modes import MODES
 from environments.force_profiles.table import FORCE_PROFILES
-from environments.trajectories.table import TRAJECTORIES
+from environments.trajectories.table import ROTATIONS, TRAJECTORIES
 
 _EDITED = "edited, or one of your own"
+
+
+def _in_axes(scenario: Scenario) -> bool:
+    return scenario.task_space.kind == "cartesian" and not MODES[scenario.mode].on_surface
+
+
+class Supplemental(Place):
+    """Place of the supplemental joints that are in force, counted from 1; 0 stands for the arm's own."""
+
+    def read(self, snapshot: Snapshot) -> tuple[int, ...] | None:
+        layout = snapshot.system.layout
+        if layout.joint:
+            return None
+        return tuple(joint + 1 for joint in layout.supplemental_joints)
+
+    def edit(self, snapshot: Snapshot, value: Any) -> Edit:
+        del snapshot
+        joints = value if isinstance(value, list) else [value]
+        return Edit(self.path, None if joints == [0] else joints)
 
 
 class TaskPanel:
@@ -45,6 +66,23 @@ class TaskPanel:
                 Number(desk, Place("shift.by"), "shifted by [m]"),
                 Number(desk, Place("shift.duration"), "within [s]", decades(0.1, 10)),
             ]
+        self._rotation = gui.add_folder("Desired rotation")
+        with self._rotation:
+            self._controls += [
+                kind_choice(desk, "rotation", "Angles", ROTATIONS, {}),
+                *field_controls(desk, "rotation", ROTATIONS, {}),
+            ]
+            gui.add_html(
+                '<div class="vs-note">Of the tool about its axes, α, β, γ, then of supplemental joints, each from its '
+                "start.</div>"
+            )
+        with gui.add_folder("Task coordinates"):
+            kinds = {"the tool's place": "cartesian", "the joints, r = q": "joint"}
+            self._controls += [
+                Choice(desk, "task_space.kind", "r", kinds),
+                Number(desk, PlaceWhere("task_space.axes", _in_axes), "axes by [rad]"),
+                Number(desk, Supplemental("task_space.supplemental"), "joints in r"),
+            ]
         with gui.add_folder("Push on the tool"):
             self._controls += field_controls(desk, "truth", [Truth], {})
 
@@ -59,6 +97,8 @@ class TaskPanel:
         mode = MODES[snapshot.scenario.mode]
         if self._force.visible != mode.on_surface:
             self._force.visible = mode.on_surface
+        if self._rotation.visible == snapshot.system.layout.joint:
+            self._rotation.visible = not snapshot.system.layout.joint
         self._note.content = f'<div class="vs-note">{mode.title}, {mode.equation}. {mode.summary}</div>'
         for control in self._controls:
             control.show(snapshot)

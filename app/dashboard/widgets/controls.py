@@ -283,7 +283,7 @@ class Number:
 class Choice:
     """Dropdown of a field; `options` maps the text shown to the value in the scenario."""
 
-    def __init__(self, desk: Desk, path: str, label: str, options: Mapping[str, str]) -> None:
+    def __init__(self, desk: Desk, path: str, label: str, options: Mapping[str, object]) -> None:
         self._desk, self._place, self._options = desk, Place(path), dict(options)
         self._shown = {value: title for title, value in options.items()}
         self._answer = Answer()
