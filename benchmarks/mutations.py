@@ -22,7 +22,7 @@ import subprocess
 import sys
 import tempfile
 import tomllib
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
@@ -61,13 +61,19 @@ CAUGHT, SURVIVED = "caught", "SURVIVED"
 
 class Mutation(NamedTuple):
     """A mistake: in `file`, `old`, which occurs there exactly once, becomes `new`. `first` is the test file, without
-    "test_", that should detect it soonest, "" for the one with the name of `file`."""
+    "test_", that should detect it soonest and runs first; "" for the one with the name of `file`, if there is one."""
 
     meaning: str
     file: str
     old: str
     new: str
     first: str = ""
+
+    @property
+    def named(self) -> list[str]:
+        """Test files of that name."""
+        tests = (ROOT / "tests").rglob(f"test_{self.first or Path(self.file).stem}.py")
+        return [str(file.relative_to(ROOT)) for file in tests]
 
 
 def table() -> tuple[Mutation, ...]:
@@ -90,9 +96,10 @@ class Verdict:
 
 
 def misfits(rows: tuple[Mutation, ...]) -> list[str]:
-    """Rows whose old text does not occur exactly once in the sources."""
+    """Rows whose old text does not occur exactly once in the sources, or that name no test file."""
     counts = {m: (ROOT / m.file).read_text(encoding="utf-8").count(m.old) for m in rows}
-    return [f"{m.file}: {m.old!r} ({m.meaning}) stands {n} times" for m, n in counts.items() if n != 1]
+    unfit = [f"{m.file}: {m.old!r} ({m.meaning}) stands {n} times" for m, n in counts.items() if n != 1]
+    return unfit + [f"{m.file}: no test_{m.first}.py ({m.meaning})" for m in rows if m.first and not m.named]
 
 
 def importers(root: Path, changed: str) -> set[str]:
@@ -120,15 +127,15 @@ class Copy:
             shutil.copytree(ROOT / name, self.tree / name, ignore=shutil.ignore_patterns("__pycache__"))
         shutil.copy2(ROOT / "pyproject.toml", self.tree)
 
-    def run(self, kernels: Path, first: str = "") -> subprocess.CompletedProcess[str]:
-        """Run the tests, those named after `first` before the others, up to the first failure."""
+    def run(self, kernels: Path, first: Sequence[str] = ()) -> subprocess.CompletedProcess[str]:
+        """Run the tests, before them the files `first`, up to the first failure."""
         environment = os.environ | {
             "NUMBA_CACHE_DIR": str(kernels), "PYTHONDONTWRITEBYTECODE": "1", "PYTHONPATH": str(self.tree),
             "OMP_NUM_THREADS": "1",
             "NUMBA_OPT": "0",  # compiled once and run for seconds
         }  # fmt: skip
         command = [sys.executable, "-m", "pytest", "-x", "-q", "--tb=no", "-p", "no:cacheprovider"]
-        command += sorted(self._tests, key=lambda test: not Path(test).stem.endswith(first))
+        command += [*first, *(test for test in self._tests if test not in first)]
         return subprocess.run(
             command, cwd=self.tree, env=environment, capture_output=True, text=True, timeout=PATIENCE, check=False
         )
@@ -151,7 +158,7 @@ class Copy:
                 stale.unlink()
         file.write_text(sound.replace(mutation.old, mutation.new), encoding="utf-8")
         try:
-            done = self.run(kernels, mutation.first or file.stem)
+            done = self.run(kernels, mutation.named)
             failed = re.search(r"^(?:FAILED|ERROR) (?:tests/(?:\w+/)?)?(\S+)", done.stdout, re.MULTILINE)
             by = failed[1] if failed else f"pytest ended with {done.returncode}"
             return Verdict(mutation, CAUGHT, by) if done.returncode else Verdict(mutation, SURVIVED, "")
