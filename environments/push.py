@@ -39,22 +39,31 @@ class Grip:
 
 
 class TimedPush(NamedTuple):
-    """A constant force (3,) N on the tool from `start` s on, for `duration` s, again `every` s where that is not 0."""
+    """A force (3,) N on the tool from `start` s on, for `duration` s, again `every` s where that is not 0: constant, or
+    the amplitude of a sine that begins at zero, where `frequency` (Hz) is not 0."""
 
     force: np.ndarray
     start: float
     duration: float
     every: float = 0.0
+    frequency: float = 0.0
 
-    def acts(self, t: float) -> bool:
-        """Whether the push acts at time t (s)."""
-        return acts.py_func(self, t)
+    def at(self, t: float) -> np.ndarray | None:
+        """Force (3,) N at time t (s), None while the push does not act."""
+        force = np.zeros(3)
+        return force if push_at.py_func(self, t, force) else None
 
 
 @inline
-def acts(push, t):
-    """Whether a `TimedPush` acts at time t (s)."""
+def push_at(push, t, force):
+    """Compute the force (3,) N of a `TimedPush` at time t (s), and return whether it acts; else the force is left
+    alone."""
     since = t - push.start
     if push.every > 0.0:
         since = since % push.every if since >= 0.0 else since
-    return 0.0 <= since < push.duration
+    if not 0.0 <= since < push.duration:
+        return False
+    share = np.sin(2 * np.pi * push.frequency * since) if push.frequency > 0.0 else 1.0
+    for a in range(3):
+        force[a] = share * push.force[a]
+    return True

@@ -118,6 +118,16 @@ class Truth(Section, frozen=True, forbid_unknown_fields=True):
             le=36000,
         ),
     ] = 0.0
+    push_frequency: Annotated[
+        float,
+        field(
+            "frequency of a sinusoidal push, of which `push` is the amplitude; 0 for a constant one",
+            "Hz",
+            decades("sine at", 0.1, 50, zero=True),
+            ge=0,
+            le=500,
+        ),
+    ] = 0.0
 
 
 class Declared(Section, frozen=True, forbid_unknown_fields=True):

@@ -32,7 +32,7 @@ from environments.plant import (
     out_of_reach,
     semi_implicit_euler,
 )
-from environments.push import TimedPush, acts
+from environments.push import TimedPush, push_at
 from environments.readings_ahead import ReadingsAhead, known, read_force
 from kernels import Elsewhere, compiled_for, inline, without_lock
 from kernels.algebra import copy
@@ -124,8 +124,7 @@ def _find_tool(engine, q):
 def _measure(engine, sensing, errors, line, k, around, arm, period, t):
     """Compute the push at t (s) and the reading of the force sensor, as `ControlledArm.measure` does."""
     push, F = period[0].push, engine.F
-    if acts(engine.push, t):
-        copy(engine.push.force, push)
+    if push_at(engine.push, t, push):
         J, R, p = _find_tool(engine, arm[0].q)
         ask(engine.plant_kernels.push, (around, J, R, p, push, engine.pushed))
     else:

@@ -99,7 +99,7 @@ class ControlledArm:
         """Compute the force of hand and script on the tool over this period; False, as fast as possible, when there is
         none."""
         grip, script = self._state.grip, self._scripted
-        force = script.force if script is not None and script.acts(self._state.t) else None
+        force = None if script is None else script.at(self._state.t)
         pushed = force is not None or grip is not None
         if pushed:
             arm = self._state.arm

@@ -66,7 +66,7 @@ def truth_of(scenario: Scenario, robot: robots.Robot) -> Truth:
 def push_of(scenario: Scenario) -> TimedPush:
     """The push by the clock."""
     t = scenario.truth
-    return TimedPush(np.array(t.push), t.push_start, t.push_duration, t.push_every)
+    return TimedPush(np.array(t.push), t.push_start, t.push_duration, t.push_every, t.push_frequency)
 
 
 def _torque_limit(given: float | tuple[float, ...], robot: robots.Robot) -> np.ndarray:

@@ -18,6 +18,7 @@ from scipy.linalg import block_diag
 from scipy.optimize import linear_sum_assignment
 
 from app.simulation.controlled_arm import ControlledArm
+from app.simulation.push_response import PushResponse
 from app.simulation.signals import Row
 from app.simulation.state import State, observed
 from app.simulation.system import System
@@ -80,12 +81,14 @@ class SampledLoop:
     model: (k,) 1/s, poles of (8) against the true contact.
     sampled: (k,) 1/s, the pole of the sampled loop for each of them, none where nothing is judged.
     force_factor: factor of one sample on an error in the force of a rigid or heavy surface, nan without one.
-    premises: values of those about sampled loops, nan where one does not apply, none of them where J_q is singular."""
+    premises: values of those about sampled loops, nan where one does not apply, none of them where J_q is singular.
+    response: of the tool to a push; None where nothing is judged."""
 
     model: np.ndarray
     sampled: np.ndarray
     force_factor: float
     premises: Mapping[Premise, float]
+    response: PushResponse | None = None
 
 
 @dataclass(frozen=True)
@@ -125,7 +128,12 @@ def sampled_loop(system: System, q: np.ndarray, t: float) -> SampledLoop:
     try:
         at = Posture.of(system, q, t)
         factor, (given_back, added) = force_factor(system, at), gain_by_force(system, at)
-        model, sampled, growth = _poles(system, at) if _judged(system) else (NO_POLES, NO_POLES, math.nan)
+        model, sampled, growth, response = NO_POLES, NO_POLES, math.nan, None
+        if _judged(system):
+            period = PeriodMap(system, at)
+            A = period.jacobian()
+            model, sampled, growth = _poles(system, at, A)
+            response = _push_response(system, at, A, period.by_push())
     except (ValueError, np.linalg.LinAlgError):  # J_q is singular: `Premise.REGULAR` says so
         return SampledLoop(NO_POLES, NO_POLES, math.nan, {})
     premises = {
@@ -133,13 +141,13 @@ def sampled_loop(system: System, q: np.ndarray, t: float) -> SampledLoop:
         Premise.GAIN_BY_FORCE: given_back,
         Premise.SAMPLED_LOOP: growth - ROUNDING,
     }
-    return SampledLoop(model, sampled, factor, premises)
+    return SampledLoop(model, sampled, factor, premises, response)
 
 
-def _poles(system: System, at: Posture) -> tuple[np.ndarray, np.ndarray, float]:
-    """Poles of the model, those of the sampled loop, and the growth of a deviation per control period, in contact and,
-    where the arm may leave the surface, off it."""
-    values = np.linalg.eigvals(period_matrix(system, at)).astype(complex)
+def _poles(system: System, at: Posture, A: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
+    """Poles of the model, those of the sampled loop with the Jacobian A (k, k) of its period, and the growth of a
+    deviation per control period, in contact and, where the arm may leave the surface, off it."""
+    values = np.linalg.eigvals(A).astype(complex)
     growth = float(np.abs(values).max())
     if not system.mode.on_surface and system.plant.kind.touches:
         off = np.linalg.eigvals(period_matrix(system, at, touching=False))
@@ -161,12 +169,12 @@ def _judged(system: System) -> bool:
 
 def period_matrix(system: System, at: Posture, *, touching: bool = True) -> np.ndarray:
     """Jacobian (k, k) of one control period at rest, by central differences of the period itself."""
-    return _PeriodMap(system, at, touching=touching).jacobian()
+    return PeriodMap(system, at, touching=touching).jacobian()
 
 
-class _PeriodMap:
-    """One control period of a run, as a map of small deviations from rest and s = 0 at a posture: the arm without
-    anything that has a kink, a constant reference at its present place, and no push.
+class PeriodMap:
+    """One control period of a run, as a map of small deviations from rest and s = 0 at a posture and of a push on the
+    tool: the arm without anything that has a kink, and a constant reference at its present place.
 
     Deviations x: of the arm along the directions in which it can move and of their rates, in task coordinates, m and
     m/s; of z (m/s) under a law that has it, and of a law's own state; of the next readings of the force sensor, N: the
@@ -174,7 +182,7 @@ class _PeriodMap:
     of a heavy contact from the period before, and the delayed readings.
     """
 
-    def __init__(self, system: System, at: Posture, *, touching: bool) -> None:
+    def __init__(self, system: System, at: Posture, *, touching: bool = True) -> None:
         controller, task, basis = system.controller, at.task, _free_directions(system, at)
         self._out, self._in = task.J_q_inv @ basis, basis.T @ task.J_q
         self._plant = system.plant.smooth(touching=touching)
@@ -183,16 +191,18 @@ class _PeriodMap:
         e_Fc = np.zeros(system.layout.n) if system.m else controller.controlled * at.across * met
         model = controller.model
         r_d = task.r + np.linalg.pinv(model.K_m) @ model.K_f @ e_Fc  # where (8) rests under this force
+        self._push = np.full(3, FORCE_STEP)  # of no push at all the arm would not look for one
         still = replace(
             system,
             plant=self._plant,
             plan=system.plan.held(r_d, met),
             sensor=system.sensor.steady(),
-            push=TimedPush(np.zeros(3), 0.0, 0.0),
+            push=TimedPush(self._push, at.t, math.inf),
             blend=None,
         )
         self._state = state = State.at(still, at.q, q_dot, at.t)
         self._arm, self._row = ControlledArm(still, state), Record(Row.zeros(system.layout.n)).data
+        self._push[:] = 0.0
         _, _, e_r, e_r_dot = observed(still, at.t, state.arm)
         state.period.views.z[:] = controller.compensator.without_reaching(e_r, e_r_dot)
         while not state.reader.full:
@@ -237,6 +247,21 @@ class _PeriodMap:
             columns.append(gather @ (ahead - behind) / (2.0 * step))
         return np.column_stack(columns)
 
+    def by_push(self) -> np.ndarray:
+        """Change (k, 3) of the state after the period per N of a push along the world's axes."""
+        gather, columns = _block(self._in.T, len(self._base)).T, []
+        for axis in range(3):
+            ahead, behind = (self._pushed(axis, sign * FORCE_STEP) for sign in (1.0, -1.0))
+            columns.append(gather @ (ahead - behind) / (2.0 * FORCE_STEP))
+        return np.column_stack(columns)
+
+    def _pushed(self, axis: int, newtons: float) -> np.ndarray:
+        """The state after a period at rest with a push."""
+        self._push[axis] = newtons
+        after = self._after(self._base)
+        self._push[axis] = 0.0
+        return after
+
 
 def _block(directions: np.ndarray, length: int) -> np.ndarray:
     """Matrix from deviations to vectors of this length: by `directions` (n, k) for the arm and for its rate, the rest
@@ -246,13 +271,52 @@ def _block(directions: np.ndarray, length: int) -> np.ndarray:
 
 def model_poles(system: System, at: Posture) -> np.ndarray:
     """Poles (k,) 1/s of (8) against the true contact, in the directions in which the arm can move."""
+    M, B, K = _in_contact(system, at)
+    return TargetModel(M, B, K, np.zeros_like(M)).poles()
+
+
+def _in_contact(system: System, at: Posture) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Inertia, damping and stiffness of (8) against the true contact, in the directions in which the arm can move."""
     model, contact, kind, a = system.controller.model, system.plant.contact, system.plant.kind, at.across
     basis = _free_directions(system, at)
     felt = model.K_f @ np.outer(system.controller.controlled * a, a)
     M = basis.T @ (model.M_m + felt * (contact.M_e if kind.massive else 0.0)) @ basis
     B = basis.T @ (model.B_m + felt * (contact.B_e if kind.springs else 0.0)) @ basis
     K = basis.T @ (model.K_m + felt * (contact.K_e if kind.springs else 0.0)) @ basis
-    return TargetModel(M, B, K, np.zeros_like(M)).poles()
+    return M, B, K
+
+
+def _push_response(system: System, at: Posture, A: np.ndarray, by_push: np.ndarray) -> PushResponse:
+    """Response of the tool to a push along the axes of the positions in r.
+    A (k, k), by_push (k, 3): of the control period."""
+    controller, estimate, J_inv = system.controller, at.estimate, at.task.J_q_inv
+    rows = system.charted.chart(estimate.p, at.t).G[: system.layout.positions]
+    axes = rows / np.linalg.norm(rows, axis=1, keepdims=True)
+    basis = _free_directions(system, at)
+    place = axes @ estimate.J_v @ J_inv  # of the tool, from r
+    felt = controller.model.K_f @ (controller.controlled[:, None] * (J_inv.T @ estimate.J_v.T @ axes.T))
+    M, D, K = _in_contact(system, at)
+    C = np.zeros((len(axes), len(A)))
+    C[:, : basis.shape[1]] = place @ basis
+    return PushResponse(
+        axes=_names(system, len(axes)),
+        period=system.scenario.controller.period,
+        A=A,
+        B=by_push @ axes.T,
+        C=C,
+        M=M,
+        D=D,
+        K=K,
+        pushed=basis.T @ felt,
+        place=place @ basis,
+    )
+
+
+def _names(system: System, count: int) -> tuple[str, ...]:
+    """Names of the axes of the positions, also where r = q."""
+    if system.layout.joint:
+        return ("x", "z") if count == 2 else ("x", "y", "z")
+    return tuple(coordinate.name for coordinate in system.coordinates[:count])
 
 
 def _free_directions(system: System, at: Posture) -> np.ndarray:

@@ -182,10 +182,10 @@ def test_a_timed_push_is_part_of_the_scenario() -> None:
     scenario = impedance(**{"truth.push": [1.0, 2.0, 3.0], "truth.push_duration": 0.25})
     assert from_toml(to_toml(scenario)) == scenario
     push = TimedPush(np.array([1.0, 2.0, 3.0]), 1.0, 0.25)
-    assert [push.acts(t) for t in (0.99, 1.0, 1.2, 1.25)] == [False, True, True, False]
+    assert [push.at(t) is not None for t in (0.99, 1.0, 1.2, 1.25)] == [False, True, True, False]
     again = TimedPush(np.array([1.0, 2.0, 3.0]), 1.0, 0.25, 2.0)
     acting = {0.99: False, 1.0: True, 1.25: False, 2.99: False, 3.0: True, 3.24: True, 3.25: False, 101.0: True}
-    assert {t: again.acts(t) for t in acting} == acting
+    assert {t: again.at(t) is not None for t in acting} == acting
 
 
 def test_push_now_begins_the_scenarios_push_or_one_sideways_and_the_run_goes_on() -> None:

@@ -1,0 +1,79 @@
+"""Response of the tool to a push, in linear terms: that of the target model, and what the sampled loop makes of it.
+
+The push is held over each control period, and the speed is the tool's mean one over it, so that force times speed is
+the work done in the period: where the Hermitian part of the admittance has no negative eigenvalue, a sinusoidal push
+gets no energy from the arm.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+ROUNDING = 1e-9  # of the admittance's largest entry: more than differences of the period leave of a zero
+
+
+@dataclass(frozen=True)
+class PushResponse:
+    """Response at rest at one posture, along p axes through the tool.
+
+    axes: their names.
+    period: s.
+    A (k, k), B (k, p): deviations x from rest, one control period on, A x + B F, with the push F in N.
+    C: (p, k), place of the tool along the axes, m, from x.
+    M, D, K: (j, j) kg, N s/m, N/m, of the target model against the true contact, in the directions in which the arm can
+    move.
+    pushed: (j, p), force on the model per push; place: (p, j), place of the tool from its coordinates.
+    """
+
+    axes: tuple[str, ...]
+    period: float
+    A: np.ndarray
+    B: np.ndarray
+    C: np.ndarray
+    M: np.ndarray
+    D: np.ndarray
+    K: np.ndarray
+    pushed: np.ndarray
+    place: np.ndarray
+
+    @property
+    def highest(self) -> float:
+        """Frequency, Hz, beyond which samples cannot tell."""
+        return 0.5 / self.period
+
+    def admittance(self, frequency: np.ndarray) -> np.ndarray:
+        """Admittance (N, p, p) of the sampled loop, m/s per N, at frequencies (N,) Hz up to `highest`."""
+        z = np.exp(2j * np.pi * frequency * self.period)[:, None, None]
+        x = np.linalg.solve(z * np.eye(len(self.A)) - self.A, np.broadcast_to(self.B, (len(z), *self.B.shape)))
+        return (z - 1.0) / self.period * (self.C @ x)
+
+    def target(self, frequency: np.ndarray) -> np.ndarray:
+        """Admittance (N, p, p) of the target model, m/s per N: s (M s^2 + D s + K)^-1; zero for a model that feels no
+        force."""
+        s = 2j * np.pi * frequency[:, None, None]
+        forces = np.broadcast_to(self.pushed, (len(s), *self.pushed.shape))
+        return s * (self.place @ np.linalg.solve(self.M * s**2 + self.D * s + self.K, forces))
+
+
+def along_axes(admittance: np.ndarray) -> np.ndarray:
+    """Impedance (N, p), N s/m, that a push along each axis meets while the others are free; infinite where nothing
+    moves. admittance: (N, p, p)."""
+    with np.errstate(divide="ignore"):
+        return 1.0 / np.abs(np.diagonal(admittance, axis1=1, axis2=2))
+
+
+def largest_and_smallest(admittance: np.ndarray) -> np.ndarray:
+    """Largest and smallest impedance (N, 2), N s/m, over all directions: one over the admittance's singular values.
+    admittance: (N, p, p)."""
+    values = np.linalg.svd(admittance, compute_uv=False)
+    with np.errstate(divide="ignore"):
+        return 1.0 / values[:, [-1, 0]]
+
+
+def passive(admittance: np.ndarray) -> np.ndarray:
+    """Mask (N,) of the frequencies at which no sinusoidal push gets energy from the arm. admittance: (N, p, p)."""
+    hermitian = 0.5 * (admittance + np.conj(np.swapaxes(admittance, 1, 2)))
+    least = np.linalg.eigvalsh(hermitian)[:, 0]
+    return least >= -ROUNDING * np.abs(admittance).max()
