@@ -1,4 +1,4 @@
-"""The `vsmrc` command: `serve | run | compare | export | figures | list`."""
+"""The `vsmrc` command: `serve | run | compare | export | response | figures | list`."""
 
 from __future__ import annotations
 
@@ -363,6 +363,73 @@ def export(
     return status
 
 
+def response(
+    scenario: tyro.conf.Positional[str],
+    /,
+    *,
+    out: Path,
+    at: float = 0.0,
+    measure: tuple[float, ...] = (),
+    newtons: float = 2.0,
+    use: Files = (),
+    settings: Settings = (),
+) -> int:
+    """Compare the impedance that the tool has with that of the target model: writes response.svg and response.csv.
+
+    Args:
+        scenario: a shipped scenario or a .toml file
+        out: folder for the files
+        at: the instant of the run whose posture is looked at, s
+        measure: frequencies, Hz, at which whole runs under a sinusoidal push measure it, too
+        newtons: size of that push, N
+        use: a file with a control law of your own (docs/extending.md)
+    """
+    from app.export.figures import render
+    from app.export.response_files import figure_of, table_of, told
+    from app.process.atomic_write import write_whole
+    from app.scenario.caption import title_of
+    from app.session.push_measurement import measured
+    from app.simulation.closed_loop import ClosedLoop
+    from app.simulation.sampled_stability import oscillations, sampled_loop
+    from app.storage.constants_store import kept_memory
+
+    if not 0.0 <= at < math.inf:
+        raise ScenarioError(f"--at {at:g}: allowed: 0 s or more")
+    if not 0.0 < newtons < math.inf:
+        raise ScenarioError(f"--newtons {newtons:g}: allowed: more than 0 N")
+    _use(use)
+    chosen, memory = _configured(scenario, settings), kept_memory()
+    loop = ClosedLoop(chosen, memory=memory)
+    while loop.t < at - 0.5 * loop.period and not loop.stopped:
+        loop.step()
+    seen = sampled_loop(loop.system, loop.state.arm.views.q.copy(), loop.t)
+    if seen.response is None:
+        raise ScenarioError(f"response: {scenario} has none: the law chatters, the sensor is late, or J_q is singular")
+    points = [measured(chosen, seen.response.directions, each, newtons, memory) for each in measure]
+    for line in told(seen.response):
+        print(line)
+    for pole in oscillations(seen):
+        print(
+            f"poles of the target model at {pole.omega:.4g} 1/s, damping {pole.zeta:.3g}: in the sampled loop "
+            f"{pole.sampled_omega:.4g} 1/s, damping {pole.sampled_zeta:.3g}"
+        )
+    if math.isfinite(seen.force_factor):
+        print(f"force loop: a sample multiplies an error by {seen.force_factor:.3g}; allowed below 1 in size")
+    caption = f"{title_of(chosen, shipped().get(chosen.name)).text}, at t = {loop.t:.3g} s."
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+        files = {
+            "response.svg": render(figure_of(seen, seen.response, points, caption), "svg"),
+            "response.csv": table_of(seen.response, points).encode(),
+        }
+        for name, content in files.items():
+            write_whole(out / name, lambda file, content=content: file.write(content))
+    except OSError as error:
+        raise ScenarioError(f"--out {out}: cannot be written: {error.strerror}") from error
+    print(f"written to {out}")
+    return DONE
+
+
 def figures(*, out: Path, only: tuple[str, ...] = (), thin: int = 1) -> int:
     """Compute the evidence anew: evidence.md with every figure and number of docs/evidence.md, on all cores.
 
@@ -459,7 +526,15 @@ def _shown(value: object) -> str:
 def execute(arguments: list[str]) -> int:
     """Exit status of the command with these arguments, as `app.__main__` has it. Raises KeyboardInterrupt."""
     log.configure_as_parent()
-    commands = {"serve": serve, "run": run, "compare": compare, "export": export, "figures": figures, "list": list_}
+    commands = {
+        "serve": serve,
+        "run": run,
+        "compare": compare,
+        "export": export,
+        "response": response,
+        "figures": figures,
+        "list": list_,
+    }
     if not arguments or (arguments[0].startswith("-") and arguments[0] not in ("-h", "--help")):
         arguments = ["serve", *arguments]
     if arguments[0] not in (*commands, "-h", "--help"):

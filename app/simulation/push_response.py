@@ -10,7 +10,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.signal import StateSpace, step
 
+LOWEST = 0.05  # Hz
 ROUNDING = 1e-9  # of the admittance's largest entry: more than differences of the period leave of a zero
 
 
@@ -18,7 +20,7 @@ ROUNDING = 1e-9  # of the admittance's largest entry: more than differences of t
 class PushResponse:
     """Response at rest at one posture, along p axes through the tool.
 
-    axes: their names.
+    axes: their names; directions: (p, 3), unit vectors in the world.
     period: s.
     A (k, k), B (k, p): deviations x from rest, one control period on, A x + B F, with the push F in N.
     C: (p, k), place of the tool along the axes, m, from x.
@@ -28,6 +30,7 @@ class PushResponse:
     """
 
     axes: tuple[str, ...]
+    directions: np.ndarray
     period: float
     A: np.ndarray
     B: np.ndarray
@@ -42,6 +45,29 @@ class PushResponse:
     def highest(self) -> float:
         """Frequency, Hz, beyond which samples cannot tell."""
         return 0.5 / self.period
+
+    def frequencies(self, count: int = 200) -> np.ndarray:
+        """Frequencies (count,) Hz from 0.05 Hz on, as far as samples can tell, evenly in the logarithm."""
+        return np.geomspace(LOWEST, 0.98 * self.highest, count)
+
+    def step(self, seconds: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Way of the tool along each axis, m, under a push of 1 N along it from t = 0 on: times (N,) s, that of the
+        sampled loop (N, p), and that of the target model."""
+        times = self.period * np.arange(round(seconds / self.period) + 1)
+        p = len(self.axes)
+        sampled, target = np.empty((len(times), p)), np.empty((len(times), p))
+        rates = np.linalg.solve(self.M, np.hstack([-self.K, -self.D]))
+        drift = np.vstack([np.eye(len(self.M), 2 * len(self.M), len(self.M)), rates])
+        for axis in range(p):
+            x = np.zeros(len(self.A))
+            for k in range(len(times)):
+                sampled[k, axis] = self.C[axis] @ x
+                x = self.A @ x + self.B[:, axis]
+            force = np.concatenate([np.zeros(len(self.M)), np.linalg.solve(self.M, self.pushed[:, axis])])
+            place = np.concatenate([self.place[axis], np.zeros(len(self.M))])
+            model = StateSpace(drift, force[:, None], place[None], np.zeros((1, 1)))
+            target[:, axis] = step(model, T=times)[1]
+        return times, sampled, target
 
     def admittance(self, frequency: np.ndarray) -> np.ndarray:
         """Admittance (N, p, p) of the sampled loop, m/s per N, at frequencies (N,) Hz up to `highest`."""

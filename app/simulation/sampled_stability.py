@@ -300,6 +300,7 @@ def _push_response(system: System, at: Posture, A: np.ndarray, by_push: np.ndarr
     C[:, : basis.shape[1]] = place @ basis
     return PushResponse(
         axes=_names(system, len(axes)),
+        directions=axes,
         period=system.scenario.controller.period,
         A=A,
         B=by_push @ axes.T,

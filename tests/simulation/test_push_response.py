@@ -67,8 +67,8 @@ def test_a_sinusoidal_push_on_the_whole_simulation_meets_the_predicted_admittanc
     found = sampled_loop(loop.system, loop.state.arm.views.q.copy(), loop.t).response
     assert found is not None
     frequency, h = 5.0, loop.period
-    rows = loop.system.charted.chart(loop.view().tool, loop.t).G[: len(found.axes)]
-    axes = rows / np.linalg.norm(rows, axis=1, keepdims=True)
+    axes = found.directions
+    assert axes @ axes.T == pytest.approx(np.eye(len(axes)))
     predicted = found.admittance(np.array([frequency]))[0]
     for column, along in enumerate(axes):
         pushed = to_plain(base)
@@ -85,6 +85,14 @@ def test_a_sinusoidal_push_on_the_whole_simulation_meets_the_predicted_admittanc
         speeds = np.diff(rows["tool"] @ axes.T, axis=0)[last] / h
         measured = (speeds.T @ wave) / force
         np.testing.assert_allclose(measured, predicted[:, column], atol=0.02 * np.abs(predicted).max())
+
+
+def test_the_tool_yields_to_a_steady_push_as_mass_damper_and_spring() -> None:
+    times, sampled, target = response_of(known_arm()).step(3.0)
+    a, b = np.roots([8.0, 120.0, 700.0]).astype(complex)
+    expected = np.real(1.0 + (b * np.exp(a * times) - a * np.exp(b * times)) / (a - b)) / 700.0
+    assert target == pytest.approx(np.outer(expected, np.ones(3)), abs=1e-9)
+    assert sampled == pytest.approx(target, abs=0.01 / 700.0)
 
 
 def test_a_sampled_loop_is_passive_where_no_push_gets_energy_from_it() -> None:

@@ -11,6 +11,7 @@ import viser
 
 from app.dashboard.widgets.controls import Desk, Number, Place, Scale, decades
 from app.dashboard.widgets.equation import is_fixed, symbol
+from app.dashboard.widgets.impedance_map import impedance_html
 from app.dashboard.widgets.matrix_editor import MatrixEditor
 from app.dashboard.widgets.matrix_text import written
 from app.dashboard.widgets.model_checks import checks_html, loops_html
@@ -19,6 +20,7 @@ from app.scenario.schema import Scenario
 from app.scenario.units import JOINT
 from app.session.commands import Edit
 from app.session.snapshot import Snapshot
+from app.simulation.push_response import PushResponse
 
 
 @dataclass(frozen=True)
@@ -36,8 +38,8 @@ class _View(Protocol):
 
 
 class ModelPanel:
-    """Three views of the same model, of which the page shows one (state of the page); below them pole map and
-    checks."""
+    """Three views of the same model, of which the page shows one (state of the page); below them pole map, checks
+    and impedance."""
 
     def __init__(self, desk: Desk) -> None:
         self._desk, gui = desk, desk.gui
@@ -57,6 +59,8 @@ class ModelPanel:
             with self._folders[title]:
                 self._views[title] = view()
         self._checks, self._loops = gui.add_html(""), gui.add_html("")
+        self._impedance = gui.add_html("")
+        self._response: PushResponse | None = None
         self._checked: tuple[Scenario, float | None, Edit | None] | None = None
 
     async def _on_choice(self, event: viser.GuiEvent) -> None:
@@ -75,6 +79,9 @@ class ModelPanel:
             self._checked = of
             self._checks.content = checks_html(snapshot, edit)
         self._loops.content = loops_html(snapshot)
+        if (response := snapshot.sampled.response) is not self._response:
+            self._response = response
+            self._impedance.content = "" if response is None else impedance_html(response)
 
     def _asked(self, snapshot: Snapshot) -> Edit | None:
         """Edit of the model that a held slider or a draft asks for."""

@@ -1,0 +1,131 @@
+"""Files of a response to a push: its figure, its numbers as a table, and what they say in a few lines."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from app.export.figures import FREQUENCY, Chart, Curve, Figure, Rgb
+from app.session.push_measurement import Measured
+from app.simulation.push_response import PushResponse, along_axes, largest_and_smallest, passive
+from app.simulation.sampled_stability import SampledLoop
+
+BLUE, ORANGE, GREY = (86, 180, 233), (230, 159, 0), (140, 140, 140)
+NEAR = 0.1  # of the target's impedance: as near the sampled loop follows it
+STEP = 2.0  # s, of the response to a step
+
+
+def figure_of(loop: SampledLoop, response: PushResponse, points: Sequence[Measured], caption: str) -> Figure:
+    """Figure: the impedance along each axis and over all directions, the way under a step, and the poles."""
+    frequency = response.frequencies()
+    sampled, target = response.admittance(frequency), response.target(frequency)
+    z_sampled, z_target = along_axes(sampled), along_axes(target)
+    at = np.array([point.frequency for point in points])
+    dots = along_axes(np.array([point.admittance for point in points])) if points else np.empty((0, len(response.axes)))
+    charts = [
+        _chart(
+            f"impedance along {name}",
+            "N·s/m",
+            [
+                _line("target model (8)", ORANGE, frequency, z_target[:, axis], dashed=True),
+                _line("sampled loop", BLUE, frequency, z_sampled[:, axis]),
+                *([Curve("measured", GREY, at, dots[:, axis], width=0.0, dotted=True)] if points else []),
+            ],
+        )
+        for axis, name in enumerate(response.axes)
+    ]
+    extremes, wanted = largest_and_smallest(sampled), largest_and_smallest(target)
+    charts.append(
+        _chart(
+            "impedance, over all directions",
+            "N·s/m",
+            [
+                _line("target, largest", ORANGE, frequency, wanted[:, 0], dashed=True),
+                _line("target, smallest", ORANGE, frequency, wanted[:, 1], dashed=True),
+                _line("sampled, largest", BLUE, frequency, extremes[:, 0]),
+                _line("sampled, smallest", BLUE, frequency, extremes[:, 1]),
+            ],
+        )
+    )
+    times, ways, wished = response.step(STEP)
+    for axis, name in enumerate(response.axes):
+        curves = (
+            Curve("target model (8)", ORANGE, times, 1e3 * wished[:, axis], dashed=True),
+            Curve("sampled loop", BLUE, times, 1e3 * ways[:, axis]),
+        )
+        charts.append(Chart(f"way along {name} under 1 N from t = 0 on", "mm", curves))
+    poles = (
+        Curve("target model (8)", ORANGE, np.real(loop.model), np.imag(loop.model), width=0.0, dotted=True),
+        Curve("sampled loop", BLUE, np.real(loop.sampled), np.imag(loop.sampled), width=0.0, dotted=True),
+    )
+    charts.append(Chart("poles, imaginary over real part", "1/s", poles, x_label="real part [1/s]"))
+    return Figure(tuple(charts), caption, one_column=1)
+
+
+def _line(name: str, color: Rgb, frequency: np.ndarray, impedance: np.ndarray, *, dashed: bool = False) -> Curve:
+    finite = np.isfinite(impedance)
+    return Curve(name, color, frequency[finite], impedance[finite], dashed=dashed, listed=bool(finite.any()))
+
+
+def _chart(title: str, unit: str, curves: list[Curve]) -> Chart:
+    drawn = tuple(curve for curve in curves if len(curve.x))
+    return Chart(title, unit, drawn, x_label=FREQUENCY, logarithmic=True, logarithmic_x=True)
+
+
+def table_of(response: PushResponse, points: Sequence[Measured]) -> str:
+    """CSV of the impedance and its phase along each axis, of its extremes over all directions, and of passivity; then
+    of the measured points."""
+    frequency = response.frequencies()
+    file = io.StringIO()
+    rows = csv.writer(file, lineterminator="\n")
+    whats = [f"{what} along {name}" for name in response.axes for what in ("impedance [N·s/m]", "phase [deg]")]
+    rows.writerow(["kind", "frequency [Hz]", *whats, "largest [N·s/m]", "smallest [N·s/m]", "passive"])
+    of_points = (np.array([p.frequency for p in points]), np.array([p.admittance for p in points]))
+    kinds = {
+        "target": (frequency, response.target(frequency)),
+        "sampled": (frequency, response.admittance(frequency)),
+        **({"measured": of_points} if points else {}),
+    }
+    for kind, (at, admittance) in kinds.items():
+        rows.writerows([kind, *line] for line in _lines(at, admittance))
+    return file.getvalue()
+
+
+def _lines(frequency: np.ndarray, admittance: np.ndarray) -> Iterator[list[str]]:
+    impedance, phase = along_axes(admittance), -np.angle(np.diagonal(admittance, axis1=1, axis2=2), deg=True)
+    extremes, does = largest_and_smallest(admittance), passive(admittance)
+    for k, at in enumerate(frequency):
+        pairs = np.column_stack([impedance[k], phase[k]]).ravel()
+        yield [f"{at:.6g}", *(f"{value:.6g}" for value in (*pairs, *extremes[k])), "yes" if does[k] else "no"]
+
+
+def told(response: PushResponse) -> list[str]:
+    """What the response says, line by line: how far it follows the target, and where it is passive."""
+    frequency = response.frequencies()
+    sampled, target = response.admittance(frequency), response.target(frequency)
+    return [
+        *(_followed(name, frequency, sampled[:, k, k], target[:, k, k]) for k, name in enumerate(response.axes)),
+        f"passive {_ranges(frequency, passive(sampled))}",
+    ]
+
+
+def _followed(name: str, frequency: np.ndarray, sampled: np.ndarray, target: np.ndarray) -> str:
+    if not np.abs(target).max() > 1e-12:
+        largest = np.abs(sampled / (2 * np.pi * frequency)).max()
+        yields = f"yields by {1e6 * largest:.3g} µm per N at most" if largest > 1e-12 else "does not yield"
+        return f"along {name}: the target model feels no force, and the arm {yields}"
+    near = np.abs(target / sampled - 1.0) <= NEAR
+    return f"along {name}: within {NEAR:.0%} of the target's impedance {_ranges(frequency, near)}"
+
+
+def _ranges(frequency: np.ndarray, does: np.ndarray) -> str:
+    """Ranges of the frequency where something holds, in words."""
+    if does.all():
+        return "at all frequencies that samples can tell"
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], does, [False]]).astype(int)))
+    ranges = [(frequency[first], frequency[last - 1]) for first, last in edges.reshape(-1, 2)]
+    told = [f"{'' if low == frequency[0] else f'from {low:.3g} '}up to {high:.3g} Hz" for low, high in ranges]
+    return " and ".join(told) if told else "nowhere"

@@ -1,0 +1,78 @@
+"""Files of the response to a push: what the command writes, prints and refuses."""
+
+from __future__ import annotations
+
+import csv
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from app.cli import execute
+from app.dashboard.widgets.impedance_map import impedance_html
+from app.scenario.data import from_plain, load, to_plain, to_toml
+from app.simulation.sampled_stability import sampled_loop
+from app.simulation.system import assemble
+
+
+@pytest.fixture
+def known(tmp_path: Path) -> Path:
+    """A scenario file of an arm that is known exactly, in free space."""
+    data = to_plain(load("ur5-impedance"))
+    data["truth"], data["declared"], data["contact"] = {}, {}, {"kind": "free"}
+    data["target_model"] = {"M_m": [8.0] * 6, "B_m": [120.0] * 6, "K_m": [700.0] * 6, "K_f": [1.0] * 6}
+    path = tmp_path / "known.toml"
+    path.write_text(to_toml(from_plain(data)), encoding="utf-8")
+    return path
+
+
+def test_the_table_has_target_sampled_loop_and_measured_points(
+    known: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert execute(["response", str(known), "--out", str(tmp_path / "out"), "--measure", "4"]) == 0
+    said = capsys.readouterr().out
+    assert "along x: within 10% of the target's impedance up to" in said
+    assert "poles of the target model at 9.35 1/s, damping 0.802" in said  # sqrt(700 / 8), 120 / (2 sqrt(700 8))
+    with (tmp_path / "out" / "response.csv").open(encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    for row in rows:
+        s = 2j * np.pi * float(row["frequency [Hz]"])
+        wanted = 8.0 * s + 120.0 + 700.0 / s
+        near = {"target": 1e-4, "sampled": 0.05, "measured": 0.05}[row["kind"]]
+        if float(row["frequency [Hz]"]) < 10.0:
+            assert float(row["impedance [N·s/m] along x"]) == pytest.approx(abs(wanted), rel=near)
+            assert float(row["phase [deg] along x"]) == pytest.approx(np.angle(wanted, deg=True), abs=90.0 * near)
+    assert {row["kind"] for row in rows} == {"target", "sampled", "measured"}
+    assert [row["passive"] for row in rows if row["kind"] == "target"] == ["yes"] * 200
+    svg = (tmp_path / "out" / "response.svg").read_text(encoding="utf-8")
+    assert "impedance along" in svg
+    assert "poles, imaginary over real part" in svg
+
+
+@pytest.mark.parametrize(
+    ("arguments", "sentence"),
+    [
+        (("ur5-motion", "--at", "-1"), "--at -1: allowed: 0 s or more"),
+        (("ur5-motion", "--newtons", "0"), "--newtons 0: allowed: more than 0 N"),
+        (("ur5-motion", "--measure", "400"), "--measure 400: Hz; allowed: 0.0167 to 250 Hz with this period"),
+        (("ur5-motion-discontinuous",), "response: ur5-motion-discontinuous has none: the law chatters"),
+    ],
+)
+def test_what_has_no_response_is_refused_in_a_sentence(
+    arguments: tuple[str, ...], sentence: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert execute(["response", *arguments, "--out", str(tmp_path)]) == 2
+    told = capsys.readouterr().err
+    assert told.startswith(f"vsmrc: {sentence}")
+    assert told.count("\n") == 1
+
+
+@pytest.mark.parametrize("scenario", ["ur5-hybrid", "ur5-constrained", "planar2r-semicircle"])
+def test_the_page_draws_a_line_for_each_axis_and_says_where_the_model_feels_no_force(scenario: str) -> None:
+    system = assemble(load(scenario))
+    response = sampled_loop(system, system.q_0, 0.0).response
+    assert response is not None
+    html = impedance_html(response)
+    assert "nan" not in html
+    assert html.count("<title>sampled loop along") == (1 if scenario == "ur5-hybrid" else html.count("<title>sampled"))
+    assert "the target model feels no force, and the arm " in html
