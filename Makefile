@@ -30,7 +30,7 @@ test:
 	@$(MAKE) --no-print-directory -j 2 .venv/dev.stamp kernels
 	@$(BIN)/python -m drivers.browser
 	$(BIN)/python -m pytest -n 2 --dist worksteal -m "not browser" $(ARGS) || test $$? -eq 5
-	$(BIN)/python -m pytest -m browser $(ARGS) || test $$? -eq 5
+	$(BIN)/python -m pytest -n 2 --dist loadfile -m browser $(ARGS) || test $$? -eq 5
 
 test-fast: .venv/dev.stamp kernels
 	$(BIN)/python -m pytest -n 2 --dist worksteal --ignore tests/browser -m "not slow" $(ARGS)
