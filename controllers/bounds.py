@@ -1,10 +1,12 @@
 """Bounds of the modelling errors, and the gain d that they require: (6), (7), (17).
 
-Declared: every link's inertia is scaled by a factor in [1 - rho, 1 + rho] (rotor inertia is known), a point mass of
-at most `payload_mass` is within `payload_offset` of the tool point, joint friction and a disturbance are bounded. Then
--rho M_links <= Delta M <= rho M_links, and the same for gravity link by link; two sets of bounds follow:
+Declared: every link's inertia is scaled by a factor in [1 - rho, 1 + rho], every rotor's by one in [1 - rho_rotor,
+1 + rho_rotor], a point mass of at most `payload_mass` is within `payload_offset` of the tool point, joint friction and
+a disturbance are bounded. Then -E <= Delta M <= E with E = rho M_links + rho_rotor M_rotors, and the same for gravity
+link by link; two sets of bounds follow:
 - "paper": (7), norms of joint-space errors times ||J_q^-1|| and ||J_q^-1||^2;
-- "tight": the same argument in task space. With w = J_q q_eq_ddot, ||Delta H w|| <= rho sqrt(lambda_max(H) w^T H w).
+- "tight": the same argument in task space. With w = J_q q_eq_ddot and E_H = J_q^-T E J_q^-1,
+  ||Delta H w|| <= sqrt(lambda_max(E_H) w^T E_H w).
 Both bound the same perturbation ||Delta H r_eq_ddot + Delta C r_eq_dot + Delta G + Delta F_t + F_tilde||.
 """
 
@@ -27,7 +29,7 @@ GRAVITY = 9.81  # m/s^2, as in Pinocchio's models
 class Uncertainty(NamedTuple):
     """Declared uncertainty of the controller's model.
 
-    rho: 1, half-width of the links' scaling.
+    rho, rho_rotor: 1, half-widths of the links' scaling and of the rotors'.
     payload_mass, payload_offset: kg, m.
     coulomb, viscous: N m and N m s/rad, per joint.
     disturbance: N m, norm of the torque.
@@ -36,6 +38,7 @@ class Uncertainty(NamedTuple):
     """
 
     rho: float
+    rho_rotor: float
     payload_mass: float
     payload_offset: float
     coulomb: float
@@ -84,6 +87,15 @@ class Equivalent(NamedTuple):
 
 
 @inline
+def inertia_spread(u, estimate, E):
+    """Compute E (n, n) kg m^2: -E <= Delta M <= E for links and rotors of every declared arm."""
+    for i in range(E.shape[0]):
+        for j in range(E.shape[1]):
+            rotor = estimate.M_hat[i, j] - estimate.M_links[i, j]
+            E[i, j] = u.rho * estimate.M_links[i, j] + u.rho_rotor * rotor
+
+
+@inline
 def paper_bound(u, deviation, estimate, task, q_dot, eq, work, needed):
     """Compute each term of (17) with the bounds (7); delta_Ft is in `task_motion`."""
     J_inv = task.J_q_inv_norm
@@ -95,7 +107,8 @@ def paper_bound(u, deviation, estimate, task, q_dot, eq, work, needed):
     weight = 0.0
     for i in range(q_dot.shape[0]):
         weight += norm(estimate.G_links[i])
-    delta_M = u.rho * spectral_norm(estimate.M_links, work.S, work.T) + u.payload_mass * reach**2 + deviation.delta_M
+    inertia_spread(u, estimate, work.U)
+    delta_M = spectral_norm(work.U, work.S, work.T) + u.payload_mass * reach**2 + deviation.delta_M
     delta_C_q = u.rho * u.k_C * norm(q_dot) + u.payload_mass * reach * reach_dot + deviation.delta_C
     delta_G_q = u.rho * weight + u.payload_mass * GRAVITY * reach + deviation.delta_G
     delta_f = u.coulomb * np.sqrt(q_dot.shape[0]) + u.viscous * norm(q_dot) + u.disturbance + u.force_error * J_v
@@ -118,9 +131,10 @@ def tight_bound(u, deviation, estimate, task, q_dot, eq, work, needed):
     if u.payload_mass > 0.0 or u.force_error > 0.0:
         multiply(estimate.J_v, task.J_q_inv, work.Y)
         carry = spectral_norm(work.Y, work.V, work.W)
-    congruence(task.J_q_inv, estimate.M_links, work.S, work.T)
-    H_links = spectral_norm(work.T, work.S, work.T)
-    inertia = u.rho * np.sqrt(max(H_links * quadratic(eq.q_ddot, estimate.M_links), 0.0))
+    inertia_spread(u, estimate, work.U)
+    congruence(task.J_q_inv, work.U, work.S, work.T)
+    E_H = spectral_norm(work.T, work.S, work.T)
+    inertia = np.sqrt(max(E_H * quadratic(eq.q_ddot, work.U), 0.0))
     coriolis = u.rho * u.k_C * J_inv * norm(q_dot) * norm(eq.q_dot)
     gravity = 0.0
     multiply(estimate.G_links, task.J_q_inv, work.S)
@@ -190,9 +204,9 @@ class InertiaRange:
     def at(cls, u: Uncertainty, estimate: Estimate, task: TaskSpace) -> InertiaRange:
         """Bounds from the estimate M_hat at that state; the payload adds at most its whole mass."""
         J_inv = task.J_q_inv
-        links, rotor = estimate.M_links, estimate.M_hat - estimate.M_links
-        low = J_inv.T @ ((1 - u.rho) * links + rotor) @ J_inv
-        high = J_inv.T @ ((1 + u.rho) * links + rotor) @ J_inv
+        E = u.rho * estimate.M_links + u.rho_rotor * (estimate.M_hat - estimate.M_links)
+        low = J_inv.T @ (estimate.M_hat - E) @ J_inv
+        high = J_inv.T @ (estimate.M_hat + E) @ J_inv
         carried, turned = estimate.J_v @ J_inv, estimate.J_w @ J_inv
         if u.payload_offset > 0.0:  # (a + b)^2 <= 2 a^2 + 2 b^2
             high = high + 2 * u.payload_mass * (carried.T @ carried + u.payload_offset**2 * turned.T @ turned)

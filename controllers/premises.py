@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from controllers.bounds import Equivalent, RequiredGain, paper_bound, sum_of, tight_bound
+from controllers.bounds import Equivalent, RequiredGain, inertia_spread, paper_bound, sum_of, tight_bound
 from controllers.control_law import joint_acceleration, joint_velocity
 from controllers.reaching import Promise, envelope
 from controllers.switching import SAMPLING_SHARE, layer_width
@@ -264,14 +264,16 @@ def inertia_range(u, estimate, task, work):
         carried = spectral_norm(work.Y, work.V, work.W)
         multiply(estimate.J_w, task.J_q_inv, work.Y)
         turned = u.payload_offset * spectral_norm(work.Y, work.V, work.W)
+    inertia_spread(u, estimate, work.U)
     for i in range(n):
         for j in range(n):
-            work.U[i, j] = estimate.M_hat[i, j] + u.rho * estimate.M_links[i, j]
+            work.U[i, j] += estimate.M_hat[i, j]
     congruence(task.J_q_inv, work.U, work.S, work.T)
     high = spectral_norm(work.T, work.S, work.U) + u.payload_mass * (carried + turned) ** 2
+    inertia_spread(u, estimate, work.U)
     for i in range(n):
         for j in range(n):
-            work.U[i, j] = estimate.M_hat[i, j] - u.rho * estimate.M_links[i, j]
+            work.U[i, j] = estimate.M_hat[i, j] - work.U[i, j]
     invert(work.U, work.S, work.T)
     multiply(task.J_q, work.T, work.S)
     for i in range(n):
@@ -290,14 +292,14 @@ def inertia_error(gains, deviation, estimate, task, work):
         load = spectral_norm(work.Y, work.V, work.W)
         multiply(estimate.J_w, task.J_q_inv, work.Y)
         load += u.payload_offset * spectral_norm(work.Y, work.V, work.W)
+    inertia_spread(u, estimate, work.U)
     if gains.tight:
-        congruence(task.J_q_inv, estimate.M_links, work.S, work.T)
-        H_links = spectral_norm(work.T, work.S, work.U)
-        return u.rho * H_links + u.payload_mass * load**2 + J_inv**2 * deviation.delta_M
+        congruence(task.J_q_inv, work.U, work.S, work.T)
+        return spectral_norm(work.T, work.S, work.U) + u.payload_mass * load**2 + J_inv**2 * deviation.delta_M
     if u.payload_mass > 0.0:
         load = spectral_norm(estimate.J_v, work.V, work.W)
         load += u.payload_offset * spectral_norm(estimate.J_w, work.V, work.W)
-    delta_M = u.rho * spectral_norm(estimate.M_links, work.S, work.T) + u.payload_mass * load**2 + deviation.delta_M
+    delta_M = spectral_norm(work.U, work.S, work.T) + u.payload_mass * load**2 + deviation.delta_M
     return delta_M * J_inv**2
 
 

@@ -45,6 +45,7 @@ class Truth:
     disturbance, disturbance_frequency: a torque of this norm (N m) at all times, turning through the joints with this
     frequency, Hz.
     torque_limit: (n,) N m, of the drives, see `limited`.
+    rotor_scaling: (n,), factor on each rotor's inertia.
     """
 
     link_scaling: np.ndarray
@@ -55,6 +56,7 @@ class Truth:
     disturbance: float
     disturbance_frequency: float
     torque_limit: np.ndarray | float = np.inf
+    rotor_scaling: np.ndarray | float = 1.0
 
     def model(self, robot: Robot) -> pin.Model:
         """Pinocchio's model of the true arm."""
@@ -62,6 +64,7 @@ class Truth:
         for joint, alpha in enumerate(self.link_scaling, start=1):
             link = model.inertias[joint]
             model.inertias[joint] = pin.Inertia(alpha * link.mass, link.lever, alpha * link.inertia)
+        model.armature = self.rotor_scaling * model.armature
         if self.payload_mass > 0.0:
             load = pin.Inertia(self.payload_mass, self.payload_offset, np.zeros((3, 3)))
             model.appendBodyToJoint(robot.tool_joint, load, robot.tool_placement)

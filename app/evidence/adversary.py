@@ -19,7 +19,7 @@ SEED = 1000  # of the situations, which differ from those of the other runs
 POPULATION, GENERATIONS = 25, 11  # of each hunt: 275 tries, unless the first 25 are all refused
 DURATION = 0.15  # s
 START = 0.03  # rad, displacement of each joint from the start of the path; none on a rigid surface
-SHARED = 18  # numbers of a try besides two for each joint
+SHARED = 18  # numbers of a try besides three for each joint
 PAPER_FROM = 0.5  # on [-1, 1]: a quarter of the first tries have the bounds of (7)
 KINDS = tuple(kind.name.lower() for kind in Switching)
 
@@ -53,16 +53,16 @@ class Ground:
         self.scenario = edited(here, "controller.on_change", "watch" if reaching else "remove")
         self.system = built(self.scenario)
         self.posture, self.n = self.system.robot.posture, self.system.robot.n
-        self.size = 2 * self.n + SHARED
+        self.size = 3 * self.n + SHARED
 
     def scenario_of(self, x: np.ndarray) -> Scenario:
         """Scenario of the numbers x (size,) within [-1, 1], without the start of the arm."""
         n, here = self.n, self.scenario
-        links, shared = _edged(x[:n]), x[n : n + SHARED]
+        links, shared, rotors = _edged(x[:n]), x[n : n + SHARED], _edged(x[2 * n + SHARED :])
         payload, offset, coulomb, viscous, disturbance = _share(_edged(shared[:5])).tolist()
         frequency, towards = _between(shared[5], 0.2, 20.0), shared[6:9] / max(float(np.linalg.norm(shared[6:9])), 1e-9)
         K_s, epsilon, F_1, layer, kind, bounds, K_e, force, friction = shared[9:]
-        departure = Departure(links, payload, offset, towards, coulomb, viscous, disturbance, frequency)
+        departure = Departure(links, rotors, payload, offset, towards, coulomb, viscous, disturbance, frequency)
         controller = msgspec.structs.replace(
             here.controller,
             K_s=10 ** _between(K_s, 1.3, 2.5),
@@ -85,7 +85,7 @@ class Ground:
 
     def off(self, x: np.ndarray) -> np.ndarray:
         """Displacement of the arm's start from its posture, (n,) rad."""
-        return START * x[self.n + SHARED :] * (not self.system.plant.kind.rigid)
+        return START * x[self.n + SHARED : 2 * self.n + SHARED] * (not self.system.plant.kind.rigid)
 
     def attempt(self, x: np.ndarray) -> ClosedLoop:
         """Run of one try. Raises ScenarioError."""
@@ -113,7 +113,8 @@ def hunt(robot: str, mode: str, reaching: bool, generations: int = GENERATIONS) 
         return -ratio
 
     first = random.uniform(-1.0, 1.0, (POPULATION, ground.size))
-    first[::2, : ground.n + 5] = np.sign(first[::2, : ground.n + 5])
+    corner = [*range(ground.n + 5), *range(2 * ground.n + SHARED, ground.size)]
+    first[::2, corner] = np.sign(first[::2, corner])
     rules: dict[str, Any] = {"init": first, "maxiter": generations - 1, "tol": 0.0, "polish": False, "rng": random}
     found = differential_evolution(away, [(-1.0, 1.0)] * ground.size, **rules)
     known = [ratio for ratio in ratios if ratio is not None]

@@ -22,8 +22,8 @@ from environments.plant import Plant
 Random = np.random.Generator
 
 KILOGRAM_ARMS = ("planar2r", "planar3r")  # textbook arms of about 1 kg a link
-HEAVY_LOAD = Declared(0.15, 1.0, 0.05, 0.5, 0.3, 2.0)
-LIGHT_LOAD = Declared(0.15, 0.2, 0.02, 0.1, 0.05, 0.3)
+HEAVY_LOAD = Declared(0.15, 0.15, 1.0, 0.05, 0.5, 0.3, 2.0)
+LIGHT_LOAD = Declared(0.15, 0.15, 0.2, 0.02, 0.1, 0.05, 0.3)
 PERIOD = 0.001  # s, as shipped
 BOUNDS = ("tight", "paper")
 LAYERS = (0.004, 0.03)  # m/s, around the 0.01 that is shipped
@@ -32,11 +32,12 @@ DURATION, BRIEF = 0.4, 0.12  # s; where the loop through the multiplier is solve
 
 class Departure(NamedTuple):
     """Departure of a true arm from the believed one, as shares of the declared bounds.
-    links: (n,) within [-1, 1], the others within [0, 1].
+    links, rotors: (n,) within [-1, 1], the others within [0, 1].
     towards: (3,), unit vector to the payload.
     frequency: of the disturbance, Hz."""
 
     links: np.ndarray
+    rotors: np.ndarray
     payload: float
     offset: float
     towards: np.ndarray
@@ -48,21 +49,23 @@ class Departure(NamedTuple):
     @classmethod
     def inside(cls, random: Random, n: int) -> Departure:
         """Departure anywhere in the declared set, in half the draws of each quantity at its edge."""
-        links = np.clip(random.uniform(-2.0, 2.0, n), -1.0, 1.0)
+        links, rotors = np.clip(random.uniform(-2.0, 2.0, (2, n)), -1.0, 1.0)
         payload, offset, coulomb, viscous, disturbance = np.minimum(random.uniform(0.0, 2.0, 5), 1.0)
         towards, frequency = _unit(random), random.uniform(0.2, 5.0)
-        return cls(links, payload, offset, towards, coulomb, viscous, disturbance, frequency)
+        return cls(links, rotors, payload, offset, towards, coulomb, viscous, disturbance, frequency)
 
     @classmethod
     def edge(cls, random: Random, n: int) -> Departure:
         """Departure at a corner of the declared set."""
-        return cls(random.choice([-1.0, 1.0], n), 1.0, 1.0, _unit(random), 1.0, 1.0, 1.0, random.uniform(0.2, 5.0))
+        links, rotors = random.choice([-1.0, 1.0], (2, n))
+        return cls(links, rotors, 1.0, 1.0, _unit(random), 1.0, 1.0, 1.0, random.uniform(0.2, 5.0))
 
     def truth(self, declared: Declared, scale: float = 1.0) -> Truth:
         """True arm of this departure, or one `scale` times as far away."""
         d = declared
         return Truth(
             link_scaling=tuple((1.0 + scale * d.link_scaling * self.links).tolist()),
+            rotor_scaling=tuple((1.0 + scale * d.rotor_scaling * self.rotors).tolist()),
             payload_mass=float(scale * d.payload_mass * self.payload),
             payload_offset=tuple((scale * d.payload_offset * self.offset * self.towards).tolist()),
             coulomb=float(scale * d.coulomb * self.coulomb),

@@ -28,10 +28,14 @@ def outside(scenario: Scenario) -> tuple[str, ...]:
 
 def _inequalities(scenario: Scenario) -> Iterator[tuple[str, float, float, str]]:
     true, declared, sensor = scenario.truth, scenario.declared, scenario.sensor
-    scaling = np.atleast_1d(np.array(true.link_scaling, dtype=float))
-    worst = int(np.abs(scaling - 1.0).argmax())
-    which = f"link scaling of link {worst + 1}" if len(scaling) > 1 else "link scaling"
-    yield f"{which} |{scaling[worst]:.4g} − 1| =", abs(scaling[worst] - 1.0), declared.link_scaling, ""
+    for what, of, factors, most in (
+        ("link scaling", "link", true.link_scaling, declared.link_scaling),
+        ("rotor scaling", "joint", true.rotor_scaling, declared.rotor_scaling),
+    ):
+        scaling = np.atleast_1d(np.array(factors, dtype=float))
+        worst = int(np.abs(scaling - 1.0).argmax())
+        which = f"{what} of {of} {worst + 1}" if len(scaling) > 1 else what
+        yield f"{which} |{scaling[worst]:.4g} − 1| =", abs(scaling[worst] - 1.0), most, ""
     yield "payload", true.payload_mass, declared.payload_mass, " kg"
     if true.payload_mass > 0.0:
         distance = float(np.linalg.norm(true.payload_offset))

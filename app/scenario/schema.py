@@ -95,6 +95,7 @@ class Truth(Section, frozen=True, forbid_unknown_fields=True):
     """Differences of the true arm from the controller's model."""
 
     link_scaling: Annotated[float | Vector, field("factor on the inertia of every link, or one per link", "1")] = 1.0
+    rotor_scaling: Annotated[float | Vector, field("factor on every joint's rotor inertia, or one each", "1")] = 1.0
     payload_mass: Annotated[float, field("point mass at the tool", "kg", ge=0, le=50)] = 0.0
     payload_offset: Annotated[Vector3, field("place of that mass in the tool frame", "m")] = (0.0, 0.0, 0.0)
     coulomb: Annotated[float, field("Coulomb friction per joint", "N·m", ge=0, le=100)] = 0.0
@@ -134,6 +135,7 @@ class Declared(Section, frozen=True, forbid_unknown_fields=True):
     """Bounds of the modelling errors that the controller is told, (6)."""
 
     link_scaling: Annotated[float, field("links' inertias within 1 ± this", "1", ge=0, lt=1)] = 0.0
+    rotor_scaling: Annotated[float, field("rotors' inertias within 1 ± this", "1", ge=0, lt=1)] = 0.0
     payload_mass: Annotated[float, field("largest payload", "kg", ge=0, le=50)] = 0.0
     payload_offset: Annotated[float, field("its largest distance from the tool point", "m", ge=0, le=1)] = 0.0
     coulomb: Annotated[float, field("largest Coulomb friction per joint", "N·m", ge=0, le=100)] = 0.0

@@ -232,7 +232,7 @@ def with_robot(scenario: Scenario, changes: Mapping[str, object]) -> Scenario:
         for gain in ("A", "F_1", "F_2", "K_s"):
             value = data["controller"][gain]
             data["controller"][gain] = value[0] if isinstance(value, list) and not isinstance(value[0], list) else value
-        for each in ("link_scaling", "torque_limit"):
+        for each in ("link_scaling", "rotor_scaling", "torque_limit"):
             if isinstance(data["truth"][each], list):
                 del data["truth"][each]
     data["robot"] = {name: value for name, value in {**data["robot"], **changes}.items() if value is not None}

@@ -50,7 +50,15 @@ def uncertainty_of(scenario: Scenario, k_C: float) -> Uncertainty:
     `controllers.bounds`."""
     d = scenario.declared
     return Uncertainty(
-        d.link_scaling, d.payload_mass, d.payload_offset, d.coulomb, d.viscous, d.disturbance, d.force_error, k_C
+        d.link_scaling,
+        d.rotor_scaling,
+        d.payload_mass,
+        d.payload_offset,
+        d.coulomb,
+        d.viscous,
+        d.disturbance,
+        d.force_error,
+        k_C,
     )
 
 

@@ -42,17 +42,8 @@ def robot_of(scenario: Scenario) -> robots.Robot:
 def truth_of(scenario: Scenario, robot: robots.Robot) -> Truth:
     """Differences of the true arm from the nominal one. Raises ScenarioError."""
     t, n = scenario.truth, robot.n
-    scaling = (
-        np.broadcast_to(np.array(t.link_scaling, dtype=float), (n,))
-        if np.ndim(t.link_scaling) == 0
-        else np.array(t.link_scaling)
-    )
-    if scaling.shape != (n,):
-        raise ScenarioError(f"truth.link_scaling: {len(scaling)} values; allowed: one number or {n}, one per link")
-    if (scaling <= 0.0).any():
-        raise ScenarioError(f"truth.link_scaling: {float(scaling.min())}; allowed: numbers > 0")
     return Truth(
-        scaling,
+        _factors("truth.link_scaling", t.link_scaling, n, "link"),
         t.payload_mass,
         np.array(t.payload_offset),
         t.coulomb,
@@ -60,7 +51,18 @@ def truth_of(scenario: Scenario, robot: robots.Robot) -> Truth:
         t.disturbance,
         t.disturbance_frequency,
         _torque_limit(t.torque_limit, robot),
+        _factors("truth.rotor_scaling", t.rotor_scaling, n, "joint"),
     )
+
+
+def _factors(path: str, given: float | tuple[float, ...], n: int, of: str) -> np.ndarray:
+    """Factors (n,), given as one number or one each. Raises ScenarioError."""
+    if np.ndim(given) == 1 and np.shape(given) != (n,):
+        raise ScenarioError(f"{path}: {np.size(given)} values; allowed: one number or {n}, one per {of}")
+    factors = np.broadcast_to(np.array(given, dtype=float), (n,))
+    if (factors <= 0.0).any():
+        raise ScenarioError(f"{path}: {float(factors.min())}; allowed: numbers > 0")
+    return factors
 
 
 def push_of(scenario: Scenario) -> TimedPush:

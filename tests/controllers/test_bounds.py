@@ -21,8 +21,8 @@ from tests.support.arms import CERTAIN, ROBOTS, State, charted, random_law, rand
 
 CHART = "sphere outside"  # moves, and is curved
 PLANTS = 250  # per arm: 1,500 in all
-DECLARED = Uncertainty(0.25, 1.5, 0.08, 0.6, 0.4, 3.0, 2.0, k_C=np.nan)
-CAUSES = ("rho", "payload_mass", "coulomb", "viscous", "disturbance", "force_error")
+DECLARED = Uncertainty(0.25, 0.3, 1.5, 0.08, 0.6, 0.4, 3.0, 2.0, k_C=np.nan)
+CAUSES = ("rho", "rho_rotor", "payload_mass", "coulomb", "viscous", "disturbance", "force_error")
 Bounds = Literal["tight", "paper"]
 
 
@@ -44,10 +44,11 @@ def draw(u: Uncertainty, random: np.random.Generator, n: int) -> Plant:
     def share() -> float:
         return min(1.0, random.uniform(0.0, 2.0))
 
-    scaling = 1.0 + u.rho * np.clip(random.uniform(-2.0, 2.0, n), -1.0, 1.0)
+    scaling, rotors = (1.0 + rho * np.clip(random.uniform(-2.0, 2.0, n), -1.0, 1.0) for rho in (u.rho, u.rho_rotor))
     offset = u.payload_offset * share() * direction(random, 3)
     numbers = (u.payload_mass * share(), offset, *(x * share() for x in (u.coulomb, u.viscous, u.disturbance)))
-    return Plant(Truth(scaling, *numbers, disturbance_frequency=0.7), u.force_error * share() * direction(random, 3))
+    truth = Truth(scaling, *numbers, disturbance_frequency=0.7, rotor_scaling=rotors)
+    return Plant(truth, u.force_error * share() * direction(random, 3))
 
 
 def draw_state(system: System, random: np.random.Generator) -> State:
@@ -153,7 +154,7 @@ def test_each_cause_has_its_own_share(robot: str, cause: str) -> None:
 def test_paper_bounds_are_those_of_7(robot: str) -> None:
     """Term by term with exact 2-norms: at most four norms in a product, each up to 3 % too large."""
     system, random = charted(robot, CHART), np.random.default_rng(7)
-    u = CERTAIN._replace(rho=0.2, viscous=0.3, disturbance=2.0)
+    u = CERTAIN._replace(rho=0.2, rho_rotor=0.4, viscous=0.3, disturbance=2.0)
     law = law_for(system, u, "paper")
     q, q_dot, t = draw_state(system, random)
     estimate, task = system.observe(q, q_dot, t)
@@ -163,7 +164,8 @@ def test_paper_bounds_are_those_of_7(robot: str) -> None:
     r_eq_dot = task.r_dot - out.s
     r_eq_ddot = reference.r_d_ddot - law.compensator.F_1 @ out.e_r_dot - law.compensator.F_2 @ out.z_dot
     J_inv, speed = np.linalg.norm(task.J_q_inv, 2), np.linalg.norm(q_dot)
-    delta_M, delta_C_q = u.rho * np.linalg.norm(estimate.M_links, 2), u.rho * law.uncertainty.k_C * speed
+    E = u.rho * estimate.M_links + u.rho_rotor * (estimate.M_hat - estimate.M_links)
+    delta_M, delta_C_q = np.linalg.norm(E, 2), u.rho * law.uncertainty.k_C * speed
     delta_G_q = u.rho * np.linalg.norm(estimate.G_links, axis=1).sum()
     delta_H = delta_M * J_inv**2
     turning = np.linalg.norm(task.J_q_inv @ task.J_q_dot @ task.J_q_inv, 2)
@@ -203,28 +205,33 @@ def in_task_space(task: TaskSpace, M: np.ndarray) -> np.ndarray:
 
 @pytest.mark.parametrize("robot", ["ur5", "planar2r"])
 def test_extremes_of_the_range_are_arms(robot: str) -> None:
-    """Without payload H_low and H_high are the arms whose links are all lightest and all heaviest."""
+    """Without payload H_low and H_high are the arms whose links and rotors are all lightest and all heaviest."""
     system = charted(robot, CHART)
-    u, state = CERTAIN._replace(rho=0.25), draw_state(system, np.random.default_rng(6))
+    u, state = CERTAIN._replace(rho=0.25, rho_rotor=0.4), draw_state(system, np.random.default_rng(6))
     estimate, task = system.observe(*state)
     allowed = InertiaRange.at(u, estimate, task)
-    for alpha, H in ((0.75, allowed.H_low), (1.25, allowed.H_high)):
-        model = Truth(np.full(system.robot.n, alpha), 0.0, np.zeros(3), 0.0, 0.0, 0.0, 0.0).model(system.robot)
+    for alpha, rotors, H in ((0.75, 0.6, allowed.H_low), (1.25, 1.4, allowed.H_high)):
+        truth = Truth(np.full(system.robot.n, alpha), 0.0, np.zeros(3), 0.0, 0.0, 0.0, 0.0, rotor_scaling=rotors)
+        model = truth.model(system.robot)
         np.testing.assert_allclose(H, in_task_space(task, pin.crba(model, model.createData(), state.q)), rtol=1e-9)
 
 
 @pytest.mark.parametrize("robot", ROBOTS)
 def test_tight_bound_of_inertia_is_attained(robot: str) -> None:
-    """Every link at the edge of its scaling, q_eq_ddot where H_links is largest: nothing smaller would be a bound."""
-    system, rho = charted(robot, CHART), 0.25
+    """Every link and rotor at the edge of its scaling, q_eq_ddot where E_H is largest: nothing smaller would be a
+    bound."""
+    system, rho, rho_rotor = charted(robot, CHART), 0.25, 0.1
     state = draw_state(system, np.random.default_rng(6))
     estimate, task = system.observe(*state)
-    H_links = task.J_q_inv.T @ estimate.M_links @ task.J_q_inv
-    q_eq_ddot = task.J_q_inv @ np.linalg.eigh(H_links)[1][:, -1]
-    model = Truth(np.full(system.robot.n, 1.0 + rho), 0.0, np.zeros(3), 0.0, 0.0, 0.0, 0.0).model(system.robot)
+    E = rho * estimate.M_links + rho_rotor * (estimate.M_hat - estimate.M_links)
+    q_eq_ddot = task.J_q_inv @ np.linalg.eigh(in_task_space(task, E))[1][:, -1]
+    truth = Truth(
+        np.full(system.robot.n, 1.0 + rho), 0.0, np.zeros(3), 0.0, 0.0, 0.0, 0.0, rotor_scaling=1.0 + rho_rotor
+    )
+    model = truth.model(system.robot)
     Delta_M = pin.crba(model, model.createData(), state.q) - estimate.M_hat
     needed = np.linalg.norm(task.J_q_inv.T @ Delta_M @ q_eq_ddot)
-    u = Uncertainty(rho, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, k_C=0.0)
+    u = Uncertainty(rho, rho_rotor, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, k_C=0.0)
     equivalent = Equivalent.zeros(system.robot.n)._replace(q_ddot=q_eq_ddot)
     offered = required_gain("tight", u, ON_LINE, estimate, task, state.q_dot, equivalent).inertia
     assert needed <= offered * (1.0 + 1e-9)

@@ -27,6 +27,7 @@ def changed(scenario: Scenario, fields: dict[str, object]) -> Scenario:
             {"declared.link_scaling": 0.3},
             "link scaling of link 2 |0.7 − 1| = 0.3 > declared 0",
         ),
+        ({"truth.rotor_scaling": 0.9}, {"declared.rotor_scaling": 0.1}, "rotor scaling |0.9 − 1| = 0.1 > declared 0"),
         ({"truth.payload_mass": 2.0}, {"declared.payload_mass": 2.0}, "payload 2 kg > declared 0 kg"),
         (
             {"truth.payload_mass": 1.0, "truth.payload_offset": [0.03, 0.0, -0.04], "declared.payload_mass": 1.0},

@@ -21,6 +21,8 @@ class RobotPanel:
             self._controls += [
                 Number(desk, InForce("truth.link_scaling", _common_scaling), "links ×", Scale(0.5, 1.5)),
                 Number(desk, InForce("truth.link_scaling", _scalings), "link by link ×"),
+                Number(desk, InForce("truth.rotor_scaling", _common_rotor), "rotors ×", Scale(0.5, 1.5)),
+                Number(desk, InForce("truth.rotor_scaling", _rotor_scalings), "rotor by rotor ×"),
                 Number(desk, Place("truth.payload_mass"), "payload [kg]", Scale(0, 5)),
                 Number(desk, Place("truth.payload_offset"), "payload at [m]"),
                 Number(desk, Place("truth.coulomb"), "Coulomb [N·m]", Scale(0, 10)),
@@ -32,6 +34,7 @@ class RobotPanel:
         with gui.add_folder("Declared to the controller, at most"):
             self._controls += [
                 Number(desk, Place("declared.link_scaling"), "links 1 ±", Scale(0, 0.5)),
+                Number(desk, Place("declared.rotor_scaling"), "rotors 1 ±", Scale(0, 0.5)),
                 Number(desk, Place("declared.payload_mass"), "payload [kg]", Scale(0, 5)),
                 Number(desk, Place("declared.payload_offset"), "payload off [m]", Scale(0, 0.3)),
                 Number(desk, Place("declared.coulomb"), "Coulomb [N·m]", Scale(0, 10)),
@@ -69,9 +72,21 @@ def _rotors(snapshot: Snapshot) -> tuple[float, ...]:
 
 def _common_scaling(snapshot: Snapshot) -> Any:
     """Common scaling of the links; None, which hides the row, where links have factors of their own."""
-    scaling = snapshot.scenario.truth.link_scaling
+    return _common(snapshot.scenario.truth.link_scaling)
+
+
+def _common_rotor(snapshot: Snapshot) -> Any:
+    """Common scaling of the rotors' inertias; None, which hides the row, where joints have factors of their own."""
+    return _common(snapshot.scenario.truth.rotor_scaling)
+
+
+def _common(scaling: float | tuple[float, ...]) -> Any:
     return scaling if np.ndim(scaling) == 0 else None
 
 
 def _scalings(snapshot: Snapshot) -> tuple[float, ...]:
     return tuple(np.broadcast_to(snapshot.scenario.truth.link_scaling, snapshot.robot.n).tolist())
+
+
+def _rotor_scalings(snapshot: Snapshot) -> tuple[float, ...]:
+    return tuple(np.broadcast_to(snapshot.scenario.truth.rotor_scaling, snapshot.robot.n).tolist())
