@@ -10,11 +10,12 @@ import numpy as np
 
 from app.export.figures import FREQUENCY, Chart, Curve, Figure, Rgb
 from app.session.push_measurement import Measured
-from app.simulation.push_response import PushResponse, along_axes, largest_and_smallest, passive
+from app.simulation.push_response import NOTHING, PushResponse, along_axes, largest_and_smallest, passive
 from app.simulation.sampled_stability import SampledLoop
 
 BLUE, ORANGE, GREY = (86, 180, 233), (230, 159, 0), (140, 140, 140)
 NEAR = 0.1  # of the target's impedance: as near the sampled loop follows it
+NANOMETRE = 1e-9  # m per N: a way that nobody would call yielding
 STEP = 2.0  # s, of the response to a step
 
 
@@ -106,16 +107,15 @@ def told(response: PushResponse) -> list[str]:
     """What the response says, line by line: how far it follows the target, and where it is passive."""
     frequency = response.frequencies()
     sampled, target = response.admittance(frequency), response.target(frequency)
-    return [
-        *(_followed(name, frequency, sampled[:, k, k], target[:, k, k]) for k, name in enumerate(response.axes)),
-        f"passive {_ranges(frequency, passive(sampled))}",
-    ]
+    axes = [_followed(name, frequency, sampled[:, k, k], target[:, k, k]) for k, name in enumerate(response.axes)]
+    moves = np.abs(sampled / (2 * np.pi * frequency[:, None, None])).max() > NANOMETRE
+    return [*axes, f"passive {_ranges(frequency, passive(sampled))}"] if moves else axes
 
 
 def _followed(name: str, frequency: np.ndarray, sampled: np.ndarray, target: np.ndarray) -> str:
-    if not np.abs(target).max() > 1e-12:
+    if not np.abs(target).max() > NOTHING:
         largest = np.abs(sampled / (2 * np.pi * frequency)).max()
-        yields = f"yields by {1e6 * largest:.3g} µm per N at most" if largest > 1e-12 else "does not yield"
+        yields = f"yields by {1e6 * largest:.3g} µm per N at most" if largest > NANOMETRE else "does not yield"
         return f"along {name}: the target model feels no force, and the arm {yields}"
     near = np.abs(target / sampled - 1.0) <= NEAR
     return f"along {name}: within {NEAR:.0%} of the target's impedance {_ranges(frequency, near)}"

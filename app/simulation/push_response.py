@@ -13,6 +13,7 @@ import numpy as np
 from scipy.signal import StateSpace, step
 
 LOWEST = 0.05  # Hz
+NOTHING = 1e-12  # m/s per N: a tool that does not yield, but for rounding
 ROUNDING = 1e-9  # of the admittance's largest entry: more than differences of the period leave of a zero
 
 
@@ -86,20 +87,19 @@ class PushResponse:
 def along_axes(admittance: np.ndarray) -> np.ndarray:
     """Impedance (N, p), N s/m, that a push along each axis meets while the others are free; infinite where nothing
     moves. admittance: (N, p, p)."""
-    with np.errstate(divide="ignore"):
-        return 1.0 / np.abs(np.diagonal(admittance, axis1=1, axis2=2))
+    size = np.abs(np.diagonal(admittance, axis1=1, axis2=2))
+    return np.divide(1.0, size, out=np.full_like(size, np.inf), where=size > NOTHING)
 
 
 def largest_and_smallest(admittance: np.ndarray) -> np.ndarray:
     """Largest and smallest impedance (N, 2), N s/m, over all directions: one over the admittance's singular values.
     admittance: (N, p, p)."""
-    values = np.linalg.svd(admittance, compute_uv=False)
-    with np.errstate(divide="ignore"):
-        return 1.0 / values[:, [-1, 0]]
+    values = np.linalg.svd(admittance, compute_uv=False)[:, [-1, 0]]
+    return np.divide(1.0, values, out=np.full_like(values, np.inf), where=values > NOTHING)
 
 
 def passive(admittance: np.ndarray) -> np.ndarray:
     """Mask (N,) of the frequencies at which no sinusoidal push gets energy from the arm. admittance: (N, p, p)."""
     hermitian = 0.5 * (admittance + np.conj(np.swapaxes(admittance, 1, 2)))
     least = np.linalg.eigvalsh(hermitian)[:, 0]
-    return least >= -ROUNDING * np.abs(admittance).max()
+    return least >= -ROUNDING * np.abs(admittance).max() - NOTHING

@@ -39,7 +39,7 @@ def test_departures_end_at_the_edge_of_what_is_declared() -> None:
     assert not any(outside(at(Departure.inside(random, 6), 1.0)) for _ in range(50))
     corner = Departure.edge(random, 6)
     assert not outside(at(corner, 1.0))
-    assert len(outside(at(corner, 1.01))) == 6
+    assert len(outside(at(corner, 1.01))) == 7
 
 
 def test_what_is_promised_inside_is_kept_and_breaks_outside() -> None:

@@ -10,6 +10,8 @@ import pytest
 
 from app.cli import execute
 from app.dashboard.widgets.impedance_map import impedance_html
+from app.export.figures import render
+from app.export.response_files import figure_of
 from app.scenario.data import from_plain, load, to_plain, to_toml
 from app.simulation.sampled_stability import sampled_loop
 from app.simulation.system import assemble
@@ -67,12 +69,20 @@ def test_what_has_no_response_is_refused_in_a_sentence(
     assert told.count("\n") == 1
 
 
-@pytest.mark.parametrize("scenario", ["ur5-hybrid", "ur5-constrained", "planar2r-semicircle"])
-def test_the_page_draws_a_line_for_each_axis_and_says_where_the_model_feels_no_force(scenario: str) -> None:
+@pytest.mark.parametrize(
+    ("scenario", "lines"), [("ur5-hybrid", 1), ("ur5-constrained", 0), ("planar2r-semicircle", 1), ("ur5-motion", 0)]
+)
+def test_the_page_draws_a_line_for_each_axis_that_yields_and_says_where_the_model_feels_no_force(
+    scenario: str, lines: int
+) -> None:
     system = assemble(load(scenario))
-    response = sampled_loop(system, system.q_0, 0.0).response
+    loop = sampled_loop(system, system.q_0, 0.0)
+    response = loop.response
     assert response is not None
     html = impedance_html(response)
     assert "nan" not in html
-    assert html.count("<title>sampled loop along") == (1 if scenario == "ur5-hybrid" else html.count("<title>sampled"))
+    assert html.count("<title>sampled loop along") == lines
+    assert ("<svg" in html) == (lines > 0)
     assert "the target model feels no force, and the arm " in html
+    figure = figure_of(loop, response, [], "")
+    assert "inf" not in render(figure, "svg").decode()

@@ -21,11 +21,14 @@ _TALLEST = 6  # decades of impedance, upwards from the least
 
 def impedance_html(response: PushResponse) -> str:
     """Picture with a dashed line for the target and a solid one for the sampled loop along each axis, hatched where the
-    loop is not passive; below it, what it says in words."""
+    loop is not passive; below it, what it says in words. Words alone where no push moves the tool."""
     frequency = response.frequencies(_POINTS)
     sampled, target = response.admittance(frequency), response.target(frequency)
     lines = [along_axes(sampled), along_axes(target)]
+    said = "<br>".join(escape(line) for line in told(response))
     known = np.concatenate([line[np.isfinite(line)] for line in lines])
+    if not known.size:
+        return f'<div class="vs-checks"><div class="vs-note">A push on the tool:<br>{said}</div></div>'
     low = math.floor(math.log10(max(float(known.min()), 1e-3)) - 0.05)
     high = min(math.ceil(math.log10(max(float(known.max()), 1e-3)) + 0.05), low + _TALLEST)
     last = math.floor(math.log10(response.highest))
@@ -49,7 +52,6 @@ def impedance_html(response: PushResponse) -> str:
     legend = " ".join(
         f'<b style="color:{css(SERIES[axis])}">{symbol(name)}</b>' for axis, name in enumerate(response.axes)
     )
-    said = "<br>".join(escape(line) for line in told(response))
     return (
         '<div class="vs-checks"><div class="vs-note">A push on the tool meets, along '
         f"{legend}; dashed: the target model (8), solid: the sampled loop; hatched: a sine gets energy from it.</div>"
