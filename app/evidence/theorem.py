@@ -246,7 +246,7 @@ def _shares(plants: Sequence[Reaching]) -> Table:
     robots = [robot for robot in ROBOTS if any(one.robot == robot and one.share > 0.0 for one in plants)]
     for cause, name in enumerate(CAUSES):
         share = (np.nanmean([one.shares[cause] for one in plants if one.robot == robot]) for robot in robots)
-        most = f"{max(one.used_parts[used[cause]] for one in plants):.2f}" if cause in used else ""
+        most = _largest(one.used_parts[used[cause]] for one in plants) if cause in used else ""
         rows.append((name, *(f"{100 * part:.0f} %" for part in share), most))
     return Table(("term of (17)", *robots, "real / bound, largest"), rows)
 
