@@ -1,4 +1,4 @@
-"""The `vsmrc` command: `serve | run | compare | export | response | figures | list`."""
+"""The `vsmrc` command: `serve | run | compare | export | response | figures | lesson | list`."""
 
 from __future__ import annotations
 
@@ -454,6 +454,50 @@ def figures(*, out: Path, only: tuple[str, ...] = (), thin: int = 1) -> int:
     return DONE
 
 
+def lesson(
+    action: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="{list,check,run}")],
+    lessons: Annotated[tuple[str, ...], tyro.conf.Positional] = (),
+    /,
+) -> int:
+    """List the lessons, check them, or play one without a screen.
+
+    Args:
+        action: list; check: play the runs, score the reference answers and the planted wrong ones, read the texts; run:
+            play the runs and show what they measure
+        lessons: shipped lessons, by name, or lesson.md files; for check, all shipped ones without a name
+    """
+    from app.lessons.checking import check
+    from app.lessons.lesson import load as load_lesson
+    from app.lessons.lesson import shipped_lessons
+    from app.lessons.playing import play, runs
+    from app.storage.constants_store import kept_memory
+
+    actions = ("list", "check", "run")
+    doing = one_of("lesson", action, actions)
+    if doing == "list":
+        for name, each in shipped_lessons().items():
+            print(f"{name:24s} {each.head.minutes:3.0f} min  {each.head.title}")
+        return DONE
+    if not lessons and doing == "run":
+        raise ScenarioError("lesson run: no lesson; allowed: one or more (see `vsmrc lesson list`)")
+    memory, problems = kept_memory(), 0
+    for each in [load_lesson(name) for name in lessons or shipped_lessons()]:
+        print(f"{each.name}: {each.head.title}")
+        if doing == "check":
+            checked = check(each, memory)
+            problems += len(checked.problems)
+            for problem in checked.problems:
+                print(f"  {printable(problem)}")
+            print(f"  about {checked.minutes:.0f} minutes, {len(checked.told)} numbers measured")
+        else:
+            for step in runs(each):
+                outcome = play(step, memory)
+                told = ", ".join(f"{name} = {value}" for name, value in outcome.told.items())
+                ended = " ".join(filter(None, (outcome.refusal, outcome.stopped)))
+                print(f"  {printable(getattr(step.block, 'title', ''))}: {told}  {printable(ended)}".rstrip())
+    return BAD_INPUT if problems else DONE
+
+
 def list_() -> int:
     """Show the robots and the scenarios."""
     from environments.robots import CATALOGUE
@@ -533,6 +577,7 @@ def execute(arguments: list[str]) -> int:
         "export": export,
         "response": response,
         "figures": figures,
+        "lesson": lesson,
         "list": list_,
     }
     if not arguments or (arguments[0].startswith("-") and arguments[0] not in ("-h", "--help")):

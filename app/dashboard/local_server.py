@@ -44,6 +44,8 @@ def serve(scenario: Scenario, dashboard: Dashboard, *, state_dir: Path | None, s
         events.info("session opened", scenario=scenario.name)
         dashboard.attach(runner)
         if folder is not None:
+            if problem := dashboard.notebook.keep_in(folder.path):
+                say(problem)
             autosave = Autosave(folder, lambda: runner.snapshot, dashboard.fail)
             if (last_session := left_by(folder, autosave, scenario)) is not None:
                 if last_session.problem:

@@ -31,6 +31,7 @@ from app.dashboard.transport.widget_lock import WidgetLock
 from app.dashboard.view_options import Viewing
 from app.dashboard.widgets.chosen_sliders import ChosenSliders
 from app.dashboard.widgets.controls import Desk
+from app.dashboard.widgets.edit_lock import EditLock
 from app.dashboard.widgets.equation import equation_html
 from app.dashboard.widgets.guided_minute import GuidedMinute
 from app.dashboard.widgets.help import Help, tools_html
@@ -44,6 +45,7 @@ from app.dashboard.widgets.symbols import Symbols
 from app.dashboard.widgets.whatif import WhatIf
 from app.dashboard.widgets.whatif_panel import WhatIfPanel
 from app.export.export_jobs import ExportJobs
+from app.lessons.answers import Notebook
 from app.scenario.data import shipped
 from app.session.preview_client import Previewer
 from app.session.runner import Runner
@@ -99,14 +101,14 @@ class Dashboard:
             raise PortTaken(f"port {port} of {host} cannot be used; choose another one with --port")
         gui = self._server.gui
         gui.main_panel.dock_right()
-        gui.main_panel.set_width(380)
+        gui.main_panel.set_width(396)
         gui.add_html(tools_html() + injected_html())
         self._status = gui.add_html(splash_html("starting…"))
         self._scene = SceneView(self._server)
         self._appearance = Appearance(gui, self._scene, theme)
         self._help = Help(self._server)
         self._closed, self._drawing = threading.Event(), threading.RLock()
-        self.uploads = UploadedUrdfs()
+        self.uploads, self.notebook = UploadedUrdfs(), Notebook()
         self._stalled_clients = StalledClients(self._server)
         watch(self._server.get_event_loop(), self.fail)
         self._server.on_client_connect(self._on_connect)
@@ -147,7 +149,9 @@ class Dashboard:
 
     def attach(self, runner: Runner) -> None:
         """Build the controls for this runner, and show it from now on."""
-        self._view = _View(self._server, self._status, self._scene, runner, self.uploads, self._previewer)
+        self._view = _View(
+            self._server, self._status, self._scene, runner, self.uploads, self._previewer, self.notebook
+        )
 
     def offer(self, last_session: LastSession) -> None:
         """Ask above the controls whether to continue the last session; does nothing before `attach`."""
@@ -221,6 +225,7 @@ class _View:
         runner: Runner,
         uploads: UploadedUrdfs,
         previewer: Previewer,
+        notebook: Notebook,
     ) -> None:
         self._server, self._status, self._scene, self._runner = server, status, scene, runner
         self._complaint, self._complaint_until, self._complaint_revision = "", 0.0, -1
@@ -230,9 +235,10 @@ class _View:
         self._whatif = WhatIf(previewer)
         self._viewing = Viewing()
         self._export_jobs = ExportJobs()
+        lock = EditLock(runner.post, self.complain)
         desk = Desk(
             server.gui,
-            runner.post,
+            lock.post,
             lambda: runner.snapshot,
             self._whatif,
             self._viewing,
@@ -240,6 +246,8 @@ class _View:
             self._export_jobs,
             uploads,
             lambda row: self._chosen_sliders.choose(row),
+            lock,
+            notebook,
         )
         self._hand = Hand(server.scene, desk, lambda client: client in server.get_clients())
         self._playback = Playback(desk)

@@ -108,6 +108,28 @@ class Edit:
 
 
 @dataclass(frozen=True)
+class TimedChange:
+    """A field's new value, as in `Edit`, from the instant `at` (s) of a run on."""
+
+    at: float
+    path: str
+    value: object
+
+    def due(self, t: float, period: float) -> bool:
+        """Whether it is to be made before the control period (s) that begins at t (s)."""
+        return t > self.at - 0.5 * period
+
+
+@dataclass(frozen=True)
+class Perform:
+    """Begin a scenario at t = 0, make changes within a run at their instants, and pause at its end (s)."""
+
+    scenario: Scenario
+    changes: tuple[TimedChange, ...]
+    end: float
+
+
+@dataclass(frozen=True)
 class Blend:
     """Blend to another target model within `over` s, from now on: its matrices by name, as plain data; a missing one
     stays. Refused where a model on the way is unstable."""
@@ -150,6 +172,7 @@ Command = (
     | Load
     | Continue
     | Edit
+    | Perform
     | Blend
     | PushNow
     | TakeWayOut

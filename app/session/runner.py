@@ -26,6 +26,7 @@ from app.session.commands import (
     Fork,
     Load,
     Pause,
+    Perform,
     Pin,
     Play,
     Push,
@@ -37,6 +38,7 @@ from app.session.commands import (
     ShowAgain,
     StepOnce,
     TakeWayOut,
+    TimedChange,
     ToEnd,
     Unpin,
 )
@@ -74,6 +76,18 @@ class _Stretch:
     usual: float
 
 
+@dataclass(frozen=True)
+class _Performance:
+    """A run that is performed.
+    run: number of the run.
+    changes: that are still to come.
+    end: s."""
+
+    run: int
+    changes: tuple[TimedChange, ...]
+    end: float
+
+
 class Runner:
     """Owner of the loop and of its thread. `post` and `snapshot` may be used from any thread; nothing else touches the
     loop.
@@ -95,6 +109,7 @@ class Runner:
         self._playing = True
         self._speed = 1.0
         self._shown: _Stretch | None = None
+        self._performed: _Performance | None = None
         self._revision = self._runs = self._refusals = 0
         self._refusal: str | None = None
         self._told = ""
@@ -235,7 +250,7 @@ class Runner:
         """Compute all steps that are due, now or later; a control step is never skipped."""
         line, period = self._line, self._period
         target, first, steps, ended = schedule.target(began) + 1e-12, line.loop.t + period, 0, began
-        while line.loop.t + period <= target and line.loop.stopped is None and ended - began < PUBLISH:
+        while line.loop.t + period <= target and self._going and ended - began < PUBLISH:
             self._step()
             steps += 1
             ended = time.perf_counter()
@@ -244,12 +259,33 @@ class Runner:
 
     def _step(self) -> None:
         """Compute one control period; the end of a blend changes the scenario."""
+        self._perform()
         blending, stopped = self._loop.system.blend is not None, self._loop.stopped
         self._line.step()
         if self._loop.stopped is not stopped:
             self._note_stop()
         if blending and self._loop.system.blend is None:
             self._revision += 1
+
+    def _perform(self) -> None:
+        """Make the changes of a performance that are due, and pause where the next period is its last one; over when
+        another run has begun. While looking back, nothing is due."""
+        performed, line = self._performed, self._line
+        if performed is None or line.loop.t < line.end - 0.5 * self._period:
+            return
+        if performed.run != self._runs:
+            self._performed = None
+            return
+        while performed.changes and performed.changes[0].due(line.loop.t, self._period):
+            change, *rest = performed.changes
+            self._performed = performed = replace(performed, changes=tuple(rest))
+            command = Edit(change.path, change.value)
+            try:
+                self._heed(command)
+            except ScenarioError as error:
+                self._refuse(str(error), command)
+        if line.loop.t > performed.end - 1.5 * self._period:
+            self._playing, self._performed = False, None
 
     def _queued(self) -> list[Command]:
         """Commands that have come, taken from the queue."""
@@ -268,7 +304,7 @@ class Runner:
         for command, following in itertools.zip_longest(queued, queued[1:]):
             if _overtaken(command, following):
                 continue
-            if isinstance(command, Load | Continue) or (
+            if isinstance(command, Load | Continue | Perform) or (
                 isinstance(command, Edit) and command.path.startswith(("mode", "robot."))
             ):
                 self._newest = replace(self._newest, notice=PREPARING)
@@ -284,7 +320,7 @@ class Runner:
     def _require_reach(self, command: Command) -> None:
         """Raises ScenarioError for a file that this loop's pages may not name."""
         match command:
-            case Load(scenario) if self._reach is not None:
+            case Load(scenario) | Perform(scenario) if self._reach is not None:
                 self._reach.require(scenario.robot.urdf)
             case Edit("robot.urdf", path) if self._reach is not None:
                 self._reach.require(path)
@@ -358,6 +394,11 @@ class Runner:
                 self._edit(edited(scenario_now, "blend", plan))
             case Load(scenario):
                 self._edit(scenario)
+            case Perform(scenario, changes_to_come, end):
+                self._edit(scenario)
+                line.reset()
+                self._runs += 1
+                self._performed, self._playing = _Performance(self._runs, changes_to_come, end), True
             case Continue(scenario, pinned):
                 self._edit(scenario)
                 line.adopt(pinned)

@@ -139,10 +139,13 @@ def serve(gateway: Gateway, previewer: Previewer) -> None:
 def _folder(kept: Kept, dashboard: Dashboard) -> StateFolder | None:
     """Folder of the session, None where it cannot be used; the page shows the reason then."""
     try:
-        return StateFolder(Path(kept.folder))
+        folder = StateFolder(Path(kept.folder))
     except StateError as error:
         dashboard.offer(remark(f"this session is not kept: {error}"))
         return None
+    if problem := dashboard.notebook.keep_in(folder.path):
+        dashboard.offer(remark(problem))
+    return folder
 
 
 def _kept_from_now(kept: Kept, runner: Runner, dashboard: Dashboard) -> Autosave | None:

@@ -6,6 +6,7 @@ from typing import Protocol
 
 from app.dashboard.panels.controller import ControllerPanel
 from app.dashboard.panels.export import ExportPanel
+from app.dashboard.panels.lessons import LessonsPanel
 from app.dashboard.panels.model import ModelPanel
 from app.dashboard.panels.robot import RobotPanel
 from app.dashboard.panels.runs import RunsPanel
@@ -33,4 +34,5 @@ PANELS: dict[str, type[Panel]] = {
     "View": ViewPanel,
     "Runs": RunsPanel,
     "Export": ExportPanel,
+    "Lessons": LessonsPanel,
 }

@@ -34,6 +34,7 @@ _SCRIPTS = (
     "looking.js",
     "keys.js",
     "hints.js",
+    "lessons.js",
 )
 
 # Scripts in innerHTML do not run; the load event of an image that is part of the page does, and needs no request.

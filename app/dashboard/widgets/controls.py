@@ -19,9 +19,11 @@ from msgspec import Struct
 
 from app.dashboard.theme.style import COMMIT, ESCAPED, MARKS, RELEASED
 from app.dashboard.view_options import Viewing
+from app.dashboard.widgets.edit_lock import EditLock
 from app.dashboard.widgets.matrix_text import read_back, written
 from app.dashboard.widgets.whatif import Held, WhatIf
 from app.export.export_jobs import ExportJobs
+from app.lessons.answers import Notebook
 from app.scenario.data import kind_of
 from app.scenario.schema import FieldInfo, Scenario, field_info
 from app.session.commands import Command, Edit
@@ -35,8 +37,8 @@ STEP = 0.002
 @dataclass(frozen=True)
 class Desk:
     """Environment of a panel: the GUI for its widgets, the queue for its commands, the newest snapshot, what-if
-    questions, options of the scene, complaints, export jobs, the store of uploads, and who is told of a row of a
-    number that was moved."""
+    questions, options of the scene, complaints, export jobs, the store of uploads, who is told of a row of a number
+    that was moved, the lock on edits, and the progress in lessons."""
 
     gui: viser.GuiApi
     post: Callable[[Command], None]
@@ -47,6 +49,8 @@ class Desk:
     export_jobs: ExportJobs
     uploads: UploadedUrdfs
     choose: Callable[[Row], None]
+    lock: EditLock
+    notebook: Notebook
 
 
 class Control(Protocol):

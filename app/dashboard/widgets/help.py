@@ -28,6 +28,8 @@ KEYS: dict[str, str] = {
     "N": "see s reach zero, in slow motion",
     "O": "take the way out that is offered after a refusal",
     "G": "a guided minute: the five modes",
+    "J": "in a lesson: its next step",
+    "K": "in a lesson: the step before",
     "T": "dark or light",
     "H": "this help, also ?",
 }
@@ -128,7 +130,8 @@ def tools_html() -> str:
         '<button data-key="t" title="dark or light (T)" aria-label="dark or light"><i class="vs-half"></i></button>'
         '<button data-key="h" title="help (?)" aria-label="help">?</button></div>'
         '<template id="vs-hints"><aside class="vs-hints" role="note" aria-label="first steps">'
-        f'{hints}<button data-key="g">A guided minute</button><button>Got it</button></aside></template>'
+        f'{hints}<button data-key="g">A guided minute</button><button data-tab="Lessons">Lessons</button>'
+        "<button>Got it</button></aside></template>"
     )
 
 

@@ -1,0 +1,32 @@
+"""Lock on edits: while the goal of a lesson is open, only its controls change the run."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from app.session.commands import Blend, Command, Continue, Edit, Load, PushNow, TakeWayOut
+
+
+class EditLock:
+    """Gate in front of the runner: it passes every command, or, while `fields` are given, no other change than theirs.
+
+    fields: dotted paths, None while nothing is locked.
+    """
+
+    def __init__(self, post: Callable[[Command], None], complain: Callable[[str], None]) -> None:
+        self._post, self._complain = post, complain
+        self.fields: frozenset[str] | None = None
+
+    def post(self, command: Command) -> None:
+        """Pass a command on, or complain."""
+        match command:
+            case Edit(path) if self.fields is not None and path not in self.fields:
+                self._refuse(path)
+            case Blend() | Load() | Continue() | PushNow() | TakeWayOut() if self.fields is not None:
+                self._refuse(type(command).__name__)
+            case _:
+                self._post(command)
+
+    def _refuse(self, what: str) -> None:
+        allowed = ", ".join(sorted(self.fields or ()))
+        self._complain(f"{what}: locked by the goal of a lesson; allowed: {allowed}, or leave the lesson")

@@ -1,0 +1,158 @@
+"""Picture of a lesson's run: its lines, those of runs beside it, and what was predicted."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from html import escape
+
+import numpy as np
+
+from app.dashboard.theme.colors import MEASURED, SERIES, Rgb, css
+from app.lessons.answers import Answer
+from app.lessons.blocks import Curve, Line, Measure, Number, Run
+from app.lessons.lesson import Step
+from app.lessons.playing import Trace
+
+WIDTH, HEIGHT = 336, 168
+LEFT, RIGHT, TOP, BOTTOM = 40, 330, 20, 140  # px, of the frame
+TICKS = 4
+OVER_TIME = ("settles", "below")
+
+
+def outcome_html(run: Step, traces: Sequence[Trace], predictions: Sequence[tuple[Step, Answer]]) -> str:
+    """A picture for each line that the run shows, below one another."""
+    block = run.block
+    assert isinstance(block, Run)
+    pictures = []
+    for line in block.show:
+        of = [trace for trace in traces if trace.line.shows(line)]
+        if of:
+            pictures.append(_picture(block, line, of, predictions))
+    return "".join(pictures)
+
+
+def pad_html(question: Curve, drawn: Sequence[tuple[float, float]] | None) -> str:
+    """Axes to draw a course on, by mouse, finger or arrow keys; with what was drawn, once it is locked."""
+    frame = _Frame(question.start, question.end, question.low, question.high)
+    course = "" if drawn is None else _path(frame, np.array(drawn))
+    ends = " ".join(
+        f'data-{name}="{value:g}"'
+        for name, value in (
+            ("from", question.start),
+            ("to", question.end),
+            ("low", question.low),
+            ("high", question.high),
+        )
+    )
+    role = 'role="img"' if drawn is not None else 'tabindex="0" role="application"'
+    label = f"{question.line.title}: draw with the mouse, or choose an instant with ← →, and its value with ↑ ↓"
+    return (
+        f'<div class="vs-pad" data-locked="{"" if drawn is None else "1"}">'
+        f'<svg class="vs-poles" viewBox="0 0 {WIDTH} {HEIGHT}" {ends} data-left="{LEFT}" data-right="{RIGHT}" '
+        f'data-top="{TOP}" data-bottom="{BOTTOM}" {role} aria-label="{escape(label)}">'
+        f"{_grid(frame, f'{question.line.title} [{question.line.unit}]')}"
+        f'<path class="vs-drawn" fill="none" stroke="{css(MEASURED)}" stroke-width="2.5" d="{course}"/>'
+        f'<circle class="vs-pen" r="4" fill="{css(MEASURED)}" visibility="hidden"/></svg></div>'
+    )
+
+
+class _Frame:
+    """Axes: t from `start` to `end` s, values from `low` to `high`."""
+
+    def __init__(self, start: float, end: float, low: float, high: float) -> None:
+        self.start, self.end, self.low, self.high = start, end, low, high
+
+    def x(self, t: float) -> float:
+        return LEFT + (RIGHT - LEFT) * (t - self.start) / (self.end - self.start)
+
+    def y(self, value: float) -> float:
+        return BOTTOM - (BOTTOM - TOP) * (value - self.low) / (self.high - self.low)
+
+
+def _picture(run: Run, line: Line, traces: Sequence[Trace], predictions: Sequence[tuple[Step, Answer]]) -> str:
+    curves = [
+        np.array(answer.given)
+        for step, answer in predictions
+        if isinstance(step.block, Curve) and step.block.line.shows(line) and isinstance(answer.given, list)
+    ]
+    levels = [
+        (float(answer.given), run.measures[step.block.measure])
+        for step, answer in predictions
+        if isinstance(step.block, Number)
+        and isinstance(answer.given, int | float)
+        and step.block.measure in run.measures
+        and run.measures[step.block.measure].signal == line.signal
+    ]
+    heights = [value for value, of in levels if not _is_time(of) and of.unit == line.unit]
+    values = np.concatenate([*(trace.values for trace in traces), *(drawn[:, 1] for drawn in curves), heights])
+    low, high = float(values.min()), float(values.max())
+    room = 0.06 * (high - low) or 1.0
+    frame = _Frame(0.0, max(float(trace.t[-1]) for trace in traces), low - room, high + room)
+    parts = [_grid(frame, f"{line.title} [{line.unit}]")]
+    legend = []
+    for number, trace in enumerate(traces):
+        last = number == len(traces) - 1
+        color: Rgb = SERIES[0] if last else SERIES[2 + number % 4]
+        parts.append(
+            f'<path fill="none" stroke="{css(color)}" stroke-width="{2 if last else 1.2}" '
+            f'd="{_path(frame, np.column_stack([trace.t, trace.values]))}"><title>{escape(trace.run)}</title></path>'
+        )
+        legend.append(f'<span><i class="vs-swatch" style="background: {css(color)}"></i>{escape(trace.run)}</span>')
+    parts += [_predicted(_path(frame, drawn)) for drawn in curves]
+    for value, of in levels:
+        if not _is_time(of) and of.unit == line.unit:
+            y = frame.y(value)
+            parts.append(_predicted(f"M {LEFT} {y:.1f} L {RIGHT} {y:.1f}"))
+        elif _is_time(of) and frame.start <= of.start + value <= frame.end:
+            x = frame.x(of.start + value)
+            parts.append(_predicted(f"M {x:.1f} {TOP} L {x:.1f} {BOTTOM}"))
+    if curves or levels:
+        legend.append(f'<span><i class="vs-swatch" style="background: {css(MEASURED)}"></i>your prediction</span>')
+    return (
+        f'<svg class="vs-poles" viewBox="0 0 {WIDTH} {HEIGHT}" role="img" aria-label="{escape(line.title)} over time">'
+        f'{"".join(parts)}</svg><div class="vs-lines">{"".join(legend)}</div>'
+    )
+
+
+def _is_time(measure: Measure) -> bool:
+    return measure.statistic in OVER_TIME
+
+
+def _predicted(path: str) -> str:
+    return (
+        f'<path class="vs-predicted" fill="none" stroke="{css(MEASURED)}" stroke-width="2" stroke-dasharray="6 4" '
+        f'd="{path}"><title>your prediction</title></path>'
+    )
+
+
+def _path(frame: _Frame, points: np.ndarray) -> str:
+    return " ".join(
+        f"{'L' if k else 'M'} {frame.x(t):.1f} {min(max(frame.y(value), TOP), BOTTOM):.1f}"
+        for k, (t, value) in enumerate(points)
+    )
+
+
+def _grid(frame: _Frame, title: str) -> str:
+    parts = [f'<text x="{LEFT}" y="12">{escape(title)}</text>']
+    parts += [
+        f'<line class="grid" x1="{frame.x(t):.1f}" x2="{frame.x(t):.1f}" y1="{TOP}" y2="{BOTTOM}"/>'
+        f'<text x="{frame.x(t):.1f}" y="{BOTTOM + 13}" text-anchor="middle">{t:g}</text>'
+        for t in _ticks(frame.start, frame.end)
+    ]
+    parts += [
+        f'<line class="grid" x1="{LEFT}" x2="{RIGHT}" y1="{frame.y(value):.1f}" y2="{frame.y(value):.1f}"/>'
+        f'<text x="{LEFT - 4}" y="{frame.y(value) + 3.5:.1f}" text-anchor="end">{f"{value:g}".replace("-", "−")}</text>'
+        for value in _ticks(frame.low, frame.high)
+    ]
+    parts.append(f'<text x="{RIGHT}" y="{HEIGHT - 3}" text-anchor="end">t [s]</text>')
+    return "".join(parts)
+
+
+def _ticks(low: float, high: float) -> list[float]:
+    """Round numbers between two ends, at least three."""
+    rough = (high - low) / TICKS
+    size = 10.0 ** math.floor(math.log10(rough))
+    step = next(size * m for m in (1.0, 2.0, 2.5, 5.0, 10.0) if size * m >= rough * 0.8)
+    first = math.ceil(low / step - 1e-9)
+    return [float(f"{k * step:.6g}") + 0.0 for k in range(first, math.floor(high / step + 1e-9) + 1)]

@@ -1,0 +1,1 @@
+"""Lessons: predict, run, see, explain; read from Markdown, played, scored and checked without a screen."""

@@ -1,0 +1,162 @@
+"""Answers to a lesson's questions: scored against what was measured, kept, and told as CSV and JSON."""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import msgspec
+import numpy as np
+from msgspec import Struct
+
+from app.lessons.blocks import Choice, Curve, Number
+from app.lessons.measures import Told
+from app.lessons.playing import Trace
+from app.process.atomic_write import write_whole
+from app.scenario.schema import ScenarioError
+
+Given = int | float | list[tuple[float, float]]
+FILE = "lessons.json"
+LARGEST = 4_000_000  # bytes of the file
+_PRIVATE = 0o600
+
+
+class Answer(Struct, frozen=True):
+    """Answer to the question of a step.
+    given: number of an option from 1, a number, or a course as (t, value) points.
+    score: 1 for a right one, 0 for another; None while it is not known.
+    verdict: how far it was off, in words."""
+
+    given: Given
+    score: float | None = None
+    verdict: str = ""
+
+
+class Progress(Struct, frozen=True):
+    """Progress in one lesson: step that is shown, answers by step, goals that were reached."""
+
+    step: int = 1
+    answers: dict[int, Answer] = {}
+    goals: tuple[int, ...] = ()
+    finished: bool = False
+
+
+@dataclass(frozen=True)
+class Score:
+    """Score of an answer: 1 or 0, and how far it was off, in words."""
+
+    points: float
+    verdict: str
+
+
+def score_choice(question: Choice, given: int) -> Score:
+    """Score of a chosen option, from 1."""
+    right = question.options[question.right - 1]
+    return Score(1.0, "right") if given == question.right else Score(0.0, f"what happens: {right}")
+
+
+def score_number(question: Number, given: float, told: Mapping[str, Told]) -> Score:
+    """Score of a predicted number. Raises ScenarioError where nothing was measured."""
+    if question.measure not in told:
+        raise ScenarioError(f"measure {question.measure!r:.40}: not measured before")
+    measured = told[question.measure]
+    off = abs(given - measured.value)
+    predicted = Told(given, measured.unit)
+    within = Told(question.tolerance, measured.unit)
+    if off <= question.tolerance:
+        return Score(1.0, f"predicted {predicted}, measured {measured}: right within {within}")
+    return Score(0.0, f"predicted {predicted}, measured {measured}: off by {Told(off, measured.unit)}")
+
+
+def score_curve(question: Curve, given: list[tuple[float, float]], trace: Trace) -> Score:
+    """Score of a drawn course against the measured one."""
+    t = np.linspace(question.start, question.end, 200)
+    drawn = np.interp(t, *np.array(given).T)
+    off = float(np.sqrt(np.mean((drawn - np.interp(t, trace.t, trace.values)) ** 2)))
+    told = Told(off, question.line.unit)
+    if off <= question.tolerance:
+        return Score(1.0, f"your line is off by {told} (RMS): right")
+    return Score(0.0, f"your line is off by {told} (RMS); it counts within {Told(question.tolerance, told.unit)}")
+
+
+def admitted(question: Choice | Number | Curve, given: object) -> Given:
+    """Answer that a page sent, if it is one to this question. Raises ScenarioError."""
+    match question:
+        case Choice():
+            if not isinstance(given, int) or not 1 <= given <= len(question.options):
+                raise ScenarioError(f"answer: {given!r:.40}; allowed: 1 to {len(question.options)}")
+            return given
+        case Number():
+            if isinstance(given, bool) or not isinstance(given, int | float) or not math.isfinite(given):
+                raise ScenarioError(f"answer: {given!r:.40}; allowed: a number")
+            return float(given)
+        case Curve():
+            try:
+                points = msgspec.convert(given, list[tuple[float, float]])
+            except msgspec.ValidationError as error:
+                raise ScenarioError(f"answer: {error}; allowed: points of t and value") from error
+            t = [point[0] for point in points]
+            if not 2 <= len(points) <= 500 or not np.isfinite(points).all() or sorted(t) != t:
+                raise ScenarioError(f"answer: {len(points)} points; allowed: 2 to 500, from left to right")
+            return points
+
+
+def csv_of(progress: Mapping[str, Progress]) -> str:
+    """CSV of all answers, a row each."""
+    file = io.StringIO()
+    rows = csv.writer(file, lineterminator="\n")
+    rows.writerow(["lesson", "step", "answer", "score", "verdict"])
+    for lesson, of in progress.items():
+        for step, answer in sorted(of.answers.items()):
+            score = "" if answer.score is None else f"{answer.score:g}"
+            rows.writerow([lesson, step, _plain(answer.given), score, answer.verdict])
+        rows.writerows([lesson, step, "goal", "1", "reached"] for step in of.goals)
+    return file.getvalue()
+
+
+def _plain(given: Given) -> str:
+    return f"{given:g}" if isinstance(given, int | float) else " ".join(f"{t:g},{value:g}" for t, value in given)
+
+
+def json_of(progress: Mapping[str, Progress]) -> str:
+    """JSON of all progress."""
+    return msgspec.json.format(msgspec.json.encode(dict(progress))).decode() + "\n"
+
+
+class Notebook:
+    """Progress in all lessons, kept in a folder if there is one."""
+
+    def __init__(self) -> None:
+        self._folder: Path | None = None
+        self.progress: dict[str, Progress] = {}
+
+    def keep_in(self, folder: Path) -> str:
+        """Read what a folder has, and write there from now on. Returns a sentence where it cannot be read, else ""."""
+        self._folder = folder
+        try:
+            with (folder / FILE).open("rb") as file:
+                self.progress = msgspec.json.decode(file.read(LARGEST), type=dict[str, Progress]) | self.progress
+        except FileNotFoundError:
+            return ""
+        except (OSError, msgspec.DecodeError) as error:
+            aside = folder / f"set-aside-{FILE}"
+            reason = error.strerror if isinstance(error, OSError) else error
+            if not isinstance(error, OSError):
+                (folder / FILE).replace(aside)
+            return f"the progress in lessons cannot be read: {reason}; it is kept as {aside}"
+        return ""
+
+    def of(self, lesson: str) -> Progress:
+        """Progress in a lesson."""
+        return self.progress.get(lesson, Progress())
+
+    def note(self, lesson: str, progress: Progress) -> None:
+        """Take progress down. Raises OSError where it cannot be written; it counts all the same."""
+        self.progress = {**self.progress, lesson: progress}
+        if self._folder is not None:
+            text = json_of(self.progress).encode()
+            write_whole(self._folder / FILE, lambda file: file.write(text), _PRIVATE)

@@ -1,0 +1,190 @@
+"""Check of a lesson: its runs are played, its reference answers and the planted wrong ones scored, its texts read."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+from app.lessons.answers import score_choice, score_curve, score_number
+from app.lessons.blocks import Choice, Curve, Explain, Goal, Number, Run, Setting
+from app.lessons.lesson import NAMED, Lesson, Step
+from app.lessons.measures import Told, unmet
+from app.lessons.playing import Outcome, Trace, play, reached
+from app.scenario.schema import ScenarioError
+from app.simulation.closed_loop import ClosedLoop
+from app.simulation.search_memory import Memory
+
+WORDS = 130.0  # that a student reads in a minute, with formulas between them
+QUESTION, GOAL, LOOKING = 0.5, 2.0, 0.4  # minutes for an answer, for a goal, and for looking at the picture of a run
+NEAR = 0.35  # share by which the time may differ from what the lesson says
+
+
+@dataclass
+class Checked:
+    """Result of the check of a lesson.
+    told: all numbers that were measured.
+    outcomes: of the runs, by number of their step.
+    minutes: that it takes, estimated.
+    problems: sentences, none where all is well."""
+
+    lesson: Lesson
+    told: dict[str, Told] = field(default_factory=dict)
+    outcomes: dict[int, Outcome] = field(default_factory=dict)
+    minutes: float = 0.0
+    problems: list[str] = field(default_factory=list)
+
+
+def check(lesson: Lesson, memory: Memory | None = None) -> Checked:
+    """Check of a lesson: it is fit to be given unless there are problems."""
+    checked = Checked(lesson)
+    memory = memory or Memory()
+    waiting: list[Step] = []
+    for step in lesson.steps:
+        try:
+            checked.problems += [_at(lesson, step, problem) for problem in _problems(step, checked, waiting, memory)]
+        except (ScenarioError, ValueError) as error:
+            checked.problems.append(_at(lesson, step, str(error)))
+    checked.problems += [_at(lesson, step, "the question is never answered by a run") for step in waiting]
+    checked.minutes = _minutes(lesson)
+    if abs(checked.minutes / lesson.head.minutes - 1.0) > NEAR:
+        checked.problems.append(
+            f"{lesson.source}: it takes about {checked.minutes:.0f} minutes, and says {lesson.head.minutes:g}"
+        )
+    return checked
+
+
+def _at(lesson: Lesson, step: Step, problem: str) -> str:
+    return f"{lesson.source}, line {step.line}: {step.kind}: {problem}"
+
+
+def _problems(step: Step, checked: Checked, waiting: list[Step], memory: Memory) -> Iterator[str]:
+    """Problems of a step. waiting: questions that no run has answered yet."""
+    block = step.block
+    for name in NAMED.findall(" ".join([step.text, getattr(block, "ask", ""), *getattr(block, "options", ())])):
+        if name not in checked.told:
+            yield f"{{{{{name}}}}} stands in the text and was not measured before"
+    if step.kind == "observe" or (isinstance(block, Explain) and waiting):
+        yield from _answered(waiting, checked)
+    match block:
+        case Setting():
+            assert step.scenario is not None
+            ClosedLoop(step.scenario, 1, memory=memory)
+        case Choice() | Number() | Curve():
+            if isinstance(block, Choice) and block.right > len(block.options):
+                yield f"right: {block.right}; allowed: 1 to {len(block.options)}"
+            elif step.kind == "predict":
+                waiting.append(step)
+            else:
+                yield from _scored(step, checked)
+        case Run():
+            outcome = play(step, memory)
+            checked.outcomes[step.number] = outcome
+            if again := [name for name in outcome.told if name in checked.told]:
+                yield f"measures: {again[0]} is measured a second time; allowed: another name"
+            titles = [run.block.title for run in checked.lesson.steps[: step.number - 1] if isinstance(run.block, Run)]
+            if strangers := [title for title in block.beside if title not in titles]:
+                yield f"beside: {strangers[0]!r:.60}; allowed: titles of earlier runs"
+            checked.told |= outcome.told
+            for name, wanted, happened in (
+                ("stops", block.stops, outcome.stopped),
+                ("refused", block.refused, outcome.refusal),
+            ):
+                if (wanted or "") not in happened or bool(wanted) != bool(happened):
+                    yield f"{name}: {wanted or 'nothing'}; what happened: {happened or 'nothing'}"
+        case Goal():
+            yield from _goal(step, memory)
+        case Explain():
+            pass
+
+
+def _answered(waiting: list[Step], checked: Checked) -> Iterator[str]:
+    while waiting:
+        yield from _scored(waiting.pop(0), checked)
+
+
+def _scored(step: Step, checked: Checked) -> Iterator[str]:
+    """Problems with the answers to a question whose outcome is known."""
+    match step.block:
+        case Choice() as question:
+            if score_choice(question, question.right).points < 1.0:
+                yield "the reference answer does not count in full"
+            others = [k + 1 for k in range(len(question.options)) if k + 1 != question.right]
+            if any(score_choice(question, other).points >= 1.0 for other in others):
+                yield "a wrong option counts in full"
+            yield from unmet(question.because, checked.told)
+        case Number() as question:
+            if question.measure not in checked.told:
+                yield f"measure {question.measure!r:.40}: no run before the explanation measures it"
+                return
+            told = checked.told[question.measure]
+            if not math.isfinite(told.value) or score_number(question, told.value, checked.told).points < 1.0:
+                yield "the reference answer does not count in full"
+            for wrong in question.wrong:
+                if score_number(question, wrong, checked.told).points >= 1.0:
+                    yield f"the planted wrong answer {wrong:g} counts in full, measured {told}"
+        case Curve() as question:
+            trace = trace_for(step, checked.outcomes)
+            if trace is None:
+                yield f"curve: no run after it shows {question.line.signal!r:.40}"
+                return
+            inside = (trace.t >= question.start) & (trace.t <= question.end)
+            if inside.sum() < 2:
+                yield "start, end: the run has ended before"
+                return
+            t, values = trace.t[inside], trace.values[inside]
+            reference = list(zip(t.tolist(), values.tolist(), strict=True))
+            if score_curve(question, reference, trace).points < 1.0:
+                yield "the reference answer does not count in full"
+            if values.min() < question.low or values.max() > question.high:
+                yield f"low, high: what is measured goes from {values.min():.3g} to {values.max():.3g}"
+            for wrong in question.wrong:
+                if score_curve(question, [(t, value) for t, value in wrong], trace).points >= 1.0:
+                    yield f"the planted wrong course that begins with {wrong[0]} counts in full"
+        case _:
+            pass
+
+
+def trace_for(step: Step, outcomes: dict[int, Outcome]) -> Trace | None:
+    """Line of the first run after a question for a course that shows its signal."""
+    question = step.block
+    assert isinstance(question, Curve)
+    for number, outcome in sorted(outcomes.items()):
+        if number > step.number:
+            shows = (trace for trace in outcome.traces if trace.line.shows(question.line))
+            if (found := next(shows, None)) is not None:
+                return found
+    return None
+
+
+def _goal(step: Step, memory: Memory) -> Iterator[str]:
+    goal = step.block
+    assert isinstance(goal, Goal)
+    at_reference = reached(step, {control.path: control.reference for control in goal.controls}, memory)
+    yield from (f"with the reference, {problem}" for problem in unmet(goal.conditions, at_reference))
+    if not unmet(goal.conditions, reached(step, {control.path: control.wrong for control in goal.controls}, memory)):
+        yield "the planted wrong values reach the goal"
+    if not unmet(goal.conditions, reached(step, {}, memory)):
+        yield "the goal is reached before anything is done"
+    for control in goal.controls:
+        if not all(control.low <= value <= control.high for value in (control.reference, control.wrong)):
+            yield f"{control.path}: reference and wrong; allowed: {control.low:g} to {control.high:g}"
+
+
+def _minutes(lesson: Lesson) -> float:
+    minutes = 0.0
+    for step in lesson.steps:
+        block = step.block
+        asked = getattr(block, "ask", "") + " ".join(getattr(block, "options", ()))
+        minutes += len(re.findall(r"\w+", step.text + asked)) / WORDS
+        match block:
+            case Choice() | Number() | Curve():
+                minutes += QUESTION
+            case Run():
+                minutes += block.seconds / 60.0 + LOOKING
+            case Goal():
+                minutes += GOAL
+            case _:
+                pass
+    return minutes

@@ -1,0 +1,199 @@
+"""Course through a lesson: the step that is shown, what was answered, and what the runs have shown so far."""
+
+from __future__ import annotations
+
+import threading
+
+import msgspec
+
+from app.lessons.answers import (
+    Answer,
+    Notebook,
+    Progress,
+    Score,
+    admitted,
+    score_choice,
+    score_curve,
+    score_number,
+)
+from app.lessons.blocks import Choice, Curve, Explain, Goal, Number, Run
+from app.lessons.checking import trace_for
+from app.lessons.lesson import Lesson, Step
+from app.lessons.measures import Told
+from app.lessons.playing import Outcome, Trace, play
+from app.scenario.schema import ScenarioError
+from app.simulation.search_memory import Memory
+
+
+class Course:
+    """Course of one session through one lesson. It may be used by several threads.
+
+    A prediction counts once, before the run; its score is known from the next explanation on.
+    """
+
+    def __init__(self, lesson: Lesson, notebook: Notebook) -> None:
+        self.lesson, self._notebook = lesson, notebook
+        self._lock = threading.RLock()
+        self.outcomes: dict[int, Outcome] = {}
+        if self.progress.step > len(lesson.steps):  # the lesson was shorter once
+            self._note(step=1)
+
+    @property
+    def progress(self) -> Progress:
+        return self._notebook.of(self.lesson.name)
+
+    @property
+    def step(self) -> Step:
+        """Step that is shown."""
+        return self.lesson.steps[self.progress.step - 1]
+
+    @property
+    def answer(self) -> Answer | None:
+        """Answer to the question of the shown step."""
+        return self.progress.answers.get(self.step.number)
+
+    @property
+    def told(self) -> dict[str, Told]:
+        """Numbers that the runs up to the shown step have measured."""
+        known: dict[str, Told] = {}
+        for number, outcome in sorted(self.outcomes.items()):
+            if number <= self.step.number:
+                known |= outcome.told
+        return known
+
+    @property
+    def measured(self) -> dict[str, str]:
+        """Those numbers as text."""
+        return {name: str(told) for name, told in self.told.items()}
+
+    @property
+    def last_run(self) -> Step | None:
+        """The last run up to the shown step since the last explanation."""
+        for step in reversed(self.lesson.steps[: self.step.number]):
+            if isinstance(step.block, Run):
+                return step
+            if isinstance(step.block, Explain) and step.number < self.step.number:
+                return None
+        return None
+
+    @property
+    def missing(self) -> list[Step]:
+        """Runs before the shown step that have no outcome, such as after a restart."""
+        earlier = self.lesson.steps[: self.step.number - 1]
+        return [step for step in earlier if isinstance(step.block, Run) and step.number not in self.outcomes]
+
+    @property
+    def ready(self) -> bool:
+        """Whether the shown step has been done."""
+        match self.step.block:
+            case Choice() | Number() | Curve():
+                return self.answer is not None
+            case Run():
+                return self.step.number in self.outcomes
+            case Goal():
+                return self.step.number in self.progress.goals
+            case _:
+                return True
+
+    @property
+    def open(self) -> bool:
+        """Whether the question of the shown step can still be answered: no later run has been seen."""
+        return self.answer is None and not any(number > self.step.number for number in self.outcomes)
+
+    def traces(self, run: Step) -> list[Trace]:
+        """Lines of a run's picture, those beside it first."""
+        block = run.block
+        assert isinstance(block, Run)
+        if run.number not in self.outcomes:
+            return []
+        titles = {
+            step.block.title: step.number
+            for step in self.lesson.steps[: run.number - 1]
+            if isinstance(step.block, Run) and step.number in self.outcomes
+        }
+        beside = [
+            trace
+            for title in block.beside
+            if title in titles
+            for trace in self.outcomes[titles[title]].traces
+            if any(trace.line.shows(line) for line in block.show)
+        ]
+        return [*beside, *self.outcomes[run.number].traces]
+
+    def predictions(self, run: Step) -> list[tuple[Step, Answer]]:
+        """Answered questions that a run answers: those since the run or explanation before it."""
+        found = []
+        for step in reversed(self.lesson.steps[: run.number - 1]):
+            if isinstance(step.block, Run | Explain):
+                break
+            if step.kind == "predict" and (answer := self.progress.answers.get(step.number)) is not None:
+                found.append((step, answer))
+        return found[::-1]
+
+    def explained(self) -> list[tuple[Step, Answer]]:
+        """Answered questions since the explanation before the shown step, with their scores."""
+        found = []
+        for step in reversed(self.lesson.steps[: self.step.number - 1]):
+            if isinstance(step.block, Explain):
+                break
+            if step.question is not None and (answer := self.progress.answers.get(step.number)) is not None:
+                found.append((step, answer))
+        return found[::-1]
+
+    def give(self, given: object) -> None:
+        """Answer the question of the shown step, once. Raises ScenarioError."""
+        with self._lock:
+            question = self.step.question
+            if question is None:
+                raise ScenarioError("answer: there is no question; allowed: where one is asked")
+            if not self.open:
+                raise ScenarioError("answer: it is locked, as the run has been seen; allowed: before it")
+            self._answer(self.step, Answer(admitted(question, given)))
+
+    def take(self, run: Step, outcome: Outcome) -> None:
+        """Take up the outcome of a run."""
+        with self._lock:
+            self.outcomes = {**self.outcomes, run.number: outcome}
+
+    def make_up(self, memory: Memory | None = None) -> None:
+        """Play the missing runs. Raises ScenarioError."""
+        for run in self.missing:
+            self.take(run, play(run, memory))
+
+    def reached_goal(self) -> None:
+        """Note that the goal of the shown step is reached."""
+        with self._lock:
+            if self.step.number not in self.progress.goals:
+                self._note(goals=(*self.progress.goals, self.step.number))
+
+    def go(self, by: int) -> None:
+        """Show another step, so many further on, or back."""
+        with self._lock:
+            number = min(max(self.progress.step + by, 1), len(self.lesson.steps))
+            self._note(step=number, finished=self.progress.finished or number == len(self.lesson.steps))
+            if isinstance(self.step.block, Explain):
+                self._score()
+
+    def _score(self) -> None:
+        """Score what was answered before the shown step, as far as it was measured."""
+        for step in self.lesson.steps[: self.step.number]:
+            answer = self.progress.answers.get(step.number)
+            if answer is not None and answer.score is None and (score := self._score_of(step, answer)) is not None:
+                self._answer(step, Answer(answer.given, score.points, score.verdict))
+
+    def _score_of(self, step: Step, answer: Answer) -> Score | None:
+        match step.block, answer.given:
+            case Choice() as question, int() as given:
+                return score_choice(question, given)
+            case Number() as question, float() | int() as given if question.measure in self.told:
+                return score_number(question, given, self.told)
+            case Curve() as question, list() as given if (trace := trace_for(step, self.outcomes)) is not None:
+                return score_curve(question, given, trace)
+            case _:
+                return None
+
+    def _answer(self, step: Step, answer: Answer) -> None:
+        self._note(answers={**self.progress.answers, step.number: answer})
+
+    def _note(self, **changes: object) -> None:
+        self._notebook.note(self.lesson.name, msgspec.structs.replace(self.progress, **changes))

@@ -1,0 +1,205 @@
+"""Lesson: a Markdown file in which each fenced block of TOML ends a step."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from dataclasses import dataclass
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from app.lessons.blocks import KINDS, Choice, Content, Curve, Goal, Head, Number, Run, Setting
+from app.scenario.data import LARGEST, edited, shipped, to_plain
+from app.scenario.schema import Scenario, ScenarioError
+from parameters import allowed
+
+FENCE = re.compile(r"^(`{3,})[ \t]*(\w*)[ \t]*$")
+NAMED = re.compile(r"\{\{ *([a-z][a-z0-9_]*) *\}\}")  # a measured number in a text
+FILE = "lesson"
+MOST_STEPS = 60
+
+
+class LessonError(ScenarioError):
+    """A lesson that cannot be used: one sentence with its file, line and reason."""
+
+
+@dataclass(frozen=True)
+class Step:
+    """Step of a lesson.
+    number: from 1.
+    line: of its block in the file.
+    kind: of the block, such as "predict".
+    text: Markdown above it.
+    scenario: from which it begins; None before the first scenario."""
+
+    number: int
+    line: int
+    kind: str
+    text: str
+    block: Content
+    scenario: Scenario | None
+
+    @property
+    def question(self) -> Choice | Number | Curve | None:
+        """Question that it asks."""
+        return self.block if isinstance(self.block, Choice | Number | Curve) else None
+
+
+@dataclass(frozen=True)
+class Lesson:
+    """Lesson.
+    name: of its folder.
+    source: of its file, for messages.
+    opening: Markdown above the first step."""
+
+    name: str
+    source: str
+    head: Head
+    steps: tuple[Step, ...]
+
+    def refusal(self, step: Step, reason: str) -> LessonError:
+        """Error at the block of a step."""
+        return LessonError(f"{self.source}, line {step.line}: {reason}")
+
+
+def read(text: str, name: str, source: str) -> Lesson:
+    """Lesson from its file's text. Raises LessonError with line and reason."""
+    head: Head | None = None
+    steps: list[Step] = []
+    setting: Scenario | None = None
+    for line, prose, kind, body in _blocks(text, source):
+        block = _decoded(kind, body, source, line)
+        if isinstance(block, Head):
+            if head is not None or steps:
+                raise LessonError(f"{source}, line {line}: lesson: a second one; allowed: one, at the beginning")
+            head = block
+            continue
+        if head is None:
+            raise LessonError(f"{source}, line {line}: {kind}: before the block lesson; allowed: after it")
+        try:
+            if isinstance(block, Setting):
+                setting = with_values(_base(block.base), block.set)
+            here = setting
+            if isinstance(block, Run | Goal):
+                if setting is None:
+                    raise ScenarioError(f"{kind}: before any scenario; allowed: after one")
+                here = with_values(setting, block.set)
+        except ScenarioError as error:
+            raise LessonError(f"{source}, line {line}: {error}") from error
+        steps.append(Step(len(steps) + 1, line, kind, prose, block, here))
+    if head is None:
+        raise LessonError(f"{source}, line 1: no block lesson; allowed: one, at the beginning")
+    if not steps or len(steps) > MOST_STEPS:
+        raise LessonError(f"{source}, line 1: {len(steps)} steps; allowed: 1 to {MOST_STEPS}")
+    return Lesson(name, source, head, tuple(steps))
+
+
+def load_file(path: Path) -> Lesson:
+    """Lesson from a lesson.md, or from the folder that holds one. Raises LessonError."""
+    path = path / f"{FILE}.md" if path.is_dir() else path
+    try:
+        with path.open("rb") as file:
+            content = file.read(LARGEST + 1)
+        text = content.decode("utf-8-sig").replace("\r\n", "\n")
+    except OSError as error:
+        raise LessonError(f"lesson {str(path)!r:.200}: cannot be read: {error.strerror}") from error
+    except ValueError as error:
+        raise LessonError(f"lesson {str(path)!r:.200}: it is no UTF-8 text") from error
+    if len(content) > LARGEST:
+        raise LessonError(f"lesson {str(path)!r:.200}: over {LARGEST / 1e6:g} MB; allowed: less")
+    return read(text, path.parent.name, str(path))
+
+
+def shipped_lessons() -> dict[str, Lesson]:
+    """The lessons of `static/lessons`, by name; a translation has its language behind its name, as in "walls.de"."""
+    folder = resources.files("static").joinpath("lessons")
+    found: dict[str, Lesson] = {}
+    for each in sorted(folder.iterdir(), key=lambda entry: entry.name):
+        if not each.is_dir():
+            continue
+        for file in sorted(each.iterdir(), key=lambda entry: (len(entry.name), entry.name)):
+            if file.name.startswith(FILE) and file.name.endswith(".md"):
+                name = each.name + file.name.removeprefix(FILE).removesuffix(".md")
+                found[name] = read(file.read_text(encoding="utf-8"), name, f"{each.name}/{file.name}")
+    return found
+
+
+def load(name_or_file: str) -> Lesson:
+    """A shipped lesson by name, or one from a file or folder. Raises LessonError."""
+    path = Path(name_or_file)
+    if path.suffix == ".md" or path.is_dir():
+        return load_file(path)
+    lessons = shipped_lessons()
+    if name_or_file not in lessons:
+        named = allowed(name_or_file, lessons).replace("allowed: ", "allowed: a lesson.md or ", 1)
+        raise LessonError(f"lesson {name_or_file!r:.200}: unknown; {named}")
+    return lessons[name_or_file]
+
+
+def with_values(scenario: Scenario, values: dict[str, Any]) -> Scenario:
+    """Copy of the scenario with other values of fields by dotted path. Raises ScenarioError."""
+    for path, value in values.items():
+        scenario = with_value(scenario, path, value)
+    return scenario
+
+
+def with_value(scenario: Scenario, path: str, value: object) -> Scenario:
+    """Copy of the scenario with another value of a field; a number at the path's end is an entry of a list, from 1.
+    Raises ScenarioError."""
+    field, _, last = path.rpartition(".")
+    if not last.isdecimal():
+        return edited(scenario, path, value)
+    held: Any = to_plain(scenario)
+    for part in field.split("."):
+        held = held.get(part) if isinstance(held, dict) else None
+    if not isinstance(held, list) or not 1 <= int(last) <= len(held):
+        raise ScenarioError(f"{path}: no such entry; allowed: an entry, from 1, of a list that the scenario has")
+    return edited(scenario, field, [value if i + 1 == int(last) else kept for i, kept in enumerate(held)])
+
+
+def _base(name: str) -> Scenario:
+    scenarios = shipped()
+    if name not in scenarios:
+        raise ScenarioError(f"base: {name!r:.60}; {allowed(name, scenarios)}")
+    return scenarios[name]
+
+
+def _blocks(text: str, source: str) -> list[tuple[int, str, str, str]]:
+    """Line, text above, kind and content of each fenced block of a known kind; other fences belong to the text."""
+    found: list[tuple[int, str, str, str]] = []
+    prose: list[str] = []
+    lines = text.split("\n")
+    at = 0
+    while at < len(lines):
+        fence = FENCE.match(lines[at])
+        if fence is None:
+            prose.append(lines[at])
+            at += 1
+            continue
+        begun, mark, kind = at + 1, fence[1], fence[2]
+        end = next((k for k in range(at + 1, len(lines)) if lines[k].strip() == mark), None)
+        if end is None:
+            raise LessonError(f"{source}, line {begun}: {kind or 'block'}: it has no end; allowed: {mark} on a line")
+        if kind in KINDS:
+            found.append((begun, "\n".join(prose).strip(), kind, "\n".join(lines[at + 1 : end])))
+            prose = []
+        elif kind:
+            raise LessonError(f"{source}, line {begun}: block {kind!r:.40}; {allowed(kind, KINDS)}")
+        else:
+            prose += lines[at : end + 1]
+        at = end + 1
+    if "".join(prose).strip():
+        raise LessonError(f"{source}, line {len(lines)}: text below the last block; allowed: above a block explain")
+    return found
+
+
+def _decoded(kind: str, body: str, source: str, line: int) -> Any:
+    try:
+        return msgspec.convert(tomllib.loads(body), KINDS[kind])
+    except tomllib.TOMLDecodeError as error:
+        raise LessonError(f"{source}, line {line}: {kind}: not TOML: {error}") from error
+    except (msgspec.ValidationError, RecursionError) as error:
+        raise LessonError(f"{source}, line {line}: {kind}: {error}") from error

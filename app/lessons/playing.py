@@ -1,0 +1,129 @@
+"""Playing of a lesson's runs without a screen; on the page the runner makes the same edits at the same instants."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from app.analysis.thinning import Grid
+from app.lessons.blocks import Goal, Line, Run
+from app.lessons.lesson import Lesson, Step, with_value, with_values
+from app.lessons.measures import Told, factor_of, measured, signal_of, taken
+from app.scenario.data import edited
+from app.scenario.schema import Scenario, ScenarioError
+from app.session.commands import Perform, TimedChange
+from app.simulation.closed_loop import ClosedLoop
+from app.simulation.recording import Recording
+from app.simulation.search_memory import Memory
+from app.simulation.system import System
+
+POINTS = 400  # of a line
+
+
+@dataclass(frozen=True)
+class Trace:
+    """Line of a picture: t (N,) s, values (N,) in the unit of its line, of the run with that title."""
+
+    run: str
+    line: Line
+    t: np.ndarray
+    values: np.ndarray
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """Outcome of a run.
+    told: its measures by name.
+    traces: the lines of its picture.
+    q: (n,) rad, joint angles in its last control period.
+    refusal: the sentence with which an edit was refused, "" without one.
+    stopped: why it ended early, "" if it did not."""
+
+    told: dict[str, Told]
+    traces: tuple[Trace, ...]
+    q: np.ndarray
+    refusal: str = ""
+    stopped: str = ""
+
+
+def performance(step: Step) -> Perform:
+    """Command that plays a step's run on the page."""
+    run, scenario = _run_of(step)
+    changes, so_far = [], scenario
+    for edit in sorted(run.edits, key=lambda each: each.at):
+        field = edit.set.rpartition(".")[0] if edit.set.rpartition(".")[2].isdecimal() else edit.set
+        so_far = with_value(so_far, edit.set, edit.value)
+        changes.append(TimedChange(edit.at, field, _plain(so_far, field) if field != edit.set else edit.value))
+    return Perform(scenario, tuple(changes), run.seconds)
+
+
+def play(step: Step, memory: Memory | None = None) -> Outcome:
+    """Outcome of a step's run. Raises ScenarioError."""
+    performed = performance(step)
+    loop, refusal = ClosedLoop(performed.scenario, memory=memory), ""
+    waiting = list(performed.changes)
+    while loop.stopped is None and loop.t < performed.end - 0.5 * loop.period:
+        while waiting and waiting[0].due(loop.t, loop.period):
+            change = waiting.pop(0)
+            before = loop.recording
+            try:
+                loop.edit(edited(loop.system.scenario, change.path, change.value))
+            except ScenarioError as error:
+                refusal = str(error)
+            if loop.recording is not before:
+                raise ScenarioError(f"edits: {change.path} begins a run anew; allowed: fields that change within a run")
+        loop.advance()
+    run, _ = _run_of(step)
+    told = {name: measured(loop, each) for name, each in run.measures.items()}
+    lines = tuple(_trace(loop.system, loop.recording, line, run.title) for line in run.show)
+    return Outcome(told, lines, last_q(loop.recording), refusal, loop.stopped or "")
+
+
+def last_q(recording: Recording) -> np.ndarray:
+    """Joint angles (n,) rad of a recording's last row, none of an empty one."""
+    pieces = recording.pieces()
+    return pieces[-1][-1, recording.columns["q"]].copy() if pieces else np.empty(0)
+
+
+def _trace(system: System, recording: Recording, line: Line, title: str) -> Trace:
+    """Line of a picture; of many points, the extremes stay. Raises ScenarioError."""
+    t, values = signal_of(system, recording, line.signal, -np.inf, np.inf)
+    values = factor_of(line.unit) * values
+    if len(t) > POINTS:
+        grid = Grid.over(float(t[0]), float(t[-1]), POINTS // 2)
+        thinned = grid.thin(t, values[:, None])[:, 0]
+        known = np.isfinite(thinned)
+        t, values = grid.times[known], thinned[known]
+    return Trace(title, line, t, values)
+
+
+def reached(step: Step, values: dict[str, float], memory: Memory | None = None) -> dict[str, Told]:
+    """Measures of a goal after its seconds, with these values of its controls. Raises ScenarioError."""
+    goal = step.block
+    assert isinstance(goal, Goal)
+    assert step.scenario is not None
+    loop = ClosedLoop(with_values(step.scenario, dict(values)), memory=memory)
+    while loop.stopped is None and loop.t < goal.seconds - 0.5 * loop.period:
+        loop.advance()
+    if loop.stopped:
+        raise ScenarioError(f"the run stops: {loop.stopped}")
+    return {name: taken(loop.system, loop.recording, loop.t, each) for name, each in goal.measures.items()}
+
+
+def _run_of(step: Step) -> tuple[Run, Scenario]:
+    assert isinstance(step.block, Run)
+    assert step.scenario is not None
+    return step.block, step.scenario
+
+
+def _plain(scenario: Scenario, field: str) -> object:
+    value: object = scenario
+    for part in field.split("."):
+        value = getattr(value, part)
+    return value
+
+
+def runs(lesson: Lesson) -> list[Step]:
+    """Steps of a lesson that are runs."""
+    return [step for step in lesson.steps if isinstance(step.block, Run)]
