@@ -89,6 +89,7 @@ def main(folder: Path) -> None:
         present(page, album)
         compare(page, runner, album)
         guided_minute(page, runner, album)
+        lesson(page, album)
         load(runner, "ur5-hybrid", page)
         show_help(page, album)
         page.keyboard.press("t")
@@ -173,6 +174,35 @@ def guided_minute(page: Page, runner: Runner, album: Album) -> None:
             page.wait_for_timeout(100)
         shoot(page, album, f"minute-{number}", f"The guided minute, {number}: {step.title}")
         page.get_by_role("button", name="Next" if number < len(steps()) else "Done", exact=False).click()
+
+
+def lesson(page: Page, album: Album) -> None:
+    """The first lesson: a course is drawn, and its run is seen and explained."""
+    page.get_by_role("tab", name="Lessons", exact=True).click()
+    shoot(page, album, "lessons", "The lessons")
+    page.get_by_role("button", name="Begin").click()
+    for number in (1, 2):
+        page.locator(f".vs-lesson[data-step='{number}']").wait_for()
+        page.keyboard.press("j")
+    pad = page.locator(".vs-pad svg")
+    pad.wait_for()
+    box = pad.bounding_box()
+    assert box is not None
+    page.mouse.move(box["x"] + 0.13 * box["width"], box["y"] + 0.66 * box["height"])
+    page.mouse.down()
+    for across, down in ((0.25, 0.66), (0.4, 0.45), (0.6, 0.42), (0.97, 0.42)):
+        page.mouse.move(box["x"] + across * box["width"], box["y"] + down * box["height"], steps=6)
+    page.mouse.up()
+    page.get_by_role("button", name="Lock my line").click()
+    shoot(page, album, "lesson-predict", "A lesson: the course of the deviation is predicted")
+    page.keyboard.press("j")
+    page.get_by_role("button", name="Run (").click()
+    page.locator(".vs-lines").first.wait_for()
+    page.keyboard.press("j")
+    page.locator(".vs-prose .vs-scored").first.wait_for()
+    shoot(page, album, "lesson-explain", "A lesson: the run over the prediction, explained")
+    page.get_by_role("button", name="Leave the lesson").click()
+    page.get_by_role("tab", name="Task", exact=True).click()
 
 
 def present(page: Page, album: Album) -> None:

@@ -119,6 +119,10 @@ class Choice(Block, frozen=True, tag_field="kind", tag="choice"):
     right: Annotated[int, Meta(ge=1)]
     because: tuple[Condition, ...] = ()
 
+    def __post_init__(self) -> None:
+        if self.right > len(self.options):
+            raise ValueError(f"right: {self.right}; allowed: 1 to {len(self.options)}")
+
 
 class Number(Block, frozen=True, tag_field="kind", tag="number"):
     """Question for a number in the unit of a measure, which is right within the tolerance.
@@ -148,6 +152,10 @@ class Curve(Block, frozen=True, tag_field="kind", tag="curve"):
     tolerance: Annotated[float, Meta(gt=0)]
     wrong: Annotated[tuple[tuple[tuple[float, float], ...], ...], Meta(min_length=1)]
 
+    def __post_init__(self) -> None:
+        if not (self.start < self.end and self.low < self.high):
+            raise ValueError("start, end, low, high: allowed: start before end, low below high")
+
 
 Question = Choice | Number | Curve
 
@@ -170,6 +178,10 @@ class Control(Block, frozen=True):
     reference: float
     wrong: float
     logarithmic: bool = False
+
+    def __post_init__(self) -> None:
+        if not self.low < self.high or (self.logarithmic and self.low <= 0.0):
+            raise ValueError(f"low, high: {self.low:g} to {self.high:g}; allowed: low below high, logarithmic above 0")
 
 
 class Goal(Block, frozen=True):

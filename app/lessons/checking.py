@@ -43,7 +43,13 @@ def check(lesson: Lesson, memory: Memory | None = None) -> Checked:
     waiting: list[Step] = []
     for step in lesson.steps:
         try:
-            checked.problems += [_at(lesson, step, problem) for problem in _problems(step, checked, waiting, memory)]
+            if step.kind == "observe" or isinstance(step.block, Explain):
+                for asked in waiting:
+                    checked.problems += [_at(lesson, asked, problem) for problem in _scored(asked, checked)]
+                waiting.clear()
+            checked.problems += [_at(lesson, step, problem) for problem in _problems(step, checked, memory)]
+            if step.kind == "predict":
+                waiting.append(step)
         except (ScenarioError, ValueError) as error:
             checked.problems.append(_at(lesson, step, str(error)))
     checked.problems += [_at(lesson, step, "the question is never answered by a run") for step in waiting]
@@ -59,25 +65,18 @@ def _at(lesson: Lesson, step: Step, problem: str) -> str:
     return f"{lesson.source}, line {step.line}: {step.kind}: {problem}"
 
 
-def _problems(step: Step, checked: Checked, waiting: list[Step], memory: Memory) -> Iterator[str]:
-    """Problems of a step. waiting: questions that no run has answered yet."""
+def _problems(step: Step, checked: Checked, memory: Memory) -> Iterator[str]:
+    """Problems of a step, but for the answers to a prediction, which the next run gives."""
     block = step.block
     for name in NAMED.findall(" ".join([step.text, getattr(block, "ask", ""), *getattr(block, "options", ())])):
         if name not in checked.told:
             yield f"{{{{{name}}}}} stands in the text and was not measured before"
-    if step.kind == "observe" or (isinstance(block, Explain) and waiting):
-        yield from _answered(waiting, checked)
     match block:
         case Setting():
             assert step.scenario is not None
             ClosedLoop(step.scenario, 1, memory=memory)
-        case Choice() | Number() | Curve():
-            if isinstance(block, Choice) and block.right > len(block.options):
-                yield f"right: {block.right}; allowed: 1 to {len(block.options)}"
-            elif step.kind == "predict":
-                waiting.append(step)
-            else:
-                yield from _scored(step, checked)
+        case Choice() | Number() | Curve() if step.kind == "observe":
+            yield from _scored(step, checked)
         case Run():
             outcome = play(step, memory)
             checked.outcomes[step.number] = outcome
@@ -95,13 +94,8 @@ def _problems(step: Step, checked: Checked, waiting: list[Step], memory: Memory)
                     yield f"{name}: {wanted or 'nothing'}; what happened: {happened or 'nothing'}"
         case Goal():
             yield from _goal(step, memory)
-        case Explain():
+        case _:
             pass
-
-
-def _answered(waiting: list[Step], checked: Checked) -> Iterator[str]:
-    while waiting:
-        yield from _scored(waiting.pop(0), checked)
 
 
 def _scored(step: Step, checked: Checked) -> Iterator[str]:

@@ -14,6 +14,22 @@ from mdit_py_plugins.dollarmath import dollarmath_plugin
 from app.lessons.lesson import NAMED
 
 UNKNOWN = "…"
+# attributes of MathML that say how a formula is set; the library also has some that are links, styles or classes
+SETTING = {
+    *(
+        "xmlns",
+        "display",
+        "displaystyle",
+        "scriptlevel",
+        "mathvariant",
+        "mathsize",
+        "mathcolor",
+        "accent",
+        "accentunder",
+    ),
+    *("fence", "form", "separator", "stretchy", "symmetric", "largeop", "movablelimits", "lspace", "rspace", "minsize"),
+    *("maxsize", "width", "height", "depth", "voffset", "linethickness", "columnalign", "columnspacing", "rowspacing"),
+}
 
 
 def html_of(text: str, measured: Mapping[str, str]) -> str:
@@ -36,6 +52,7 @@ def mathml(formula: str, *, display: bool = False) -> str:
         return f"<code>{escape(formula)}</code>"
     for each in element.iter():  # the library writes entities as text
         each.text = None if each.text is None else unescape(each.text)
+        each.attrib = {name: value for name, value in each.attrib.items() if name in SETTING}
     # serialised here: what was text stays text
     return ElementTree.tostring(element, encoding="unicode")
 

@@ -231,9 +231,10 @@ def _field(path: str) -> str:
 
 def _head(course: Course) -> str:
     lesson, step = course.lesson, course.step
-    language, share = escape(lesson.head.language), step.number / len(lesson.steps)
+    language, title = escape(lesson.head.language), escape(lesson.head.title)
+    share = step.number / len(lesson.steps)
     return (
-        f'<div class="vs-lesson" lang="{language}" data-step="{step.number}"><div class="vs-row"><b>{escape(lesson.head.title)}</b>'
+        f'<div class="vs-lesson" lang="{language}" data-step="{step.number}"><div class="vs-row"><b>{title}</b>'
         f'<span class="vs-dim vs-right">{step.number} of {len(lesson.steps)}</span></div>'
         f'<div class="vs-share"><i style="width: {share:.1%}"></i></div></div>'
     )

@@ -53,6 +53,7 @@ COLORS: dict[str, Rgb] = {
 DOCUMENTS = {
     "README.md": "what it is, how to start, where to read on",
     "docs/dashboard.md": "the page: edits, what if, time, the scene, plots, keys",
+    "docs/lessons.md": "twelve lessons, and how to write one",
     "docs/command-line.md": "runs without a screen",
     "docs/extending.md": "a law, mode, surface, trajectory or arm of your own",
     "docs/symbols.md": "which symbol of the paper is which name in the code",

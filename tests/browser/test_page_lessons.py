@@ -1,0 +1,150 @@
+"""Lessons in a real browser: every kind of step, by keyboard and by mouse, and what a phone shows of it."""
+
+import json
+
+from playwright.sync_api import expect
+
+from app.session.commands import SetSpeed
+from drivers.pages import Session
+from tests.support.layout import lasting_faults
+
+NARROW_FAULTS = "() => document.documentElement.scrollWidth - innerWidth"
+
+
+def at_step(session: Session, number: int) -> None:
+    session.page.locator(f".vs-lesson[data-step='{number}']").wait_for()
+
+
+def press(session: Session, name: str) -> None:
+    """Press a button by keyboard alone."""
+    button = session.page.get_by_role("button", name=name)
+    button.focus()
+    session.page.keyboard.press("Enter")
+
+
+def run_through(session: Session) -> None:
+    """Run, and wait until the picture of the run is there."""
+    press(session, "Run (")
+    session.page.get_by_role("button", name="Run again (").wait_for()
+    session.page.locator(".vs-lines").first.wait_for()
+
+
+def test_a_whole_lesson_by_keyboard_with_every_kind_of_step(session: Session):
+    page = session.page
+    session.runner.post(SetSpeed(5.0))
+    session.tab("Lessons")
+    press(session, "Begin")
+    at_step(session, 1)
+    session.wait(lambda now: now.scenario.contact.kind == "free")
+    assert not lasting_faults(page)
+
+    page.keyboard.press("j")
+    at_step(session, 2)
+    field = page.locator("form:has(label:text('your answer')) input")
+    field.fill("thirty")
+    field.press("Enter")
+    press(session, "Lock my answer")
+    expect(page.locator(".vs-strip")).to_contain_text("'thirty' is not a number")
+    field.fill("29,5")
+    field.press("Enter")
+    press(session, "Lock my answer")
+    expect(field).to_be_disabled()
+
+    page.keyboard.press("j")
+    at_step(session, 3)
+    press(session, "Lock my line")
+    expect(page.locator(".vs-strip")).to_contain_text("nothing is drawn yet")
+    pad = page.locator(".vs-pad svg")
+    pad.focus()
+    for key in ("ArrowUp", "ArrowRight", "ArrowRight", "ArrowRight", "Shift+ArrowUp", "Shift+ArrowDown"):
+        page.keyboard.press(key)
+    drawn = page.locator(".vs-pad .vs-drawn").get_attribute("d") or ""
+    assert drawn.count("L") == 24
+    hidden = page.locator("div:has(> .vs-pad) + div input")
+    points = json.loads(hidden.input_value())
+    assert [round(points[0][1], 6), round(points[3][1], 6)] == [32.0, 32.0]  # of −20 to 80, the middle and 2 % more
+    press(session, "Lock my line")
+    page.locator(".vs-pad[data-locked='1']").wait_for()
+
+    page.keyboard.press("j")
+    at_step(session, 4)
+    run_through(session)
+    session.wait(lambda now: now.phase == "paused" and abs(now.end - 4.0) < 1e-6)
+    expect(page.locator(".vs-predicted")).to_have_count(2)  # the number as a line, and what was drawn
+    assert page.get_by_text("You changed this run").count() == 0
+
+    page.keyboard.press("j")
+    at_step(session, 5)
+    scored = page.locator(".vs-prose .vs-scored")
+    expect(scored).to_have_count(2)
+    expect(scored.first).to_contain_text("measured 30 mm: right within 2 mm")
+    expect(page.locator(".vs-prose")).to_contain_text("as far as 46.1 mm")
+    assert page.locator(".vs-prose msqrt").count() == 1
+
+    page.keyboard.press("j")
+    press(session, "B swings further")
+    page.keyboard.press("j")
+    for number in (7, 8):
+        at_step(session, number)
+        run_through(session)
+        page.keyboard.press("j")
+    at_step(session, 9)
+    press(session, "B how fast")
+    page.keyboard.press("j")
+    at_step(session, 10)
+    expect(scored).to_have_count(2)
+
+    page.keyboard.press("j")
+    at_step(session, 11)
+    page.keyboard.press("1")
+    expect(page.locator(".vs-strip")).to_contain_text("locked by the goal of a lesson")
+    damping = session.number("B_m along y [N·s/m]")
+    damping.fill("290")
+    damping.press("Enter")
+    session.wait(lambda now: now.matrices["B_m"][1, 1] == 290.0)
+    page.keyboard.press("r")
+    page.get_by_text("reached", exact=True).wait_for()
+    page.keyboard.press("j")  # the last step: the lesson is done
+    expect(page.locator(".vs-prose .vs-chip", has_text="done")).to_be_visible()
+    with page.expect_download() as download:
+        page.get_by_role("button", name="CSV").last.click()
+    rows = download.value.path().read_text(encoding="utf-8").splitlines()
+    assert rows[1].startswith("01-target-model,2,29.5,1,")
+    session.runner.post(SetSpeed(1.0))
+
+
+def test_a_line_is_drawn_by_mouse_and_playing_freely_is_undone(session: Session):
+    page = session.page
+    session.tab("Lessons")
+    page.get_by_role("combobox", name="Lesson").or_(page.get_by_label("Lesson", exact=True)).first.click()
+    page.get_by_role("option", name="8. Reaching").click()
+    page.get_by_role("button", name="Begin").click()
+    at_step(session, 1)
+    page.get_by_role("button", name="Next").click()
+    at_step(session, 2)
+    page.get_by_role("button", name="Skip: predict").click()
+    at_step(session, 3)
+    pad = page.locator(".vs-pad svg")
+    pad.scroll_into_view_if_needed()
+    box = pad.bounding_box()
+    assert box is not None
+    page.mouse.move(box["x"] + 0.15 * box["width"], box["y"] + 0.2 * box["height"])
+    page.mouse.down()
+    page.mouse.move(box["x"] + 0.5 * box["width"], box["y"] + 0.6 * box["height"], steps=3)
+    page.mouse.move(box["x"] + 0.95 * box["width"], box["y"] + 0.8 * box["height"], steps=3)
+    page.mouse.up()
+    values = [value for _, value in json.loads(page.locator("div:has(> .vs-pad) + div input").input_value())]
+    assert len(values) == 25
+    assert values == sorted(values, reverse=True)
+    assert values[0] > 200.0 > 60.0 > values[-1]
+    page.get_by_role("button", name="Lock my line").click()
+    page.locator(".vs-pad[data-locked='1']").wait_for()
+
+    page.keyboard.press("2")
+    session.wait(lambda now: now.scenario.mode == "impedance")
+    page.get_by_role("button", name="Return to the lesson's scene").click()
+    session.wait(lambda now: now.scenario.mode == "hybrid")
+    page.get_by_role("button", name="Back", exact=True).click()
+    at_step(session, 2)
+    page.get_by_role("button", name="Leave the lesson").click()
+    page.get_by_role("button", name="Continue at step 2").wait_for()

@@ -1,0 +1,46 @@
+"""Lock on edits: while the goal of a lesson is open, only its fields change the run."""
+
+from __future__ import annotations
+
+import pytest
+
+from app.dashboard.widgets.edit_lock import EditLock
+from app.scenario.data import shipped
+from app.session.commands import Blend, Command, Edit, Load, Pause, Play, PushNow, Reset, Seek, TakeWayOut
+
+HYBRID = shipped()["ur5-hybrid"]
+ALLOWED = Edit("target_model.B_m", [100.0] * 6)
+
+
+@pytest.fixture
+def lock() -> tuple[EditLock, list[Command], list[str]]:
+    posted: list[Command] = []
+    complaints: list[str] = []
+    return EditLock(posted.append, complaints.append), posted, complaints
+
+
+@pytest.mark.parametrize(
+    "command",
+    [Edit("mode", "motion"), Edit("target_model", {}), Blend({}, 1.0), Load(HYBRID), PushNow(), TakeWayOut()],
+)
+def test_other_changes_are_refused_with_the_way_out(
+    command: Command, lock: tuple[EditLock, list[Command], list[str]]
+) -> None:
+    gate, posted, complaints = lock
+    gate.fields = frozenset({"target_model.B_m"})
+    gate.post(command)
+    assert posted == []
+    assert complaints[0].endswith("locked by the goal of a lesson; allowed: target_model.B_m, or leave the lesson")
+    gate.fields = None
+    gate.post(command)
+    assert posted == [command]
+
+
+def test_the_controls_and_the_time_stay_free(lock: tuple[EditLock, list[Command], list[str]]) -> None:
+    gate, posted, complaints = lock
+    gate.fields = frozenset({"target_model.B_m"})
+    free = [ALLOWED, Play(), Pause(), Reset(), Seek(0.1)]
+    for command in free:
+        gate.post(command)
+    assert posted == free
+    assert not complaints

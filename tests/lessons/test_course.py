@@ -1,0 +1,153 @@
+"""Course through a lesson: what is locked when, what is scored, what is kept; and the run on the page is the run that
+is measured."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from app.lessons.answers import FILE, Notebook, admitted, csv_of, json_of, score_choice, score_curve, score_number
+from app.lessons.blocks import Choice, Curve, Line, Number
+from app.lessons.course import Course
+from app.lessons.measures import Told
+from app.lessons.playing import Trace, performance, play, runs
+from app.scenario.data import shipped
+from app.scenario.schema import ScenarioError
+from app.session.commands import SetSpeed
+from app.session.runner import Runner
+from tests.lessons.test_lessons import lesson
+
+NUMBER = Number(ask="?", measure="way", tolerance=1.0, wrong=(0.0,))
+LINE = Line(signal="e_r.2", unit="mm", title="way")
+CURVE = Curve(ask="?", line=LINE, start=0.0, end=1.0, low=-1.0, high=1.0, tolerance=0.1, wrong=(((0.0, 0.0),),))
+CHOICE = Choice(ask="?", options=("a", "b"), right=2)
+
+
+def through(course: Course, to: str) -> None:
+    """Go on to the next step of this kind."""
+    course.go(1)
+    while course.step.kind != to:
+        course.go(1)
+
+
+def test_an_answer_counts_once_before_the_run_and_is_scored_at_the_explanation() -> None:
+    course = Course(lesson(), Notebook())
+    course.go(1)
+    course.give(27.5)
+    with pytest.raises(ScenarioError, match="locked"):
+        course.give(28.0)
+    course.go(2)
+    course.give(2)
+    through(course, "run")
+    assert not course.ready
+    course.take(course.step, play(course.step))
+    assert course.ready
+    assert [answer.given for _, answer in course.predictions(course.step)] == [27.5, 2]
+    assert all(answer.score is None for answer in course.progress.answers.values())
+    course.go(-2)  # the curve was skipped, and now its outcome is known
+    assert not course.open
+    with pytest.raises(ScenarioError, match="locked"):
+        course.give([(0.0, 0.0), (1.0, 1.0)])
+    through(course, "observe")
+    course.give(1)
+    through(course, "explain")
+    scores = {step.number: answer.score for step, answer in course.explained()}
+    assert scores == {2: 1.0, 4: 0.0, 6: 1.0}
+    assert "measured 27.9 mm" in course.progress.answers[2].verdict
+    assert course.measured == {"way": "27.9 mm"}
+    through(course, "goal")
+    assert not course.ready
+    course.reached_goal()
+    assert course.ready
+    assert course.progress.finished
+
+
+def test_progress_survives_a_restart_and_the_runs_are_played_again(tmp_path: Path) -> None:
+    notebook = Notebook()
+    assert notebook.keep_in(tmp_path) == ""
+    course = Course(lesson(), notebook)
+    course.go(1)
+    course.give(3.0)
+    course.go(1)
+    course.give([(0.0, 0.0), (1.0, 30.0)])
+    through(course, "run")
+    course.take(course.step, play(course.step))
+    through(course, "explain")
+
+    later = Notebook()
+    assert later.keep_in(tmp_path) == ""
+    again = Course(lesson(), later)
+    assert again.progress == course.progress
+    assert again.step.kind == "explain"
+    assert again.measured == {}
+    again.make_up()
+    assert again.measured == course.measured
+
+    rows = list(csv.reader(io.StringIO(csv_of(later.progress))))
+    assert rows[0] == ["lesson", "step", "answer", "score", "verdict"]
+    assert rows[1][:4] == ["test", "2", "3", "0"]
+    assert rows[2][:3] == ["test", "3", "0,0 1,30"]
+    assert json.loads(json_of(later.progress))["test"]["answers"]["2"]["given"] == 3.0
+
+
+def test_a_damaged_file_of_progress_is_set_aside_and_lessons_go_on(tmp_path: Path) -> None:
+    (tmp_path / FILE).write_text("{", encoding="utf-8")
+    notebook = Notebook()
+    told = notebook.keep_in(tmp_path)
+    assert told.startswith("the progress in lessons cannot be read: ")
+    assert (tmp_path / f"set-aside-{FILE}").read_text(encoding="utf-8") == "{"
+    Course(lesson(), notebook).go(1)
+    assert json.loads((tmp_path / FILE).read_text(encoding="utf-8"))["test"]["step"] == 2
+
+
+def test_answers_are_right_within_their_tolerance_only() -> None:
+    told = {"way": Told(10.0, "mm")}
+    assert [score_number(NUMBER, given, told).points for given in (8.99, 9.0, 11.0, 11.01)] == [0.0, 1.0, 1.0, 0.0]
+    assert "off by 1.01 mm" in score_number(NUMBER, 11.01, told).verdict
+    assert [score_choice(CHOICE, given).points for given in (1, 2)] == [0.0, 1.0]
+    t = np.linspace(0.0, 1.0, 50)
+    trace = Trace("run", LINE, t, np.sin(t))
+    drawn = list(zip(t.tolist(), (np.sin(t) + 0.09).tolist(), strict=True))
+    assert score_curve(CURVE, drawn, trace).points == 1.0
+    assert score_curve(CURVE, [(at, value + 0.02) for at, value in drawn], trace).points == 0.0
+
+
+@pytest.mark.parametrize(
+    ("question", "given"),
+    [
+        (CHOICE, 0), (CHOICE, 3), (CHOICE, "1"), (NUMBER, float("nan")), (NUMBER, "3"), (NUMBER, True),
+        (CURVE, 3), (CURVE, [[0.0, 0.0]]), (CURVE, [[1.0, 0.0], [0.0, 0.0]]), (CURVE, [[0.0, 1e400], [1.0, 0.0]]),
+        (CURVE, [[0.0, 0.0]] * 501), (CURVE, [[0.0, 0.0, 0.0], [1.0, 0.0]]),
+    ],
+)  # fmt: skip
+def test_what_is_no_answer_is_refused(question: Choice | Number | Curve, given: object) -> None:
+    with pytest.raises(ScenarioError, match="answer: "):
+        admitted(question, given)
+
+
+def test_the_run_on_the_page_is_the_run_that_is_measured_to_the_last_bit() -> None:
+    """Edits happen at the same control periods, and the run ends where the lesson says."""
+    (step,) = runs(lesson())
+    runner = Runner(shipped()["ur5-impedance"])
+    runner.start()
+    try:
+        runner.post(SetSpeed(5.0))
+        runner.post(performance(step))
+        last = time.monotonic() + 60.0
+        while runner.snapshot.phase != "paused" or runner.snapshot.end < 0.9:
+            assert time.monotonic() < last
+            time.sleep(0.02)
+        seen = runner.snapshot
+    finally:
+        runner.close()
+    assert seen.end == pytest.approx(1.0, abs=1e-9)
+    assert seen.scenario.target_model.K_m[1] == 900.0
+    measured = play(step)
+    assert (seen.recording.signals(("q",))["q"][-1] == measured.q).all()
+    assert seen.refusal is None

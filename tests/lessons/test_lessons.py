@@ -1,0 +1,217 @@
+"""Lessons: the shipped ones are fit to be given, and a lesson that is not is refused for what is wrong with it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from app.cli import execute
+from app.lessons.checking import check
+from app.lessons.lesson import Lesson, LessonError, load, read, shipped_lessons
+from app.storage.constants_store import kept_memory
+
+DOCS = Path(__file__).parents[2] / "docs" / "lessons.md"
+LESSON = """\
+```lesson
+title = "A test"
+minutes = 4
+knows = ["what a test is"]
+```
+A spring of $K_m = 2000$ N/m.
+```scenario
+base = "ur5-impedance"
+[set]
+"contact.kind" = "free"
+motion = "hold"
+"truth.push_start" = 0.2
+"target_model.K_m.2" = 1000.0
+```
+```predict
+kind = "number"
+ask = "How far, in mm?"
+measure = "way"
+tolerance = 1.0
+wrong = [15.0]
+```
+```predict
+kind = "curve"
+ask = "Draw it."
+start = 0.0
+end = 1.0
+low = -10.0
+high = 40.0
+tolerance = 3.0
+wrong = [[[0.0, 0.0], [1.0, 0.0]]]
+line = { signal = "e_r.2", unit = "mm", title = "way" }
+```
+```predict
+kind = "choice"
+ask = "Which way?"
+options = ["there", "back"]
+right = 1
+because = [{ measure = "way", above = 20.0 }]
+```
+```run
+title = "pushed"
+seconds = 1.0
+show = [{ signal = "e_r.2", unit = "mm", title = "way" }]
+measures.way = { signal = "e_r.2", statistic = "largest", unit = "mm" }
+edits = [{ at = 0.5, set = "target_model.K_m.2", value = 900.0 }]
+```
+```observe
+kind = "choice"
+ask = "Seen? {{way}}"
+options = ["yes", "no"]
+right = 1
+```
+It went {{way}}.
+```explain
+equation = "(27)"
+```
+```goal
+ask = "Make it stiff."
+seconds = 1.0
+controls = [
+  { path = "target_model.K_m.2", label = "K", low = 500.0, high = 9000.0, reference = 8000.0, wrong = 1500.0 },
+]
+measures.way = { signal = "e_r.2", statistic = "largest", last = 0.5, unit = "mm" }
+conditions = [{ measure = "way", below = 8.0 }]
+```
+"""
+
+
+def lesson(*changes: tuple[str, str]) -> Lesson:
+    text = LESSON
+    for old, new in changes:
+        assert old in text
+        text = text.replace(old, new, 1)
+    return read(text, "test", "test/lesson.md")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", shipped_lessons())
+def test_every_shipped_lesson_is_fit_to_be_given(name: str) -> None:
+    checked = check(load(name), kept_memory())
+    assert not checked.problems
+    assert len(checked.told) >= 3
+    assert sum(step.question is not None for step in checked.lesson.steps) >= 3
+
+
+def test_there_are_twelve_lessons_and_two_of_them_in_german() -> None:
+    languages = [each.head.language for each in shipped_lessons().values()]
+    assert (languages.count("en"), languages.count("de")) == (12, 2)
+
+
+@pytest.mark.parametrize("name", ["03-wall", "05-heavy-arm"])
+def test_a_translation_has_the_same_steps_numbers_and_answers(name: str) -> None:
+    original, translated = load(name), load(f"{name}.de")
+    for one, other in zip(original.steps, translated.steps, strict=True):
+        assert (one.kind, type(one.block), one.scenario) == (other.kind, type(other.block), other.scenario)
+        for field in ("right", "measure", "tolerance", "wrong", "because", "measures", "conditions", "seconds"):
+            assert getattr(one.block, field, None) == getattr(other.block, field, None)
+
+
+def test_the_lesson_of_the_documents_is_one() -> None:
+    text = DOCS.read_text(encoding="utf-8")
+    example = text.partition("<!-- example -->\n````markdown\n")[2].partition("\n````")[0]
+    assert 25 <= len(example.splitlines()) <= 36
+    assert not check(read(example, "example", "docs/lessons.md")).problems
+
+
+def test_a_lesson_with_every_kind_of_step_is_checked_without_a_problem() -> None:
+    checked = check(lesson())
+    assert not checked.problems
+    assert {step.kind for step in checked.lesson.steps} == {"scenario", "predict", "run", "observe", "explain", "goal"}
+    assert checked.told["way"].unit == "mm"
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "sentence"),
+    [
+        ("wrong = [15.0]", "wrong = [15.0, 27.5]", "the planted wrong answer 27.5 counts in full"),
+        ('measure = "way"', 'measure = "far"', "measure 'far': no run before the explanation measures it"),
+        ("[[[0.0, 0.0], [1.0, 0.0]]]", "[[[0.0, 0.0], [0.2, 0.0], [0.5, 20.0], [1.0, 28.5]]]", "planted wrong course"),
+        ("high = 40.0", "high = 20.0", "low, high: what is measured goes from"),
+        ("above = 20.0", "above = 200.0", "way is 27.9 mm; wanted: above 200 mm"),
+        ('signal = "e_r.2", statistic', 'signal = "e_r.9", statistic', "signal: 'e_r.9'; allowed: e_r.1 to e_r.6"),
+        ('statistic = "largest", unit', 'statistic = "largest", start = 5.0, unit', "nothing is recorded from 5 s"),
+        ('statistic = "largest", unit = "mm"', 'statistic = "largest", unit = "inch"', "unit: 'inch'; allowed:"),
+        ("It went {{way}}", "It went {{weg}}", "{{weg}} stands in the text and was not measured before"),
+        ("value = 900.0", "value = -900.0", "refused: nothing; what happened: target_model.K_m"),
+        ('title = "pushed"', 'title = "pushed"\nstops = "lost"', "stops: lost; what happened: nothing"),
+        ('title = "pushed"', 'title = "pushed"\nbeside = ["pulled"]', "beside: 'pulled'; allowed: titles of earlier"),
+        ("wrong = 1500.0", "wrong = 7000.0", "the planted wrong values reach the goal"),
+        ("reference = 8000.0", "reference = 2000.0", "with the reference, way is"),
+        ("below = 8.0", "below = 80.0", "the goal is reached before anything is done"),
+        ("minutes = 4", "minutes = 60", "minutes, and says 60"),
+        (
+            'edits = [{ at = 0.5, set = "target_model.K_m.2", value = 900.0 }]',
+            'edits = [{ at = 0.5, set = "mode", value = "motion" }]',
+            "edits: mode begins a run anew",
+        ),
+    ],
+)  # fmt: skip
+def test_a_lesson_that_misleads_is_not_fit_and_the_check_says_where(old: str, new: str, sentence: str) -> None:
+    checked = check(lesson((old, new)))
+    assert any(sentence in problem for problem in checked.problems), checked.problems
+    assert all(problem.startswith("test/lesson.md") for problem in checked.problems)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "sentence"),
+    [
+        ("```scenario", "```scenery", "line 7: block 'scenery'; allowed: lesson, scenario,"),
+        ("```lesson", "", "block lesson"),
+        ('title = "A test"', "title = A test", "line 1: lesson: not TOML"),
+        ("minutes = 4", "minutes = 4\nauthor = 1", "line 1: lesson: Object contains unknown field `author`"),
+        ("minutes = 4", 'minutes = "4"', "line 1: lesson: Expected `float`"),
+        ('base = "ur5-impedance"', 'base = "ur6-impedance"', "line 7: base: 'ur6-impedance'; allowed:"),
+        ("target_model.K_m.2", "target_model.K_n.2", "line 7: target_model.K_n.2: no such entry"),
+        ("target_model.K_m.2", "target_model.K_m.7", "line 7: target_model.K_m.7: no such entry"),
+        ("target_model.K_m.2", "target_model.Q", "line 7: target_model.Q: no such field"),
+        ('kind = "number"', 'kind = "guess"', "line 15: predict: Invalid value 'guess'"),
+        ("right = 1", "right = 3", "line 33: predict: right: 3; allowed: 1 to 2"),
+        ("end = 1.0", "end = -1.0", "line 22: predict: "),
+        ("low = 500.0", "low = 9500.0", "low, high: 9500 to 9000; allowed: low below high"),
+        ("below = 8.0 }]\n```", "below = 8.0 }]\n", "it has no end"),
+        ("below = 8.0 }]\n```", "below = 8.0 }]\n```\nAnd then?", "text below the last block"),
+    ],
+)
+def test_a_file_that_is_no_lesson_is_refused_with_line_and_reason(old: str, new: str, sentence: str) -> None:
+    with pytest.raises(LessonError) as refused:
+        lesson((old, new))
+    told = str(refused.value)
+    assert sentence in told
+    assert told.startswith("test/lesson.md, line ")
+    assert "\n" not in told
+
+
+def test_the_command_checks_plays_and_lists(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    file = tmp_path / "mine" / "lesson.md"
+    file.parent.mkdir()
+    file.write_text(LESSON, encoding="utf-8")
+    assert execute(["lesson", "check", str(file)]) == 0
+    assert execute(["lesson", "run", str(file.parent)]) == 0
+    assert "pushed: way = 27.9 mm" in capsys.readouterr().out
+    file.write_text(LESSON.replace("wrong = [15.0]", "wrong = [28.0]"), encoding="utf-8")
+    assert execute(["lesson", "check", str(file)]) == 2
+    assert "line 15: predict: the planted wrong answer 28 counts" in capsys.readouterr().out
+    assert execute(["lesson", "list"]) == 0
+    assert "12-blends" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("arguments", "sentence"),
+    [
+        (("chek",), "lesson 'chek'; allowed: list, check, run; did you mean check?"),
+        (("run",), "lesson run: no lesson; allowed: one or more"),
+        (("check", "13-more"), "lesson '13-more': unknown; allowed: a lesson.md or 01-target-model"),
+        (("check", "nowhere/lesson.md"), "lesson 'nowhere/lesson.md': cannot be read: No such file or directory"),
+    ],
+)
+def test_a_command_that_makes_no_sense_is_refused_in_a_sentence(
+    arguments: tuple[str, ...], sentence: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert execute(["lesson", *arguments]) == 2
+    assert capsys.readouterr().err.startswith(f"vsmrc: {sentence}")
