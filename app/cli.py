@@ -87,6 +87,7 @@ def serve(
     max_sessions: int | None = None,
     per_address: int | None = None,
     copies: bool = True,
+    classes: Annotated[bool, tyro.conf.arg(name="class")] = False,
     idle_minutes: float = 30.0,
     use: Files = (),
     settings: Settings = (),
@@ -111,6 +112,7 @@ def serve(
         max_sessions: with --shared, how many run at once, instead of what this machine holds; the others queue
         per_address: with --shared, how many of them one address may have, instead of all but a quarter
         copies: with --shared, whether who watches may take a private copy of the session
+        classes: let the lessons of a session ask a class, which answers on its phones by a link or QR code
         idle_minutes: with --shared, a session that nobody looks at so long is closed; its link brings it back
         use: a file with a control law of your own (docs/extending.md); it runs as your program
     """
@@ -144,6 +146,7 @@ def serve(
         places=max_sessions,
         of_one_address=per_address,
         copies=copies,
+        classes=classes,
         idle_minutes=idle_minutes,
         given=given_token(token_file, os.environ),
         crowded=bool(people),

@@ -13,7 +13,7 @@ import aiohttp
 from aiohttp import WSMsgType, web
 
 from app.access.admission import Names, Tokens
-from app.access.session_messages import Begin, Kept
+from app.access.session_messages import Answers, Begin, Kept
 from app.gateway.server import Doors, Gateway, serving
 from app.gateway.session_pool import SessionPool
 from app.gateway.session_store import SessionStore
@@ -29,6 +29,7 @@ class Actor:
     def __init__(self, port: int) -> None:
         self.port, self.alive = port, True
         self.kept: Kept | None = None
+        self.answers: list[Answers] = []
         self._says: asyncio.Queue[Any] = asyncio.Queue()
 
     def begin(self, begin: Begin) -> None:
@@ -39,6 +40,9 @@ class Actor:
 
     def remark(self, sentence: str) -> None:
         del sentence
+
+    def answer(self, answers: Answers) -> None:
+        self.answers.append(answers)
 
     async def changes(self) -> AsyncIterator[Any]:
         while (said := await self._says.get()) is not None:

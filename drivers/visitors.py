@@ -31,6 +31,7 @@ class Visitor:
         self._socket = socket
         self.html: dict[str, str] = {}
         self.commands: dict[str, str] = {}
+        self.buttons: dict[str, str] = {}
         self.received = 0
         self._looking = ""  # field in which a page reports its visible tabs: the first one without a label
         self._news = threading.Condition()
@@ -45,6 +46,11 @@ class Visitor:
         """Choose this command of the page. Raises AssertionError when the page has none of this title."""
         self.wait(lambda: command in self.commands, told=lambda: f"{command!r} is not among {sorted(self.commands)}")
         self.say({"type": "CommandTriggerMessage", "uuid": self.commands[command]})
+
+    def press(self, button: str) -> None:
+        """Press the button that was made with this label. Raises AssertionError when the page has none."""
+        self.wait(lambda: button in self.buttons, told=lambda: f"{button!r} is not among {sorted(self.buttons)}")
+        self.say({"type": "GuiUpdateMessage", "uuid": self.buttons[button], "updates": {"value": True}})
 
     @property
     def status(self) -> str:
@@ -113,6 +119,8 @@ class Visitor:
                 self.html[message["uuid"]] = message["updates"]["content"]
             elif message["type"] == "GuiTextMessage" and not message["props"]["label"]:
                 self._looking = self._looking or message["uuid"]
+            elif message["type"] == "GuiButtonMessage":
+                self.buttons[message["props"]["label"]] = message["uuid"]
             elif message["type"] == "RegisterCommandMessage":
                 self.commands[message["props"]["label"]] = message["uuid"]
 

@@ -6,6 +6,8 @@ from typing import Literal
 
 import msgspec
 
+from app.access.classroom import ClassQuestion, Given
+
 
 class Prepare(msgspec.Struct, frozen=True, tag=True):
     """Message to the process, the first: set up a dashboard that is reachable with this key, and compile this scenario
@@ -30,11 +32,13 @@ class Begin(msgspec.Struct, frozen=True, tag=True):
     """Message to the process: run.
     scenario: TOML, None for the one prepared.
     kept: folder of the session, None where it is not kept.
-    marks: of the visitor of this session, see `Visitor.marks`."""
+    marks: of the visitor of this session, see `Visitor.marks`.
+    classes: whether its lessons may ask a class."""
 
     scenario: str | None
     kept: Kept | None
     marks: tuple[str, ...] = ()
+    classes: bool = False
 
 
 class Keep(msgspec.Struct, frozen=True, tag=True):
@@ -48,6 +52,19 @@ class Remark(msgspec.Struct, frozen=True, tag=True):
     """Message to the process, which runs: show this sentence on the page."""
 
     sentence: str
+
+
+class Answers(msgspec.Struct, frozen=True, tag=True):
+    """Message to the process, which runs: all answers of the class so far to its question of this number."""
+
+    number: int
+    given: tuple[Given, ...]
+
+
+class Asks(msgspec.Struct, frozen=True, tag=True):
+    """Message from the process: the class is asked this question from now on, or none."""
+
+    question: ClassQuestion | None
 
 
 class Ready(msgspec.Struct, frozen=True, tag=True):
@@ -78,8 +95,8 @@ class Failed(msgspec.Struct, frozen=True, tag=True):
     reason: str
 
 
-ToSession = Prepare | Begin | Keep | Remark
-FromSession = Ready | Changed | Alive | Failed
+ToSession = Prepare | Begin | Keep | Remark | Answers
+FromSession = Ready | Changed | Alive | Failed | Asks
 
 to_session = msgspec.json.Decoder(ToSession)
 from_session = msgspec.json.Decoder(FromSession)

@@ -46,6 +46,7 @@ from app.dashboard.widgets.whatif import WhatIf
 from app.dashboard.widgets.whatif_panel import WhatIfPanel
 from app.export.export_jobs import ExportJobs
 from app.lessons.answers import Notebook
+from app.lessons.class_desk import ClassDesk
 from app.scenario.data import shipped
 from app.session.preview_client import Previewer
 from app.session.runner import Runner
@@ -108,7 +109,7 @@ class Dashboard:
         self._appearance = Appearance(gui, self._scene, theme)
         self._help = Help(self._server)
         self._closed, self._drawing = threading.Event(), threading.RLock()
-        self.uploads, self.notebook = UploadedUrdfs(), Notebook()
+        self.uploads, self.notebook, self.classroom = UploadedUrdfs(), Notebook(), ClassDesk()
         self._stalled_clients = StalledClients(self._server)
         watch(self._server.get_event_loop(), self.fail)
         self._server.on_client_connect(self._on_connect)
@@ -150,7 +151,14 @@ class Dashboard:
     def attach(self, runner: Runner) -> None:
         """Build the controls for this runner, and show it from now on."""
         self._view = _View(
-            self._server, self._status, self._scene, runner, self.uploads, self._previewer, self.notebook
+            self._server,
+            self._status,
+            self._scene,
+            runner,
+            self.uploads,
+            self._previewer,
+            self.notebook,
+            self.classroom,
         )
 
     def offer(self, last_session: LastSession) -> None:
@@ -226,6 +234,7 @@ class _View:
         uploads: UploadedUrdfs,
         previewer: Previewer,
         notebook: Notebook,
+        classroom: ClassDesk,
     ) -> None:
         self._server, self._status, self._scene, self._runner = server, status, scene, runner
         self._complaint, self._complaint_until, self._complaint_revision = "", 0.0, -1
@@ -248,6 +257,7 @@ class _View:
             lambda row: self._chosen_sliders.choose(row),
             lock,
             notebook,
+            classroom,
         )
         self._hand = Hand(server.scene, desk, lambda client: client in server.get_clients())
         self._playback = Playback(desk)

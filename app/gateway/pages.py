@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import gzip
 import hashlib
+import io
 from dataclasses import dataclass
 from functools import cache
 from html import escape
 from importlib import resources
 from string import Template
+
+import segno
 
 _WAITING = """
 <div data-phase="starting"><span class="spinner"></span><h1>Your session is being prepared</h1>
@@ -24,7 +27,19 @@ nobody looks at is given away after <span id="rest"></span> s.</p></div>
 <p id="told"></p>
 <script src="../../assets/wait.js"></script>
 """
-ASSETS = {"overlay.js": "text/javascript", "overlay.css": "text/css", "wait.js": "text/javascript"}
+_CLASS = """
+<link rel="stylesheet" href="../../assets/class.css">
+<div id="class" aria-live="polite"><p class="dim">Waiting for the first question…</p></div>
+<p id="said" role="status"></p>
+<script src="../../assets/class.js"></script>
+"""
+ASSETS = {
+    "overlay.js": "text/javascript",
+    "overlay.css": "text/css",
+    "wait.js": "text/javascript",
+    "class.js": "text/javascript",
+    "class.css": "text/css",
+}
 
 
 @dataclass(frozen=True)
@@ -39,6 +54,18 @@ class Document:
 def waiting() -> str:
     """Page of a session that does not run yet; it reloads by itself."""
     return _page(_WAITING)
+
+
+def classroom() -> str:
+    """Page on which one of a class answers its lecturer's questions."""
+    return _page(_CLASS)
+
+
+def qr(text: str) -> bytes:
+    """Picture (SVG) of a QR code of a text. Raises ValueError where it is too long."""
+    picture = io.BytesIO()
+    segno.make(text, error="m").save(picture, kind="svg", scale=8, border=3, light="#ffffff")
+    return picture.getvalue()
 
 
 def notice(title: str, sentence: str) -> str:

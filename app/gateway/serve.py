@@ -110,6 +110,7 @@ async def _serve(
         store=store,
         spare=shared,
         of_one_address=server_settings.of_one_address,
+        classes=server_settings.classes,
     )
     everyone = None if shared else pool.everyone()
     stop = asyncio.Event()

@@ -7,6 +7,10 @@
     /s/NAME/again        POST: begin a session anew that has failed
     /s/NAME/renew        POST: new links for the session; the old ones are taken back
     /watch/NAME/copy     POST: a session of one's own with the same scenario
+    /class/NAME/         questions of a lesson to a class, for whoever may watch; NAME is that of /watch/
+    /class/NAME/question the present one, as JSON
+    /class/NAME/answer   POST: the answer to it, as JSON
+    /s/NAME/qr           QR code of a link to the class
     /assets/...          files that the gateway's own pages load
     /healthz, /metrics   state of the server, for its operator; a server for oneself has the first one, too
 
@@ -20,13 +24,17 @@ import contextlib
 from collections import Counter
 from collections.abc import AsyncIterator, Awaitable, Callable
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import aiohttp
+import msgspec
 import structlog
 from aiohttp import WSCloseCode, web
 
 from app.access.admission import KEY_HEADER, YEAR, Names, Pass, PortTaken, Tokens, session_token_cookie, token_cookie
+from app.access.classroom import Refusal
 from app.access.rate_limits import Limits, Meter, harmless
+from app.access.session_messages import Answers
 from app.gateway import pages
 from app.gateway.connections import ARRIVING, DEADLINE, Door
 from app.gateway.metrics import TYPE, metrics
@@ -45,6 +53,8 @@ FAREWELL = 0.1  # s, twice: at the end, for pages whose sessions have ended; the
 WAITS = 0.5  # s that a page is kept waiting for its session, rather than being told to wait
 _PASS = web.RequestKey("pass", str)
 _GREETING = web.RequestKey("greeting", str)
+_QUERIED = ("/about", "/qr")  # what is asked there may stand behind a '?'
+LONGEST_LINK = 500
 Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
 
 
@@ -87,6 +97,11 @@ class Gateway:
                 web.get("/{kind:s|watch}/{name}", self._session),
                 web.get("/{kind:s|watch}/{name}/", self._session),
                 web.get("/{kind:s|watch}/{name}/about", self._about),
+                web.get("/{kind:s}/{name}/qr", self._qr),
+                web.get("/class/{name}", self._class),
+                web.get("/class/{name}/", self._class),
+                web.get("/class/{name}/question", self._question),
+                web.post("/class/{name}/answer", self._answer_question),
                 web.post("/{kind:s}/{name}/again", self._again),
                 web.post("/{kind:s}/{name}/renew", self._renew),
                 web.post("/watch/{name}/copy", self._copy),
@@ -136,7 +151,7 @@ class Gateway:
             log.info("request refused", reason=refusal.sentence)
             return _notice("This request is refused", refusal.sentence, refusal.status)
         response = self._without_token(request)
-        if response is None and request.query_string and not socket and not request.path.endswith("/about"):
+        if response is None and request.query_string and not socket and not request.path.endswith(_QUERIED):
             # viser's page would read another server's address from the query, and run the scripts of that server
             response = _to_clean(request)
         if response is None:
@@ -312,7 +327,50 @@ class Gateway:
                 "steer": f"../../s/{session.name}/" + (f"?token={tokens.of_session(session.name)}" if tokens else ""),
             }
             about["renew"] = self._may_renew(request, session)
+            if self._pool.classes:
+                about["links"]["class"] = f"../../class/{session.watch}/" + (f"?token={tokens.watch}" if tokens else "")
         return web.json_response(about)
+
+    async def _qr(self, request: web.Request) -> web.StreamResponse:
+        link = request.query.get("link", "")
+        self._meant(request)
+        if not link.startswith(("http://", "https://")) or len(link) > LONGEST_LINK:
+            return _notice("No such code", f"link: allowed: an address of at most {LONGEST_LINK} letters", 400)
+        return web.Response(body=pages.qr(link), content_type="image/svg+xml")
+
+    async def _class(self, request: web.Request) -> web.StreamResponse:
+        self._of_class(request)
+        if not request.path.endswith("/"):
+            return web.Response(status=303, headers={"Location": f"{request.match_info['name']}/"})
+        self._greeted(request)
+        return _html(pages.classroom())
+
+    async def _question(self, request: web.Request) -> web.StreamResponse:
+        """The present question of a class, and the visitor's own answer to it."""
+        session = self._of_class(request)
+        own = session.room.own(self._greeted(request).browser)
+        return web.json_response({"question": msgspec.to_builtins(session.room.question), "own": own})
+
+    async def _answer_question(self, request: web.Request) -> web.StreamResponse:
+        session, visitor = self._of_class(request), visitor_of(request, self._doors.names)
+        room = session.room
+        try:
+            said = msgspec.json.decode(await request.read(), type=dict[str, Any])
+            room.give(visitor.browser, visitor.address, said.get("number"), said.get("given"))
+        except (msgspec.DecodeError, RecursionError) as error:
+            return web.json_response({"refused": f"answer: {error}"}, status=400)
+        except Refusal as error:
+            self._refusals["answers of a class"] += 1
+            return web.json_response({"refused": str(error)}, status=409)
+        if session.process is not None and room.question is not None:
+            session.process.answer(Answers(room.question.number, room.given))
+        return web.json_response({"own": room.own(visitor.browser)})
+
+    def _of_class(self, request: web.Request) -> Session:
+        """Session whose class is meant. Raises HTTPNotFound, also where there are no classes."""
+        if not self._pool.classes:
+            raise web.HTTPNotFound
+        return self._meant(request)
 
     async def _again(self, request: web.Request) -> web.StreamResponse:
         self._pool.again(self._meant(request))

@@ -30,6 +30,7 @@ class ServerSettings:
     places: sessions that run at once, None for as many as this machine can run.
     of_one_address: how many of them one address may have, None for all but a quarter.
     copies: whether visitors who watch may take a private copy.
+    classes: whether lessons may ask a class, by a link of its own.
     idle_minutes: time after which a session that nobody looks at is closed.
     """
 
@@ -41,6 +42,7 @@ class ServerSettings:
     places: int | None = None
     of_one_address: int | None = None
     copies: bool = True
+    classes: bool = False
     idle_minutes: float = 30.0
     given: str | None = field(default=None, repr=False)
     crowded: bool = False
@@ -49,7 +51,7 @@ class ServerSettings:
     def open(self) -> bool:
         """Whether a gateway is needed."""
         others = bool(self.origins) or not Names(self.host).local
-        return self.shared or others or self.token == "always" or self.given is not None
+        return self.shared or self.classes or others or self.token == "always" or self.given is not None
 
     @property
     def tokens(self) -> Tokens | None:

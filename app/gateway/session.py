@@ -8,7 +8,8 @@ from dataclasses import dataclass, field
 from typing import Literal, Protocol
 
 from app.access.admission import Pass
-from app.access.session_messages import Begin, Changed, Kept
+from app.access.classroom import Classroom
+from app.access.session_messages import Answers, Asks, Begin, Changed, Kept
 from app.gateway.visitors import NOBODY, Viewer, Visitor
 from app.process.redaction import new_secret
 
@@ -28,7 +29,8 @@ class Process(Protocol):
     def begin(self, begin: Begin) -> None: ...
     def keep(self, kept: Kept) -> None: ...
     def remark(self, sentence: str) -> None: ...
-    def changes(self) -> AsyncIterator[Changed]: ...
+    def answer(self, answers: Answers) -> None: ...
+    def changes(self) -> AsyncIterator[Changed | Asks]: ...
     async def end(self) -> str: ...
 
 
@@ -46,6 +48,7 @@ class Session:
     told: what happened to its process last, "" while nothing did; crashes: how often that happened.
     looked_at: a page has been open once.
     kept: it has a folder.
+    room: the class that its lecturer asks.
     """
 
     scenario: str
@@ -64,6 +67,7 @@ class Session:
     crashes: int = 0
     looked_at: bool = False
     kept: bool = False
+    room: Classroom = field(default_factory=Classroom)
     asked: float = 0.0
     seen: float = 0.0
     _falls: list[float] = field(default_factory=list)

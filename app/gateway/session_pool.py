@@ -11,7 +11,7 @@ from collections.abc import Callable, Coroutine, Iterator
 
 import structlog
 
-from app.access.session_messages import Begin, Kept
+from app.access.session_messages import Asks, Begin, Kept
 from app.gateway.session import Process, Session
 from app.gateway.session_store import MOST, Known, SessionStore
 from app.gateway.visitors import NOBODY, Shares, Viewer, Visitor, places_share
@@ -42,6 +42,7 @@ class SessionPool:
     idle: idle timeout, s after which a session that nobody looks at is closed, its scenario kept, None for never.
     store: where sessions are kept beyond the life of the pool, None for nowhere.
     spare: have a process ready in advance.
+    classes: whether lessons may ask a class.
     shares: limits of one visitor.
     of_one_address: places, see `places_share`.
     """
@@ -57,10 +58,12 @@ class SessionPool:
         spare: bool = True,
         shares: Shares | None = None,
         of_one_address: int | None = None,
+        classes: bool = False,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         self._scenario, self._launch, self.places, self._idle = scenario, launch, places, idle
         self._store, self._wants_spare, self._clock = store, spare, clock
+        self.classes = classes
         self.shares, self._place_share = shares or Shares(), places_share(places, of_one_address)
         self._by_name: dict[str, Session] = {}
         self._by_watch: dict[str, Session] = {}
@@ -284,7 +287,11 @@ class SessionPool:
                 session.process, session.phase, session.seen = process, "running", self._clock()
                 session._runs.set()
                 log.info("session opened", session=session.called, sessions=self.taken)
+                session.room.ask(None)
                 async for changed in process.changes():
+                    if isinstance(changed, Asks):
+                        session.room.ask(changed.question)
+                        continue
                     session.scenario, session.offers, session.pinned = changed.scenario, False, changed.pinned
                     if changed.pinned and not session.kept:
                         self._do(self._keep(session))
@@ -328,9 +335,10 @@ class SessionPool:
                 process = await spare
         if process is None or not process.alive:
             process = await self._launch(scenario)
-            process.begin(Begin(None, kept, session.owner.marks))
+            process.begin(Begin(None, kept, session.owner.marks, self.classes))
         else:
-            process.begin(Begin(None if scenario == self._scenario else scenario, kept, session.owner.marks))
+            changed = None if scenario == self._scenario else scenario
+            process.begin(Begin(changed, kept, session.owner.marks, self.classes))
         self._started = self._clock()
         return process
 

@@ -14,6 +14,8 @@ import structlog
 from app.access.session_messages import (
     LONGEST,
     Alive,
+    Answers,
+    Asks,
     Begin,
     Changed,
     Failed,
@@ -121,10 +123,15 @@ class Worker:
         """Have the process show a sentence on the page."""
         self._tell(Remark(sentence))
 
-    async def changes(self) -> AsyncIterator[Changed]:
-        """Changes of the scenario that runs, until the process ends or is killed because it hangs."""
+    def answer(self, answers: Answers) -> None:
+        """Hand the answers of a class to the process."""
+        self._tell(answers)
+
+    async def changes(self) -> AsyncIterator[Changed | Asks]:
+        """Changes of the scenario that runs, and questions to the class, until the process ends or is killed because it
+        hangs."""
         async for message in self._messages():
-            if isinstance(message, Changed):
+            if isinstance(message, Changed | Asks):
                 yield message
 
     async def end(self) -> str:

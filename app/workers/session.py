@@ -23,6 +23,8 @@ import structlog
 
 from app.access.session_messages import (
     Alive,
+    Answers,
+    Asks,
     Begin,
     Changed,
     Failed,
@@ -116,6 +118,8 @@ def serve(gateway: Gateway, previewer: Previewer) -> None:
     begin = gateway.next()
     assert isinstance(begin, Begin)
     dashboard.uploads.marks = begin.marks
+    if begin.classes:
+        dashboard.classroom.open(lambda question: gateway.tell(Asks(question)))
     begun = from_toml(begin.scenario) if begin.scenario else scenario
     autosave, runs = (None, ()) if begin.kept is None else _autosave(begin.kept, begun, runner, dashboard)
     if begin.scenario or runs:
@@ -131,6 +135,8 @@ def serve(gateway: Gateway, previewer: Previewer) -> None:
                     autosave = _kept_from_now(kept, runner, dashboard)
                 case Remark(sentence):
                     dashboard.offer(remark(sentence))
+                case Answers(number, given):
+                    dashboard.classroom.take(number, given)
     finally:
         if autosave is not None:
             autosave.close()

@@ -47,6 +47,21 @@ const begin = (about) => {
     card.hidden = true;
     link(card, "To watch, without steering:", about.links.watch);
     link(card, "To steer together with you:", about.links.steer);
+    if (about.links.class) {
+      link(card, "For a class, to answer the questions of a lesson:", about.links.class);
+      const address = new URL(about.links.class, location.href).href;
+      const code = card.appendChild(Object.assign(make("img", "vg-code"), { alt: `QR code of ${address}`, tabIndex: 0 }));
+      code.src = `qr?link=${encodeURIComponent(address)}`;
+      code.title = "on the whole screen, and back";
+      const large = () => {
+        const whole = document.body.appendChild(make("div", "vg-large"));
+        whole.append(Object.assign(make("img"), { src: code.src, alt: code.alt }), make("p", "", address));
+        whole.addEventListener("click", () => whole.remove());
+        document.addEventListener("keydown", () => whole.remove(), { once: true });
+      };
+      code.addEventListener("click", large);
+      code.addEventListener("keydown", (e) => { if (e.key === "Enter") { e.stopPropagation(); large(); } });
+    }
     if (about.renew) {
       const form = card.appendChild(Object.assign(make("form", "vg-link"), { method: "post", action: "renew" }));
       const button = form.appendChild(make("button", "", "New links"));

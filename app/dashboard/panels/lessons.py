@@ -13,6 +13,7 @@ import viser
 
 from app.dashboard.theme.style import MARKS
 from app.dashboard.widgets.chips import chip
+from app.dashboard.widgets.class_panel import ClassPanel
 from app.dashboard.widgets.controls import Desk, Number, Place, Scale
 from app.dashboard.widgets.model_fields import DiagonalPlace
 from app.dashboard.widgets.outcome_chart import outcome_html, pad_html
@@ -61,6 +62,7 @@ class LessonsPanel:
             self._options = _Options(desk, self._answer)
             self._number = _NumberAnswer(desk, self._answer)
             self._pad = _Pad(desk, self._answer)
+            self._class = ClassPanel(desk)
             self._run = gui.add_button("Run", visible=False, color="green")
             self._run.on_click(self._on_run)
             self._picture = gui.add_html("")
@@ -177,6 +179,7 @@ class LessonsPanel:
 
     def show(self, snapshot: Snapshot) -> None:
         course = self._course
+        self._class.show(course, "" if course is None else _unit_of(course.step, course))
         self._list.show(self._desk.notebook.progress, visible=course is None)
         if self._folder.visible != (course is not None):
             self._folder.visible = course is not None
@@ -308,8 +311,10 @@ class _List:
             self._begin = desk.gui.add_button("Begin")
             hint = "All answers so far, as a file; otherwise they stay on the server."
             self._files = desk.gui.add_button_group("Your answers", ("CSV", "JSON"), hint=hint)
+            self._class_file = desk.gui.add_button("Answers of the class (CSV)", color="gray", visible=False)
         self._begin.on_click(self._on_begin)
         self._files.on_click(self._on_file)
+        self._class_file.on_click(self._on_class_file)
 
     async def _on_begin(self, _: object) -> None:
         self._open(self._titles[self._choice.value])
@@ -321,12 +326,17 @@ class _List:
         text = csv_of(progress) if form == "csv" else json_of(progress)
         event.client.send_file_download(f"lessons.{form}", text.encode(), save_immediately=True)
 
+    async def _on_class_file(self, event: viser.GuiEvent) -> None:
+        if event.client is not None:
+            event.client.send_file_download("class.csv", self._desk.classroom.csv().encode(), save_immediately=True)
+
     def show(self, progress: Mapping[str, Progress], *, visible: bool) -> None:
         """Show the chosen lesson, and how far it was taken."""
         if self._folder.visible != visible:
             self._folder.visible = visible
         if not visible:
             return
+        self._class_file.visible = bool(self._desk.classroom.asked)
         lesson = self._titles[self._choice.value]
         done = progress.get(lesson.name)
         knows = "".join(f"<li>{inline_html(item)}</li>" for item in lesson.head.knows)
@@ -427,7 +437,8 @@ class _NumberAnswer:
 
 def _unit_of(step: Step, course: Course) -> str:
     """Unit of the number that a question asks for: that of its measure, in a run of the lesson."""
-    assert isinstance(step.block, blocks.Number)
+    if not isinstance(step.block, blocks.Number):
+        return ""
     for each in course.lesson.steps:
         if isinstance(each.block, blocks.Run) and step.block.measure in each.block.measures:
             return each.block.measures[step.block.measure].unit

@@ -24,6 +24,7 @@ from app.dashboard.widgets.matrix_text import read_back, written
 from app.dashboard.widgets.whatif import Held, WhatIf
 from app.export.export_jobs import ExportJobs
 from app.lessons.answers import Notebook
+from app.lessons.class_desk import ClassDesk
 from app.scenario.data import kind_of
 from app.scenario.schema import FieldInfo, Scenario, field_info
 from app.session.commands import Command, Edit
@@ -38,7 +39,7 @@ STEP = 0.002
 class Desk:
     """Environment of a panel: the GUI for its widgets, the queue for its commands, the newest snapshot, what-if
     questions, options of the scene, complaints, export jobs, the store of uploads, who is told of a row of a number
-    that was moved, the lock on edits, and the progress in lessons."""
+    that was moved, the lock on edits, the progress in lessons, and the class that lessons ask."""
 
     gui: viser.GuiApi
     post: Callable[[Command], None]
@@ -51,6 +52,7 @@ class Desk:
     choose: Callable[[Row], None]
     lock: EditLock
     notebook: Notebook
+    classroom: ClassDesk
 
 
 class Control(Protocol):

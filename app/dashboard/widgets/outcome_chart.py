@@ -57,6 +57,19 @@ def pad_html(question: Curve, drawn: Sequence[tuple[float, float]] | None) -> st
     )
 
 
+def courses_html(title: str, ends: tuple[float, float, float, float], courses: Sequence[np.ndarray]) -> str:
+    """Courses (N, 2) of t and value over each other, on axes with these ends: start, end, low, high."""
+    frame = _Frame(*ends)
+    lines = "".join(
+        f'<path fill="none" stroke="{css(MEASURED)}" stroke-width="1.5" opacity="0.45" d="{_path(frame, course)}"/>'
+        for course in courses
+    )
+    return (
+        f'<svg class="vs-poles" viewBox="0 0 {WIDTH} {HEIGHT}" role="img" aria-label="{escape(title)}, as predicted">'
+        f"{_grid(frame, title)}{lines}</svg>"
+    )
+
+
 class _Frame:
     """Axes: t from `start` to `end` s, values from `low` to `high`."""
 

@@ -1,0 +1,99 @@
+"""Classroom of a session: the question that its lecturer asks, and the answers of everybody who has the link."""
+
+from __future__ import annotations
+
+import math
+from typing import Literal
+
+import msgspec
+from msgspec import Struct
+
+Given = int | float | list[float]
+POINTS = 25  # of a drawn course, evenly over its axis of time
+MOST, NEAR = 400, 200  # answers to a question in all, and from one address: a class may sit behind one
+
+
+class ClassQuestion(Struct, frozen=True):
+    """Question to a class.
+
+    number: a later one is larger.
+    ask, options: HTML; unit: of a number.
+    start, end, low, high, axis: of the axes on which a course is drawn.
+    open: whether answers are still taken.
+    told: HTML of the answer, once it is revealed.
+    """
+
+    number: int
+    kind: Literal["choice", "number", "curve"]
+    ask: str
+    options: tuple[str, ...] = ()
+    unit: str = ""
+    start: float = 0.0
+    end: float = 1.0
+    low: float = 0.0
+    high: float = 1.0
+    axis: str = ""
+    open: bool = True
+    told: str = ""
+
+
+class Refusal(ValueError):
+    """An answer that is not taken: one sentence."""
+
+
+class Classroom:
+    """Present question of a session, and the answers to it: one for each browser, of which the last counts."""
+
+    def __init__(self) -> None:
+        self.question: ClassQuestion | None = None
+        self._answers: dict[str, tuple[str, Given]] = {}
+
+    def ask(self, question: ClassQuestion | None) -> None:
+        """Ask a question, or no more; the answers to one that was asked already stay."""
+        if question is None or self.question is None or question.number != self.question.number:
+            self._answers = {}
+        self.question = question
+
+    @property
+    def given(self) -> tuple[Given, ...]:
+        """All answers to the present question."""
+        return tuple(given for _, given in self._answers.values())
+
+    def own(self, browser: str) -> Given | None:
+        """Answer of a browser to the present question."""
+        return self._answers[browser][1] if browser in self._answers else None
+
+    def give(self, browser: str, address: str, number: object, given: object) -> None:
+        """Take the answer of a browser at an address to the question of this number. Raises Refusal."""
+        question = self.question
+        if not browser:
+            raise Refusal("cookies: none; allowed: with cookies, so that nobody counts twice")
+        if question is None or number != question.number:
+            raise Refusal("answer: this question is over; allowed: to the present one")
+        if not question.open:
+            raise Refusal("answer: the answers were revealed; allowed: before that")
+        if browser not in self._answers:
+            near = sum(known == address for known, _ in self._answers.values()) if address else 0
+            if len(self._answers) >= MOST or near >= NEAR:
+                raise Refusal(f"answers: {len(self._answers)}; allowed: at most {MOST}, and {NEAR} of one address")
+        self._answers[browser] = (address, admitted(question, given))
+
+
+def admitted(question: ClassQuestion, given: object) -> Given:
+    """The answer, if it is one to this question. Raises Refusal."""
+    number = not isinstance(given, bool) and isinstance(given, int | float) and math.isfinite(given)
+    if question.kind == "choice":
+        if not number or given not in range(1, len(question.options) + 1):
+            raise Refusal(f"answer: {given!r:.40}; allowed: 1 to {len(question.options)}")
+        return int(given)  # pyright: ignore[reportArgumentType]
+    if question.kind == "number":
+        if not number or abs(given) > 1e12:  # pyright: ignore[reportArgumentType]
+            raise Refusal(f"answer: {given!r:.40}; allowed: a number")
+        return float(given)  # pyright: ignore[reportArgumentType]
+    try:
+        values = msgspec.convert(given, list[float])
+    except msgspec.ValidationError as error:
+        raise Refusal(f"answer: {error}; allowed: {POINTS} numbers") from error
+    if len(values) != POINTS or not all(question.low <= value <= question.high for value in values):
+        raise Refusal(f"answer: {len(values)} values; allowed: {POINTS} from {question.low:g} to {question.high:g}")
+    return values

@@ -1,0 +1,117 @@
+"""A class on the lecturer's page: the question of the shown step is asked, its answers are counted, and then shown."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from html import escape
+
+import numpy as np
+
+from app.access.classroom import ClassQuestion, Given
+from app.dashboard.theme.colors import ACCENT, css
+from app.dashboard.widgets.controls import Desk
+from app.dashboard.widgets.outcome_chart import courses_html
+from app.lessons.class_desk import Asked
+from app.lessons.course import Course
+from app.lessons.markup import inline_html
+
+BINS = 10
+
+
+class ClassPanel:
+    """Buttons that ask and reveal, and what the class has answered, in the current container; nothing where there is no
+    class."""
+
+    def __init__(self, desk: Desk) -> None:
+        self._desk, gui = desk, desk.gui
+        self._course: Course | None = None
+        self._unit = ""
+        self._ask = gui.add_button("Ask the class", visible=False, hint="By the link and the QR code of “Share”.")
+        self._html = gui.add_html("", visible=False)
+        self._reveal = gui.add_button("Show the answers", visible=False, hint="No answer is taken any more.")
+        self._ask.on_click(self._on_ask)
+        self._reveal.on_click(self._on_reveal)
+
+    async def _on_ask(self, _: object) -> None:
+        course = self._course
+        if course is not None and course.step.question is not None:
+            self._desk.classroom.ask(course.lesson.name, course.step, self._unit, course.measured)
+
+    async def _on_reveal(self, _: object) -> None:
+        present, course = self._desk.classroom.present, self._course
+        if present is not None and course is not None:
+            self._desk.classroom.reveal(_summary(present.question, present.answers))
+
+    def show(self, course: Course | None, unit: str) -> None:
+        """Show the class's part in the shown step; what is asked for another step is over. unit: of its number."""
+        classroom = self._desk.classroom
+        self._course, self._unit = course, unit
+        if not classroom.is_open:
+            return
+        asks = course is not None and course.step.question is not None
+        present = classroom.present
+        if present is not None and (
+            course is None or (present.lesson, present.step) != (course.lesson.name, course.step.number)
+        ):
+            classroom.rest()
+            present = None
+        self._ask.visible = asks
+        self._ask.label = "Ask the class" if present is None else "Ask again"
+        self._reveal.visible = self._html.visible = present is not None
+        if present is not None:
+            self._reveal.disabled = not present.question.open
+            content = _html(present)
+            if self._html.content != content:
+                self._html.content = content
+
+
+def _html(asked: Asked) -> str:
+    count = len(asked.answers)
+    told = f"{count} {'answer' if count == 1 else 'answers'}"
+    shown = "" if asked.question.open else answers_html(asked.question, asked.answers)
+    return f'<div class="vs-lesson vs-class" data-asked="{asked.question.number}"><b>{told}</b>{shown}</div>'
+
+
+def answers_html(question: ClassQuestion, answers: Sequence[Given]) -> str:
+    """Answers as bars, or as lines over each other."""
+    if question.kind == "curve":
+        times = np.linspace(
+            question.start, question.end, len(answers[0]) if answers and isinstance(answers[0], list) else 2
+        )
+        courses = [np.column_stack([times, given]) for given in answers if isinstance(given, list)]
+        return courses_html(question.axis, (question.start, question.end, question.low, question.high), courses)
+    return _bars(_counted(question, answers))
+
+
+def _counted(question: ClassQuestion, answers: Sequence[Given]) -> list[tuple[str, int]]:
+    """Number of answers by option, or in each of a few ranges of numbers."""
+    if question.kind == "choice":
+        given = [int(each) for each in answers if not isinstance(each, list)]
+        return [(f"{'ABCDE'[k]} {text}", given.count(k + 1)) for k, text in enumerate(question.options)]
+    values = np.array([each for each in answers if not isinstance(each, list)])
+    if not len(values):
+        return []
+    low, high = np.quantile(values, [0.05, 0.95]) if len(values) > 20 else (values.min(), values.max())
+    counts, edges = np.histogram(np.clip(values, low, high), bins=min(BINS, max(1, len(np.unique(values)))))
+    return [
+        (f"{first:.3g} to {after:.3g} {escape(question.unit)}", int(count))
+        for count, first, after in zip(counts, edges[:-1], edges[1:], strict=True)
+    ]
+
+
+def _bars(counted: Sequence[tuple[str, int]]) -> str:
+    most = max((count for _, count in counted), default=0) or 1
+    rows = "".join(
+        f'<tr><td>{label}</td><td class="vs-count">{count}</td>'
+        f'<td><i style="width: {count / most:.0%}; background: {css(ACCENT)}"></i></td></tr>'
+        for label, count in counted
+    )
+    return f'<table class="vs-bars">{rows}</table>'
+
+
+def _summary(question: ClassQuestion, answers: Sequence[Given]) -> str:
+    """What everybody's page is told when the answers are shown, as HTML."""
+    if question.kind != "choice":
+        return inline_html(f"{len(answers)} answers; watch the screen")
+    counted = ", ".join(f"{'ABCDE'[k]}: {count}" for k, (_, count) in enumerate(_counted(question, answers)))
+    return inline_html(f"{counted}; watch the screen")

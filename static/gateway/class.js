@@ -1,0 +1,130 @@
+// Page of one of a class (app/gateway/pages.py): asks once a second what the lecturer asks, and sends the answer.
+const place = document.getElementById("class"), said = document.getElementById("said");
+const make = (tag, name, html) => Object.assign(document.createElement(tag), { className: name ?? "", innerHTML: html ?? "" });
+const COUNT = 25, WIDE = 320, HIGH = 200, LEFT = 8, RIGHT = 312, TOP = 10, BOTTOM = 180;
+let shown = "", question = null, own = null;
+
+const send = async (given) => {
+  said.textContent = "";
+  try {
+    const answer = await fetch("answer", {
+      method: "POST", headers: { "Content-Type": "application/json" },
+      body: JSON.stringify({ number: question.number, given }),
+    });
+    const told = await answer.json();
+    if (answer.ok) { own = told.own; draw(); } else said.textContent = told.refused;
+  } catch { said.textContent = "The server does not answer; try again."; }
+};
+
+const options = () => question.options.map((text, k) => {
+  const button = make("button", "option", `<b>${"ABCDE"[k]}</b> ${text}`);
+  button.setAttribute("aria-pressed", String(own === k + 1));
+  button.disabled = !question.open;
+  button.addEventListener("click", () => send(k + 1));
+  return button;
+});
+
+const number = () => {
+  const form = make("form"), label = make("label", "", question.unit ? `in ${question.unit}` : "");
+  const input = Object.assign(make("input"), { inputMode: "decimal", value: own ?? "", disabled: !question.open, required: true });
+  input.setAttribute("aria-label", `your answer ${question.unit}`);
+  const button = Object.assign(make("button", "", own === null ? "Answer" : "Change"), { disabled: !question.open });
+  form.append(input, label, button);
+  form.addEventListener("submit", (e) => {
+    e.preventDefault();
+    const value = Number(input.value.replace(",", ".").replace("−", "-"));
+    if (Number.isFinite(value) && input.value.trim()) send(value); else said.textContent = "A number, such as 12.5.";
+  });
+  return [form];
+};
+
+const curve = () => {
+  const space = "http://www.w3.org/2000/svg";
+  const part = (name, attributes) => {
+    const element = document.createElementNS(space, name);
+    for (const [key, value] of Object.entries(attributes)) element.setAttribute(key, value);
+    return element;
+  };
+  const svg = part("svg", { viewBox: `0 0 ${WIDE} ${HIGH}`, role: "application", tabindex: "0",
+    "aria-label": `${question.axis}: draw with a finger, or with the arrow keys` });
+  const x = (k) => LEFT + ((RIGHT - LEFT) * k) / (COUNT - 1);
+  const y = (v) => BOTTOM - ((BOTTOM - TOP) * (v - question.low)) / (question.high - question.low);
+  svg.append(part("rect", { x: LEFT, y: TOP, width: RIGHT - LEFT, height: BOTTOM - TOP }));
+  if (question.low < 0 && question.high > 0) svg.append(part("line", { x1: LEFT, x2: RIGHT, y1: y(0), y2: y(0) }));
+  const path = svg.appendChild(part("path", {}));
+  const ends = make("p", "ends dim", `${question.axis}: ${question.low} … ${question.high}, over ${question.start} … ${question.end} s`);
+  const values = Array.isArray(own) ? [...own] : Array(COUNT).fill(null);
+  const filled = () => {
+    const known = values.map((v, k) => [k, v]).filter(([, v]) => v !== null);
+    return known.length ? values.map((v, k) => {
+      if (v !== null) return v;
+      const before = known.findLast(([j]) => j < k), after = known.find(([j]) => j > k);
+      if (!before || !after) return (before ?? after)[1];
+      return before[1] + ((after[1] - before[1]) * (k - before[0])) / (after[0] - before[0]);
+    }) : null;
+  };
+  const show = () => path.setAttribute("d", (filled() ?? []).map((v, k) => `${k ? "L" : "M"} ${x(k)} ${y(v)}`).join(" "));
+  let drawing = false, last = null, at = 0;
+  const take = (e) => {
+    const box = svg.getBoundingClientRect();
+    const across = ((e.clientX - box.left) / box.width) * WIDE, down = ((e.clientY - box.top) / box.height) * HIGH;
+    const k = Math.min(Math.max(Math.round(((across - LEFT) / (RIGHT - LEFT)) * (COUNT - 1)), 0), COUNT - 1);
+    const share = Math.min(Math.max((BOTTOM - down) / (BOTTOM - TOP), 0), 1);
+    const value = question.low + share * (question.high - question.low), from = last ?? [k, value];
+    for (let j = Math.min(from[0], k); j <= Math.max(from[0], k); j++)
+      values[j] = from[0] === k ? value : from[1] + ((value - from[1]) * (j - from[0])) / (k - from[0]);
+    last = [k, value];
+    show();
+  };
+  const button = Object.assign(make("button", "", own === null ? "Answer" : "Change"), { disabled: !question.open });
+  if (question.open) {
+    svg.addEventListener("pointerdown", (e) => { drawing = true; last = null; svg.setPointerCapture(e.pointerId); take(e); e.preventDefault(); });
+    svg.addEventListener("pointermove", (e) => { if (drawing) take(e); });
+    for (const kind of ["pointerup", "pointercancel"]) svg.addEventListener(kind, () => { drawing = false; });
+    svg.addEventListener("keydown", (e) => {
+      if (!/^Arrow/.test(e.key)) return;
+      e.preventDefault();
+      if (e.key === "ArrowLeft") at = Math.max(at - 1, 0);
+      else if (e.key === "ArrowRight") at = Math.min(at + 1, COUNT - 1);
+      else {
+        const now = filled()?.[at] ?? (question.low + question.high) / 2, step = (question.high - question.low) / 50;
+        values[at] = Math.min(Math.max(now + (e.key === "ArrowUp" ? step : -step), question.low), question.high);
+      }
+      show();
+    });
+  }
+  button.addEventListener("click", () => {
+    const drawn = filled();
+    if (drawn) send(drawn); else said.textContent = "Draw a line first.";
+  });
+  show();
+  return [svg, ends, button];
+};
+
+const draw = () => {
+  place.replaceChildren();
+  if (!question) return place.append(make("p", "dim", "Waiting for the next question…"));
+  place.append(make("h1", "", question.ask));
+  place.append(...{ choice: options, number, curve }[question.kind]());
+  if (question.told) place.append(make("div", "told", question.told));
+  else if (own !== null) place.append(make("p", "dim", "Answered. You may change it until the answers are shown."));
+};
+
+const ask = async () => {
+  try {
+    const answer = await fetch("question", { cache: "no-store" });
+    if (answer.ok) {
+      const now = await answer.json(), seen = JSON.stringify(now.question);
+      if (seen !== shown) { // what is being typed or drawn stays while the question does
+        const fresh = now.question?.number !== question?.number;
+        shown = seen;
+        question = now.question;
+        if (fresh || !question?.open) own = now.own;
+        if (fresh) said.textContent = "";
+        draw();
+      }
+    } else if (answer.status === 404 || answer.status === 403) place.replaceChildren(make("p", "", "This link leads nowhere any more: ask for a new one."));
+  } catch { /* asked again */ }
+  setTimeout(ask, 900 + 200 * Math.random());
+};
+ask();

@@ -1,0 +1,86 @@
+"""The lecturer's desk: what a class is asked, when its answers are shown, and what is left of them."""
+
+from __future__ import annotations
+
+import csv
+import io
+
+from app.access.classroom import POINTS, ClassQuestion
+from app.dashboard.widgets.class_panel import answers_html
+from app.lessons.class_desk import ClassDesk
+from app.lessons.lesson import Step
+from tests.lessons.test_lessons import lesson
+
+STEPS = lesson().steps
+NUMBER, CURVE, CHOICE, OBSERVE = STEPS[1], STEPS[2], STEPS[3], STEPS[5]
+
+
+def desk() -> tuple[ClassDesk, list[ClassQuestion | None]]:
+    sent: list[ClassQuestion | None] = []
+    made = ClassDesk()
+    assert not made.is_open
+    made.open(sent.append)
+    return made, sent
+
+
+def ask(made: ClassDesk, step: Step, unit: str = "") -> None:
+    made.ask("test", step, unit, {"way": "27.9 mm"})
+
+
+def test_questions_are_those_of_the_lesson_as_markup_that_is_safe() -> None:
+    made, sent = desk()
+    for step, unit in ((NUMBER, "mm"), (CURVE, ""), (CHOICE, ""), (OBSERVE, "")):
+        ask(made, step, unit)
+    number, curve, choice, observed = sent
+    assert number is not None
+    assert curve is not None
+    assert choice is not None
+    assert observed is not None
+    assert (number.kind, number.unit, number.ask) == ("number", "mm", "How far, in mm?")
+    assert (curve.kind, curve.axis, curve.end, curve.low, curve.high) == ("curve", "way [mm]", 1.0, -10.0, 40.0)
+    assert (choice.kind, choice.options) == ("choice", ("there", "back"))
+    assert observed.ask == "Seen? 27.9 mm"
+    assert [each.number for each in (number, curve, choice, observed)] == [1, 2, 3, 4]
+
+
+def test_answers_are_counted_first_and_shown_when_the_lecturer_says_so() -> None:
+    made, sent = desk()
+    ask(made, CHOICE)
+    made.take(1, (1, 2, 2))
+    made.take(7, (1,))  # of a question that was never asked
+    assert made.present is not None
+    assert made.present.answers == (1, 2, 2)
+    made.reveal("A: 1, B: 2")
+    assert sent[-1] is not None
+    assert (sent[-1].number, sent[-1].open, sent[-1].told) == (1, False, "A: 1, B: 2")
+    ask(made, CHOICE)  # asked again: a question of its own
+    assert made.present.question.number == 2
+    assert made.present.answers == ()
+    made.rest()
+    assert sent[-1] is None
+    assert made.present is None
+    made.rest()
+    assert len(sent) == 4
+
+    made.take(2, (2,))
+    rows = list(csv.reader(io.StringIO(made.csv())))
+    assert rows == [
+        ["lesson", "step", "asked", "kind", "answer"],
+        *([["test", "4", "1", "choice", each] for each in ("1", "2", "2")]),
+        ["test", "4", "2", "choice", "2"],
+    ]
+
+
+def test_answers_are_bars_or_lines_over_each_other() -> None:
+    made, sent = desk()
+    for step in (NUMBER, CURVE, CHOICE):
+        ask(made, step, "mm")
+    number, curve, choice = (each for each in sent if each is not None)
+    html = answers_html(choice, (1, 2, 2, 2))
+    assert html.index(">1</td>") < html.index(">3</td>")
+    assert "A there" in html
+    html = answers_html(number, (10.0, 10.0, 20.0))
+    assert html.count("<tr>") == 2
+    assert ">2</td>" in html
+    assert answers_html(curve, ([0.0] * POINTS, [10.0] * POINTS)).count('opacity="0.45"') == 2
+    assert [answers_html(each, ()).count(">0</td>") for each in (number, curve, choice)] == [0, 0, 2]
