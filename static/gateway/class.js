@@ -1,6 +1,8 @@
 // Page of one of a class (app/gateway/pages.py): asks once a second what the lecturer asks, and sends the answer.
 const place = document.getElementById("class"), said = document.getElementById("said");
+// what a lesson writes comes as HTML made of its Markdown (app/lessons/markup.py); everything else is text
 const make = (tag, name, html) => Object.assign(document.createElement(tag), { className: name ?? "", innerHTML: html ?? "" });
+const text = (tag, name, said) => Object.assign(document.createElement(tag), { className: name, textContent: said });
 const COUNT = 25, WIDE = 320, HIGH = 200, LEFT = 8, RIGHT = 312, TOP = 10, BOTTOM = 180;
 let shown = "", question = null, own = null;
 
@@ -16,8 +18,8 @@ const send = async (given) => {
   } catch { said.textContent = "The server does not answer; try again."; }
 };
 
-const options = () => question.options.map((text, k) => {
-  const button = make("button", "option", `<b>${"ABCDE"[k]}</b> ${text}`);
+const options = () => question.options.map((option, k) => {
+  const button = make("button", "option", `<b>${"ABCDE"[k]}</b> ${option}`);
   button.setAttribute("aria-pressed", String(own === k + 1));
   button.disabled = !question.open;
   button.addEventListener("click", () => send(k + 1));
@@ -25,7 +27,7 @@ const options = () => question.options.map((text, k) => {
 });
 
 const number = () => {
-  const form = make("form"), label = make("label", "", question.unit ? `in ${question.unit}` : "");
+  const form = make("form"), label = text("label", "", question.unit ? `in ${question.unit}` : "");
   const input = Object.assign(make("input"), { inputMode: "decimal", value: own ?? "", disabled: !question.open, required: true });
   input.setAttribute("aria-label", `your answer ${question.unit}`);
   const button = Object.assign(make("button", "", own === null ? "Answer" : "Change"), { disabled: !question.open });
@@ -52,7 +54,7 @@ const curve = () => {
   svg.append(part("rect", { x: LEFT, y: TOP, width: RIGHT - LEFT, height: BOTTOM - TOP }));
   if (question.low < 0 && question.high > 0) svg.append(part("line", { x1: LEFT, x2: RIGHT, y1: y(0), y2: y(0) }));
   const path = svg.appendChild(part("path", {}));
-  const ends = make("p", "ends dim", `${question.axis}: ${question.low} … ${question.high}, over ${question.start} … ${question.end} s`);
+  const ends = text("p", "ends dim", `${question.axis}: ${question.low} … ${question.high}, over ${question.start} … ${question.end} s`);
   const values = Array.isArray(own) ? [...own] : Array(COUNT).fill(null);
   const filled = () => {
     const known = values.map((v, k) => [k, v]).filter(([, v]) => v !== null);

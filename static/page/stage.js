@@ -1,4 +1,5 @@
-// Presentation: the scene, one plot, the sliders moved last, and the equation, in large type. V begins and ends it, and Esc
+// Presentation: the scene, one plot, the sliders moved last, and the equation, in large type; in a lesson the scene, one
+// plot and the step of the lesson. V begins and ends it, and Esc
 // ends it. The plot is the one that was pressed last, else the first one.
 const page = document.documentElement, MOST = 3;
 const OPEN = "[data-dock-group] [data-dock-group] form:has(.mantine-Slider-root)"; // in the tab that is open
@@ -13,7 +14,9 @@ const mark = (all, chosen) => { for (const e of all) e.toggleAttribute("data-sta
 const choose = () => {
   const moved = [...document.querySelectorAll(CHOSEN)], open = [...document.querySelectorAll(OPEN)];
   const free = open.filter((row) => row.querySelector("input:not(:disabled)"));
-  mark([...moved, ...open], moved.length ? moved : free.slice(0, MOST));
+  const lessons = [...document.querySelectorAll(".mantine-Paper-root:has(.vs-lesson[data-step])")];
+  mark(lessons, lessons);
+  mark([...moved, ...open], lessons.length ? [] : moved.length ? moved : free.slice(0, MOST));
   const boxes = [...document.querySelectorAll(".uplot-container")];
   const drawn = boxes.filter((box) => box.parentElement.checkVisibility());
   mark(boxes, [drawn.includes(pressed) ? pressed : drawn[0]]);

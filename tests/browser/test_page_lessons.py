@@ -8,7 +8,7 @@ from app.session.commands import SetSpeed
 from drivers.pages import Session
 from tests.support.layout import lasting_faults
 
-NARROW_FAULTS = "() => document.documentElement.scrollWidth - innerWidth"
+EMPTY = "() => Object.values(__viserTestpoints.uplots)[0].chart.data[0].length <= 2"
 
 
 def at_step(session: Session, number: int) -> None:
@@ -68,6 +68,8 @@ def test_a_whole_lesson_by_keyboard_with_every_kind_of_step(session: Session):
 
     page.keyboard.press("j")
     at_step(session, 4)
+    session.wait(lambda now: now.phase == "paused" and now.end == 0.0)
+    page.wait_for_function(EMPTY)  # no lines of the run before
     run_through(session)
     session.wait(lambda now: now.phase == "paused" and abs(now.end - 4.0) < 1e-6)
     expect(page.locator(".vs-predicted")).to_have_count(2)  # the number as a line, and what was drawn
@@ -139,6 +141,13 @@ def test_a_line_is_drawn_by_mouse_and_playing_freely_is_undone(session: Session)
     assert values[0] > 200.0 > 60.0 > values[-1]
     page.get_by_role("button", name="Lock my line").click()
     page.locator(".vs-pad[data-locked='1']").wait_for()
+
+    page.keyboard.press("v")  # the projector: scene, one plot, and the step
+    expect(page.locator(".vs-question")).to_be_visible()
+    expect(page.locator(".vs-equation")).to_be_hidden()
+    expect(page.get_by_role("tab", name="Lessons")).to_be_hidden()
+    page.keyboard.press("v")
+    expect(page.locator(".vs-equation")).to_be_visible()
 
     page.keyboard.press("2")
     session.wait(lambda now: now.scenario.mode == "impedance")

@@ -7,6 +7,7 @@ from html import escape
 import viser
 
 from app.dashboard.widgets.arm_choice import InForce
+from app.dashboard.widgets.constants_table import constants_html
 from app.dashboard.widgets.controls import Choice, Control, Desk, Number, Place, PlaceWhere, decades
 from app.dashboard.widgets.own_parameters import own_number
 from app.dashboard.widgets.theorem_table import TheoremTable
@@ -87,6 +88,8 @@ class ControllerPanel:
                 Choice(desk, "simulation.leaving_domain", "Leaving it", stop_or_flag),
                 Choice(desk, "simulation.bound_violation", "‖s‖ over (20)", stop_or_flag),
             ]
+        with gui.add_folder("Constants of the theorem", expand_by_default=False):
+            self._constants = gui.add_html("")
         with gui.add_folder("Computation"):
             estimates = {"M, C, G on-line": "online", "along r_d (Remark 3)": "along-reference"}
             self._controls += [
@@ -99,6 +102,7 @@ class ControllerPanel:
         law = snapshot.system.controller.law
         self._about.content = "" if law.robust else _SAID.format(escape(law.about))
         self._feedback.content = _feedback_html(snapshot)
+        self._constants.content = constants_html(snapshot)
         for folder in self._robust_only:
             if folder.visible != law.robust:
                 folder.visible = law.robust

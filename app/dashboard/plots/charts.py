@@ -293,6 +293,10 @@ class Chart:
             raised = (np.maximum(line, low) for line, low in zip(lines, self._lowest, strict=True))
             plot(self._handle, (x, *raised), MOST_SERIES)
 
+    def clear(self) -> None:
+        """Take the lines away."""
+        plot(self._handle, (_NOTHING,), MOST_SERIES)
+
     def _adapt(self, drawing: Drawing | None, pinned: Sequence[Label]) -> None:
         self._drawing = drawing
         self._legend_rows = 0 if drawing is None else drawing.legend_rows(pinned)

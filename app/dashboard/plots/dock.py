@@ -69,10 +69,12 @@ class Plots:
         if not stale:
             return
         frame = self._frame(snapshot, shown)
-        if len(frame.rows["t"]) < 2:
-            return
+        begun = len(frame.rows["t"]) > 1
         for title in stale:
-            self._tabs[title].show(snapshot, setup, shown, frame)
+            if begun:
+                self._tabs[title].show(snapshot, setup, shown, frame)
+            else:  # of a run that has just been reset, not that before
+                self._tabs[title].clear()
             self._drawn[title] = drawn
 
     def _frame(self, snapshot: Snapshot, shown: Shown) -> Frame:
@@ -143,6 +145,11 @@ class _TabView:
         for chart in self._charts:
             chart.draw(setup, [(p.name, p.color) for p in shown.pinned], frame)
         self._share()
+
+    def clear(self) -> None:
+        """Take the lines away."""
+        for chart in self._charts:
+            chart.clear()
 
     def _show_choices(self, setup: Setup) -> None:
         """Show the present choices: somebody may have chosen while the plots were being drawn."""

@@ -1,0 +1,65 @@
+"""Table of the constants behind the theorem's promise: what was declared, what a search over Omega has found, and what
+is used."""
+
+from __future__ import annotations
+
+from html import escape
+
+from app.scenario.schema import Declared, field_info
+from app.scenario.units import JOINT
+from app.session.snapshot import Snapshot
+from app.simulation.domain import MARGIN
+
+_NAMES = {"coulomb": "Coulomb friction", "viscous": "viscous friction"}
+
+
+def constants_html(snapshot: Snapshot) -> str:
+    """The table: a row for each constant, with its unit."""
+    rows = "".join(
+        f'<tr title="{escape(about)}"><td>{escape(name)}</td><td>{declared}</td><td>{found}</td><td>{used}</td>'
+        f"<td>{escape(unit)}</td></tr>"
+        for name, about, declared, found, used, unit in (*_declared(snapshot), *_searched(snapshot))
+    )
+    heads = "".join(f"<td>{head}</td>" for head in ("constant", "declared", "found", "used", "unit"))
+    return (
+        f'<table class="vs-facts vs-premises"><tr>{heads}</tr>{rows}</table>'
+        f'<div class="vs-note">Found: the largest that a search over Ω has met for any declared arm, k_r′ the least. '
+        f"Used: with {100 * (MARGIN - 1.0):.0f} % more, or less, for what the search may have missed.</div>"
+    )
+
+
+def _declared(snapshot: Snapshot) -> list[tuple[str, ...]]:
+    """Rows of the bounds that the controller was told: they are used as they are."""
+    rows = []
+    for name in Declared.__struct_fields__:
+        info, value = field_info(f"declared.{name}"), f"{getattr(snapshot.scenario.declared, name):.3g}"
+        rows.append(
+            (
+                _NAMES.get(name, name.replace("_", " ")),
+                info.doc,
+                value,
+                "—",
+                value,
+                "" if info.unit == "1" else info.unit,
+            )
+        )
+    return rows
+
+
+def _searched(snapshot: Snapshot) -> list[tuple[str, ...]]:
+    """Rows of what was searched for over Omega."""
+    constants, along = snapshot.system.constants, snapshot.scenario.controller.estimates == "along-reference"
+    lipschitz, mass = constants.lipschitz, "kg·m²" if snapshot.system.units == JOINT else "kg"
+    only = "for estimates along r_d (Remark 3) only"
+    rows = [
+        ("k_r′", "least eigenvalue of H", constants.k_r_low * MARGIN, constants.k_r_low, True, mass),
+        ("k_r″", "largest eigenvalue of H", constants.k_r_high / MARGIN, constants.k_r_high, True, mass),
+        ("k_C", "‖C‖ per rad/s, summed over the links", lipschitz.k_C / MARGIN, lipschitz.k_C, True, "kg·m²/rad"),
+        ("k_M", f"change of M_hat per rad, {only}", lipschitz.k_M / MARGIN, lipschitz.k_M, along, "kg·m²/rad"),
+        ("k_Cq", f"change of C_hat per rad/s and rad, {only}", lipschitz.k_Cq / MARGIN, lipschitz.k_Cq, along, "kg·m²"),
+        ("k_G", f"change of G_hat per rad, {only}", lipschitz.k_G / MARGIN, lipschitz.k_G, along, "N·m/rad"),
+    ]
+    return [
+        (name, about, "—", f"{found:.4g}", f"{used:.4g}" if uses else "—", unit)
+        for name, about, found, used, uses, unit in rows
+    ]
