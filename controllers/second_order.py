@@ -41,6 +41,21 @@ def oscillators(M_m: np.ndarray, B_m: np.ndarray, K_m: np.ndarray, K_f: np.ndarr
     return Oscillators(omega, B / (2.0 * M * omega))
 
 
+def poles_of(omega: float, zeta: float) -> tuple[complex, complex]:
+    """The two poles (1/s) of s^2 + 2 zeta omega s + omega^2."""
+    root = np.emath.sqrt(zeta**2 - 1.0)
+    return complex(omega * (-zeta + root)), complex(omega * (-zeta - root))
+
+
+def moved(pole: complex, other: complex) -> tuple[float, float]:
+    """omega (rad/s) and zeta of an oscillator one of whose poles (1/s) is moved to `pole`, left of the imaginary axis:
+    with its conjugate, or, on the real axis, with the other pole where that is real, too."""
+    if pole.imag == 0.0 and other.imag == 0.0:
+        omega = float(np.sqrt(pole.real * other.real))
+        return omega, float(-(pole.real + other.real) / (2.0 * omega))
+    return abs(pole), -pole.real / abs(pole)
+
+
 def shaped(M_m: float, K_m: float, K_f: float, K_e: float, omega: float, zeta: float) -> Shaped:
     """Entries of one coordinate with this omega (rad/s) and zeta, on a surface of stiffness K_e (N/m).
 

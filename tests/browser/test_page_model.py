@@ -166,3 +166,37 @@ def test_linked_axes_move_together(session: Session):
     session.number("K_m ψ₁").press("Enter")
     session.wait(lambda now: now.matrices["K_m"].diagonal().tolist() == [0.0, 3000.0, 3000.0, 4000.0, 4000.0, 4000.0])
     session.page.get_by_label("Link equal axes").first.uncheck()
+
+
+def test_a_pole_dragged_on_the_map_is_previewed_then_applied_and_esc_leaves_it(session: Session):
+    page = session.page
+    session.tab("Model")
+    before = session.now.matrices["K_m"].copy()
+    mark = page.locator(".vs-poles [data-pole] .grip").first
+    mark.scroll_into_view_if_needed()
+
+    def take_to(dx: float, dy: float) -> None:
+        box = mark.bounding_box()
+        assert box is not None
+        x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+        page.mouse.move(x, y)
+        page.mouse.down()
+        page.mouse.move(x + dx, y + dy, steps=5)
+        page.locator(".vs-poles .asked").first.wait_for()
+
+    take_to(30.0, -40.0)
+    assert (session.now.matrices["K_m"] == before).all()
+    page.keyboard.press("Escape")
+    page.mouse.up()
+    page.locator(".vs-poles .asked").first.wait_for(state="detached")
+    assert (session.now.matrices["K_m"] == before).all()
+
+    take_to(30.0, -40.0)
+    page.mouse.up()
+    session.wait(lambda now: (now.matrices["K_m"] != before).any())
+    now = session.now.matrices
+    np.testing.assert_array_equal(now["M_m"], np.diag([10.0] * 6))
+    changed = np.flatnonzero(np.diag(now["K_m"]) != np.diag(before))
+    zeta = np.diag(now["B_m"])[changed] / (2.0 * np.sqrt(10.0 * np.diag(now["K_m"])[changed]))
+    assert (zeta < 0.9).all()  # it was critically damped, and has left the real axis
+    assert session.now.phase == "running"

@@ -16,6 +16,7 @@ from app.dashboard.widgets.matrix_editor import MatrixEditor
 from app.dashboard.widgets.matrix_text import written
 from app.dashboard.widgets.model_checks import checks_html, loops_html
 from app.dashboard.widgets.model_fields import DiagonalPlace, OscillatorPlace, pressed_on
+from app.dashboard.widgets.pole_drag import PoleDrag
 from app.scenario.schema import Scenario
 from app.scenario.units import JOINT
 from app.session.commands import Edit
@@ -58,7 +59,7 @@ class ModelPanel:
             self._folders[title] = gui.add_folder(None, visible=title == self._chosen)
             with self._folders[title]:
                 self._views[title] = view()
-        self._checks, self._loops = gui.add_html(""), gui.add_html("")
+        self._checks, self._poles, self._loops = gui.add_html(""), PoleDrag(desk), gui.add_html("")
         self._impedance = gui.add_html("")
         self._response: PushResponse | None = None
         self._checked: tuple[Scenario, float | None, Edit | None] | None = None

@@ -35,6 +35,7 @@ _SCRIPTS = (
     "keys.js",
     "hints.js",
     "lessons.js",
+    "poles.js",
 )
 
 # Scripts in innerHTML do not run; the load event of an image that is part of the page does, and needs no request.

@@ -12,6 +12,7 @@ import numpy as np
 from app.dashboard.widgets.chips import chip
 from app.dashboard.widgets.matrix_text import short
 from app.dashboard.widgets.model_fields import pressed_on
+from app.dashboard.widgets.pole_drag import draggable
 from app.dashboard.widgets.pole_map import grouped, pole_map_html
 from app.dashboard.widgets.theorem_table import judged
 from app.scenario.data import edited
@@ -107,7 +108,7 @@ def checks_html(snapshot: Snapshot, edit: Edit | None) -> str:
     message = f'<div class="vs-message vs-bad">{escape(problem)}</div>' if problem else ""
     return (
         f'<div class="vs-checks"><div class="vs-row">{verdicts}</div>{message}'
-        f"{pole_map_html(grouped(now.poles), [] if asked is None else grouped(asked.poles))}"
+        f"{pole_map_html(grouped(now.poles), [] if asked is None else grouped(asked.poles), draggable(snapshot))}"
         f"{_table(now, asked)}</div>"
     )
 

@@ -60,6 +60,19 @@ def alike(snapshot: Snapshot, index: int, values: np.ndarray) -> list[int]:
     return [j for j in range(len(of)) if of[j] == of[index] and equal[j]]
 
 
+def reshaped(snapshot: Snapshot, wanted: Mapping[int, Mapping[str, float]]) -> Edit:
+    """Command that gives coordinates another omega and zeta, by number; M_m is kept."""
+    changed: dict[str, np.ndarray] = {}
+    for i, oscillator in wanted.items():
+        M_m, K_m, K_f = (float(snapshot.matrices[name][i, i]) for name in ("M_m", "K_m", "K_f"))
+        entries = shaped(M_m, K_m, K_f, float(pressed_on(snapshot)[i]), **oscillator)
+        for name in ("B_m", "K_m", "K_f"):
+            if snapshot.matrices[name][i, i] != getattr(entries, name):
+                matrix = changed.setdefault(name, snapshot.matrices[name].copy())
+                matrix[i, i] = getattr(entries, name)
+    return model_edit(snapshot, changed)
+
+
 @dataclass(frozen=True)
 class DiagonalPlace(Place):
     """Entry `index` on the diagonal of a matrix of the target model, as it is in force.
@@ -109,16 +122,11 @@ class OscillatorPlace(Place):
             raise ValueError(f"{written(value)}; allowed: a number > 0")
         now = oscillators_of(snapshot)
         places = alike(snapshot, self.index, getattr(now, self.kind)) if self.linked() else [self.index]
-        changed: dict[str, np.ndarray] = {}
-        for i in places:
-            wanted = {"omega": float(now.omega[i]), "zeta": float(now.zeta[i]), self.kind: value}
-            M_m, K_m, K_f = (float(snapshot.matrices[name][i, i]) for name in ("M_m", "K_m", "K_f"))
-            entries = shaped(M_m, K_m, K_f, float(pressed_on(snapshot)[i]), **wanted)
-            for name in ("B_m", "K_m", "K_f"):
-                if snapshot.matrices[name][i, i] != getattr(entries, name):
-                    matrix = changed.setdefault(name, snapshot.matrices[name].copy())
-                    matrix[i, i] = getattr(entries, name)
-        return model_edit(snapshot, changed)
+        wanted = {
+            i: {"omega": float(now.omega[i]), "zeta": float(now.zeta[i]), self.kind: value}  # the other one stays
+            for i in places
+        }
+        return reshaped(snapshot, wanted)
 
     @property
     def hint(self) -> str:

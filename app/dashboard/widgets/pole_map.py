@@ -6,6 +6,7 @@ Decades, because stiff and soft coordinates lie thousands apart; the half with I
 from __future__ import annotations
 
 import math
+from collections.abc import Collection
 from dataclasses import dataclass
 from html import escape
 
@@ -52,8 +53,9 @@ def grouped(poles: np.ndarray) -> list[Pole]:
     return [Pole(complex(np.mean(group)), len(group)) for group in groups]
 
 
-def pole_map_html(now: list[Pole], asked: list[Pole]) -> str:
-    """Picture with crosses at the poles, and rings at those asked about; the frame fits both."""
+def pole_map_html(now: list[Pole], asked: list[Pole], dragged: Collection[int] = ()) -> str:
+    """Picture with crosses at the poles, and rings at those asked about; the frame fits both.
+    dragged: numbers of the poles that can be dragged; the page's script knows the frame by its attributes."""
     low, high = _decades([*now, *asked])
     parts = [
         f'<path class="left" d="M {_X - _R} {_Y} A {_R} {_R} 0 0 1 {_X} {_Y - _R} V {_Y} Z"/>',
@@ -64,11 +66,12 @@ def pole_map_html(now: list[Pole], asked: list[Pole]) -> str:
         f'<line class="axis" x1="{_X}" x2="{_X}" y1="{_Y}" y2="{_Y - _R - 8}"/>',
         f'<text x="4" y="12">stable</text><text x="{_SIZE[0] - 4}" y="12" text-anchor="end">unstable</text>',
         f'<text x="{_SIZE[0] - 4}" y="{_Y + 14}" text-anchor="end">ω [rad/s]</text>',
-        *(_mark(pole, low, high, "now") for pole in now),
+        *(_mark(pole, low, high, "now", k if k in dragged else None) for k, pole in enumerate(now)),
         *(_mark(pole, low, high, "asked") for pole in asked),
     ]
     return (
-        f'<svg class="vs-poles" viewBox="0 0 {_SIZE[0]} {_SIZE[1]}" role="img" aria-label="pole map">{_HATCH}'
+        f'<svg class="vs-poles" viewBox="0 0 {_SIZE[0]} {_SIZE[1]}" role="img" aria-label="pole map" data-x="{_X:g}" '
+        f'data-y="{_Y:g}" data-hole="{_HOLE:g}" data-outer="{_R:g}" data-low="{low}" data-high="{high}">{_HATCH}'
         f"{''.join(parts)}</svg>"
     )
 
@@ -109,7 +112,7 @@ def _ray(zeta: float) -> str:
     )
 
 
-def _mark(pole: Pole, low: int, high: int, look: str) -> str:
+def _mark(pole: Pole, low: int, high: int, look: str, number_of: int | None = None) -> str:
     x, y = _place(pole, low, high)
     imaginary = f" ± {pole.value.imag:.4g} j" if pole.value.imag > _SAME * pole.omega else ""
     told = f"{pole.value.real:.4g}{imaginary} 1/s, ω = {pole.omega:.4g} rad/s, ζ = {pole.zeta:.3g}, {pole.count} poles"
@@ -123,4 +126,7 @@ def _mark(pole: Pole, low: int, high: int, look: str) -> str:
         if pole.count > 2 and look == "now"
         else ""
     )
-    return f'<g class="{look}"><title>{escape(told)}</title>{shape}{number}</g>'
+    if number_of is None:
+        return f'<g class="{look}"><title>{escape(told)}</title>{shape}{number}</g>'
+    grip = f'<circle class="grip" cx="{x:.1f}" cy="{y:.1f}" r="11"/>'
+    return f'<g class="{look}" data-pole="{number_of}"><title>{escape(told)}; drag it</title>{grip}{shape}{number}</g>'

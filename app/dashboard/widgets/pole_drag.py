@@ -1,0 +1,137 @@
+"""Dragging of a pole on the pole map: omega and zeta of the coordinates that have it follow, previewed while it is
+held.
+
+The page's script (static/page/poles.js) writes into a hidden text field: number of the pole, real and imaginary part
+(1/s), and whether the mouse still holds it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import viser
+
+from app.dashboard.widgets.controls import Desk
+from app.dashboard.widgets.equation import is_fixed
+from app.dashboard.widgets.matrix_text import written
+from app.dashboard.widgets.model_fields import oscillators_of, pressed_on, reshaped
+from app.dashboard.widgets.pole_map import grouped
+from app.dashboard.widgets.whatif import Held
+from app.session.commands import Edit
+from app.session.snapshot import Snapshot
+from controllers.modes import MODES
+from controllers.second_order import moved, poles_of
+from controllers.target_model import TargetModel
+
+SAME = 1e-2  # relative distance within which a coordinate has the pole that is dragged
+REAL = 0.12  # of a pole's size: imaginary parts below this are meant to be none
+LEAST_ZETA, SLOWEST, FASTEST = 0.02, 0.1, 2000.0  # 1; 1/s
+
+
+@dataclass(frozen=True)
+class _Drag:
+    """A pole that is being dragged: for each coordinate that has it, by number, its other pole (1/s)."""
+
+    number: int
+    others: dict[int, complex]
+
+
+def draggable(snapshot: Snapshot) -> frozenset[int]:
+    """Numbers, in the pole map, of the poles that belong to coordinates that swing alone."""
+    poles = numbered_poles(snapshot)
+    return frozenset(number for number in range(len(poles)) if others_of(snapshot, poles[number]))
+
+
+def pole_edit(snapshot: Snapshot, others: dict[int, complex], pole: complex) -> tuple[Edit, float, float]:
+    """Command that moves a pole (1/s) of these coordinates, and the omega (rad/s) and zeta of the first of them."""
+    wanted = {}
+    for i, other in others.items():
+        omega, zeta = moved(_admitted(pole), other)
+        wanted[i] = {"omega": float(f"{omega:.3g}"), "zeta": float(f"{zeta:.3g}")}
+    first = next(iter(wanted.values()))
+    return reshaped(snapshot, wanted), first["omega"], first["zeta"]
+
+
+class PoleDrag:
+    """Receiver of what the page's script reports of a dragged pole, in the current container."""
+
+    def __init__(self, desk: Desk) -> None:
+        self._desk = desk
+        self._drag: _Drag | None = None
+        desk.gui.add_html('<i class="vs-pole-field"></i>')
+        self._field = desk.gui.add_text("", "")
+        self._field.on_update(self._on_report)
+
+    async def _on_report(self, event: viser.GuiEvent) -> None:
+        if event.client is None:
+            return
+        words = self._field.value.split()
+        try:
+            number, pole, phase = int(words[0]), complex(float(words[1]), abs(float(words[2]))), words[3]
+        except (IndexError, ValueError):
+            return  # no report of our script
+        snapshot = self._desk.snapshot()
+        if not np.isfinite(pole) or (drag := self._dragged(snapshot, number)) is None or phase == "left":
+            self._let_go()
+            return
+        edit, omega, zeta = pole_edit(snapshot, drag.others, pole)
+        if phase == "held" and self._desk.whatif.on:
+            value = f"ω = {written(omega)} rad/s, ζ = {written(zeta)}"
+            self._desk.whatif.hold(Held(edit, "pole", value, self, event.client.client_id))
+        elif phase == "dropped":
+            self._desk.whatif.remember(snapshot, edit)
+            self._desk.post(edit)
+            self._let_go()
+
+    def _dragged(self, snapshot: Snapshot, number: int) -> _Drag | None:
+        """The drag that goes on, or begins with this pole; None where it has no coordinate."""
+        if self._drag is None or self._drag.number != number:
+            poles = numbered_poles(snapshot)
+            others = others_of(snapshot, poles[number]) if 0 <= number < len(poles) else {}
+            self._drag = _Drag(number, others) if others else None
+        return self._drag
+
+    def _let_go(self) -> None:
+        self._drag = None
+        self._desk.whatif.let_go(self)
+
+
+def numbered_poles(snapshot: Snapshot) -> list[complex]:
+    """Poles (1/s) of the running model as the pole map numbers them."""
+    model = TargetModel(**snapshot.matrices)
+    found = MODES[snapshot.scenario.mode].poles(model, snapshot.scenario.controller.K_e_hat)
+    return [pole.value for pole in grouped(found)]
+
+
+def others_of(snapshot: Snapshot, pole: complex) -> dict[int, complex]:
+    """The other pole (1/s) of each free coordinate, by number, that has this one and is coupled with no other."""
+    oscillators, pressed = oscillators_of(snapshot), pressed_on(snapshot)
+    found = {}
+    for i, (omega, zeta) in enumerate(zip(oscillators.omega, oscillators.zeta, strict=True)):
+        fixed = is_fixed(snapshot, "K_f" if pressed[i] > 0.0 else "K_m", i) or is_fixed(snapshot, "B_m", i)
+        if not np.isfinite(omega) or fixed or _coupled(snapshot, i):
+            continue
+        pair = poles_of(float(omega), float(zeta))
+        for own, other in (pair, pair[::-1]):
+            if abs(complex(own.real, abs(own.imag)) - pole) <= SAME * abs(pole):
+                found[i] = other
+                break
+    return found
+
+
+def _coupled(snapshot: Snapshot, i: int) -> bool:
+    return any(
+        np.count_nonzero(np.delete(matrix[i], i)) or np.count_nonzero(np.delete(matrix[:, i], i))
+        for matrix in snapshot.matrices.values()
+    )
+
+
+def _admitted(pole: complex) -> complex:
+    """The nearest pole that a model may have: left of the imaginary axis, and real where it nearly is."""
+    size = min(max(abs(pole), SLOWEST), FASTEST)
+    turned = pole * size / abs(pole) if pole else complex(-size, 0.0)
+    real = min(turned.real, -LEAST_ZETA * size)
+    if abs(turned.imag) < REAL * size:
+        return complex(-size, 0.0)
+    return complex(real, float(np.sqrt(max(size**2 - real**2, 0.0))))

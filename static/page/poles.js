@@ -1,0 +1,43 @@
+// A pole of the pole map is dragged (app/dashboard/widgets/pole_drag.py). The map is sent anew meanwhile: what counts is
+// its frame as it was when the pole was taken.
+let taken = null;
+const tellPole = ({ number, pole }, phase) => {
+  const input = document.querySelector("div:has(> .vs-pole-field) + div input");
+  if (!input || !pole) return;
+  const text = `${number} ${pole[0]} ${pole[1]} ${phase} ${Math.random()}`;
+  Object.getOwnPropertyDescriptor(HTMLInputElement.prototype, "value").set.call(input, text);
+  input.dispatchEvent(new Event("input", { bubbles: true }));
+};
+const at = (e) => {
+  const { box, frame } = taken;
+  const x = ((e.clientX - box.left) / box.width) * 336 - frame.x, y = frame.y - ((e.clientY - box.top) / box.height) * 148;
+  const r = Math.hypot(x, y), height = Math.max(y, 0);
+  const share = (r - frame.hole) / (frame.outer - frame.hole);
+  const size = 10 ** (frame.low + Math.max(share, -0.3) * (frame.high - frame.low));
+  const angle = Math.atan2(height, x);
+  return [size * Math.cos(angle), size * Math.sin(angle)];
+};
+document.addEventListener("pointerdown", (e) => {
+  const mark = e.target instanceof Element && e.target.closest(".vs-poles [data-pole]");
+  if (!mark) return;
+  const svg = mark.closest("svg"), { x, y, hole, outer, low, high } = svg.dataset;
+  taken = { number: mark.dataset.pole, box: svg.getBoundingClientRect(), pole: null,
+    frame: { x: +x, y: +y, hole: +hole, outer: +outer, low: +low, high: +high } };
+  e.preventDefault();
+}, true);
+document.addEventListener("pointermove", (e) => {
+  if (!taken) return;
+  taken.pole = at(e);
+  tellPole(taken, "held");
+}, true);
+document.addEventListener("pointerup", () => {
+  if (!taken) return;
+  const last = taken;
+  taken = null;
+  setTimeout(() => tellPole(last, "dropped"), 80); // behind the last position, for which viser's slot has to be free
+}, true);
+document.addEventListener("keydown", (e) => {
+  if (e.key !== "Escape" || !taken) return;
+  tellPole(taken, "left");
+  taken = null;
+}, true);
