@@ -23,7 +23,7 @@ def enter(session: Session, label: str, text: str) -> None:
 
 
 def test_an_uploaded_urdf_runs_with_the_tool_frame_and_posture_that_are_asked_for(tab: Session):
-    upload = tab.page.locator("input[type=file]")
+    upload = tab.page.locator("input[type=file][accept*='.urdf']")
     tab.choose("Arm", "own URDF")
     tab.page.locator(".vs-message", has_text="robot.urdf: none is given").wait_for()
     with tab.page.expect_file_chooser() as dialog:

@@ -75,7 +75,7 @@ def test_a_scenario_is_loaded_and_a_wrong_one_refused(session: Session, tmp_path
     (tmp_path / "mine.toml").write_text(to_toml(wanted))
     (tmp_path / "wrong.toml").write_text("mode = 'levitation'")
     session.tab("Export")
-    load = session.page.locator("input[type=file]")
+    load = session.page.locator("input[type=file][accept*='.toml']")
     load.set_input_files(tmp_path / "mine.toml")
     session.wait(lambda now: now.scenario == wanted and now.t > 0.2)
     revision = session.now.revision
