@@ -28,12 +28,13 @@ class Actor:
 
     def __init__(self, port: int) -> None:
         self.port, self.alive = port, True
+        self.begun: Begin | None = None
         self.kept: Kept | None = None
         self.answers: list[Answers] = []
         self._says: asyncio.Queue[Any] = asyncio.Queue()
 
     def begin(self, begin: Begin) -> None:
-        self.kept = begin.kept
+        self.begun, self.kept = begin, begin.kept
 
     def keep(self, kept: Kept) -> None:
         self.kept = kept

@@ -55,6 +55,11 @@ class Classroom:
         self.question = question
 
     @property
+    def number(self) -> int:
+        """Number of the present question, 0 without one."""
+        return 0 if self.question is None else self.question.number
+
+    @property
     def given(self) -> tuple[Given, ...]:
         """All answers to the present question."""
         return tuple(given for _, given in self._answers.values())

@@ -33,12 +33,14 @@ class Begin(msgspec.Struct, frozen=True, tag=True):
     scenario: TOML, None for the one prepared.
     kept: folder of the session, None where it is not kept.
     marks: of the visitor of this session, see `Visitor.marks`.
-    classes: whether its lessons may ask a class."""
+    classes: whether its lessons may ask a class.
+    asked: number of the question that its class is asked still, since a process before; 0 without one."""
 
     scenario: str | None
     kept: Kept | None
     marks: tuple[str, ...] = ()
     classes: bool = False
+    asked: int = 0
 
 
 class Keep(msgspec.Struct, frozen=True, tag=True):

@@ -85,8 +85,12 @@ class Failure:
 def file_name(scenario_name: str, t: float, extension: str) -> str:
     """File name such as "vsmrc-ur5-hybrid-12.34s.svg": letters, digits, dots and dashes only, whatever the scenario's
     name."""
-    name = re.sub(r"[^A-Za-z0-9_-]+", "-", scenario_name)[:LONGEST_NAME].strip("-") or "run"
-    return f"vsmrc-{name}-{t:.2f}s.{extension}"
+    return f"vsmrc-{plain_name(scenario_name) or 'run'}-{t:.2f}s.{extension}"
+
+
+def plain_name(text: str) -> str:
+    """The text with letters, digits and dashes only, not too long for the name of a file."""
+    return re.sub(r"[^A-Za-z0-9_-]+", "-", text)[:LONGEST_NAME].strip("-")
 
 
 class ExportJobs:

@@ -363,7 +363,7 @@ class Gateway:
             self._refusals["answers of a class"] += 1
             return web.json_response({"refused": str(error)}, status=409)
         if session.process is not None and room.question is not None:
-            session.process.answer(Answers(room.question.number, room.given))
+            session.process.answer(Answers(room.number, room.given))
         return web.json_response({"own": room.own(visitor.browser)})
 
     def _of_class(self, request: web.Request) -> Session:

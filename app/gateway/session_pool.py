@@ -11,7 +11,7 @@ from collections.abc import Callable, Coroutine, Iterator
 
 import structlog
 
-from app.access.session_messages import Asks, Begin, Kept
+from app.access.session_messages import Answers, Asks, Begin, Kept
 from app.gateway.session import Process, Session
 from app.gateway.session_store import MOST, Known, SessionStore
 from app.gateway.visitors import NOBODY, Shares, Viewer, Visitor, places_share
@@ -287,10 +287,11 @@ class SessionPool:
                 session.process, session.phase, session.seen = process, "running", self._clock()
                 session._runs.set()
                 log.info("session opened", session=session.called, sessions=self.taken)
-                session.room.ask(None)
                 async for changed in process.changes():
                     if isinstance(changed, Asks):
                         session.room.ask(changed.question)
+                        if session.room.given:
+                            process.answer(Answers(session.room.number, session.room.given))
                         continue
                     session.scenario, session.offers, session.pinned = changed.scenario, False, changed.pinned
                     if changed.pinned and not session.kept:
@@ -335,10 +336,10 @@ class SessionPool:
                 process = await spare
         if process is None or not process.alive:
             process = await self._launch(scenario)
-            process.begin(Begin(None, kept, session.owner.marks, self.classes))
+            changed = None
         else:
             changed = None if scenario == self._scenario else scenario
-            process.begin(Begin(changed, kept, session.owner.marks, self.classes))
+        process.begin(Begin(changed, kept, session.owner.marks, self.classes, session.room.number))
         self._started = self._clock()
         return process
 

@@ -14,15 +14,13 @@ import numpy as np
 from msgspec import Struct
 
 from app.lessons.blocks import Choice, Curve, Number
+from app.lessons.kept_file import KeptFile
 from app.lessons.measures import Told
 from app.lessons.playing import Trace
-from app.process.atomic_write import write_whole
 from app.scenario.schema import ScenarioError
 
 Given = int | float | list[tuple[float, float]]
 FILE = "lessons.json"
-LARGEST = 4_000_000  # bytes of the file
-_PRIVATE = 0o600
 
 
 class Answer(Struct, frozen=True):
@@ -131,24 +129,15 @@ class Notebook:
     """Progress in all lessons, kept in a folder if there is one."""
 
     def __init__(self) -> None:
-        self._folder: Path | None = None
+        self._file: KeptFile[dict[str, Progress]] | None = None
         self.progress: dict[str, Progress] = {}
 
     def keep_in(self, folder: Path) -> str:
         """Read what a folder has, and write there from now on. Returns a sentence where it cannot be read, else ""."""
-        self._folder = folder
-        try:
-            with (folder / FILE).open("rb") as file:
-                self.progress = msgspec.json.decode(file.read(LARGEST), type=dict[str, Progress]) | self.progress
-        except FileNotFoundError:
-            return ""
-        except (OSError, msgspec.DecodeError) as error:
-            aside = folder / f"set-aside-{FILE}"
-            reason = error.strerror if isinstance(error, OSError) else error
-            if not isinstance(error, OSError):
-                (folder / FILE).replace(aside)
-            return f"the progress in lessons cannot be read: {reason}; it is kept as {aside}"
-        return ""
+        self._file = KeptFile(folder / FILE, dict[str, Progress], "the progress in lessons")
+        kept, problem = self._file.read()
+        self.progress = (kept or {}) | self.progress
+        return problem
 
     def of(self, lesson: str) -> Progress:
         """Progress in a lesson."""
@@ -157,6 +146,5 @@ class Notebook:
     def note(self, lesson: str, progress: Progress) -> None:
         """Take progress down. Raises OSError where it cannot be written; it counts all the same."""
         self.progress = {**self.progress, lesson: progress}
-        if self._folder is not None:
-            text = json_of(self.progress).encode()
-            write_whole(self._folder / FILE, lambda file: file.write(text), _PRIVATE)
+        if self._file is not None:
+            self._file.write(self.progress)

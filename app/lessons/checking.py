@@ -7,6 +7,9 @@ import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 
+import numpy as np
+
+from app.access.classroom import POINTS
 from app.lessons.answers import score_choice, score_curve, score_number
 from app.lessons.blocks import Choice, Curve, Explain, Goal, Number, Run, Setting
 from app.lessons.lesson import NAMED, Lesson, Step
@@ -127,8 +130,9 @@ def _scored(step: Step, checked: Checked) -> Iterator[str]:
             if inside.sum() < 2:
                 yield "start, end: the run has ended before"
                 return
-            t, values = trace.t[inside], trace.values[inside]
-            reference = list(zip(t.tolist(), values.tolist(), strict=True))
+            values = trace.values[inside]
+            places = np.linspace(question.start, question.end, POINTS)  # as a hand can draw it
+            reference = list(zip(places.tolist(), np.interp(places, trace.t, trace.values).tolist(), strict=True))
             if score_curve(question, reference, trace).points < 1.0:
                 yield "the reference answer does not count in full"
             if values.min() < question.low or values.max() > question.high:

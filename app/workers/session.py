@@ -118,10 +118,10 @@ def serve(gateway: Gateway, previewer: Previewer) -> None:
     begin = gateway.next()
     assert isinstance(begin, Begin)
     dashboard.uploads.marks = begin.marks
-    if begin.classes:
-        dashboard.classroom.open(lambda question: gateway.tell(Asks(question)))
     begun = from_toml(begin.scenario) if begin.scenario else scenario
     autosave, runs = (None, ()) if begin.kept is None else _autosave(begin.kept, begun, runner, dashboard)
+    if begin.classes:
+        dashboard.classroom.open(lambda question: gateway.tell(Asks(question)), begin.asked)
     if begin.scenario or runs:
         runner.post(Continue(begun, runs))
     runner.start()
@@ -149,8 +149,12 @@ def _folder(kept: Kept, dashboard: Dashboard) -> StateFolder | None:
     except StateError as error:
         dashboard.offer(remark(f"this session is not kept: {error}"))
         return None
-    if problem := dashboard.notebook.keep_in(folder.path):
-        dashboard.offer(remark(problem))
+    for problem in (
+        dashboard.notebook.keep_in(folder.path),
+        dashboard.classroom.keep_in(folder.path, dashboard.fail),
+    ):
+        if problem:
+            dashboard.offer(remark(problem))
     return folder
 
 

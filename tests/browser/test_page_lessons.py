@@ -8,7 +8,8 @@ from app.session.commands import SetSpeed
 from drivers.pages import Session
 from tests.support.layout import lasting_faults
 
-EMPTY = "() => Object.values(__viserTestpoints.uplots)[0].chart.data[0].length <= 2"
+EMPTY = """() => Object.values(__viserTestpoints.uplots)
+  .filter((plot) => plot.chart.root.checkVisibility()).every((plot) => plot.chart.data[0].length <= 2)"""
 
 
 def at_step(session: Session, number: int) -> None:
@@ -74,6 +75,10 @@ def test_a_whole_lesson_by_keyboard_with_every_kind_of_step(session: Session):
     session.wait(lambda now: now.phase == "paused" and abs(now.end - 4.0) < 1e-6)
     expect(page.locator(".vs-predicted")).to_have_count(2)  # the number as a line, and what was drawn
     assert page.get_by_text("You changed this run").count() == 0
+    with page.expect_download() as download:
+        page.get_by_role("button", name="SVG").last.click()
+    assert download.value.suggested_filename == "01-target-model-4-10-kg.svg"
+    assert "predicted" in download.value.path().read_text(encoding="utf-8")
 
     page.keyboard.press("j")
     at_step(session, 5)

@@ -139,20 +139,29 @@ async def test_the_qr_code_is_a_picture_of_an_address_and_of_nothing_else() -> N
 
 
 @in_a_loop
-async def test_a_lecturer_whose_process_has_fallen_asks_anew() -> None:
-    """The question of the fallen process is over; the class's page waits, and its link still leads there."""
+async def test_a_class_goes_on_when_the_lecturers_process_has_fallen() -> None:
+    """It is asked still, its answers count, and the next process gets all of them with the question; without one, that
+    is over."""
     async with town(classes=True) as lab:
         lecture = await lab.arrive()
         page = await lab.looked_at(lecture)
         path = await class_of(lab, lecture)
-        one = await student(lab, path)
+        one, other = await student(lab, path), await student(lab, path)
         await asked(lab, QUESTION)
+        assert await give(lab, path, {"number": 1, "given": 1}, **one) == (200, {"own": 1})
         await lab.actors[0].end()
-        while len(lab.actors) < 2 or (await question(lab, path, **one))["question"] is not None:
+        while len(lab.actors) < 2 or lab.actors[1].begun is None:
             await asyncio.sleep(0.01)
-        await asked(lab, ClassQuestion(1, "number", "How far?"), number=1)
-        assert await give(lab, path, {"number": 1, "given": 3.5}, **one) == (200, {"own": 3.5})
-        assert lab.actors[1].answers[-1].given == (3.5,)
+        assert lab.actors[1].begun.asked == 1
+        assert (await question(lab, path, **one))["own"] == 1
+        assert await give(lab, path, {"number": 1, "given": 2}, **other) == (200, {"own": 2})
+        lab.actors[1].answers.clear()
+        lab.actors[1].say(Asks(QUESTION))
+        while not lab.actors[1].answers:
+            await asyncio.sleep(0.005)
+        assert lab.actors[1].answers[-1].given == (1, 2)
+        await asked(lab, None, number=1)
+        assert (await question(lab, path, **one))["question"] is None
         await page.close()
 
 

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import csv
 import io
+from pathlib import Path
+
+import pytest
 
 from app.access.classroom import POINTS, ClassQuestion
 from app.dashboard.widgets.class_panel import answers_html
-from app.lessons.class_desk import ClassDesk
+from app.lessons.class_desk import FILE, ClassDesk
 from app.lessons.lesson import Step
 from tests.lessons.test_lessons import lesson
 
@@ -84,3 +87,39 @@ def test_answers_are_bars_or_lines_over_each_other() -> None:
     assert ">2</td>" in html
     assert answers_html(curve, ([0.0] * POINTS, [10.0] * POINTS)).count('opacity="0.45"') == 2
     assert [answers_html(each, ()).count(">0</td>") for each in (number, curve, choice)] == [0, 0, 2]
+
+
+def test_a_class_survives_its_process_and_a_question_that_nobody_is_asked_any_more_is_over(tmp_path: Path) -> None:
+    first, _ = desk()
+    assert first.keep_in(tmp_path, pytest.fail) == ""
+    ask(first, NUMBER, "mm")
+    first.take(1, (12.5, 3))
+    ask(first, CURVE)
+    first.take(2, ([0.5] * POINTS,))
+
+    second, sent = ClassDesk(), list[ClassQuestion | None]()
+    assert second.keep_in(tmp_path, pytest.fail) == ""
+    second.open(sent.append, 2)
+    assert second.asked == first.asked
+    assert second.present == first.present
+    assert sent == [first.asked[-1].question]
+
+    third, sent = ClassDesk(), list[ClassQuestion | None]()
+    third.keep_in(tmp_path, pytest.fail)
+    third.open(sent.append, 1)
+    assert (third.present, sent) == (None, [None])
+    assert third.csv() == first.csv()
+    ask(third, CHOICE)
+    assert third.present is not None
+    assert third.present.question.number == 3
+
+
+def test_a_class_that_cannot_be_read_is_set_aside_and_one_that_cannot_be_written_is_said(tmp_path: Path) -> None:
+    (tmp_path / FILE).write_text("{")
+    made, _ = desk()
+    assert "set-aside-class.json" in made.keep_in(tmp_path, pytest.fail)
+    said: list[str] = []
+    made.keep_in(tmp_path / "gone", said.append)
+    ask(made, CHOICE)
+    assert said == ["the class's answers cannot be saved: No such file or directory; the class goes on"]
+    assert made.present is not None

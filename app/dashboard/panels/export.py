@@ -5,10 +5,8 @@ from __future__ import annotations
 import asyncio
 import io
 import math
-import threading
 from collections.abc import Callable
 
-import structlog
 import viser
 from PIL import Image
 
@@ -17,13 +15,13 @@ from app.dashboard.plots.paper_figures import BESIDE_FILM, figure_of, plots_of, 
 from app.dashboard.plots.plot_table import TABS
 from app.dashboard.transport.callback_errors import guarded
 from app.dashboard.widgets.controls import Desk
+from app.dashboard.widgets.file_delivery import FileDelivery
 from app.export.export_jobs import (
     PLAYBACK_LIMIT,
     DataFormat,
     DataJob,
     FigureJob,
     PlaybackJob,
-    TakeAwayError,
     file_name,
 )
 from app.export.figures import DOUBLE, SINGLE, FigureOptions
@@ -34,8 +32,6 @@ from app.scenario.schema import ScenarioError
 from app.session.commands import Load
 from app.session.snapshot import Snapshot
 from app.storage.recording_files import Tell, table
-
-log = structlog.get_logger()
 
 MEGABYTE = 1e6
 DATA_LIMIT = 256 * MEGABYTE  # a browser receives this through a web socket without trouble
@@ -53,12 +49,12 @@ SHOWN, WHOLE = "as shown by the plots", "the whole run"
 class ExportPanel:
     """Export panel. Every file is made from the present snapshot, in another process: the run goes on.
 
-    One file at a time; a notification on the page that asked shows the progress, and the reason where there is no file.
+    One file at a time; see `FileDelivery`.
     """
 
     def __init__(self, desk: Desk) -> None:
         self._desk = desk
-        self._busy = threading.Lock()
+        self._delivery = FileDelivery()
         gui = desk.gui
         plots = (ALL_PLOTS, *TABS, *(plot.name for plot in plots_of([ALL_PLOTS])))
         self._plots = gui.add_dropdown("Figure of", plots, hint="All plots, those of a tab, or a single one.")
@@ -147,40 +143,9 @@ class ExportPanel:
         self._give(event, "Scenario", "toml", lambda snapshot, _: to_toml(snapshot.scenario).encode())
 
     def _give(self, event: viser.GuiEvent, what: str, extension: str, make: Make) -> None:
-        """Make a file and send it to the page that asked."""
-        client, snapshot = event.client, self._desk.snapshot()
-        if client is None:
-            return
-        if not self._busy.acquire(blocking=False):
-            client.add_notification(what, "Another file is being made: try again then.", auto_close_seconds=4.0)
-            return
-        try:
-            self._give_alone(client, snapshot, what, extension, make)
-        finally:
-            self._busy.release()
-
-    def _give_alone(
-        self, client: viser.ClientHandle, snapshot: Snapshot, what: str, extension: str, make: Make
-    ) -> None:
+        snapshot = self._desk.snapshot()
         name = file_name(snapshot.scenario.name, snapshot.t, extension)
-        note = client.add_notification(what, f"{name} is being made …", loading=True, with_close_button=False)
-
-        def tell(share: float) -> None:
-            note.body = f"{name} is being made … {share:.0%}"
-
-        try:
-            content = make(snapshot, tell)
-            client.send_file_download(name, content, save_immediately=True)
-        except Exception as error:
-            expected = isinstance(error, TakeAwayError | OSError | RuntimeError | ValueError)
-            reason = str(error) or type(error).__name__
-            if isinstance(error, OSError) and error.strerror:
-                reason = f"the file cannot be written: {error.strerror}"
-            log.warning("export failed", file=name, reason=reason, exc_info=None if expected else error)
-            note.title, note.body, note.color = f"{what}: failed", reason, "red"
-            note.loading, note.with_close_button = False, True
-        else:
-            note.remove()  # the page itself shows the download
+        self._delivery.give(event, what, name, lambda tell: make(snapshot, tell))
 
     async def _on_upload(self, event: viser.GuiEvent) -> None:
         if event.client is None:

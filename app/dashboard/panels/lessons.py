@@ -11,12 +11,17 @@ import numpy as np
 import structlog
 import viser
 
+from app.dashboard.plots.lesson_figures import figure_of_run, name_of_figure
 from app.dashboard.theme.style import MARKS
+from app.dashboard.transport.callback_errors import guarded
 from app.dashboard.widgets.chips import chip
 from app.dashboard.widgets.class_panel import ClassPanel
 from app.dashboard.widgets.controls import Desk, Number, Place, Scale
+from app.dashboard.widgets.file_delivery import FileDelivery
 from app.dashboard.widgets.model_fields import DiagonalPlace
 from app.dashboard.widgets.outcome_chart import outcome_html, pad_html
+from app.export.export_jobs import FigureJob
+from app.export.formats import Format
 from app.lessons import blocks
 from app.lessons.answers import Answer, Progress, csv_of, json_of
 from app.lessons.course import Course
@@ -32,6 +37,7 @@ from app.simulation.search_memory import Memory
 log = structlog.get_logger()
 
 MOST_OPTIONS = 5
+FORMATS: dict[str, Format] = {"SVG": "svg", "PDF": "pdf", "PNG": "png"}
 LANGUAGES = {"en": "", "de": "Deutsch"}
 _KINDS = {
     "scenario": "the scene",
@@ -51,6 +57,7 @@ class LessonsPanel:
         self._lessons = shipped_lessons()
         self._course: Course | None = None
         self._memory = Memory()
+        self._delivery = FileDelivery()
         self._busy: threading.Thread | None = None
         self._draft: object = None
         self._shown: object = None
@@ -66,6 +73,7 @@ class LessonsPanel:
             self._run = gui.add_button("Run", visible=False, color="green")
             self._run.on_click(self._on_run)
             self._picture = gui.add_html("")
+            self._figure = gui.add_button_group("Figure", tuple(FORMATS), visible=False, hint="This picture on white.")
             self._goal = _Goal(desk)
             self._next = gui.add_button("Next", hint="Key: J")
             self._back = gui.add_button("Back", color="gray", hint="Key: K")
@@ -77,6 +85,7 @@ class LessonsPanel:
         self._back.on_click(self._on_back)
         self._restore.on_click(self._on_restore)
         self._leave.on_click(self._on_leave)
+        self._figure.on_click(guarded(self._on_figure, desk.complain))
         gui.add_command("Lesson: next step", hotkey="J").on_trigger(self._on_next)
         gui.add_command("Lesson: step back", hotkey="K").on_trigger(self._on_back)
 
@@ -90,7 +99,11 @@ class LessonsPanel:
         self._enter()
 
     async def _on_leave(self, _: object) -> None:
+        self._close()
+
+    def _close(self) -> None:
         self._course, self._desk.lock.fields = None, None
+        self._desk.classroom.rest()
 
     async def _on_next(self, _: object) -> None:
         if self._course is not None and self._busy is None:
@@ -112,13 +125,25 @@ class LessonsPanel:
         if step.number not in course.outcomes:
             self._work(lambda: course.take(step, play(step, self._memory)))
 
+    # synchronous on purpose: it waits for its file in a thread of viser's pool
+
+    def _on_figure(self, event: viser.GuiEvent[viser.GuiButtonGroupHandle]) -> None:
+        course = self._course
+        if course is None or (run := course.last_run) is None or (outcome := course.outcomes.get(run.number)) is None:
+            return
+        form = FORMATS[event.target.value]
+        figure = figure_of_run(course.lesson, run, outcome, course.traces(run), course.predictions(run))
+        job = FigureJob(figure, form)
+        name = name_of_figure(course.lesson, run, form)
+        self._delivery.give(event, "Figure", name, lambda tell: self._desk.export_jobs.made(job, tell))
+
     def _go(self, course: Course, by: int) -> None:
         before = course.step.number
         self._try(lambda: course.go(by))
         if course.step.number != before:
             self._enter()
         elif by > 0:
-            self._course, self._desk.lock.fields = None, None
+            self._close()
 
     def _answer(self, given: object) -> None:
         if self._course is not None:
@@ -207,6 +232,7 @@ class LessonsPanel:
             if run is not None and seen
             else ""
         )
+        self._figure.visible = bool(self._picture.content)
         last = step.number == len(course.lesson.steps)
         self._next.label = (
             "computing …" if busy else "Finish" if last else "Next" if course.ready else f"Skip: {_KINDS[step.kind]}"
@@ -488,12 +514,19 @@ class _Goal:
         self._of = 0
         self._folder = desk.gui.add_folder("Your controls", visible=False)
         self._state = desk.gui.add_html("")
+        hint = "Key: R. What happens at the beginning, such as a push, happens again."
+        self._anew = desk.gui.add_button("Try it from the beginning", visible=False, hint=hint)
+        self._anew.on_click(self._on_anew)
+
+    async def _on_anew(self, _: object) -> None:
+        self._desk.lock.post(Reset())
+        self._desk.lock.post(Play())
 
     def show(self, step: Step, course: Course, snapshot: Snapshot, entered: int) -> None:
         goal = step.block
         visible = isinstance(goal, blocks.Goal)
         if self._folder.visible != visible:
-            self._folder.visible = visible
+            self._folder.visible = self._anew.visible = visible
         if not isinstance(goal, blocks.Goal):
             self._clear()
             return

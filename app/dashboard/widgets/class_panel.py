@@ -43,16 +43,17 @@ class ClassPanel:
             self._desk.classroom.reveal(_summary(present.question, present.answers))
 
     def show(self, course: Course | None, unit: str) -> None:
-        """Show the class's part in the shown step; what is asked for another step is over. unit: of its number."""
+        """Show the class's part in the shown step; what is asked for another step is over. unit: of its number.
+
+        Without a lesson the question stays: its lecturer may come back from a process that has fallen."""
         classroom = self._desk.classroom
         self._course, self._unit = course, unit
         if not classroom.is_open:
             return
         asks = course is not None and course.step.question is not None
         present = classroom.present
-        if present is not None and (
-            course is None or (present.lesson, present.step) != (course.lesson.name, course.step.number)
-        ):
+        here = None if course is None else (course.lesson.name, course.step.number)
+        if present is not None and here is not None and here != (present.lesson, present.step):
             classroom.rest()
             present = None
         self._ask.visible = asks

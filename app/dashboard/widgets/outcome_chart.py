@@ -10,14 +10,14 @@ import numpy as np
 
 from app.dashboard.theme.colors import MEASURED, SERIES, Rgb, css
 from app.lessons.answers import Answer
-from app.lessons.blocks import Curve, Line, Measure, Number, Run
+from app.lessons.blocks import Curve, Line, Run
 from app.lessons.lesson import Step
 from app.lessons.playing import Trace
+from app.lessons.predictions import predicted
 
 WIDTH, HEIGHT = 336, 168
 LEFT, RIGHT, TOP, BOTTOM = 40, 330, 20, 140  # px, of the frame
 TICKS = 4
-OVER_TIME = ("settles", "below")
 
 
 def outcome_html(run: Step, traces: Sequence[Trace], predictions: Sequence[tuple[Step, Answer]]) -> str:
@@ -84,21 +84,10 @@ class _Frame:
 
 
 def _picture(run: Run, line: Line, traces: Sequence[Trace], predictions: Sequence[tuple[Step, Answer]]) -> str:
-    curves = [
-        np.array(answer.given)
-        for step, answer in predictions
-        if isinstance(step.block, Curve) and step.block.line.shows(line) and isinstance(answer.given, list)
-    ]
-    levels = [
-        (float(answer.given), run.measures[step.block.measure])
-        for step, answer in predictions
-        if isinstance(step.block, Number)
-        and isinstance(answer.given, int | float)
-        and step.block.measure in run.measures
-        and run.measures[step.block.measure].signal == line.signal
-    ]
-    heights = [value for value, of in levels if not _is_time(of) and of.unit == line.unit]
-    values = np.concatenate([*(trace.values for trace in traces), *(drawn[:, 1] for drawn in curves), heights])
+    found = predicted(run, line, predictions)
+    values = np.concatenate(
+        [*(trace.values for trace in traces), *(drawn[:, 1] for drawn in found.courses), found.levels]
+    )
     low, high = float(values.min()), float(values.max())
     room = 0.06 * (high - low) or 1.0
     frame = _Frame(0.0, max(float(trace.t[-1]) for trace in traces), low - room, high + room)
@@ -112,24 +101,19 @@ def _picture(run: Run, line: Line, traces: Sequence[Trace], predictions: Sequenc
             f'd="{_path(frame, np.column_stack([trace.t, trace.values]))}"><title>{escape(trace.run)}</title></path>'
         )
         legend.append(f'<span><i class="vs-swatch" style="background: {css(color)}"></i>{escape(trace.run)}</span>')
-    parts += [_predicted(_path(frame, drawn)) for drawn in curves]
-    for value, of in levels:
-        if not _is_time(of) and of.unit == line.unit:
-            y = frame.y(value)
-            parts.append(_predicted(f"M {LEFT} {y:.1f} L {RIGHT} {y:.1f}"))
-        elif _is_time(of) and frame.start <= of.start + value <= frame.end:
-            x = frame.x(of.start + value)
-            parts.append(_predicted(f"M {x:.1f} {TOP} L {x:.1f} {BOTTOM}"))
-    if curves or levels:
+    parts += [_predicted(_path(frame, drawn)) for drawn in found.courses]
+    parts += [_predicted(f"M {LEFT} {frame.y(value):.1f} L {RIGHT} {frame.y(value):.1f}") for value in found.levels]
+    parts += [
+        _predicted(f"M {frame.x(t):.1f} {TOP} L {frame.x(t):.1f} {BOTTOM}")
+        for t in found.instants
+        if frame.start <= t <= frame.end
+    ]
+    if found:
         legend.append(f'<span><i class="vs-swatch" style="background: {css(MEASURED)}"></i>your prediction</span>')
     return (
         f'<svg class="vs-poles" viewBox="0 0 {WIDTH} {HEIGHT}" role="img" aria-label="{escape(line.title)} over time">'
         f'{"".join(parts)}</svg><div class="vs-lines">{"".join(legend)}</div>'
     )
-
-
-def _is_time(measure: Measure) -> bool:
-    return measure.statistic in OVER_TIME
 
 
 def _predicted(path: str) -> str:

@@ -1,0 +1,56 @@
+"""Figures of a lesson's runs on paper: the lines that a run shows, those beside it, and what was predicted."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from app.dashboard.theme.colors import MEASURED, SERIES
+from app.export.export_jobs import plain_name
+from app.export.figures import Chart, Curve, Figure
+from app.lessons.answers import Answer
+from app.lessons.blocks import Line, Run
+from app.lessons.lesson import Lesson, Step
+from app.lessons.playing import Outcome, Trace
+from app.lessons.predictions import predicted
+
+
+def figure_of_run(
+    lesson: Lesson, run: Step, outcome: Outcome, traces: Sequence[Trace], answers: Sequence[tuple[Step, Answer]]
+) -> Figure:
+    """Figure of a run, with a chart for each line that it shows; what it measured stands in the caption."""
+    block = run.block
+    assert isinstance(block, Run)
+    charts = tuple(
+        _chart(block, line, [each for each in traces if each.line.shows(line)], answers) for line in block.show
+    )
+    told = ", ".join(f"{name.replace('_', ' ')} {value}" for name, value in outcome.told.items())
+    caption = f"{lesson.head.title}: {block.title}." + (f" Measured: {told}." if told else "")
+    return Figure(charts, caption)
+
+
+def name_of_figure(lesson: Lesson, run: Step, extension: str) -> str:
+    """File name of the figure of a run: letters, digits, dots and dashes only."""
+    assert isinstance(run.block, Run)
+    return f"{plain_name(f'{lesson.name}-{run.number}-{run.block.title}')}.{extension}"
+
+
+def _chart(run: Run, line: Line, traces: Sequence[Trace], answers: Sequence[tuple[Step, Answer]]) -> Chart:
+    curves = []
+    for number, trace in enumerate(traces):
+        last = number == len(traces) - 1
+        color = SERIES[0] if last else SERIES[2 + number % 4]
+        curves.append(Curve(trace.run, color, trace.t, trace.values, width=1.2 if last else 0.8))
+    found = predicted(run, line, answers)
+    ends = np.array([0.0, max(float(trace.t[-1]) for trace in traces)])
+    values = np.concatenate([trace.values for trace in traces])
+    courses = [
+        *found.courses,
+        *(np.column_stack([ends, [level, level]]) for level in found.levels),
+        *(np.array([[t, values.min()], [t, values.max()]]) for t in found.instants if ends[0] <= t <= ends[1]),
+    ]
+    for number, course in enumerate(courses):
+        t, value = course.T
+        curves.append(Curve("predicted", MEASURED, t, value, dashed=True, listed=number == 0))
+    return Chart(line.title, line.unit, tuple(curves))

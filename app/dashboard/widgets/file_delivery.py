@@ -1,0 +1,55 @@
+"""Delivery of a file to the page that asked for it: one at a time, with its progress, or why there is none."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+
+import structlog
+import viser
+
+from app.export.export_jobs import TakeAwayError
+from app.storage.recording_files import Tell
+
+log = structlog.get_logger()
+
+
+class FileDelivery:
+    """Delivery of files, which are made in another process: the run goes on."""
+
+    def __init__(self) -> None:
+        self._busy = threading.Lock()
+
+    def give(self, event: viser.GuiEvent, what: str, name: str, make: Callable[[Tell], bytes]) -> None:
+        """Make a file of this name and send it to the page that asked; to be called in a thread that may wait."""
+        client = event.client
+        if client is None:
+            return
+        if not self._busy.acquire(blocking=False):
+            client.add_notification(what, "Another file is being made: try again then.", auto_close_seconds=4.0)
+            return
+        try:
+            _give(client, what, name, make)
+        finally:
+            self._busy.release()
+
+
+def _give(client: viser.ClientHandle, what: str, name: str, make: Callable[[Tell], bytes]) -> None:
+    note = client.add_notification(what, f"{name} is being made …", loading=True, with_close_button=False)
+
+    def tell(share: float) -> None:
+        note.body = f"{name} is being made … {share:.0%}"
+
+    try:
+        content = make(tell)
+        client.send_file_download(name, content, save_immediately=True)
+    except Exception as error:
+        expected = isinstance(error, TakeAwayError | OSError | RuntimeError | ValueError)
+        reason = str(error) or type(error).__name__
+        if isinstance(error, OSError) and error.strerror:
+            reason = f"the file cannot be written: {error.strerror}"
+        log.warning("export failed", file=name, reason=reason, exc_info=None if expected else error)
+        note.title, note.body, note.color = f"{what}: failed", reason, "red"
+        note.loading, note.with_close_button = False, True
+    else:
+        note.remove()  # the page itself shows the download

@@ -1,0 +1,45 @@
+"""Predictions as they lie over a line of a run's picture."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from app.lessons.answers import Answer
+from app.lessons.blocks import Curve, Line, Number, Run
+from app.lessons.lesson import Step
+
+OVER_TIME = ("settles", "below")
+
+
+@dataclass(frozen=True)
+class Predicted:
+    """Predictions for one line.
+    courses: (N, 2) each, of t and value, as drawn.
+    levels: values, in the line's unit.
+    instants: of the run, s."""
+
+    courses: tuple[np.ndarray, ...] = ()
+    levels: tuple[float, ...] = ()
+    instants: tuple[float, ...] = ()
+
+    def __bool__(self) -> bool:
+        return bool(self.courses or self.levels or self.instants)
+
+
+def predicted(run: Run, line: Line, answers: Sequence[tuple[Step, Answer]]) -> Predicted:
+    """What was predicted of a line of a run: courses of the same signal, and numbers measured on it."""
+    courses, levels, instants = [], [], []
+    for step, answer in answers:
+        question, given = step.block, answer.given
+        if isinstance(question, Curve) and question.line.shows(line) and isinstance(given, list):
+            courses.append(np.array(given))
+        elif isinstance(question, Number) and isinstance(given, int | float) and question.measure in run.measures:
+            measure = run.measures[question.measure]
+            if measure.signal == line.signal and measure.statistic in OVER_TIME:
+                instants.append(measure.start + given)
+            elif measure.signal == line.signal and measure.unit == line.unit:
+                levels.append(float(given))
+    return Predicted(tuple(courses), tuple(levels), tuple(instants))

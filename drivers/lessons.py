@@ -1,0 +1,245 @@
+"""Take every shipped lesson to its end in a real browser, by keyboard or by mouse: `python -m drivers.lessons`.
+
+It answers as the lesson's reference does, and prints what it had to wait for too long, what the page refused and what
+its looks lack. Pictures of each step are left in a folder on request.
+"""
+
+from __future__ import annotations
+
+import re
+import sys
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+import tyro
+from playwright.sync_api import Error, Page, sync_playwright
+
+from app.dashboard.page import Dashboard
+from app.lessons.blocks import Choice, Curve, Explain, Goal, Number, Run, Setting
+from app.lessons.lesson import Lesson, Step, shipped_lessons
+from app.lessons.playing import play, runs
+from app.scenario.data import load
+from app.session.commands import SetSpeed
+from app.session.runner import Runner
+from app.simulation.search_memory import Memory
+from drivers.browser import LAUNCH_ARGS, find_or_install
+from drivers.pages import NO_HINTS, PATIENCE, UNDRAWN
+
+Means = Literal["keyboard", "mouse", "phone"]
+SIZES = {"keyboard": (1280, 720), "mouse": (1280, 720), "phone": (390, 844)}
+POINTS = 25  # of a course that is drawn by mouse
+# Text of the lesson that sticks out of the panel, or is cut; the page is scrolled to it.
+LOOKS = """() => {
+  const faults = [];
+  if (document.documentElement.scrollWidth > innerWidth) faults.push("the page is wider than its window");
+  for (const part of document.querySelectorAll(".vs-prose, .vs-prose math, .vs-prose table, .vs-lines, .vs-bars")) {
+    const box = part.getBoundingClientRect();
+    if (part.checkVisibility() && box.width && (box.left < -1 || box.right > innerWidth + 1))
+      faults.push(`sticks out: ${part.textContent.trim().slice(0, 40)}`);
+  }
+  for (const label of document.querySelectorAll(".mantine-Button-label"))
+    if (label.checkVisibility() && label.scrollWidth > label.clientWidth + 1) faults.push(`cut: ${label.textContent}`);
+  return faults;
+}"""
+
+
+@dataclass
+class Taker:
+    """A student: a page, and how it is used."""
+
+    page: Page
+    means: Means
+
+    def press(self, name: str) -> None:
+        """Press the button whose name begins with this and a space, or ends there."""
+        begins = re.compile(rf"^{re.escape(name)}(\s|$)")
+        button = self.page.get_by_role("button", name=begins).filter(visible=True).last
+        if self.means == "keyboard":
+            button.focus()
+            self.page.keyboard.press("Enter")
+        elif self.means == "mouse":
+            button.click()
+        else:
+            button.tap()
+
+    def next(self) -> None:
+        """Go to the next step."""
+        if self.means == "keyboard":
+            self.page.keyboard.press("j")
+        else:
+            self.page.locator(".vs-lesson[data-step]").wait_for()
+            names = ("Next", "Finish")
+            for _ in range(int(PATIENCE * 10)):
+                for name in names:
+                    button = self.page.get_by_role("button", name=name, exact=True)
+                    if button.count() and button.is_enabled():
+                        self.press(name)
+                        return
+                self.page.wait_for_timeout(100)
+            raise TimeoutError("there is no next step")
+
+    def fill(self, label: str, text: str) -> None:
+        """Write into the field of this label."""
+        row = self.page.locator("form:visible", has=self.page.get_by_text(label, exact=True))
+        field = row.locator("input[type=text]:visible, .mantine-TextInput-input:visible").last
+        if self.means != "keyboard":
+            field.click()
+        field.fill(text)
+        field.press("Enter")
+
+    def draw(self, course: list[tuple[float, float]]) -> None:
+        """Draw a course of `POINTS` points, in shares of the axes from the left and from below."""
+        pad = self.page.locator(".vs-pad svg")
+        pad.scroll_into_view_if_needed()
+        if self.means == "keyboard":
+            pad.focus()
+            now = 0.5  # an arrow moves by 2 %, with Shift by 10 %; to the right the value is taken along
+            for number, (_, y) in enumerate(course):
+                for size, held in ((0.1, "Shift+"), (0.02, "")):
+                    presses = round((y - now) / size)
+                    for _ in range(abs(presses)):
+                        self.page.keyboard.press(f"{held}Arrow{'Up' if presses > 0 else 'Down'}")
+                    now += presses * size
+                if number < len(course) - 1:
+                    self.page.keyboard.press("ArrowRight")
+            return
+        box = pad.bounding_box()
+        assert box is not None
+        ends = {name: float(pad.get_attribute(f"data-{name}") or 0) for name in ("left", "right", "top", "bottom")}
+        scale = box["width"] / 336
+        for number, (x, y) in enumerate(course):
+            at = ends["left"] + x * (ends["right"] - ends["left"]), ends["bottom"] - y * (ends["bottom"] - ends["top"])
+            self.page.mouse.move(box["x"] + scale * at[0], box["y"] + scale * at[1])
+            if number == 0:
+                self.page.mouse.down()
+        self.page.mouse.up()
+
+
+def take(taker: Taker, lesson: Lesson, memory: Memory, look: Callable[[Step], None]) -> list[str]:
+    """Take a lesson to its end. Returns what was wrong."""
+    page, faults = taker.page, list[str]()
+    outcomes = {step.number: play(step, memory) for step in runs(lesson)}
+    told = {name: value for outcome in outcomes.values() for name, value in outcome.told.items()}
+    for step in lesson.steps:
+        page.locator(f".vs-lesson[data-step='{step.number}']").wait_for()
+        match step.block:
+            case Choice() as question:
+                taker.press("ABCDE"[question.right - 1])
+            case Number() as question:
+                unit = told[question.measure].unit
+                taker.fill(f"your answer [{unit}]" if unit else "your answer", f"{told[question.measure].value:.5g}")
+                taker.press("Lock my answer")
+            case Curve() as question:
+                run = next(each for each in runs(lesson) if each.number > step.number)
+                trace = next(each for each in outcomes[run.number].traces if each.line.shows(question.line))
+                taker.draw(_course(question, trace.t, trace.values))
+                taker.press("Lock my line")
+                page.locator(".vs-pad[data-locked='1']").wait_for()
+            case Run():
+                taker.press("Run")
+                page.get_by_role("button", name="Run again (").wait_for()
+                page.locator(".vs-lines").first.wait_for()
+            case Goal() as goal:
+                for control in goal.controls:
+                    taker.fill(control.label, f"{control.reference:g}")
+                taker.press("Try it from the beginning")
+                page.get_by_text("reached", exact=True).wait_for()
+            case Explain() if page.locator(".vs-prose .vs-scored .vs-warn").count():
+                faults.append(
+                    f"step {step.number}: the reference is not right here: "
+                    + " | ".join(page.locator(".vs-prose .vs-scored").all_inner_texts())
+                )
+            case Setting() | Explain():
+                pass
+        page.wait_for_timeout(300)
+        faults += [f"step {step.number}: {fault}" for fault in page.evaluate(LOOKS)]
+        look(step)
+        if step.number < len(lesson.steps):
+            taker.next()
+    taker.press("Leave the lesson")
+    page.get_by_text("done", exact=True).wait_for()
+    return faults
+
+
+def _course(question: Curve, t: object, values: object) -> list[tuple[float, float]]:
+    import numpy as np
+
+    times = np.linspace(question.start, question.end, POINTS)
+    course = np.interp(times, np.asarray(t), np.asarray(values))
+    shares = np.clip((course - question.low) / (question.high - question.low), 0.0, 1.0)
+    return [(float(x), float(y)) for x, y in zip(np.linspace(0.0, 1.0, POINTS), shares, strict=True)]
+
+
+def main(
+    lessons: tyro.conf.Positional[tuple[str, ...]] = (),
+    /,
+    means: Means = "keyboard",
+    speed: float = 4.0,
+    pictures: Path | None = None,
+) -> int:
+    """Take lessons in Chromium.
+
+    Args:
+        lessons: by name; all shipped ones without
+        means: keyboard, mouse, or phone (390 x 844, by touch)
+        speed: of the runs, times real time
+        pictures: folder for a picture of each step
+    """
+    dashboard, runner = Dashboard(port=0, fps=6.0), Runner(load("ur5-heavy"))
+    dashboard.attach(runner)
+    runner.start()
+    threading.Thread(target=dashboard.run_forever, daemon=True).start()
+    memory, bad = Memory(), 0
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=find_or_install(), args=list(LAUNCH_ARGS))
+        width, height = SIZES[means]
+        context = browser.new_context(
+            viewport={"width": width, "height": height}, has_touch=means == "phone", is_mobile=means == "phone"
+        )
+        context.add_init_script(NO_HINTS)
+        if pictures is None:
+            context.add_init_script(UNDRAWN)
+        page = context.new_page()
+        page.set_default_timeout(PATIENCE * 1e3)
+        page.goto(dashboard.url)
+        page.get_by_text("real time").wait_for()
+        page.locator("#webgl-software-rendering button").click()
+        page.get_by_role("tab", name="Lessons").click()
+        runner.post(SetSpeed(speed))
+        for name, lesson in shipped_lessons().items():
+            if lessons and name not in lessons:
+                continue
+            page.get_by_label("Lesson", exact=True).filter(visible=True).last.click()
+            number, title = name.partition("-")[0].lstrip("0"), lesson.head.title
+            page.get_by_role("option", name=f"{number}. {title}").click()
+            page.get_by_role("button", name="Begin").wait_for()
+            taker, began = Taker(page, means), time.monotonic()
+            taker.press("Begin")
+
+            def look(step: Step, name: str = name) -> None:
+                if pictures is not None:
+                    pictures.mkdir(parents=True, exist_ok=True)
+                    page.screenshot(path=pictures / f"{name}-{step.number:02d}-{means}.png")
+
+            try:
+                faults = take(taker, lesson, memory, look)
+            except (Error, AssertionError, TimeoutError) as error:
+                faults = [f"stuck at {page.locator('.vs-lesson[data-step]').all_inner_texts()}: {error}"[:600]]
+                page.screenshot(path=f"/tmp/stuck-{name}.png")
+                bad += 1
+                print(f"{name} by {means}: {faults[0]}")
+                page.get_by_role("button", name="Leave the lesson").click()
+                continue
+            bad += bool(faults)
+            print(f"{name} by {means}: done in {time.monotonic() - began:.0f} s", *faults, sep="\n  ", flush=True)
+    dashboard.close()
+    runner.close()
+    return 1 if bad else 0
+
+
+if __name__ == "__main__":
+    sys.exit(tyro.cli(main))
