@@ -43,6 +43,14 @@ class Mobility(NamedTuple):
         )
 
 
+    def at_most_for(self, truth: Truth) -> Mobility:
+        """Bound on the mobility of the true arm, where this is that of the believed one: the inertia of a link or rotor
+        is the believed one times its factor, and a payload adds to it, so M is at least the least factor times the
+        believed M."""
+        least = min(float(np.min(truth.link_scaling)), float(np.min(truth.rotor_scaling)))
+        return Mobility(*(value / least for value in self))
+
+
 class Oscillator(NamedTuple):
     """Oscillator x_ddot = -stiffness x - damping x_dot (1/s^2, 1/s), and the field, with value and unit, that makes it
     stiff."""

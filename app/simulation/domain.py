@@ -16,7 +16,6 @@ from controllers.bounds import InertiaRange, Uncertainty
 from controllers.control_law import Reference
 from controllers.nominal_model import Estimate, Lipschitz, NominalModel, Steepness
 from controllers.task_space import TaskSpace
-from environments.plant import Plant
 from environments.step_resolution import Mobility
 from environments.surfaces.table import Surface
 
@@ -151,20 +150,22 @@ def _inertia_looker(sigma_min: float, uncertainty: Uncertainty, observer: Observ
     return looks
 
 
-def mobility_over(omega: Omega, plant: Plant, nominal: NominalModel, memory: Memory) -> Mobility:
-    """Largest mobility of the true arm over Omega, also near singularities."""
-    data = plant.model.createData()
+def mobility_over(
+    omega: Omega, model: pin.Model, surface: Surface, nominal: NominalModel, memory: Memory
+) -> Mobility:
+    """Largest mobility over Omega of an arm with this model, also near singularities."""
+    data = model.createData()
 
     def looks(place: Place) -> tuple[Look, ...]:
         tool = nominal.evaluate(place.q, np.zeros_like(place.q))
-        normal = plant.surface.chart(tool.p, place.t).G[0]
-        M = pin.crba(plant.model, data, place.q)
+        normal = surface.chart(tool.p, place.t).G[0]
+        M = pin.crba(model, data, place.q)
         mobility = Mobility.largest(M[None], tool.J_v[None], normal[None])
         return tuple(Look(value) if np.isfinite(value) else OUTSIDE for value in mobility)
 
     def find() -> Numbers:
         return tuple(MARGIN * value for value in largest(omega, looks, OTHERS))
 
-    known = (plant.model.saveToString(), nominal.fingerprint, plant.surface.fingerprint)
+    known = (model.saveToString(), nominal.fingerprint, surface.fingerprint)
     key = key_of("mobility", *known, omega.centres, omega.radius, omega.span)
     return Mobility(*memory.recall(key, 3, find))

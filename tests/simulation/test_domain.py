@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -15,7 +16,7 @@ import app.simulation.domain
 from app.scenario.data import edited, from_plain, shipped
 from app.scenario.schema import ScenarioError
 from app.session.changes import on_robot
-from app.simulation.domain import MARGIN
+from app.simulation.domain import MARGIN, mobility_over, span_of
 from app.simulation.extremes import OUTSIDE, Effort, Look, Omega, Place, largest
 from app.simulation.search_memory import Memory
 from app.simulation.system import System, assemble
@@ -167,9 +168,22 @@ def test_a_harder_search_finds_no_arm_more_mobile(name: str) -> None:
         tangential = np.linalg.norm(across @ compliance @ across.T, 2)
         return float(normal @ compliance @ normal), float(tangential), float(np.linalg.norm(M_inv, 2))
 
-    for k, known in enumerate(system.mobility):
-        found = Walk(system.constants.omega, lambda q, t, k=k: at(q, t)[k], 8).highest(100, 2, 120)
+    omega = replace(system.constants.omega, span=span_of(system.surface, system.scenario.simulation.duration))
+    searched = mobility_over(omega, model, system.surface, system.nominal, Memory())
+    for k, (known, bound) in enumerate(zip(searched, system.mobility, strict=True)):
+        found = Walk(omega, lambda q, t, k=k: at(q, t)[k], 8).highest(100, 2, 120)
         assert known / (MARGIN * 1.05) <= found <= known / HARDER
+        assert found <= bound / HARDER  # by the believed arm and the least factor of the true one
+
+
+def test_a_lighter_arm_is_more_mobile_by_its_factor_at_most_and_needs_no_search_of_its_own(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    system = assemble(edited(shipped()["planar3r-hybrid"], "truth.rotor_scaling", 0.9))
+    lighter = edited(system.scenario, "truth.link_scaling", [1.3, 0.6, 0.8])
+    monkeypatch.setattr(app.simulation.domain, "largest", None)  # is not called
+    bound = np.array(assemble(lighter, system).mobility)
+    assert bound == pytest.approx(np.array(system.mobility) * 0.9 / 0.6)
 
 
 def test_postures_beyond_the_limit_are_not_of_omega() -> None:
@@ -234,7 +248,7 @@ def test_the_same_is_found_again_and_remembered(tmp_path: Path, monkeypatch: pyt
 DEPENDED_ON = {
     "declared.link_scaling": 0.01, "declared.payload_mass": 0.7, "simulation.sigma_min": 0.011,
     "simulation.domain_radius": 0.16, "motion.period": 1.7, "shift.by": [0.003], "surface.normal": [0.1, 0.0, -1.0],
-    "truth.link_scaling": 1.234, "robot.rotor_inertia": [0.05, 0.05, 0.03], "task_space.characteristic_length": 0.3,
+    "robot.rotor_inertia": [0.05, 0.05, 0.03], "task_space.characteristic_length": 0.3,
 }  # fmt: skip
 
 
