@@ -1,4 +1,4 @@
-"""The `vsmrc` command: `serve | run | compare | export | response | figures | lesson | list`."""
+"""The `vsmrc` command: `serve | run | compare | export | response | sweep | figures | lesson | list`."""
 
 from __future__ import annotations
 
@@ -34,6 +34,7 @@ from parameters import allowed
 if TYPE_CHECKING:
     from app.analysis.metrics import Metrics
     from app.simulation.system import System
+    from app.sweep.question import Sweep
 
 # Each command imports its own libraries: no other command waits for those of the page or of the simulation.
 
@@ -172,10 +173,12 @@ def serve(
 
 
 def run(
-    scenario: tyro.conf.Positional[str],
+    scenario: tyro.conf.Positional[str | None] = None,
     /,
     *,
     out: Path,
+    from_: Annotated[Path | None, tyro.conf.arg(name="from")] = None,
+    row: int | None = None,
     duration: float | None = None,
     blend_to: str | None = None,
     blend_at: float = 0.0,
@@ -190,6 +193,8 @@ def run(
     Args:
         scenario: a shipped scenario (see `vsmrc list`) or a .toml file
         out: folder for the files
+        from_: a folder of `vsmrc sweep`, in place of a scenario: the same run again
+        row: number of that run
         duration: simulated time in s, instead of the scenario's
         blend_to: go over to the target model of this scenario; see also the fields of `blend`
         blend_at: when that begins, s
@@ -205,7 +210,14 @@ def run(
 
     by: Engine = one_of("--engine", engine, ENGINES)
     _use(use)
-    chosen = _configured(scenario, settings, duration)
+    if from_ is not None:
+        if scenario is not None or row is None or settings or duration is not None:
+            raise ScenarioError("--from: with a scenario or settings, or without --row; allowed: --from FOLDER --row N")
+        chosen, by = _of_sweep(from_, row)
+    elif scenario is None:
+        raise ScenarioError("run: no scenario; allowed: one (see `vsmrc list`), or --from FOLDER --row N")
+    else:
+        chosen = _configured(scenario, settings, duration)
     if blend_to is not None:
         chosen = blending_to(chosen, load(blend_to), blend_at, blend_over)
     loop, metrics = headless_run.simulate(chosen, engine=by, show_progress=True, memory=kept_memory())
@@ -223,6 +235,17 @@ def run(
     if strict and metrics.promise.verdict != "holds":
         return BROKEN if metrics.promise.verdict == "broken" else UNPROMISED
     return STOPPED if loop.stopped else DONE
+
+
+def _of_sweep(folder: Path, row: int) -> tuple[Scenario, Engine]:
+    """Scenario and engine of a run of a sweep."""
+    from app.sweep import question, running
+
+    asked = question.read(folder / question.FILE)
+    if asked.program != running.fingerprint():
+        say("this sweep was computed by another version of the program: digits may differ")
+    whole = question.Question(asked)
+    return whole.scenario(whole.row(row)), asked.engine
 
 
 def _print_figures(metrics: Metrics, system: System) -> None:
@@ -522,6 +545,147 @@ def lesson(
     return BAD_INPUT if problems else DONE
 
 
+def sweep(
+    scenario: tyro.conf.Positional[str],
+    folder: tyro.conf.Positional[Path | None] = None,
+    /,
+    *,
+    vary: tyro.conf.UseAppendAction[tuple[str, ...]] = (),
+    design: Annotated[str, tyro.conf.arg(metavar="{grid,latin,sobol}")] = "grid",
+    points: int = 0,
+    draw: int = 0,
+    corners: bool = False,
+    seed: int = 0,
+    out: Path | None = None,
+    duration: float | None = None,
+    engine: Annotated[str, tyro.conf.arg(metavar=_braces(ENGINES))] = "compiled",
+    workers: int | None = None,
+    dry_run: bool = False,
+    of: str = "motion_error",
+    within: float | None = None,
+    show: Annotated[str | None, tyro.conf.arg(metavar="{share,median,worst}")] = None,
+    over: tuple[str, ...] = (),
+    kind: Annotated[str | None, tyro.conf.arg(name="as", metavar="{map,slices,scatter,parallel}")] = None,
+    to: Annotated[str, tyro.conf.arg(metavar="{svg,pdf,png}")] = "svg",
+    settings: Settings = (),
+) -> int:
+    """Simulate a scenario with many settings and true arms, on all cores; the same command goes on where it was
+    stopped. `vsmrc sweep plot FOLDER` draws what was found.
+
+    Args:
+        scenario: a shipped scenario, a .toml file, or a sweep.toml; or the word plot
+        folder: of a sweep, for plot
+        vary: PATH=LOW:HIGH:COUNT, with :log behind for even steps of the logarithm, or PATH=VALUE,VALUE; PATH=LOW:HIGH
+            for a design other than the grid
+        design: the grid of all values, or so many points by a Latin hypercube or Sobol's sequence
+        points: of such a design
+        draw: true arms drawn inside the declared set, the same at every point
+        corners: draw them at its corners
+        seed: of arms and points
+        out: folder for the runs; for plot, the file
+        duration: simulated time of each run in s, instead of the scenario's
+        engine: compiled, or pinocchio, whose digits differ by rounding
+        workers: processes, instead of one for each core
+        dry_run: only say what it would take
+        of: for plot, the metric (docs/sweeps.md)
+        within: for plot, a limit in SI units: the share of arms that keep it is shown
+        show: for plot, what is shown of the arms of a point
+        over: for plot, the fields that are the axes
+        kind: for plot, the chart
+        to: for plot, the form of the file
+    """
+    if scenario == "plot":
+        return _plot_sweep(folder, out, of, within, show, over, kind, to)
+    if folder is not None:
+        raise ScenarioError(f"sweep: {folder} behind a scenario; allowed: `vsmrc sweep plot FOLDER`")
+    from app.sweep import question, running
+
+    program = running.fingerprint()
+    if scenario.endswith(question.FILE):
+        if vary or draw or settings or points or duration is not None:
+            raise ScenarioError(f"sweep: {scenario} is the whole question; allowed: without --vary, --draw, --set, ...")
+        asked = question.read(Path(scenario))
+    else:
+        asked = question.Sweep(
+            scenario=_configured(scenario, settings, duration),
+            vary=tuple(map(question.axis_of, vary)),
+            design=one_of("--design", design, get_args(question.Design)),
+            points=points,
+            draw=draw,
+            corners=corners,
+            seed=seed,
+            engine=one_of("--engine", engine, ENGINES),
+            program=program,
+        )
+    if asked.program != program:
+        raise ScenarioError(f"sweep: {scenario} was asked of another version of the program; allowed: ask it anew")
+    if min(points, draw, seed) < 0 or (workers is not None and workers < 1):
+        raise ScenarioError("--points, --draw, --seed: allowed: 0 or more; --workers: 1 or more")
+    count = question.Question(asked).count
+    if dry_run:
+        print(running.estimated(asked, count, workers))
+        return DONE
+    if out is None:
+        raise ScenarioError("sweep: no folder for the runs; allowed: --out FOLDER, or --dry-run")
+    return _sweep_into(out, asked, workers)
+
+
+def _sweep_into(out: Path, asked: Sweep, workers: int | None) -> int:
+    from app.sweep import running
+    from app.sweep.run_store import RunStore
+
+    try:
+        with RunStore(out, asked) as store:
+            count, left = len(store.done), int((~store.done).sum())
+            if left < count:
+                print(f"{count - left} of {count} runs are there already")
+            print(running.estimated(asked, left, workers))
+            try:
+                failed = running.run(store, asked, workers, show_progress=True)
+            except KeyboardInterrupt:
+                print(f"stopped with {int(store.done.sum())} of {count} runs; the same command goes on")
+                raise
+    except OSError as error:
+        raise ScenarioError(f"--out {out}: cannot be written: {error.strerror}; what is there stays") from error
+    print(f"{count} runs in {out}" + (f", {failed} of the last {left} stopped or refused" if failed else ""))
+    return DONE
+
+
+def _plot_sweep(
+    folder: Path | None,
+    out: Path | None,
+    of: str,
+    within: float | None,
+    show: str | None,
+    over: tuple[str, ...],
+    kind: str | None,
+    to: str,
+) -> int:
+    from app.export.formats import Format
+    from app.process.atomic_write import write_whole
+    from app.sweep import charts
+    from app.sweep.run_store import table_of
+
+    if folder is None:
+        raise ScenarioError("sweep plot: no folder; allowed: the folder of a sweep")
+    form: Format = one_of("--to", to, get_args(Format))
+    view = charts.View(
+        metric=of,
+        within=within,
+        statistic=None if show is None else one_of("--show", show, get_args(charts.Statistic)),
+        over=over,
+        kind=None if kind is None else one_of("--as", kind, get_args(charts.Kind)),
+    )
+    path, drawn = out or folder / f"{of}.{form}", charts.chart(*table_of(folder), view, form)
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        write_whole(path, lambda file: file.write(drawn))
+    except OSError as error:
+        raise ScenarioError(f"--out {path}: cannot be written: {error.strerror}") from error
+    print(f"written: {path}")
+    return DONE
+
+
 def list_() -> int:
     """Show the robots and the scenarios."""
     from environments.robots import CATALOGUE
@@ -601,6 +765,7 @@ def execute(arguments: list[str]) -> int:
         "export": export,
         "response": response,
         "figures": figures,
+        "sweep": sweep,
         "lesson": lesson,
         "list": list_,
     }

@@ -128,7 +128,11 @@ def take(taker: Taker, lesson: Lesson, memory: Memory, look: Callable[[Step], No
         page.locator(f".vs-lesson[data-step='{step.number}']").wait_for()
         match step.block:
             case Choice() as question:
-                taker.press("ABCDE"[question.right - 1])
+                for _ in range(3):  # the step may still be moving to its place under the mouse
+                    taker.press("ABCDE"[question.right - 1])
+                    page.wait_for_timeout(1000)
+                    if page.get_by_role("button", name=re.compile("^(Next|Finish|computing)")).count():
+                        break
             case Number() as question:
                 unit = told[question.measure].unit
                 taker.fill(f"your answer [{unit}]" if unit else "your answer", f"{told[question.measure].value:.5g}")

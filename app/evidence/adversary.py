@@ -9,8 +9,9 @@ import msgspec
 import numpy as np
 from scipy.optimize import differential_evolution
 
-from app.evidence.plants import BOUNDS, LAYERS, Departure, built, random_of, run, situation
+from app.evidence.plants import BOUNDS, LAYERS, built, random_of, run, situation
 from app.scenario.data import edited, to_toml
+from app.scenario.departures import Departure
 from app.scenario.schema import Scenario, ScenarioError
 from app.simulation.closed_loop import ClosedLoop
 from controllers.switching import Switching

@@ -9,8 +9,9 @@ import msgspec
 import numpy as np
 
 from app.analysis.perturbation import PerturbationAnalysis
-from app.evidence.plants import Departure, built, drawn, random_of, run, situation, with_arm_of, with_gains
+from app.evidence.plants import built, drawn, random_of, run, situation, with_arm_of, with_gains
 from app.scenario.data import edited
+from app.scenario.departures import Departure
 from app.scenario.schema import Scenario, ScenarioError
 from app.simulation.closed_loop import ClosedLoop
 

@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import multiprocessing
 import os
 import platform
-import threading
-from collections.abc import Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor
+from collections.abc import Callable, Mapping, Sequence
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -15,6 +12,7 @@ from typing import Any
 from tqdm import tqdm
 
 from app.evidence.section import Job, Section
+from app.process import worker_pool
 
 PICTURES = "evidence"  # folder beside evidence.md
 OPENING = """# Evidence
@@ -48,32 +46,21 @@ def make(sections: Sequence[Section], thin: int, out: Path, workers: int | None 
 
 
 def _run(jobs: Mapping[str, Sequence[Job]], workers: int) -> dict[str, list[Any]]:
-    """Results by section, in the order of its jobs, in whatever order they end."""
-    with (
-        # spawned, since the fork of a process that has threads may hang
-        ProcessPoolExecutor(workers, multiprocessing.get_context("spawn"), _end_with_parent) as pool,
-        tqdm(total=sum(map(len, jobs.values())), unit=" jobs", desc="evidence") as bar,
-    ):
-        futures = {name: [pool.submit(job.function, *job.arguments) for job in of] for name, of in jobs.items()}
-        for of in futures.values():
-            for future in of:
-                future.add_done_callback(lambda _: bar.update())
-        try:
-            return {name: [future.result() for future in of] for name, of in futures.items()}
-        except BaseException:
-            pool.shutdown(wait=False, cancel_futures=True)
-            raise
+    """Results by section, in the order of its jobs, in whatever order they end. Raises RuntimeError where the process
+    of a job ends each time."""
+    found: dict[str, dict[int, Any]] = {name: {} for name in jobs}
+    tasks = [(name, number, job) for name, of in jobs.items() for number, job in enumerate(of)]
+    with tqdm(total=len(tasks), unit=" jobs", desc="evidence") as bar:
+        for (name, number, job), result in worker_pool.results(_doer, (), tasks, workers):
+            if result is worker_pool.FALLEN:
+                raise RuntimeError(f"{name}: the process of {job.function.__name__}{job.arguments} ends each time")
+            found[name][number] = result
+            bar.update()
+    return {name: [of[number] for number in range(len(of))] for name, of in found.items()}
 
 
-def _end_with_parent() -> None:
-    """End a worker of the pool with its owner: it would wait for ever for one that was killed."""
-
-    def watch() -> None:
-        if owner := multiprocessing.parent_process():
-            owner.join()
-        os._exit(1)
-
-    threading.Thread(target=watch, daemon=True).start()
+def _doer() -> Callable[[tuple[str, int, Job]], Any]:
+    return lambda task: task[2].function(*task[2].arguments)
 
 
 def _opening(out: Path, thin: int) -> str:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import Any
 from zlib import crc32
 
 import msgspec
 import numpy as np
 
 from app.scenario.data import edited, from_plain
+from app.scenario.departures import Departure, Random
 from app.scenario.schema import Declared, Scenario, Truth
 from app.simulation.closed_loop import ClosedLoop
 from app.simulation.environment_builder import truth_of
@@ -19,8 +20,6 @@ from environments import robots
 from environments.contact import Contact
 from environments.plant import Plant
 
-Random = np.random.Generator
-
 KILOGRAM_ARMS = ("planar2r", "planar3r")  # textbook arms of about 1 kg a link
 HEAVY_LOAD = Declared(0.15, 0.15, 1.0, 0.05, 0.5, 0.3, 2.0)
 LIGHT_LOAD = Declared(0.15, 0.15, 0.2, 0.02, 0.1, 0.05, 0.3)
@@ -28,56 +27,6 @@ PERIOD = 0.001  # s, as shipped
 BOUNDS = ("tight", "paper")
 LAYERS = (0.004, 0.03)  # m/s, around the 0.01 that is shipped
 DURATION, BRIEF = 0.4, 0.12  # s; where the loop through the multiplier is solved, each period takes long to compute
-
-
-class Departure(NamedTuple):
-    """Departure of a true arm from the believed one, as shares of the declared bounds.
-    links, rotors: (n,) within [-1, 1], the others within [0, 1].
-    towards: (3,), unit vector to the payload.
-    frequency: of the disturbance, Hz."""
-
-    links: np.ndarray
-    rotors: np.ndarray
-    payload: float
-    offset: float
-    towards: np.ndarray
-    coulomb: float
-    viscous: float
-    disturbance: float
-    frequency: float
-
-    @classmethod
-    def inside(cls, random: Random, n: int) -> Departure:
-        """Departure anywhere in the declared set, in half the draws of each quantity at its edge."""
-        links, rotors = np.clip(random.uniform(-2.0, 2.0, (2, n)), -1.0, 1.0)
-        payload, offset, coulomb, viscous, disturbance = np.minimum(random.uniform(0.0, 2.0, 5), 1.0)
-        towards, frequency = _unit(random), random.uniform(0.2, 5.0)
-        return cls(links, rotors, payload, offset, towards, coulomb, viscous, disturbance, frequency)
-
-    @classmethod
-    def edge(cls, random: Random, n: int) -> Departure:
-        """Departure at a corner of the declared set."""
-        links, rotors = random.choice([-1.0, 1.0], (2, n))
-        return cls(links, rotors, 1.0, 1.0, _unit(random), 1.0, 1.0, 1.0, random.uniform(0.2, 5.0))
-
-    def truth(self, declared: Declared, scale: float = 1.0) -> Truth:
-        """True arm of this departure, or one `scale` times as far away."""
-        d = declared
-        return Truth(
-            link_scaling=tuple((1.0 + scale * d.link_scaling * self.links).tolist()),
-            rotor_scaling=tuple((1.0 + scale * d.rotor_scaling * self.rotors).tolist()),
-            payload_mass=float(scale * d.payload_mass * self.payload),
-            payload_offset=tuple((scale * d.payload_offset * self.offset * self.towards).tolist()),
-            coulomb=float(scale * d.coulomb * self.coulomb),
-            viscous=float(scale * d.viscous * self.viscous),
-            disturbance=float(scale * d.disturbance * self.disturbance),
-            disturbance_frequency=self.frequency,
-        )
-
-
-def _unit(random: Random) -> np.ndarray:
-    v = random.standard_normal(3)
-    return v / np.linalg.norm(v)
 
 
 def random_of(robot: str, mode: str, *numbers: int) -> Random:

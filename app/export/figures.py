@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import io
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from itertools import cycle, zip_longest
 from typing import TYPE_CHECKING, Any
@@ -167,17 +167,22 @@ def render(figure: Figure, form: Format, options: FigureOptions | None = None) -
 
     It takes a second, and matplotlib is not made for threads: to be called in a process that has nothing else to do.
     """
-    from matplotlib import rc_context  # here: it takes 0.3 s to import, which starting the dashboard need not wait for
-
     if not figure.charts:
         raise ValueError("figure: no chart to draw")
     options = options or FigureOptions()
-    factor = options.type_size / TYPE
+    return file_of(lambda: drawn(figure, options), form, options.type_size)
+
+
+def file_of(draw: Callable[[], Canvas], form: Format, type_size: float = TYPE) -> bytes:
+    """File of what a function draws with matplotlib, in the type and style of all figures. Raises what that raises."""
+    from matplotlib import rc_context  # here: it takes 0.3 s to import, which starting the dashboard need not wait for
+
+    factor = type_size / TYPE
     sizes: dict[Any, Any] = {name: factor * STYLE[name] for name in ("font.size", "xtick.labelsize", "ytick.labelsize")}
     metadata = {"svg": {"Date": None, "Creator": "VSMRC Lab"}, "pdf": {"CreationDate": None}, "png": {}}
     file = io.BytesIO()
     with rc_context({**STYLE, **sizes}):
-        drawn(figure, options).savefig(file, format=form, dpi=PNG_DPI, metadata=metadata[form])
+        draw().savefig(file, format=form, dpi=PNG_DPI, metadata=metadata[form])
     return with_fallbacks(file.getvalue()) if form == "svg" else file.getvalue()
 
 

@@ -12,7 +12,7 @@ from typing import Any
 import msgspec
 
 from app.lessons.blocks import KINDS, Choice, Content, Curve, Goal, Head, Number, Run, Setting
-from app.scenario.data import LARGEST, edited, shipped, to_plain
+from app.scenario.data import LARGEST, shipped, with_values
 from app.scenario.schema import Scenario, ScenarioError
 from parameters import allowed
 
@@ -137,27 +137,6 @@ def load(name_or_file: str) -> Lesson:
         named = allowed(name_or_file, lessons).replace("allowed: ", "allowed: a lesson.md or ", 1)
         raise LessonError(f"lesson {name_or_file!r:.200}: unknown; {named}")
     return lessons[name_or_file]
-
-
-def with_values(scenario: Scenario, values: dict[str, Any]) -> Scenario:
-    """Copy of the scenario with other values of fields by dotted path. Raises ScenarioError."""
-    for path, value in values.items():
-        scenario = with_value(scenario, path, value)
-    return scenario
-
-
-def with_value(scenario: Scenario, path: str, value: object) -> Scenario:
-    """Copy of the scenario with another value of a field; a number at the path's end is an entry of a list, from 1.
-    Raises ScenarioError."""
-    field, _, last = path.rpartition(".")
-    if not last.isdecimal():
-        return edited(scenario, path, value)
-    held: Any = to_plain(scenario)
-    for part in field.split("."):
-        held = held.get(part) if isinstance(held, dict) else None
-    if not isinstance(held, list) or not 1 <= int(last) <= len(held):
-        raise ScenarioError(f"{path}: no such entry; allowed: an entry, from 1, of a list that the scenario has")
-    return edited(scenario, field, [value if i + 1 == int(last) else kept for i, kept in enumerate(held)])
 
 
 def _base(name: str) -> Scenario:

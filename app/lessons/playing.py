@@ -8,9 +8,9 @@ import numpy as np
 
 from app.analysis.thinning import Grid
 from app.lessons.blocks import Goal, Line, Run
-from app.lessons.lesson import Lesson, Step, with_value, with_values
+from app.lessons.lesson import Lesson, Step
 from app.lessons.measures import Told, factor_of, measured, signal_of, taken
-from app.scenario.data import edited
+from app.scenario.data import edited, with_value, with_values
 from app.scenario.schema import Scenario, ScenarioError
 from app.session.commands import Perform, TimedChange
 from app.simulation.closed_loop import ClosedLoop

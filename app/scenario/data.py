@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import tomllib
 from importlib import resources
+from itertools import takewhile
 from pathlib import Path
 from typing import Any
 
@@ -90,6 +91,37 @@ def edited(scenario: Scenario, path: str, value: object) -> Scenario:
         raise ScenarioError(f"{path}: no such field; {_fields_of(table, last)}")
     table[last] = of_kind(value) if isinstance(table[last], dict) and isinstance(value, str) else value
     return from_plain(_without_none(data))
+
+
+def with_values(scenario: Scenario, values: dict[str, Any]) -> Scenario:
+    """Copy of the scenario with other values of fields by dotted path. Raises ScenarioError."""
+    for path, value in values.items():
+        scenario = with_value(scenario, path, value)
+    return scenario
+
+
+def with_value(scenario: Scenario, path: str, value: object) -> Scenario:
+    """Copy of the scenario with another value of a field; numbers at the path's end are an entry of a list, or row and
+    column of a matrix, from 1. Raises ScenarioError."""
+    names = list(takewhile(lambda part: not part.isdecimal(), path.split(".")))
+    places = path.split(".")[len(names) :]
+    if not places:
+        return edited(scenario, path, value)
+    held: Any = to_plain(scenario)
+    for name in names:
+        held = held.get(name) if isinstance(held, dict) else None
+    return edited(scenario, ".".join(names), _with_entry(held, places, value, path))
+
+
+def _with_entry(table: object, places: list[str], value: object, path: str) -> object:
+    """Copy of a table of lists with another value at these places, from 1."""
+    if not places:
+        return value
+    place, *rest = places
+    if not place.isdecimal() or not isinstance(table, list | tuple) or not 1 <= int(place) <= len(table):
+        raise ScenarioError(f"{path}: no such entry; allowed: an entry, from 1, of a list that the scenario has")
+    at = int(place) - 1
+    return [*table[:at], _with_entry(table[at], rest, value, path), *table[at + 1 :]]
 
 
 def of_kind(kind: str) -> dict[str, str]:

@@ -150,9 +150,7 @@ def _inertia_looker(sigma_min: float, uncertainty: Uncertainty, observer: Observ
     return looks
 
 
-def mobility_over(
-    omega: Omega, model: pin.Model, surface: Surface, nominal: NominalModel, memory: Memory
-) -> Mobility:
+def mobility_over(omega: Omega, model: pin.Model, surface: Surface, nominal: NominalModel, memory: Memory) -> Mobility:
     """Largest mobility over Omega of an arm with this model, also near singularities."""
     data = model.createData()
 

@@ -12,11 +12,12 @@ from app.evidence import closed_forms, convergence, theorem
 from app.evidence.adversary import Hunt
 from app.evidence.arms import Outside, Plant, Reaching, Refused
 from app.evidence.closed_forms import ForceLoop, Multiplier, Oscillation, Response, Start, Steady, recovered
-from app.evidence.plants import Departure, drawn
+from app.evidence.plants import drawn
 from app.evidence.section import Section
 from app.export.figures import Chart, Curve, Figure, render
 from app.scenario.data import shipped
 from app.scenario.declared_bounds import outside
+from app.scenario.departures import Departure
 from app.scenario.schema import Scenario
 from app.session.headless_run import simulate
 

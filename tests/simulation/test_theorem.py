@@ -8,8 +8,8 @@ import pinocchio as pin
 import pytest
 from scipy.integrate import solve_ivp
 
-from app.evidence.plants import Departure
 from app.scenario.data import edited, from_plain, shipped, to_plain
+from app.scenario.departures import Departure
 from app.scenario.schema import Scenario
 from app.session.headless_run import simulate
 from app.simulation.environment_builder import truth_of

@@ -1,0 +1,129 @@
+"""Pool of worker processes that compute a long row of tasks, and end with whoever asked for it."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import threading
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
+from dataclasses import dataclass
+from itertools import islice
+from typing import Any, Generic, TypeVar
+
+AHEAD = 4  # tasks for each worker that are handed out before they can begin
+TRIES = 2  # of a task whose process ends
+
+Task = TypeVar("Task")
+
+
+class Fallen:
+    """Result of a task whose process has ended, each time."""
+
+
+FALLEN = Fallen()
+
+
+def results(
+    make: Callable[..., Callable[[Task], Any]], arguments: tuple[Any, ...], tasks: Iterable[Task], workers: int
+) -> Iterator[tuple[Task, Any]]:
+    """Tasks with their results, in the order in which they are done; `FALLEN` where the process of a task has ended
+    twice. Only a few tasks are taken ahead, so a row of them may be of any length.
+
+    make: called in each process, with the arguments; the function that it returns computes the tasks there. Raises what
+    that raises.
+    """
+    waiting: Iterator[_Handed[Task]] = (_Handed(task) for task in tasks)
+    again: list[_Handed[Task]] = []
+    while True:
+        with _Pool(make, arguments, workers) as pool:
+            try:
+                yield from pool.done(waiting, again)
+                return
+            except BrokenProcessPool:
+                for each in pool.under_way:
+                    each.falls += 1
+                    if each.falls < TRIES:
+                        again.append(each)
+                    else:
+                        yield each.task, FALLEN
+
+
+@dataclass(eq=False)
+class _Handed(Generic[Task]):
+    """Task that was handed out, and how often its process has ended."""
+
+    task: Task
+    falls: int = 0
+
+
+class _Pool:
+    def __init__(self, make: Callable[..., Any], arguments: tuple[Any, ...], workers: int) -> None:
+        # spawned, since the fork of a process that has threads may hang
+        context = multiprocessing.get_context("spawn")
+        self._pool = ProcessPoolExecutor(workers, context, _Process.begin, (make, arguments))
+        self._futures: dict[Future[Any], _Handed[Any]] = {}
+        self._most = workers * AHEAD
+
+    def __enter__(self) -> _Pool:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._pool.shutdown(wait=False, cancel_futures=True)
+
+    @property
+    def under_way(self) -> list[_Handed[Any]]:
+        """Tasks that were handed out and are not done."""
+        return list(self._futures.values())
+
+    def done(self, tasks: Iterator[_Handed[Any]], first: list[_Handed[Any]]) -> Iterator[tuple[Any, Any]]:
+        """Tasks with their results; `first` before the others and one by one, so that of these only the one whose
+        process ends falls again. Raises BrokenProcessPool where a process has ended."""
+        while first:
+            self._hand(first.pop(0))
+            yield self._taken(next(iter(self._futures)))
+        while True:
+            for each in islice(tasks, max(self._most - len(self._futures), 0)):
+                self._hand(each)
+            if not self._futures:
+                return
+            for future in wait(self._futures, return_when=FIRST_COMPLETED).done:
+                yield self._taken(future)
+
+    def _hand(self, each: _Handed[Any]) -> None:
+        try:
+            self._futures[self._pool.submit(_Process.compute, each.task)] = each
+        except BrokenProcessPool:
+            self._futures[Future()] = each
+            raise
+
+    def _taken(self, future: Future[Any]) -> tuple[Any, Any]:
+        result = future.result()  # first: a task whose process has ended is still under way
+        return self._futures.pop(future).task, result
+
+
+class _Process:
+    """A process of the pool: the function that computes its tasks."""
+
+    function: Callable[[Any], Any]
+
+    @classmethod
+    def begin(cls, make: Callable[..., Callable[[Any], Any]], arguments: tuple[Any, ...]) -> None:
+        _end_with_parent()
+        cls.function = staticmethod(make(*arguments))
+
+    @classmethod
+    def compute(cls, task: Any) -> Any:
+        return cls.function(task)
+
+
+def _end_with_parent() -> None:
+    """End a worker of the pool with its owner: it would wait for ever for one that was killed."""
+
+    def watch() -> None:
+        if owner := multiprocessing.parent_process():
+            owner.join()
+        os._exit(1)
+
+    threading.Thread(target=watch, daemon=True).start()

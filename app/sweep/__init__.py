@@ -1,0 +1,1 @@
+"""Sweeps: the same scenario with many settings and many true arms."""

@@ -1,0 +1,398 @@
+"""Charts of a sweep: a map over two fields, slices over one, points of a design, parallel coordinates."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+from scipy.stats import binomtest
+
+from app.export.figures import DOUBLE, SINGLE, file_of, plain_decades, plain_number
+from app.export.formats import Format
+from app.export.lettering import wrapped
+from app.scenario.schema import ScenarioError, field_info
+from app.sweep.figures_of_run import COLUMNS, METRICS
+from app.sweep.question import Axis, Sweep
+from parameters import allowed
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure as Canvas
+
+Statistic = Literal["share", "median", "worst"]
+Kind = Literal["map", "slices", "scatter", "parallel"]
+CONFIDENCE = 0.95
+MOST_TEXTS = 150  # tiles that have their counts written in them
+MOST_SLICES = 6
+WIDE = 100.0  # ratio of values from which on they are shown by their logarithm
+COLORS = "viridis"
+ASPECT = 0.75
+
+
+@dataclass(frozen=True)
+class View:
+    """What a chart shows.
+
+    metric: column of the table. within: limit, for the share of arms that keep it.
+    statistic: over the arms of a point. over: paths of the axes, by default the first two.
+    kind: None for the one that suits the sweep.
+    """
+
+    metric: str
+    within: float | None = None
+    statistic: Statistic | None = None
+    over: tuple[str, ...] = ()
+    kind: Kind | None = None
+
+
+@dataclass(frozen=True)
+class Points:
+    """Points of a sweep with one number each.
+
+    values: of the axes by path, (N,) each. number: (N,), NaN where no arm has one. good, arms: (N,), counts.
+    stopped: (N,) bool, whether a run stopped or was refused. theorem, declared: (N,) bool, whether (17) and the
+    declaration hold for all arms.
+    """
+
+    values: Mapping[str, np.ndarray]
+    number: np.ndarray
+    good: np.ndarray
+    arms: np.ndarray
+    stopped: np.ndarray
+    theorem: np.ndarray
+    declared: np.ndarray
+
+
+def chart(sweep: Sweep, columns: Mapping[str, np.ndarray], view: View, form: Format) -> bytes:
+    """File of a chart in this form. Raises ScenarioError where the view makes no sense for this sweep."""
+    axes = _axes(sweep, view)
+    points = points_of(sweep, columns, view)
+    kind = view.kind or _suiting(sweep, axes)
+    draw = {"map": _map, "slices": _slices, "scatter": _scatter, "parallel": _parallel}[kind]
+    return file_of(lambda: draw(sweep, axes, points, view), form)
+
+
+def points_of(sweep: Sweep, columns: Mapping[str, np.ndarray], view: View) -> Points:
+    """Points of a table's columns. Raises ScenarioError for a metric that there is not."""
+    if view.metric not in METRICS:
+        raise ScenarioError(f"--of {view.metric!r:.60}; {allowed(view.metric, METRICS)}")
+    statistic = statistic_of(view)
+    if (statistic == "share") != (view.within is not None):
+        raise ScenarioError(f"--show {statistic}: --within {view.within}; allowed: share with --within, others without")
+    order = np.argsort(columns["point"], kind="stable")
+    point = columns["point"][order]
+    begins = np.flatnonzero(np.r_[True, np.diff(point) > 0])
+    metric = np.asarray(columns[view.metric], dtype=float)[order]
+    stopped = np.array([bool(each) for each in columns["stopped"]])[order]
+    keeps = (metric <= (np.inf if view.within is None else view.within)) & ~stopped
+    margin = np.nan_to_num(np.asarray(columns["gain_margin"], dtype=float)[order], nan=0.0)
+    groups = [slice(a, b) for a, b in zip(begins, [*begins[1:], len(point)], strict=True)]
+    arms = np.array([g.stop - g.start for g in groups])
+    good = np.array([int(keeps[g].sum()) for g in groups])
+    number = good / arms if statistic == "share" else np.array([_statistic(metric[g], statistic) for g in groups])
+    return Points(
+        values={axis.path: np.asarray(columns[axis.path])[order][begins] for axis in sweep.vary},
+        number=number,
+        good=good,
+        arms=arms,
+        stopped=np.array([bool(stopped[g].any()) for g in groups]),
+        theorem=np.array([bool((margin[g] >= -1e-9).all()) for g in groups]),
+        declared=np.array(
+            [bool((np.asarray(columns["declared"], dtype=float)[order][g] == 1.0).all()) for g in groups]
+        ),
+    )
+
+
+def statistic_of(view: View) -> Statistic:
+    """Statistic that a view shows: the share where it has a limit, the worst otherwise, unless it says."""
+    return view.statistic or ("worst" if view.within is None else "share")
+
+
+def interval(good: int, arms: int) -> tuple[float, float]:
+    """Wilson's interval of a share, of 95 %."""
+    found = binomtest(good, arms).proportion_ci(CONFIDENCE, "wilson")
+    return float(found.low), float(found.high)
+
+
+def _statistic(values: np.ndarray, statistic: Statistic) -> float:
+    known = values[np.isfinite(values)]
+    if not len(known):
+        return math.nan
+    return float(np.median(known) if statistic == "median" else known.max())
+
+
+def _axes(sweep: Sweep, view: View) -> list[Axis]:
+    by_path = {axis.path: axis for axis in sweep.vary}
+    if not by_path:
+        raise ScenarioError("sweep plot: no field is varied; allowed: a sweep with --vary")
+    for path in view.over:
+        if path not in by_path:
+            raise ScenarioError(f"--over {path!r:.60}; {allowed(path, by_path)}")
+    return [by_path[path] for path in view.over] or list(by_path.values())
+
+
+def _suiting(sweep: Sweep, axes: list[Axis]) -> Kind:
+    if len(axes) == 1:
+        return "slices"
+    if len(axes) == 2 and len(sweep.vary) == 2 and all(axis.numeric for axis in axes):
+        return "map" if sweep.design == "grid" else "scatter"
+    return "parallel"
+
+
+def _map(sweep: Sweep, axes: list[Axis], points: Points, view: View) -> Canvas:
+    if len(axes) != 2 or len(sweep.vary) != 2 or sweep.design != "grid" or not all(a.numeric for a in axes):
+        raise ScenarioError("--as map; allowed: with a grid of two fields of numbers, or --as parallel")
+    x, y = axes
+    xs, ys = (np.array(sorted(map(float, axis.values))) for axis in axes)
+    grid = _Grid(np.searchsorted(xs, points.values[x.path]), np.searchsorted(ys, points.values[y.path]))
+    shape = (len(ys), len(xs))
+    canvas, plot = _sheet(SINGLE, _caption(sweep, points, view))
+    edges_x, edges_y = _edges(xs), _edges(ys)
+    tiles = plot.pcolormesh(
+        edges_x, edges_y, grid.of(points.number, shape, np.nan), cmap=COLORS, norm=_norm(points, view)
+    )
+    _log_scales(plot, xs, ys)
+    _bar(canvas, plot, tiles, points, view)
+    centres = [(float(xs[i]), float(ys[j])) for i, j in zip(grid.i, grid.j, strict=True)]
+    few = len(centres) <= MOST_TEXTS and points.arms.max() > 1
+    for k, at in enumerate(centres):
+        if points.stopped[k]:
+            plot.plot(*at, "x", color="0.2", markersize=3, markeredgewidth=0.6)
+        elif few and statistic_of(view) == "share":
+            shade = "white" if points.number[k] < 0.6 else "black"
+            plot.text(*at, f"{points.good[k]}/{points.arms[k]}", ha="center", va="center", fontsize=4.5, color=shade)
+    for held, style, name in (
+        (points.declared, {"color": "#d03030", "linewidth": 1.6}, "declared ends"),
+        (points.theorem, {"color": "black", "linewidth": 1.2, "linestyle": (0, (4, 2))}, "(17) ends"),
+    ):
+        lines = _borders(grid.of(held.astype(float), shape, np.nan), edges_x, edges_y)
+        for number, (across, up) in enumerate(lines):
+            plot.plot(across, up, label=name if number == 0 else None, **style)
+    if plot.get_legend_handles_labels()[0]:
+        plot.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=2, frameon=False, fontsize=6.0)
+    plot.set_xlabel(_of_axis(x))
+    plot.set_ylabel(_of_axis(y))
+    plot.grid(visible=False)
+    return canvas
+
+
+def _slices(sweep: Sweep, axes: list[Axis], points: Points, view: View) -> Canvas:
+    x, *others = axes
+    if not x.numeric:
+        raise ScenarioError(f"--as slices over {x.path}; allowed: a field of numbers first")
+    canvas, plot = _sheet(SINGLE, _caption(sweep, points, view))
+    rest = [axis.path for axis in sweep.vary if axis.path != x.path]
+    shown = [axis.path for axis in others] or rest
+    keys = [tuple(points.values[path][k] for path in rest) for k in range(len(points.number))]
+    colors = _colors(min(len(set(keys)), MOST_SLICES))
+    for color, key in zip(colors, dict.fromkeys(keys), strict=False):
+        mine = np.array([k for k, each in enumerate(keys) if each == key])
+        mine = mine[np.argsort(np.asarray(points.values[x.path][mine], dtype=float))]
+        at = np.asarray(points.values[x.path][mine], dtype=float)
+        name = ", ".join(f"{path} {_told(value)}" for path, value in zip(rest, key, strict=True) if path in shown)
+        plot.plot(at, points.number[mine], "-o", color=color, markersize=2.2, linewidth=1.0, label=name or None)
+        if statistic_of(view) == "share":
+            ends = np.array([interval(int(points.good[k]), int(points.arms[k])) for k in mine])
+            plot.fill_between(at, ends[:, 0], ends[:, 1], color=color, alpha=0.18, linewidth=0)
+        stopped = mine[points.stopped[mine]]
+        plot.plot(
+            np.asarray(points.values[x.path][stopped], dtype=float),
+            np.nan_to_num(points.number[stopped]),
+            "x",
+            color="0.2",
+        )
+    if any(keys) and rest:
+        plot.legend(frameon=False, fontsize=6.0)
+    _log_scales(plot, np.unique(np.asarray(points.values[x.path], dtype=float)), None)
+    if statistic_of(view) != "share" and _wide(points.number):
+        plot.set_yscale("log")
+        plain_decades(plot.yaxis)
+    plot.set_xlabel(_of_axis(x))
+    plot.set_ylabel(_label(points, view))
+    return canvas
+
+
+def _scatter(sweep: Sweep, axes: list[Axis], points: Points, view: View) -> Canvas:
+    if len(axes) < 2 or not all(axis.numeric for axis in axes[:2]):
+        raise ScenarioError("--as scatter; allowed: with two fields of numbers, see --over")
+    x, y = axes[:2]
+    canvas, plot = _sheet(SINGLE, _caption(sweep, points, view))
+    at = [np.asarray(points.values[axis.path], dtype=float) for axis in (x, y)]
+    dots = plot.scatter(*at, c=points.number, cmap=COLORS, norm=_norm(points, view), s=9, linewidths=0)
+    _bar(canvas, plot, dots, points, view)
+    plot.plot(at[0][points.stopped], at[1][points.stopped], "x", color="0.2", markersize=3)
+    for axis, scale, of in ((x, plot.set_xscale, plot.xaxis), (y, plot.set_yscale, plot.yaxis)):
+        if axis.logarithmic:
+            scale("log")
+            plain_decades(of)
+    plot.set_xlabel(_of_axis(x))
+    plot.set_ylabel(_of_axis(y))
+    return canvas
+
+
+def _parallel(sweep: Sweep, axes: list[Axis], points: Points, view: View) -> Canvas:
+    from matplotlib import colormaps
+
+    canvas, plot = _sheet(DOUBLE, _caption(sweep, points, view))
+    norm, map_ = _norm(points, view), colormaps[COLORS]
+    columns = [_shares(axis, points.values[axis.path]) for axis in axes]
+    worst_last = np.argsort(np.nan_to_num(points.number, nan=np.inf))
+    for k in worst_last:
+        value = points.number[k]
+        color = "0.6" if math.isnan(value) else map_(norm(value))
+        plot.plot(range(len(axes)), [column[k] for column in columns], color=color, linewidth=0.6, alpha=0.8)
+    for k, axis in enumerate(axes):
+        low, high = axis.at(0.0), axis.at(1.0)
+        plot.text(k, -0.03, _told(low), ha="center", va="top", fontsize=6.0)
+        plot.text(k, 1.03, _told(high), ha="center", va="bottom", fontsize=6.0)
+        plot.axvline(k, color="0.35", linewidth=0.5)
+    from matplotlib.cm import ScalarMappable
+
+    _bar(canvas, plot, ScalarMappable(norm, map_), points, view)
+    plot.set_xticks(range(len(axes)), [_of_axis(axis) for axis in axes])
+    plot.tick_params(axis="x", pad=9)
+    plot.set_yticks([])
+    plot.set_ylim(-0.01, 1.01)
+    plot.grid(visible=False)
+    return canvas
+
+
+class _Grid:
+    """Places of points in a grid: columns i, rows j."""
+
+    def __init__(self, i: np.ndarray, j: np.ndarray) -> None:
+        self.i, self.j = i, j
+
+    def of(self, values: np.ndarray, shape: tuple[int, int], missing: float) -> np.ndarray:
+        """Values of the points as a table of rows."""
+        table = np.full(shape, missing)
+        table[self.j, self.i] = values
+        return table
+
+
+def _borders(held: np.ndarray, xs: np.ndarray, ys: np.ndarray) -> list[tuple[list[float], list[float]]]:
+    """Edges between tiles of which one holds (1) and the other one does not (0)."""
+    upright, level = (held[:, :-1] + held[:, 1:] == 1.0), (held[:-1] + held[1:] == 1.0)
+    x, y = xs.tolist(), ys.tolist()
+    return [
+        *(([x[i + 1], x[i + 1]], [y[j], y[j + 1]]) for j, i in np.argwhere(upright).tolist()),
+        *(([x[i], x[i + 1]], [y[j + 1], y[j + 1]]) for j, i in np.argwhere(level).tolist()),
+    ]
+
+
+def _sheet(width: float, caption: str) -> tuple[Canvas, Axes]:
+    from matplotlib.figure import Figure as Canvas
+    from matplotlib.layout_engine import ConstrainedLayoutEngine
+
+    lines = wrapped(caption, width - 0.12, 6.0)
+    below = 0.11 * len(lines) + 0.1
+    height = width * (ASPECT if width == SINGLE else 0.4) + below
+    layout = ConstrainedLayoutEngine(rect=(0.0, below / height, 1.0, 1.0 - below / height))
+    canvas = Canvas(figsize=(width, height), layout=layout)
+    for k, line in enumerate(lines):
+        canvas.text(0.06 / width, (below - 0.11 * (k + 1)) / height, line, fontsize=6.0, color="0.3")
+    return canvas, canvas.add_subplot()
+
+
+def _caption(sweep: Sweep, points: Points, view: View) -> str:
+    arms = int(points.arms.max())
+    told = f"{sweep.scenario.name}, {len(points.number)} points"
+    if sweep.draw:
+        kind = "corners of the declared set" if sweep.corners else "inside the declared set"
+        told += f", {arms} true arms each, {kind}, the same at every point"
+    if statistic_of(view) == "share":
+        low, _ = interval(arms, arms)
+        told += f". {arms} of {arms} is a share of at least {low:.2g} (95 %, Wilson)"
+    if points.stopped.any():
+        told += f". A cross: runs that stopped or were refused ({int(points.stopped.sum())} points)"
+    return told + "."
+
+
+def _bar(canvas: Canvas, plot: Axes, colored: Any, points: Points, view: View) -> None:
+    bar = canvas.colorbar(colored, ax=plot, label=_label(points, view), pad=0.02)
+    if statistic_of(view) != "share" and _wide(points.number):
+        plain_decades(bar.ax.yaxis)
+
+
+def _label(points: Points, view: View) -> str:
+    column, name = COLUMNS[view.metric], view.metric.replace("_", " ")
+    unit = f" [{column.unit}]" if column.unit not in ("", "1") else ""
+    if view.within is not None:
+        unit = "" if column.unit in ("", "1") else f" {column.unit}"
+        return f"share of arms with {name} ≤ {view.within:g}{unit}"
+    return f"{name}, {statistic_of(view)} arm{unit}" if points.arms.max() > 1 else f"{name}{unit}"
+
+
+def _of_axis(axis: Axis) -> str:
+    field = axis.path.rpartition(".")[0] if axis.path.rpartition(".")[2].isdecimal() else axis.path
+    try:
+        unit = field_info(field).unit
+    except KeyError:
+        unit = ""
+    return f"{axis.path} [{unit}]" if unit not in ("", "1") else axis.path
+
+
+def _norm(points: Points, view: View) -> Any:
+    from matplotlib.colors import LogNorm, Normalize
+
+    if statistic_of(view) == "share":
+        return Normalize(0.0, 1.0)
+    known = points.number[np.isfinite(points.number)]
+    if not len(known):
+        return Normalize(0.0, 1.0)
+    return LogNorm(known.min(), known.max()) if _wide(known) else Normalize(known.min(), known.max())
+
+
+def _wide(values: np.ndarray) -> bool:
+    known = values[np.isfinite(values)]
+    return len(known) > 1 and bool((known > 0.0).all()) and known.max() > WIDE * known.min()
+
+
+def _geometric(values: np.ndarray) -> bool:
+    if len(values) < 3 or not (values > 0).all():
+        return False
+    steps = np.diff(np.log(values))
+    return float(np.ptp(steps)) < 1e-6 * float(steps.mean())
+
+
+def _edges(values: np.ndarray) -> np.ndarray:
+    """Edges of tiles around the values, in the middle between them."""
+    scaled = np.log(values) if _geometric(values) else values
+    steps = np.diff(scaled) if len(scaled) > 1 else np.array([1.0])
+    edges = np.r_[scaled[0] - steps[0] / 2, scaled[:-1] + steps[: len(scaled) - 1] / 2, scaled[-1] + steps[-1] / 2]
+    return np.exp(edges) if _geometric(values) else edges
+
+
+def _log_scales(plot: Axes, xs: np.ndarray, ys: np.ndarray | None) -> None:
+    if _geometric(xs):
+        plot.set_xscale("log")
+        plain_decades(plot.xaxis)
+    if ys is not None and _geometric(ys):
+        plot.set_yscale("log")
+        plain_decades(plot.yaxis)
+
+
+def _shares(axis: Axis, values: np.ndarray) -> np.ndarray:
+    """Places (N,) of values along an axis, 0 to 1."""
+    if not axis.numeric:
+        names = [str(value) for value in axis.values]
+        return np.array([names.index(str(value)) for value in values]) / max(len(names) - 1, 1)
+    at = np.asarray(values, dtype=float)
+    low, high = (float(axis.values[0]), float(axis.values[-1])) if axis.values else (axis.low, axis.high)
+    logarithmic = axis.logarithmic or (bool(axis.values) and _geometric(np.array(axis.values, dtype=float)))
+    if logarithmic:
+        at, low, high = np.log(at), math.log(low), math.log(high)
+    return (at - low) / ((high - low) or 1.0)
+
+
+def _told(value: object) -> str:
+    return plain_number(float(f"{value:.3g}"), None) if isinstance(value, float) else str(value)
+
+
+def _colors(count: int) -> list[Any]:
+    from matplotlib import colormaps
+
+    return [colormaps[COLORS](0.1 + 0.75 * k / max(count - 1, 1)) for k in range(count)]

@@ -1,0 +1,96 @@
+"""Figures of one run of a sweep: a row of the table, with the unit and meaning of each."""
+
+from __future__ import annotations
+
+import time
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from app.analysis.metrics import Metrics
+from app.scenario.declared_bounds import outside
+from app.scenario.schema import ScenarioError
+from app.session.headless_run import simulate
+from app.simulation.search_memory import Memory
+from app.simulation.system import System
+from app.storage.constants_store import kept_memory
+from app.sweep.question import Question, Sweep
+
+Figures = dict[str, Any]
+
+
+class Column(NamedTuple):
+    """Column of the table: unit in SI, "" for a word or a plain number, and meaning."""
+
+    unit: str
+    meaning: str
+    word: bool = False
+
+
+COLUMNS: dict[str, Column] = {
+    "row": Column("", "number of the run, for `vsmrc run --from DIR --row N`"),
+    "point": Column("", "number of the point, of the varied fields"),
+    "arm": Column("", "number of the true arm at this point"),
+    "motion_error": Column("m", "largest position error where no force is controlled, last fifth of the run"),
+    "force_error": Column("N", "largest force error, last fifth of the run"),
+    "constraint_violation": Column("m", "largest distance from a rigid surface"),
+    "reaching_time": Column("s", "until ‖s‖ is within the boundary layer"),
+    "layer_time_bound": Column("s", "until then by (18), as promised"),
+    "band_time": Column("s", "until ‖s‖ is within its band"),
+    "envelope_violation": Column("m/s", "largest ‖s‖ beyond (20) and the band, where they are promised"),
+    "gain_margin": Column("N", "least d minus what (17) needs"),
+    "residual": Column("N", "RMS of (8), last fifth of the run"),
+    "torque_variation": Column("N·m/s", "summed changes of all commanded torques per second"),
+    "saturated_share": Column("1", "share of the control periods in which a drive is at its limit"),
+    "simulated_time": Column("s", "until the end of the run"),
+    "verdict": Column("", "of the theorem's promise: holds, not promised or broken", word=True),
+    "promised_share": Column("1", "share of the run for which something is promised"),
+    "declared": Column("1", "1 where the true arm is within what is declared, 0 where it is not"),
+    "stopped": Column("", "why the run ended before its time, or was refused", word=True),
+    "wall_time": Column("s", "computing time"),
+}
+METRICS = tuple(name for name, column in COLUMNS.items() if not column.word and name not in ("row", "point", "arm"))
+
+
+class Runner:
+    """Runner of a sweep's runs in one process; what runs have in common is computed once."""
+
+    def __init__(self, sweep: Sweep) -> None:
+        self._question = Question(sweep)
+        self._memory: Memory = kept_memory()
+        self._previous: System | None = None
+
+    def figures(self, number: int) -> Figures:
+        """Figures of the run of this number. A run that is refused or stops is a row, too."""
+        row, started = self._question.row(number), time.perf_counter()
+        begun = self._question.told(row)
+        try:
+            scenario = self._question.scenario(row)
+            loop, metrics = simulate(
+                scenario, engine=self._question.sweep.engine, previous=self._previous, memory=self._memory
+            )
+        except (ScenarioError, ArithmeticError, np.linalg.LinAlgError) as error:
+            return begun | {"stopped": f"refused: {error}", "wall_time": time.perf_counter() - started}
+        self._previous = loop.system
+        kept = 1.0 if not outside(scenario) else 0.0
+        return begun | _of(metrics) | {"declared": kept, "wall_time": time.perf_counter() - started}
+
+
+def _of(metrics: Metrics) -> Figures:
+    return {
+        "motion_error": metrics.motion_error_tail,
+        "force_error": metrics.force_error_tail,
+        "constraint_violation": metrics.constraint_violation,
+        "reaching_time": metrics.reaching_time,
+        "layer_time_bound": metrics.layer_time_bound,
+        "band_time": metrics.band_time,
+        "envelope_violation": metrics.envelope_violation,
+        "gain_margin": metrics.gain_condition_margin,
+        "residual": metrics.target_model_residual_tail,
+        "torque_variation": float(sum(metrics.torque_total_variation)),
+        "saturated_share": metrics.saturated_share,
+        "simulated_time": metrics.simulated_time,
+        "verdict": metrics.promise.verdict,
+        "promised_share": metrics.promise.share,
+        "stopped": metrics.stopped,
+    }

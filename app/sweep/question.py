@@ -1,0 +1,278 @@
+"""Question of a sweep: a scenario, what is varied, the true arms that are drawn, and so each of its runs."""
+
+from __future__ import annotations
+
+import math
+import tomllib
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import msgspec
+import numpy as np
+import tomli_w
+from msgspec import Meta, Struct
+from scipy.stats import qmc
+
+from app.scenario.data import to_plain, with_value, with_values
+from app.scenario.departures import DRAWN, Departure
+from app.scenario.schema import Robot, Scenario, ScenarioError
+from app.simulation.engines import Engine
+from app.simulation.environment_builder import robot_of
+
+MOST_ROWS = 10_000_000
+MOST_VALUES = 100_000  # of one axis
+LARGEST_FILE = 4_000_000  # bytes of sweep.toml
+FILE = "sweep.toml"
+Design = Literal["grid", "latin", "sobol"]
+Value = float | int | str | bool
+
+
+class Axis(Struct, frozen=True, omit_defaults=True):
+    """Field that is varied.
+
+    path: dotted, as with `--set`; a number at its end is an entry of a list, from 1.
+    values: that it takes; empty for a range.
+    low, high: of the range; logarithmic: whether it is drawn evenly in its logarithm.
+    """
+
+    path: str
+    values: tuple[Value, ...] = ()
+    low: float = 0.0
+    high: float = 0.0
+    logarithmic: bool = False
+
+    def at(self, share: float) -> Value:
+        """Value at a share, 0 to 1, of the axis."""
+        if self.values:
+            return self.values[min(int(share * len(self.values)), len(self.values) - 1)]
+        if self.logarithmic:
+            return float(math.exp(math.log(self.low) + share * (math.log(self.high) - math.log(self.low))))
+        return self.low + share * (self.high - self.low)
+
+    @property
+    def numeric(self) -> bool:
+        """Whether all its values are numbers."""
+        return all(isinstance(value, int | float) and not isinstance(value, bool) for value in self.values)
+
+
+class Sweep(Struct, frozen=True):
+    """The whole question, as it stands in sweep.toml.
+
+    scenario: what is not varied.
+    vary: axes.
+    design: grid, of all values; latin: a Latin hypercube; sobol: Sobol's sequence.
+    points: of a design other than the grid.
+    draw: true arms inside the declared set, the same at every point; 0: the scenario's own one.
+    corners: the arms are at corners of the declared set.
+    seed: of arms and design.
+    program: fingerprint of the program that computes it.
+    """
+
+    scenario: Scenario
+    vary: tuple[Axis, ...] = ()
+    design: Design = "grid"
+    points: Annotated[int, Meta(ge=0)] = 0
+    draw: Annotated[int, Meta(ge=0)] = 0
+    corners: bool = False
+    seed: Annotated[int, Meta(ge=0)] = 0
+    engine: Engine = "compiled"
+    program: str = ""
+
+
+@dataclass(frozen=True)
+class Row:
+    """One run. number: from 0. point, arm: what it is of. values: of the axes, by path."""
+
+    number: int
+    point: int
+    arm: int
+    values: dict[str, Value]
+
+
+class Question:
+    """A sweep with its runs. Raises ScenarioError where it makes no sense."""
+
+    def __init__(self, sweep: Sweep) -> None:
+        self.sweep = sweep
+        _require_sound(sweep)
+
+    @property
+    def arms(self) -> int:
+        return max(self.sweep.draw, 1)
+
+    @cached_property
+    def count_of_points(self) -> int:
+        if self.sweep.design == "grid":
+            return math.prod(len(axis.values) for axis in self.sweep.vary)
+        return self.sweep.points
+
+    @property
+    def count(self) -> int:
+        """Number of runs."""
+        return self.count_of_points * self.arms
+
+    @property
+    def seconds(self) -> float:
+        """Simulated time of all runs, s, where none stops and the duration is not varied."""
+        return self.count * self.sweep.scenario.simulation.duration
+
+    def row(self, number: int) -> Row:
+        """Run of this number. Raises ScenarioError for one that there is not."""
+        if not 0 <= number < self.count:
+            raise ScenarioError(f"row {number}; allowed: 0 to {self.count - 1}")
+        point, arm = divmod(number, self.arms)
+        return Row(number, point, arm, self.values_at(point))
+
+    def values_at(self, point: int) -> dict[str, Value]:
+        """Values of the axes at a point, by path."""
+        axes = self.sweep.vary
+        if self.sweep.design == "grid":
+            places = np.unravel_index(point, [len(axis.values) for axis in axes]) if axes else ()
+            return {axis.path: axis.values[int(k)] for axis, k in zip(axes, places, strict=True)}
+        return {axis.path: axis.at(float(u)) for axis, u in zip(axes, self._shares[point], strict=True)}
+
+    def told(self, row: Row) -> dict[str, Any]:
+        """Columns of the table that say which run it is."""
+        varied = {
+            axis.path: row.values[axis.path] if axis.numeric else str(row.values[axis.path]) for axis in self.sweep.vary
+        }
+        return {"row": row.number, "point": row.point, "arm": row.arm, **varied}
+
+    def scenario(self, row: Row) -> Scenario:
+        """Scenario of a run. Raises ScenarioError where its values are refused."""
+        scenario = with_values(self.sweep.scenario, dict(row.values))
+        if self.sweep.draw:
+            departure = self._departure(row.arm, _joints(scenario.robot))
+            scenario = msgspec.structs.replace(scenario, truth=departure.truth(scenario.declared, of=scenario.truth))
+        return msgspec.structs.replace(scenario, name=f"{self.sweep.scenario.name}-{row.number}")
+
+    @cached_property
+    def _shares(self) -> np.ndarray:
+        """Points (N, k) of a design in the unit cube."""
+        axes, points, rng = len(self.sweep.vary), self.sweep.points, np.random.default_rng(self.sweep.seed)
+        if self.sweep.design == "latin":
+            return qmc.LatinHypercube(axes, rng=rng).random(points)
+        return qmc.Sobol(axes, rng=rng).random_base2(max(points - 1, 0).bit_length())[:points]
+
+    def _departure(self, arm: int, n: int) -> Departure:
+        random = np.random.default_rng([self.sweep.seed, arm, n])
+        return Departure.edge(random, n) if self.sweep.corners else Departure.inside(random, n)
+
+
+@lru_cache(maxsize=16)
+def _joints(robot: Robot) -> int:
+    return robot_of(Scenario(robot=robot)).n
+
+
+def _require_sound(sweep: Sweep) -> None:
+    paths = [axis.path for axis in sweep.vary]
+    if twice := next((path for path in paths if paths.count(path) > 1), None):
+        raise ScenarioError(f"vary: {twice} twice; allowed: each field once")
+    drawn = {f"truth.{name}" for name in DRAWN}
+    if sweep.draw and (both := [path for path in paths if path in drawn or path.rpartition(".")[0] in drawn]):
+        raise ScenarioError(f"vary: {both[0]} is drawn for each true arm; allowed: without --draw")
+    if sweep.corners and not sweep.draw:
+        raise ScenarioError("corners: no arm is drawn; allowed: with --draw")
+    if sweep.design == "grid":
+        if ranges := [axis.path for axis in sweep.vary if not axis.values]:
+            raise ScenarioError(f"vary: {ranges[0]} is a range; allowed: LOW:HIGH:COUNT, or --design latin or sobol")
+        if sweep.points:
+            raise ScenarioError(f"points: {sweep.points} in a grid; allowed: with --design latin or sobol")
+    elif not sweep.vary or not sweep.points:
+        raise ScenarioError(f"points: {sweep.points} of {len(paths)} axes; allowed: 1 or more of each")
+    for axis in sweep.vary:
+        _require_axis(axis)
+        for value in {axis.at(0.0), axis.at(1.0)}:
+            _require_known(sweep.scenario, axis.path, value)
+    points = math.prod(len(axis.values) for axis in sweep.vary) if sweep.design == "grid" else sweep.points
+    if points * max(sweep.draw, 1) > MOST_ROWS:
+        raise ScenarioError(f"sweep: {points * max(sweep.draw, 1):.3g} runs; allowed: at most {MOST_ROWS:.0e}")
+
+
+def _require_axis(axis: Axis) -> None:
+    for value in axis.values or (axis.low, axis.high):
+        if isinstance(value, float) and not math.isfinite(value):
+            raise ScenarioError(f"vary: {axis.path}: {value}; allowed: finite numbers")
+    if not axis.values and not axis.low < axis.high:
+        raise ScenarioError(f"vary: {axis.path}: {axis.low:g} to {axis.high:g}; allowed: low before high")
+    if axis.logarithmic and axis.low <= 0.0:
+        raise ScenarioError(f"vary: {axis.path}: logarithmic from {axis.low:g}; allowed: from above 0")
+
+
+def _require_known(scenario: Scenario, path: str, value: Value) -> None:
+    """Raise ScenarioError where a field is unknown; a value that is refused makes a row that says so."""
+    try:
+        with_value(scenario, path, value)
+    except ScenarioError as error:
+        if "no such field" in str(error) or "no such entry" in str(error):
+            raise
+
+
+def axis_of(text: str) -> Axis:
+    """Axis of a text: PATH=LOW:HIGH:COUNT, PATH=LOW:HIGH:COUNT:log, PATH=LOW:HIGH or PATH=LOW:HIGH:log for a range, or
+    PATH=VALUE,VALUE,.... Raises ScenarioError."""
+    path, equals, spec = text.partition("=")
+    path, spec = path.strip(), spec.strip()
+    shape = "allowed: PATH=LOW:HIGH:COUNT, with :log behind for even steps of the logarithm, or PATH=VALUE,VALUE,..."
+    if not equals or not path or not spec:
+        raise ScenarioError(f"--vary {text!r:.100}; {shape}")
+    parts = spec.split(":")
+    if len(parts) == 1:
+        return Axis(path, tuple(_value(each.strip()) for each in spec.split(",")))
+    logarithmic = parts[-1] == "log"
+    numbers = parts[:-1] if logarithmic else parts
+    try:
+        low, high, *rest = (float(number) for number in numbers)
+        count = int(rest[0]) if rest else None
+    except ValueError as error:
+        raise ScenarioError(f"--vary {text!r:.100}; {shape}") from error
+    if len(rest) > 1 or (rest and rest[0] != count):
+        raise ScenarioError(f"--vary {text!r:.100}; {shape}")
+    whole = Axis(path, (), low, high, logarithmic)
+    _require_axis(whole)
+    if count is None:
+        return whole
+    if not 2 <= count <= MOST_VALUES:
+        raise ScenarioError(f"--vary {path}: {count} values; allowed: 2 to {MOST_VALUES}")
+    spaced = np.geomspace(low, high, count) if logarithmic else np.linspace(low, high, count)
+    return Axis(path, tuple(float(f"{value:.12g}") for value in spaced))
+
+
+def _value(text: str) -> Value:
+    try:
+        value = tomllib.loads(f"value = {text}")["value"]
+    except ValueError:
+        return text
+    if not isinstance(value, int | float | str | bool):
+        raise ScenarioError(f"--vary: {text!r:.60}; allowed: numbers and words")
+    return value
+
+
+def to_toml(sweep: Sweep) -> str:
+    """TOML of the whole question."""
+    plain = msgspec.to_builtins(sweep)
+    plain["scenario"] = to_plain(sweep.scenario)
+    return tomli_w.dumps(plain)
+
+
+def read(path: Path) -> Sweep:
+    """Sweep of a file. Raises ScenarioError."""
+    try:
+        with path.open("rb") as file:
+            content = file.read(LARGEST_FILE + 1)
+        if len(content) > LARGEST_FILE:
+            raise ScenarioError(f"{path}: more than {LARGEST_FILE / 1e6:g} MB; allowed: a sweep.toml")
+        return msgspec.convert(tomllib.loads(content.decode()), Sweep)
+    except OSError as error:
+        raise ScenarioError(f"{path}: cannot be read: {error.strerror}") from error
+    except msgspec.ValidationError as error:
+        raise ScenarioError(f"{path}: {error}; allowed: what `vsmrc sweep` has written") from error
+    except (ValueError, RecursionError) as error:
+        raise ScenarioError(f"{path}: not a TOML file: {error}") from error
+
+
+def differences(one: Sweep, other: Sweep) -> list[str]:
+    """Names of the parts in which two sweeps differ."""
+    return [name for name in Sweep.__struct_fields__ if getattr(one, name) != getattr(other, name)]

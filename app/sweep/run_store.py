@@ -1,0 +1,151 @@
+"""Store of a sweep's runs: sweep.toml, and runs.parquet, a folder of Parquet files that are each there as a whole or
+not at all. Rows that were computed since the last of these files wait in a journal, a line each, so that a process that
+is killed loses what it had under way only."""
+
+from __future__ import annotations
+
+import fcntl
+import os
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from app.process.atomic_write import write_whole
+from app.scenario.schema import ScenarioError
+from app.sweep.figures_of_run import COLUMNS, Figures
+from app.sweep.question import FILE, Question, Sweep, differences, read, to_toml
+
+PARTS, JOURNAL, LOCK = "runs.parquet", "journal.jsonl", ".lock"
+ROWS = 2000  # of a part
+
+
+class RunStore:
+    """Folder of a sweep, open for one process. Raises ScenarioError where it is of another sweep, of another version of
+    the program, or in use, and OSError."""
+
+    def __init__(self, folder: Path, sweep: Sweep) -> None:
+        self._folder = folder
+        (folder / PARTS).mkdir(parents=True, exist_ok=True)
+        self._lock = (folder / LOCK).open("w")
+        try:
+            fcntl.flock(self._lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError as error:
+            self._lock.close()
+            raise ScenarioError(f"--out {folder}: another sweep writes there now; allowed: another folder") from error
+        try:
+            self._take_up(sweep)
+        except BaseException:
+            self._lock.close()
+            raise
+        self._schema = schema_of(sweep)
+        self._waiting = self._journaled()
+        self.done = np.zeros(Question(sweep).count, dtype=bool)
+        for part in parts(folder):
+            self.done[_read(part, ["row"])["row"].to_numpy()] = True
+        self._waiting = [row for row in self._waiting if not self.done[row["row"]]]
+        self.done[[row["row"] for row in self._waiting]] = True
+        self._rewrite_journal()
+
+    def __enter__(self) -> RunStore:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        os.close(self._journal)
+        self._lock.close()
+
+    def add(self, figures: Figures) -> None:
+        """Keep the figures of a run. Raises OSError where they cannot be written."""
+        line = msgspec.json.encode(figures) + b"\n"
+        if os.write(self._journal, line) != len(line):
+            raise OSError(28, "No space left on device")
+        self._waiting.append(figures)
+        self.done[figures["row"]] = True
+        if len(self._waiting) >= ROWS:
+            self.settle()
+
+    def settle(self) -> None:
+        """Make a part of the rows that wait. Raises OSError where it cannot be written."""
+        if not self._waiting:
+            return
+        table = pa.Table.from_pylist(sorted(self._waiting, key=lambda row: row["row"]), schema=self._schema)
+        number = 1 + max((int(part.stem.rpartition("-")[2]) for part in parts(self._folder)), default=0)
+        path = self._folder / PARTS / f"part-{number:06d}.parquet"
+        write_whole(path, lambda file: pq.write_table(table, file))
+        self._waiting = []
+        os.close(self._journal)
+        self._rewrite_journal()
+
+    def _take_up(self, sweep: Sweep) -> None:
+        path = self._folder / FILE
+        if not path.exists():
+            text = to_toml(sweep).encode()
+            write_whole(path, lambda file: file.write(text))
+            return
+        if other := differences(read(path), sweep):
+            what = "made by another version of the program" if other == ["program"] else f"another {', '.join(other)}"
+            raise ScenarioError(f"--out {self._folder}: holds another sweep ({what}); allowed: a folder of its own")
+
+    def _journaled(self) -> list[Figures]:
+        """Rows of the journal; a last line that was cut off is forgotten."""
+        path = self._folder / JOURNAL
+        lines = path.read_bytes().split(b"\n") if path.exists() else []
+        rows = []
+        for line in lines:
+            try:
+                rows.append(msgspec.json.decode(line))
+            except msgspec.DecodeError:
+                continue
+        return rows
+
+    def _rewrite_journal(self) -> None:
+        lines = b"".join(msgspec.json.encode(row) + b"\n" for row in self._waiting)
+        write_whole(self._folder / JOURNAL, lambda file: file.write(lines))
+        self._journal = os.open(self._folder / JOURNAL, os.O_WRONLY | os.O_APPEND)
+
+
+def _read(part: Path, columns: list[str] | None = None) -> pa.Table:
+    with pq.ParquetFile(part) as file:
+        return file.read(columns)
+
+
+def parts(folder: Path) -> Sequence[Path]:
+    """Parquet files of a sweep's folder."""
+    return sorted((folder / PARTS).glob("part-*.parquet"))
+
+
+def schema_of(sweep: Sweep) -> pa.Schema:
+    """Schema of the table: the columns of every run and the varied fields, with units and meanings."""
+
+    def column(name: str, kind: pa.DataType, unit: str, meaning: str) -> pa.Field:
+        return pa.field(name, kind, metadata={"unit": unit, "meaning": meaning})
+
+    known = [
+        column(
+            name,
+            pa.string() if each.word else pa.int64() if name in ("row", "point", "arm") else pa.float64(),
+            each.unit,
+            each.meaning,
+        )
+        for name, each in COLUMNS.items()
+    ]
+    varied = [
+        column(axis.path, pa.float64() if axis.numeric else pa.string(), "", "varied field") for axis in sweep.vary
+    ]
+    return pa.schema([*known[:3], *varied, *known[3:]])
+
+
+def table_of(folder: Path) -> tuple[Sweep, dict[str, np.ndarray]]:
+    """Sweep of a folder, and the columns of its runs, in the order of their rows. Raises ScenarioError where there is
+    none."""
+    sweep = read(folder / FILE)
+    files = parts(folder)
+    if not files:
+        raise ScenarioError(f"{folder}: no runs yet; allowed: a folder in which `vsmrc sweep` has finished some")
+    whole = pa.concat_tables(_read(part) for part in files).sort_by("row")
+    columns: dict[str, Any] = {name: whole[name].to_numpy() for name in whole.column_names}
+    return sweep, columns

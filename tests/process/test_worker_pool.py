@@ -1,0 +1,49 @@
+"""The pool of worker processes: every task once, whatever falls."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator
+
+import pytest
+
+from app.process.worker_pool import AHEAD, FALLEN, Fallen, results
+
+
+def squares(deadly: int, wrong: int) -> Callable[[int], int]:
+    def square(number: int) -> int:
+        if number == deadly:
+            os._exit(7)
+        if number == wrong:
+            raise ValueError("not this one")
+        return number * number
+
+    return square
+
+
+@pytest.mark.slow
+def test_a_task_whose_process_ends_is_told_and_all_others_are_done() -> None:
+    found = dict(results(squares, (17, -1), range(60), 2))
+    assert len(found) == 60
+    assert isinstance(found.pop(17), Fallen)
+    assert found == {number: number * number for number in range(60) if number != 17}
+    assert isinstance(FALLEN, Fallen)
+
+
+@pytest.mark.slow
+def test_few_tasks_are_taken_ahead_and_an_error_ends_it() -> None:
+    taken: list[int] = []
+
+    def endless() -> Iterator[int]:
+        number = 0
+        while True:
+            taken.append(number)
+            yield number
+            number += 1
+
+    seen = 0
+    with pytest.raises(ValueError, match="not this one"):  # noqa: PT012
+        for task, result in results(squares, (-1, 30), endless(), 2):
+            assert result == task * task
+            seen += 1
+            assert len(taken) <= seen + 2 * AHEAD

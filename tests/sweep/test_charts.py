@@ -1,0 +1,114 @@
+"""Charts of a sweep: what is counted at each point, and where (17) and the declaration end."""
+
+from __future__ import annotations
+
+import msgspec
+import numpy as np
+import pytest
+
+from app.scenario.schema import ScenarioError
+from app.sweep.charts import View, _borders, chart, interval, points_of
+from app.sweep.question import Axis, Question, Sweep, axis_of
+from tests.support.svg import texts_of
+from tests.sweep.test_question import BASE, sweep_of
+
+SWEEP = sweep_of("contact.K_e=1e3:1e5:3:log", "controller.K_s=20:80:2", draw=4)
+
+
+def columns(sweep: Sweep = SWEEP) -> dict[str, np.ndarray]:
+    """Table of a sweep whose force error is 0.1 N times point plus arm; the run 9 stopped, (17) fails for an arm of
+    point 4, and the arms of point 5 are outside what is declared. The rows are out of order."""
+    asked = Question(sweep)
+    rows = [asked.told(asked.row(number)) for number in range(asked.count)]
+    for row in rows:
+        row |= {
+            "force_error": 0.1 * row["point"] + row["arm"],
+            "stopped": "contact lost" if row["row"] == 9 else None,
+            "gain_margin": -0.3 if (row["point"], row["arm"]) == (4, 2) else 0.5,
+            "declared": 0.0 if row["point"] == 5 else 1.0,
+        }
+    return {name: np.array([row[name] for row in reversed(rows)]) for name in rows[0]}
+
+
+def test_a_share_counts_the_arms_within_the_limit_and_not_those_that_stopped() -> None:
+    points = points_of(SWEEP, columns(), View("force_error", within=1.25))
+    assert points.arms.tolist() == [4] * 6
+    assert points.good.tolist() == [2, 2, 1, 1, 1, 1]  # point 2 would have two, but its arm 1 is row 9
+    assert points.number.tolist() == [0.5, 0.5, 0.25, 0.25, 0.25, 0.25]
+    assert np.flatnonzero(points.stopped).tolist() == [2]
+    assert np.flatnonzero(~points.theorem).tolist() == [4]
+    assert np.flatnonzero(~points.declared).tolist() == [5]
+    assert points.values["contact.K_e"].tolist() == [1e3, 1e3, 1e4, 1e4, 1e5, 1e5]
+
+
+def test_the_worst_and_the_median_arm() -> None:
+    worst, median = (points_of(SWEEP, columns(), View("force_error", statistic=each)) for each in ("worst", "median"))
+    assert worst.number == pytest.approx(3.0 + 0.1 * np.arange(6))
+    assert median.number == pytest.approx(1.5 + 0.1 * np.arange(6))
+
+
+def test_wilsons_interval_of_few_arms() -> None:
+    """(p + z²/2n ± z sqrt(p (1 − p)/n + z²/4n²)) / (1 + z²/n), z = 1.96."""
+    n, p, z = 8, 0.75, 1.959963984540054
+    half = z * np.sqrt(p * (1 - p) / n + z**2 / (4 * n**2))
+    expected = [(p + z**2 / (2 * n) + sign * half) / (1 + z**2 / n) for sign in (-1.0, 1.0)]
+    assert interval(6, 8) == pytest.approx(expected)
+
+
+def test_borders_run_between_tiles_that_hold_and_tiles_that_do_not() -> None:
+    held = np.array([[1.0, 1.0, 0.0], [1.0, 0.0, 0.0]])  # rows from below
+    assert _borders(held, np.array([0.0, 1.0, 2.0, 3.0]), np.array([0.0, 10.0, 20.0])) == [
+        ([2.0, 2.0], [0.0, 10.0]),
+        ([1.0, 1.0], [10.0, 20.0]),
+        ([1.0, 2.0], [10.0, 10.0]),
+    ]
+
+
+def test_a_map_writes_counts_names_and_borders() -> None:
+    drawn = chart(SWEEP, columns(), View("force_error", within=1.25), "svg")
+    assert chart(SWEEP, columns(), View("force_error", within=1.25), "svg") == drawn
+    texts = texts_of(drawn)
+    assert sorted(text for text in texts if text.endswith("/4")) == [
+        "1/4",
+        "1/4",
+        "1/4",
+        "2/4",
+        "2/4",
+    ]  # one is a cross
+    for text in ("(17) ends", "declared ends", "contact.K_e [N/m]", "share of arms with force error ≤ 1.25 N"):
+        assert text in texts
+    assert any("4 true arms each, inside the declared set" in text for text in texts)
+    assert any("4 of 4 is a share of at least 0.51" in text for text in texts)
+
+
+def test_other_charts_for_other_sweeps() -> None:
+    slices = texts_of(chart(SWEEP, columns(), View("force_error", kind="slices"), "svg"))
+    assert "controller.K_s 20" in slices
+    assert "force error, worst arm [N]" in slices
+    scattered = msgspec.structs.replace(
+        sweep_of("contact.K_e=1e3:1e5:log", "controller.K_s=20:80", design="sobol", points=8), draw=4
+    )
+    assert "controller.K_s [N·s/m]" in texts_of(chart(scattered, columns(scattered), View("force_error"), "svg"))
+    three = msgspec.structs.replace(SWEEP, vary=(*SWEEP.vary, axis_of("controller.law=vsmrc,pd-gravity")))
+    assert {"vsmrc", "pd-gravity", "contact.K_e [N/m]"} <= set(
+        texts_of(chart(three, columns(three), View("force_error"), "svg"))
+    )
+
+
+@pytest.mark.parametrize(
+    ("vary", "view", "sentence"),
+    [
+        (SWEEP.vary, View("beauty"), "--of 'beauty'; allowed:"),
+        (SWEEP.vary, View("force_error", statistic="share"), "allowed: share with --within"),
+        (SWEEP.vary, View("force_error", within=1.0, statistic="worst"), "allowed: share with --within"),
+        (SWEEP.vary, View("force_error", over=("motion.kind",)), "--over 'motion.kind'; allowed:"),
+        (SWEEP.vary[:1], View("force_error", kind="map"), "a grid of two fields"),
+        (SWEEP.vary[:1], View("force_error", kind="scatter"), "two fields of numbers"),
+        ((Axis("controller.law", ("vsmrc", "pd-gravity")),), View("force_error", kind="slices"), "a field of numbers"),
+    ],
+)
+def test_a_view_that_makes_no_sense_is_refused(vary: tuple[Axis, ...], view: View, sentence: str) -> None:
+    sweep = msgspec.structs.replace(SWEEP, vary=vary, scenario=BASE)
+    with pytest.raises(ScenarioError) as refused:
+        chart(sweep, columns(sweep), view, "svg")
+    assert sentence in str(refused.value)

@@ -1,0 +1,158 @@
+"""The question of a sweep: which runs it has, and what is refused."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import msgspec
+import numpy as np
+import pytest
+
+from app.scenario.data import edited, shipped, with_value
+from app.scenario.declared_bounds import outside
+from app.scenario.schema import ScenarioError
+from app.sweep import question
+from app.sweep.question import Axis, Question, Sweep, axis_of
+
+BASE = shipped()["planar3r-hybrid"]
+
+
+def sweep_of(*vary: str, **fields: object) -> Sweep:
+    return msgspec.structs.replace(Sweep(BASE, tuple(map(axis_of, vary))), **fields)
+
+
+def test_a_grid_has_every_value_with_every_other_one_and_every_arm() -> None:
+    asked = Question(sweep_of("contact.K_e=1e3:1e5:3:log", "controller.law=vsmrc,computed-torque", draw=2))
+    rows = [asked.row(number) for number in range(asked.count)]
+    assert asked.count == 12
+    assert [(row.point, row.arm) for row in rows] == [(k // 2, k % 2) for k in range(12)]
+    assert [tuple(row.values.values()) for row in rows[::2]] == [
+        (K_e, law) for K_e in (1e3, 1e4, 1e5) for law in ("vsmrc", "computed-torque")
+    ]
+    scenario = asked.scenario(rows[7])
+    assert (scenario.contact.K_e, scenario.controller.law, scenario.name) == (1e4, "computed-torque", BASE.name + "-7")
+
+
+def test_the_same_arms_at_every_point_within_what_is_declared_and_at_its_corners_on_demand() -> None:
+    inside = Question(sweep_of("controller.layer=0.002:0.03:3", draw=40, seed=7))
+    corners = Question(sweep_of("controller.layer=0.002:0.03:3", draw=40, seed=7, corners=True))
+    first = [inside.scenario(inside.row(arm)).truth for arm in range(40)]
+    assert [inside.scenario(inside.row(80 + arm)).truth for arm in range(40)] == first
+    assert len(set(first)) == 40
+    assert (
+        Question(sweep_of("controller.layer=0.002:0.03:3", draw=40, seed=8)).scenario(inside.row(0)).truth not in first
+    )
+    for asked in (inside, corners):
+        assert all(outside(asked.scenario(asked.row(number))) == () for number in range(asked.count))
+    declared = BASE.declared
+    for number in range(40):
+        truth = corners.scenario(corners.row(number)).truth
+        assert np.abs(np.array(truth.link_scaling) - 1.0) == pytest.approx(np.full(3, declared.link_scaling))
+        assert truth.payload_mass == pytest.approx(declared.payload_mass)
+    scaling = np.array([truth.link_scaling for truth in first])
+    assert (np.abs(scaling - 1.0) < 0.9 * declared.link_scaling).any()
+
+
+def test_what_is_not_drawn_of_the_truth_stays() -> None:
+    pushed = msgspec.structs.replace(BASE, truth=msgspec.structs.replace(BASE.truth, push=(3.0, 0.0, 0.0)))
+    asked = Question(msgspec.structs.replace(sweep_of("controller.K_s=20:80:2", draw=1), scenario=pushed))
+    assert asked.scenario(asked.row(0)).truth.push == (3.0, 0.0, 0.0)
+
+
+@pytest.mark.parametrize("design", ["latin", "sobol"])
+def test_a_design_fills_its_ranges_evenly(design: str) -> None:
+    asked = Question(
+        sweep_of("contact.K_e=1e3:1e5:log", "controller.K_s=20:80", "controller.law=vsmrc,pd-gravity",
+                 design=design, points=64, seed=3)
+    )  # fmt: skip
+    values = [asked.values_at(point) for point in range(64)]
+    K_e, K_s = (np.array([float(each[path]) for each in values]) for path in ("contact.K_e", "controller.K_s"))
+    for shares in ((np.log10(K_e) - 3.0) / 2.0, (K_s - 20.0) / 60.0):
+        assert (shares >= 0.0).all()
+        assert (shares <= 1.0).all()
+        assert np.histogram(shares, 8, (0.0, 1.0))[0].tolist() == [8] * 8
+    assert [each["controller.law"] for each in values].count("vsmrc") == 32
+    assert asked.values_at(5) == Question(asked.sweep).values_at(5)
+
+
+def test_entries_of_a_list_are_varied(tmp_path: Path) -> None:
+    impedance = shipped()["ur5-impedance"]
+    asked = Question(
+        msgspec.structs.replace(sweep_of(), scenario=impedance, vary=(axis_of("target_model.K_m.2=1:3:3"),))
+    )
+    before, after = impedance.target_model.K_m, asked.scenario(asked.row(1)).target_model.K_m
+    assert isinstance(before, tuple)
+    assert after == (before[0], 2.0, *before[2:])
+    matrix = edited(impedance, "target_model.K_m", (100.0 * np.eye(6)).tolist())
+    assert np.array(with_value(matrix, "target_model.K_m.2.3", 7.0).target_model.K_m)[1, 2] == 7.0
+    (tmp_path / question.FILE).write_text(question.to_toml(asked.sweep))
+    assert question.read(tmp_path / question.FILE) == asked.sweep
+
+
+def test_a_number_of_a_row_that_there_is_not_is_refused() -> None:
+    asked = Question(sweep_of("contact.K_e=1e3:1e5:3:log"))
+    with pytest.raises(ScenarioError, match="row 3; allowed: 0 to 2"):
+        asked.row(3)
+
+
+@pytest.mark.parametrize(
+    ("text", "sentence"),
+    [
+        ("contact.K_e", "allowed: PATH=LOW:HIGH:COUNT"),
+        ("contact.K_e=", "allowed: PATH=LOW:HIGH:COUNT"),
+        ("contact.K_e=1:2:3:4", "allowed: PATH=LOW:HIGH:COUNT"),
+        ("contact.K_e=1:two:3", "allowed: PATH=LOW:HIGH:COUNT"),
+        ("contact.K_e=1:2:2.5", "allowed: PATH=LOW:HIGH:COUNT"),
+        ("contact.K_e=nan:2:3", "contact.K_e: nan; allowed: finite numbers"),
+        ("contact.K_e=1:inf:3", "contact.K_e: inf; allowed: finite numbers"),
+        ("contact.K_e=2:1:3", "2 to 1; allowed: low before high"),
+        ("contact.K_e=0:1:3:log", "logarithmic from 0; allowed: from above 0"),
+        ("contact.K_e=1:2:1", "1 values; allowed: 2 to 100000"),
+        ("contact.K_e=1:2:1000000000", "1000000000 values; allowed: 2 to 100000"),
+        ("contact.K_e=[1, 2", "allowed"),
+    ],
+)
+def test_an_axis_that_makes_no_sense_is_refused(text: str, sentence: str) -> None:
+    if text.endswith("[1, 2"):  # words, which the field refuses in its row
+        assert axis_of(text) == Axis("contact.K_e", ("[1", 2))
+        return
+    with pytest.raises(ScenarioError) as refused:
+        axis_of(text)
+    assert sentence in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    ("sweep", "sentence"),
+    [
+        (sweep_of("contact.K_f=1:2:3"), "contact.K_f: no such field"),
+        (sweep_of("target_model.K_m.9=1:2:3"), "target_model.K_m.9: no such entry"),
+        (sweep_of("contact.K_e=1:2:3", "contact.K_e=3:4:2"), "contact.K_e twice; allowed: each field once"),
+        (sweep_of("truth.link_scaling=1:2:3", draw=2), "is drawn for each true arm; allowed: without --draw"),
+        (sweep_of("contact.K_e=1:2:3", corners=True), "allowed: with --draw"),
+        (sweep_of("contact.K_e=1:2"), "contact.K_e is a range; allowed: LOW:HIGH:COUNT"),
+        (sweep_of("contact.K_e=1:2:3", points=4), "points: 4 in a grid"),
+        (sweep_of("contact.K_e=1:2", design="sobol"), "points: 0 of 1 axes"),
+        (sweep_of(design="latin", points=4), "points: 4 of 0 axes"),
+        (sweep_of("contact.K_e=1:2:100000", "controller.K_s=1:2:1000"), "1e+08 runs; allowed: at most 1e+07"),
+    ],
+)
+def test_a_sweep_that_makes_no_sense_is_refused(sweep: Sweep, sentence: str) -> None:
+    with pytest.raises(ScenarioError) as refused:
+        Question(sweep)
+    assert sentence in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    ("content", "sentence"),
+    [
+        (b"vary = 3", "what `vsmrc sweep` has written"),
+        (b"scenario = {", "not a TOML file"),
+        (b"\xff", "not a TOML file"),
+        (b"[scenario]\nmode = 'levitation'", "what `vsmrc sweep` has written"),
+    ],
+)
+def test_a_file_that_is_no_sweep_is_refused(content: bytes, sentence: str, tmp_path: Path) -> None:
+    (tmp_path / "sweep.toml").write_bytes(content)
+    with pytest.raises(ScenarioError) as refused:
+        question.read(tmp_path / "sweep.toml")
+    assert sentence in str(refused.value)

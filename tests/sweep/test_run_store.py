@@ -1,0 +1,147 @@
+"""The store of a sweep's runs: whatever is killed, nothing is lost and nothing is there twice."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import msgspec
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+
+from app.scenario.schema import ScenarioError
+from app.sweep import run_store
+from app.sweep.question import Question
+from app.sweep.run_store import JOURNAL, RunStore, parts, table_of
+from tests.sweep.test_question import sweep_of
+
+SWEEP = sweep_of("contact.K_e=1e3:1e5:50:log", "controller.K_s=20:80:80")  # 4,000 runs
+
+
+def figures(number: int) -> dict[str, object]:
+    """Figures as a run would have them, found again in its row."""
+    told = Question(SWEEP).told(Question(SWEEP).row(number))
+    return told | {"motion_error": 1e-6 * number, "stopped": None, "verdict": "holds"}
+
+
+def fill(folder: Path) -> None:
+    """Add whatever is missing, until it is done or killed."""
+    with RunStore(folder, SWEEP) as store:
+        for number in np.flatnonzero(~store.done).tolist():
+            store.add(figures(number))
+        store.settle()
+
+
+# A process without threads, which forks one that fills the store whenever it reads a line, and says its number.
+FORKS = """
+import os, sys
+from pathlib import Path
+import app.sweep.run_store
+from tests.sweep.test_run_store import fill
+app.sweep.run_store.ROWS = 37
+print("ready", flush=True)
+for line in sys.stdin:
+    if (pid := os.fork()) == 0:
+        fill(Path(sys.argv[1]))
+        os._exit(0)
+    print(pid, flush=True)
+    os.waitpid(pid, 0)
+    print("ended", flush=True)
+"""
+
+
+@pytest.mark.slow
+def test_nothing_is_lost_or_there_twice_after_fifty_kills(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Killed at fifty instants, also while a part is made; what was added before is there, and the last one ends it."""
+    random, seen = np.random.default_rng(4), [0]
+    with subprocess.Popen(
+        [sys.executable, "-c", FORKS, str(tmp_path)], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+    ) as forks:
+        assert forks.stdin is not None
+        assert forks.stdout is not None
+        assert forks.stdout.readline() == "ready\n"
+        while len(seen) <= 50:
+            forks.stdin.write("\n")
+            forks.stdin.flush()
+            pid = int(forks.stdout.readline())
+            time.sleep(float(random.uniform(0.0, 0.06)))
+            os.kill(pid, signal.SIGKILL)
+            assert forks.stdout.readline() == "ended\n"
+            with RunStore(tmp_path, SWEEP) as store:
+                seen.append(int(store.done.sum()))
+        forks.stdin.close()
+    assert seen == sorted(seen)
+    assert len(set(seen)) > 20  # the kills came in the middle
+    assert parts(tmp_path)
+    monkeypatch.setattr(run_store, "ROWS", 37)
+    fill(tmp_path)
+    sweep, columns = table_of(tmp_path)
+    assert sweep == SWEEP
+    assert columns["row"].tolist() == list(range(4000))
+    assert columns["motion_error"] == pytest.approx(1e-6 * np.arange(4000))
+    asked = Question(SWEEP)
+    for number in (0, 777, 3999):
+        row = asked.row(number)
+        assert {path: columns[path][number] for path in row.values} == row.values
+
+
+def test_a_line_that_was_cut_off_is_forgotten_and_a_part_says_units(tmp_path: Path) -> None:
+    with RunStore(tmp_path, SWEEP) as store:
+        for number in range(3):
+            store.add(figures(number))
+    with (tmp_path / JOURNAL).open("ab") as file:
+        file.write(b'{"row": 3, "point":')
+    with RunStore(tmp_path, SWEEP) as store:
+        assert np.flatnonzero(store.done).tolist() == [0, 1, 2]
+        store.settle()
+    (part,) = parts(tmp_path)
+    schema = pq.read_schema(part)
+    assert schema.field("motion_error").metadata[b"unit"] == b"m"
+    assert schema.field("contact.K_e").metadata[b"meaning"] == b"varied field"
+    assert (tmp_path / JOURNAL).read_bytes() == b""
+
+
+def test_a_crash_between_part_and_journal_leaves_no_row_twice(tmp_path: Path) -> None:
+    with RunStore(tmp_path, SWEEP) as store:
+        store.add(figures(0))
+        lines = (tmp_path / JOURNAL).read_bytes()
+        store.settle()
+    (tmp_path / JOURNAL).write_bytes(lines)  # as if the process had ended before it was emptied
+    with RunStore(tmp_path, SWEEP) as store:
+        store.add(figures(1))
+        store.settle()
+    assert table_of(tmp_path)[1]["row"].tolist() == [0, 1]
+
+
+def test_a_folder_of_another_sweep_or_in_use_is_refused(tmp_path: Path) -> None:
+    with RunStore(tmp_path, SWEEP), pytest.raises(ScenarioError, match="another sweep writes there now"):
+        RunStore(tmp_path, SWEEP)
+    with pytest.raises(ScenarioError, match=r"holds another sweep \(another seed\)"):
+        RunStore(tmp_path, msgspec.structs.replace(SWEEP, seed=2))
+    with pytest.raises(ScenarioError, match="another version of the program"):
+        RunStore(tmp_path, msgspec.structs.replace(SWEEP, program="other"))
+    with RunStore(tmp_path, SWEEP):
+        pass
+    with pytest.raises(ScenarioError, match="no runs yet"):
+        table_of(tmp_path)
+    with pytest.raises(ScenarioError, match="cannot be read: No such file"):
+        table_of(tmp_path / "gone")
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
+def test_a_full_disk_is_said_and_what_is_there_stays(tmp_path: Path) -> None:
+    with RunStore(tmp_path, SWEEP) as store:
+        store.add(figures(0))
+    with RunStore(tmp_path, SWEEP) as store:
+        kept, store._journal = store._journal, os.open("/dev/full", os.O_WRONLY)
+        with pytest.raises(OSError, match="No space left"):
+            store.add(figures(1))
+        os.close(store._journal)
+        store._journal = kept
+    with RunStore(tmp_path, SWEEP) as store:
+        assert np.flatnonzero(store.done).tolist() == [0]

@@ -1,0 +1,127 @@
+"""Runs of a sweep: the same figures in whatever order, process and company they are computed."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import msgspec
+import numpy as np
+import pytest
+
+from app.cli import execute
+from app.scenario.data import edited, shipped
+from app.session.headless_run import simulate
+from app.sweep import running
+from app.sweep.figures_of_run import METRICS, Figures, Runner
+from app.sweep.question import Question, Sweep, axis_of
+from app.sweep.run_store import JOURNAL, RunStore, table_of
+
+SHORT = edited(shipped()["planar3r-hybrid"], "simulation.duration", 0.3)
+SWEEP = Sweep(
+    SHORT,
+    (axis_of("contact.K_e=1e3:1e4:2:log"), axis_of("controller.law=vsmrc,computed-torque")),
+    draw=2,
+    program=running.fingerprint(),
+)
+
+
+def timeless(figures: Figures) -> Figures:
+    return {name: value for name, value in figures.items() if name != "wall_time"}
+
+
+def test_a_row_is_the_same_alone_and_after_any_others() -> None:
+    forwards, backwards = Runner(SWEEP), Runner(SWEEP)
+    first = [timeless(forwards.figures(number)) for number in range(8)]
+    assert [timeless(backwards.figures(number)) for number in reversed(range(8))] == first[::-1]
+    assert timeless(Runner(SWEEP).figures(5)) == first[5]
+    asked = Question(SWEEP)
+    _, metrics = simulate(asked.scenario(asked.row(5)), engine="compiled")
+    for name, value in {
+        "motion_error": metrics.motion_error_tail, "force_error": metrics.force_error_tail,
+        "gain_margin": metrics.gain_condition_margin, "verdict": metrics.promise.verdict, "declared": 1.0,
+        "torque_variation": sum(metrics.torque_total_variation), "simulated_time": pytest.approx(0.3),
+    }.items():  # fmt: skip
+        assert first[5][name] == value, name
+    assert first[0]["motion_error"] != first[1]["motion_error"]  # another arm
+
+
+def test_what_is_refused_or_stops_is_a_row() -> None:
+    refused, going = (
+        Runner(msgspec.structs.replace(SWEEP, vary=(axis_of("controller.layer=-1,0.01"),), draw=0)).figures(k)
+        for k in (0, 1)
+    )
+    assert refused["stopped"].startswith("refused: controller.layer: -1")
+    assert "motion_error" not in refused
+    assert going["stopped"] is None
+    pressing = edited(shipped()["ur5-constrained"], "target_model.K_f", [1.0, 0.0, 0.0, 0.0, 0.0, 0.0])
+    lost, kept = (Runner(Sweep(pressing, (axis_of("target_model.K_f.1=0.2,1"),))).figures(k) for k in (0, 1))
+    assert "contact lost" in lost["stopped"]
+    assert lost["simulated_time"] < kept["simulated_time"]
+    assert kept["stopped"] is None
+
+
+@pytest.mark.slow
+def test_a_sweep_on_two_processes_that_is_stopped_and_goes_on_has_every_row_once(tmp_path: Path) -> None:
+    whole, interrupted = tmp_path / "whole", tmp_path / "interrupted"
+    with RunStore(whole, SWEEP) as store:
+        assert running.run(store, SWEEP, 2) == 0
+    text = [f"--vary={axis}" for axis in ("contact.K_e=1e3:1e4:2:log", "controller.law=vsmrc,computed-torque")]
+    command = [sys.executable, "-m", "app", "sweep", "planar3r-hybrid", *text, "--draw", "2", "--duration", "0.3",
+               "--workers", "1", "--out", str(interrupted)]  # fmt: skip
+    with subprocess.Popen(command, start_new_session=True) as process:
+        while not (interrupted / JOURNAL).exists() or not (interrupted / JOURNAL).read_bytes():
+            assert process.poll() is None
+            time.sleep(0.001)
+        os.killpg(process.pid, signal.SIGKILL)
+    assert execute(command[3:]) == 0
+    (_, one), (_, other) = table_of(whole), table_of(interrupted)
+    assert one["row"].tolist() == other["row"].tolist() == list(range(8))
+    for name in set(METRICS) - {"wall_time"}:
+        assert np.array_equal(np.array(one[name], dtype=float), np.array(other[name], dtype=float), equal_nan=True), (
+            name
+        )
+
+
+@pytest.mark.slow
+def test_the_command_runs_draws_and_repeats_a_row(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    folder = str(tmp_path / "sweep")
+    asked = ["sweep", "planar3r-hybrid", "--vary", "contact.K_e=1e3:1e5:3:log", "--vary", "controller.K_s=20:80:2",
+             "--duration", "0.3", "--draw", "2", "--workers", "1"]  # fmt: skip
+    assert execute([*asked, "--dry-run"]) == 0
+    assert "12 runs of 3.6 s simulated time" in capsys.readouterr().out
+    assert execute([*asked, "--out", folder]) == 0
+    assert execute([*asked, "--out", folder]) == 0
+    assert "12 of 12 runs are there already" in capsys.readouterr().out
+    assert execute(["sweep", f"{folder}/sweep.toml", "--out", str(tmp_path / "again"), "--workers", "1"]) == 0
+    _, columns = table_of(tmp_path / "sweep")
+    _, again = table_of(tmp_path / "again")
+    assert columns["residual"].tolist() == again["residual"].tolist()
+    for kind, over in (("map", ()), ("slices", ("controller.K_s",)), ("parallel", ())):
+        out = tmp_path / f"{kind}.svg"
+        chosen = ["--over", *over] if over else []
+        assert execute(["sweep", "plot", folder, "--of", "force_error", "--as", kind, *chosen, "--out", str(out)]) == 0
+        assert out.read_bytes().startswith(b"<?xml")
+    assert execute(["run", "--from", folder, "--row", "7", "--out", str(tmp_path / "row")]) == 0
+    metrics = msgspec.json.decode((tmp_path / "row" / "metrics.json").read_bytes())
+    assert metrics["target_model_residual_tail"] == columns["residual"][7]
+    assert metrics["engine"] == "compiled"
+    capsys.readouterr()
+    for arguments, sentence in (
+        ((*asked,), "no folder for the runs"),
+        ((*asked, "--out", folder, "--seed", "3"), "holds another sweep (another seed)"),
+        (("sweep", "plot"), "no folder"),
+        (("sweep", "plot", folder, "--of", "beauty"), "--of 'beauty'"),
+        (("sweep", "plot", folder, "--show", "share"), "allowed: share with --within"),
+        (("sweep", "plot", folder, "--over", "controller.layer"), "--over 'controller.layer'"),
+        (("run", "--from", folder, "--out", folder), "--from FOLDER --row N"),
+        (("run", "--from", folder, "--row", "12", "--out", folder), "row 12; allowed: 0 to 11"),
+        (("run", "--out", folder), "no scenario"),
+        (("sweep", "ur5-hybrid", "--vary", "contact.K_e=1:nan:3", "--dry-run"), "allowed: finite numbers"),
+    ):
+        assert execute(list(arguments)) == 2, arguments
+        assert sentence in capsys.readouterr().err
