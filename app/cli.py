@@ -239,10 +239,10 @@ def run(
 
 def _of_sweep(folder: Path, row: int) -> tuple[Scenario, Engine]:
     """Scenario and engine of a run of a sweep."""
-    from app.sweep import question, running
+    from app.sweep import question
 
     asked = question.read(folder / question.FILE)
-    if asked.program != running.fingerprint():
+    if asked.program != question.fingerprint():
         say("this sweep was computed by another version of the program: digits may differ")
     whole = question.Question(asked)
     return whole.scenario(whole.row(row)), asked.engine
@@ -600,7 +600,7 @@ def sweep(
         raise ScenarioError(f"sweep: {folder} behind a scenario; allowed: `vsmrc sweep plot FOLDER`")
     from app.sweep import question, running
 
-    program = running.fingerprint()
+    program = question.fingerprint()
     if scenario.endswith(question.FILE):
         if vary or draw or settings or points or duration is not None:
             raise ScenarioError(f"sweep: {scenario} is the whole question; allowed: without --vary, --draw, --set, ...")
@@ -663,18 +663,18 @@ def _plot_sweep(
 ) -> int:
     from app.export.formats import Format
     from app.process.atomic_write import write_whole
-    from app.sweep import charts
+    from app.sweep import charts, points
     from app.sweep.run_store import table_of
 
     if folder is None:
         raise ScenarioError("sweep plot: no folder; allowed: the folder of a sweep")
     form: Format = one_of("--to", to, get_args(Format))
-    view = charts.View(
+    view = points.View(
         metric=of,
         within=within,
-        statistic=None if show is None else one_of("--show", show, get_args(charts.Statistic)),
+        statistic=None if show is None else one_of("--show", show, get_args(points.Statistic)),
         over=over,
-        kind=None if kind is None else one_of("--as", kind, get_args(charts.Kind)),
+        kind=None if kind is None else one_of("--as", kind, get_args(points.Kind)),
     )
     path, drawn = out or folder / f"{of}.{form}", charts.chart(*table_of(folder), view, form)
     try:

@@ -88,6 +88,7 @@ def main(folder: Path) -> None:
         refuse_and_hold(page, runner, album)
         present(page, album)
         compare(page, runner, album)
+        robustness_map(page, album)
         guided_minute(page, runner, album)
         lesson(page, album)
         load(runner, "ur5-hybrid", page)
@@ -236,6 +237,18 @@ def compare(page: Page, runner: Runner, album: Album) -> None:
         runner.post(Unpin(pinned.number))
     runner.post(Play())
     load(runner, "ur5-hybrid", page)
+
+
+def robustness_map(page: Page, album: Album) -> None:
+    """A map over stiffness and true masses, computed beside the loop."""
+    page.get_by_role("tab", name="Runs", exact=True).click()
+    page.get_by_text("Robustness map").click()
+    page.get_by_role("button", name="Compute the map").click()
+    page.get_by_text("81 of 81 runs").wait_for(timeout=240e3)
+    page.locator(".vs-tiles").scroll_into_view_if_needed()
+    shoot(page, album, "robustness-map", "The robustness map: a figure for many settings, a tile opens its run")
+    page.get_by_text("Robustness map").click()
+    page.get_by_role("tab", name="Task", exact=True).click()
 
 
 def show_help(page: Page, album: Album) -> None:

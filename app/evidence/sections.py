@@ -2,7 +2,17 @@
 
 from __future__ import annotations
 
-from app.evidence import baselines, blend, closed_forms, convergence, paper_cases, practice, simulators, theorem
+from app.evidence import (
+    baselines,
+    blend,
+    closed_forms,
+    convergence,
+    families,
+    paper_cases,
+    practice,
+    simulators,
+    theorem,
+)
 from app.evidence.section import Section
 
 SECTIONS: tuple[Section, ...] = (
@@ -14,4 +24,5 @@ SECTIONS: tuple[Section, ...] = (
     baselines.SECTION,
     practice.SECTION,
     blend.SECTION,
+    families.SECTION,
 )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -59,6 +60,12 @@ class Runner:
         self._question = Question(sweep)
         self._memory: Memory = kept_memory()
         self._previous: System | None = None
+
+    @classmethod
+    def computing(cls, sweep: Sweep) -> Callable[[tuple[int, ...]], list[Figures]]:
+        """Function that computes the figures of runs by their numbers, for a pool of processes."""
+        runner = cls(sweep)
+        return lambda numbers: [runner.figures(number) for number in numbers]
 
     def figures(self, number: int) -> Figures:
         """Figures of the run of this number. A run that is refused or stops is a row, too."""

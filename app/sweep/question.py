@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import hashlib
 import math
 import tomllib
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
+from importlib.metadata import version
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -25,6 +27,8 @@ MOST_ROWS = 10_000_000
 MOST_VALUES = 100_000  # of one axis
 LARGEST_FILE = 4_000_000  # bytes of sweep.toml
 FILE = "sweep.toml"
+COMPUTED = ("app/analysis", "app/scenario", "app/session", "app/simulation", "app/sweep", "controllers", "environments",
+            "kernels", "parameters")  # fmt: skip
 Design = Literal["grid", "latin", "sobol"]
 Value = float | int | str | bool
 
@@ -276,3 +280,14 @@ def read(path: Path) -> Sweep:
 def differences(one: Sweep, other: Sweep) -> list[str]:
     """Names of the parts in which two sweeps differ."""
     return [name for name in Sweep.__struct_fields__ if getattr(one, name) != getattr(other, name)]
+
+
+def fingerprint() -> str:
+    """Fingerprint of all that the figures of a run depend on besides the sweep: this program, and the libraries that
+    compute."""
+    root, digest = Path(__file__).parents[2], hashlib.sha256()
+    for package in COMPUTED:
+        for file in sorted((root / package).rglob("*.py")):
+            digest.update(file.relative_to(root).as_posix().encode() + file.read_bytes())
+    digest.update(" ".join(f"{name} {version(name)}" for name in ("numba", "numpy", "pin", "scipy")).encode())
+    return digest.hexdigest()[:16]

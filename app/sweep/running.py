@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-import hashlib
 import os
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from importlib.metadata import version
-from pathlib import Path
 
 import numpy as np
 from tqdm import tqdm
@@ -20,8 +17,6 @@ from app.sweep.run_store import RunStore
 
 BYTES = 90  # of a run on disk, measured (docs/sweeps.md)
 CHUNK = 8  # runs that a process takes at once, at most
-COMPUTED = ("app/analysis", "app/scenario", "app/session", "app/simulation", "app/sweep", "controllers", "environments",
-            "kernels", "parameters")  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -48,17 +43,6 @@ def _duration(seconds: float) -> str:
     return f"{seconds:.2g} s"
 
 
-def fingerprint() -> str:
-    """Fingerprint of all that the figures of a run depend on besides the sweep: this program, and the libraries that
-    compute."""
-    root, digest = Path(__file__).parents[2], hashlib.sha256()
-    for package in COMPUTED:
-        for file in sorted((root / package).rglob("*.py")):
-            digest.update(file.relative_to(root).as_posix().encode() + file.read_bytes())
-    digest.update(" ".join(f"{name} {version(name)}" for name in ("numba", "numpy", "pin", "scipy")).encode())
-    return digest.hexdigest()[:16]
-
-
 def estimated(sweep: Sweep, left: int, workers: int | None = None) -> Estimate:
     """What so many runs of a sweep will take, from the computing time of one of them. It is played twice: the first
     time, what all have in common is computed, too."""
@@ -81,11 +65,11 @@ def run(store: RunStore, sweep: Sweep, workers: int | None = None, *, show_progr
     Raises OSError where they cannot be written; what was written stays.
     """
     workers = workers or os.cpu_count() or 1
-    left = int((~store.done).sum())
-    failed = 0
-    with tqdm(total=left, unit=" runs", desc="sweep", disable=not show_progress) as bar:
-        for numbers, figures in worker_pool.results(_computer, (sweep,), _tasks(store.done, workers), workers):
-            for each in _rows(sweep, numbers, figures):
+    left, failed = np.flatnonzero(~store.done).tolist(), 0
+    tasks = tasks_of(left, workers)
+    with tqdm(total=len(left), unit=" runs", desc="sweep", disable=not show_progress) as bar:
+        for numbers, figures in worker_pool.results(Runner.computing, (sweep,), tasks, workers):
+            for each in rows_of(sweep, numbers, figures):
                 store.add(each)
                 failed += bool(each.get("stopped"))
             bar.set_postfix_str(f"{failed} stopped or refused" if failed else "")
@@ -94,23 +78,17 @@ def run(store: RunStore, sweep: Sweep, workers: int | None = None, *, show_progr
     return failed
 
 
-def _tasks(done: np.ndarray, workers: int) -> Iterator[tuple[int, ...]]:
-    """Numbers of the missing runs, a few at a time; towards the end fewer."""
-    missing = np.flatnonzero(~done).tolist()
+def tasks_of(numbers: Sequence[int], workers: int) -> Iterator[tuple[int, ...]]:
+    """Runs of these numbers, a few at a time for one process; towards the end fewer."""
     at = 0
-    while at < len(missing):
-        size = max(1, min(CHUNK, (len(missing) - at) // (4 * workers)))
-        yield tuple(missing[at : at + size])
+    while at < len(numbers):
+        size = max(1, min(CHUNK, (len(numbers) - at) // (4 * workers)))
+        yield tuple(numbers[at : at + size])
         at += size
 
 
-def _rows(sweep: Sweep, numbers: tuple[int, ...], figures: list[Figures] | worker_pool.Fallen) -> list[Figures]:
+def rows_of(sweep: Sweep, numbers: tuple[int, ...], figures: list[Figures] | worker_pool.Fallen) -> list[Figures]:
     if not isinstance(figures, worker_pool.Fallen):
         return figures
     question = Question(sweep)
     return [question.told(question.row(n)) | {"stopped": "the process that computed it has ended"} for n in numbers]
-
-
-def _computer(sweep: Sweep) -> Callable[[tuple[int, ...]], list[Figures]]:
-    runner = Runner(sweep)
-    return lambda numbers: [runner.figures(number) for number in numbers]

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from app.scenario.schema import ScenarioError
-from app.sweep.charts import View, _borders, chart, interval, points_of
+from app.sweep.charts import _borders, chart
+from app.sweep.points import View, interval, points_of
 from app.sweep.question import Axis, Question, Sweep, axis_of
 from tests.support.svg import texts_of
 from tests.sweep.test_question import BASE, sweep_of

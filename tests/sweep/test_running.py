@@ -18,7 +18,7 @@ from app.scenario.data import edited, shipped
 from app.session.headless_run import simulate
 from app.sweep import running
 from app.sweep.figures_of_run import METRICS, Figures, Runner
-from app.sweep.question import Question, Sweep, axis_of
+from app.sweep.question import Question, Sweep, axis_of, fingerprint
 from app.sweep.run_store import JOURNAL, RunStore, table_of
 
 SHORT = edited(shipped()["planar3r-hybrid"], "simulation.duration", 0.3)
@@ -26,7 +26,7 @@ SWEEP = Sweep(
     SHORT,
     (axis_of("contact.K_e=1e3:1e4:2:log"), axis_of("controller.law=vsmrc,computed-torque")),
     draw=2,
-    program=running.fingerprint(),
+    program=fingerprint(),
 )
 
 

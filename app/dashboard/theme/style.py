@@ -36,6 +36,7 @@ _SCRIPTS = (
     "hints.js",
     "lessons.js",
     "poles.js",
+    "tiles.js",
 )
 
 # Scripts in innerHTML do not run; the load event of an image that is part of the page does, and needs no request.

@@ -1,0 +1,168 @@
+"""Families of arms: a map over stiffness and true masses, and the band of a thousand true arms."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import msgspec
+import numpy as np
+
+from app.analysis.metrics import motion_error
+from app.evidence.section import Findings, Job, Section, of_kind
+from app.export.figures import Area, Chart, Curve, Figure, render
+from app.scenario.data import edited, shipped
+from app.session.headless_run import simulate
+from app.simulation.system import System
+from app.storage.constants_store import kept_memory
+from app.sweep.charts import chart
+from app.sweep.figures_of_run import Figures, Runner
+from app.sweep.points import View
+from app.sweep.question import Question, Sweep, axis_of
+
+LAWS = ("vsmrc", "computed-torque")
+MAP_DURATION, MAP_AXES = 3.0, ("contact.K_e=1e3:1e5:13:log", "truth.link_scaling=0.7:1.4:15")
+ARMS, BAND_DURATION, INSTANTS = 1000, 1.0, 200
+CHUNK = 25  # runs of a job
+SHARES = (0.0, 0.05, 0.5, 0.95, 1.0)
+BLUE, RED = (86, 180, 233), (235, 80, 80)
+MM = 1e3
+
+
+@dataclass(frozen=True)
+class Rows:
+    """Rows of the map of a law."""
+
+    law: str
+    rows: list[Figures]
+
+
+@dataclass(frozen=True)
+class Arms:
+    """Some arms of the band of a law.
+    s, bound, error: (arms, instants), ||s|| and what (20) and its band allow in m/s, NaN where nothing is promised, and
+    the position error, m.
+    holds: how many kept what was promised throughout; broken: how many did not."""
+
+    law: str
+    s: np.ndarray
+    bound: np.ndarray
+    error: np.ndarray
+    holds: int
+    broken: int
+
+
+def map_of(law: str) -> Sweep:
+    """Sweep of the map."""
+    scenario = edited(edited(shipped()["ur5-hybrid"], "simulation.duration", MAP_DURATION), "controller.law", law)
+    return Sweep(scenario, tuple(map(axis_of, MAP_AXES)))
+
+
+def band_of(law: str) -> Sweep:
+    """Sweep of the band: one point, many arms."""
+    scenario = edited(shipped()["ur5-hybrid-reaching"], "simulation.duration", BAND_DURATION)
+    return Sweep(edited(scenario, "controller.law", law), draw=ARMS)
+
+
+def map_rows(law: str, numbers: tuple[int, ...]) -> Rows:
+    """Rows of these numbers of the map."""
+    runner = Runner(map_of(law))
+    return Rows(law, [runner.figures(number) for number in numbers])
+
+
+def arms(law: str, numbers: tuple[int, ...]) -> Arms:
+    """Arms of these numbers of the band."""
+    asked, memory = Question(band_of(law)), kept_memory()
+    system: System | None = None
+    kept, holds, broken = [], 0, 0
+    for number in numbers:
+        loop, metrics = simulate(asked.scenario(asked.row(number)), engine="compiled", previous=system, memory=memory)
+        system = loop.system
+        record = loop.recording.signals(("t", "s_norm", "s_bound", "s_band", "e_r", "tool"))
+        few = np.linspace(0, len(record["t"]) - 1, INSTANTS).round().astype(int)
+        record = {name: values[few] for name, values in record.items()}
+        error = np.linalg.norm(motion_error(system, record), axis=1)
+        kept.append((record["s_norm"], record["s_bound"] + record["s_band"], error))
+        holds += metrics.promise.verdict == "holds"
+        broken += metrics.promise.verdict == "broken"
+    s, bound, errors = (np.array(each) for each in zip(*kept, strict=True))
+    return Arms(law, s, bound, errors, holds, broken)
+
+
+def jobs(thin: int) -> Sequence[Job]:
+    made = []
+    for law in LAWS:
+        for function, count in ((map_rows, Question(map_of(law)).count), (arms, ARMS)):
+            numbers = range(0, count, thin) if function is arms else range(count)
+            made += [Job(function, (law, tuple(numbers[k : k + CHUNK]))) for k in range(0, len(numbers), CHUNK)]
+    return made
+
+
+def conclude(results: Sequence[object]) -> Findings:
+    tables = {law: [row for each in of_kind(Rows, results) if each.law == law for row in each.rows] for law in LAWS}
+    bands = {law: [each for each in of_kind(Arms, results) if each.law == law] for law in LAWS}
+    robust = bands["vsmrc"]
+    ratio = np.concatenate([each.s / each.bound for each in robust])
+    worst = {law: np.array([row.get("force_error") or np.nan for row in tables[law]]) for law in LAWS}
+    inside = {law: np.array([row.get("declared") == 1.0 for row in tables[law]]) for law in LAWS}
+    numbers = {
+        "arms": str(sum(len(each.s) for each in robust)),
+        "holds": str(sum(each.holds for each in robust)),
+        "broken": str(sum(each.broken for each in robust)),
+        "ratio": f"{np.nanmax(ratio):.2f}",
+        "points": str(len(tables["vsmrc"])),
+        **{
+            f"{short}_{name}": f"{np.nanmax(worst[law][inside[law] if name == 'inside' else ~inside[law]]):.2g}"
+            for law, short in zip(LAWS, ("robust", "torque"), strict=True)
+            for name in ("inside", "outside")
+        },
+        **{
+            f"{short}_path": f"{MM * max(each.error[:, INSTANTS // 2 :].max() for each in bands[law]):.2g}"
+            for law, short in zip(LAWS, ("robust", "torque"), strict=True)
+        },
+    }
+    maps = {law: _map(law, tables[law]) for law in LAWS}
+    return Findings(numbers, {}, {"map": maps["vsmrc"], "torque_map": maps["computed-torque"], "band": _band(bands)})
+
+
+def _map(law: str, rows: list[Figures]) -> bytes:
+    names = ("row", "point", "arm", "contact.K_e", "truth.link_scaling", "force_error", "gain_margin", "declared")
+    columns = {name: np.array([row.get(name, np.nan) for row in rows], dtype=float) for name in names}
+    words = {"stopped": np.array([row.get("stopped") for row in rows], dtype=object)}
+    sweep = map_of(law)
+    titled = msgspec.structs.replace(sweep.scenario, name=f"ur5-hybrid, {law}")
+    return chart(msgspec.structs.replace(sweep, scenario=titled), columns | words, View("force_error"), "svg")
+
+
+def _band(bands: dict[str, list[Arms]]) -> bytes:
+    t = np.linspace(0.0, BAND_DURATION, INSTANTS)
+    robust = bands["vsmrc"]
+    s = _quantiles(np.concatenate([each.s for each in robust]))
+    bound = np.nanmin(np.concatenate([each.bound for each in robust]), axis=0)
+    allowed = Curve("bound (20) + band, the least of all arms", RED, t, MM * bound, dashed=True)
+    charts = [_chart("‖s‖, robust law", "mm/s", t, MM * s, (allowed,))]
+    for law in LAWS:
+        error = _quantiles(np.concatenate([each.error for each in bands[law]]))
+        charts.append(_chart(f"position error, {law}", "mm", t, MM * error, ()))
+    count = sum(len(each.s) for each in robust)
+    caption = (
+        f"{count} true arms inside the declared set, ur5-hybrid-reaching: least, 5 %, median, 95 % and largest at each "
+        "instant."
+    )
+    return render(Figure(tuple(charts), caption, one_column=1), "svg")
+
+
+def _quantiles(values: np.ndarray) -> np.ndarray:
+    return np.maximum(np.quantile(values, SHARES, axis=0), 1e-9)
+
+
+def _chart(title: str, unit: str, t: np.ndarray, values: np.ndarray, more: tuple[Curve, ...]) -> Chart:
+    names = ("least", "5 %", "median", "95 %", "largest")
+    curves = tuple(
+        Curve(name, BLUE, t, line, width=1.2 if name == "median" else 0.4, listed=name == "median")
+        for name, line in zip(names, values, strict=True)
+    )
+    return Chart(title, unit, (*curves, *more), areas=(Area(4, 0, BLUE), Area(3, 1, BLUE)), logarithmic=True)
+
+
+SECTION = Section("families", jobs, conclude)

@@ -1,0 +1,103 @@
+"""Points of a sweep with one number each, over the true arms of each point."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from scipy.stats import binomtest
+
+from app.scenario.schema import ScenarioError
+from app.sweep.figures_of_run import METRICS
+from app.sweep.question import Sweep
+from parameters import allowed
+
+Statistic = Literal["share", "median", "worst"]
+Kind = Literal["map", "slices", "scatter", "parallel"]
+CONFIDENCE = 0.95
+
+
+@dataclass(frozen=True)
+class View:
+    """What a chart shows.
+
+    metric: column of the table. within: limit, for the share of arms that keep it.
+    statistic: over the arms of a point. over: paths of the axes, by default the first two.
+    kind: None for the one that suits the sweep.
+    """
+
+    metric: str
+    within: float | None = None
+    statistic: Statistic | None = None
+    over: tuple[str, ...] = ()
+    kind: Kind | None = None
+
+
+@dataclass(frozen=True)
+class Points:
+    """Points of a sweep with one number each.
+
+    values: of the axes by path, (N,) each. number: (N,), NaN where no arm has one. good, arms: (N,), counts.
+    stopped: (N,) bool, whether a run stopped or was refused. theorem, declared: (N,) bool, whether (17) and the
+    declaration hold for all arms.
+    """
+
+    values: Mapping[str, np.ndarray]
+    number: np.ndarray
+    good: np.ndarray
+    arms: np.ndarray
+    stopped: np.ndarray
+    theorem: np.ndarray
+    declared: np.ndarray
+
+
+def points_of(sweep: Sweep, columns: Mapping[str, np.ndarray], view: View) -> Points:
+    """Points of a table's columns. Raises ScenarioError for a metric that there is not."""
+    if view.metric not in METRICS:
+        raise ScenarioError(f"--of {view.metric!r:.60}; {allowed(view.metric, METRICS)}")
+    statistic = statistic_of(view)
+    if (statistic == "share") != (view.within is not None):
+        raise ScenarioError(f"--show {statistic}: --within {view.within}; allowed: share with --within, others without")
+    order = np.argsort(columns["point"], kind="stable")
+    point = columns["point"][order]
+    begins = np.flatnonzero(np.r_[True, np.diff(point) > 0])
+    metric = np.asarray(columns[view.metric], dtype=float)[order]
+    stopped = np.array([bool(each) for each in columns["stopped"]])[order]
+    keeps = (metric <= (np.inf if view.within is None else view.within)) & ~stopped
+    margin = np.nan_to_num(np.asarray(columns["gain_margin"], dtype=float)[order], nan=0.0)
+    groups = [slice(a, b) for a, b in zip(begins, [*begins[1:], len(point)], strict=True)]
+    arms = np.array([g.stop - g.start for g in groups])
+    good = np.array([int(keeps[g].sum()) for g in groups])
+    number = good / arms if statistic == "share" else np.array([_statistic(metric[g], statistic) for g in groups])
+    return Points(
+        values={axis.path: np.asarray(columns[axis.path])[order][begins] for axis in sweep.vary},
+        number=number,
+        good=good,
+        arms=arms,
+        stopped=np.array([bool(stopped[g].any()) for g in groups]),
+        theorem=np.array([bool((margin[g] >= -1e-9).all()) for g in groups]),
+        declared=np.array(
+            [bool((np.asarray(columns["declared"], dtype=float)[order][g] == 1.0).all()) for g in groups]
+        ),
+    )
+
+
+def statistic_of(view: View) -> Statistic:
+    """Statistic that a view shows: the share where it has a limit, the worst otherwise, unless it says."""
+    return view.statistic or ("worst" if view.within is None else "share")
+
+
+def interval(good: int, arms: int) -> tuple[float, float]:
+    """Wilson's interval of a share, of 95 %."""
+    found = binomtest(good, arms).proportion_ci(CONFIDENCE, "wilson")
+    return float(found.low), float(found.high)
+
+
+def _statistic(values: np.ndarray, statistic: Statistic) -> float:
+    known = values[np.isfinite(values)]
+    if not len(known):
+        return math.nan
+    return float(np.median(known) if statistic == "median" else known.max())

@@ -1,0 +1,69 @@
+"""The picture of the robustness map: its numbers, the ends of what is declared, and the present setting."""
+
+from __future__ import annotations
+
+import re
+from types import SimpleNamespace
+from typing import Any, cast
+
+import msgspec
+import numpy as np
+import pytest
+
+from app.dashboard.widgets.map_tiles import Naming, map_html
+from app.scenario.data import edited
+from app.sweep.background import BackgroundSweep, coarse_first
+from app.sweep.points import View, points_of
+from app.sweep.question import Question
+from tests.sweep.test_charts import columns
+from tests.sweep.test_question import BASE, sweep_of
+
+SWEEP = sweep_of("contact.K_e=1e3:1e5:3:log", "controller.K_s=20:80:2", draw=4)
+NAMES = {"contact.K_e": ("stiffness <b>", "N/m"), "controller.K_s": ("gain", "N·s/m")}
+
+
+def picture(view: View, *, present: Any = BASE, going: bool = False, problem: str = "") -> str:
+    sweep = SimpleNamespace(question=Question(SWEEP), rows=[None] * 24, going=going, problem=problem)
+    naming = Naming("force error", "mN", 1e3, view.within is not None, NAMES)
+    points = points_of(SWEEP, columns(), view)
+    return map_html(cast(BackgroundSweep, sweep), points, naming, present)
+
+
+def test_tiles_say_their_numbers_in_units_and_the_arms_behind_them() -> None:
+    worst = picture(View("force_error"))
+    said = re.findall(r"<title>(.*?)</title>", worst)
+    assert len(said) == 6
+    assert said[1] == "stiffness &lt;b&gt; 1000 N/m, gain 80 N·s/m: force error 3100 mN, worst of 4 arms"
+    assert said[2].endswith("a run stopped or was refused")
+    assert re.findall(r'data-point="(\d+)"', worst) == ["0", "1", "2", "3", "4", "5"]
+    assert "<b>" not in worst
+    share = re.findall(r"<title>(.*?)</title>", picture(View("force_error", within=1.25)))
+    assert share[0].endswith("2 of 4 arms (95 %: 0.15 to 0.85)")
+
+
+def test_the_declared_set_ends_between_tiles_and_the_ring_is_at_the_present_setting() -> None:
+    present = edited(edited(BASE, "contact.K_e", 1e4), "controller.K_s", 80.0)
+    drawn = picture(View("force_error"), present=present)
+    ends = re.search(r'class="vs-ends"[^>]* d="([^"]*)"', drawn)
+    assert ends is not None
+    assert ends[1].count("M") == 2  # of point 5, at the upper right corner: its left and its lower edge
+    ring = re.search(r'class="vs-present" cx="([\d.]+)" cy="([\d.]+)"', drawn)
+    assert ring is not None
+    assert [float(each) for each in ring.groups()] == [187.0, 55.0]  # middle column, upper row
+    assert "vs-present" not in picture(View("force_error"), present=edited(BASE, "contact.K_e", 5e5))
+
+
+def test_a_map_that_failed_says_so() -> None:
+    assert "its process has ended" in picture(View("force_error"), problem="its process has ended")
+    assert "24 of 24 runs" in picture(View("force_error"), going=True)
+
+
+@pytest.mark.parametrize(("across", "up"), [(9, 9), (13, 5), (5, 5)])
+def test_every_fourth_tile_comes_first_and_each_comes_once(across: int, up: int) -> None:
+    vary = (f"contact.K_e=1e3:1e5:{across}:log", f"controller.K_s=20:80:{up}")
+    asked = Question(msgspec.structs.replace(sweep_of(*vary, draw=2)))
+    order = coarse_first(asked)
+    assert sorted(order) == list(range(asked.count))
+    first = order[: 2 * len(range(0, across, 4)) * len(range(0, up, 4))]
+    places = np.array([divmod(number // 2, up) for number in first])
+    assert (places % 4 == 0).all()
