@@ -764,8 +764,8 @@ def execute(arguments: list[str]) -> int:
         "compare": compare,
         "export": export,
         "response": response,
-        "figures": figures,
         "sweep": sweep,
+        "figures": figures,
         "lesson": lesson,
         "list": list_,
     }

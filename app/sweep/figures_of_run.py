@@ -29,7 +29,7 @@ class Column(NamedTuple):
 
 
 COLUMNS: dict[str, Column] = {
-    "row": Column("", "number of the run, for `vsmrc run --from DIR --row N`"),
+    "row": Column("", "number of the run, for `--row` of `vsmrc run`"),
     "point": Column("", "number of the point, of the varied fields"),
     "arm": Column("", "number of the true arm at this point"),
     "motion_error": Column("m", "largest position error where no force is controlled, last fifth of the run"),
