@@ -130,17 +130,20 @@ class RobustnessMap:
         text = self._tile.value.partition(" ")[0]
         if event.client is None or self._sweep is None or not text.isdecimal():
             return
-        question, points = self._sweep.question, self._points(self._sweep)
-        if points is None or int(text) >= question.count_of_points:
+        rows = [row for row in self._sweep.rows if row["point"] == int(text)]
+        if not rows:
             return
-        mine = [row for row in self._sweep.rows if row["point"] == int(text)]
-        worst = max(mine, key=lambda row: row.get(self._view.metric) or -math.inf, default=None)
-        if worst is not None:
+        metric, question = self._view.metric, self._sweep.question
+        worst = max(rows, key=lambda row: (bool(row.get("stopped")), row.get(metric) or -math.inf))
+        before = self._desk.snapshot().scenario
+        try:
             scenario = question.scenario(question.row(worst["row"]))
-            before = self._desk.snapshot().scenario
-            self._desk.post(Load(msgspec.structs.replace(scenario, name=before.name, simulation=before.simulation)))
-            self._desk.post(Reset())
-            self._desk.post(Play())
+        except ScenarioError as error:
+            self._desk.complain(str(error))
+            return
+        self._desk.post(Load(msgspec.structs.replace(scenario, name=before.name, simulation=before.simulation)))
+        self._desk.post(Reset())
+        self._desk.post(Play())
 
     @property
     def _view(self) -> View:
@@ -172,7 +175,8 @@ class RobustnessMap:
         label = "Cancel" if sweep.going else "Compute the map"
         if self._button.label != label:
             self._button.label, self._button.color = label, "gray" if sweep.going else "green"
-        self._file.visible = True
+        if not self._file.visible:
+            self._file.visible = True
         content = map_html(sweep, self._points(sweep), self._naming, snapshot.scenario)
         if self._html.content != content:
             self._html.content = content
