@@ -42,7 +42,6 @@ class Mobility(NamedTuple):
             1.0 / float(np.linalg.eigvalsh(M).min()),
         )
 
-
     def at_most_for(self, truth: Truth) -> Mobility:
         """Bound on the mobility of the true arm, where this is that of the believed one: the inertia of a link or rotor
         is the believed one times its factor, and a payload adds to it, so M is at least the least factor times the
