@@ -77,13 +77,13 @@ screenshots: .venv/dev.stamp
 	@touch $@
 
 .venv/dev.stamp: .venv/run.stamp
-	$(BIN)/python -m pip install --constraint constraints.txt --editable ".[dev,bench]"
+	$(BIN)/python -m pip install --constraint constraints.txt --editable ".[dev,bench,cluster]"
 	@touch $@
 
 # A fresh environment, so that nothing installed by hand slips in; `pip list` gives names and versions, never an address.
 constraints:
 	$(PYTHON) -m venv --clear build/constraints
-	build/constraints/bin/python -m pip install --editable ".[dev,bench,fuzz]"
+	build/constraints/bin/python -m pip install --editable ".[dev,bench,cluster,fuzz]"
 	echo "# Written by 'make constraints': versions that were tested together." > constraints.txt
 	build/constraints/bin/python -m pip list --format freeze --exclude pip --exclude-editable >> constraints.txt
 	rm -rf build/constraints

@@ -1,4 +1,4 @@
-"""The `vsmrc` command: `serve | run | compare | export | response | sweep | figures | lesson | list`."""
+"""The `vsmrc` command: `serve | run | compare | export | response | sweep | tune | figures | lesson | list`."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ import os
 import signal
 import sys
 import tomllib
+from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, TypeVar, get_args
 
@@ -34,7 +35,9 @@ from parameters import allowed
 if TYPE_CHECKING:
     from app.analysis.metrics import Metrics
     from app.simulation.system import System
+    from app.sweep.cluster import Cluster
     from app.sweep.question import Sweep
+    from app.tune.question import Tuning
 
 # Each command imports its own libraries: no other command waits for those of the page or of the simulation.
 
@@ -560,6 +563,7 @@ def sweep(
     duration: float | None = None,
     engine: Annotated[str, tyro.conf.arg(metavar=_braces(ENGINES))] = "compiled",
     workers: int | None = None,
+    scheduler: str | None = None,
     dry_run: bool = False,
     of: str = "motion_error",
     within: float | None = None,
@@ -586,6 +590,7 @@ def sweep(
         duration: simulated time of each run in s, instead of the scenario's
         engine: compiled, or pinocchio, whose digits differ by rounding
         workers: processes, instead of one for each core
+        scheduler: tcp://HOST:PORT of a Dask scheduler, whose workers compute the runs (docs/scale.md)
         dry_run: only say what it would take
         of: for plot, the metric (docs/sweeps.md)
         within: for plot, a limit in SI units: the share of arms that keep it is shown
@@ -599,6 +604,7 @@ def sweep(
     if folder is not None:
         raise ScenarioError(f"sweep: {folder} behind a scenario; allowed: `vsmrc sweep plot FOLDER`")
     from app.sweep import question, running
+    from app.sweep.cluster import Cluster
 
     program = question.fingerprint()
     if scenario.endswith(question.FILE):
@@ -621,16 +627,19 @@ def sweep(
         raise ScenarioError(f"sweep: {scenario} was asked of another version of the program; allowed: ask it anew")
     if min(points, draw, seed) < 0 or (workers is not None and workers < 1):
         raise ScenarioError("--points, --draw, --seed: allowed: 0 or more; --workers: 1 or more")
+    if scheduler is not None and workers is not None:
+        raise ScenarioError("--workers beside --scheduler; allowed: one of them: a cluster has workers of its own")
     count = question.Question(asked).count
-    if dry_run:
-        print(running.estimated(asked, count, workers))
-        return DONE
-    if out is None:
+    if out is None and not dry_run:
         raise ScenarioError("sweep: no folder for the runs; allowed: --out FOLDER, or --dry-run")
-    return _sweep_into(out, asked, workers)
+    with Cluster(scheduler) if scheduler is not None else nullcontext(workers) as on:
+        if out is None or dry_run:
+            print(running.estimated(asked, count, on))
+            return DONE
+        return _sweep_into(out, asked, on)
 
 
-def _sweep_into(out: Path, asked: Sweep, workers: int | None) -> int:
+def _sweep_into(out: Path, asked: Sweep, on: int | Cluster | None) -> int:
     from app.sweep import running
     from app.sweep.run_store import RunStore
 
@@ -639,9 +648,9 @@ def _sweep_into(out: Path, asked: Sweep, workers: int | None) -> int:
             count, left = len(store.done), int((~store.done).sum())
             if left < count:
                 print(f"{count - left} of {count} runs are there already")
-            print(running.estimated(asked, left, workers))
+            print(running.estimated(asked, left, on))
             try:
-                failed = running.run(store, asked, workers, show_progress=True)
+                failed = running.run(store, asked, on, show_progress=True)
             except KeyboardInterrupt:
                 print(f"stopped with {int(store.done.sum())} of {count} runs; the same command goes on")
                 raise
@@ -683,6 +692,93 @@ def _plot_sweep(
     except OSError as error:
         raise ScenarioError(f"--out {path}: cannot be written: {error.strerror}") from error
     print(f"written: {path}")
+    return DONE
+
+
+def tune(
+    scenario: Annotated[str, tyro.conf.Positional],
+    /,
+    *,
+    move: tyro.conf.UseAppendAction[tuple[str, ...]] = (),
+    aims: Annotated[tyro.conf.UseAppendAction[tuple[str, ...]], tyro.conf.arg(name="for", metavar="METRIC")] = (),
+    draw: int = 0,
+    budget: int = 120,
+    unseen: int = 32,
+    seed: int = 0,
+    out: Path | None = None,
+    duration: float | None = None,
+    workers: int | None = None,
+    dry_run: bool = False,
+    settings: Settings = (),
+) -> int:
+    """Search for better gains of a scenario, judged by the worst of many true arms, and try them on arms that the
+    search has not seen; the same command goes on where it was stopped.
+
+    Args:
+        scenario: a shipped scenario or a .toml file, whose gains are to be beaten
+        move: gain that may move, PATH=LOW:HIGH, with :log behind where its logarithm is to be drawn evenly
+        aims: figure that counts, the smaller the better (docs/tuning.md); two give a front
+        draw: true arms drawn inside the declared set, the same for every candidate; 0: the scenario's own one
+        budget: candidates besides the scenario's own gains
+        unseen: further true arms, on which the own gains and those that are offered are compared
+        seed: of arms and search: the same seed gives the same answer, with any number of processes
+        out: folder for the runs, the scenarios that are offered, and a figure
+        duration: simulated time of each run in s, instead of the scenario's
+        workers: processes, instead of one for each core
+        dry_run: only say what it would take
+    """
+    from app.tune import question, running
+
+    for name, given, least in (("draw", draw, 0), ("budget", budget, 1), ("unseen", unseen, 1), ("seed", seed, 0)):
+        if given < least:
+            raise ScenarioError(f"--{name} {given}; allowed: {least} or more")
+    if workers is not None and workers < 1:
+        raise ScenarioError(f"--workers {workers}; allowed: 1 or more")
+    asked = question.Tuning(
+        scenario=_configured(scenario, settings, duration),
+        vary=tuple(map(question.moved, move)),
+        points=budget + 1,
+        draw=draw,
+        seed=seed,
+        program=question.program(),
+        aims=aims,
+        unseen=unseen,
+    )
+    question.require_sound(asked)
+    if dry_run:
+        print(f"at most {running.estimated(asked, running.most_runs(asked), workers)}")
+        return DONE
+    if out is None:
+        raise ScenarioError("tune: no folder for the runs; allowed: --out FOLDER, or --dry-run")
+    return _tune_into(out, asked, workers)
+
+
+def _tune_into(out: Path, asked: Tuning, workers: int | None) -> int:
+    from app.sweep.run_store import RunStore
+    from app.tune import outcome, running
+
+    try:
+        with RunStore(out, asked) as store:
+            if done := int(store.done.sum()):
+                print(f"{done} runs are there already")
+            else:
+                print(f"at most {running.estimated(asked, running.most_runs(asked), workers)}")
+            try:
+                found = running.run(store, asked, workers, show_progress=True)
+            except KeyboardInterrupt:
+                print(f"stopped with {int(store.done.sum())} runs; the same command goes on")
+                raise
+            outcome.write(asked, found, out)
+    except OSError as error:
+        raise ScenarioError(f"--out {out}: cannot be written: {error.strerror}; what is there stays") from error
+    head, *rows = outcome.told(asked, found)
+    table = Table(*map(escape, head))
+    for row in rows:
+        table.add_row(*map(escape, row))
+    Console().print(table)
+    for sentence in outcome.verdict(asked, found):
+        print(sentence)
+    print(f"written to {out}")
     return DONE
 
 
@@ -765,6 +861,7 @@ def execute(arguments: list[str]) -> int:
         "export": export,
         "response": response,
         "sweep": sweep,
+        "tune": tune,
         "figures": figures,
         "lesson": lesson,
         "list": list_,

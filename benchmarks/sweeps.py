@@ -40,7 +40,7 @@ def main(runs: int = 200, whole: bool = False) -> None:
     for number in range(1, runs + 1):
         runner.figures(number)
     alone = runs / (time.perf_counter() - started)
-    shared = _rate(sweep, runs * workers, workers)
+    shared = rate(sweep, runs * workers, workers)
     print(f"one core: {alone:.1f} runs/s, {alone * DURATION:.0f} times real time, nothing kept")
     print(f"{workers} processes: {shared:.1f} runs/s, {shared / alone:.2f} times that")
     if whole:
@@ -52,7 +52,7 @@ def main(runs: int = 200, whole: bool = False) -> None:
             print(f"{len(store.done)} runs of {DURATION:g} s: {took:.1f} s, {size / len(store.done):.0f} bytes each")
 
 
-def _rate(sweep: Sweep, runs: int, workers: int) -> float:
+def rate(sweep: Sweep, runs: int, workers: int) -> float:
     """Runs per second in these processes, from the instant when each of them has done its first ones."""
     question = Question(msgspec.structs.replace(sweep))
     ends: list[tuple[float, int]] = []

@@ -90,6 +90,7 @@ class Gains(NamedTuple):
 
     A, F_1, F_2: the diagonals (n,).
     law: number of the law, see `laws.table.number_of`.
+    surfaces: number of surfaces among the task coordinates.
     damping_rate: 1/s, ||M_m^-1 B_m + A||, the gain from e_r_dot to r_eq_ddot.
     """
 
@@ -106,7 +107,7 @@ class Gains(NamedTuple):
     K_s_largest: float
     K_s_smallest: float
     damping_rate: float
-    m: int
+    surfaces: int
     by_theorem: bool
     d: float
     epsilon: float

@@ -46,8 +46,8 @@ class Controller:
     """A control law with its gains, for one target model.
 
     K_s (n, n) s.p.d., N s/m; d N: a constant, or None for the theorem's (17); epsilon N > 0; switching with boundary
-    layer m/s; bounds: see `controllers.bounds`; controlled (n,) and m: see `controllers.modes`; parameters: the
-    law's own, by name. Raises InvalidGain.
+    layer m/s; bounds: see `controllers.bounds`; controlled (n,) and surfaces, the number among the coordinates: see
+    `controllers.modes`; parameters: the law's own, by name. Raises InvalidGain.
     """
 
     law: ControlLaw
@@ -61,7 +61,7 @@ class Controller:
     layer: float
     uncertainty: Uncertainty
     controlled: np.ndarray
-    m: int
+    surfaces: int
     parameters: Mapping[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -91,7 +91,7 @@ class Controller:
             K_s_largest=float(np.linalg.eigvalsh(self.K_s)[-1]),
             K_s_smallest=float(np.linalg.eigvalsh(self.K_s)[0]),
             damping_rate=float(np.linalg.norm(np.linalg.solve(model.M_m, model.B_m) + c.A, 2)),
-            m=self.m,
+            surfaces=self.surfaces,
             by_theorem=self.d is None,
             d=float(self.d or 0.0),
             epsilon=float(self.epsilon),

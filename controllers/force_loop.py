@@ -13,13 +13,14 @@ def force_loop_factor(
     model: TargetModel,
     normal: np.ndarray,
     felt: np.ndarray,
-    M_e: float = np.inf,
+    M_e: np.ndarray,
 ) -> float:
     """Factor of the force loop: that of an error in the fed-back normal force from one sample to the next; it must stay
-    within (-1, 1).
+    within (-1, 1). Of several surfaces it is the one of largest size among the eigenvalues of their matrix.
 
-    normal: (n,), F_r per unit of lambda, a, which is e_1 in the task coordinates of a surface.
-    felt: (n,), the part of it in F_c, a_F.
+    normal: (n, k), F_r per unit of each lambda, a, which is e_1 in the task coordinates of a surface.
+    felt: (n, k), the part of it in F_c, a_F.
+    M_e: (k,) kg, infinite for rigid surfaces.
     With r_ddot = ... + H^-1 [(a - H_hat M_m^-1 K_f a_F) lambda_measured - a lambda],
     phi_ddot = a^T r_ddot + ... and lambda = M_e phi_ddot + ... the factor is
     M_e a^T H^-1 (a - H_hat M_m^-1 K_f a_F) / (1 + M_e a^T H^-1 a). A rigid surface is M_e -> infinity, where for
@@ -27,7 +28,11 @@ def force_loop_factor(
     1 - H_ff M_m1^-1).
     """
     Y = np.linalg.solve(H, normal)
-    fed_back = Y @ (normal - H_hat @ np.linalg.solve(model.M_m, model.K_f @ felt))
-    if np.isinf(M_e):
-        return float(fed_back / (Y @ normal))
-    return float(M_e * fed_back / (1.0 + M_e * (Y @ normal)))
+    fed_back = Y.T @ (normal - H_hat @ np.linalg.solve(model.M_m, model.K_f @ felt))
+    if np.isinf(M_e).all():
+        loop = np.linalg.solve(Y.T @ normal, fed_back)
+    else:
+        loop = np.linalg.solve(np.eye(len(M_e)) + M_e[:, None] * (Y.T @ normal), M_e[:, None] * fed_back)
+    factors = np.linalg.eigvals(loop)
+    worst = factors[np.argmax(np.abs(factors))]
+    return float(worst.real) if worst.imag == 0.0 else float(abs(worst))

@@ -3,7 +3,7 @@ F_c."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -22,6 +22,8 @@ class Mode:
     feedback: part of the interaction force that is F_c.
     contacts: kinds of contact that are allowed.
     stiffness: N/m, default of K_m.
+    surfaces, forces: number of surfaces in the world, and of those, the first ones, whose normal force is controlled
+    where r begins with phi.
     """
 
     name: str
@@ -33,6 +35,8 @@ class Mode:
     feedback: Literal["none", "normal", "all"]
     contacts: tuple[str, ...]
     stiffness: float = 4000.0
+    surfaces: int = 1
+    forces: int = 1
 
     @property
     def rigid(self) -> bool:
@@ -45,8 +49,17 @@ class Mode:
         return self.feedback == "none"
 
     def m(self) -> int:
-        """Number of force-controlled directions: our environments are one surface."""
-        return 1 if self.on_surface else 0
+        """Number of force-controlled directions."""
+        return self.forces if self.on_surface else 0
+
+    @property
+    def normals(self) -> int:
+        """Number of coordinates that are the phi of a surface."""
+        return self.surfaces if self.on_surface else 0
+
+    def among(self, surfaces: int, forces: int) -> Mode:
+        """The mode in a world of so many surfaces, with the force controlled on so many of them."""
+        return replace(self, surfaces=surfaces, forces=forces)
 
     def controlled(self, n: int) -> np.ndarray:
         """Mask (n,), 1 for each component of the interaction force that enters F_c."""
@@ -70,24 +83,25 @@ class Mode:
             force[:, m:] = True
         return {"M_m": coupling, "B_m": coupling.copy(), "K_m": stiffness, "K_f": force}
 
-    def environment(self, n: int, K_e_hat: float) -> np.ndarray:
-        """Stiffness (n,) N/m that the model meets along each coordinate: K_e_hat (33) or a rigid surface (41) along
-        the controlled normal, 0 elsewhere."""
+    def environment(self, n: int, K_e_hat: np.ndarray | float) -> np.ndarray:
+        """Stiffness (n,) N/m that the model meets along each coordinate: K_e_hat (33), a number or (m,), or a rigid
+        surface (41) along the controlled normals, 0 elsewhere."""
         stiffness = np.zeros(n)
         stiffness[: self.m()] = np.inf if self.rigid else K_e_hat
         return stiffness
 
-    def poles(self, model: TargetModel, K_e_hat: float) -> np.ndarray:
+    def poles(self, model: TargetModel, K_e_hat: np.ndarray | float) -> np.ndarray:
         """Poles (1/s) of (8) in contact, two for each coordinate that can move: on a rigid surface r_f = 0 (42)."""
         stiffness = self.environment(model.n, K_e_hat)
         free = np.isfinite(stiffness)
         moving = TargetModel(*(X[np.ix_(free, free)] for X in (model.M_m, model.B_m, model.K_m, model.K_f)))
         return moving.poles(np.diag(stiffness[free]))
 
-    def check(self, model: TargetModel, K_e_hat: float, surfaces: SurfaceRange | None = None) -> None:
+    def check(self, model: TargetModel, K_e_hat: np.ndarray | float, surfaces: SurfaceRange | None = None) -> None:
         """Raise InvalidGain, naming matrix and reason, unless the mode admits the model.
 
-        K_e_hat: estimated stiffness (N/m) along the first coordinate, with which the model must be stable.
+        K_e_hat: estimated stiffness (N/m), a number or (m,), of the controlled normals, with which the model must be
+        stable.
         surfaces: all surfaces that the tool may touch, on which the model must be stable, None for none.
         """
         m, n = self.m(), model.n

@@ -6,7 +6,7 @@ from __future__ import annotations
 from controllers.bounds import paper_bound, tight_bound
 from controllers.control_law import joint_acceleration, joint_velocity
 from kernels import inline
-from kernels.algebra import dot, norm, row_times, transposed_times
+from kernels.algebra import cross, dot, norm, row_times, transposed_times
 
 
 @inline
@@ -22,13 +22,34 @@ def measure(told, out):
 
 @inline
 def controlled_force(gains, task, tau_F, F, F_c):
-    """Compute F_c (n,): the entries of F_r = J_q^-T J^T F in `controlled`; the first m are the multiplier, (39),
-    (40)."""
+    """Compute F_c (n,): the entries of F_r = J_q^-T J^T F in `controlled`; the first, one for each surface, are the
+    multipliers, (39), (40)."""
     transposed_times(task.J_q_inv, tau_F, F_c)
-    if gains.m > 0:
-        F_c[0] = dot(task.normal, F) / dot(task.normal, task.normal)
+    multipliers(task.normals, gains.surfaces, F, F_c)
     for i in range(F_c.shape[0]):
         F_c[i] *= gains.controlled[i]
+
+
+@inline
+def multipliers(normals, surfaces, F, found):
+    """Compute the multipliers lambda of so many surfaces (0 to 3) whose force grad(Phi)^T lambda is nearest to F (3,)
+    N, into the first entries of `found`: friction along the surfaces is not counted. normals: (3, 3), grad(Phi) in the
+    first rows; they need not be orthogonal."""
+    a, b, c = normals[0], normals[1], normals[2]
+    if surfaces == 1:
+        found[0] = dot(a, F) / dot(a, a)
+    elif surfaces == 2:
+        aa, ab, bb, aF, bF = dot(a, a), dot(a, b), dot(b, b), dot(a, F), dot(b, F)
+        square = aa * bb - ab * ab
+        found[0], found[1] = (bb * aF - ab * bF) / square, (aa * bF - ab * aF) / square
+    elif surfaces == 3:
+        across = cross(b, c)
+        volume = dot(a, across)
+        found[0], found[1], found[2] = (
+            dot(F, across) / volume,
+            dot(F, cross(c, a)) / volume,
+            dot(F, cross(a, b)) / volume,
+        )
 
 
 @inline

@@ -71,6 +71,10 @@ class TargetModel:
     def n(self) -> int:
         return len(self.M_m)
 
+    def after(self, m: int) -> TargetModel:
+        """Model of the coordinates after the first m, where it does not couple them with those."""
+        return TargetModel(self.M_m[m:, m:], self.B_m[m:, m:], self.K_m[m:, m:], self.K_f[m:, m:])
+
     def companion(self) -> np.ndarray:
         """Companion matrix of M_m e_ddot + B_m e_dot + K_m e = 0, (2n, 2n) for (e, e_dot), 1/s."""
         M_inv = np.linalg.inv(self.M_m)
@@ -90,6 +94,15 @@ class TargetModel:
         """
         K_m, K_f = self.K_m[axis, axis], self.K_f[axis, axis]
         return K_e * (K_f * F_d + K_m * (x_d - x_e) + rest) / (K_m + K_f * K_e)
+
+    def steady_forces(self, K_e: np.ndarray, r_d: np.ndarray, F_d: np.ndarray, rest: np.ndarray) -> np.ndarray:
+        """Steady forces (..., m) N on m surfaces of stiffness K_e (m,) N/m, or (m, m), with constant r_d (..., m) m
+        from them and F_d (..., m) N, (37): K_m1 (r - r_d) = -K_f1 (K_e r - F_d) + rest. rest: (..., m) N, see
+        `left_by_layer`."""
+        m, K_e = len(K_e), np.diag(K_e) if K_e.ndim == 1 else K_e
+        K_m, K_f = self.K_m[:m, :m], self.K_f[:m, :m]
+        pulled = r_d @ K_m.T + F_d @ K_f.T + rest
+        return np.linalg.solve(K_m + K_f @ K_e, pulled[..., None])[..., 0] @ K_e.T
 
     def left_by_layer(self, A: np.ndarray, s: np.ndarray) -> np.ndarray:
         """Term -M_m A s (n,) N, which (14) adds on the right of (8) while s (n,) m/s stays within the boundary

@@ -1,6 +1,7 @@
 """Task space r(x, t): r, r_dot, J_q, J_q_dot, v_t, v_t_dot of (3) and (31).
 
-r stacks, all in metres, positions (coordinates of the tool point, on a surface (phi, psi_1, psi_2)), l times Euler
+r stacks, all in metres, positions (coordinates of the tool point, on a surface (phi, psi_1, psi_2), in a corner
+(phi_1, phi_2, psi) or (phi_1, phi_2, phi_3)), l times Euler
 angles of the tool in the task frame, and l times supplemental joint angles (Remark 5). The characteristic length l
 makes metres and radians comparable, so that a scalar d and a 2-norm make sense.
 """
@@ -12,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from kernels import inline
-from kernels.algebra import copy, invert, spectral_norm, times
+from kernels.algebra import copy, copy_matrix, invert, spectral_norm, times
 
 
 class TaskSpace(NamedTuple):
@@ -20,7 +21,7 @@ class TaskSpace(NamedTuple):
     r, r_dot, v_t, v_t_dot: (n,).
     J_q, J_q_dot, J_q_inv: (n, n).
     J_q_inv_norm: an upper bound of J_q_inv's norm (see `spectral_norm`).
-    normal: (3,), gradient of phi in the world frame."""
+    normals: (3, 3), gradients of the first three coordinates in the world frame: of phi, or of each phi, first."""
 
     r: np.ndarray
     r_dot: np.ndarray
@@ -30,13 +31,13 @@ class TaskSpace(NamedTuple):
     J_q_inv_norm: float
     v_t: np.ndarray
     v_t_dot: np.ndarray
-    normal: np.ndarray
+    normals: np.ndarray
 
     @classmethod
     def zeros(cls, n: int) -> TaskSpace:
         """Task coordinates of an arm with n joints."""
         vector, square = np.zeros(n), np.zeros((n, n))
-        return cls(vector, vector, square, square, square, 0.0, vector, vector, np.zeros(3))
+        return cls(vector, vector, square, square, square, 0.0, vector, vector, np.zeros((3, 3)))
 
 
 class TaskLayout(NamedTuple):
@@ -110,7 +111,7 @@ def _euler_rates(sb, cb, sc, cc, omega):
 
 @inline
 def _positions(layout, chart, estimate, task):
-    """Compute (phi, psi_1, psi_2), or Cartesian coordinates, of the tool point: (31) and its derivatives."""
+    """Compute the coordinates on surfaces, or Cartesian ones, of the tool point: (31) and its derivatives."""
     p_dot = estimate.p_dot
     for i in range(layout.positions):
         task.r[i], task.v_t[i], task.v_t_dot[i] = chart.g[i], chart.g_t[i], chart.g_tt[i]
@@ -206,8 +207,7 @@ def task_space(layout, chart, estimate, q, q_dot, work, task):
     chart: g, G, G_p, g_t, G_t, g_tt of the tool point, as `environments.surfaces.Chart` has them; work: a `Scratch`.
     Raises ValueError where J_q is exactly singular.
     """
-    for k in range(3):
-        task.normal[k] = chart.G[0, k]
+    copy_matrix(chart.G, task.normals)
     if layout.joint:
         _joint(q, q_dot, task)
     else:

@@ -21,6 +21,27 @@ UNDRAWN = """
     WebGL2RenderingContext.prototype[name] = function (...what) { if (!window.undrawn) draw.apply(this, what); };
   }
 """
+# What the page has sent last, and what it was told by hand: for a wait that fails.
+SENT = """
+  window.vsmrcSent = [];
+  const post = Worker.prototype.postMessage, note = (...what) => {
+    window.vsmrcSent.push([Math.round(performance.now()), ...what].join(" "));
+    window.vsmrcSent = window.vsmrcSent.slice(-30);
+  };
+  Worker.prototype.postMessage = function (data, ...rest) {
+    const { type, uuid, updates } = data?.message ?? {};
+    if (type && type !== "ViewerCameraMessage") note(type, uuid, JSON.stringify(updates ?? ""));
+    return post.call(this, data, ...rest);
+  };
+  for (const kind of ["mousedown", "mouseup", "click", "keydown"])
+    window.addEventListener(kind, (e) => note(kind, e.target.tagName, e.target.innerText?.slice(0, 30) ?? ""), true);
+"""
+ROWS = """
+  () => [...document.querySelectorAll("form")].filter((form) => form.checkVisibility()).map((form) => [
+    form.innerText, form.querySelector("input.mantine-TextInput-input")?.value,
+    form.querySelector("[role=slider]")?.ariaValueNow, "held" in form.dataset ? "held" : "",
+  ].join(" | ")).concat(window.vsmrcSent ?? [])
+"""
 PATIENCE = 90.0  # s: a busy machine may take long to start the process that previews
 
 
@@ -52,7 +73,7 @@ class Session:
         return self.runner.snapshot
 
     def choose(self, label: str, option: str) -> None:
-        self.page.get_by_label(label, exact=True).click()
+        self.page.get_by_label(label, exact=True).locator("visible=true").click()
         self.page.get_by_role("option", name=option, exact=True).click()
 
     def tab(self, name: str) -> None:
@@ -91,7 +112,8 @@ class Session:
         return self.page.evaluate("Object.values(__viserTestpoints.uplots)[0].chart.data[0].at(-1)")
 
     def wait(self, condition: Callable[[Snapshot], bool], seconds: float = PATIENCE) -> None:
-        """Wait until the loop fulfils the condition; a failure shows its state."""
+        """Wait until the loop fulfils the condition; a failure shows its state, the numbers on the page, and
+        what was done there."""
         until = time.monotonic() + seconds
         while not condition(self.now):
             assert time.monotonic() < until, (
@@ -99,6 +121,7 @@ class Session:
                 self.now.reason,
                 self.now.refusal,
                 self.now.revision,
+                self.page.evaluate(ROWS),
                 self.now.scenario,
             )
             self.page.wait_for_timeout(50)

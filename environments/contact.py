@@ -14,10 +14,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from environments.surfaces.chart import Chart, Shape
+from environments.surfaces.chart import Chart, Shapes, one_of
 from environments.surfaces.table import surface_chart
 from kernels import inline
-from kernels.algebra import cross, dot, transposed_times
+from kernels.algebra import cross, dot, solve_leading, transposed_times
 
 SLIP_SPEED = 1e-3  # m/s, where Coulomb friction has reached 0.7 of its value: the smooth transition through rest
 
@@ -36,19 +36,36 @@ class Contact(NamedTuple):
     friction_viscous: float
 
 
+class Contacts(NamedTuple):
+    """Contacts of three surfaces, of which only those that there are are read."""
+
+    first: Contact
+    second: Contact
+    third: Contact
+
+    @classmethod
+    def of(cls, contacts: tuple[Contact, ...]) -> Contacts:
+        """Contacts of one, two or three surfaces."""
+        return cls._make((*contacts, *contacts[-1:], *contacts[-1:])[:3])
+
+
+class ToolKinematics(NamedTuple):
+    """Kinematics of the tool point at one state: p (3,) m, p_dot (3,) m/s, J_v (3, n) m."""
+
+    p: np.ndarray
+    p_dot: np.ndarray
+    J_v: np.ndarray
+
+
 class ContactKinematics(NamedTuple):
-    """Kinematics of the contact at one state.
-    p, p_dot, J_v: (3,) m, (3,) m/s, (3, n), of the tool point.
-    chart: the surface at that point.
+    """Kinematics of the contact with one surface at one state.
+    chart: the surface at the tool point.
     drag: (3,), friction per unit multiplier.
     v_rel: (3,) m/s, slip.
     phi, phi_dot: m, m/s.
     phi_ddot_bias: m/s^2, phi_ddot without its part in q_ddot.
     pull: (n,), phi_dot per unit of q_dot."""
 
-    p: np.ndarray
-    p_dot: np.ndarray
-    J_v: np.ndarray
     chart: Chart
     drag: np.ndarray
     v_rel: np.ndarray
@@ -61,31 +78,46 @@ class ContactKinematics(NamedTuple):
     def zeros(cls, n: int) -> ContactKinematics:
         """Kinematics of an arm with n joints."""
         v = np.zeros(3)
-        return cls(v, v, np.zeros((3, n)), Chart.zeros(), v, v, 0.0, 0.0, 0.0, np.zeros(n))
+        return cls(Chart.zeros(), v, v, 0.0, 0.0, 0.0, np.zeros(n))
+
+
+class Touch(NamedTuple):
+    """Kinematics of the tool and of its contacts with up to three surfaces."""
+
+    tool: ToolKinematics
+    first: ContactKinematics
+    second: ContactKinematics
+    third: ContactKinematics
+
+    @classmethod
+    def zeros(cls, n: int) -> Touch:
+        """Kinematics of an arm with n joints."""
+        v, met = np.zeros(3), ContactKinematics.zeros(n)
+        return cls(ToolKinematics(v, v, np.zeros((3, n))), met, met, met)
 
 
 class ContactForce(NamedTuple):
-    """Force of the contact: force (3,) N of the tool on the environment, torque (n,) N m = J_v^T force, multiplier N,
-    phi m."""
+    """Force of all contacts together: force (3,) N of the tool on the environment, torque (n,) N m = J_v^T force; of
+    each of three surfaces, multiplier N and phi m, 0 for those that there are not."""
 
     force: np.ndarray
     torque: np.ndarray
-    multiplier: float
-    phi: float
+    multiplier: np.ndarray
+    phi: np.ndarray
 
     @classmethod
     def zeros(cls, n: int) -> ContactForce:
         """Force of an arm with n joints that touches nothing."""
-        return cls(np.zeros(3), np.zeros(n), 0.0, 0.0)
+        return cls(np.zeros(3), np.zeros(n), np.zeros(3), np.zeros(3))
 
 
 class World(NamedTuple):
-    """Environment of the tool: the lever (3,) m of the tool in the joint that carries it, the surface's shape and the
-    contact, rigid or not."""
+    """Environment of the tool: the lever (3,) m of the tool in the joint that carries it, the surfaces' shapes and
+    contacts, all of them rigid or none."""
 
     lever: np.ndarray
-    shape: Shape
-    contact: Contact
+    shapes: Shapes
+    contacts: Contacts
     rigid: bool
 
 
@@ -99,50 +131,60 @@ def place_tool(lever, rotation, translation, p):
 
 @inline
 def touch_at(world, J, rotation, translation, q_dot, t, touch):
-    """Compute the `ContactKinematics` from the world Jacobian J (6, n) of the joint that carries the tool and that
-    joint's placement; phi_ddot_bias lacks the tool's own drift, see `add_drift`."""
-    shape, n = world.shape, q_dot.shape[0]
-    p, p_dot, chart = touch.p, touch.p_dot, touch.chart
+    """Compute the `Touch` from the world Jacobian J (6, n) of the joint that carries the tool and that joint's
+    placement; phi_ddot_bias lacks the tool's own drift, see `add_drift`."""
+    p, p_dot, J_v = touch.tool.p, touch.tool.p_dot, touch.tool.J_v
     place_tool(world.lever, rotation, translation, p)
     for a in range(3):
         p_dot[a] = 0.0
-    for j in range(n):
+    for j in range(q_dot.shape[0]):
         around = cross(p, (J[3, j], J[4, j], J[5, j]))
         for a in range(3):
-            touch.J_v[a, j] = J[a, j] - around[a]
-            p_dot[a] += touch.J_v[a, j] * q_dot[j]
-    surface_chart(shape, p, t, chart)
+            J_v[a, j] = J[a, j] - around[a]
+            p_dot[a] += J_v[a, j] * q_dot[j]
+    for i in range(world.shapes.number):
+        _meet(one_of(world.shapes, i), one_of(world.contacts, i), touch.tool, t, one_of(touch, i))
+
+
+@inline
+def _meet(shape, contact, tool, t, met):
+    """Compute the `ContactKinematics` of the tool with one surface."""
+    p_dot, chart = tool.p_dot, met.chart
+    surface_chart(shape, tool.p, t, chart)
     normal = chart.G[0]
-    transposed_times(touch.J_v, normal, touch.pull)
+    transposed_times(tool.J_v, normal, met.pull)
 
     omega = 2 * np.pi * shape.frequency
     surface_speed = shape.amplitude * omega * np.cos(omega * t)
     square, into = dot(normal, normal), 0.0
     for a in range(3):
-        touch.v_rel[a] = p_dot[a] - surface_speed * shape.direction[a]
-        into += normal[a] * touch.v_rel[a]
+        met.v_rel[a] = p_dot[a] - surface_speed * shape.direction[a]
+        into += normal[a] * met.v_rel[a]
     for a in range(3):
-        touch.v_rel[a] -= normal[a] * (into / square)
-    slip = np.sqrt(square / (dot(touch.v_rel, touch.v_rel) + SLIP_SPEED**2))
-    touch.phi, touch.phi_dot = chart.g[0], dot(normal, p_dot) + chart.g_t[0]
+        met.v_rel[a] -= normal[a] * (into / square)
+    slip = np.sqrt(square / (dot(met.v_rel, met.v_rel) + SLIP_SPEED**2))
+    met.phi, met.phi_dot = chart.g[0], dot(normal, p_dot) + chart.g_t[0]
     # the mixed term grad(phi_t) . p_dot occurs once in J_dot q_dot and once in the derivative of phi_t
-    touch.phi_ddot_bias = 2.0 * dot(chart.G_t[0], p_dot) + chart.g_tt[0]
+    met.phi_ddot_bias = 2.0 * dot(chart.G_t[0], p_dot) + chart.g_tt[0]
     for a in range(3):
-        touch.drag[a] = touch.v_rel[a] * (world.contact.friction_coulomb * slip)
-        touch.phi_ddot_bias += p_dot[a] * dot(chart.G_p[0, a], p_dot)
+        met.drag[a] = met.v_rel[a] * (contact.friction_coulomb * slip)
+        met.phi_ddot_bias += p_dot[a] * dot(chart.G_p[0, a], p_dot)
 
 
 @inline
-def add_drift(J, J_dot, q_dot, touch):
-    """Add the part of phi_ddot in the tool's acceleration without q_ddot, J_v_dot q_dot."""
+def add_drift(world, J, J_dot, q_dot, touch):
+    """Add the part of each phi_ddot in the tool's acceleration without q_ddot, J_v_dot q_dot."""
+    p, p_dot = touch.tool.p, touch.tool.p_dot
     for a in range(3):
         b, c = (a + 1) % 3, (a + 2) % 3
         drift = 0.0
         for j in range(q_dot.shape[0]):
-            turning = touch.p[b] * J_dot[3 + c, j] - touch.p[c] * J_dot[3 + b, j]
-            carried = touch.p_dot[b] * J[3 + c, j] - touch.p_dot[c] * J[3 + b, j]
+            turning = p[b] * J_dot[3 + c, j] - p[c] * J_dot[3 + b, j]
+            carried = p_dot[b] * J[3 + c, j] - p_dot[c] * J[3 + b, j]
             drift += (J_dot[a, j] - turning - carried) * q_dot[j]
-        touch.phi_ddot_bias += touch.chart.G[0, a] * drift
+        for i in range(world.shapes.number):
+            met = one_of(touch, i)
+            met.phi_ddot_bias += met.chart.G[0, a] * drift
 
 
 @inline
@@ -156,33 +198,83 @@ def spring(contact, phi, phi_dot):
 
 
 @inline
-def contact_force(contact, multiplier, touching, touch, force):
-    """Compute the force (3,) N of the tool on the environment for a multiplier, with friction where they touch."""
-    viscous = contact.friction_viscous if touching else 0.0
+def touching(world, contact, met):
+    """Whether the tool touches this surface."""
+    return world.rigid or met.phi > 0.0 or not contact.unilateral
+
+
+@inline
+def add_contact_force(contact, multiplier, touches, met, force):
+    """Add the force (3,) N of the tool on one surface for a multiplier, with friction where it touches."""
+    viscous = contact.friction_viscous if touches else 0.0
     for a in range(3):
-        along = abs(multiplier) * touch.drag[a] + viscous * touch.v_rel[a]
-        force[a] = multiplier * touch.chart.G[0, a] + along
+        along = abs(multiplier) * met.drag[a] + viscous * met.v_rel[a]
+        force[a] += multiplier * met.chart.G[0, a] + along
 
 
 @inline
-def elastic_load(contact, touch, load):
-    """Compute the `ContactForce` of an elastic surface: it does not depend on the torque."""
-    load.multiplier, load.phi = spring(contact, touch.phi, touch.phi_dot), touch.phi
-    contact_force(contact, load.multiplier, load.multiplier != 0.0, touch, load.force)
-    transposed_times(touch.J_v, load.force, load.torque)
+def elastic_load(world, touch, load):
+    """Compute the `ContactForce` of elastic surfaces: it does not depend on the torque."""
+    for a in range(3):
+        load.force[a] = 0.0
+    for i in range(world.shapes.number):
+        contact, met = one_of(world.contacts, i), one_of(touch, i)
+        load.multiplier[i], load.phi[i] = spring(contact, met.phi, met.phi_dot), met.phi
+        add_contact_force(contact, load.multiplier[i], load.multiplier[i] != 0.0, met, load.force)
+    transposed_times(touch.tool.J_v, load.force, load.torque)
+
+
+class MultiplierWork(NamedTuple):
+    """Memory of `heavy_multipliers`: directions (3, n), M^-1 J_v^T of each unit multiplier's force, mobility (3, 3) of
+    phi_ddot by the multipliers, free (3,) m/s^2, phi_ddot without them, S (3, 3) and b (3,) of the equations, side
+    (3,), the sign of each multiplier that its friction was computed for, whether it acts (1), and its value, N."""
+
+    directions: np.ndarray
+    mobility: np.ndarray
+    free: np.ndarray
+    S: np.ndarray
+    b: np.ndarray
+    side: np.ndarray
+    acts: np.ndarray
+    found: np.ndarray
+
+    @classmethod
+    def zeros(cls, n: int) -> MultiplierWork:
+        """Memory for an arm with n joints."""
+        v, square = np.zeros(3), np.zeros((3, 3))
+        return cls(np.zeros((3, n)), square, v, square, v, v, np.zeros(3, dtype=np.int64), v)
 
 
 @inline
-def heavy_multiplier(contact, rigid, touch, phi_ddot_free, mobility):
-    """Multiplier lambda (N) where it depends on the acceleration phi_ddot = phi_ddot_free - mobility lambda: (28),
-    (39).
+def heavy_multipliers(world, touch, work, multiplier):
+    """Multipliers lambda (3,) N where they depend on the acceleration phi_ddot = free - mobility lambda: (28), (39).
 
-    On a rigid surface it may be negative: the caller decides whether contact is lost.
+    Of a unilateral surface that would have to pull only a rigid one keeps its negative multiplier: the caller decides
+    whether contact is lost.
     """
-    if rigid:
-        return phi_ddot_free / mobility
-    if contact.unilateral and touch.phi <= 0.0:
-        return 0.0
-    pull = contact.M_e * phi_ddot_free + contact.B_e * touch.phi_dot + contact.K_e * touch.phi
-    multiplier = pull / (1.0 + contact.M_e * mobility)
-    return max(0.0, multiplier) if contact.unilateral else multiplier
+    k = world.shapes.number
+    for i in range(k):
+        contact, met = one_of(world.contacts, i), one_of(touch, i)
+        work.acts[i] = 1 if touching(world, contact, met) else 0
+    while True:
+        for i in range(k):
+            contact, met = one_of(world.contacts, i), one_of(touch, i)
+            weight, own, pull = 1.0, 0.0, 0.0
+            if not world.rigid:
+                weight, own, pull = contact.M_e, 1.0, contact.B_e * met.phi_dot + contact.K_e * met.phi
+            work.b[i] = weight * work.free[i] + pull
+            for j in range(k):
+                work.S[i, j] = weight * work.mobility[i, j] + (own if i == j else 0.0)
+                if not (work.acts[i] and work.acts[j]):
+                    work.S[i, j] = 1.0 if i == j else 0.0
+            if not work.acts[i]:
+                work.b[i] = 0.0
+        solve_leading(work.S, work.b, k, multiplier)
+        most, pulls = 0.0, -1
+        for i in range(k):
+            contact = one_of(world.contacts, i)
+            if not world.rigid and contact.unilateral and work.acts[i] and multiplier[i] < most:
+                most, pulls = multiplier[i], i
+        if pulls < 0:
+            return
+        work.acts[pulls] = 0

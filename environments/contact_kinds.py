@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Literal
 
 
@@ -25,6 +25,11 @@ class ContactKind:
     def heavy(self) -> bool:
         """Whether its force depends on the torque."""
         return self.massive or self.rigid
+
+
+def nature_of(kinds: tuple[ContactKind, ...]) -> ContactKind:
+    """Kind of the contacts with several surfaces together: that of the first one, massive where any of them is."""
+    return replace(kinds[0], massive=any(kind.massive for kind in kinds))
 
 
 CONTACTS = {

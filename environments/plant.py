@@ -12,25 +12,30 @@ import pinocchio as pin
 from environments.contact import (
     Contact,
     ContactForce,
-    ContactKinematics,
+    Contacts,
+    MultiplierWork,
+    Touch,
     World,
+    add_contact_force,
     add_drift,
-    contact_force,
     elastic_load,
-    heavy_multiplier,
+    heavy_multipliers,
     place_tool,
     touch_at,
+    touching,
 )
 from environments.contact_kinds import ContactKind
 from environments.robots import Robot
+from environments.surfaces.chart import Shapes, one_of
 from environments.surfaces.table import Surface
 from kernels import address_for, compiled_for, inline, kernel
-from kernels.algebra import copy, cross, dot, solve_spd, transposed_times
+from kernels.algebra import copy, cross, dot, solve_leading, solve_spd, transposed_times
 from kernels.records import Record
 
 Integrator = Literal["leapfrog", "semi-implicit-euler", "rk4"]
 WORLD = pin.Convention.WORLD
-ON_SURFACE, CORRECTIONS = 1e-12, 20  # m, of which a rigid surface is met, in at most so many steps of Newton's
+# m off a rigid surface from where one step of Newton's leads onto it, to rounding; at most so many steps lead there
+NEAR_SURFACE, CORRECTIONS = 1e-9, 20
 STAGES = ((1.0, 0.5), (2.0, 0.5), (2.0, 1.0))  # of Runge and Kutta: weight of each, and where in the step the next is
 SLIP_RATE = 0.01  # rad/s, the smooth transition of Coulomb friction in the joints
 
@@ -142,16 +147,16 @@ def _resistance_alone(resistance, q_dot, t, torque):
 
 class PlantWorkspace(NamedTuple):
     """Workspace of the plant: the resistance of the arm's joints, and the data between two of Pinocchio's calls: the
-    contact's geometry, the torque (n,) N m that moves the arm, memory (3,), (n,), (n,), (n, n), and sums of q_dot and
-    q_ddot (n,) over the stages of Runge and Kutta."""
+    contacts' geometry and multipliers, the torque (n,) N m that moves the arm, memory (3,), (n,), (n, n), and sums of
+    q_dot and q_ddot (n,) over the stages of Runge and Kutta."""
 
     world: World
     resistance: Resistance
-    touch: ContactKinematics
+    touch: Touch
+    multipliers: MultiplierWork
     torque: np.ndarray
     push: np.ndarray
     pushed: np.ndarray
-    response: np.ndarray
     factor: np.ndarray
     speeds: np.ndarray
     accelerations: np.ndarray
@@ -160,19 +165,21 @@ class PlantWorkspace(NamedTuple):
     def of(cls, world: World, resistance: Resistance, n: int) -> PlantWorkspace:
         """Workspace of an arm with n joints."""
         v = np.zeros(n)
-        return cls(world, resistance, ContactKinematics.zeros(n), v, np.zeros(3), v, v, np.zeros((n, n)), v, v)
+        met = (Touch.zeros(n), MultiplierWork.zeros(n))
+        return cls(world, resistance, *met, v, np.zeros(3), v, np.zeros((n, n)), v, v)
 
 
 class PlantAddresses(NamedTuple):
     """Addresses of the kernels of one kind of contact in this process, for `kernels.pointers`; 0 for one without.
     accelerate: `accelerate_...`. find: the load after a period. push: torque of a push on the tool.
-    force: see `Plant.force_of`. constrain: a step onto a rigid surface."""
+    force: see `Plant.force_of`. onto, along: `onto_surface`, `along_surface`."""
 
     accelerate: int
     find: int
     push: int
     force: int
-    constrain: int
+    onto: int
+    along: int
 
 
 @inline
@@ -196,13 +203,24 @@ def accelerate_elastic(around, M, bias, J, rotation, translation, arm, tau, t):
     """Compute the load in the present state, and q_ddot under the torque tau against it."""
     around, arm = around[0], arm[0]
     touch_at(around.world, J, rotation, translation, arm.q_dot, t, around.touch)
-    elastic_load(around.world.contact, around.touch, arm.load)
+    elastic_load(around.world, around.touch, arm.load)
     _accelerate(around, M, bias, arm, tau, t)
 
 
 @inline
-def _touching(world, touch):
-    return world.rigid or touch.phi > 0.0 or not world.contact.unilateral
+def _find_multipliers(around, M):
+    """Compute the multipliers of heavy contacts, with friction for the signs `side` of them."""
+    world, touch, work = around.world, around.touch, around.multipliers
+    k = world.shapes.number
+    for j in range(k):
+        met = one_of(touch, j)
+        for a in range(3):
+            around.push[a] = met.chart.G[0, a] + work.side[j] * met.drag[a]
+        transposed_times(touch.tool.J_v, around.push, around.pushed)
+        solve_spd(M, around.pushed, around.factor, work.directions[j])
+        for i in range(k):
+            work.mobility[i, j] = dot(one_of(touch, i).pull, work.directions[j])
+    heavy_multipliers(world, touch, work, work.found)
 
 
 @kernel
@@ -210,31 +228,39 @@ def accelerate_heavy(around, M, bias, J, J_dot, rotation, translation, arm, tau,
     """Compute q_ddot under the torque tau, and the load, which depends on it."""
     around, arm = around[0], arm[0]
     world, touch, torque, n = around.world, around.touch, around.torque, arm.q.shape[0]
-    contact = world.contact
+    work, load = around.multipliers, arm.load
     touch_at(world, J, rotation, translation, arm.q_dot, t, touch)
-    add_drift(J, J_dot, arm.q_dot, touch)
-    touching = _touching(world, touch)
-    contact_force(contact, 0.0, touching, touch, around.push)
-    transposed_times(touch.J_v, around.push, around.pushed)
+    add_drift(world, J, J_dot, arm.q_dot, touch)
+    for a in range(3):
+        around.push[a] = 0.0
+    for i in range(world.shapes.number):
+        contact, met = one_of(world.contacts, i), one_of(touch, i)
+        add_contact_force(contact, 0.0, touching(world, contact, met), met, around.push)
+    transposed_times(touch.tool.J_v, around.push, around.pushed)
     _resistance(around.resistance, arm.q_dot, t, torque)
     for i in range(n):
         torque[i] = tau[i] - bias[i] - torque[i] - around.pushed[i]
-    solve_spd(M, torque, around.factor, arm.q_ddot)  # without the multiplier
-    phi_ddot_free = dot(touch.pull, arm.q_ddot) + touch.phi_ddot_bias
-    for side in (1.0, -1.0):  # where a bilateral surface pulls, friction still opposes the slip
-        for a in range(3):
-            around.push[a] = touch.chart.G[0, a] + side * touch.drag[a]
-        transposed_times(touch.J_v, around.push, around.pushed)
-        solve_spd(M, around.pushed, around.factor, around.response)
-        mobility = dot(touch.pull, around.response)
-        multiplier = heavy_multiplier(contact, world.rigid, touch, phi_ddot_free, mobility)
-        if multiplier >= 0.0 or contact.unilateral:
-            break
-    for i in range(n):
-        arm.q_ddot[i] -= around.response[i] * multiplier
-    arm.load.multiplier, arm.load.phi = multiplier, touch.phi
-    contact_force(contact, multiplier, touching, touch, arm.load.force)
-    transposed_times(touch.J_v, arm.load.force, arm.load.torque)
+    solve_spd(M, torque, around.factor, arm.q_ddot)  # without the multipliers
+    for i in range(world.shapes.number):
+        met = one_of(touch, i)
+        work.free[i] = dot(met.pull, arm.q_ddot) + met.phi_ddot_bias
+        work.side[i] = 1.0
+    _find_multipliers(around, M)
+    turned = False
+    for i in range(world.shapes.number):  # where a bilateral surface pulls, friction still opposes the slip
+        if work.found[i] < 0.0 and not one_of(world.contacts, i).unilateral:
+            work.side[i], turned = -1.0, True
+    if turned:
+        _find_multipliers(around, M)
+    for a in range(3):
+        load.force[a] = 0.0
+    for i in range(world.shapes.number):
+        contact, met, multiplier = one_of(world.contacts, i), one_of(touch, i), work.found[i]
+        load.multiplier[i], load.phi[i] = multiplier, met.phi
+        for j in range(n):
+            arm.q_ddot[j] -= work.directions[i, j] * multiplier
+        add_contact_force(contact, multiplier, touching(world, contact, met), met, load.force)
+    transposed_times(touch.tool.J_v, load.force, load.torque)
 
 
 @kernel
@@ -242,26 +268,32 @@ def load_at(around, J, rotation, translation, arm, t):
     around, arm = around[0], arm[0]
     world = around.world
     touch_at(world, J, rotation, translation, arm.q_dot, t, around.touch)
-    elastic_load(world.contact, around.touch, arm.load)
+    elastic_load(world, around.touch, arm.load)
 
 
 @kernel
 def penetration_at(around, J, rotation, translation, arm, t):
     touch_at(around[0].world, J, rotation, translation, arm[0].q_dot, t, around[0].touch)
-    arm[0].load.phi = around[0].touch.phi
+    for i in range(around[0].world.shapes.number):
+        arm[0].load.phi[i] = one_of(around[0].touch, i).phi
 
 
 @kernel
 def force_of(around, J, rotation, translation, arm, multiplier, t, force):
+    """Compute the force (3,) N of the tool on the environment for multipliers (3,) N."""
     world, around = around[0].world, around[0]
     touch_at(world, J, rotation, translation, arm[0].q_dot, t, around.touch)
-    contact_force(world.contact, multiplier, _touching(world, around.touch), around.touch, force)
+    for a in range(3):
+        force[a] = 0.0
+    for i in range(world.shapes.number):
+        contact, met = one_of(world.contacts, i), one_of(around.touch, i)
+        add_contact_force(contact, multiplier[i], touching(world, contact, met), met, force)
 
 
 @kernel
 def torque_of_push(around, J, rotation, translation, push, torque):
     """Compute the torque (n,) N m of a push (3,) N on the tool."""
-    tool = around[0].touch.p
+    tool = around[0].touch.tool.p
     place_tool(around[0].world.lever, rotation, translation, tool)
     for j in range(torque.shape[0]):
         about = cross(tool, (J[3, j], J[4, j], J[5, j]))
@@ -270,22 +302,52 @@ def torque_of_push(around, J, rotation, translation, push, torque):
             torque[j] += (J[a, j] - about[a]) * push[a]
 
 
+@inline
+def _pulls(around, J, rotation, translation, M, arm, t):
+    """Find the touch, and for each surface what a unit force of it does to the arm, `work.directions`; `work.S` (k, k)
+    is what that does to the surfaces."""
+    world, work = around.world, around.multipliers
+    touch_at(world, J, rotation, translation, arm.q_dot, t, around.touch)
+    for i in range(world.shapes.number):
+        solve_spd(M, one_of(around.touch, i).pull, around.factor, work.directions[i])
+    for i in range(world.shapes.number):
+        for j in range(world.shapes.number):
+            work.S[i, j] = dot(one_of(around.touch, i).pull, work.directions[j])
+
+
+@inline
+def _correct(work, k, moved):
+    """Move q or q_dot (n,) so that, to first order, `work.b` (k,) of the surfaces vanishes."""
+    solve_leading(work.S, work.b, k, work.free)
+    for j in range(k):
+        for i in range(moved.shape[0]):
+            moved[i] -= work.directions[j, i] * work.free[j]
+
+
 @kernel
 def onto_surface(around, J, rotation, translation, M, arm, t):
-    """Move q a step of Newton's method towards phi = 0, or, once phi = 0, make phi_dot zero, too; returns phi."""
+    """Move q a step of Newton's method towards phi = 0; returns the largest phi (m) before it."""
     around, arm = around[0], arm[0]
-    world, touch = around.world, around.touch
-    touch_at(world, J, rotation, translation, arm.q_dot, t, touch)
-    solve_spd(M, touch.pull, around.factor, around.response)
-    mobility = dot(touch.pull, around.response)
-    there = abs(touch.phi) < ON_SURFACE
-    arm.load.phi = touch.phi
-    for i in range(arm.q.shape[0]):
-        if there:
-            arm.q_dot[i] -= around.response[i] * (touch.phi_dot / mobility)
-        else:
-            arm.q[i] -= around.response[i] * (touch.phi / mobility)
-    return touch.phi
+    work, k, away = around.multipliers, around.world.shapes.number, 0.0
+    _pulls(around, J, rotation, translation, M, arm, t)
+    for i in range(k):
+        work.b[i] = one_of(around.touch, i).phi
+        if not abs(work.b[i]) <= abs(away):
+            away = work.b[i]
+    _correct(work, k, arm.q)
+    return away
+
+
+@kernel
+def along_surface(around, J, rotation, translation, M, arm, t):
+    """Move q_dot so that phi_dot = 0, and record phi."""
+    around, arm = around[0], arm[0]
+    work, k = around.multipliers, around.world.shapes.number
+    _pulls(around, J, rotation, translation, M, arm, t)
+    for i in range(k):
+        met = one_of(around.touch, i)
+        arm.load.phi[i], work.b[i] = met.phi, met.phi_dot
+    _correct(work, k, arm.q_dot)
 
 
 @kernel
@@ -347,7 +409,7 @@ def end_stages(around, arm, stage, h):
 
 
 def out_of_reach(phi: float) -> ValueError:
-    """Error of a tool that cannot be brought onto the rigid surface, phi m away."""
+    """Error of a tool that cannot be brought onto the rigid surfaces, phi m away from the farthest."""
     return ValueError(f"surface: the tool cannot be brought onto the rigid surface (phi = {phi:.2g} m)")
 
 
@@ -358,19 +420,20 @@ class Plant:
         self,
         robot: Robot,
         truth: Truth,
-        surface: Surface,
+        surfaces: tuple[Surface, ...],
         kind: ContactKind,
-        contact: Contact,
+        contacts: tuple[Contact, ...],
         integrator: Integrator = "leapfrog",
         substeps: int = 1,
     ) -> None:
-        self.truth, self.surface, self.contact, self._robot = truth, surface, contact, robot
+        self.truth, self.surfaces, self.contacts, self._robot = truth, surfaces, contacts, robot
         self.kind = kind
         self.substeps = substeps
         self.model = truth.model(robot)
         self.data = self.model.createData()
         self._lever = np.array(robot.tool_placement.translation)
-        world = World(self._lever, surface.shape, contact, kind.rigid)
+        shapes = Shapes.of(tuple(each.shape for each in surfaces))
+        world = World(self._lever, shapes, Contacts.of(contacts), kind.rigid)
         around = Record(PlantWorkspace.of(world, truth.resistance, robot.n))
         self._around, self._torque = around.data, around.views.torque
         # live views: Pinocchio fills them at every call
@@ -390,6 +453,16 @@ class Plant:
         self._resolve_kernels(robot.n)
 
     @property
+    def surface(self) -> Surface:
+        """First surface."""
+        return self.surfaces[0]
+
+    @property
+    def contact(self) -> Contact:
+        """Contact with the first surface."""
+        return self.contacts[0]
+
+    @property
     def workspace(self) -> np.ndarray:
         """Data of the `PlantWorkspace`, (1,), for kernels."""
         return self._around
@@ -398,10 +471,11 @@ class Plant:
         """Plant of the same arm without anything that has a kink or acts from outside: no Coulomb friction, no limits
         of the drives, no disturbance, and a surface that also pulls, or, not touching, a spring of zero stiffness."""
         truth = replace(self.truth, coulomb=0.0, disturbance=0.0, torque_limit=np.inf)
-        contact = self.contact._replace(unilateral=False, friction_coulomb=0.0)
+        contacts = tuple(each._replace(unilateral=False, friction_coulomb=0.0) for each in self.contacts)
         if not touching:
-            contact = Contact(0.0, 0.0, 0.0, unilateral=False, friction_coulomb=0.0, friction_viscous=0.0)
-        return Plant(self._robot, truth, self.surface, self.kind, contact, self._integrator, self.substeps)
+            nothing = Contact(0.0, 0.0, 0.0, unilateral=False, friction_coulomb=0.0, friction_viscous=0.0)
+            contacts = (nothing,) * len(contacts)
+        return Plant(self._robot, truth, self.surfaces, self.kind, contacts, self._integrator, self.substeps)
 
     def _resolve_kernels(self, n: int) -> None:
         around, arm, tau = self._around, Record(Arm.zeros(n)).data, np.zeros(n)
@@ -418,7 +492,7 @@ class Plant:
         if self.kind.springs:
             self._find = compiled_for(*by_kind["find"])
         if self.kind.heavy:
-            self._onto_surface = compiled_for(*by_kind["constrain"])
+            self._onto_surface, self._along_surface = (compiled_for(*by_kind[name]) for name in ("onto", "along"))
 
     def _kernels_of_contact(self, arm: np.ndarray, tau: np.ndarray) -> dict[str, tuple[Any, ...]]:
         """Kernels that this kind of contact needs, by the names of `PlantAddresses`, each with its arguments."""
@@ -429,8 +503,9 @@ class Plant:
             kernels["find"] = (find, around, *tool, arm, 0.0)
         if self.kind.heavy:
             kernels["accelerate"] = (accelerate_heavy, around, *inertia, *self._tool_moving, arm, tau, 0.0)
-            kernels["constrain"] = (onto_surface, around, *tool, self.data.M, arm, 0.0)
-            kernels["force"] = (force_of, around, *tool, arm, 0.0, 0.0, np.zeros(3))
+            kernels["onto"] = (onto_surface, around, *tool, self.data.M, arm, 0.0)
+            kernels["along"] = (along_surface, around, *tool, self.data.M, arm, 0.0)
+            kernels["force"] = (force_of, around, *tool, arm, np.zeros(3), 0.0, np.zeros(3))
         elif self.kind.springs:
             kernels["accelerate"] = (accelerate_elastic, around, *inertia, *tool, arm, tau, 0.0)
         else:
@@ -472,7 +547,7 @@ class Plant:
     def find_load(self, state: PlantState, t: float) -> None:
         """Compute the contact's load in a state at time t (s); a heavy contact keeps the load of the torque before,
         except for phi."""
-        if not self.kind.springs:  # none in free space, and on a rigid surface `_onto_surface` has set phi
+        if not self.kind.springs:  # none in free space, and on a rigid surface `_constrain` has set phi
             return
         pin.computeJointJacobians(self.model, self.data, state.views.q)
         self._find(self._around, *self._tool, state.data, t)
@@ -483,9 +558,9 @@ class Plant:
         self._accelerate(acting, tau, at)
         return acting.read().load
 
-    def force_of(self, state: PlantState, multiplier: float, t: float, period: float) -> np.ndarray:
-        """Force (3,) N of the tool on the environment in the period (s) from time t on, when the multiplier of a heavy
-        contact is the given one."""
+    def force_of(self, state: PlantState, multiplier: np.ndarray, t: float, period: float) -> np.ndarray:
+        """Force (3,) N of the tool on the environment in the period (s) from time t on, when the multipliers of heavy
+        contacts are the given ones (3,) N."""
         force = np.zeros(3)
         acting, at = self._evaluated_at(state, t, period / self.substeps)
         pin.computeJointJacobians(self.model, self.data, acting.views.q)
@@ -576,7 +651,7 @@ class Plant:
         phi = np.inf
         for _ in range(CORRECTIONS):
             phi = self._onto_surface(self._around, *self._tool, M, state.data, t)
-            if abs(phi) < ON_SURFACE:
-                return
             pin.computeJointJacobians(self.model, self.data, q)
+            if abs(phi) < NEAR_SURFACE:
+                return self._along_surface(self._around, *self._tool, M, state.data, t)
         raise out_of_reach(phi)

@@ -10,7 +10,7 @@ Coulomb friction is not judged: it is bounded, so that a step that is too long m
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -61,17 +61,22 @@ class Oscillator(NamedTuple):
     damping: float
 
 
-def oscillators(kind: ContactKind, contact: Contact, truth: Truth, mobility: Mobility) -> Iterator[Oscillator]:
-    """Oscillators of the arm's springs and dampers, each cause by itself."""
-    c, Y = contact, mobility.normal
-    if kind.springs:
-        if kind.massive:
-            Y = Y / (1.0 + c.M_e * Y)
-        yield Oscillator("contact.B_e", c.B_e, "N·s/m", 0.0, Y * c.B_e)
-        yield Oscillator("contact.K_e", c.K_e, "N/m", Y * c.K_e, Y * c.B_e)
-    if kind.touches:
-        viscous = c.friction_viscous
-        yield Oscillator("contact.friction_viscous", viscous, "N·s/m", 0.0, mobility.tangential * viscous)
+def oscillators(
+    kind: ContactKind, contacts: Sequence[Contact], truth: Truth, mobility: Mobility
+) -> Iterator[Oscillator]:
+    """Oscillators of the arm's springs and dampers, each cause by itself; of k surfaces each counts k times, which
+    bounds what all of them do together."""
+    k = len(contacts)
+    for path, c in zip(("", "second.", "third."), contacts, strict=False):
+        Y = mobility.normal
+        if kind.springs:
+            Y = k * Y / (1.0 + c.M_e * Y) if kind.massive else k * Y
+            yield Oscillator(f"{path}contact.B_e", c.B_e, "N·s/m", 0.0, Y * c.B_e)
+            yield Oscillator(f"{path}contact.K_e", c.K_e, "N/m", Y * c.K_e, Y * c.B_e)
+        if kind.touches:
+            viscous = c.friction_viscous
+            across = k * mobility.tangential
+            yield Oscillator(f"{path}contact.friction_viscous", viscous, "N·s/m", 0.0, across * viscous)
     yield Oscillator("truth.viscous", truth.viscous, "N·m·s/rad", 0.0, mobility.joints * truth.viscous)
 
 

@@ -209,3 +209,29 @@ def solve_spd(A, b, work, out):
         for k in range(i + 1, n):
             total -= work[k, i] * out[k]
         out[i] = total / work[i, i]
+
+
+@inline
+def solve_leading(A, b, k, x):
+    """Solve A x = b of the leading (k, k) part by Gauss's method with pivots; A and b are overwritten. Where A is
+    singular there, x is not finite."""
+    for c in range(k):
+        pivot = c
+        for i in range(c + 1, k):
+            if abs(A[i, c]) > abs(A[pivot, c]):
+                pivot = i
+        if pivot != c:
+            for j in range(k):
+                A[c, j], A[pivot, j] = A[pivot, j], A[c, j]
+            b[c], b[pivot] = b[pivot], b[c]
+        for i in range(c + 1, k):
+            share = A[i, c] / A[c, c]
+            for j in range(c, k):
+                A[i, j] -= share * A[c, j]
+            b[i] -= share * b[c]
+    for back in range(k):
+        i = k - 1 - back
+        rest = b[i]
+        for j in range(i + 1, k):
+            rest -= A[i, j] * x[j]
+        x[i] = rest / A[i, i]

@@ -17,17 +17,23 @@ from app.simulation.recording import Epoch, Recording
 from app.simulation.system import System
 from app.simulation.verdict import Finding, Promise
 
+# signals of each surface
+MULTIPLIERS, PHI = ("multiplier", "multiplier_2", "multiplier_3"), ("phi", "phi_2", "phi_3")
 TAIL = 0.2  # share of the run that "tail" figures look at
 PATH_POINTS = 300
 BAND = 0.02  # of the largest deviation, within which a signal counts as settled
+FORCE_RESOLUTION, MOTION_RESOLUTION = 0.1, 5e-5  # N, m: the ripple of a settled loop is no transient
 
 
 class Metrics(Struct, frozen=True):
     """Metrics of a run, see each field; None where a metric has no meaning in the mode."""
 
     motion_error_tail: float  # max ||e|| of the position coordinates that are not force-controlled, m
-    force_error_tail: float | None  # max |f_n - f_nd|, N
-    constraint_violation: float | None  # max |phi| on a rigid surface, m
+    force_error_tail: float | None  # max |f_n - f_nd|, of several surfaces the norm, N
+    constraint_violation: float | None  # max |phi| on rigid surfaces, m
+    settling_time: (
+        float | None
+    )  # s, of the force, or of the path where none is controlled; None while it is not settled
     promise: Promise
     premises: tuple[Finding, ...]
     reaching_time: (
@@ -65,8 +71,9 @@ def measure(loop: ClosedLoop, realtime_factor: float | None = None, engine: Engi
     standing = loop.standing
     return Metrics(
         motion_error_tail=float(np.linalg.norm(motion_error(system, last), axis=1).max()),
-        force_error_tail=float(np.abs(force_error(last)).max()) if system.m else None,
-        constraint_violation=float(np.abs(record["phi"]).max()) if rigid else None,
+        force_error_tail=float(np.abs(force_error(system, last)).max()) if system.m else None,
+        constraint_violation=float(max(np.abs(record[name]).max() for name in PHI)) if rigid else None,
+        settling_time=_settling(system, record),
         promise=standing.run,
         premises=standing.findings,
         reaching_time=since(begun, begun.reached),
@@ -84,6 +91,17 @@ def measure(loop: ClosedLoop, realtime_factor: float | None = None, engine: Engi
         engine=engine,
         stopped=loop.stopped,
     )
+
+
+def _settling(system: System, record: Mapping[str, np.ndarray]) -> float | None:
+    """Settling time of the force error, or of the path error where no force is controlled, s; None without an end."""
+    if system.m:
+        found = settling_time(record["t"], force_error(system, record), FORCE_RESOLUTION)
+    else:
+        few = slice(None, None, max(1, len(record["t"]) // PATH_POINTS))
+        path = np.linalg.norm(motion_error(system, {name: record[name][few] for name in ("t", "e_r", "tool")}), axis=1)
+        found = settling_time(record["t"][few], path, MOTION_RESOLUTION)
+    return found if math.isfinite(found) else None
 
 
 def _least_margin(record: Mapping[str, np.ndarray]) -> float | None:
@@ -107,9 +125,10 @@ def saturated(record: Mapping[str, np.ndarray]) -> np.ndarray:
     return (record["tau_applied"] != record["tau"]).any(axis=1)
 
 
-def force_error(record: Mapping[str, np.ndarray]) -> np.ndarray:
-    """Force error f_n - f_nd, (N,) N, of a mode that controls a force."""
-    return record["multiplier"] - record["F_cd"][:, 0]
+def force_error(system: System, record: Mapping[str, np.ndarray]) -> np.ndarray:
+    """Force error f_n - f_nd, (N,) N, of a mode that controls a force; on several surfaces the norm of their errors."""
+    errors = [record[name] - record["F_cd"][:, i] for i, name in enumerate(MULTIPLIERS[: system.m])]
+    return errors[0] if len(errors) == 1 else np.linalg.norm(errors, axis=0)
 
 
 def motion_error(system: System, record: Mapping[str, np.ndarray]) -> np.ndarray:
@@ -119,28 +138,29 @@ def motion_error(system: System, record: Mapping[str, np.ndarray]) -> np.ndarray
     error = record["e_r"][:, system.m : system.layout.positions]
     if system.m or not system.plant.kind.touches:
         return error
-    # Cartesian coordinates against a surface: the part along the normal is the force's business
+    # Cartesian coordinates against surfaces: the part along the normals is the force's business
     axes = system.charted.frame[: system.layout.positions]
-    normals = np.array(
-        [axes @ system.surface.chart(p, t).G[0] for p, t in zip(record["tool"], record["t"], strict=True)]
-    )
-    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-    return error - normals * np.sum(error * normals, axis=1, keepdims=True)
+    places = list(zip(record["tool"], record["t"], strict=True))
+    normals = np.stack([[axes @ each.chart(p, t).G[0] for p, t in places] for each in system.surfaces], axis=2)
+    directions = np.linalg.qr(normals)[0]
+    return error - np.einsum("nik,nk->ni", directions, np.einsum("nik,ni->nk", directions, error))
 
 
-def steady_force_error(system: System, f_nd: float, s: np.ndarray) -> float | None:
-    """Steady-state force error f_n - f_nd (N) by (37), for a constant desired force f_nd (N); None where no force is
-    controlled.
+def steady_force_error(system: System, f_nd: np.ndarray, s: np.ndarray) -> float | None:
+    """Steady-state force error f_n - f_nd (N) by (37), for constant desired forces f_nd (m,) N; on several surfaces the
+    norm of their errors; None where no force is controlled.
     It includes the error, by (14), due to an s (n,) m/s that stays within the boundary layer, where A is not 0.
     On a rigid surface r_fd = 0, and (41) leaves no error but that due to s."""
-    if not system.m:
+    if not (m := system.m):
         return None
-    controller = system.controller
-    rest = float(controller.model.left_by_layer(compensation(system.scenario, system.layout.n), s)[0])
+    model = system.controller.model
+    rest = model.left_by_layer(compensation(system.scenario, system.layout.n), s)[:m]
     if system.plant.kind.rigid:
-        return rest / float(controller.model.K_f[0, 0])
-    r_fd = f_nd * system.plan.compliance
-    return float(controller.model.steady_force(0, system.scenario.contact.K_e, 0.0, r_fd, f_nd, rest)) - f_nd
+        errors = np.linalg.solve(model.K_f[:m, :m], rest)
+    else:
+        K_e, r_fd = np.array([each.K_e for each in system.plant.contacts[:m]]), f_nd * system.plan.compliance[:m]
+        errors = model.steady_forces(K_e, r_fd, f_nd, rest) - f_nd
+    return float(errors[0]) if m == 1 else float(np.linalg.norm(errors))
 
 
 def settling_time(t: np.ndarray, signal: np.ndarray, resolution: float) -> float:
@@ -229,7 +249,7 @@ def account(system: System, recording: Recording, t_from: float, t_to: float) ->
     # the path is smooth, and finding the normals of a curved surface takes its time
     few = slice(None, None, max(1, len(t) // PATH_POINTS))
     path = np.linalg.norm(motion_error(system, {name: record[name][few] for name in ("t", "e_r", "tool")}), axis=1)
-    force = force_error(record) if system.m else None
+    force = force_error(system, record) if system.m else None
     return Account(
         path_rms=_rms(path),
         path_max=float(path.max()),

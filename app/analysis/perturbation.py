@@ -11,7 +11,7 @@ import pinocchio as pin
 
 from app.scenario.schema import Scenario
 from app.simulation.control_period import Observer
-from app.simulation.controller_builder import compensation, law_of
+from app.simulation.controller_builder import believed_stiffness, compensation, law_of
 from app.simulation.environment_builder import truth_of
 from app.simulation.recording import Epoch
 from app.simulation.system import System
@@ -20,6 +20,7 @@ from environments.plant import Truth
 
 Signals = Mapping[str, np.ndarray]
 
+STEADY = ("steady_force", "steady_force_2", "steady_force_3")
 KEPT = 2000  # instants
 SAME = 1e-9  # s
 
@@ -50,7 +51,7 @@ class PerturbationAnalysis:
         robot = system.robot
         self.system = system
         self._observer = Observer(
-            NominalModel(robot.model, robot.tool_joint, robot.tool_placement), system.charted.shape, system.layout
+            NominalModel(robot.model, robot.tool_joint, robot.tool_placement), system.charted.shapes, system.layout
         )
         self._arm: tuple[Scenario, Truth, pin.Model, pin.Data] | None = None
         self._kept: dict[float, Instant] = {}
@@ -106,7 +107,8 @@ class PerturbationAnalysis:
         """Normal force (N) of an impedance (27) against a surface K_e, see `Instant`: with r_d at depth phi_d, along
         the normal n there, phi = phi_d - n^T K_m^-1 (K_f n K_e phi + M_m A s), (14)."""
         system, K_e = self.system, epoch.scenario.contact.K_e
-        if system.m or system.layout.joint or not system.plant.kind.springs:
+        alone = len(system.surfaces) == 1
+        if system.m or system.layout.joint or not system.plant.kind.springs or not alone:
             return np.nan
         t, positions = float(row["t"]), system.layout.positions
         g = np.zeros(3)
@@ -129,7 +131,8 @@ class PerturbationAnalysis:
 class Known(Mapping[str, np.ndarray]):
     """Recorded signals, and further ones, (N,) each, by name:
     those of `Instant`;
-    steady_force N: where the target model would settle if the reference stood still;
+    steady_force, steady_force_2, steady_force_3 N: where the target model would settle on each surface if the reference
+    stood still;
     V_bound, V_limit J: (24), and (24) with what sampling and boundary layer add;
     reaching: 1 until s is reached;
     promised, measured: 1 in the row of t_r, by (18) and as measured."""
@@ -147,7 +150,7 @@ class Known(Mapping[str, np.ndarray]):
         self._found: dict[str, np.ndarray] = {}
         self._makers = {
             **dict.fromkeys(Instant._fields, self._examine),
-            "steady_force": self._steady_force,
+            **dict.fromkeys(STEADY, self._steady_forces),
             "V_bound": lambda: self._V(self._rows["s_bound"]),
             "V_limit": lambda: np.square(np.sqrt(self["V_bound"]) + np.sqrt(self._rows["V_band"])),
             "reaching": self._mark,
@@ -186,24 +189,30 @@ class Known(Mapping[str, np.ndarray]):
             found[i] = self._kept[key]
         return dict(zip(Instant._fields, found.T, strict=True))
 
+    def _steady_forces(self) -> dict[str, np.ndarray]:
+        """Steady force on each surface, nan on one whose force is not controlled."""
+        unknown, rows = np.full(len(self._rows["t"]), np.nan), self._steady_force().T
+        return {name: rows[i] if i < len(rows) else unknown for i, name in enumerate(STEADY)}
+
     def _steady_force(self) -> np.ndarray:
-        """Steady normal force (N,) N: by (37) for the present desired force where a mode controls the force, else that
+        """Steady normal forces (N, m) N: by (37) for the present desired forces where a mode controls them, else that
         of an impedance (42), with the part that the present s leaves (14)."""
-        system, f_nd, s = self._analysis.system, self._rows["F_cd"][:, 0], self._rows["s"]
-        if not system.m:
-            return self["yielding_force"]
+        system, m, s = self._analysis.system, self._analysis.system.m, self._rows["s"]
+        if not m:
+            return self["yielding_force"][:, None]
+        f_nd = self._rows["F_cd"][:, :m]
         numbers, settled = self._numbers(), np.empty_like(f_nd)
         for number in np.unique(numbers):
             epoch, rows = self._epochs[number], np.flatnonzero(numbers == number)
-            K_e, compliance = epoch.scenario.contact.K_e, 1.0 / epoch.scenario.controller.K_e_hat
+            K_e = np.array([each.contact.K_e for each in epoch.scenario.surfaces[:m]])
+            r_fd = f_nd / believed_stiffness(epoch.scenario)
             for piece in [rows] if epoch.blend is None else rows[:, None]:
                 model = epoch.model_at(float(self._rows["t"][piece[0]]))
-                rest = model.left_by_layer(compensation(epoch.scenario, model.n), s[piece].T)[0]
+                rest = model.left_by_layer(compensation(epoch.scenario, model.n), s[piece].T)[:m].T
                 if system.plant.kind.rigid:
-                    settled[piece] = f_nd[piece] + rest / model.K_f[0, 0]
+                    settled[piece] = f_nd[piece] + np.linalg.solve(model.K_f[:m, :m], rest.T).T
                 else:
-                    settled[piece] = f_nd[piece] * model.steady_force(0, K_e, 0.0, compliance, 1.0)
-                    settled[piece] += model.steady_force(0, K_e, 0.0, 0.0, 0.0, 1.0) * rest
+                    settled[piece] = model.steady_forces(K_e, r_fd[piece], f_nd[piece], rest)
         return settled
 
     def _V(self, s_norm: np.ndarray) -> np.ndarray:

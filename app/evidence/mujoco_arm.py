@@ -85,9 +85,9 @@ class MujocoPlant(Plant):
     """
 
     def __init__(self, system: System, substeps: int) -> None:
-        scenario, contact = system.scenario, system.plant.contact
+        scenario, contact, contacts = system.scenario, system.plant.contact, system.plant.contacts
         super().__init__(
-            system.robot, system.plant.truth, system.surface, scenario.contact.nature, contact, substeps=substeps
+            system.robot, system.plant.truth, system.surfaces, scenario.contact.nature, contacts, substeps=substeps
         )
         if (self.kind.touches and not self.kind.massive) or scenario.surface.motion.amplitude > 0.0:
             raise ValueError(
@@ -122,7 +122,7 @@ class MujocoPlant(Plant):
             mujoco.mj_kinematics(self.engine, world)
             push = float(world.efc_force[0]) if world.nefc else 0.0
             load = state.data["load"]
-            load["multiplier"], load["phi"] = push, self._depth + self._into @ world.site_xpos[self._site]
+            load["multiplier"][0, 0], load["phi"][0, 0] = push, self._depth + self._into @ world.site_xpos[self._site]
             arm.load.force[:] = push * self._into
 
 

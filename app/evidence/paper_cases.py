@@ -59,7 +59,7 @@ def run(scenario: str, law: str, duration: float | None) -> Run:
         "spectrum": (spectrum.frequency, spectrum.amplitude[:, 0]),
     }
     if loop.system.m:
-        curves["force"] = (t, force_error(record))
+        curves["force"] = (t, force_error(loop.system, record))
     drawn = {name: (x, y) if name == "spectrum" else thinned(x, y, POINTS) for name, (x, y) in curves.items()}
     return Run(drawn, settled, float(np.abs(tau).max()))
 

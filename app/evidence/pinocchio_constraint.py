@@ -8,6 +8,7 @@ the curvature itself; with the slider's mass m the answer differs from ours in p
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
@@ -18,10 +19,10 @@ Kind = Literal["plane", "cylinder", "sphere"]
 
 
 class Answer(NamedTuple):
-    """Solution: q_ddot (n,) rad/s^2; multiplier N: positive when the tool presses."""
+    """Solution: q_ddot (n,) rad/s^2; multipliers (k,) N, one for each surface: positive when the tool presses."""
 
     q_ddot: np.ndarray
-    multiplier: float
+    multipliers: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -56,9 +57,9 @@ class Ground:
 
 
 def by_jacobian(
-    model: pin.Model, tool: pin.Frame, ground: Ground, q: np.ndarray, q_dot: np.ndarray, tau: np.ndarray
+    model: pin.Model, tool: pin.Frame, grounds: Sequence[Ground], q: np.ndarray, q_dot: np.ndarray, tau: np.ndarray
 ) -> Answer:
-    """Solution (a) for the state q, q_dot (n,) on the surface under the torque tau (n,) N m."""
+    """Solution (a) for the state q, q_dot (n,) on all these surfaces under the torque tau (n,) N m."""
     model = model.copy()
     frame = model.addFrame(tool)
     data = model.createData()
@@ -67,11 +68,11 @@ def by_jacobian(
     pin.updateFramePlacements(model, data)
     velocity = pin.getFrameVelocity(model, data, frame, axes).linear
     drift = pin.getFrameClassicalAcceleration(model, data, frame, axes).linear
-    gradient, curvature = ground.gradient_and_curvature(data.oMf[frame].translation)
-    J = (gradient @ pin.computeFrameJacobian(model, data, q, frame, axes)[:3])[None]
-    bias = np.array([gradient @ drift + velocity @ curvature @ velocity])
+    bent = [ground.gradient_and_curvature(data.oMf[frame].translation) for ground in grounds]
+    J = np.array([gradient for gradient, _ in bent]) @ pin.computeFrameJacobian(model, data, q, frame, axes)[:3]
+    bias = np.array([gradient @ drift + velocity @ curvature @ velocity for gradient, curvature in bent])
     q_ddot = pin.forwardDynamics(model, data, q, q_dot, tau, J, bias)
-    return Answer(q_ddot.copy(), -float(data.lambda_c[0]))
+    return Answer(q_ddot.copy(), -data.lambda_c[: len(bent)])
 
 
 def by_slider(
@@ -101,7 +102,7 @@ def by_slider(
     gradient, _ = ground.gradient_and_curvature(data.oMf[frames[0]].translation)
     missing = tau[:n] - pin.rnea(model, data, q, q_dot, np.concatenate([q_ddot, np.zeros(2)]))[:n]
     pull = gradient @ J[0][:, :n]
-    return Answer(q_ddot, float(pull @ missing / (pull @ pull)))
+    return Answer(q_ddot, np.array([pull @ missing / (pull @ pull)]))
 
 
 def _slider_at(ground: Ground, p: np.ndarray) -> tuple[float, float]:

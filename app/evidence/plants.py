@@ -13,11 +13,10 @@ from app.scenario.data import edited, from_plain
 from app.scenario.departures import Departure, Random
 from app.scenario.schema import Declared, Scenario, Truth
 from app.simulation.closed_loop import ClosedLoop
-from app.simulation.environment_builder import truth_of
+from app.simulation.environment_builder import contacts_of, truth_of
 from app.simulation.system import System, assemble
 from controllers.nominal_model import NominalModel
 from environments import robots
-from environments.contact import Contact
 from environments.plant import Plant
 
 KILOGRAM_ARMS = ("planar2r", "planar3r")  # textbook arms of about 1 kg a link
@@ -108,9 +107,9 @@ def with_arm_of(scenario: Scenario, system: System) -> System:
     plant = Plant(
         system.robot,
         truth_of(scenario, system.robot),
-        system.surface,
-        scenario.contact.nature,
-        Contact(*(getattr(scenario.contact, f) for f in Contact._fields)),
+        system.surfaces,
+        system.plant.kind,
+        contacts_of(scenario),
         scenario.simulation.integrator,
         scenario.simulation.substeps,
     )

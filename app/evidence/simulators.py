@@ -35,6 +35,7 @@ FINE = 4  # Runge-Kutta steps of MuJoCo's
 STIFFNESSES = (1e3, 3e3, 1e4, 3e4, 1e5)  # N/m
 MASSES = (0.2, 0.02, 0.002)  # kg, of the surface in the circle's cases
 INTO = 0.03  # m, desired way of the impedance downwards, from 11.5 mm above the surface
+INTO_CORNER = np.array([[0.0, 0.0, -1.0], [0.0, 1.0, 0.0], [1.0, 0.0, 0.0]])  # directions into three surfaces
 STATES = 100  # of each surface
 SLIDERS = (1e-2, 1e-4, 1e-6)  # kg
 TINT = ((66, 135, 245), (230, 159, 0), (0, 158, 115), (213, 94, 0), (150, 100, 220))
@@ -88,10 +89,11 @@ class Touch:
 
 @dataclass(frozen=True)
 class Constraint:
-    """Largest differences over random states on one surface: of accelerations (rad/s^2) and multipliers (N), by
-    Pinocchio's solver for any constraint, and for each slider; largest: largest values of both, for comparison."""
+    """Largest differences over random states on these surfaces at once: of accelerations (rad/s^2) and multipliers (N),
+    by Pinocchio's solver for any constraint, and for each slider, on a single surface; largest: largest values of both,
+    for comparison."""
 
-    kind: Kind
+    kinds: tuple[Kind, ...]
     states: int
     q_ddot: float
     multiplier: float
@@ -195,36 +197,40 @@ def _balance(system: System, record: Mapping[str, np.ndarray]) -> tuple[float, f
     return without, with_drift, drift
 
 
-def constraint(kind: Kind, seed: int, states: int) -> Constraint:
-    """Accelerations and multipliers of our rigid surface, with random states, torques and a heavy tool, against
-    Pinocchio's."""
+def constraint(kinds: tuple[Kind, ...], seed: int, states: int) -> Constraint:
+    """Accelerations and multipliers of our rigid surfaces, all met at once, with random states, torques and a heavy
+    tool, against Pinocchio's."""
     random = np.random.default_rng(seed)
     heavier = edited(_by_euler(shipped()["ur5-constrained"]), "truth.link_scaling", 1.1)
     scenario = edited(heavier, "truth.payload_mass", 2.0)
     system = assemble(scenario)
     robot, n = system.robot, system.robot.n
     p = system.plant.tool(system.plant.start(robot.posture, np.zeros(n), 0.0))
-    ground, surface = _ground(kind, p, random)
+    both = [_ground(kind, p, into, random) for kind, into in zip(kinds, INTO_CORNER, strict=False)]
+    grounds, surfaces = [ground for ground, _ in both], tuple(surface for _, surface in both)
     bilateral = Contact(0.0, 0.0, 0.0, unilateral=False, friction_coulomb=0.0, friction_viscous=0.0)
-    plant = Plant(robot, system.plant.truth, surface, CONTACTS["rigid"], bilateral, "semi-implicit-euler")
+    plant = Plant(
+        robot, system.plant.truth, surfaces, CONTACTS["rigid"], len(kinds) * (bilateral,), "semi-implicit-euler"
+    )
     tool, found = _tool(system), []
     for _ in range(states):
         state = plant.start(robot.posture + random.uniform(-0.2, 0.2, n), random.uniform(-1.0, 1.0, n), 0.0)
         q, q_dot, tau = state.views.q.copy(), state.views.q_dot.copy(), random.uniform(-50.0, 50.0, n)
         plant.advance(state, tau, 0.0, 1e-3)
-        q_ddot, multiplier = state.views.q_ddot, state.read().load.multiplier
-        others = [by_jacobian(plant.model, tool, ground, q, q_dot, tau)]
-        others += [by_slider(plant.model, tool, ground, q, q_dot, tau, mass) for mass in SLIDERS]
-        apart = [(np.abs(q_ddot - other.q_ddot).max(), abs(multiplier - other.multiplier)) for other in others]
-        found.append([*apart, (np.abs(q_ddot).max(), abs(multiplier))])
+        q_ddot, multipliers = state.views.q_ddot, state.read().load.multiplier[: len(kinds)]
+        others = [by_jacobian(plant.model, tool, grounds, q, q_dot, tau)]
+        if len(grounds) == 1:
+            others += [by_slider(plant.model, tool, grounds[0], q, q_dot, tau, mass) for mass in SLIDERS]
+        apart = [(np.abs(q_ddot - o.q_ddot).max(), np.abs(multipliers - o.multipliers).max()) for o in others]
+        found.append([*apart, (np.abs(q_ddot).max(), np.abs(multipliers).max())])
     (a, b), *sliders, largest = [(float(a), float(b)) for a, b in np.array(found).max(axis=0)]
-    return Constraint(kind, states, a, b, tuple(sliders), largest)
+    return Constraint(kinds, states, a, b, tuple(sliders), largest)
 
 
-def _ground(kind: Kind, p: np.ndarray, random: np.random.Generator) -> tuple[Ground, Surface]:
-    """Surface near the tool point p (3,) m, of random direction, for both."""
-    normal = _unit(np.array([0.0, 0.0, -1.0]) + 0.4 * random.standard_normal(3))
-    axis = _unit(np.array([0.0, 1.0, 0.0]) + 0.2 * random.standard_normal(3))
+def _ground(kind: Kind, p: np.ndarray, into: np.ndarray, random: np.random.Generator) -> tuple[Ground, Surface]:
+    """Surface near the tool point p (3,) m, of random direction around `into` (3,), for both."""
+    normal = _unit(into + 0.4 * random.standard_normal(3))
+    axis = _unit(np.array([into[1], -into[2], into[0]]) + 0.2 * random.standard_normal(3))
     radius = 0.3
     match kind:
         case "plane":
@@ -260,7 +266,8 @@ def jobs(thin: int) -> list[Job]:
     cases += [Job(touch, ("at rest", "hold", MASSES[0], TOUCHING / min(thin, 3)))]
     cases += [Job(touch, ("on a circle", "circle", mass, TOUCHING / min(thin, 3))) for mass in MASSES]
     kinds: tuple[Kind, ...] = ("plane", "cylinder", "sphere")
-    return cases + [Job(constraint, (kind, seed, max(5, STATES // thin))) for seed, kind in enumerate(kinds)]
+    met = [*((kind,) for kind in kinds), kinds[:2], kinds]
+    return cases + [Job(constraint, (each, seed, max(5, STATES // thin))) for seed, each in enumerate(met)]
 
 
 def conclude(results: Sequence[Any]) -> Findings:
@@ -363,8 +370,9 @@ def _constraint_table(bound: Sequence[Constraint]) -> Table:
         for i, (what, direct) in enumerate(
             (("q̈ [rad/s²]", found.q_ddot), ("multiplier [N]", found.multiplier)),
         ):
-            sliders = (f"{pair[i]:.1e}" for pair in found.by_slider)
-            rows.append((f"{what}, {found.kind}", f"{found.largest[i]:.3g}", f"{direct:.0e}", *sliders))
+            sliders = [f"{pair[i]:.1e}" for pair in found.by_slider] or ["—"] * len(SLIDERS)
+            surfaces = ", ".join(found.kinds)
+            rows.append((f"{what}: {surfaces}", f"{found.largest[i]:.3g}", f"{direct:.0e}", *sliders))
     return Table(header, rows)
 
 

@@ -172,7 +172,7 @@ def plant_errors(twin: Twin, substeps: Sequence[int], duration: float) -> np.nda
     errors = []
     for number in substeps:
         plant = Plant(
-            system.robot, system.plant.truth, system.surface, scenario.contact.nature, system.plant.contact,
+            system.robot, system.plant.truth, system.surfaces, scenario.contact.nature, system.plant.contacts,
             twin.integrator, number,
         )  # fmt: skip
         state = plant.start(q, q_dot, 0.0)

@@ -39,7 +39,7 @@ FACTORS = {
 }
 RESOLUTION = 1e-7  # SI units: changes of a signal below this do not count for its settling
 DERIVED: dict[str, Callable[[System, Mapping[str, np.ndarray]], np.ndarray]] = {
-    "force_error": lambda _, record: force_error(record),
+    "force_error": force_error,
     "path_error": lambda system, record: np.linalg.norm(motion_error(system, record), axis=1),
     "contact_force": lambda _, record: record["multiplier"],
 }

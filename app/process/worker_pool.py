@@ -9,7 +9,6 @@ from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
-from itertools import islice
 from typing import Any, Generic, TypeVar
 
 AHEAD = 4  # tasks for each worker that are handed out before they can begin
@@ -22,11 +21,18 @@ class Fallen:
     """Result of a task whose process has ended, each time."""
 
 
-FALLEN = Fallen()
+class Barrier:
+    """In place of a task: no later one is taken before all earlier ones are done, as where it follows from them."""
+
+
+FALLEN, BARRIER = Fallen(), Barrier()
 
 
 def results(
-    make: Callable[..., Callable[[Task], Any]], arguments: tuple[Any, ...], tasks: Iterable[Task], workers: int
+    make: Callable[..., Callable[[Task], Any]],
+    arguments: tuple[Any, ...],
+    tasks: Iterable[Task | Barrier],
+    workers: int,
 ) -> Iterator[tuple[Task, Any]]:
     """Tasks with their results, in the order in which they are done; `FALLEN` where the process of a task has ended
     twice. Only a few tasks are taken ahead, so a row of them may be of any length.
@@ -34,8 +40,8 @@ def results(
     make: called in each process, with the arguments; the function that it returns computes the tasks there. Raises what
     that raises.
     """
-    waiting: Iterator[_Handed[Task]] = (_Handed(task) for task in tasks)
-    again: list[_Handed[Task]] = []
+    waiting: Iterator[_Handed[Any]] = (_Handed(task) for task in tasks)
+    again: list[_Handed[Any]] = []
     while True:
         with _Pool(make, arguments, workers) as pool:
             try:
@@ -83,11 +89,17 @@ class _Pool:
         while first:
             self._hand(first.pop(0))
             yield self._taken(next(iter(self._futures)))
+        stopped = False  # at a barrier
         while True:
-            for each in islice(tasks, max(self._most - len(self._futures), 0)):
-                self._hand(each)
+            while not stopped and len(self._futures) < self._most and (each := next(tasks, None)):
+                stopped = each.task is BARRIER
+                if not stopped:
+                    self._hand(each)
             if not self._futures:
-                return
+                if not stopped:
+                    return
+                stopped = False
+                continue
             for future in wait(self._futures, return_when=FIRST_COMPLETED).done:
                 yield self._taken(future)
 

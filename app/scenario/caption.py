@@ -9,7 +9,7 @@ import numpy as np
 from msgspec import Struct
 
 from app.scenario.data import shipped
-from app.scenario.schema import Scenario, field_info
+from app.scenario.schema import FurtherSurface, Scenario, field_info
 from controllers.controller import Controller
 from controllers.modes import MODES
 from environments.robots import CATALOGUE
@@ -36,13 +36,15 @@ def title_of(scenario: Scenario, begun_from: Scenario | None) -> Title:
     if _about(scenario) == _about(begun_from):
         return Title(own, edited=True)
     arm = CATALOGUE[scenario.robot.name].title if scenario.robot.urdf is None else "own arm"
-    surface = f", {scenario.surface.title}" if scenario.contact.nature.touches else ""
+    met = [each.form.title for each in scenario.surfaces if each.contact.nature.touches]
+    alike = len(met) > 1 and len(set(met)) == 1
+    surface = f", {('two', 'three')[len(met) - 2]} {met[0]}s" if alike else "".join(f", {title}" for title in met)
     return Title(f"{arm}: {MODES[scenario.mode].label.lower()}{surface}", edited=True)
 
 
-def _about(scenario: Scenario) -> tuple[str, ...]:
+def _about(scenario: Scenario) -> tuple[object, ...]:
     """What the title of a scenario is about; with another arm a scenario has no longer its name."""
-    return scenario.mode, scenario.surface.title, scenario.contact.kind
+    return scenario.mode, *((each.form.title, each.contact.kind) for each in scenario.surfaces)
 
 
 def caption(
@@ -92,6 +94,13 @@ def _law(scenario: Scenario, controller: Controller) -> str:
 def _section(scenario: Scenario, name: str) -> str:
     """Kind of a section and its fields that differ from their defaults; "" when there are none."""
     section: Struct = getattr(scenario, name)
+    if isinstance(section, FurtherSurface):
+        if not section.present:
+            return ""
+        shape = (section.surface.title, *_changed(section.surface, f"{name}.surface", in_full=False))
+        touch = _changed(section.contact, f"{name}.contact", in_full=section.contact.nature.springs)
+        pressed = (f"{section.control} controlled", *_changed(section.force, f"{name}.force", in_full=True))
+        return f"{name.capitalize()} surface: {', '.join((*shape, *touch, *pressed))}"
     tag = section.__struct_config__.tag
     in_full = name in _IN_FULL or (name == "contact" and scenario.contact.nature.springs)
     said = ", ".join([*([] if tag is None else [str(tag)]), *_changed(section, name, in_full=in_full)])

@@ -61,6 +61,10 @@ class ForceInJoints(ScenarioError):
     """A scenario with r = q in a mode that measures forces in space."""
 
 
+class IrregularCorner(ScenarioError):
+    """A scenario whose further surfaces make no corner with the others that the arm can press into."""
+
+
 class IrregularSurface(ScenarioError):
     """A scenario whose surface has no coordinates where the tool is."""
 
@@ -236,6 +240,37 @@ class Contact(Section, frozen=True, forbid_unknown_fields=True):
         return CONTACTS[self.kind]
 
 
+class FurtherSurface(Section, frozen=True, forbid_unknown_fields=True):
+    """A second or third surface, which makes an edge, a groove or a corner with the first; none while its contact is
+    `free`."""
+
+    surface: AnyForm = msgspec.field(default_factory=lambda: Plane(normal=(0.0, 1.0, 0.0)))
+    contact: Contact = msgspec.field(default_factory=Contact)
+    control: Annotated[
+        Literal["force", "path"], field("whether its normal force is controlled, or the tool's distance from it", "")
+    ] = "force"
+    K_e_hat: Annotated[float, field("estimated stiffness of this surface (33)", "N/m", gt=0, le=1e9)] = 10000.0
+    force: AnyForceProfile = msgspec.field(default_factory=ConstantForce)
+
+    @property
+    def present(self) -> bool:
+        return self.contact.nature.touches
+
+
+@dataclass(frozen=True)
+class SurfaceInWorld:
+    """A surface that the tool may meet, as the scenario has it.
+    path: of its fields in the scenario, before their names.
+    pressed: whether its normal force is controlled in a mode on surfaces."""
+
+    path: str
+    form: Any
+    contact: Contact
+    K_e_hat: float
+    force: Any
+    pressed: bool
+
+
 class Shift(Section, frozen=True, forbid_unknown_fields=True):
     """Shift of the desired motion as a whole; a change is made smoothly, so that r_d keeps two derivatives."""
 
@@ -281,7 +316,20 @@ class Scenario(Struct, frozen=True, forbid_unknown_fields=True):
     rotation: Annotated[AnyRotation, msgspec.Meta(extra={"metre": "rad"})] = msgspec.field(default_factory=Hold)
     shift: Shift = msgspec.field(default_factory=Shift)
     force: AnyForceProfile = msgspec.field(default_factory=ConstantForce)
+    second: FurtherSurface = msgspec.field(default_factory=FurtherSurface)
+    third: FurtherSurface = msgspec.field(default_factory=FurtherSurface)
     simulation: Simulation = msgspec.field(default_factory=Simulation)
+
+    @property
+    def surfaces(self) -> tuple[SurfaceInWorld, ...]:
+        """The surfaces in the world, the first one first, whether or not the tool touches it."""
+        first = SurfaceInWorld("", self.surface, self.contact, self.controller.K_e_hat, self.force, pressed=True)
+        further = (("second.", self.second), ("third.", self.third))
+        return first, *(
+            SurfaceInWorld(path, each.surface, each.contact, each.K_e_hat, each.force, pressed=each.control == "force")
+            for path, each in further
+            if each.present
+        )
 
 
 def after_blend(scenario: Scenario) -> Scenario:

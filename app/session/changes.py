@@ -6,36 +6,51 @@ import os
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
+from operator import attrgetter
 from pathlib import Path
 from typing import Any, TypeVar
 
 import msgspec
 import numpy as np
+from msgspec import to_builtins
 
 from app.process.own_code import own_code
 from app.scenario.data import edited, from_plain, of_kind, to_plain
 from app.scenario.schema import (
+    Blend,
     Contact,
     ForceInJoints,
+    IrregularCorner,
     IrregularSurface,
     PathOutOfReach,
     PullingForce,
     Robot,
     Scenario,
     ScenarioError,
+    Shift,
     SurfaceOutOfReach,
     TargetModel,
     TooStiff,
     UnboundedGain,
     field_info,
 )
-from app.simulation.controller_builder import laws, target_model
-from app.simulation.environment_builder import positions_of, robot_of, surface_of, task_axes, tool_at_start
+from app.simulation.controller_builder import laws, mode_of, target_model
+from app.simulation.environment_builder import (
+    positions_of,
+    robot_of,
+    surface,
+    surfaces_of,
+    task_axes,
+    task_surface,
+    tool_at_start,
+)
 from controllers import modes
 from controllers.control_law import ControlLaw
 from controllers.nominal_model import NominalModel
 from controllers.target_model import InvalidGain
 from environments import robots
+from environments.surfaces.form import Form
+from environments.surfaces.formula import FormulaSurface
 from environments.surfaces.own import OwnSurface
 from environments.trajectories.own import OwnTrajectory
 from environments.trajectories.point_to_point import Hold
@@ -43,6 +58,9 @@ from environments.urdf import RobotError
 from parameters import allowed
 
 NEAR = 0.03  # m
+BESIDE = 0.01  # m, of a further surface from the tool
+# directions into further surfaces, the usual one first
+_ACROSS = ((0.0, 1.0, 0.0), (1.0, 0.0, 0.0), (0.0, 0.0, -1.0))
 PUSH, PUSH_LASTS = (0.0, 30.0, 0.0), 0.5  # N, s: sideways, which every mode shows
 HALVINGS = 3  # of a path that is too long for an arm, before it holds
 _WORDS = {
@@ -67,6 +85,10 @@ def in_mode(scenario: Scenario, mode_name: str) -> Scenario:
     data["target_model"] = data["blend"] = data["shift"] = {}
     if scenario.contact.kind not in mode.contacts:
         data["contact"]["kind"] = mode.contacts[0]
+    for further in ("second", "third"):
+        kind = data[further]["contact"]["kind"]
+        if kind != "free" and kind not in mode.contacts:
+            data[further]["contact"]["kind"] = data["contact"]["kind"]
     if not mode.in_joints:
         data["task_space"]["kind"] = "cartesian"
     return _adapted(scenario, from_plain(data))
@@ -74,7 +96,7 @@ def in_mode(scenario: Scenario, mode_name: str) -> Scenario:
 
 def possible(scenario: Scenario, build: Callable[[Scenario], _Built]) -> _Built:
     """Result of `build` for the scenario, or for the nearest one that the arm can run: with its path at half its size,
-    a quarter and so on, with a constant gain, or with a surface of the same kind at its defaults.
+    a quarter and so on, with a constant gain, with a surface of the same kind at its defaults, or with fewer surfaces.
 
     Raises ScenarioError where none can be built.
     """
@@ -82,15 +104,23 @@ def possible(scenario: Scenario, build: Callable[[Scenario], _Built]) -> _Built:
     while True:
         try:
             return build(scenario)
+        except (IrregularCorner, SurfaceOutOfReach):
+            if len(scenario.surfaces) == 1:
+                raise
+            scenario = without_last(scenario)
         except PathOutOfReach:
             paths = {name: getattr(scenario, name) for name in ("motion", "rotation")}
             if all(isinstance(path, Hold) for path in paths.values()):
-                raise
+                if len(scenario.surfaces) == 1:
+                    raise
+                scenario = without_last(scenario)
+                continue
             paths = {name: path.halved() if halvings < HALVINGS else None for name, path in paths.items()}
             paths = {name: path or Hold() for name, path in paths.items()}
             scenario, halvings = msgspec.structs.replace(scenario, **paths), halvings + 1
         except UnboundedGain:
-            scenario = edited(scenario, "controller.gain", "constant")
+            alone = len(scenario.surfaces) == 1
+            scenario = edited(scenario, "controller.gain", "constant") if alone else without_last(scenario)
         except IrregularSurface:
             usual = on_surface(scenario, str(scenario.surface.__struct_config__.tag))
             if usual.surface == scenario.surface:
@@ -119,6 +149,8 @@ def way_out(asked: Scenario, error: ScenarioError) -> WayOut | None:
             return WayOut("Go to motion mode", in_mode(asked, "motion"))
         case IrregularSurface():
             return WayOut("Take this surface's default form", asked)
+        case IrregularCorner():
+            return WayOut(f"Take the {_last(asked)} surface away", without_last(asked))
         case SurfaceOutOfReach():
             return WayOut("Move the surface under the tool", _adapted(asked, asked))
         case PullingForce():
@@ -183,6 +215,8 @@ def told(asked: Scenario, done: Scenario) -> str:
             words = {_plain(of): text for text, of in info.widget.options} if info.widget else {}
             was, now = (words.get(_plain(table[name]), _shown(table[name])) for table in (before, after))
             adapted.append(f"{_WORDS[section]} {label} {now} instead of {was}{unit}")
+    taken = [each for each in ("second", "third") if getattr(asked, each).present > getattr(done, each).present]
+    adapted += [f"{each} surface taken away" for each in taken]
     if asked.controller.gain != done.controller.gain:
         adapted.append(f"gain d {done.controller.gain}")
     return f"Adapted: {'; '.join(adapted)}." if adapted else ""
@@ -255,33 +289,100 @@ def in_coordinates(scenario: Scenario, field: str, value: object) -> Scenario:
     return _adapted(scenario, from_plain(data))
 
 
-def on_surface(scenario: Scenario, kind: str) -> Scenario:
+def on_surface(scenario: Scenario, kind: str, path: str = "surface") -> Scenario:
     """The scenario with another kind of surface at its defaults, as far from the tool as the one before, but no farther
     than `NEAR`, and with its motion; as a formula, a wave below the tool, in the world's coordinates.
+    path: of the surface: "surface", "second.surface" or "third.surface".
 
     Raises ScenarioError for an unknown kind.
     """
-    changed = edited(scenario, "surface", {**of_kind(kind), "motion": to_plain(scenario)["surface"]["motion"]})
+    before: Form = attrgetter(path)(scenario)
+    changed = edited(scenario, path, {**of_kind(kind), "motion": to_builtins(before.motion)})
     _, p = _start(scenario)
-    phi = float(np.clip(surface_of(scenario, p).chart(p, 0.0).g[0], -NEAR, NEAR))
-    if (below := changed.surface.below(p, phi)) is not None:
-        return msgspec.structs.replace(changed, surface=below)
-    at_origin = surface_of(changed, np.zeros(3)).point(np.array([phi, 0.0, 0.0]), 0.0)
-    return edited(changed, "surface.origin", (p - at_origin).round(4).tolist())
+    chart = surface(before, p).chart(p, 0.0)
+    phi = float(np.clip(chart.g[0], -NEAR, NEAR))
+    if path != "surface":
+        changed = _turned(changed, path, chart.G[0], p, phi)
+    form: Form = attrgetter(path)(changed)
+    if path == "surface" and (below := form.below(p, phi)) is not None:
+        return edited(changed, path, to_builtins(below))
+    if isinstance(form, FormulaSurface):
+        return changed
+    at_origin = surface(form, np.zeros(3)).point(np.array([phi, 0.0, 0.0]), 0.0)
+    return edited(changed, f"{path}.origin", (p - at_origin).round(4).tolist())
+
+
+def _turned(scenario: Scenario, path: str, normal: np.ndarray, p: np.ndarray, phi: float) -> Scenario:
+    """The scenario with a further surface turned so that the tool at p (3,) m goes along `normal` (3,) into it, with
+    its axis across; one given by a formula is a plane, phi (m) from the tool."""
+    if isinstance(attrgetter(path)(scenario), FormulaSurface):
+        terms = " ".join(
+            f"{-value:+.4g}*{name}" for name, value in zip("xyz", normal, strict=True) if abs(value) > 1e-4
+        )
+        scenario = edited(scenario, f"{path}.text", f"{normal @ p - phi:.4g} {terms}")
+    directions = {"normal": normal, "reference": -normal, "axis": np.roll(normal, 1)}
+    for name in attrgetter(path)(scenario).__struct_fields__:
+        if name in directions:
+            scenario = edited(scenario, f"{path}.{name}", directions[name].round(4).tolist())
+    return scenario
+
+
+def with_further(scenario: Scenario, section: str, kind: str) -> Scenario:
+    """The scenario with a further surface, `second` or `third`, of this kind of contact, or of that of the first one
+    where the mode does not allow it; "free" takes the surface away. A new one is a plane beside the tool, across the
+    others. The target model is at the mode's defaults then, since its coordinates are others.
+
+    Raises ScenarioError for an unknown kind.
+    """
+    mode, was = modes.MODES[scenario.mode], getattr(scenario, section)
+    asked = kind if kind == "free" or kind in mode.contacts else scenario.contact.kind
+    changed = edited(scenario, f"{section}.contact.kind", asked)
+    if asked == "free" or not was.present:
+        changed = edited(changed, "target_model", {})
+        changed = msgspec.structs.replace(changed, blend=Blend(), shift=Shift())
+    if asked == "free" or was.present:
+        return _adapted(scenario, changed)
+    robot, p = _start(scenario)
+    normals = [each.chart(p, 0.0).G[0] for each in surfaces_of(scenario, p)]
+    usual = _ACROSS[1:] if robot.geometry == "planar" else _ACROSS
+    normal = max(usual, key=lambda n: np.linalg.svd([*normals, n], compute_uv=False)[-1])
+    beside = {"kind": "plane", "normal": list(normal), "origin": (p + BESIDE * np.array(normal)).round(4).tolist()}
+    return _adapted(scenario, edited(changed, f"{section}.surface", beside))
+
+
+def without_last(scenario: Scenario) -> Scenario:
+    """The scenario without the last of its further surfaces."""
+    return with_further(scenario, _last(scenario), "free")
+
+
+def _last(scenario: Scenario) -> str:
+    return "third" if scenario.third.present else "second"
+
+
+def with_control(scenario: Scenario, path: str, value: object) -> Scenario:
+    """The scenario with another `control` of a further surface; the target model is at the mode's defaults then, since
+    other coordinates have their force controlled. Raises ScenarioError."""
+    changed = edited(edited(scenario, path, value), "target_model", {})
+    return _adapted(scenario, msgspec.structs.replace(changed, blend=Blend(), shift=Shift()))
 
 
 def _adapted(before: Scenario, scenario: Scenario) -> Scenario:
     """The scenario with the part of the path that lies in its free coordinates and, in a mode on a surface, with the
     surface brought to the tool when it is farther away than `NEAR`.
     before: the scenario that the path was made for."""
-    if modes.MODES[scenario.mode].on_surface:
+    if mode_of(scenario).on_surface:
         _, p = _start(scenario)
-        for _ in range(3):  # far from a typed surface the distance is known only roughly
-            chart = surface_of(scenario, p).chart(p, 0.0)
-            if abs(chart.g[0]) > NEAR:
-                origin = np.array(scenario.surface.origin) + chart.G[0] * chart.g[0]
-                scenario = edited(scenario, "surface.origin", origin.tolist())
-    old, new = _free_directions(before), _free_directions(scenario)
+        for number, each in enumerate(scenario.surfaces):
+            for _ in range(3):  # far from a typed surface the distance is known only roughly
+                chart = surfaces_of(scenario, p)[number].chart(p, 0.0)
+                if abs(chart.g[0]) > NEAR:
+                    origin = np.array(scenario.surfaces[number].form.origin) + chart.G[0] * chart.g[0]
+                    scenario = edited(scenario, f"{each.path}surface.origin", origin.tolist())
+    new = _free_directions(scenario)
+    try:
+        old = _free_directions(before)
+    except IrregularCorner:  # which has no edge to go along
+        old = new
     alike = before.task_space.kind == scenario.task_space.kind
     known = new @ old.T if alike and new.shape[1] == old.shape[1] else None
     angles, before_angles = _rotated(scenario), _rotated(before)
@@ -300,10 +401,10 @@ def _free_directions(scenario: Scenario) -> np.ndarray:
     robot, p = _start(scenario)
     if scenario.task_space.kind == "joint":
         return np.eye(robot.n)
-    mode, positions = modes.MODES[scenario.mode], positions_of(robot)
+    mode, positions = mode_of(scenario), positions_of(robot)
     if not mode.on_surface:
         return task_axes(scenario, robot)[:positions]
-    return surface_of(scenario, p).chart(p, 0.0).G[mode.m() : positions]
+    return task_surface(surfaces_of(scenario, p), p).chart(p, 0.0).G[mode.m() : positions]
 
 
 def _start(scenario: Scenario) -> tuple[robots.Robot, np.ndarray]:

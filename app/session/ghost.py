@@ -98,7 +98,7 @@ class Ghost:
             response=IdealResponse.of(snapshot.matrices, period),
             blend=None if snapshot.blending is None else snapshot.system.blend,
             period=period,
-            observer=Observer(nominal, snapshot.system.charted.shape, snapshot.system.layout),
+            observer=Observer(nominal, snapshot.system.charted.shapes, snapshot.system.layout),
             t=float(rows["t"][0]),
             x=np.concatenate([rows["e_r"][0], rows["e_r_dot"][0]]),
             q=rows["q"][0],

@@ -9,7 +9,16 @@ import msgspec
 import numpy as np
 from msgspec import Struct
 
-from app.analysis.metrics import force_error, motion_error, settling_time, steady_force_error, tail_of
+from app.analysis.metrics import (
+    FORCE_RESOLUTION,
+    MOTION_RESOLUTION,
+    MULTIPLIERS,
+    force_error,
+    motion_error,
+    settling_time,
+    steady_force_error,
+    tail_of,
+)
 from app.scenario.schema import Scenario
 from app.simulation.closed_loop import ClosedLoop
 from app.simulation.compiled_run import CompiledRun, obstacle
@@ -20,7 +29,6 @@ from app.simulation.state import State
 from app.simulation.system import System
 
 POINTS = 200  # about the number of pixels that a plot has ahead of now
-FORCE_RESOLUTION, MOTION_RESOLUTION = 0.1, 5e-5  # N, m: the ripple of a settled loop is no transient
 STEADY = 1e-6  # N, by which a constant desired force may vary in the tail
 BEGINS, LASTS = 0.1, 1.0  # s after now, s: the push where nothing else would move the arm
 LOOKS = 50  # instants at which the reference is compared with the present one
@@ -197,14 +205,15 @@ class Foresight:
         path = np.linalg.norm(deviations, axis=1)
         error = predicted = settling = overshoot = pressing = pressed = None
         if system.m:
-            deviation, f_nd = force_error(record), record["F_cd"][tail, 0]
+            deviation, f_nd = force_error(system, record), record["F_cd"][tail, : system.m]
             error = float(deviation[tail].mean())
             s = record["s"][tail].mean(axis=0)
-            predicted = steady_force_error(system, float(f_nd[-1]), s) if np.ptp(f_nd) < STEADY else None
+            predicted = steady_force_error(system, f_nd[-1], s) if np.ptp(f_nd, axis=0).max() < STEADY else None
             settling = settling_time(t, deviation, FORCE_RESOLUTION)
             overshoot = _beyond(deviation, error)
         elif system.plant.kind.touches:
-            pressing, pressed = float(record["multiplier"].max()), float(record["multiplier"][tail].mean())
+            force = np.linalg.norm([record[name] for name in MULTIPLIERS[: len(system.surfaces)]], axis=0)
+            pressing, pressed = float(force.max()), float(force[tail].mean())
         return Figures(
             span=float(t[-1] - self._start) + system.scenario.controller.period,
             push=self._push,

@@ -413,9 +413,13 @@ class Runner:
             case Edit("task_space.kind" | "task_space.supplemental" as path, value):
                 asked = edited(scenario_now, path, value)
                 self._adapt(asked, changes.in_coordinates(scenario_now, path.removeprefix("task_space."), value))
-            case Edit("surface", str() as kind):
-                changed = changes.on_surface(scenario_now, kind)
+            case Edit("surface" | "second.surface" | "third.surface" as path, str() as kind):
+                changed = changes.on_surface(scenario_now, kind, path)
                 self._adapt(changed, changed)
+            case Edit("second.contact.kind" | "third.contact.kind" as path, str() as kind):
+                self._edit(changes.with_further(scenario_now, path.split(".")[0], kind))
+            case Edit("second.control" | "third.control" as path, value):
+                self._edit(changes.with_control(scenario_now, path, value))
             case Edit(path, value):
                 self._edit(edited(scenario_now, path, value))
 

@@ -39,6 +39,7 @@ class Snapshot:
     standing: premises and verdict.
     sampled: the target model's poles in the sampled loop.
     forks: instants at which the run was forked, s.
+    surfaces: those that the tool may meet.
     """
 
     scenario: Scenario
@@ -67,8 +68,7 @@ class Snapshot:
     force: np.ndarray
     force_desired: np.ndarray
     push: np.ndarray
-    surface: Surface | None
-    surface_offset: np.ndarray
+    surfaces: tuple[Surface, ...]
     live: dict[str, float]
     standing: Standing
     sampled: SampledLoop
@@ -118,8 +118,7 @@ def snapshot_of(loop: ClosedLoop) -> Snapshot:
         force=view.force,
         force_desired=view.force_desired,
         push=view.push,
-        surface=None if not scenario.contact.nature.touches and not system.m else system.surface,
-        surface_offset=system.surface.motion.offset(loop.t),
+        surfaces=system.surfaces if scenario.contact.nature.touches or system.m else (),
         live=view.live,
         standing=loop.standing,
         sampled=loop.sampled,

@@ -55,7 +55,8 @@ class View:
 
 def _begun_with(scenario: Scenario) -> tuple[object, ...]:
     """Fields of other sections that a run keeps from its start on."""
-    return scenario.contact.kind, scenario.controller.period, scenario.controller.z_0
+    met = tuple((each.path, each.contact.kind, each.pressed) for each in scenario.surfaces)
+    return met, scenario.controller.period, scenario.controller.z_0
 
 
 class ClosedLoop:
@@ -129,7 +130,8 @@ class ClosedLoop:
         state.flagged = None
         if state.scenario.controller.law != controller.law:
             state.x = system.controller.law.at_rest(system.layout.n)
-        period.data["touching"] = arm.data["load"]["multiplier"] != 0.0
+        pressed = arm.views.load.multiplier[: max(system.m, 1)] != 0.0
+        period.data["touching"] = bool(pressed.all())
         if controller.on_change == "remove":
             _, _, e_r, e_r_dot = observed(system, state.t, arm)
             period.views.z[:] = system.controller.compensator.without_reaching(e_r, e_r_dot)
@@ -170,7 +172,7 @@ class ClosedLoop:
         changed = object.__new__(ClosedLoop)
         changed.recording = self.recording
         changed._take_up(system, state)
-        if old.contact != new.contact:
+        if [each.contact for each in old.surfaces] != [each.contact for each in new.surfaces]:
             system.plant.find_load(state.arm, state.t)
         return changed
 
@@ -427,7 +429,7 @@ class ClosedLoop:
             estimate.p,
             None if system.layout.joint else system.tool_at(reference, t),
             arm.load.force.copy(),
-            task.normal * reference.F_cd[0] if system.m else np.zeros(3),
+            reference.F_cd[: system.m] @ task.normals[: system.m],
             self._arm.push.copy(),
             live,
         )

@@ -15,12 +15,13 @@ import numpy as np
 
 from app.simulation.closed_loop import ClosedLoop
 from app.simulation.control_period import Alarm
-from app.simulation.controlled_arm import FORCE_ITERATIONS, FORCE_MISSED, PeriodAddresses
+from app.simulation.controlled_arm import PeriodAddresses
+from app.simulation.implicit_force import FORCE_ITERATIONS, better_guess, force_found, improve_inverse
 from app.simulation.stations import APART
 from controllers.premises import DOMAIN, WATCH
 from environments.plant import (
     CORRECTIONS,
-    ON_SURFACE,
+    NEAR_SURFACE,
     STAGES,
     Integrator,
     PlantAddresses,
@@ -57,6 +58,8 @@ class Engine(NamedTuple):
     push, pushed: by the clock, and its torque (n,) N m in the present period.
     F: (3,) N, as the law reads it. tau: (n,) N m, of drives and push.
     first: (n,), q_ddot of the first substep.
+    guess, change, error, before: (3,) N, of the multipliers that an ideal sensor reads, and inverse (3, 3), see
+    `implicit_force`.
     station, close: where the sampled loops were judged last, -1 off the reference; within this distance of Omega's
     centres (rad) they need not be judged while the arm is at that station.
     nearest: centre of Omega at which they are to be judged now, -1 while they need not be.
@@ -86,6 +89,11 @@ class Engine(NamedTuple):
     F: np.ndarray
     tau: np.ndarray
     first: np.ndarray
+    guess: np.ndarray
+    change: np.ndarray
+    error: np.ndarray
+    before: np.ndarray
+    inverse: np.ndarray
     station: int
     close: float
     nearest: int
@@ -187,8 +195,8 @@ def _evaluated_at(engine, arm, twin, t):
 
 @inline
 def _missed(engine, setting, period, around, arm, twin, guess, t, row):
-    """Difference (N) between the multiplier that the law's torque for a guess causes, and the guess, as
-    `ControlledArm` computes it."""
+    """Compute the differences (3,) N between the multipliers that the law's torque for a guess causes, and the guess,
+    as `ControlledArm` does, into the engine's `error`."""
     at = _evaluated_at(engine, arm, twin, t)
     J, R, p = _find_tool(engine, twin[0].q)
     ask(engine.plant_kernels.force, (around, J, R, p, twin, guess, at, engine.F))
@@ -197,26 +205,31 @@ def _missed(engine, setting, period, around, arm, twin, guess, t, row):
     _evaluate(engine, setting, period, arm, t, row)
     at = _evaluated_at(engine, arm, twin, t)
     _accelerate(engine, around, twin, at)
-    return twin[0].load.multiplier - guess
+    for i in range(3):
+        engine.error[i] = twin[0].load.multiplier[i] - guess[i]
 
 
 @inline
 def _solve_for_force(engine, setting, period, whole, spare, around, arm, twin, t, row):
     """Evaluate the law with the force that its own torque causes, as `ControlledArm` does; returns whether that force
     was found. whole, spare: the bytes of the period, and memory for them; twin: memory for an arm."""
-    guess, slope = arm[0].load.multiplier, -1.0
+    guess, change, error, before, inverse = engine.guess, engine.change, engine.error, engine.before, engine.inverse
+    copy(arm[0].load.multiplier, guess)
     copy(whole, spare)
-    before, change = 0.0, 0.0
+    for i in range(3):
+        for j in range(3):
+            inverse[i, j] = -1.0 if i == j else 0.0
     for k in range(FORCE_ITERATIONS + 1):
         copy(spare, whole)
-        error = _missed(engine, setting, period, around, arm, twin, guess, t, row)
-        if abs(error) <= FORCE_MISSED * (1.0 + abs(guess)):
+        _missed(engine, setting, period, around, arm, twin, guess, t, row)
+        if force_found(error, guess):
             return k < FORCE_ITERATIONS
         if k > 0:
-            slope = (error - before) / change
-        change = -error / slope if slope != 0.0 else error
-        guess += change
-        before = error
+            for i in range(3):
+                before[i] = error[i] - before[i]
+            improve_inverse(inverse, change, before)
+        better_guess(inverse, error, change, guess)
+        copy(error, before)
     return False
 
 
@@ -227,9 +240,11 @@ def _constrain(engine, around, arm, t):
     weigh(engine.true, engine.moved)
     inertia(engine.true, engine.moved)
     for _ in range(CORRECTIONS):
-        if abs(ask_number(engine.plant_kernels.constrain, (around, J, R, p, engine.moved.M.T, arm, t))) < ON_SURFACE:
-            return
+        phi = ask_number(engine.plant_kernels.onto, (around, J, R, p, engine.moved.M.T, arm, t))
         _find_tool(engine, arm[0].q)
+        if abs(phi) < NEAR_SURFACE:
+            ask(engine.plant_kernels.along, (around, J, R, p, engine.moved.M.T, arm, t))
+            return
     engine.astray = True
     raise ValueError("out of reach")
 
@@ -330,6 +345,11 @@ class CompiledRun:
                 F=np.zeros(3),
                 tau=np.zeros(n),
                 first=np.zeros(n),
+                guess=np.zeros(3),
+                change=np.zeros(3),
+                error=np.zeros(3),
+                before=np.zeros(3),
+                inverse=np.zeros((3, 3)),
                 station=-1,
                 close=min(APART, system.constants.radius),
                 nearest=-1,
@@ -374,7 +394,7 @@ class CompiledRun:
                 self._call(ahead, ahead.periods - left, alike if loop.stopped is None else 1)
             except Exception as error:
                 loop.take(engine.done, Alarm(0))
-                found = out_of_reach(loop.state.arm.fields.load.phi) if engine.astray else error
+                found = out_of_reach(float(np.abs(loop.state.arm.views.load.phi).max())) if engine.astray else error
                 loop.fail("the plant" if engine.moving else "the control law", found)
                 engine.moving = engine.astray = False
                 return ahead.periods - left + engine.done

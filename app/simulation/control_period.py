@@ -37,8 +37,8 @@ from environments.force_profiles.force_profile import ForceCourse
 from environments.force_profiles.table import force_at
 from environments.plant import limited
 from environments.shift import SmoothShift, add_shift
-from environments.surfaces.chart import Chart, Shape
-from environments.surfaces.table import surface_chart
+from environments.surfaces.chart import Chart, Shapes, one_of
+from environments.surfaces.table import task_chart
 from environments.trajectories.point_to_point import Hold
 from environments.trajectories.table import add_path, course_of, path_at
 from environments.trajectories.trajectory import Course
@@ -47,51 +47,71 @@ from kernels.algebra import copy, norm, row_times
 from kernels.records import Record
 
 
+class Forces(NamedTuple):
+    """Courses of the desired normal force on up to three surfaces."""
+
+    first: ForceCourse
+    second: ForceCourse
+    third: ForceCourse
+
+    @classmethod
+    def of(cls, courses: tuple[ForceCourse, ...]) -> Forces:
+        """Courses on one, two or three surfaces."""
+        return cls._make((*courses, *courses[-1:], *courses[-1:])[:3])
+
+    def held(self, f: np.ndarray) -> Forces:
+        """Forces f (3,) N from now on."""
+        return Forces._make(each._replace(start=value, change=0.0) for each, value in zip(self, f, strict=True))
+
+
 class ReferencePlan(NamedTuple):
     """Plan of the reference.
     start: (n,), r at t = 0, to which motion and shift add.
-    compliance: m/N, r_fd per f_nd, 1/K_e_hat in (33), 0 on a rigid surface (41).
+    compliance: (3,) m/N, r_fd per f_nd on each surface, 1/K_e_hat in (33), 0 on a rigid surface (41).
     m: number of force-controlled directions."""
 
     start: np.ndarray
-    compliance: float
+    compliance: np.ndarray
     m: int
     motion: Course
     rotation: Course
     shift: SmoothShift
-    force: ForceCourse
+    forces: Forces
 
-    def held(self, r: np.ndarray, f: float) -> ReferencePlan:
-        """Plan of staying at r (n,) with the present force f (N)."""
+    def held(self, r: np.ndarray, f: np.ndarray) -> ReferencePlan:
+        """Plan of staying at r (n,) with the present forces f (3,) N."""
         still = course_of("motion", Hold(), len(r), range(0))
-        here, force = SmoothShift.fresh(np.zeros_like(r), 1.0), self.force._replace(start=f, change=0.0)
-        return self._replace(start=r, compliance=0.0, motion=still, rotation=still, shift=here, force=force)
+        here, stiff = SmoothShift.fresh(np.zeros_like(r), 1.0), np.zeros(3)
+        forces = self.forces.held(f)
+        return self._replace(start=r, compliance=stiff, motion=still, rotation=still, shift=here, forces=forces)
 
 
 class ObservationModel(NamedTuple):
     """Model by which the controller observes the arm.
     links: see `NominalModel`.
-    shape: the surface (or Cartesian axes) that gives the task coordinates."""
+    shapes: the surfaces (or Cartesian axes) that give the task coordinates."""
 
     links: LinkConstants
-    shape: Shape
+    shapes: Shapes
     layout: TaskLayout
 
 
 class Observation(NamedTuple):
-    """The controller's observation of one state q (n,) rad, q_dot (n,) rad/s."""
+    """The controller's observation of one state q (n,) rad, q_dot (n,) rad/s; spare: memory for another chart."""
 
     q: np.ndarray
     q_dot: np.ndarray
     estimate: Estimate
     chart: Chart
+    spare: Chart
     task: TaskSpace
     work: Scratch
 
     @classmethod
     def zeros(cls, n: int) -> Observation:
         """Observation of n coordinates."""
-        return cls(np.zeros(n), np.zeros(n), Estimate.zeros(n), Chart.zeros(), TaskSpace.zeros(n), Scratch.zeros(n))
+        charts = Chart.zeros(), Chart.zeros()
+        return cls(np.zeros(n), np.zeros(n), Estimate.zeros(n), *charts, TaskSpace.zeros(n), Scratch.zeros(n))
 
 
 class Alarm(IntFlag):
@@ -115,13 +135,13 @@ class Limits(NamedTuple):
     """Thresholds of the alarms of a period.
     sigma_min: m.
     speed: rad/s.
-    pushes_only: the surface is rigid and unilateral.
-    pressed: the surface is not rigid, but the tool should press it."""
+    pushes_only: (3,), 1 for each surface that is rigid and unilateral.
+    pressed: (3,), 1 for each surface that is not rigid, but that the tool should press."""
 
     sigma_min: float
     speed: float
-    pushes_only: bool
-    pressed: bool
+    pushes_only: np.ndarray
+    pressed: np.ndarray
 
 
 class Setting(NamedTuple):
@@ -148,7 +168,8 @@ class Period(NamedTuple):
     push: (3,) N, of a hand on the tool.
     applied: (n,) N m, tau as the drives apply it.
     residual: (n,) N, complete once q_ddot is known.
-    saturated, touching: of the period before, whether applied was not tau, whether there was a force on the surface.
+    saturated, touching: of the period before, whether applied was not tau, whether there was a force on every surface
+    that the tool should press.
     news: `Alarm` flags of the promise.
     table, watched, held, kept: premises and quantities that the theorem's promise depends on, and how it was kept."""
 
@@ -187,14 +208,14 @@ def reference_at(plan, t, reference):
     path_at(plan.motion, t, reference.r_d, reference.r_d_dot, reference.r_d_ddot)
     add_path(plan.rotation, t, reference.r_d, reference.r_d_dot, reference.r_d_ddot)
     add_shift(plan.shift, t, reference.r_d, reference.r_d_dot, reference.r_d_ddot)
-    f, f_dot, f_ddot = force_at(plan.force, t)
     for i in range(reference.r_d.shape[0]):
         reference.r_d[i] += plan.start[i]
         reference.F_cd[i] = 0.0
     for i in range(plan.m):
-        reference.r_d[i] = plan.compliance * f
-        reference.r_d_dot[i] = plan.compliance * f_dot
-        reference.r_d_ddot[i] = plan.compliance * f_ddot
+        f, f_dot, f_ddot = force_at(one_of(plan.forces, i), t)
+        reference.r_d[i] = plan.compliance[i] * f
+        reference.r_d_dot[i] = plan.compliance[i] * f_dot
+        reference.r_d_ddot[i] = plan.compliance[i] * f_ddot
         reference.F_cd[i] = f
 
 
@@ -202,7 +223,7 @@ def reference_at(plan, t, reference):
 def observe(observation_model, momenta, C, J, J_dot, placements, t, seen):
     """Estimates and task coordinates of a state, Remark 1 and (3), from the arrays of `nominal_model.Terms` there."""
     estimates(observation_model.links, momenta, C, J, J_dot, placements, seen.q_dot, seen.estimate)
-    surface_chart(observation_model.shape, seen.estimate.p, t, seen.chart)
+    task_chart(observation_model.shapes, seen.estimate.p, t, seen.spare, seen.chart)
     task_space(observation_model.layout, seen.chart, seen.estimate, seen.q, seen.q_dot, seen.work, seen.task)
 
 
@@ -374,13 +395,13 @@ def _fill(row, t, arm, period):
     row.sigma_min = 1.0 / task.J_q_inv_norm
     copy(period.residual, row.residual)
     _fill_load(row, arm.load)
-    row.phi = arm.load.phi
+    row.phi, row.phi_2, row.phi_3 = arm.load.phi[0], arm.load.phi[1], arm.load.phi[2]
 
 
 @inline
 def _fill_load(row, load):
     copy(load.force, row.F_true)
-    row.multiplier = load.multiplier
+    row.multiplier, row.multiplier_2, row.multiplier_3 = load.multiplier[0], load.multiplier[1], load.multiplier[2]
 
 
 @kernel
@@ -403,8 +424,11 @@ def complete_row(setting, period, arm, row):
 
 @inline
 def _leaving(limits, period, multiplier):
-    was, period.touching = period.touching, multiplier != 0.0
-    return AWAY if limits.pressed and was and not period.touching else 0
+    was, period.touching = period.touching, True
+    for i in range(3):
+        if limits.pressed[i] and multiplier[i] == 0.0:
+            period.touching = False
+    return AWAY if was and not period.touching else 0
 
 
 @inline
@@ -421,7 +445,10 @@ def _alarms(limits, period, speed, multiplier):
     s_norm, flags = period.output.s_norm, period.news
     if not np.isfinite(speed + s_norm):
         flags += NOT_FINITE
-    if limits.pushes_only and multiplier < 0.0:
+    pulls = False
+    for i in range(3):
+        pulls = pulls or (limits.pushes_only[i] and multiplier[i] < 0.0)
+    if pulls:
         flags += PULLING
     if limits.sigma_min * period.seen.task.J_q_inv_norm > 1.0:
         flags += SINGULAR
@@ -480,8 +507,8 @@ def _reference_alone(plan, t, reference):
 class Observer:
     """`observe` for use outside kernels."""
 
-    def __init__(self, model: NominalModel, shape: Shape, layout: TaskLayout) -> None:
-        self.observation_model = ObservationModel(model.constants, shape, layout)
+    def __init__(self, model: NominalModel, shapes: Shapes, layout: TaskLayout) -> None:
+        self.observation_model = ObservationModel(model.constants, shapes, layout)
         self._model, self._record = model, Record(self.observation_model)
         self._blank = Record(Observation.zeros(layout.n))
 

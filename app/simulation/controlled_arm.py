@@ -16,6 +16,7 @@ from app.simulation.control_period import (
     end_period,
     watch_posture,
 )
+from app.simulation.implicit_force import FORCE_ITERATIONS, better_guess, force_found, improve_inverse
 from app.simulation.separate_law import SeparateLaw
 from app.simulation.signals import Row
 from app.simulation.state import State
@@ -26,7 +27,6 @@ from kernels import address_for, compiled_for
 from kernels.records import Record
 
 SPEED_LIMIT = 20.0  # rad/s, beyond which a run counts as diverging
-FORCE_ITERATIONS, FORCE_MISSED = 30, 1e-10  # of an ideal sensor: at most so many, and the share of 1 N and the force
 
 
 class PeriodAddresses(NamedTuple):
@@ -159,7 +159,7 @@ class ControlledArm:
         before = period.data.copy()
         if self._solve_for_force(self._scratch):
             load = self._plant.respond(arm, self._applied, self._state.t, self._h)
-            arm.write("load", load._replace(phi=arm.read().load.phi))
+            arm.write("load", load._replace(phi=arm.read().load.phi.copy()))
         period.data[:] = before
 
     def _evaluate(self, period: Record[Period], F: np.ndarray, row: np.ndarray) -> None:
@@ -174,23 +174,23 @@ class ControlledArm:
             self._end(self._settings, period.data, data, state.t, row)
 
     def _solve_for_force(self, row: np.ndarray) -> bool:
-        """Evaluate the law with the force that its own torque causes, by secant iteration on the multiplier; returns
+        """Evaluate the law with the force that its own torque causes, by Broyden's method on the multipliers; returns
         whether that force was found. Every evaluation begins with the period as it was at the beginning."""
         period = self._state.period
-        guess, slope, begun = self._state.arm.read().load.multiplier, -1.0, period.data.copy()
+        guess, begun = self._state.arm.read().load.multiplier.copy(), period.data.copy()
+        inverse, change = -np.eye(3), np.zeros(3)
         error = self._missed(guess, row)
         for _ in range(FORCE_ITERATIONS):
-            if abs(error) <= FORCE_MISSED * (1.0 + abs(guess)):
+            if force_found(error, guess):
                 return True
-            change = -error / slope if slope != 0.0 else error
-            guess += change
+            better_guess(inverse, error, change, guess)
             period.data[:] = begun
             before, error = error, self._missed(guess, row)
-            slope = (error - before) / change
+            improve_inverse(inverse, change, error - before)
         return False
 
-    def _missed(self, guess: float, row: np.ndarray) -> float:
-        """Difference (N) between the multiplier that the law's torque for a guess causes, and the guess."""
+    def _missed(self, guess: np.ndarray, row: np.ndarray) -> np.ndarray:
+        """Differences (3,) N between the multipliers that the law's torque for a guess causes, and the guess."""
         plant, arm, t, h = self._plant, self._state.arm, self._state.t, self._h
         self._evaluate(self._state.period, plant.force_of(arm, guess, t, h) - self.push, row)
         return plant.respond(arm, self._applied + self.push_torque, t, h).multiplier - guess
@@ -198,9 +198,10 @@ class ControlledArm:
 
 def _setting_of(system: System, *, online: bool) -> Setting:
     scenario, plant = system.scenario, system.plant
-    contact = scenario.contact
-    pushes_only = contact.nature.rigid and contact.unilateral
-    pressed = bool(system.m) and contact.unilateral and contact.nature.springs
+    pushes_only, pressed = np.zeros(3, dtype=np.int64), np.zeros(3, dtype=np.int64)
+    for i, each in enumerate(system.plant.contacts):
+        pushes_only[i] = plant.kind.rigid and each.unilateral
+        pressed[i] = i < system.m and plant.kind.springs and each.unilateral
     return Setting(
         observation_model=system.observer.observation_model,
         plan=system.plan,

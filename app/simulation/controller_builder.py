@@ -15,7 +15,7 @@ from controllers.control_law import ControlLaw
 from controllers.controller import Controller
 from controllers.laws.table import LAWS
 from controllers.modes import Mode
-from controllers.surface_stability import SurfaceRange
+from controllers.surface_stability import SurfaceRange, passive
 from controllers.switching import Switching
 from controllers.target_model import InvalidGain
 from controllers.target_model import TargetModel as Model
@@ -62,7 +62,18 @@ def uncertainty_of(scenario: Scenario, k_C: float) -> Uncertainty:
     )
 
 
-def default_target_model(mode: Mode, n: int, K_e_hat: float) -> dict[str, np.ndarray]:
+def mode_of(scenario: Scenario) -> Mode:
+    """Mode of the scenario among its surfaces."""
+    surfaces = scenario.surfaces
+    return modes.MODES[scenario.mode].among(len(surfaces), sum(each.pressed for each in surfaces))
+
+
+def believed_stiffness(scenario: Scenario) -> np.ndarray:
+    """Estimated stiffness (m,) N/m of the surfaces whose force is controlled, the diagonal of K_e_hat in (33)."""
+    return np.array([each.K_e_hat for each in scenario.surfaces[: mode_of(scenario).m()]])
+
+
+def default_target_model(mode: Mode, n: int, K_e_hat: np.ndarray) -> dict[str, np.ndarray]:
     """Default diagonals of (8) for a mode: critically damped at 20 rad/s; softer where it meets forces. K_m1 = 0 in all
     modes that control a force, also where (38) has it s.p.d.: so (37) leaves no force error."""
     M = np.full(n, 10.0)
@@ -101,7 +112,7 @@ def target_model(scenario: Scenario, n: int) -> Model:
 
     Raises ScenarioError and InvalidGain.
     """
-    default = default_target_model(modes.MODES[scenario.mode], n, scenario.controller.K_e_hat)
+    default = default_target_model(mode_of(scenario), n, believed_stiffness(scenario))
     given = {f: getattr(scenario.target_model, f) for f in TargetModel.__struct_fields__}
     matrices = {
         f: np.diag(default[f]) if value is None else square(f"target_model.{f}", value, n) for f, value in given.items()
@@ -112,11 +123,12 @@ def target_model(scenario: Scenario, n: int) -> Model:
 def surfaces_met(scenario: Scenario, mode: Mode, layout: TaskLayout) -> SurfaceRange | None:
     """Range of surfaces on which the target model has to be stable: as stiff as the scenario's or as believed; None for
     none."""
-    contact, m = scenario.contact, mode.m()
+    contact, m, others = scenario.contact, mode.m(), scenario.surfaces[1:]
     if not contact.nature.springs or mode.feedback != "all":
         return None
     if m:  # the normal has a coordinate of its own
-        return SurfaceRange(0.0, 0.0, 0.0, contact.friction_viscous, m, layout.positions - m, normal=False)
+        friction = contact.friction_viscous + sum(each.contact.friction_viscous for each in others)
+        return SurfaceRange(0.0, 0.0, 0.0, friction, m, layout.positions - m, normal=False)
     return SurfaceRange(
         K_e=max(contact.K_e, scenario.controller.K_e_hat),
         B_e=contact.B_e,
@@ -136,10 +148,10 @@ def blend_of(scenario: Scenario, mode: Mode, layout: TaskLayout) -> ModelBlend |
     start = target_model(scenario, n)
     try:
         end = target_model(after_blend(scenario), n)
-        mode.check(end, scenario.controller.K_e_hat, surfaces)
+        mode.check(end, believed_stiffness(scenario), surfaces)
     except (InvalidGain, ScenarioError) as error:
         raise ScenarioError(f"blend.to: {error}") from error
-    certificate = certify(start, end, mode.environment(n, scenario.controller.K_e_hat), surfaces)
+    certificate = certify(start, end, mode.environment(n, believed_stiffness(scenario)), surfaces)
     if not certificate.stable:
         raise ScenarioError(
             f"blend.to: {certificate.sentence}; allowed: a model to which the way has its poles left of 0"
@@ -159,7 +171,12 @@ def controller_of(scenario: Scenario, mode: Mode, layout: TaskLayout, constants:
     """Controller of the scenario: its law with its gains. Raises ScenarioError and InvalidGain."""
     n, c = layout.n, scenario.controller
     model = target_model(scenario, n)
-    mode.check(model, c.K_e_hat, surfaces_met(scenario, mode, layout))
+    mode.check(model, believed_stiffness(scenario), surfaces_met(scenario, mode, layout))
+    if mode.feedback == "all" and mode.m() < len(scenario.surfaces) > 1 and not passive(model.after(mode.m())):
+        raise InvalidGain(
+            "target_model: not passive with its K_f, which among several surfaces is not enough to be stable; allowed: "
+            "K_f^-1 M_m, K_f^-1 B_m and K_f^-1 K_m symmetric positive definite, as with K_f a multiple of the identity"
+        )
     gains = {f: square(f"controller.{f}", getattr(c, f), n) for f in ("A", "F_1", "F_2", "K_s")}
     law = law_of(scenario)
     return Controller(
@@ -175,5 +192,5 @@ def controller_of(scenario: Scenario, mode: Mode, layout: TaskLayout, constants:
         layer=c.layer,
         uncertainty=uncertainty_of(scenario, constants.lipschitz.k_C),
         controlled=mode.controlled(n),
-        m=mode.m(),
+        surfaces=mode.normals,
     )

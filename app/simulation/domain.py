@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -92,13 +92,13 @@ def centres(
     return np.array(found)
 
 
-def span_of(surface: Surface, duration: float) -> float:
-    """Time until all places and forms of a surface have occurred, s: the run's duration (s) where its form changes, 0
-    where it rests."""
-    if surface.changing:
+def span_of(surfaces: Sequence[Surface], duration: float) -> float:
+    """Time until all places and forms of the surfaces have occurred, s: the run's duration (s) where a form changes or
+    several surfaces move, 0 where all rest."""
+    moving = [each.motion for each in surfaces if each.motion.amplitude > 0.0 and each.motion.frequency > 0.0]
+    if any(each.changing for each in surfaces) or len({motion.frequency for motion in moving}) > 1:
         return duration
-    motion = surface.motion
-    return 1.0 / max(motion.frequency, SLOWEST) if motion.amplitude > 0.0 and motion.frequency > 0.0 else 0.0
+    return 1.0 / max(moving[0].frequency, SLOWEST) if moving else 0.0
 
 
 def constants_over(
@@ -150,20 +150,23 @@ def _inertia_looker(sigma_min: float, uncertainty: Uncertainty, observer: Observ
     return looks
 
 
-def mobility_over(omega: Omega, model: pin.Model, surface: Surface, nominal: NominalModel, memory: Memory) -> Mobility:
-    """Largest mobility over Omega of an arm with this model, also near singularities."""
+def mobility_over(
+    omega: Omega, model: pin.Model, surfaces: Sequence[Surface], nominal: NominalModel, memory: Memory
+) -> Mobility:
+    """Largest mobility over Omega of an arm with this model, along and across any of the surfaces, also near
+    singularities."""
     data = model.createData()
 
     def looks(place: Place) -> tuple[Look, ...]:
         tool = nominal.evaluate(place.q, np.zeros_like(place.q))
-        normal = surface.chart(tool.p, place.t).G[0]
+        normals = np.array([each.chart(tool.p, place.t).G[0] for each in surfaces])
         M = pin.crba(model, data, place.q)
-        mobility = Mobility.largest(M[None], tool.J_v[None], normal[None])
+        mobility = Mobility.largest(M[None], tool.J_v[None], normals)
         return tuple(Look(value) if np.isfinite(value) else OUTSIDE for value in mobility)
 
     def find() -> Numbers:
         return tuple(MARGIN * value for value in largest(omega, looks, OTHERS))
 
-    known = (model.saveToString(), nominal.fingerprint, surface.fingerprint)
+    known = (model.saveToString(), nominal.fingerprint, *(each.fingerprint for each in surfaces))
     key = key_of("mobility", *known, omega.centres, omega.radius, omega.span)
     return Mobility(*memory.recall(key, 3, find))

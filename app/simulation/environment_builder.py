@@ -7,16 +7,19 @@ from scipy.spatial.transform import Rotation
 
 from app.process.own_code import own_course, own_shape
 from app.scenario.data import kind_of
-from app.scenario.schema import PullingForce, Scenario, ScenarioError, scenario_errors
+from app.scenario.schema import IrregularCorner, PullingForce, Scenario, ScenarioError, scenario_errors
 from controllers.modes import Mode
 from controllers.nominal_model import NominalModel
 from controllers.task_space import TaskLayout
 from environments import robots
+from environments.contact import Contact
 from environments.force_profiles.force_profile import ForceCourse
 from environments.force_profiles.table import course_of as force_course
 from environments.plant import Truth
 from environments.push import TimedPush
 from environments.surfaces import own as own_surfaces
+from environments.surfaces.corner import Corner
+from environments.surfaces.form import Form
 from environments.surfaces.table import Surface
 from environments.trajectories import own as own_trajectories
 from environments.trajectories.point_to_point import Hold
@@ -97,12 +100,42 @@ def tool_at_start(robot: robots.Robot, nominal: NominalModel) -> np.ndarray:
 
 
 def surface_of(scenario: Scenario, near: np.ndarray) -> Surface:
-    """Surface of the scenario. near: (3,) m, place of the tool, which selects the part of a typed surface. Raises
+    """First surface of the scenario. near: (3,) m, place of the tool, which selects the part of a typed surface. Raises
     ScenarioError."""
-    form = scenario.surface
+    return surface(scenario.surface, near)
+
+
+def surfaces_of(scenario: Scenario, near: np.ndarray) -> tuple[Surface, ...]:
+    """All surfaces of the scenario, see `surface_of`. Raises ScenarioError."""
+    found = []
+    for each in scenario.surfaces:
+        try:
+            found.append(surface(each.form, near))
+        except ScenarioError as error:
+            raise ScenarioError(f"{each.path}{error}") from error
+    return tuple(found)
+
+
+def surface(form: Form, near: np.ndarray) -> Surface:
+    """Surface of a form, see `surface_of`. Raises ScenarioError."""
     with scenario_errors():
         shape = own_shape(form) if isinstance(form, own_surfaces.Own) else None
         return Surface.of(form, near, shape)
+
+
+def contacts_of(scenario: Scenario) -> tuple[Contact, ...]:
+    """Contact with each surface, where an elastic one may stand beside a massive one."""
+    contacts = []
+    for each in scenario.surfaces:
+        given = Contact(*(getattr(each.contact, name) for name in Contact._fields))
+        contacts.append(given if each.contact.nature.massive else given._replace(M_e=0.0))
+    return tuple(contacts)
+
+
+def task_surface(surfaces: tuple[Surface, ...], near: np.ndarray) -> Surface | Corner:
+    """The surfaces as they give the task coordinates of a tool near the point `near` (3,) m. Raises ScenarioError."""
+    with scenario_errors(IrregularCorner):
+        return surfaces[0] if len(surfaces) == 1 else Corner(surfaces, near)
 
 
 def task_axes(scenario: Scenario, robot: robots.Robot) -> np.ndarray:
@@ -144,8 +177,9 @@ def _free(mode: Mode, layout: TaskLayout) -> range:
 def spread_over(path: str, displacement: tuple[float, ...], mode: Mode, layout: TaskLayout) -> np.ndarray:
     """Displacement of all n coordinates from one of the free coordinates. Raises ScenarioError with `path` for one with
     too many values."""
-    with scenario_errors():
-        return spread(path, displacement, layout.n, _free(mode, layout))
+    free = _free(mode, layout)
+    with scenario_errors():  # the default is one zero, also where no coordinate is free
+        return spread(path, displacement if len(free) or any(displacement) else (), layout.n, free)
 
 
 def motion_of(scenario: Scenario, mode: Mode, layout: TaskLayout) -> Course:
@@ -170,20 +204,53 @@ def rotation_of(scenario: Scenario, layout: TaskLayout) -> Course:
     return course._replace(u=layout.l * course.u, v=layout.l * course.v)
 
 
-def require_pushing(scenario: Scenario, mode: Mode) -> None:
-    """Raise PullingForce where the desired force is negative at times and the surface only pushes.
-
-    With a rigid surface this is not checked here: the run stops when contact is lost.
-    """
-    contact, pulling = scenario.contact, scenario.force.pulling()
-    if pulling and mode.m() and contact.unilateral and not contact.nature.rigid:
-        said, allowed = pulling
-        raise PullingForce(
-            f"{said}, but the surface only pushes (contact.unilateral); allowed: {allowed}, or "
-            "contact.unilateral = false"
+def require_surfaces(scenario: Scenario, mode: Mode, positions: int, n: int) -> None:
+    """Raise ScenarioError unless an arm with n joints, and so many positions among its coordinates, can meet these
+    surfaces in this mode."""
+    first, *further = scenario.surfaces
+    pressed = first.pressed
+    for each in further:
+        kind = each.contact.kind
+        if not first.contact.nature.touches:
+            raise ScenarioError(f"{each.path}contact.kind: {kind!r} without a first surface; allowed: 'free'")
+        if kind not in mode.contacts:
+            allowed = ", ".join(mode.contacts)
+            raise ScenarioError(f"{each.path}contact.kind: {kind!r} in {mode.name} mode; allowed: {allowed}")
+        if each.pressed and not pressed:
+            raise ScenarioError(
+                f"{each.path}control: 'force' after a surface with 'path'; allowed: 'path', or first those surfaces "
+                "whose force is controlled"
+            )
+        if not each.pressed and each.contact.nature.rigid:
+            raise ScenarioError(f"{each.path}control: 'path' on a rigid surface; allowed: 'force'")
+        pressed = each.pressed
+    if first.contact.nature.rigid and len(further) + 1 >= n:
+        raise IrregularCorner(
+            f"{further[-1].path}contact.kind: 'rigid' on {len(further) + 1} surfaces holds all {n} joints of this arm; "
+            f"allowed: fewer rigid surfaces than joints"
+        )
+    if len(further) >= positions:
+        raise ScenarioError(
+            f"{further[-1].path}contact.kind: {further[-1].contact.kind!r}, the surface number {len(further) + 1}; "
+            f"allowed with this arm: 'free', it has {positions} positions"
         )
 
 
-def force_of(scenario: Scenario) -> ForceCourse:
-    """Course of the desired normal force, N."""
-    return force_course(scenario.force)
+def require_pushing(scenario: Scenario, mode: Mode) -> None:
+    """Raise PullingForce where a desired force is negative at times and its surface only pushes.
+
+    With a rigid surface this is not checked here: the run stops when contact is lost.
+    """
+    for each in scenario.surfaces[: mode.m()]:
+        contact, pulling = each.contact, each.force.pulling()
+        if pulling and contact.unilateral and not contact.nature.rigid:
+            said, allowed = pulling
+            raise PullingForce(
+                f"{each.path}{said}, but the surface only pushes ({each.path}contact.unilateral); allowed: {allowed}, "
+                f"or {each.path}contact.unilateral = false"
+            )
+
+
+def forces_of(scenario: Scenario) -> tuple[ForceCourse, ...]:
+    """Course of the desired normal force on each surface, N."""
+    return tuple(force_course(each.force) for each in scenario.surfaces)

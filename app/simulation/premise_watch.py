@@ -167,13 +167,17 @@ class PremiseWatch:
         if Alarm.ENTERED in alarms or Alarm.REACHED in alarms:
             state.epoch = replace(state.epoch, reached=self.reached, banded=self.banded)
         if Alarm.AWAY in alarms:
-            self.left("flag", "contact lost: the tool has left the surface, so no force is controlled")
+            left = _surface_named(self.system, int(np.argmin(arm.load.multiplier[: self.system.m] != 0.0)))
+            self.left("flag", f"contact lost: the tool has left {left}, so no force is controlled")
         if Alarm.SATURATED in alarms and Alarm.NOT_FINITE not in alarms:
             self.left("flag", _saturation(period.output.tau, period.applied))
         if Alarm.NOT_FINITE in alarms:
             self.left("stop", _infinity(period))
         elif Alarm.PULLING in alarms and state.t > 0.0:
-            self.left("stop", f"contact lost, the surface would have to pull (λ = {arm.load.multiplier:.4g} N)")
+            worst = int(arm.load.multiplier.argmin())
+            pulled = _surface_named(self.system, worst)
+            force = arm.load.multiplier[worst]
+            self.left("stop", f"contact lost, {pulled} would have to pull (λ = {force:.4g} N)")
         elif Alarm.SINGULAR in alarms:
             sigma_min = 1.0 / period.seen.task.J_q_inv_norm
             self.left(rules.leaving_domain, f"J_q is nearly singular (σ_min = {sigma_min:.4g} m)")
@@ -196,6 +200,11 @@ class PremiseWatch:
             state.stopped = state.stopped or f"t = {state.t:.3f} s: {reason}"
         else:
             state.flagged = state.flagged or Flag(state.t, reason)
+
+
+def _surface_named(system: System, number: int) -> str:
+    """Words for a surface, counted from 0."""
+    return "the surface" if len(system.surfaces) == 1 else f"the {('first', 'second', 'third')[number]} surface"
 
 
 def _saturation(tau: np.ndarray, applied: np.ndarray) -> str:

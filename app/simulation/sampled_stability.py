@@ -12,6 +12,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from itertools import product
 
 import numpy as np
 from scipy.linalg import block_diag
@@ -42,7 +43,7 @@ LONGEST_LINE = 100  # periods of delay, beyond which the matrix becomes too larg
 class Posture:
     """A posture q (n,) rad at rest at time t (s), as the sampled loop needs it.
     H_hat: (n, n) kg.
-    across: (n,), F_r per unit of the multiplier."""
+    across: (n, k), F_r per unit of the multiplier of each of k surfaces."""
 
     q: np.ndarray
     t: float
@@ -56,7 +57,8 @@ class Posture:
         """Posture of the system's arm, at rest on the surface. Raises ValueError where J_q is exactly singular."""
         estimate, task = system.observe(q, np.zeros_like(q), t)
         J_inv = task.J_q_inv
-        across = J_inv.T @ (estimate.J_v.T @ system.surface.chart(estimate.p, t).G[0])
+        normals = np.column_stack([each.chart(estimate.p, t).G[0] for each in system.surfaces])
+        across = J_inv.T @ (estimate.J_v.T @ normals)
         return cls(q, t, estimate, task, J_inv.T @ estimate.M_hat @ J_inv, across)
 
 
@@ -188,7 +190,8 @@ class PeriodMap:
         self._plant = system.plant.smooth(touching=touching)
         q_dot = -task.J_q_inv @ task.v_t
         met = self._plant.start(at.q, q_dot, at.t).read().load.multiplier
-        e_Fc = np.zeros(system.layout.n) if system.m else controller.controlled * at.across * met
+        felt = at.across @ met[: len(system.surfaces)]
+        e_Fc = np.zeros(system.layout.n) if system.m else controller.controlled * felt
         model = controller.model
         r_d = task.r + np.linalg.pinv(model.K_m) @ model.K_f @ e_Fc  # where (8) rests under this force
         self._push = np.full(3, FORCE_STEP)  # of no push at all the arm would not look for one
@@ -277,13 +280,14 @@ def model_poles(system: System, at: Posture) -> np.ndarray:
 
 def _in_contact(system: System, at: Posture) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Inertia, damping and stiffness of (8) against the true contact, in the directions in which the arm can move."""
-    model, contact, kind, a = system.controller.model, system.plant.contact, system.plant.kind, at.across
-    basis = _free_directions(system, at)
-    felt = model.K_f @ np.outer(system.controller.controlled * a, a)
-    M = basis.T @ (model.M_m + felt * (contact.M_e if kind.massive else 0.0)) @ basis
-    B = basis.T @ (model.B_m + felt * (contact.B_e if kind.springs else 0.0)) @ basis
-    K = basis.T @ (model.K_m + felt * (contact.K_e if kind.springs else 0.0)) @ basis
-    return M, B, K
+    model, kind, basis = system.controller.model, system.plant.kind, _free_directions(system, at)
+    M, B, K = model.M_m, model.B_m, model.K_m
+    for contact, a in zip(system.plant.contacts, at.across.T, strict=True):
+        felt = model.K_f @ np.outer(system.controller.controlled * a, a)
+        M = M + felt * (contact.M_e if kind.massive else 0.0)
+        B = B + felt * (contact.B_e if kind.springs else 0.0)
+        K = K + felt * (contact.K_e if kind.springs else 0.0)
+    return basis.T @ M @ basis, basis.T @ B @ basis, basis.T @ K @ basis
 
 
 def _push_response(system: System, at: Posture, A: np.ndarray, by_push: np.ndarray) -> PushResponse:
@@ -321,11 +325,11 @@ def _names(system: System, count: int) -> tuple[str, ...]:
 
 
 def _free_directions(system: System, at: Posture) -> np.ndarray:
-    """Orthonormal directions (n, k) in which the arm can move; a rigid surface takes one away."""
+    """Orthonormal directions (n, k) in which the arm can move; each rigid surface takes one away."""
     n = system.layout.n
     if not system.plant.kind.rigid:
         return np.eye(n)
-    return np.linalg.qr(np.column_stack([at.across, np.eye(n)]))[0][:, 1:n]
+    return np.linalg.qr(np.column_stack([at.across, np.eye(n)]))[0][:, at.across.shape[1] : n]
 
 
 def force_factor(system: System, at: Posture) -> float:
@@ -333,26 +337,42 @@ def force_factor(system: System, at: Posture) -> float:
     closes."""
     if not system.plant.kind.heavy or system.scenario.sensor.ideal or not system.controller.law.feels_force:
         return math.nan
-    felt = system.controller.controlled * at.across
+    felt = system.controller.controlled[:, None] * at.across
     return force_loop_factor(at.H_hat, at.H_hat, system.controller.model, at.across, felt, _surface_mass(system))
 
 
-def _surface_mass(system: System) -> float:
-    return math.inf if system.plant.kind.rigid else system.plant.contact.M_e
+def _surface_mass(system: System) -> np.ndarray:
+    """Mass of each surface (k,) kg."""
+    return np.array([math.inf if system.plant.kind.rigid else each.M_e for each in system.plant.contacts])
 
 
 def gain_by_force(system: System, at: Posture) -> tuple[float, float]:
-    """Share of a change in the force on a rigid or heavy surface that d by (17) gives back when the loop through the
-    force is solved, and the part that d adds to `force_factor`; nan and 0 where d does not depend on the force."""
+    """Share of a change in the force on rigid or heavy surfaces that d by (17) gives back when the loop through the
+    force is solved, and the part that d adds to `force_factor`; nan and 0 where d does not depend on the force. Of
+    several surfaces, changes of all their forces add up."""
     controller = system.controller
     if not system.plant.kind.heavy or controller.d is not None or not controller.law.robust:
         return math.nan, 0.0
-    M_e, Y = _surface_mass(system), np.linalg.solve(at.H_hat, at.across)
-    asked = np.linalg.solve(controller.model.M_m, controller.model.K_f @ (controller.controlled * at.across))
-    pulled, back = float(np.linalg.norm(Y)) * _slope_of_gain(system, at, asked), float(at.across @ asked)
-    if math.isinf(M_e):
-        return (pulled / back if back > 0.0 else math.inf), pulled / float(Y @ at.across)
-    return M_e * pulled / (1.0 + M_e * back), M_e * pulled / (1.0 + M_e * float(Y @ at.across))
+    masses, Y = _surface_mass(system), np.linalg.solve(at.H_hat, at.across)
+    asked = np.linalg.solve(controller.model.M_m, controller.model.K_f @ (controller.controlled[:, None] * at.across))
+    slopes = np.array([_slope_of_gain(system, at, each) for each in asked.T])
+    yielding, solved = (_by_acceleration(masses, back) for back in (Y.T @ at.across, at.across.T @ asked))
+    return _largest(Y @ solved.T, slopes), _largest(Y @ yielding.T, slopes)
+
+
+def _by_acceleration(masses: np.ndarray, mobility: np.ndarray) -> np.ndarray:
+    """Multipliers (k, k) N per m/s^2 of phi_ddot of surfaces with these masses (k,) kg, all of them infinite or none,
+    which take `mobility` (k, k) m/s^2 per N from it."""
+    if np.isinf(masses).all():
+        return np.linalg.inv(mobility)
+    return np.linalg.solve(np.eye(len(masses)) + masses[:, None] * mobility, np.diag(masses))
+
+
+def _largest(pull: np.ndarray, slopes: np.ndarray) -> float:
+    """Largest change of d that a unit vector (n,) of the switching term brings about, which changes the multipliers by
+    its product with `pull` (n, k), and d changes by |slopes| (k,) of each."""
+    signs = product((1.0, -1.0), repeat=len(slopes))
+    return max(float(np.linalg.norm(pull @ (slopes * sign))) for sign in signs)
 
 
 def _slope_of_gain(system: System, at: Posture, r_eq_ddot: np.ndarray) -> float:

@@ -89,6 +89,10 @@ class Row(NamedTuple):
     ]
     multiplier: Annotated[Number, Signal("N", "true normal force per gradient of φ, (32) or (39)")]
     phi: Annotated[Number, Signal("m", "penetration of the tool into the surface")]
+    multiplier_2: Annotated[Number, Signal("N", "as multiplier, of the second surface; 0 where there is none")]
+    phi_2: Annotated[Number, Signal("m", "penetration of the tool into the second surface")]
+    multiplier_3: Annotated[Number, Signal("N", "as multiplier, of the third surface; 0 where there is none")]
+    phi_3: Annotated[Number, Signal("m", "penetration of the tool into the third surface")]
 
     @classmethod
     def zeros(cls, n: int) -> Row:

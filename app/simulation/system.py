@@ -9,6 +9,7 @@ import numpy as np
 
 from app.scenario.schema import (
     ForceInJoints,
+    IrregularCorner,
     IrregularSurface,
     Scenario,
     ScenarioError,
@@ -18,21 +19,31 @@ from app.scenario.schema import (
     scenario_errors,
 )
 from app.scenario.units import CARTESIAN, JOINT, Units
-from app.simulation.control_period import Observer, Planned, ReferencePlan
-from app.simulation.controller_builder import blend_of, controller_of, uncertainty_of, z_at_start
+from app.simulation.control_period import Forces, Observer, Planned, ReferencePlan
+from app.simulation.controller_builder import (
+    believed_stiffness,
+    blend_of,
+    controller_of,
+    mode_of,
+    uncertainty_of,
+    z_at_start,
+)
 from app.simulation.domain import Constants, centres, constants_over, mobility_over, posture_at, span_of
 from app.simulation.environment_builder import (
-    force_of,
+    contacts_of,
+    forces_of,
     motion_of,
     positions_of,
     push_of,
     require_pushing,
+    require_surfaces,
     robot_of,
     rotation_of,
     spread_over,
-    surface_of,
+    surfaces_of,
     task_axes,
     task_joints,
+    task_surface,
     tool_at_start,
     truth_of,
 )
@@ -48,12 +59,13 @@ from controllers.nominal_model import Estimate, NominalModel
 from controllers.target_model import InvalidGain
 from controllers.task_space import TaskLayout, TaskSpace
 from environments import robots
-from environments.contact import Contact
+from environments.contact_kinds import nature_of
 from environments.plant import Plant
 from environments.push import TimedPush
 from environments.sensors import ForceSensor
 from environments.shift import SmoothShift
 from environments.step_resolution import Mobility, Oscillator, oscillators, resolved, substeps_needed
+from environments.surfaces.corner import Corner
 from environments.surfaces.table import Surface
 from environments.urdf import RobotError
 
@@ -83,7 +95,8 @@ class Coordinate:
 @dataclass(frozen=True)
 class System:
     """Objects of a scenario.
-    charted: gives the task coordinates: the surface, or Cartesian axes.
+    surfaces: all of the world, whether or not the tool touches them.
+    charted: gives the task coordinates: the surfaces, or Cartesian axes.
     mobility: the true arm's largest over Omega.
     controller: with the target model in force, from which `blend`, if there is one, leads to another.
     q_0: (n,) rad.
@@ -95,8 +108,8 @@ class System:
     mode: Mode
     layout: TaskLayout
     coordinates: tuple[Coordinate, ...]
-    surface: Surface
-    charted: Surface
+    surfaces: tuple[Surface, ...]
+    charted: Surface | Corner
     nominal: NominalModel
     plant: Plant
     constants: Constants
@@ -115,10 +128,15 @@ class System:
         """Number of force-controlled directions."""
         return self.mode.m()
 
+    @property
+    def surface(self) -> Surface:
+        """First surface."""
+        return self.surfaces[0]
+
     @cached_property
     def observer(self) -> Observer:
         """Observer with the controller's model of the arm."""
-        return Observer(self.nominal, self.charted.shape, self.layout)
+        return Observer(self.nominal, self.charted.shapes, self.layout)
 
     @cached_property
     def planned(self) -> Planned:
@@ -185,7 +203,7 @@ def assemble(scenario: Scenario, previous: System | None = None, memory: Memory 
 
 
 def _assemble(scenario: Scenario, previous: System | None, memory: Memory) -> System:
-    mode = modes.MODES[scenario.mode]
+    mode = mode_of(scenario)
     if scenario.contact.kind not in mode.contacts:
         raise ScenarioError(
             f"contact.kind: {scenario.contact.kind!r} in {mode.name} mode; allowed: {', '.join(mode.contacts)}"
@@ -201,62 +219,67 @@ def _assemble(scenario: Scenario, previous: System | None, memory: Memory) -> Sy
         if previous is not None and same_robot
         else NominalModel(robot.model, robot.tool_joint, robot.tool_placement)
     )
-    surface = _surface_in_use(scenario, robot, nominal, previous)
+    require_surfaces(scenario, mode, positions_of(robot), robot.n)
+    surfaces = _surfaces_in_use(scenario, robot, nominal, previous)
     plant = Plant(
         robot,
         truth_of(scenario, robot),
-        surface,
-        scenario.contact.nature,
-        Contact(*(getattr(scenario.contact, f) for f in Contact._fields)),
+        surfaces,
+        nature_of(tuple(each.contact.nature for each in scenario.surfaces)),
+        contacts_of(scenario),
         scenario.simulation.integrator,
         scenario.simulation.substeps,
     )
     q_0 = _start(plant, robot)
+    in_corner = mode.on_surface and len(surfaces) > 1
     layout = _layout(scenario, robot, nominal, q_0)
-    charted = surface if mode.on_surface else Surface.cartesian(task_axes(scenario, robot))
+    cartesian = Surface.cartesian(task_axes(scenario, robot))
+    charted = task_surface(surfaces, nominal.evaluate(q_0, np.zeros(robot.n)).p) if mode.on_surface else cartesian
     require_pushing(scenario, mode)
-    motion, rotation, force = motion_of(scenario, mode, layout), rotation_of(scenario, layout), force_of(scenario)
+    motion, rotation, forces = motion_of(scenario, mode, layout), rotation_of(scenario, layout), forces_of(scenario)
     shift = spread_over("shift.by", scenario.shift.by, mode, layout)
 
-    observer = Observer(nominal, charted.shape, layout)
+    observer = Observer(nominal, charted.shapes, layout)
     try:
         start = observer.at(q_0, np.zeros(robot.n), 0.0)[1].r
     except ValueError as error:
-        raise ScenarioError(
+        kind = IrregularCorner if in_corner else ScenarioError
+        raise kind(
             f"robot.posture: {np.round(q_0, 4).tolist()} rad; allowed: one at which J_q is not singular"
             + ("" if scenario.task_space.supplemental is None else ", or other joints in task_space.supplemental")
         ) from error
     plan = ReferencePlan(
         start=start,
-        compliance=0.0 if mode.rigid else 1.0 / scenario.controller.K_e_hat,
+        compliance=np.zeros(3) if mode.rigid else _compliance(scenario),
         m=mode.m(),
         motion=motion,
         rotation=rotation,
         shift=SmoothShift.fresh(shift, scenario.shift.duration),
-        force=force,
+        forces=Forces.of(forces),
     )
     if previous is not None and _shaping(previous.scenario) == _shaping(scenario):
         constants = previous.constants
     else:
         # the arm is on the surface, not at r_fd (33) within it; only estimates taken along r_d are needed there, too
-        compliance = plan.compliance if scenario.controller.estimates == "along-reference" else 0.0
+        compliance = plan.compliance if scenario.controller.estimates == "along-reference" else np.zeros(3)
         unshifted = Planned(plan._replace(compliance=compliance, shift=SmoothShift.fresh(0.0 * shift, 1.0)))
         rules = scenario.simulation
         if mode.on_surface:
             _require_within_reach(observer, unshifted.at(0.0), q_0)
         along = centres(observer.at, unshifted, shift, q_0, rules.duration)
-        omega = Omega(along, rules.domain_radius, span_of(charted, rules.duration))
+        span = span_of(surfaces, rules.duration) if mode.on_surface else 0.0
+        omega = Omega(along, rules.domain_radius, span)
         uncertainty = uncertainty_of(scenario, 0.0)
         constants = constants_over(omega, rules.sigma_min, uncertainty, nominal, observer, memory)
     if previous is not None and previous.constants is constants and previous.scenario.truth == scenario.truth:
         mobility = previous.mobility
     else:
-        touched = replace(constants.omega, span=span_of(surface, scenario.simulation.duration))
+        touched = replace(constants.omega, span=span_of(surfaces, scenario.simulation.duration))
         # the believed arm is the same in all runs of a sweep, and a search takes longer than a run
-        believed = mobility_over(touched, robot.model, surface, nominal, memory)
+        believed = mobility_over(touched, robot.model, surfaces, nominal, memory)
         mobility = believed.at_most_for(plant.truth)
         if _unresolved(scenario, plant, mobility):
-            mobility = mobility_over(touched, plant.model, surface, nominal, memory)
+            mobility = mobility_over(touched, plant.model, surfaces, nominal, memory)
     _require_resolved(scenario, plant, mobility)
     return System(
         scenario=scenario,
@@ -264,7 +287,7 @@ def _assemble(scenario: Scenario, previous: System | None, memory: Memory) -> Sy
         mode=mode,
         layout=layout,
         coordinates=_coordinates(layout, mode),
-        surface=surface,
+        surfaces=surfaces,
         charted=charted,
         nominal=nominal,
         plant=plant,
@@ -281,24 +304,37 @@ def _assemble(scenario: Scenario, previous: System | None, memory: Memory) -> Sy
     )
 
 
-def _surface_in_use(scenario: Scenario, robot: robots.Robot, nominal: NominalModel, previous: System | None) -> Surface:
-    """Surface of the scenario; one typed as a formula is checked where the tool will meet it."""
+def _compliance(scenario: Scenario) -> np.ndarray:
+    """Compliance (3,) m/N of r_fd, (33): that of each surface whose force is controlled."""
+    compliance, stiffness = np.zeros(3), believed_stiffness(scenario)
+    compliance[: len(stiffness)] = 1.0 / stiffness
+    return compliance
+
+
+def _surfaces_in_use(
+    scenario: Scenario, robot: robots.Robot, nominal: NominalModel, previous: System | None
+) -> tuple[Surface, ...]:
+    """Surfaces of the scenario; one typed as a formula is checked where the tool will meet it."""
     if previous is not None and _judged_by(previous.scenario) == _judged_by(scenario):
-        return previous.surface
-    surface = surface_of(scenario, tool_at_start(robot, nominal))
-    met = modes.MODES[scenario.mode].on_surface or scenario.contact.nature.touches
-    if met:
-        with scenario_errors(IrregularSurface):
-            surface.require_regular(scenario.simulation.duration)
-    return surface
+        return previous.surfaces
+    surfaces = surfaces_of(scenario, tool_at_start(robot, nominal))
+    on_surface = modes.MODES[scenario.mode].on_surface
+    for surface, each in zip(surfaces, scenario.surfaces, strict=True):
+        if on_surface or each.contact.nature.touches:
+            try:
+                surface.require_regular(scenario.simulation.duration)
+            except ValueError as error:
+                raise IrregularSurface(f"{each.path}{error}") from error
+    return surfaces
 
 
 def _judged_by(scenario: Scenario) -> tuple[object, ...]:
-    return scenario.surface, scenario.robot, scenario.mode, scenario.contact.kind, scenario.simulation
+    touched = tuple((each.form, each.contact.kind) for each in scenario.surfaces)
+    return touched, scenario.robot, scenario.mode, scenario.simulation
 
 
 def _start(plant: Plant, robot: robots.Robot) -> np.ndarray:
-    with scenario_errors():
+    with scenario_errors(IrregularCorner if len(plant.surfaces) > 1 else ScenarioError):
         return plant.start(robot.posture, np.zeros(robot.n), 0.0).views.q
 
 
@@ -337,21 +373,27 @@ def _layout(scenario: Scenario, robot: robots.Robot, nominal: NominalModel, q_0:
 
 def _shaping(scenario: Scenario) -> tuple[object, ...]:
     """Parts of the scenario that Omega and the constants over it depend on."""
-    names = ("robot", "task_space", "declared", "surface", "mode", "motion", "rotation", "shift", "simulation")
+    names = ("robot", "task_space", "declared", "mode", "motion", "rotation", "shift", "simulation")
     where = tuple(getattr(scenario, name) for name in names)
+    where = (*where, *((each.form, each.pressed) for each in scenario.surfaces))
     if scenario.controller.estimates == "along-reference":
-        return (*where, scenario.force, scenario.controller.K_e_hat)
+        return (*where, *((each.force, each.K_e_hat) for each in scenario.surfaces))
     return where
 
 
 def _coordinates(layout: TaskLayout, mode: Mode) -> tuple[Coordinate, ...]:
     if layout.joint:
         return tuple(Coordinate(f"q{joint + 1}", "rad") for joint in range(layout.n))
-    places = ["φ", "ψ₁", "ψ₂"] if mode.on_surface else (["x", "z"] if layout.positions == 2 else ["x", "y", "z"])
+    cartesian = ["x", "z"] if layout.positions == 2 else ["x", "y", "z"]
+    places = _PLACES[mode.surfaces] if mode.on_surface else cartesian
     angles = {0: [], 1: ["ℓ·θ"], 3: ["ℓ·α", "ℓ·β", "ℓ·γ"]}[layout.angles]
     extra = [f"ℓ·q{joint + 1}" for joint in layout.supplemental_joints]
     lengths = [Coordinate(name, "m") for name in places[: layout.positions]]
     return (*lengths, *(Coordinate(name, "m", layout.l) for name in angles + extra))
+
+
+# names of the positions by the number of surfaces among them
+_PLACES = {1: ["φ", "ψ₁", "ψ₂"], 2: ["φ₁", "φ₂", "ψ"], 3: ["φ₁", "φ₂", "φ₃"]}
 
 
 def _require_resolved(scenario: Scenario, plant: Plant, mobility: Mobility) -> None:
@@ -372,5 +414,5 @@ def _require_resolved(scenario: Scenario, plant: Plant, mobility: Mobility) -> N
 def _unresolved(scenario: Scenario, plant: Plant, mobility: Mobility) -> list[Oscillator]:
     """Oscillators of the plant that its step does not follow."""
     step = scenario.controller.period / plant.substeps
-    known = oscillators(plant.kind, plant.contact, plant.truth, mobility)
+    known = oscillators(plant.kind, plant.contacts, plant.truth, mobility)
     return [o for o in known if not resolved(scenario.simulation.integrator, o, step)]

@@ -62,7 +62,7 @@ def _map(sweep: Sweep, axes: list[Axis], points: Points, view: View) -> Canvas:
     xs, ys = (np.array(sorted(map(float, axis.values))) for axis in axes)
     grid = _Grid(np.searchsorted(xs, points.values[x.path]), np.searchsorted(ys, points.values[y.path]))
     shape = (len(ys), len(xs))
-    canvas, plot = _sheet(SINGLE, _caption(sweep, points, view))
+    canvas, plot = sheet(SINGLE, _caption(sweep, points, view))
     edges_x, edges_y = _edges(xs), _edges(ys)
     tiles = plot.pcolormesh(
         edges_x, edges_y, grid.of(points.number, shape, np.nan), cmap=COLORS, norm=_norm(points, view)
@@ -96,7 +96,7 @@ def _slices(sweep: Sweep, axes: list[Axis], points: Points, view: View) -> Canva
     x, *others = axes
     if not x.numeric:
         raise ScenarioError(f"--as slices over {x.path}; allowed: a field of numbers first")
-    canvas, plot = _sheet(SINGLE, _caption(sweep, points, view))
+    canvas, plot = sheet(SINGLE, _caption(sweep, points, view))
     rest = [axis.path for axis in sweep.vary if axis.path != x.path]
     shown = [axis.path for axis in others] or rest
     keys = [tuple(points.values[path][k] for path in rest) for k in range(len(points.number))]
@@ -120,7 +120,7 @@ def _slices(sweep: Sweep, axes: list[Axis], points: Points, view: View) -> Canva
     if any(keys) and rest:
         plot.legend(frameon=False, fontsize=6.0)
     _log_scales(plot, np.unique(np.asarray(points.values[x.path], dtype=float)), None)
-    if statistic_of(view) != "share" and _wide(points.number):
+    if statistic_of(view) != "share" and wide(points.number):
         plot.set_yscale("log")
         plain_decades(plot.yaxis)
     plot.set_xlabel(_of_axis(x))
@@ -132,7 +132,7 @@ def _scatter(sweep: Sweep, axes: list[Axis], points: Points, view: View) -> Canv
     if len(axes) < 2 or not all(axis.numeric for axis in axes[:2]):
         raise ScenarioError("--as scatter; allowed: with two fields of numbers, see --over")
     x, y = axes[:2]
-    canvas, plot = _sheet(SINGLE, _caption(sweep, points, view))
+    canvas, plot = sheet(SINGLE, _caption(sweep, points, view))
     at = [np.asarray(points.values[axis.path], dtype=float) for axis in (x, y)]
     dots = plot.scatter(*at, c=points.number, cmap=COLORS, norm=_norm(points, view), s=9, linewidths=0)
     _bar(canvas, plot, dots, points, view)
@@ -149,7 +149,7 @@ def _scatter(sweep: Sweep, axes: list[Axis], points: Points, view: View) -> Canv
 def _parallel(sweep: Sweep, axes: list[Axis], points: Points, view: View) -> Canvas:
     from matplotlib import colormaps
 
-    canvas, plot = _sheet(DOUBLE, _caption(sweep, points, view))
+    canvas, plot = sheet(DOUBLE, _caption(sweep, points, view))
     norm, map_ = _norm(points, view), colormaps[COLORS]
     columns = [_shares(axis, points.values[axis.path]) for axis in axes]
     worst_last = np.argsort(np.nan_to_num(points.number, nan=np.inf))
@@ -196,7 +196,8 @@ def _borders(held: np.ndarray, xs: np.ndarray, ys: np.ndarray) -> list[tuple[lis
     ]
 
 
-def _sheet(width: float, caption: str) -> tuple[Canvas, Axes]:
+def sheet(width: float, caption: str) -> tuple[Canvas, Axes]:
+    """Empty figure of this width (in) with one pair of axes above a caption."""
     from matplotlib.figure import Figure as Canvas
     from matplotlib.layout_engine import ConstrainedLayoutEngine
 
@@ -226,7 +227,7 @@ def _caption(sweep: Sweep, points: Points, view: View) -> str:
 
 def _bar(canvas: Canvas, plot: Axes, colored: Any, points: Points, view: View) -> None:
     bar = canvas.colorbar(colored, ax=plot, label=_label(points, view), pad=0.02)
-    if statistic_of(view) != "share" and _wide(points.number):
+    if statistic_of(view) != "share" and wide(points.number):
         plain_decades(bar.ax.yaxis)
 
 
@@ -256,10 +257,11 @@ def _norm(points: Points, view: View) -> Any:
     known = points.number[np.isfinite(points.number)]
     if not len(known):
         return Normalize(0.0, 1.0)
-    return LogNorm(known.min(), known.max()) if _wide(known) else Normalize(known.min(), known.max())
+    return LogNorm(known.min(), known.max()) if wide(known) else Normalize(known.min(), known.max())
 
 
-def _wide(values: np.ndarray) -> bool:
+def wide(values: np.ndarray) -> bool:
+    """Whether values are shown by their logarithm: all above 0, and far apart."""
     known = values[np.isfinite(values)]
     return len(known) > 1 and bool((known > 0.0).all()) and known.max() > WIDE * known.min()
 

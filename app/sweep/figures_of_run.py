@@ -15,7 +15,7 @@ from app.session.headless_run import simulate
 from app.simulation.search_memory import Memory
 from app.simulation.system import System
 from app.storage.constants_store import kept_memory
-from app.sweep.question import Question, Sweep
+from app.sweep.question import Question, Row, Sweep
 
 Figures = dict[str, Any]
 
@@ -35,6 +35,7 @@ COLUMNS: dict[str, Column] = {
     "motion_error": Column("m", "largest position error where no force is controlled, last fifth of the run"),
     "force_error": Column("N", "largest force error, last fifth of the run"),
     "constraint_violation": Column("m", "largest distance from a rigid surface"),
+    "settling_time": Column("s", "until the force, or without force control the path, stays within 2 %"),
     "reaching_time": Column("s", "until ‖s‖ is within the boundary layer"),
     "layer_time_bound": Column("s", "until then by (18), as promised"),
     "band_time": Column("s", "until ‖s‖ is within its band"),
@@ -45,6 +46,7 @@ COLUMNS: dict[str, Column] = {
     "saturated_share": Column("1", "share of the control periods in which a drive is at its limit"),
     "simulated_time": Column("s", "until the end of the run"),
     "verdict": Column("", "of the theorem's promise: holds, not promised or broken", word=True),
+    "failed": Column("", "premises of that promise that failed, by name", word=True),
     "promised_share": Column("1", "share of the run for which something is promised"),
     "declared": Column("1", "1 where the true arm is within what is declared, 0 where it is not"),
     "stopped": Column("", "why the run ended before its time, or was refused", word=True),
@@ -69,7 +71,11 @@ class Runner:
 
     def figures(self, number: int) -> Figures:
         """Figures of the run of this number. A run that is refused or stops is a row, too."""
-        row, started = self._question.row(number), time.perf_counter()
+        return self.figures_of(self._question.row(number))
+
+    def figures_of(self, row: Row) -> Figures:
+        """Figures of a run, whose values may be others than those of the question's design."""
+        started = time.perf_counter()
         begun = self._question.told(row)
         try:
             scenario = self._question.scenario(row)
@@ -88,6 +94,7 @@ def _of(metrics: Metrics) -> Figures:
         "motion_error": metrics.motion_error_tail,
         "force_error": metrics.force_error_tail,
         "constraint_violation": metrics.constraint_violation,
+        "settling_time": metrics.settling_time,
         "reaching_time": metrics.reaching_time,
         "layer_time_bound": metrics.layer_time_bound,
         "band_time": metrics.band_time,
@@ -98,6 +105,7 @@ def _of(metrics: Metrics) -> Figures:
         "saturated_share": metrics.saturated_share,
         "simulated_time": metrics.simulated_time,
         "verdict": metrics.promise.verdict,
+        "failed": ", ".join(each.premise for each in metrics.premises if each.failed is not None) or None,
         "promised_share": metrics.promise.share,
         "stopped": metrics.stopped,
     }

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from importlib.metadata import version
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal, TypeVar
 
 import msgspec
 import numpy as np
@@ -83,6 +83,21 @@ class Sweep(Struct, frozen=True):
     seed: Annotated[int, Meta(ge=0)] = 0
     engine: Engine = "compiled"
     program: str = ""
+    file: ClassVar[str] = FILE
+    noun: ClassVar[str] = "sweep"
+
+    @property
+    def arms(self) -> int:
+        """Number of true arms that each point has."""
+        return max(self.draw, 1)
+
+    @property
+    def own_arms(self) -> int:
+        """Number of arms, the first ones, that are the scenario's own and not drawn."""
+        return 0 if self.draw else 1
+
+
+Asked = TypeVar("Asked", bound=Sweep)
 
 
 @dataclass(frozen=True)
@@ -104,7 +119,7 @@ class Question:
 
     @property
     def arms(self) -> int:
-        return max(self.sweep.draw, 1)
+        return self.sweep.arms
 
     @cached_property
     def count_of_points(self) -> int:
@@ -140,14 +155,16 @@ class Question:
     def told(self, row: Row) -> dict[str, Any]:
         """Columns of the table that say which run it is."""
         varied = {
-            axis.path: row.values[axis.path] if axis.numeric else str(row.values[axis.path]) for axis in self.sweep.vary
+            axis.path: row.values[axis.path] if axis.numeric else str(row.values[axis.path])
+            for axis in self.sweep.vary
+            if axis.path in row.values
         }
         return {"row": row.number, "point": row.point, "arm": row.arm, **varied}
 
     def scenario(self, row: Row) -> Scenario:
         """Scenario of a run. Raises ScenarioError where its values are refused."""
         scenario = with_values(self.sweep.scenario, dict(row.values))
-        if self.sweep.draw:
+        if row.arm >= self.sweep.own_arms:
             departure = self._departure(row.arm, _joints(scenario.robot))
             scenario = msgspec.structs.replace(scenario, truth=departure.truth(scenario.declared, of=scenario.truth))
         return msgspec.structs.replace(scenario, name=f"{self.sweep.scenario.name}-{row.number}")
@@ -191,8 +208,8 @@ def _require_sound(sweep: Sweep) -> None:
         for value in {axis.at(0.0), axis.at(1.0)}:
             _require_known(sweep.scenario, axis.path, value)
     points = math.prod(len(axis.values) for axis in sweep.vary) if sweep.design == "grid" else sweep.points
-    if points * max(sweep.draw, 1) > MOST_ROWS:
-        raise ScenarioError(f"sweep: {points * max(sweep.draw, 1):.3g} runs; allowed: at most {MOST_ROWS:.0e}")
+    if points * sweep.arms > MOST_ROWS:
+        raise ScenarioError(f"{sweep.noun}: {points * sweep.arms:.3g} runs; allowed: at most {MOST_ROWS:.0e}")
 
 
 def _require_axis(axis: Axis) -> None:
@@ -261,33 +278,35 @@ def to_toml(sweep: Sweep) -> str:
     return tomli_w.dumps(plain)
 
 
-def read(path: Path) -> Sweep:
-    """Sweep of a file. Raises ScenarioError."""
+def read(path: Path, kind: type[Asked] = Sweep) -> Asked:
+    """Sweep, or another question of this kind, of a file. Raises ScenarioError."""
     try:
         with path.open("rb") as file:
             content = file.read(LARGEST_FILE + 1)
         if len(content) > LARGEST_FILE:
-            raise ScenarioError(f"{path}: more than {LARGEST_FILE / 1e6:g} MB; allowed: a sweep.toml")
-        return msgspec.convert(tomllib.loads(content.decode()), Sweep)
+            raise ScenarioError(f"{path}: more than {LARGEST_FILE / 1e6:g} MB; allowed: a {kind.file}")
+        return msgspec.convert(tomllib.loads(content.decode()), kind)
     except OSError as error:
         raise ScenarioError(f"{path}: cannot be read: {error.strerror}") from error
     except msgspec.ValidationError as error:
-        raise ScenarioError(f"{path}: {error}; allowed: what `vsmrc sweep` has written") from error
+        raise ScenarioError(f"{path}: {error}; allowed: what `vsmrc {Path(kind.file).stem}` has written") from error
     except (ValueError, RecursionError) as error:
         raise ScenarioError(f"{path}: not a TOML file: {error}") from error
 
 
 def differences(one: Sweep, other: Sweep) -> list[str]:
     """Names of the parts in which two sweeps differ."""
-    return [name for name in Sweep.__struct_fields__ if getattr(one, name) != getattr(other, name)]
+    return [name for name in one.__struct_fields__ if getattr(one, name) != getattr(other, name)]
 
 
-def fingerprint() -> str:
+def fingerprint(packages: tuple[str, ...] = (), libraries: tuple[str, ...] = ()) -> str:
     """Fingerprint of all that the figures of a run depend on besides the sweep: this program, and the libraries that
-    compute."""
+    compute; with more of either."""
     root, digest = Path(__file__).parents[2], hashlib.sha256()
-    for package in COMPUTED:
+    for package in (*COMPUTED, *packages):
         for file in sorted((root / package).rglob("*.py")):
             digest.update(file.relative_to(root).as_posix().encode() + file.read_bytes())
-    digest.update(" ".join(f"{name} {version(name)}" for name in ("numba", "numpy", "pin", "scipy")).encode())
+    digest.update(
+        " ".join(f"{name} {version(name)}" for name in ("numba", "numpy", "pin", "scipy", *libraries)).encode()
+    )
     return digest.hexdigest()[:16]

@@ -36,7 +36,9 @@ class RunStore:
             fcntl.flock(self._lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError as error:
             self._lock.close()
-            raise ScenarioError(f"--out {folder}: another sweep writes there now; allowed: another folder") from error
+            raise ScenarioError(
+                f"--out {folder}: another {sweep.noun} writes there now; allowed: another folder"
+            ) from error
         try:
             self._take_up(sweep)
         except BaseException:
@@ -80,15 +82,22 @@ class RunStore:
         os.close(self._journal)
         self._rewrite_journal()
 
+    @property
+    def rows(self) -> list[Figures]:
+        """Figures of all runs so far."""
+        return [row for part in parts(self._folder) for row in _read(part).to_pylist()] + self._waiting
+
     def _take_up(self, sweep: Sweep) -> None:
-        path = self._folder / FILE
+        path = self._folder / sweep.file
         if not path.exists():
             text = to_toml(sweep).encode()
             write_whole(path, lambda file: file.write(text))
             return
-        if other := differences(read(path), sweep):
+        if other := differences(read(path, type(sweep)), sweep):
             what = "made by another version of the program" if other == ["program"] else f"another {', '.join(other)}"
-            raise ScenarioError(f"--out {self._folder}: holds another sweep ({what}); allowed: a folder of its own")
+            raise ScenarioError(
+                f"--out {self._folder}: holds another {sweep.noun} ({what}); allowed: a folder of its own"
+            )
 
     def _journaled(self) -> list[Figures]:
         """Rows of the journal; a last line that was cut off is forgotten."""

@@ -1,16 +1,17 @@
-"""Running of a sweep on all cores: what it will take, and all of its runs that are not done yet."""
+"""Running of a sweep on all cores, or on a cluster: what it will take, and all of its runs that are not done yet."""
 
 from __future__ import annotations
 
 import os
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from tqdm import tqdm
 
 from app.process import worker_pool
+from app.sweep.cluster import Cluster
 from app.sweep.figures_of_run import Figures, Runner
 from app.sweep.question import Question, Sweep
 from app.sweep.run_store import RunStore
@@ -43,14 +44,14 @@ def _duration(seconds: float) -> str:
     return f"{seconds:.2g} s"
 
 
-def estimated(sweep: Sweep, left: int, workers: int | None = None) -> Estimate:
-    """What so many runs of a sweep will take, from the computing time of one of them. It is played twice: the first
-    time, what all have in common is computed, too."""
+def estimated(sweep: Sweep, left: int, on: int | Cluster | None = None) -> Estimate:
+    """What so many runs of a sweep will take, from the computing time of one of them here. It is played twice: the
+    first time, what all have in common is computed, too. on: see `run`."""
     question, runner = Question(sweep), Runner(sweep)
     number = question.count // 2
     seconds = [_seconds(runner, number) for _ in range(2)][-1] if left else 0.0
-    share = left / question.count
-    return Estimate(left, share * question.seconds, left * seconds / (workers or os.cpu_count() or 1), left * BYTES)
+    share, workers = left / question.count, on.workers if isinstance(on, Cluster) else on or os.cpu_count()
+    return Estimate(left, share * question.seconds, left * seconds / (workers or 1), left * BYTES)
 
 
 def _seconds(runner: Runner, number: int) -> float:
@@ -59,16 +60,15 @@ def _seconds(runner: Runner, number: int) -> float:
     return time.perf_counter() - started
 
 
-def run(store: RunStore, sweep: Sweep, workers: int | None = None, *, show_progress: bool = False) -> int:
-    """Compute the runs that are not done, on all cores or so many. Returns how many stopped or were refused.
+def run(store: RunStore, sweep: Sweep, on: int | Cluster | None = None, *, show_progress: bool = False) -> int:
+    """Compute the runs that are not done. Returns how many stopped or were refused.
 
-    Raises OSError where they cannot be written; what was written stays.
+    on: so many processes, the workers of a cluster, or all cores. Raises OSError where they cannot be written, and
+    ScenarioError where the cluster is lost; what was written stays.
     """
-    workers = workers or os.cpu_count() or 1
     left, failed = np.flatnonzero(~store.done).tolist(), 0
-    tasks = tasks_of(left, workers)
     with tqdm(total=len(left), unit=" runs", desc="sweep", disable=not show_progress) as bar:
-        for numbers, figures in worker_pool.results(Runner.computing, (sweep,), tasks, workers):
+        for numbers, figures in _computed(sweep, left, on, bar.write):
             for each in rows_of(sweep, numbers, figures):
                 store.add(each)
                 failed += bool(each.get("stopped"))
@@ -76,6 +76,15 @@ def run(store: RunStore, sweep: Sweep, workers: int | None = None, *, show_progr
             bar.update(len(numbers))
     store.settle()
     return failed
+
+
+def _computed(
+    sweep: Sweep, numbers: Sequence[int], on: int | Cluster | None, say: Callable[[str], object]
+) -> Iterator[tuple[tuple[int, ...], list[Figures] | worker_pool.Fallen]]:
+    if isinstance(on, Cluster):
+        return on.results(sweep, numbers, say)
+    workers = on or os.cpu_count() or 1
+    return worker_pool.results(Runner.computing, (sweep,), tasks_of(numbers, workers), workers)
 
 
 def tasks_of(numbers: Sequence[int], workers: int) -> Iterator[tuple[int, ...]]:

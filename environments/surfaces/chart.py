@@ -50,7 +50,39 @@ class Shape(NamedTuple):
     own: OwnFunction
 
 
+class Shapes(NamedTuple):
+    """Shapes of the surfaces of a world for kernels: `number` of them, up to three; the others are not read.
+
+    edge: (3,), unit direction of the coordinate beside two of them, which is 0 at `base` (3,) m."""
+
+    number: int
+    first: Shape
+    second: Shape
+    third: Shape
+    edge: np.ndarray
+    base: np.ndarray
+
+    @classmethod
+    def of(cls, shapes: tuple[Shape, ...], edge: np.ndarray | None = None, base: np.ndarray | None = None) -> Shapes:
+        """Shapes of one, two or three surfaces."""
+        first, second, third = (*shapes, *shapes[-1:], *shapes[-1:])[:3]
+        nowhere = np.zeros(3)
+        return cls(
+            len(shapes), first, second, third, nowhere if edge is None else edge, nowhere if base is None else base
+        )
+
+
 STILL = (0.0, 0.0, 0.0, 0.0, 0.0)  # terms that a form that does not change adds to phi's derivatives, see `distance`
+
+
+@inline
+def one_of(three, i):
+    """The first, second or third record of a named tuple of three, counted from 0."""
+    if i == 0:
+        return three.first
+    if i == 1:
+        return three.second
+    return three.third
 
 
 @inline

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Union
 
 import numpy as np
 
-from environments.surfaces.chart import Chart, Shape
+from environments.surfaces.chart import Chart, Shape, Shapes, one_of
 from environments.surfaces.cylinder import Cylinder
 from environments.surfaces.form import Form, SurfaceMotion
 from environments.surfaces.formula import FormulaSurface
@@ -54,9 +54,37 @@ def surface_chart(shape, p, t, chart):
         chart.g_tt[0] -= 2.0 * form[2 + k] * speed * u[k]
 
 
+@inline
+def task_chart(shapes, p, t, spare, chart):
+    """Write the `Chart` of the coordinates (31) that the surfaces give a point p (3,) m at time t (s): those of one
+    surface, phi of two and the way along their edge, or phi of three. spare: memory for another chart."""
+    surface_chart(shapes.first, p, t, chart)
+    for i in range(1, shapes.number):
+        surface_chart(one_of(shapes, i), p, t, spare)
+        chart.g[i], chart.g_t[i], chart.g_tt[i] = spare.g[0], spare.g_t[0], spare.g_tt[0]
+        for k in range(3):
+            chart.G[i, k], chart.G_t[i, k] = spare.G[0, k], spare.G_t[0, k]
+            for a in range(3):
+                chart.G_p[i, k, a] = spare.G_p[0, k, a]
+    if shapes.number == 2:
+        chart.g[2], chart.g_t[2], chart.g_tt[2] = 0.0, 0.0, 0.0
+        for k in range(3):
+            chart.g[2] += shapes.edge[k] * (p[k] - shapes.base[k])
+            chart.G[2, k], chart.G_t[2, k] = shapes.edge[k], 0.0
+            for a in range(3):
+                chart.G_p[2, k, a] = 0.0
+
+
 @kernel
-def _chart_alone(shape, p, t, chart):
-    surface_chart(shape[0], p, t, chart[0])
+def _chart_alone(shapes, p, t, spare, chart):
+    task_chart(shapes[0], p, t, spare[0], chart[0])
+
+
+def chart_at(shapes: np.ndarray, p: np.ndarray, t: float) -> Chart:
+    """Chart of the point p (3,) m at time t (s); shapes: data of a record of `Shapes`."""
+    spare, chart = Record(Chart.zeros()), Record(Chart.zeros())
+    _chart_alone(shapes, p, t, spare.data, chart.data)
+    return chart.read()
 
 
 @dataclass(frozen=True)
@@ -104,20 +132,23 @@ class Surface:
         """Number of points of its mesh on a side."""
         return self.form.resolution
 
+    @property
+    def shapes(self) -> Shapes:
+        """This surface alone, for kernels."""
+        return Shapes.of((self.shape,))
+
     @cached_property
     def _packed(self) -> np.ndarray:
-        return Record(self.shape).data
+        return Record(self.shapes).data
 
     @property
     def fingerprint(self) -> bytes:
-        """Bytes of `shape`: surfaces with the same bytes give the same charts."""
+        """Bytes of `shapes`: surfaces with the same bytes give the same charts."""
         return self._packed.tobytes()
 
     def chart(self, p: np.ndarray, t: float) -> Chart:
         """Coordinates of the point p (3,) m at time t (s) with all derivatives."""
-        chart = Record(Chart.zeros())
-        _chart_alone(self._packed, p, t, chart.data)
-        return chart.read()
+        return chart_at(self._packed, p, t)
 
     def point(self, g: np.ndarray, t: float) -> np.ndarray:
         """The point (3,) m with coordinates g = (phi, psi_1, psi_2): the inverse of `chart`."""

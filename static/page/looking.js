@@ -7,8 +7,11 @@ const onScreen = (mark) => {
   const { width, height } = mark.closest("[data-dock-group]")?.getBoundingClientRect() ?? { width: 99, height: 99 };
   return mark.checkVisibility() && width > 40 && height > 40;
 };
-let told = null;
+// viser sends one message in 50 ms, and of those that wait only the last: what the user does comes first.
+const QUIET = 200; // ms
+let told = null, acted = -QUIET;
 const report = () => {
+  if (performance.now() - acted < QUIET) return;
   const input = document.querySelector("div:has(> .vs-looking) + div input");
   if (!input) return;
   const seen = document.hidden ? [] : [...document.querySelectorAll(".vs-plots")].filter(onScreen);
@@ -18,5 +21,8 @@ const report = () => {
   type(input, tabs + "#" + Math.random());
 };
 document.addEventListener("visibilitychange", report);
-for (const kind of ["pointerup", "keyup"]) document.addEventListener(kind, () => setTimeout(report, 50), true);
+for (const kind of ["pointerdown", "pointermove", "keydown"])
+  document.addEventListener(kind, (e) => { if (e.buttons !== 0) acted = performance.now(); }, true);
+for (const kind of ["pointerup", "keyup"])
+  document.addEventListener(kind, () => { acted = performance.now(); setTimeout(report, QUIET + 10); }, true);
 setInterval(report, 400);

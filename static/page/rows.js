@@ -53,6 +53,7 @@ document.addEventListener("pointerdown", (e) => {
 }, true);
 document.addEventListener("focusout", (e) => { const i = field(e); if (i) commit(i, i.vsmrcDraft); }, true);
 
+const SLOT = 60; // ms, longer than viser waits between two messages
 let held = null, byKey = false;
 const slider = (e) => e.target instanceof Element ? e.target.closest("form .mantine-Slider-root") : null;
 const hold = (row, key) => { held = row; byKey = key; row.dataset.held = ""; row.vsmrcTurn = null; };
@@ -60,13 +61,14 @@ const letGo = (mark) => {
   if (!held) return;
   const row = held, turn = (row.vsmrcTurn = {});
   held = null;
-  // a frame and more than the 50 ms of the slot, so that the last position has gone; unless held again meanwhile
-  requestAnimationFrame(() => setTimeout(() => {
+  // viser's form says that it has been changed right behind the mark, and of two that wait for the slot only the last is
+  // sent: the slot must be free. Its timer of 50 ms may send the last position, and begins anew then: later than two more.
+  requestAnimationFrame(() => setTimeout(() => setTimeout(() => {
     const input = row.querySelector("input.mantine-TextInput-input");
     if (row.vsmrcTurn !== turn || !input) return;
     tell(input, input.value, mark);
     delete row.dataset.held;
-  }, 80));
+  }, SLOT), SLOT));
 };
 const moves = (e) => /^(Arrow|Home|End|Page)/.test(e.key);
 // A slider's step is a fine one (FINE in app/dashboard/widgets/controls.py). Ten of them are a step by mouse or key, and

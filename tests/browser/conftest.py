@@ -12,7 +12,7 @@ from app.dashboard.page import Dashboard
 from app.session.commands import Pause
 from app.session.runner import Runner
 from drivers.browser import LAUNCH_ARGS, find_or_install
-from drivers.pages import NO_HINTS, PATIENCE, UNDRAWN, VIEWPORT, Session
+from drivers.pages import NO_HINTS, PATIENCE, SENT, UNDRAWN, VIEWPORT, Session
 from tests.browser.shared_page import SCENARIO, SharedPage
 from tests.support.drawn import drawn
 
@@ -70,6 +70,7 @@ class Pages:
     ) -> Page:
         self.contexts.append(context := self.browser.new_context(**context_options))
         context.add_init_script(UNDRAWN)
+        context.add_init_script(SENT)
         if not first_visit:
             context.add_init_script(NO_HINTS)
         page = context.new_page()

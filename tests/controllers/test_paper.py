@@ -152,7 +152,7 @@ def test_torque_25_is_force_15_in_task_space(robot: str, surface: str, bounds: s
     np.testing.assert_allclose(sum(out.terms), out.tau, atol=1e-9)
     # what makes contact: the normal part of F, and F_r along the surface (38)
     np.testing.assert_allclose(out.F_c[1:], F_r[1:], atol=1e-9)
-    np.testing.assert_allclose(out.F_c[0], task.normal @ F, atol=1e-12)
+    np.testing.assert_allclose(out.F_c[0], task.normals[0] @ F, atol=1e-12)
 
 
 def random_model(random: np.random.Generator, n: int) -> TargetModel:

@@ -238,7 +238,7 @@ def test_predicted_steady_force_has_what_the_boundary_layer_leaves_where_a_is_no
     assert seen["multiplier"][-1] == pytest.approx(steady, abs=0.01)
     if loop.system.m:
         assert abs(steady - 20.0) > 0.5
-        predicted = steady_force_error(loop.system, 20.0, seen["s"][-1])
+        predicted = steady_force_error(loop.system, np.array([20.0]), seen["s"][-1])
         assert predicted == pytest.approx(seen["multiplier"][-1] - 20.0, abs=0.01)
 
 

@@ -242,8 +242,9 @@ def test_film_shows_what_the_page_showed() -> None:
     (frame,) = snapshots(film(loop.system.scenario, loop.recording, seen.t, seen.t))
     assert frame.t == seen.t
     assert np.linalg.norm(seen.force) > 1.0
-    for name in ("q", "tool", "tool_desired", "force", "force_desired", "surface_offset"):
+    for name in ("q", "tool", "tool_desired", "force", "force_desired"):
         np.testing.assert_allclose(getattr(frame, name), getattr(seen, name), rtol=1e-9, atol=1e-12, err_msg=name)
+    assert [each.form for each in frame.surfaces] == [each.form for each in seen.surfaces]
 
 
 def messages_in(html: str) -> dict:

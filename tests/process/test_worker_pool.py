@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator
 
 import pytest
 
-from app.process.worker_pool import AHEAD, FALLEN, Fallen, results
+from app.process.worker_pool import AHEAD, BARRIER, FALLEN, Barrier, Fallen, results
 
 
 def squares(deadly: int, wrong: int) -> Callable[[int], int]:
@@ -47,3 +47,19 @@ def test_few_tasks_are_taken_ahead_and_an_error_ends_it() -> None:
             assert result == task * task
             seen += 1
             assert len(taken) <= seen + 2 * AHEAD
+
+
+@pytest.mark.slow
+def test_no_task_is_taken_over_a_barrier_before_all_earlier_ones_are_done() -> None:
+    found: list[int] = []
+
+    def rounds() -> Iterator[int | Barrier]:
+        for begun in range(0, 12, 4):
+            assert sorted(found) == list(range(begun))  # also where the process of one of them has ended
+            yield from range(begun, begun + 4)
+            yield BARRIER
+            yield BARRIER
+
+    for task, _ in results(squares, (5, -1), rounds(), 2):
+        found.append(task)
+    assert sorted(found) == list(range(12))

@@ -206,7 +206,7 @@ def test_list_shows_robots_and_scenarios() -> None:
         (("run", "ur5-hybrid", "--set", "controller.law=vsmcr"), "; did you mean vsmrc?"),
         (
             ("exprt", "ur5-hybrid"),
-            "exprt: no such command; allowed: serve, run, compare, export, response, sweep, figures, lesson, list; did",
+            "no such command; allowed: serve, run, compare, export, response, sweep, tune, figures, lesson, list; did",
         ),
         (("run", "ur5-hybrid", "--set", "force.value"), "allowed: KEY=VALUE"),
         (("run", "ur5-hybrid", "--set", "force.value=nan"), "force.value: nan; allowed: a finite number"),

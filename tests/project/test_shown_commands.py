@@ -23,7 +23,7 @@ from app.scenario.data import load
 from fuzzing import TARGETS
 from tests.support.pages import PAGES, ROOT, Command, Page
 
-FUNCTIONS = ("serve", "run", "compare", "export", "response", "sweep", "figures", "lesson", "list_")
+FUNCTIONS = ("serve", "run", "compare", "export", "response", "sweep", "tune", "figures", "lesson", "list_")
 RUN_HERE = ("run", "compare", "export", "list_")
 SHOWN = [(page, command) for page in PAGES for command in page.commands]
 SHORT = 0.05  # s of simulated time

@@ -18,7 +18,7 @@ from environments import sensors
 from environments.push import Grip
 
 PERIODS, MANY = (70, 20, 60), (700, 300, 7000)  # compiled, by steps, and compiled again
-PRECISION = 2e-11  # of the largest number of each signal: contact, friction and feedback amplify the terms' rounding
+PRECISION = 5e-11  # of the largest number of each signal: contact, friction and feedback amplify the terms' rounding
 # the discontinuous law divides by ||s||; where s is 0 it makes jumps of rounding, so this run ends while s is not
 PRECISION_OF_SUDDEN = 1e-8
 PUSH = {"truth.push": [0.0, 30.0, 5.0], "truth.push_start": 0.03, "truth.push_duration": 0.02, "truth.push_every": 0.05}

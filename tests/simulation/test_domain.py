@@ -168,8 +168,8 @@ def test_a_harder_search_finds_no_arm_more_mobile(name: str) -> None:
         tangential = np.linalg.norm(across @ compliance @ across.T, 2)
         return float(normal @ compliance @ normal), float(tangential), float(np.linalg.norm(M_inv, 2))
 
-    omega = replace(system.constants.omega, span=span_of(system.surface, system.scenario.simulation.duration))
-    searched = mobility_over(omega, model, system.surface, system.nominal, Memory())
+    omega = replace(system.constants.omega, span=span_of(system.surfaces, system.scenario.simulation.duration))
+    searched = mobility_over(omega, model, system.surfaces, system.nominal, Memory())
     for k, (known, bound) in enumerate(zip(searched, system.mobility, strict=True)):
         found = Walk(omega, lambda q, t, k=k: at(q, t)[k], 8).highest(100, 2, 120)
         assert known / (MARGIN * 1.05) <= found <= known / HARDER

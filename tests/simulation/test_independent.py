@@ -43,8 +43,9 @@ def test_each_term_at_random_states(twin: Twin) -> None:
         q, q_dot, z = state.views.q.copy(), state.views.q_dot.copy(), random.standard_normal(n)
         estimate, task = system.observe(q, q_dot, t)
         m = paper.motion(q, q_dot, t)
-        for name in ("r", "r_dot", "J_q", "J_q_dot", "v_t", "v_t_dot", "normal"):
+        for name in ("r", "r_dot", "J_q", "J_q_dot", "v_t", "v_t_dot"):
             np.testing.assert_allclose(getattr(task, name), getattr(m, name), atol=1e-7, err_msg=name)
+        np.testing.assert_allclose(task.normals[0], m.normal, atol=1e-7)
 
         lam = random.uniform(0.0, 30.0)
         out = system.controller.evaluate(
@@ -56,7 +57,7 @@ def test_each_term_at_random_states(twin: Twin) -> None:
         np.testing.assert_allclose(out.tau, answer.tau, atol=1e-7 * np.abs(answer.tau).max())
 
         lam, q_ddot = paper.contact(m, q, q_dot, lambda _, tau=answer.tau: tau)
-        assert system.plant.respond(state, answer.tau, t, 1e-3).multiplier == pytest.approx(lam, rel=1e-6, abs=1e-6)
+        assert system.plant.respond(state, answer.tau, t, 1e-3).multiplier[0] == pytest.approx(lam, rel=1e-6, abs=1e-6)
         system.plant.advance(state, answer.tau, t, 1e-3)
         np.testing.assert_allclose(state.views.q_ddot, q_ddot, atol=1e-7 * np.abs(q_ddot).max())
 

@@ -98,7 +98,8 @@ def test_sampled_force_loop_diverges_where_its_factor_says() -> None:
     h = float(1.0 / np.linalg.inv(H)[0, 0])
     assert H[0, 0] > 1.1 * h
     model, normal = system.controller.model, np.eye(6)[0]
-    assert force_loop_factor(H, H, model, normal, normal) == pytest.approx(1 - h / model.M_m[0, 0])
+    one = normal[:, None]
+    assert force_loop_factor(H, H, model, one, one, np.array([np.inf])) == pytest.approx(1 - h / model.M_m[0, 0])
     stable, error = on_rigid(h / 1.9)
     assert stable.warning is None
     assert error < 1e-3
@@ -124,7 +125,7 @@ def test_constrained_force_and_surface() -> None:
     assert metrics.force_error_tail is not None
     assert metrics.constraint_violation is not None
     assert metrics.force_error_tail < 0.3
-    assert metrics.constraint_violation < 1e-11
+    assert metrics.constraint_violation < 1e-14
 
 
 @pytest.mark.parametrize("kind", ["rigid", "mass-damper-spring"])
@@ -152,12 +153,12 @@ def test_contact_acceleration_obeys_the_law_of_the_surface(kind: str) -> None:
 
     h = 1e-4
     phi_dot, phi_ddot = (phi(h) - phi(-h)) / (2 * h), (phi(h) - 2 * phi(0.0) + phi(-h)) / h**2
-    assert abs(load.multiplier) > 1.0
+    assert abs(load.multiplier[0]) > 1.0
     if kind == "rigid":
         assert phi_dot == pytest.approx(0.0, abs=1e-6)
         assert phi_ddot == pytest.approx(0.0, abs=1e-4)
     else:
-        assert load.multiplier == pytest.approx(2.0 * phi_ddot + 5.0 * phi_dot + 3000.0 * phi(0.0), abs=1e-3)
+        assert load.multiplier[0] == pytest.approx(2.0 * phi_ddot + 5.0 * phi_dot + 3000.0 * phi(0.0), abs=1e-3)
 
 
 def test_lost_contact_and_singular_postures_stop_with_their_reason() -> None:

@@ -40,7 +40,7 @@ def test_errors_and_bounds(name: str) -> None:
     assert m.reaching_time <= m.reaching_time_bound
     if scenario.mode == "constrained":
         assert m.constraint_violation is not None
-        assert m.constraint_violation <= 1e-9
+        assert m.constraint_violation <= 1e-14
 
 
 def test_reaching_is_watched_somewhere() -> None:

@@ -115,11 +115,11 @@ def test_plant_explodes_where_its_step_is_said_to(robot: str, cause: str, integr
             truth = replace(truth, viscous=value)
         else:
             law = law._replace(**{name: value})
-        return Plant(system.robot, truth, surface, CONTACTS[kind], law, integrator)
+        return Plant(system.robot, truth, (surface,), CONTACTS[kind], (law,), integrator)
 
     def settles(value: float) -> bool:
         plant = plant_with(value)
-        rows = oscillators(CONTACTS[kind], plant.contact, plant.truth, mobility(system, plant))
+        rows = oscillators(CONTACTS[kind], plant.contacts, plant.truth, mobility(system, plant))
         return resolved(integrator, next(o for o in rows if o.field == field), H)
 
     low, high = 0.0, 1e9

@@ -19,12 +19,14 @@ from controllers.laws.table import LAWS
 from controllers.switching import Switching, unit_factor
 from controllers.target_model import TargetModel
 from environments.robots import CATALOGUE
+from environments.surfaces.corner import Corner
 from environments.surfaces.form import SurfaceMotion
 from environments.surfaces.table import Surface
 from tests.support.surfaces import AT_REST, cylinder, formula, plane, sphere
 
 ROBOTS = tuple(CATALOGUE)
-CHARTS = ("joint", "cartesian", "plane", "cylinder inside", "sphere outside", "typed wave")  # the surfaces move
+# the surfaces move
+CHARTS = ("joint", "cartesian", "plane", "cylinder inside", "sphere outside", "typed wave", "corner")
 CERTAIN = Uncertainty(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 MOTION = SurfaceMotion(direction=(0.6, 0.0, 0.8), amplitude=0.03, frequency=1.7)
 
@@ -53,17 +55,23 @@ def charted(robot: str, chart: str) -> System:
         return replace(system, charted=plane(middle, towards, MOTION))
     if chart == "cylinder inside":
         return replace(system, charted=cylinder(middle - radius * towards, axis, towards, radius, "inside", MOTION))
+    if chart == "corner":
+        steep = plane(middle, np.array([0.8, 0.0, -0.6]), SurfaceMotion(direction=(1.0, 0.0, 0.0), amplitude=0.02))
+        hollow = cylinder(middle - radius * towards, axis, towards, radius, "inside", MOTION)
+        return replace(system, charted=Corner((steep, hollow), middle))
     if chart == "typed wave":
         return replace(system, charted=formula(WAVE, middle, towards, middle, MOTION))
     return replace(system, charted=sphere(middle + radius * towards, -towards, radius, "outside", MOTION))
 
 
-def at_rest(surface: Surface) -> Surface:
-    """The surface without its motion, a wave as it is at an instant."""
+def at_rest(surface: Surface | Corner) -> tuple[Surface, ...]:
+    """The surface, or those of a corner, without motion, a wave as it is at an instant."""
+    if isinstance(surface, Corner):
+        return tuple(still for each in surface.surfaces for still in at_rest(each))
     form = msgspec.structs.replace(surface.form, motion=AT_REST)
     if surface.changing:
         form = msgspec.structs.replace(form, text=WAVE.replace("2*t", "0.6"))
-    return Surface.of(form, surface.near)
+    return (Surface.of(form, surface.near),)
 
 
 def random_state(system: System, random: np.random.Generator) -> State:
@@ -99,7 +107,7 @@ def random_law(
         layer=random.uniform(0.01, 10.0),
         uncertainty=CERTAIN,
         controlled=controlled,
-        m=m,
+        surfaces=m,
     )
 
 

@@ -65,7 +65,8 @@ def test_nothing_is_lost_or_there_twice_after_fifty_kills(tmp_path: Path, monkey
         assert forks.stdin is not None
         assert forks.stdout is not None
         assert forks.stdout.readline() == "ready\n"
-        while len(seen) <= 50:
+        # on a busy machine a process may not come far
+        while len(seen) <= 50 or (len(set(seen)) <= 20 and seen[-1] < Question(SWEEP).count):
             forks.stdin.write("\n")
             forks.stdin.flush()
             pid = int(forks.stdout.readline())

@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
+import viser
+
 from app.dashboard.widgets.controls import Choice, Control, Desk, Number, Place, PlaceWhere, Scale, Switch, decades
 from app.dashboard.widgets.section_controls import field_controls, kind_choice
 from app.process.own_code import own_code
 from app.scenario.schema import Scenario
 from app.session.snapshot import Snapshot
 from controllers.modes import MODES
-from environments.contact_kinds import CONTACTS
+from environments.contact_kinds import CONTACTS, ContactKind
+from environments.force_profiles.table import FORCE_PROFILES
 from environments.sensors import Sensor
 from environments.surfaces.formula import FormulaSurface
 from environments.surfaces.table import SURFACES
@@ -68,6 +73,7 @@ class WorldPanel:
             self._controls.append(kind_choice(desk, "surface", "Shape", SURFACES, own_code().surfaces))
             self._syntax = gui.add_html(_SYNTAX, visible=False)
             self._controls += field_controls(desk, "surface", SURFACES, own_code().surfaces)
+        self._further = [self._add_further(desk, "second"), self._add_further(desk, "third")]
         with gui.add_folder("Force sensor"):
             self._controls += [
                 *field_controls(desk, "sensor", [Sensor], {}),
@@ -88,9 +94,56 @@ class WorldPanel:
                 Number(desk, Place("simulation.substeps"), "substeps"),
             ]
 
+    def _add_further(self, desk: Desk, section: str) -> viser.GuiFolderHandle:
+        """Folder of a further surface: its contact, and, where it has one, its shape and the force on it."""
+
+        def there(scenario: Scenario) -> bool:
+            return bool(getattr(scenario, section).present)
+
+        def of_contact(kind: Callable[[ContactKind], bool]) -> Callable[[Scenario], bool]:
+            return lambda scenario: kind(getattr(scenario, section).contact.nature)
+
+        def foreseen(scenario: Scenario) -> bool:
+            return there(scenario) and _foreseen(scenario)
+
+        def choosable(scenario: Scenario) -> bool:
+            return there(scenario) and MODES[scenario.mode].on_surface
+
+        springs, massive = of_contact(lambda kind: kind.springs), of_contact(lambda kind: kind.massive)
+        kinds = {contact.title: kind for kind, contact in CONTACTS.items()}
+        with (folder := desk.gui.add_folder(f"{section.capitalize()} surface", expand_by_default=False)):
+            self._controls += [
+                Choice(desk, f"{section}.contact.kind", "Contact", kinds),
+                kind_choice(desk, f"{section}.surface", "Shape", SURFACES, own_code().surfaces, there),
+                *field_controls(desk, f"{section}.surface", SURFACES, own_code().surfaces, there),
+                Number(desk, PlaceWhere(f"{section}.contact.K_e", springs), "K_e [N/m]", decades(100, 1_000_000)),
+                Number(desk, PlaceWhere(f"{section}.K_e_hat", foreseen), "K̂_e [N/m]", decades(100, 1_000_000)),
+                Number(
+                    desk,
+                    PlaceWhere(f"{section}.contact.B_e", springs),
+                    "B_e [N·s/m]",
+                    decades(1, 10_000, zero=True),
+                ),
+                Number(desk, PlaceWhere(f"{section}.contact.M_e", massive), "M_e [kg]", decades(0.01, 100, zero=True)),
+                Switch(desk, PlaceWhere(f"{section}.contact.unilateral", there), "Pushes only"),
+                Number(desk, PlaceWhere(f"{section}.contact.friction_coulomb", there), "friction μ", Scale(0, 1)),
+                Choice(
+                    desk,
+                    f"{section}.control",
+                    "Controlled",
+                    {"its normal force": "force", "the distance from it": "path"},
+                    choosable,
+                ),
+                kind_choice(desk, f"{section}.force", "Force", FORCE_PROFILES, {}, choosable),
+                *field_controls(desk, f"{section}.force", FORCE_PROFILES, {}, choosable),
+            ]
+        return folder
+
     def show(self, snapshot: Snapshot) -> None:
-        if self._surface.visible != (snapshot.surface is not None):
-            self._surface.visible = snapshot.surface is not None
+        met = bool(snapshot.surfaces)
+        for folder in (self._surface, *self._further):
+            if folder.visible != met:
+                folder.visible = met
         typed = isinstance(snapshot.scenario.surface, FormulaSurface)
         if self._syntax.visible != typed:
             self._syntax.visible = typed

@@ -43,7 +43,8 @@ _RULE = "rgba(128, 128, 128, 0.7)"  # visible on dark and on light
 @dataclass(frozen=True)
 class Setup:
     """Properties of a run and choices of the user that determine the lines of the charts.
-    normal: the mode controls a normal force.
+    normal: the mode controls a normal force, on so many surfaces.
+    surfaces: number of those in the world.
     touching: there is something to touch.
     robust: the law has a gain and a bound.
     bounded: some part of the run had such a law.
@@ -52,7 +53,8 @@ class Setup:
 
     coordinates: tuple[Coordinate, ...]
     joints: tuple[str, ...]
-    normal: bool
+    normal: int
+    surfaces: int
     touching: bool
     robust: bool
     bounded: bool
@@ -67,7 +69,8 @@ class Setup:
         return cls(
             coordinates,
             joints,
-            normal=snapshot.system.m > 0,
+            normal=snapshot.system.m,
+            surfaces=len(snapshot.system.surfaces),
             touching=snapshot.scenario.contact.nature.touches,
             robust=snapshot.system.controller.law.robust,
             bounded=any(law_of(epoch.scenario).robust for epoch in snapshot.recording.epochs),

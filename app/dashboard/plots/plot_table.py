@@ -8,6 +8,8 @@ from typing import Literal
 
 import numpy as np
 
+from app.analysis.metrics import MULTIPLIERS
+from app.analysis.perturbation import STEADY
 from app.analysis.spectrum import variation_rate
 from app.dashboard.plots.charts import Area, Drawing, Line, Plot, Setup, Signals
 from app.dashboard.theme.colors import ACCENT, BOUND, DESIRED, MEASURED, PUSH, SERIES, Rgb
@@ -20,6 +22,7 @@ from app.simulation.system import Coordinate
 Values = Callable[[Signals], np.ndarray]
 Chooser = Literal["coordinate", "joint"]
 
+_MEASURED = (MEASURED, SERIES[0], SERIES[5])  # on each surface
 LEAD = 0.1  # s before the window, over which the total variation is taken
 SOLID = 4  # lines of a plot that colour alone tells apart
 
@@ -123,12 +126,19 @@ def _followed(setup: Setup) -> Drawing:
 def _force(setup: Setup) -> Drawing:
     if not setup.normal:
         return _force_axes(setup)
-    lines = [
-        Line("desired normal", DESIRED, column("F_cd"), dashed=True, width=2.0),
-        Line("measured normal", MEASURED, column("F_c"), compared=True),
-        Line("push", PUSH, norm("F_push")),
-    ]
+    lines = []
+    for i in range(setup.normal):
+        lines += [
+            Line(f"desired normal{_on(setup, i)}", DESIRED, column("F_cd", i), dashed=True, width=2.0),
+            Line(f"measured normal{_on(setup, i)}", _MEASURED[i], column("F_c", i), compared=True),
+        ]
+    lines.append(Line("push", PUSH, norm("F_push")))
     return Drawing("force on the environment  [N]", lines, at_least=(0.0, 1.0))
+
+
+def _on(setup: Setup, i: int) -> str:
+    """Name of a surface, counted from 0, after a signal's; "" where it is the only one."""
+    return "" if setup.surfaces == 1 else f" {'₁₂₃'[i]}"
 
 
 def _force_axes(_: Setup) -> Drawing:
@@ -140,28 +150,36 @@ def _force_axes(_: Setup) -> Drawing:
 def _normal_force(setup: Setup) -> Drawing | None:
     if not (setup.normal or setup.touching):
         return None
-    steady = Line("steady state predicted", ACCENT, column("steady_force"), dashed=True, width=2.0)
-    if not setup.normal:
-        lines = [steady, Line("really there", MEASURED, column("multiplier"), compared=True)]
-    else:
-        lines = [
-            _force(setup).lines[0],
-            steady,
-            Line("measured", MEASURED, column("F_c"), compared=True),
-        ]
+    lines = []
+    for i in range(setup.normal or setup.surfaces):
+        on = _on(setup, i)
+        if setup.normal:
+            lines.append(Line(f"desired normal{on}", DESIRED, column("F_cd", i), dashed=True, width=2.0))
+        if setup.normal or setup.surfaces == 1:
+            lines.append(Line(f"steady state predicted{on}", ACCENT, column(STEADY[i]), dashed=True, width=2.0))
+        if setup.normal:
+            lines.append(Line(f"measured{on}", _MEASURED[i], column("F_c", i), compared=True))
+        else:
+            lines.append(Line(f"really there{on}", _MEASURED[i], column(MULTIPLIERS[i]), compared=True))
     return Drawing("normal force  [N]", lines, at_least=(0.0, 1.0))
 
 
 def _force_error(setup: Setup) -> Drawing | None:
     if not setup.normal:
         return None
-    desired = column("F_cd")
-    lines = [
-        Line("predicted (37)", ACCENT, lambda s: s["steady_force"] - desired(s), dashed=True, width=2.0),
-        Line("measured − desired", MEASURED, lambda s: column("F_c")(s) - desired(s), compared=True),
-        Line("real − desired", color(2), lambda s: s["multiplier"] - desired(s)),
-    ]
+    lines = []
+    for i in range(setup.normal):
+        on, desired = _on(setup, i), column("F_cd", i)
+        lines += [
+            Line(f"predicted (37){on}", ACCENT, _less(column(STEADY[i]), desired), dashed=True, width=2.0),
+            Line(f"measured − desired{on}", _MEASURED[i], _less(column("F_c", i), desired), compared=True),
+            Line(f"real − desired{on}", color(2 + i), _less(column(MULTIPLIERS[i]), desired)),
+        ]
     return Drawing("normal force error  [N]", lines, at_least=(-0.01, 0.01))
+
+
+def _less(values: Values, others: Values) -> Values:
+    return lambda signals: values(signals) - others(signals)
 
 
 def _under_gain(values: Values) -> Values:

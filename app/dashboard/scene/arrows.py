@@ -11,6 +11,7 @@ import viser
 from app.dashboard.theme.colors import SERIES, Rgb
 from app.dashboard.transport.viser_private import move
 from app.dashboard.view_options import rounded_up
+from environments.surfaces.corner import Corner
 from environments.surfaces.table import Surface
 
 UNIT = 0.1  # m: the length of arrow that the scale refers to
@@ -68,13 +69,14 @@ class ForceArrow:
         self._arrow.visible = self._number.visible = visible
 
 
-def task_directions(charted: Surface, p: np.ndarray, t: float) -> np.ndarray:
-    """Unit rows (3, 3): the normal, and the directions in which the point p (3,) m goes along psi_1 and psi_2 alone;
-    along the axes where coordinates are Cartesian. Not finite where the coordinates are singular."""
-    G = charted.chart(p, t).G
+def task_directions(charted: Surface | Corner, p: np.ndarray, t: float) -> np.ndarray:
+    """Unit rows (3, 3): the normals, and the directions in which the point p (3,) m goes along each other coordinate
+    alone; along the axes where coordinates are Cartesian. Not finite where the coordinates are singular."""
+    G, normals = charted.chart(p, t).G, charted.shapes.number
     with np.errstate(divide="ignore", invalid="ignore"):
-        along = np.array([np.cross(G[2], G[0]), np.cross(G[0], G[1])])  # the other columns of G^-1 but for a factor
-        rows = np.stack([G[0], *along * np.sign(np.linalg.det(G))])
+        # columns of G^-1 but for a factor
+        along = np.array([np.cross(G[1], G[2]), np.cross(G[2], G[0]), np.cross(G[0], G[1])])
+        rows = np.concatenate([G[:normals], along[normals:] * np.sign(np.linalg.det(G))])
         return rows / np.linalg.norm(rows, axis=1, keepdims=True)
 
 
@@ -93,7 +95,7 @@ class TaskFrame:
         )
         self._positions = 3
 
-    def show(self, charted: Surface, positions: int, p: np.ndarray, t: float) -> None:
+    def show(self, charted: Surface | Corner, positions: int, p: np.ndarray, t: float) -> None:
         """Show the directions at the point p (3,) m: only the first ones, as many as there are positions among the
         coordinates."""
         drawn = np.minimum(np.arange(3), positions - 1)  # the last one again: their number on the page stays the same

@@ -40,8 +40,8 @@ def viewpoint(view: str, snapshot: Snapshot) -> Viewpoint:
             return Viewpoint(target + reach * (1.85 * aside + 0.15 * up), target)
         case "contact":
             free = np.zeros(3)
-            if snapshot.surface is not None:
-                normal = snapshot.surface.chart(tool, snapshot.t).G[0]
+            if snapshot.surfaces:
+                normal = snapshot.surfaces[0].chart(tool, snapshot.t).G[0]
                 free = -normal / np.linalg.norm(normal)
             away = 0.55 * out + 0.7 * aside + 0.45 * free + 0.15 * up
             target = tool - 0.06 * up  # where the forces are drawn

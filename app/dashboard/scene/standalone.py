@@ -123,6 +123,5 @@ def _at(start: Snapshot, system: System, row: dict[str, np.ndarray]) -> Snapshot
         tool=row["tool"],
         tool_desired=None if system.layout.joint else system.tool_at(reference, t),
         force=row["F_true"],
-        force_desired=task.normal * row["F_cd"][0] if system.m else np.zeros(3),
-        surface_offset=system.surface.motion.offset(t),
+        force_desired=row["F_cd"][: system.m] @ task.normals[: system.m],
     )

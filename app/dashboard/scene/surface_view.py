@@ -10,6 +10,7 @@ import viser
 from app.dashboard.theme.colors import SURFACE, SURFACE_LINES
 from app.dashboard.transport.viser_private import move
 from app.session.snapshot import Snapshot
+from environments.surfaces.form import Form
 from environments.surfaces.table import Surface
 
 _REDRAW = 1 / 10  # s of wall time, between two forms of a surface that changes its own
@@ -17,32 +18,38 @@ _LINE_EVERY = 4  # cells of the mesh
 
 
 class SurfaceView:
-    """A translucent mesh with lines of constant psi, which show how it is curved. A rigid motion moves its node; a form
-    that changes in time gets other vertices."""
+    """A translucent mesh of one of three surfaces, with lines of constant psi, which show how it is curved. A rigid
+    motion moves its node; a form that changes in time gets other vertices."""
 
-    def __init__(self, scene: viser.SceneApi) -> None:
-        self._scene = scene
+    def __init__(self, scene: viser.SceneApi, number: int) -> None:
+        self._scene, self._number = scene, number
+        self._name = "/surface" if number == 0 else f"/surface_{number + 1}"
         self._mesh: viser.MeshHandle | None = None
         self._lines: viser.LineSegmentsHandle | None = None
-        self._key: object = None
+        self._key: Form | None = None
         self._around = np.zeros(3)
         self._formed_at, self._formed_for = 0.0, 0.0
 
     def form(self, snapshot: Snapshot) -> None:
-        """Give the mesh the form of the snapshot's surface."""
-        key = (snapshot.scenario.surface, snapshot.surface is None)
+        """Give the mesh the form of the snapshot's surface of its number, if there is one."""
+        surface = self._of(snapshot)
+        key = None if surface is None else surface.form
         if key != self._key:
             self._key = key
             self._around = snapshot.tool.copy()
-            self._draw(snapshot.surface, snapshot.t)
-        elif self._mesh is not None and snapshot.surface is not None and snapshot.surface.changing:
-            self._reform(snapshot.surface, snapshot.t)
+            self._draw(surface, snapshot.t)
+        elif self._mesh is not None and surface is not None and surface.changing:
+            self._reform(surface, snapshot.t)
 
     def place(self, snapshot: Snapshot, *, visible: bool) -> None:
         """Move the mesh as one body."""
-        if self._mesh is not None:
-            move(self._mesh, snapshot.surface_offset)
+        surface = self._of(snapshot)
+        if self._mesh is not None and surface is not None:
+            move(self._mesh, surface.motion.offset(snapshot.t))
             self._mesh.visible = visible
+
+    def _of(self, snapshot: Snapshot) -> Surface | None:
+        return snapshot.surfaces[self._number] if self._number < len(snapshot.surfaces) else None
 
     def _draw(self, surface: Surface | None, t: float) -> None:
         if self._mesh is not None:
@@ -52,7 +59,7 @@ class SurfaceView:
             return
         vertices, faces = _arrays(surface, self._around, t)
         self._mesh = self._scene.add_mesh_simple(
-            "/surface",
+            self._name,
             vertices,
             faces,
             color=SURFACE,
@@ -64,7 +71,7 @@ class SurfaceView:
 
         if surface.resolution > _LINE_EVERY:
             self._lines = self._scene.add_line_segments(
-                "/surface/lines",
+                f"{self._name}/lines",
                 _lines(vertices, faces, surface.resolution),
                 SURFACE_LINES,
                 thickness=1.0,

@@ -16,7 +16,6 @@ from app.dashboard.transport.viser_private import move
 from app.dashboard.widgets.controls import Desk
 from app.session.commands import Edit, Push
 from app.session.snapshot import Snapshot
-from controllers.modes import MODES
 from environments.push import Grip
 
 RADIUS = 0.045  # m
@@ -39,7 +38,7 @@ class _Held:
 
 def shift_coordinates(snapshot: Snapshot) -> slice:
     """Slice of the coordinates (phi, psi_1, psi_2), or x, y, z, that a shift moves."""
-    return slice(MODES[snapshot.scenario.mode].m(), snapshot.system.layout.positions)
+    return slice(snapshot.system.m, snapshot.system.layout.positions)
 
 
 def shifted(snapshot: Snapshot, moved: np.ndarray) -> Edit:

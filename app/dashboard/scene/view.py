@@ -61,7 +61,7 @@ class SceneView:
         self._ghost_key: object = None
         self._seen_robot: object = None
         self._pinned = PinnedArms(scene, self._new_root)
-        self._surface = SurfaceView(scene)
+        self._surfaces = [SurfaceView(scene, number) for number in range(3)]
         self._run = -1
 
     def set_theme(self, theme: Theme) -> None:
@@ -80,7 +80,8 @@ class SceneView:
             if shade is not None:
                 self._ghost_view.show(shade.q)
         self._pinned.show(snapshot, wanted=look.pinned_arms)
-        self._surface.place(snapshot, visible=look.surface)
+        for surface in self._surfaces:
+            surface.place(snapshot, visible=look.surface)
         for arrow, start, force in (
             (self._measured, snapshot.tool, snapshot.force),
             (self._desired, snapshot.tool + _ASIDE, snapshot.force_desired),
@@ -112,7 +113,8 @@ class SceneView:
             self._run = snapshot.run
             self._tool_path.clear()
             self._desired_path.clear()
-        self._surface.form(snapshot)
+        for surface in self._surfaces:
+            surface.form(snapshot)
         arm = snapshot.robot
         robot = (arm.urdf, arm.joint_names, arm.tool_frame, arm.tool_offset.tolist())
         if (robot, look.cell) != self._robot_key:
@@ -146,11 +148,13 @@ class SceneView:
 
 
 def _path_error(snapshot: Snapshot) -> float:
-    """Distance of the tool from its desired point, m; along a surface only, since the depth belongs to the force."""
+    """Distance of the tool from its desired point, m; along the surfaces only, since the depth belongs to the
+    force."""
     if snapshot.tool_desired is None:
         return 0.0
     error = snapshot.tool - snapshot.tool_desired
-    if snapshot.surface is not None:
-        normal = snapshot.surface.chart(snapshot.tool, snapshot.t).G[0]
-        error = error - normal * (normal @ error) / (normal @ normal)
+    if snapshot.surfaces:
+        normals = np.column_stack([each.chart(snapshot.tool, snapshot.t).G[0] for each in snapshot.surfaces])
+        directions = np.linalg.qr(normals)[0]
+        error = error - directions @ (directions.T @ error)
     return float(np.linalg.norm(error))

@@ -287,10 +287,18 @@ class Number:
 
 
 class Choice:
-    """Dropdown of a field; `options` maps the text shown to the value in the scenario."""
+    """Dropdown of a field; `options` maps the text shown to the value in the scenario; `applies`: see `PlaceWhere`."""
 
-    def __init__(self, desk: Desk, path: str, label: str, options: Mapping[str, object]) -> None:
-        self._desk, self._place, self._options = desk, Place(path), dict(options)
+    def __init__(
+        self,
+        desk: Desk,
+        path: str,
+        label: str,
+        options: Mapping[str, object],
+        applies: Callable[[Scenario], bool] | None = None,
+    ) -> None:
+        self._desk, self._options = desk, dict(options)
+        self._place = Place(path) if applies is None else PlaceWhere(path, applies)
         self._shown = {value: title for title, value in options.items()}
         self._answer = Answer()
         self._dropdown = desk.gui.add_dropdown(label, tuple(options), hint=self._place.hint)

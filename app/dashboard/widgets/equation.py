@@ -11,7 +11,6 @@ from scipy.sparse.csgraph import connected_components
 
 from app.dashboard.widgets.matrix_text import short
 from app.session.snapshot import Snapshot
-from controllers.modes import MODES
 
 _NAMES = ("M_m", "B_m", "K_m", "K_f")
 _LETTERS = {"": "e", "˙": "ė", "¨": "ë"}
@@ -66,7 +65,7 @@ def _same(line: Line, part: tuple[int, ...], snapshot: Snapshot) -> bool:
 
 def equation_html(snapshot: Snapshot) -> str:
     """Description of the mode, (8), and its lines with their numbers; the entries that the mode fixes are grey."""
-    mode = MODES[snapshot.scenario.mode]
+    mode = snapshot.system.mode
     about = f"{mode.title} {mode.equation}: {mode.summary} Grey numbers are fixed by the mode."
     rows = [_general(), *(_row(line, snapshot) for line in lines(snapshot))]
     return (

@@ -19,10 +19,9 @@ from app.scenario.data import edited
 from app.scenario.schema import Scenario, ScenarioError
 from app.session.commands import Edit
 from app.session.snapshot import Snapshot
-from app.simulation.controller_builder import surfaces_met, target_model
+from app.simulation.controller_builder import believed_stiffness, mode_of, surfaces_met, target_model
 from app.simulation.sampled_stability import oscillations
 from controllers.blend import BlendCertificate, certify
-from controllers.modes import MODES
 from controllers.target_model import InvalidGain, TargetModel
 from controllers.task_space import TaskLayout
 
@@ -57,7 +56,7 @@ def judge_asked(snapshot: Snapshot, edit: Edit) -> Judgement:
 
 
 def _judge(model: TargetModel, scenario: Scenario, layout: TaskLayout) -> Judgement:
-    mode, K_e_hat = MODES[scenario.mode], scenario.controller.K_e_hat
+    mode, K_e_hat = mode_of(scenario), believed_stiffness(scenario)
     try:
         mode.check(model, K_e_hat, surfaces_met(scenario, mode, layout))
         refusal = ""
@@ -76,7 +75,7 @@ def judge_blend(snapshot: Snapshot, edit: Edit) -> BlendCertificate | None:
     if asked.refusal:
         return None
     scenario = snapshot.scenario
-    surfaces = surfaces_met(scenario, MODES[scenario.mode], snapshot.system.layout)
+    surfaces = surfaces_met(scenario, snapshot.system.mode, snapshot.system.layout)
     return certify(TargetModel(**snapshot.matrices), asked.model, pressed_on(snapshot), surfaces)
 
 

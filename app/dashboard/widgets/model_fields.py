@@ -15,7 +15,7 @@ from app.dashboard.widgets.equation import is_fixed
 from app.dashboard.widgets.matrix_text import written
 from app.session.commands import Blend, Edit
 from app.session.snapshot import Snapshot
-from controllers.modes import MODES
+from app.simulation.controller_builder import believed_stiffness
 from controllers.second_order import Oscillators, oscillators, shaped
 
 
@@ -39,7 +39,7 @@ def applying(edit: Edit, over: float) -> Edit | Blend:
 def pressed_on(snapshot: Snapshot) -> np.ndarray:
     """Stiffness (n,) N/m that the controller assumes each coordinate to press on; see `Mode.environment`."""
     scenario = snapshot.scenario
-    return MODES[scenario.mode].environment(len(snapshot.coordinates), scenario.controller.K_e_hat)
+    return snapshot.system.mode.environment(len(snapshot.coordinates), believed_stiffness(scenario))
 
 
 def oscillators_of(snapshot: Snapshot) -> Oscillators:

@@ -20,7 +20,7 @@ from app.dashboard.widgets.pole_map import grouped
 from app.dashboard.widgets.whatif import Held
 from app.session.commands import Edit
 from app.session.snapshot import Snapshot
-from controllers.modes import MODES
+from app.simulation.controller_builder import believed_stiffness
 from controllers.second_order import moved, poles_of
 from controllers.target_model import TargetModel
 
@@ -100,7 +100,7 @@ class PoleDrag:
 def numbered_poles(snapshot: Snapshot) -> list[complex]:
     """Poles (1/s) of the running model as the pole map numbers them."""
     model = TargetModel(**snapshot.matrices)
-    found = MODES[snapshot.scenario.mode].poles(model, snapshot.scenario.controller.K_e_hat)
+    found = snapshot.system.mode.poles(model, believed_stiffness(snapshot.scenario))
     return [pole.value for pole in grouped(found)]
 
 

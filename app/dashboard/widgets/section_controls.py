@@ -2,41 +2,46 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from msgspec import Struct
 
-from app.dashboard.widgets.controls import Choice, Control, Desk, Number, Place, Scale, labelled
+from app.dashboard.widgets.controls import Choice, Control, Desk, Number, Place, PlaceWhere, Scale, labelled
 from app.dashboard.widgets.own_parameters import own_number
 from app.dashboard.widgets.text_field import TextField
 from app.scenario.data import OWN, kind_of
-from app.scenario.schema import FieldInfo, field_info, types_of
+from app.scenario.schema import FieldInfo, Scenario, field_info, types_of
 from app.session.snapshot import Snapshot
 from environments.surfaces.own import OwnSurface
 from environments.trajectories.own import OwnTrajectory
 from parameters import Parameter, Widget
 
 _Own = Mapping[str, OwnSurface] | Mapping[str, OwnTrajectory]
+_Applies = Callable[[Scenario], bool]
 
 
-def kind_choice(desk: Desk, section: str, label: str, kinds: Sequence[Any], own: _Own) -> Choice:
+def kind_choice(
+    desk: Desk, section: str, label: str, kinds: Sequence[Any], own: _Own, applies: _Applies | None = None
+) -> Choice:
     """Menu of a section's kinds. kinds: those allowed, each with its `title`; own: those of the user's own files, by
-    kind."""
+    kind; applies: see `PlaceWhere`."""
     options = {kind.title: str(kind.__struct_config__.tag) for kind in kinds}
     options = {title: kind for title, kind in options.items() if kind != OWN}
-    return Choice(desk, section, label, options | {each.title: f"{OWN}:{name}" for name, each in own.items()})
+    return Choice(desk, section, label, options | {each.title: f"{OWN}:{name}" for name, each in own.items()}, applies)
 
 
-def field_controls(desk: Desk, section: str, kinds: Sequence[Any], own: _Own) -> list[Control]:
-    """Controls of the fields of all kinds; a control is shown where the section has its field."""
+def field_controls(
+    desk: Desk, section: str, kinds: Sequence[Any], own: _Own, applies: _Applies | None = None
+) -> list[Control]:
+    """Controls of the fields of all kinds; a control is shown where the section has its field, and applies."""
     controls: list[Control] = []
     for name, each in own.items():
         controls += [_own_parameter(desk, section, f"{OWN}:{name}", p) for p in each.parameters]
     for path in _paths(section, kinds):
         info = field_info(path)
         if info.widget is not None:
-            controls.append(_control(desk, path, info, info.widget))
+            controls.append(_control(desk, path, info, info.widget, applies))
     return controls
 
 
@@ -53,10 +58,10 @@ def _paths(prefix: str, kinds: Sequence[type[Struct]]) -> list[str]:
     return list(dict.fromkeys([*texts, *others, *nested]))
 
 
-def _control(desk: Desk, path: str, info: FieldInfo, shown: Widget) -> Control:
-    place = Place(path)
+def _control(desk: Desk, path: str, info: FieldInfo, shown: Widget, applies: _Applies | None) -> Control:
+    place = Place(path) if applies is None else PlaceWhere(path, applies)
     if shown.options:
-        return Choice(desk, path, shown.label, dict(shown.options))
+        return Choice(desk, path, shown.label, dict(shown.options), applies)
     if info.text:
         return TextField(desk, place, shown.label)
     scale = None

@@ -1,0 +1,145 @@
+"""Runs of a sweep on other machines: Dask schedules, repeats and balances them; this is its client."""
+
+from __future__ import annotations
+
+import logging
+import pickle
+import queue
+import time
+from collections import deque
+from collections.abc import Callable, Iterator, Sequence
+from typing import TYPE_CHECKING, Any
+
+from app.process.worker_pool import FALLEN, Fallen
+from app.scenario.schema import ScenarioError
+from app.sweep import cluster_worker
+from app.sweep.figures_of_run import Figures
+from app.sweep.question import Sweep
+
+if TYPE_CHECKING:
+    from distributed import Client, Future
+
+CHUNK = 16  # runs of a task (docs/scale.md)
+AHEAD = 3  # tasks for each worker that are handed out, so that none waits for this process
+CONNECT = 10.0  # s until a scheduler has to answer
+LOOK = 1.0  # s between two looks at how many workers there are
+NOBODY = "no worker there: start one with `dask worker {}`"
+
+
+class Cluster:
+    """Client of a Dask scheduler at an address such as tcp://127.0.0.1:8786.
+
+    Raises ScenarioError where there is none, or where the extra `cluster` is not installed.
+    """
+
+    def __init__(self, address: str) -> None:
+        try:
+            from distributed import Client
+        except ImportError as error:
+            raise ScenarioError(
+                "--scheduler: Dask is not installed; allowed: after `pip install 'vsmrc-lab[cluster]'`"
+            ) from error
+        for name in ("distributed", "distributed.client"):  # what is lost is told by us, in a sentence
+            logging.getLogger(name).setLevel(logging.CRITICAL)
+        self._address = address
+        try:
+            self._client: Client = Client(address, timeout=CONNECT, set_as_default=False)
+        except (OSError, ValueError, RuntimeError) as error:
+            raise ScenarioError(
+                f"--scheduler {address!r:.100}: no scheduler answers; allowed: the address that `dask scheduler` "
+                "tells, such as tcp://127.0.0.1:8786"
+            ) from error
+
+    def __enter__(self) -> Cluster:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._client.close(timeout=LOOK)
+
+    @property
+    def workers(self) -> int:
+        """Number of workers that are there now."""
+        threads: Any = self._client.nthreads()
+        return len(threads)
+
+    def results(
+        self, sweep: Sweep, numbers: Sequence[int], say: Callable[[str], object], chunk: int = CHUNK
+    ) -> Iterator[tuple[tuple[int, ...], list[Figures] | Fallen]]:
+        """Runs by their numbers with their figures, in the order in which they are done; `FALLEN` where a run has ended
+        its worker each time. Only a few are handed out ahead, so there may be any number of them.
+
+        say: is told where there is no worker, and when there is one again. chunk: runs of a task, at most. Raises
+        ScenarioError where the scheduler is lost, or a worker has another version of the program.
+        """
+        asked, waiting, alone = pickle.dumps(sweep), deque(numbers), deque[int]()
+        done: queue.SimpleQueue[Future[Any]] = queue.SimpleQueue()
+        under_way: dict[Future[Any], tuple[int, ...]] = {}
+        workers, looked, lonely = 0, float("-inf"), False
+        while waiting or alone or under_way:
+            if time.monotonic() - looked > LOOK:
+                workers, looked = self._workers_or_lost(), time.monotonic()
+                if lonely != (workers == 0):
+                    lonely = not lonely
+                    say(NOBODY.format(self._address) if lonely else "a worker has come")
+            for task in _ready(waiting, alone, len(under_way), workers, chunk):
+                future = self._client.submit(cluster_worker.figures, asked, task, pure=False)
+                under_way[future] = task
+                future.add_done_callback(done.put)
+            try:
+                future = done.get(timeout=LOOK)
+            except queue.Empty:
+                continue
+            task = under_way.pop(future)
+            figures = self._figures(future)
+            if figures is FALLEN and len(task) > 1:
+                alone.extend(task)
+            else:
+                yield task, figures
+
+    def _figures(self, future: Future[Any]) -> list[Figures] | Fallen:
+        from distributed import KilledWorker
+        from distributed.client import FutureCancelledError
+
+        try:
+            return future.result()
+        except KilledWorker:
+            return FALLEN
+        except FutureCancelledError as error:
+            raise self._lost() from error
+        except ScenarioError as error:
+            raise ScenarioError(f"--scheduler {self._address}: {error}") from error
+        except (ImportError, AttributeError, OSError) as error:
+            raise ScenarioError(
+                f"--scheduler {self._address}: a worker cannot run it: {error}; allowed: workers with the same "
+                "version of vsmrc-lab, and room for its compiled kernels"
+            ) from error
+
+    def _workers_or_lost(self) -> int:
+        if self._client.status != "running":
+            raise self._lost()
+        try:
+            return self.workers
+        except OSError as error:
+            raise self._lost() from error
+
+    def _lost(self) -> ScenarioError:
+        return ScenarioError(
+            f"--scheduler {self._address}: the connection is lost; what was computed is kept, and the same command "
+            "goes on once the scheduler is there"
+        )
+
+
+def _ready(
+    waiting: deque[int], alone: deque[int], under_way: int, workers: int, chunk: int
+) -> Iterator[tuple[int, ...]]:
+    """Runs of the tasks to hand out now; waiting: in chunks, fewer towards the end. alone: one after the other with
+    nothing beside, since Dask gives up all that a worker had when it ended."""
+    if alone:
+        if not under_way:
+            yield (alone.popleft(),)
+        return
+    workers = max(workers, 1)
+    while waiting and under_way < workers * AHEAD:
+        size = max(1, min(chunk, len(waiting) // (4 * workers)))
+        yield tuple(waiting.popleft() for _ in range(size))
+        under_way += 1

@@ -1,0 +1,37 @@
+"""Runs of a sweep in a worker of Dask, on whatever machine it is."""
+
+from __future__ import annotations
+
+import pickle
+import threading
+from functools import lru_cache
+
+from app.scenario.schema import ScenarioError
+from app.sweep.figures_of_run import Figures, Runner
+from app.sweep.question import Sweep, fingerprint
+
+# A runner is for one thread, and a worker may have several: a second one waits.
+_alone = threading.Lock()
+
+
+def figures(asked: bytes, numbers: tuple[int, ...]) -> list[Figures]:
+    """Figures of runs by their numbers. asked: the sweep, pickled: one with parameters of the user's own
+    has no hash.
+
+    Raises ScenarioError where this machine has another version of the program.
+    """
+    with _alone:
+        runner = _runner(asked)
+        return [runner.figures(number) for number in numbers]
+
+
+@lru_cache(maxsize=2)
+def _runner(asked: bytes) -> Runner:
+    sweep: Sweep = pickle.loads(asked)  # Dask has unpickled what it came with already
+    ours = fingerprint()
+    if ours != sweep.program:
+        raise ScenarioError(
+            f"program {ours} on this worker, {sweep.program} asked; allowed: the same versions of vsmrc-lab, numba, "
+            "numpy, pin and scipy everywhere"
+        )
+    return Runner(sweep)

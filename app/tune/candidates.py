@@ -1,0 +1,80 @@
+"""Candidates of a tuning: judged by the worst of their true arms, and those of them that may be offered."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+from app.sweep.figures_of_run import Figures
+from app.sweep.question import Value
+from app.tune.question import Tuning
+from controllers.premises import STATEMENTS, Premise
+
+LIMITS = {
+    premise.name.lower(): STATEMENTS[premise].title
+    for premise in (Premise.GAIN, Premise.LAYER, Premise.GAIN_BY_CHATTER, Premise.GAIN_BY_FORCE, Premise.FORCE_LOOP,
+                    Premise.SAMPLED_LOOP)
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """Candidate, judged on some true arms.
+
+    number: 0 has the scenario's own gains. values: of the gains, by path.
+    aims: worst over the arms, in SI units; inf where an arm has none.
+    badge: why it is not offered, "" where it may be. broken: share of the arms that are the reason.
+    kept: share of the arms on which the theorem's promise holds throughout.
+    """
+
+    number: int
+    values: dict[str, Value]
+    aims: tuple[float, ...]
+    badge: str
+    broken: float
+    kept: float
+
+    def dominates(self, other: Candidate) -> bool:
+        """Whether it is better in one aim and worse in none."""
+        pairs = list(zip(self.aims, other.aims, strict=True))
+        return all(mine <= its for mine, its in pairs) and any(mine < its for mine, its in pairs)
+
+
+def judged(tuning: Tuning, number: int, values: dict[str, Value], runs: Sequence[Figures]) -> Candidate:
+    """Candidate with the figures of its runs, one for each arm."""
+    reasons = [_reason(tuning, run) for run in runs]
+    broken = [reason for reason in reasons if reason]
+    badge = ""
+    if broken:
+        said, _ = Counter(broken).most_common(1)[0]
+        badge = f"{said} ({len(broken)} of {len(runs)} arms)"
+    aims = tuple(max(aim_of(run, aim) for run in runs) for aim in tuning.aims)
+    kept = sum(run.get("verdict") == "holds" for run in runs) / len(runs)
+    return Candidate(number, values, aims, badge, len(broken) / len(runs), kept)
+
+
+def aim_of(run: Figures, aim: str) -> float:
+    """Figure of a run that counts; inf where it has none, or was ended before its time."""
+    value = None if run.get("stopped") else run.get(aim)
+    return math.inf if value is None else float(value)
+
+
+def _reason(tuning: Tuning, run: Figures) -> str:
+    """Why a run keeps its candidate from being offered; "" where it does not."""
+    if run.get("stopped"):
+        return str(run["stopped"])
+    if over := [LIMITS[name] for name in (run.get("failed") or "").split(", ") if name in LIMITS]:
+        return f"over its limit: {', '.join(over)}"
+    if run.get("verdict") == "broken":
+        return "the promise was broken"
+    return next((f"no {aim}" for aim in tuning.aims if math.isinf(aim_of(run, aim))), "")
+
+
+def front(candidates: Iterable[Candidate]) -> list[Candidate]:
+    """Candidates without a badge that no other one dominates, the best in the first aim first; of equal ones the
+    earliest."""
+    fit = {each.aims: each for each in reversed(list(candidates)) if not each.badge}
+    best = [each for each in fit.values() if not any(other.dominates(each) for other in fit.values())]
+    return sorted(best, key=lambda each: each.aims)

@@ -1,0 +1,235 @@
+"""Outcome of a tuning: the table of its candidates, scenarios ready to run, a figure, and what it says in words."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import msgspec
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from app.export.figures import SINGLE, file_of, plain_decades
+from app.process.atomic_write import write_whole
+from app.scenario import data
+from app.sweep.charts import sheet, wide
+from app.sweep.figures_of_run import COLUMNS
+from app.tune.candidates import Candidate, aim_of, front
+from app.tune.question import Tuning, in_words
+from app.tune.running import Found
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure as Canvas
+
+TABLE, FIGURE = "candidates.parquet", "tune.svg"
+OWN = "own gains"
+
+
+class Comparison(NamedTuple):
+    """Figure of a candidate beside that of the scenario's own gains, on the arms that were not seen.
+
+    value: worst over these arms, SI units. change: of the worst against that of the own gains, as a share; nan where
+    either has none. better: number of arms on which it is smaller than with the own gains.
+    """
+
+    aim: str
+    value: float
+    change: float
+    better: int
+
+
+def comparisons(tuning: Tuning, found: Found, number: int) -> list[Comparison]:
+    """Comparisons of a candidate that was tried, one for each aim."""
+    own, mine = found.tried[0], found.tried[number]
+    return [
+        Comparison(aim, value, _change(value, before), sum(_smaller(aim, found, number)))
+        for aim, value, before in zip(tuning.aims, mine.aims, own.aims, strict=True)
+    ]
+
+
+def _change(value: float, before: float) -> float:
+    return value / before - 1.0 if math.isfinite(value) and math.isfinite(before) and before > 0.0 else math.nan
+
+
+def _smaller(aim: str, found: Found, number: int) -> list[bool]:
+    return [aim_of(mine, aim) < aim_of(own, aim) for mine, own in zip(found.runs[number], found.runs[0], strict=True)]
+
+
+def offered(found: Found) -> list[Candidate]:
+    """Candidates that may be used: those that were tried, and have no badge on the arms that were not seen either."""
+    return [each for number, each in found.tried.items() if number and not each.badge]
+
+
+def files_of(tuning: Tuning, found: Found) -> dict[int, str]:
+    """Files of the scenarios that are offered, by candidate: best.toml, or front/1.toml and on."""
+    numbers = [each.number for each in offered(found)]
+    if len(tuning.aims) == 1:
+        return dict.fromkeys(numbers, "best.toml")
+    return {number: f"front/{place}.toml" for place, number in enumerate(numbers, start=1)}
+
+
+def write(tuning: Tuning, found: Found, folder: Path) -> None:
+    """Write candidates.parquet, the figure, and the scenarios that are offered. Raises OSError."""
+    table = _table(tuning, found)
+    drawn = file_of(lambda: _drawn(tuning, found), "svg")
+    write_whole(folder / TABLE, lambda file: pq.write_table(table, file))
+    write_whole(folder / FIGURE, lambda file: file.write(drawn))
+    for number, name in files_of(tuning, found).items():
+        scenario = data.with_values(tuning.scenario, dict(found.tried[number].values))
+        text = data.to_toml(msgspec.structs.replace(scenario, name=f"{scenario.name}-tuned-{number}")).encode()
+        (folder / name).parent.mkdir(exist_ok=True)
+        write_whole(folder / name, lambda file, text=text: file.write(text))
+
+
+def _table(tuning: Tuning, found: Found) -> pa.Table:
+    """Table of all candidates, with units and meanings."""
+
+    def column(name: str, kind: pa.DataType, unit: str, meaning: str) -> pa.Field:
+        return pa.field(name, kind, metadata={"unit": unit, "meaning": meaning})
+
+    worst = [column(aim, pa.float64(), COLUMNS[aim].unit, "worst of the arms seen; inf: none") for aim in tuning.aims]
+    tried = [
+        column(f"{aim}_unseen", pa.float64(), COLUMNS[aim].unit, "worst of the arms not seen") for aim in tuning.aims
+    ]
+    schema = pa.schema(
+        [
+            column("candidate", pa.int64(), "", "number; 0: the scenario's own gains"),
+            *(
+                column(axis.path, pa.float64(), "", "gain that may move; null: the scenario's own")
+                for axis in tuning.vary
+            ),
+            *worst,
+            *tried,
+            column("badge", pa.string(), "", "why it is not offered, on the arms seen or on those not seen"),
+            column("promised", pa.float64(), "1", "share of the arms seen on which the theorem's promise holds"),
+            column("file", pa.string(), "", "scenario that was written of it"),
+        ]
+    )
+    files, rows = files_of(tuning, found), []
+    for each in found.candidates:
+        again = found.tried.get(each.number)
+        row: dict[str, Any] = {"candidate": each.number, **each.values, "promised": each.kept}
+        row |= dict(zip(tuning.aims, each.aims, strict=True))
+        row |= {f"{aim}_unseen": again.aims[k] for k, aim in enumerate(tuning.aims) if again}
+        rows.append(row | {"badge": each.badge or (again.badge if again else ""), "file": files.get(each.number)})
+    return pa.Table.from_pylist(rows, schema=schema)
+
+
+def _drawn(tuning: Tuning, found: Found) -> Canvas:
+    arms = "its own arm" if not tuning.draw else f"the worst of {tuning.seen} true arms"
+    caption = f"{tuning.scenario.name}, {len(found.candidates) - 1} candidates, {arms}. "
+    caption += "A cross: over a limit, or stopped; never offered."
+    canvas, plot = sheet(SINGLE, caption)
+    (_draw_course if len(tuning.aims) == 1 else _draw_front)(plot, tuning, found.candidates)
+    plot.legend(frameon=False, fontsize=6.0)
+    return canvas
+
+
+def _draw_front(plot: Axes, tuning: Tuning, candidates: list[Candidate]) -> None:
+    best = front(candidates[1:])
+    shown = [each for each in candidates[1:] if all(map(math.isfinite, each.aims))]
+    for badge, marker, color in ((True, "x", "0.6"), (False, "o", "#5080c0")):
+        dots = [each.aims for each in shown if bool(each.badge) == badge]
+        plot.scatter([x for x, _ in dots], [y for _, y in dots], s=7, linewidths=0.6, marker=marker, color=color)
+    plot.step(
+        [each.aims[0] for each in best], [each.aims[1] for each in best], where="post", color="#d03030", label="front"
+    )
+    if all(map(math.isfinite, candidates[0].aims)):
+        plot.plot(*candidates[0].aims, "k*", markersize=7, label=OWN)
+    for k, (set_scale, axis) in enumerate(((plot.set_xscale, plot.xaxis), (plot.set_yscale, plot.yaxis))):
+        if shown and _far_apart([each.aims[k] for each in shown]):
+            set_scale("log")
+            plain_decades(axis)
+    plot.set_xlabel(in_words(tuning.aims[0]))
+    plot.set_ylabel(in_words(tuning.aims[1]))
+
+
+def _draw_course(plot: Axes, tuning: Tuning, candidates: list[Candidate]) -> None:
+    least, course = math.inf, []
+    for each in candidates[1:]:
+        least = least if each.badge else min(least, each.aims[0])
+        course.append(least)
+        if math.isfinite(each.aims[0]):
+            plot.plot(each.number, each.aims[0], "x" if each.badge else "o", color="0.6" if each.badge else "#5080c0",
+                      markersize=2.5)  # fmt: skip
+    plot.step(range(1, len(candidates)), course, where="post", color="#d03030", label="best so far")
+    if math.isfinite(candidates[0].aims[0]):
+        plot.axhline(candidates[0].aims[0], color="black", linestyle="--", label=OWN)
+    shown = [each.aims[0] for each in candidates if math.isfinite(each.aims[0])]
+    if shown and _far_apart(shown):
+        plot.set_yscale("log")
+        plain_decades(plot.yaxis)
+    plot.set_xlabel("candidate")
+    plot.set_ylabel(in_words(tuning.aims[0]))
+
+
+def _far_apart(values: list[float]) -> bool:
+    return wide(np.array(values))
+
+
+def told(tuning: Tuning, found: Found) -> list[list[str]]:
+    """Rows of the table that is printed, its head first: gains, and the worst on the arms that were not seen with its
+    change and the number of arms that are better."""
+    paths = (axis.path.replace(".", ".\n", 1) for axis in tuning.vary)
+    rows = [["", *paths, *map(in_words, tuning.aims), "promise\nholds"]]
+    files = files_of(tuning, found)
+    for number, each in found.tried.items():
+        if number and number not in files:
+            continue
+        gains = [f"{each.values[a.path]:g}" if number else _own(tuning, a.path) for a in tuning.vary]
+        figures = [
+            f"{c.value:.4g}" + (f"\n{_percent(c.change)}, {c.better} of {tuning.unseen}" if number else "")
+            for c in comparisons(tuning, found, number)
+        ]
+        rows.append([files.get(number, OWN), *gains, *figures, f"{100 * each.kept:.3g} %"])
+    return rows
+
+
+def _own(tuning: Tuning, path: str) -> str:
+    """Value of a field of the scenario, in words."""
+    value: Any = data.to_plain(tuning.scenario)
+    for part in path.split("."):
+        if isinstance(value, list) and part.isdecimal():
+            value = value[int(part) - 1]
+        else:
+            value = value.get(part) if isinstance(value, dict) else None
+    return "the mode's" if value is None else f"{value:g}" if isinstance(value, int | float) else str(value)
+
+
+def _percent(change: float) -> str:
+    return "—" if math.isnan(change) else f"{100 * change:+.3g} %"
+
+
+def verdict(tuning: Tuning, found: Found) -> list[str]:
+    """Sentences on whether the own gains are beaten on the arms that were not seen, and on what is not offered."""
+    sentences = []
+    if found.tried[0].badge:
+        sentences.append(f"the {OWN} themselves: {found.tried[0].badge}")
+    badges = Counter(each.badge.partition(" (")[0] for each in found.candidates[1:] if each.badge)
+    if badges:
+        said, count = badges.most_common(1)[0]
+        sentences.append(f"{badges.total()} of {len(found.candidates) - 1} candidates are not offered; {count}: {said}")
+    for number, each in found.tried.items():
+        if number and each.badge:
+            sentences.append(f"candidate {number} is not offered: on arms that were not seen, {each.badge}")
+    files = files_of(tuning, found)
+    if not files:
+        return [*sentences, f"the {OWN} are NOT beaten: no candidate may be offered"]
+    beating = [files[n] for n in files if all(_beats(tuning, each) for each in comparisons(tuning, found, n))]
+    aims = " and ".join(aim.replace("_", " ") for aim in tuning.aims)
+    on = f"on the worst of {tuning.unseen} arms that were not seen and on most of them"
+    if beating:
+        sentences.append(f"{aims}: {', '.join(beating)} better than the {OWN}, {on}")
+    else:
+        both = "in both at once, " if len(tuning.aims) > 1 else ""
+        sentences.append(f"{aims}: the {OWN} are NOT beaten {both}{on}")
+    return sentences
+
+
+def _beats(tuning: Tuning, compared: Comparison) -> bool:
+    """Whether a figure is better than with the own gains. The worst arm alone may be chance."""
+    return compared.change < 0.0 and 2 * compared.better > tuning.unseen

@@ -1,0 +1,103 @@
+"""Question of a tuning: the gains that may move, the figures that count, the arms, and how many candidates."""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, ClassVar
+
+from msgspec import Meta
+
+from app.scenario.schema import Scenario, ScenarioError
+from app.sweep.figures_of_run import COLUMNS
+from app.sweep.question import Axis, Design, Question, Sweep, fingerprint
+from controllers.modes import MODES
+from parameters import allowed
+
+AIMS = (
+    "motion_error", "force_error", "constraint_violation", "settling_time", "reaching_time", "band_time", "residual",
+    "torque_variation", "saturated_share",
+)  # fmt: skip
+MOST_AIMS = 2  # a front of more is no line
+SHAPE = "allowed: PATH=LOW:HIGH, with :log behind where its logarithm is to be drawn evenly"
+
+
+class Tuning(Sweep, frozen=True):
+    """The whole question, as it stands in tune.toml: a sweep whose points an optimiser chooses, its candidates.
+
+    vary: gains that may move, each within a range.
+    design: of the first candidates, before there is anything to learn from.
+    points: candidates; the first one has the scenario's own gains.
+    draw: true arms on which a candidate is judged by its worst; 0: the scenario's own one.
+    aims: figures that count, one or two, the smaller the better.
+    unseen: further true arms, on which no candidate is chosen and what was found is tried.
+    """
+
+    design: Design = "sobol"
+    aims: tuple[str, ...] = ()
+    unseen: Annotated[int, Meta(ge=1)] = 32
+    file: ClassVar[str] = "tune.toml"
+    noun: ClassVar[str] = "tuning"
+
+    @property
+    def seen(self) -> int:
+        """Number of true arms that the search sees."""
+        return super().arms
+
+    @property
+    def arms(self) -> int:
+        return self.seen + self.unseen
+
+
+def require_sound(tuning: Tuning) -> None:
+    """Raise ScenarioError with one sentence where a tuning makes no sense."""
+    for aim in tuning.aims:
+        if aim not in AIMS:
+            raise ScenarioError(f"--for {aim!r:.60}; {allowed(aim, AIMS)}")
+    known, mode = _known(tuning.scenario), tuning.scenario.mode
+    if without := [aim for aim in tuning.aims if aim not in known]:
+        raise ScenarioError(f"--for {without[0]}: a run in {mode} mode has none; allowed: {', '.join(known)}")
+    if not 1 <= len(set(tuning.aims)) == len(tuning.aims) <= MOST_AIMS:
+        given = " ".join(tuning.aims) or "nothing"
+        raise ScenarioError(f"--for {given}; allowed: one figure or two different ones of {', '.join(AIMS)}")
+    if not tuning.vary:
+        raise ScenarioError(f"--move: no gain may move; {SHAPE}")
+    Question(tuning)
+
+
+def _known(scenario: Scenario) -> list[str]:
+    """Aims that runs in the scenario's mode have."""
+    mode = MODES[scenario.mode]
+    without = {"force_error"} if not mode.on_surface else set()
+    without |= {"constraint_violation"} if "rigid" not in mode.contacts else set()
+    return [aim for aim in AIMS if aim not in without]
+
+
+def moved(text: str) -> Axis:
+    """Gain that may move, of a text PATH=LOW:HIGH or PATH=LOW:HIGH:log. Raises ScenarioError."""
+    path, _, spec = (part.strip() for part in text.partition("="))
+    low, _, rest = spec.partition(":")
+    high, _, scale = rest.partition(":")
+    try:
+        axis = Axis(path, (), float(low), float(high), scale == "log")
+    except ValueError as error:
+        raise ScenarioError(f"--move {text!r:.100}; {SHAPE}") from error
+    if not path or scale not in ("", "log"):
+        raise ScenarioError(f"--move {text!r:.100}; {SHAPE}")
+    if not (math.isfinite(axis.low) and math.isfinite(axis.high)):
+        raise ScenarioError(f"--move {path}: {axis.low:g} to {axis.high:g}; allowed: finite numbers")
+    if not axis.low < axis.high:
+        raise ScenarioError(f"--move {path}: {axis.low:g} to {axis.high:g}; allowed: low before high")
+    if axis.logarithmic and axis.low <= 0.0:
+        raise ScenarioError(f"--move {path}: logarithmic from {axis.low:g}; allowed: from above 0")
+    return axis
+
+
+def program() -> str:
+    """Fingerprint of all that a tuning's answer depends on besides its question."""
+    return fingerprint(("app/tune",), ("optuna",))
+
+
+def in_words(aim: str) -> str:
+    """Aim with its unit, as on an axis or at the head of a column."""
+    unit = COLUMNS[aim].unit
+    return aim.replace("_", " ") + (f" [{unit}]" if unit not in ("", "1") else "")

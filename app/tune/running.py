@@ -1,0 +1,145 @@
+"""Running of a tuning on all cores: batch after batch of candidates, then those to be offered on arms not seen."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from tqdm import tqdm
+
+from app.process import worker_pool
+from app.scenario.schema import ScenarioError
+from app.sweep.figures_of_run import Figures, Runner
+from app.sweep.question import Question, Row, Value
+from app.sweep.run_store import RunStore
+from app.sweep.running import BYTES, CHUNK, Estimate
+from app.tune.candidates import Candidate, front, judged
+from app.tune.question import Tuning
+from app.tune.search import Search
+
+BATCH = 8  # candidates that are asked for at once, with any number of processes
+MOST_OFFERED = 9  # of a front
+Task = tuple[Row, ...]
+
+
+@dataclass(frozen=True)
+class Found:
+    """What a tuning has found.
+
+    candidates: all, judged on the arms that were seen, those of the scenario's own gains first.
+    tried: the own gains, and then those that are offered, by number, judged on the arms that were not seen.
+    runs: of those, on each of these arms.
+    """
+
+    candidates: list[Candidate]
+    tried: dict[int, Candidate]
+    runs: dict[int, list[Figures]]
+
+
+def estimated(tuning: Tuning, left: int, workers: int | None = None) -> Estimate:
+    """What so many runs of a tuning will take, from the computing time of one of them, which is played twice: the first
+    time, what all have in common is computed, too."""
+    runner, seconds = Runner(tuning), 0.0
+    for _ in range(2 if left else 0):
+        started = time.perf_counter()
+        runner.figures_of(Row(0, 0, 0, {}))
+        seconds = time.perf_counter() - started
+    simulated = left * tuning.scenario.simulation.duration
+    return Estimate(left, simulated, left * seconds / (workers or os.cpu_count() or 1), left * BYTES)
+
+
+def most_runs(tuning: Tuning) -> int:
+    """Number of runs of a tuning, where as many candidates as possible are offered."""
+    offered = 1 if len(tuning.aims) == 1 else MOST_OFFERED
+    return tuning.points * tuning.seen + (1 + offered) * tuning.unseen
+
+
+def run(store: RunStore, tuning: Tuning, workers: int | None = None, *, show_progress: bool = False) -> Found:
+    """Compute the runs that are not done, on all cores or so many, and judge all candidates.
+
+    Raises ScenarioError where the folder has other candidates, and OSError where a run cannot be written; what was
+    written stays.
+    """
+    course = _Course(tuning, {row["row"]: row for row in store.rows})
+    total, workers = most_runs(tuning), workers or os.cpu_count() or 1
+    with tqdm(total=total, initial=len(course.known), unit=" runs", desc="tune", disable=not show_progress) as bar:
+        for rows, figures in worker_pool.results(computing, (tuning,), course.tasks(), workers):
+            for each in course.take(rows, figures):
+                store.add(each)
+            bar.update(len(rows))
+    store.settle()
+    return course.found()
+
+
+def computing(tuning: Tuning) -> Callable[[Task], list[Figures]]:
+    """Function that computes the figures of runs, for a pool of processes."""
+    runner = Runner(tuning)
+    return lambda rows: [runner.figures_of(row) for row in rows]
+
+
+class _Course:
+    """Course of a tuning: the tasks that follow from the figures so far."""
+
+    def __init__(self, tuning: Tuning, known: dict[int, Figures]) -> None:
+        self.known = known
+        self._tuning, self._question = tuning, Question(tuning)
+        self._candidates: list[Candidate] = []
+        self._offered: list[Candidate] = []
+
+    def take(self, rows: Task, figures: list[Figures] | worker_pool.Fallen) -> list[Figures]:
+        """Figures of a task's runs, from now on known."""
+        if isinstance(figures, worker_pool.Fallen):
+            reason = {"stopped": "the process that computed it has ended"}
+            figures = [self._question.told(row) | reason for row in rows]
+        self.known |= {each["row"]: each for each in figures}
+        return figures
+
+    def tasks(self) -> Iterator[Task | worker_pool.Barrier]:
+        """Tasks of all runs that are not known."""
+        tuning, search = self._tuning, Search(self._tuning)
+        seen, unseen = range(tuning.seen), range(tuning.seen, tuning.arms)
+        yield from self._missing(0, {}, seen)
+        yield worker_pool.BARRIER
+        self._candidates.append(self._judged(0, {}, seen))
+        for begun in range(1, tuning.points, BATCH):
+            asked = search.ask(range(begun, min(begun + BATCH, tuning.points)))
+            for number, values in asked.items():
+                yield from self._missing(number, values, seen)
+            yield worker_pool.BARRIER
+            for number, values in asked.items():
+                self._candidates.append(self._judged(number, values, seen))
+                search.tell(self._candidates[-1])
+        best = front(self._candidates[1:])
+        places = np.linspace(0, len(best) - 1, min(len(best), MOST_OFFERED)).round().astype(int)
+        self._offered = [best[k] for k in places]
+        for each in (self._candidates[0], *self._offered):
+            yield from self._missing(each.number, each.values, unseen)
+
+    def found(self) -> Found:
+        """What was found, when all tasks are done."""
+        tried = [self._candidates[0], *self._offered]
+        unseen = range(self._tuning.seen, self._tuning.arms)
+        return Found(
+            self._candidates,
+            {each.number: self._judged(each.number, each.values, unseen) for each in tried},
+            {each.number: self._runs(each.number, unseen) for each in tried},
+        )
+
+    def _judged(self, number: int, values: dict[str, Value], arms: range) -> Candidate:
+        return judged(self._tuning, number, values, self._runs(number, arms))
+
+    def _runs(self, number: int, arms: range) -> list[Figures]:
+        return [self.known[number * self._tuning.arms + arm] for arm in arms]
+
+    def _missing(self, number: int, values: dict[str, Value], arms: range) -> Iterator[Task]:
+        rows = [Row(number * self._tuning.arms + arm, number, arm, values) for arm in arms]
+        for row in rows:
+            held = self.known.get(row.number)
+            if held and any(held[path] != value for path, value in values.items()):
+                raise ScenarioError(f"--out: candidate {number} there is another one; allowed: a folder of its own")
+        left = [row for row in rows if row.number not in self.known]
+        for begun in range(0, len(left), CHUNK):
+            yield tuple(left[begun : begun + CHUNK])

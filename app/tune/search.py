@@ -1,0 +1,50 @@
+"""Search for better gains: a tree-structured Parzen estimator of optuna, asked in batches of a fixed size, so that its
+answer does not depend on the number of processes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from app.sweep.question import Question, Value
+from app.tune.candidates import Candidate
+from app.tune.question import Tuning
+
+if TYPE_CHECKING:
+    from optuna.trial import Trial
+
+FIRST = 16  # candidates of the design, before the estimator chooses
+
+
+class Search:
+    """Search of one tuning. Candidates are asked for, and told when they are judged, in the order of their numbers."""
+
+    def __init__(self, tuning: Tuning) -> None:
+        import optuna  # here: the other commands need not wait for it
+
+        optuna.logging.set_verbosity(optuna.logging.WARNING)
+        sampler = optuna.samplers.TPESampler(n_startup_trials=FIRST, seed=tuning.seed)
+        self._study = optuna.create_study(directions=["minimize" for _ in tuning.aims], sampler=sampler)
+        self._trials: dict[int, Trial] = {}
+        self._axes = tuning.vary
+        question = Question(tuning)
+        for point in range(1, min(FIRST + 1, tuning.points)):
+            self._study.enqueue_trial(question.values_at(point))
+
+    def ask(self, numbers: Sequence[int]) -> dict[int, dict[str, Value]]:
+        """Values of the gains, by path, of the candidates of these numbers, with four digits."""
+        asked: dict[int, dict[str, Value]] = {}
+        for number in numbers:
+            trial = self._trials[number] = self._study.ask()
+            asked[number] = {
+                axis.path: float(f"{trial.suggest_float(axis.path, axis.low, axis.high, log=axis.logarithmic):.4g}")
+                for axis in self._axes
+            }
+        return asked
+
+    def tell(self, candidate: Candidate) -> None:
+        """Tell how good a candidate is; one with a badge is only told to be further from what is allowed the more of
+        its arms break it."""
+        trial = self._trials.pop(candidate.number)
+        trial.set_constraint("broken", candidate.broken)
+        self._study.tell(trial, candidate.aims)

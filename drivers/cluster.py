@@ -1,0 +1,59 @@
+"""Dask's scheduler and workers on this machine, as processes that end with whoever started them."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import NamedTuple
+
+import msgspec
+
+from drivers.waiting import until
+
+ALLOWED_FAILURES = {"DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES": "1"}  # so that what always falls is soon given up
+
+
+class Scheduler(NamedTuple):
+    """Scheduler of Dask: its address, and its process."""
+
+    address: str
+    process: subprocess.Popen[bytes]
+
+
+@contextmanager
+def scheduler() -> Iterator[Scheduler]:
+    """A scheduler on a free port."""
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "scheduler.json"
+        options = ("--host", "127.0.0.1", "--port", "0", "--no-dashboard", "--scheduler-file", str(file))
+        with _started("scheduler", *options) as process:
+            until(lambda: file.exists() and file.read_bytes(), "no scheduler")
+            yield Scheduler(msgspec.json.decode(file.read_bytes())["address"], process)
+
+
+@contextmanager
+def worker(address: str, *options: str) -> Iterator[subprocess.Popen[bytes]]:
+    """A worker of one thread, or several with `--nworkers`, in a process group of its own."""
+    with _started("worker", address, "--nthreads", "1", "--no-dashboard", *options) as process:
+        yield process
+
+
+@contextmanager
+def _started(*command: str) -> Iterator[subprocess.Popen[bytes]]:
+    with subprocess.Popen(
+        [sys.executable, "-m", "dask", *command],
+        start_new_session=True,
+        env=os.environ | ALLOWED_FAILURES,
+        stderr=subprocess.DEVNULL,
+    ) as process:
+        try:
+            yield process
+        finally:
+            if process.poll() is None:
+                os.killpg(process.pid, signal.SIGKILL)

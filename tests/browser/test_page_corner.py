@@ -1,0 +1,32 @@
+"""A second surface in a real browser: chosen from a menu, pressed, drawn, and taken away again."""
+
+import numpy as np
+import pytest
+from playwright.sync_api import expect
+
+from drivers.pages import Session
+from tests.support.layout import lasting_faults
+
+
+@pytest.mark.usefixtures("own_page")
+def test_a_second_surface_is_put_beside_the_tool_pressed_and_taken_away(session: Session):
+    page = session.page
+    session.tab("World")
+    page.get_by_text("Second surface", exact=True).click()
+    contact = page.get_by_label("Contact", exact=True).locator("visible=true")
+
+    def touch(kind: str) -> None:
+        contact.click()
+        page.get_by_role("option", name=kind, exact=True).locator("visible=true").click()
+
+    touch("elastic")
+    session.wait(lambda now: len(now.surfaces) == 2 and now.phase == "running")
+    session.wait(lambda now: float(np.linalg.norm(now.force)) > 28.0)  # 20 N on each of two planes
+    session.tab("Overview")
+    expect(page.get_by_text("measured normal ₂").locator("visible=true").first).to_be_visible()
+    expect(page.locator(".vs-equation").first).to_contain_text("φ₂")
+    assert session.now.standing.run.verdict == "holds"
+    touch("none")
+    session.wait(lambda now: len(now.surfaces) == 1 and now.phase == "running")
+    session.tab("Task")  # at its top: what is scrolled away lies below the status
+    assert not lasting_faults(page)

@@ -1,0 +1,180 @@
+"""Sweeps on a cluster: a real scheduler of Dask, and workers that come, go and fall."""
+
+from __future__ import annotations
+
+import itertools
+import os
+import pickle
+import signal
+import subprocess
+import sys
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+
+import msgspec
+import pytest
+
+from app.cli import execute
+from app.scenario.data import edited, shipped
+from app.scenario.schema import ScenarioError
+from app.sweep import cluster_worker, running
+from app.sweep.cluster import Cluster
+from app.sweep.figures_of_run import Figures, Runner
+from app.sweep.question import Question, Sweep, axis_of, fingerprint
+from app.sweep.run_store import RunStore
+from drivers.cluster import Scheduler, worker
+from drivers.cluster import scheduler as started
+from drivers.waiting import until
+
+pytestmark = pytest.mark.slow
+
+SHORT = edited(shipped()["planar3r-hybrid"], "simulation.duration", 0.3)
+SWEEP = Sweep(SHORT, (axis_of("contact.K_e=1e3:1e4:20:log"),), draw=2, program=fingerprint())
+FALLING, SOME = 5, 10  # the run that ends its worker, and so many runs before something else ends
+
+
+def falls() -> None:
+    """Make the run `FALLING` end its process, as a fault in a library would; for a worker's --preload."""
+    figures = Runner.figures
+
+    def with_a_fault(self: Runner, number: int) -> Figures:
+        if number == FALLING:
+            os._exit(1)
+        return figures(self, number)
+
+    Runner.figures = with_a_fault
+
+
+def hangs() -> None:
+    """Make a process compute `SOME` runs, and then nothing more; for a worker's --preload."""
+    figures, begun = Runner.figures, itertools.count()
+
+    def until_some(self: Runner, number: int) -> Figures:
+        if next(begun) >= SOME:
+            threading.Event().wait()
+        return figures(self, number)
+
+    Runner.figures = until_some
+
+
+def run_until_killed(*arguments: str) -> None:
+    """The command, killed when it has kept `SOME` rows."""
+    add, kept = RunStore.add, itertools.count(1)
+
+    def add_and_end(self: RunStore, figures: Figures) -> None:
+        add(self, figures)
+        if next(kept) == SOME:
+            os.kill(os.getpid(), signal.SIGKILL)
+
+    RunStore.add = add_and_end
+    execute(list(arguments))
+
+
+@pytest.fixture(name="scheduler")
+def a_scheduler() -> Iterator[Scheduler]:
+    with started() as it:
+        yield it
+
+
+def timeless(rows: list[Figures]) -> list[Figures]:
+    ordered = sorted(rows, key=lambda row: row["row"])
+    return [
+        {name: value for name, value in row.items() if name != "wall_time" and value is not None} for row in ordered
+    ]
+
+
+@pytest.fixture(scope="module")
+def expected() -> list[Figures]:
+    """Rows of `SWEEP`, computed here."""
+    runner = Runner(SWEEP)
+    return timeless([runner.figures(number) for number in range(Question(SWEEP).count)])
+
+
+def rows_of(folder: Path) -> list[Figures]:
+    with RunStore(folder, SWEEP) as store:
+        return timeless(store.rows)
+
+
+def test_rows_are_those_of_one_process_whichever_workers_come_and_go(
+    scheduler: Scheduler, expected: list[Figures], tmp_path: Path
+) -> None:
+    address, _ = scheduler
+    with RunStore(tmp_path / "out", SWEEP) as store, Cluster(address) as cluster:
+        sweeping = threading.Thread(target=running.run, args=(store, SWEEP, cluster), daemon=True)
+        assert cluster.workers == 0
+        sweeping.start()
+        with worker(address, "--no-nanny", "--preload", f"from {__name__} import hangs; hangs()") as first:
+            until(lambda: bool(store.done.any()))
+            with worker(address):
+                until(lambda: cluster.workers == 2)
+                os.killpg(first.pid, signal.SIGKILL)
+                until(lambda: not sweeping.is_alive())
+    assert rows_of(tmp_path / "out") == expected
+
+
+def test_a_client_that_is_killed_comes_back_and_computes_the_rest(
+    scheduler: Scheduler, expected: list[Figures], tmp_path: Path
+) -> None:
+    address, _ = scheduler
+    out = tmp_path / "out"
+    with RunStore(out, SWEEP):
+        pass  # its sweep.toml
+    arguments = ["sweep", str(out / "sweep.toml"), "--out", str(out), "--scheduler", address]
+    with worker(address), worker(address):
+        killed = subprocess.run(
+            [sys.executable, "-c", f"from {__name__} import run_until_killed; run_until_killed(*{arguments})"],
+            check=False,
+        )
+        assert killed.returncode == -signal.SIGKILL
+        assert len(rows_of(out)) == SOME
+        assert execute(arguments) == 0
+    assert rows_of(out) == expected
+
+
+def test_a_run_that_ends_its_worker_each_time_is_a_row_and_the_others_are_computed(
+    scheduler: Scheduler, expected: list[Figures], tmp_path: Path
+) -> None:
+    address, _ = scheduler
+    preload = f"from {__name__} import falls; falls()"
+    with RunStore(tmp_path, SWEEP) as store, Cluster(address) as cluster:
+        with worker(address, "--nworkers", "2", "--preload", preload):
+            assert running.run(store, SWEEP, cluster) == 1
+        rows = timeless(store.rows)
+    fallen = rows.pop(FALLING)
+    assert fallen["stopped"] == "the process that computed it has ended"
+    assert rows == [row for row in expected if row["row"] != FALLING]
+
+
+def test_a_sweep_with_parameters_of_a_law_of_ones_own_is_computed_by_a_worker() -> None:
+    own = Sweep(edited(SHORT, "controller.own", {"pid-gravity": {"k_i": 800.0}}), program=fingerprint())
+    assert timeless(cluster_worker.figures(pickle.dumps(own), (0,))) == timeless([Runner(own).figures(0)])
+
+
+def test_what_is_wrong_is_one_sentence(scheduler: Scheduler) -> None:
+    address, process = scheduler
+    with pytest.raises(ScenarioError, match="no scheduler answers; allowed: the address that"):
+        Cluster("tcp://127.0.0.1:1")
+    with pytest.raises(ScenarioError, match="no scheduler answers"):
+        Cluster("nonsense://x")
+    told: list[str] = []
+    other = msgspec.structs.replace(SWEEP, program="another")
+    with Cluster(address) as cluster:
+        with worker(address):
+            with pytest.raises(ScenarioError, match="on this worker, another asked; allowed: the same versions"):
+                list(cluster.results(other, range(3), told.append))
+            task, figures = next(cluster.results(SWEEP, range(40), told.append))
+            assert isinstance(figures, list)
+            assert [each["row"] for each in figures] == list(task)
+        until(lambda: cluster.workers == 0)
+        lonely = f"no worker there: start one with `dask worker {address}`"
+        told.clear()
+
+        def say(sentence: str) -> None:
+            told.append(sentence)
+            if sentence == lonely:
+                process.kill()
+
+        with pytest.raises(ScenarioError, match="the connection is lost; what was computed is kept"):
+            list(cluster.results(SWEEP, range(40), say))
+    assert told == [lonely]

@@ -1,0 +1,70 @@
+"""Candidates of a tuning: one with a badge is never offered, whatever its figures are."""
+
+from __future__ import annotations
+
+import math
+
+import msgspec
+import pytest
+
+from app.sweep.figures_of_run import Figures
+from app.tune.candidates import Candidate, front, judged
+from app.tune.outcome import verdict
+from app.tune.running import Found
+from tests.tune.test_question import TUNING
+
+BOTH = msgspec.structs.replace(TUNING, aims=("force_error", "torque_variation"))
+SOUND: Figures = {"force_error": 1.0, "torque_variation": 5.0, "verdict": "holds", "failed": None, "stopped": None}
+
+
+def candidate(number: int, *aims: float, badge: str = "") -> Candidate:
+    return Candidate(number, {}, aims, badge, float(bool(badge)), 1.0)
+
+
+def test_a_candidate_is_as_good_as_its_worst_arm() -> None:
+    found = judged(BOTH, 3, {}, [SOUND, SOUND | {"force_error": 2.0}, SOUND | {"torque_variation": 7.0}])
+    assert (found.aims, found.badge, found.broken, found.kept) == ((2.0, 7.0), "", 0.0, 1.0)
+
+
+@pytest.mark.parametrize(
+    ("run", "badge"),
+    [
+        ({"failed": "held, gain", "verdict": "nothing promised"}, "over its limit: d covers (17)"),
+        ({"failed": "layer"}, "over its limit: boundary layer, sampled"),
+        ({"failed": "force_loop"}, "over its limit: force loop, sampled"),
+        ({"failed": "sampled_loop"}, "over its limit: closed loop, sampled"),
+        ({"verdict": "broken"}, "the promise was broken"),
+        ({"stopped": "contact lost"}, "contact lost"),
+        ({"force_error": None}, "no force_error"),
+    ],
+)
+def test_one_arm_that_breaks_a_limit_or_stops_gives_a_badge(run: Figures, badge: str) -> None:
+    found = judged(BOTH, 3, {}, [SOUND, SOUND | run])
+    assert found.badge == f"{badge} (1 of 2 arms)"
+    assert found.broken == 0.5
+    assert front([found]) == []
+
+
+def test_a_premise_that_is_no_limit_gives_no_badge() -> None:
+    found = judged(BOTH, 3, {}, [SOUND, SOUND | {"failed": "held", "verdict": "nothing promised"}])
+    assert (found.badge, found.kept) == ("", 0.5)
+
+
+def test_a_front_has_what_nothing_dominates_and_no_badge() -> None:
+    good, other, dominated = candidate(1, 1.0, 9.0), candidate(2, 2.0, 3.0), candidate(3, 2.0, 4.0)
+    again, broken = candidate(4, 1.0, 9.0), candidate(5, 0.1, 0.1, badge="contact lost")
+    assert front([dominated, other, broken, good, again]) == [good, other]
+    assert front([candidate(1, 3.0), candidate(2, 2.0), candidate(3, 1.0, badge="no")]) == [candidate(2, 2.0)]
+    assert front([candidate(1, math.inf, badge="refused")]) == []
+
+
+def test_own_gains_are_beaten_where_the_worst_arm_and_most_arms_are_better() -> None:
+    def said(*errors: float) -> str:
+        tuning = msgspec.structs.replace(TUNING, unseen=3)
+        runs = {0: [SOUND, SOUND, SOUND | {"force_error": 4.0}], 1: [SOUND | {"force_error": each} for each in errors]}
+        tried = {number: judged(tuning, number, {}, each) for number, each in runs.items()}
+        return verdict(tuning, Found([tried[0], candidate(1, 0.5)], tried, runs))[-1]
+
+    assert "best.toml better than the own gains" in said(0.5, 0.5, 3.0)
+    assert "the own gains are NOT beaten" in said(1.0, 1.0, 3.0)  # one arm is no more than chance
+    assert "the own gains are NOT beaten" in said(0.5, 0.5, 5.0)

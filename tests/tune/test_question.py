@@ -1,0 +1,75 @@
+"""The question of a tuning: what is moved, and what is refused."""
+
+from __future__ import annotations
+
+import msgspec
+import pytest
+
+from app.scenario.data import shipped
+from app.scenario.schema import ScenarioError
+from app.sweep.question import Axis, Question, Row
+from app.tune.question import Tuning, moved, require_sound
+
+TUNING = Tuning(
+    shipped()["planar3r-hybrid"], (moved("controller.layer=0.002:0.05:log"),), points=9, draw=2, aims=("force_error",)
+)
+
+
+def test_a_gain_that_moves_is_a_range() -> None:
+    assert moved("controller.layer = 0.002:0.05:log") == Axis("controller.layer", (), 0.002, 0.05, True)
+    assert moved("target_model.K_m.2=-1:1e3") == Axis("target_model.K_m.2", (), -1.0, 1e3)
+
+
+@pytest.mark.parametrize(
+    ("text", "sentence"),
+    [
+        ("controller.layer", "--move 'controller.layer'; allowed: PATH=LOW:HIGH"),
+        ("=1:2", "allowed: PATH=LOW:HIGH"),
+        ("controller.layer=0.01", "allowed: PATH=LOW:HIGH"),
+        ("controller.layer=1:2:lin", "allowed: PATH=LOW:HIGH"),
+        ("controller.layer=1:2:log:3", "allowed: PATH=LOW:HIGH"),
+        ("controller.layer=nan:2", "controller.layer: nan to 2; allowed: finite numbers"),
+        ("controller.layer=2:1", "controller.layer: 2 to 1; allowed: low before high"),
+        ("controller.layer=0:1:log", "controller.layer: logarithmic from 0; allowed: from above 0"),
+    ],
+)
+def test_a_gain_that_makes_no_sense_is_refused(text: str, sentence: str) -> None:
+    with pytest.raises(ScenarioError) as refused:
+        moved(text)
+    assert sentence in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    ("changes", "sentence"),
+    [
+        ({"aims": ()}, "--for nothing; allowed: one figure or two"),
+        ({"aims": ("force_eror",)}, "--for 'force_eror'; allowed: motion_error, force_error"),
+        ({"aims": ("force_eror",)}, "did you mean force_error?"),
+        ({"aims": ("residual", "residual")}, "allowed: one figure or two different ones"),
+        ({"aims": ("residual", "force_error", "motion_error")}, "allowed: one figure or two"),
+        (
+            {"scenario": shipped()["ur5-motion"]},
+            "--for force_error: a run in motion mode has none; allowed: motion_error",
+        ),
+        ({"aims": ("constraint_violation",)}, "--for constraint_violation: a run in hybrid mode has none"),
+        ({"vary": ()}, "--move: no gain may move"),
+        ({"vary": (moved("controller.layr=1:2"),)}, "controller.layr: no such field"),
+        ({"vary": (moved("controller.layer=1:2"),) * 2}, "controller.layer twice"),
+        ({"vary": (moved("truth.link_scaling=1:2"),)}, "truth.link_scaling is drawn"),
+    ],
+)
+def test_a_tuning_that_makes_no_sense_is_refused(changes: dict[str, object], sentence: str) -> None:
+    with pytest.raises(ScenarioError) as refused:
+        require_sound(msgspec.structs.replace(TUNING, **changes))
+    assert sentence in str(refused.value)
+
+
+@pytest.mark.parametrize("draw", [0, 2])
+def test_the_arms_that_the_search_does_not_see_are_others_inside_the_declared_set(draw: int) -> None:
+    tuning = msgspec.structs.replace(TUNING, draw=draw, unseen=3)
+    question = Question(tuning)
+    truths = [question.scenario(Row(arm, 0, arm, {})).truth for arm in range(tuning.arms)]
+    assert len(set(truths)) == tuning.arms == max(draw, 1) + 3
+    assert (truths[0] == tuning.scenario.truth) == (draw == 0)
+    other = Row(tuning.arms, 1, 1, {"controller.layer": 0.02})
+    assert question.scenario(other).truth == truths[1]  # the same for every candidate

@@ -1,0 +1,150 @@
+"""Runs of a tuning: the same answer however it is computed, better than poor gains, and nothing that breaks."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Iterator
+from itertools import islice
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import pyarrow.parquet as pq
+import pytest
+
+from app.cli import execute
+from app.process import worker_pool
+from app.process.worker_pool import BARRIER
+from app.scenario.data import load, shipped, with_values
+from app.scenario.schema import ScenarioError
+from app.sweep.run_store import JOURNAL, RunStore
+from app.tune import outcome, running
+from app.tune.question import Tuning, moved, program
+from app.tune.running import Found
+
+DETUNED = with_values(
+    shipped()["planar2r-semicircle"],
+    {"simulation.duration": 0.2, "controller.layer": 0.1, "controller.K_s": 5.0},
+)
+TUNING = Tuning(
+    DETUNED,
+    (moved("controller.layer=0.0005:0.1:log"), moved("controller.K_s=5:400:log")),
+    points=21,
+    draw=2,
+    unseen=3,
+    aims=("residual", "torque_variation"),
+    program=program(),
+)
+
+pytestmark = pytest.mark.slow  # simulations
+
+
+def in_this_process(
+    make: Callable[..., Callable[[Any], Any]], arguments: tuple[Any, ...], tasks: Iterable[Any], _: int
+) -> Iterator[tuple[Any, Any]]:
+    """Results of tasks as a pool of processes has them."""
+    compute = make(*arguments)
+    for task in tasks:
+        if task is not BARRIER:
+            yield task, compute(task)
+
+
+@pytest.fixture(autouse=True)
+def alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    """No pool: its processes take seconds to begin."""
+    monkeypatch.setattr(worker_pool, "results", in_this_process)
+
+
+def tuned(folder: Path, tuning: Tuning = TUNING, workers: int = 1) -> Found:
+    with RunStore(folder, tuning) as store:
+        return running.run(store, tuning, workers)
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("tune")
+
+
+@pytest.fixture(scope="module")
+def found(folder: Path) -> Found:
+    """What two processes have found."""
+    return tuned(folder, workers=2)
+
+
+def test_what_is_offered_beats_poor_gains_on_arms_that_were_not_seen(found: Found) -> None:
+    best = outcome.comparisons(TUNING, found, outcome.offered(found)[0].number)[0]
+    assert best.aim == "residual"
+    assert best.change < -0.5
+    assert best.better == TUNING.unseen
+
+
+def test_a_candidate_over_a_limit_is_kept_with_its_badge_and_not_offered(found: Found) -> None:
+    badges = {each.number: each.badge for each in found.candidates if each.badge}
+    assert len(found.candidates) == TUNING.points
+    assert any("boundary layer, sampled" in badge for badge in badges.values())
+    assert not badges.keys() & outcome.files_of(TUNING, found).keys()
+
+
+def test_a_tuning_that_goes_on_has_the_same_answer_and_computes_nothing_twice(
+    found: Found, folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def few(*arguments: Any) -> Iterator[Any]:
+        yield from islice(in_this_process(*arguments), 9)
+        raise KeyboardInterrupt
+
+    added: list[int] = []
+    with monkeypatch.context() as interrupting:
+        interrupting.setattr(worker_pool, "results", few)
+        with pytest.raises(KeyboardInterrupt):
+            tuned(tmp_path)
+    lines = (tmp_path / JOURNAL).read_bytes().splitlines()
+    done = {msgspec.json.decode(line)["row"] for line in lines}
+    add = RunStore.add
+    monkeypatch.setattr(RunStore, "add", lambda store, row: (added.append(row["row"]), add(store, row)))
+    again = tuned(tmp_path)
+    assert done
+    assert not done & set(added)
+    assert again.candidates == found.candidates
+    assert again.tried == found.tried
+    added.clear()
+    assert tuned(folder).tried == found.tried
+    assert added == []
+
+
+def test_an_unusable_candidate_is_a_row_and_other_runs_there_are_refused(tmp_path: Path) -> None:
+    axes = (moved("controller.layer=-0.05:0.05"),)
+    tuning = msgspec.structs.replace(TUNING, vary=axes, points=5, draw=0, unseen=1, aims=("residual",))
+    refused = [each for each in tuned(tmp_path, tuning).candidates if "refused: controller.layer" in each.badge]
+    assert refused
+    assert all(math.isinf(each.aims[0]) for each in refused)
+    with pytest.raises(ScenarioError, match=r"holds another tuning \(another points\)"):
+        RunStore(tmp_path, msgspec.structs.replace(tuning, points=6))
+
+
+def test_the_command_writes_scenarios_to_run_and_says_whether_the_own_gains_are_beaten(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    asked = ["tune", "planar2r-semicircle", "--move", "controller.layer=0.008:0.05:log", "--for", "residual"]
+    asked += ["--budget", "5", "--unseen", "2", "--duration", "0.2", "--set", "controller.layer=0.1"]
+    out = tmp_path / "out"
+    assert execute([*asked, "--dry-run"]) == 0
+    assert "at most 10 runs of 2 s simulated time" in capsys.readouterr().out
+    assert execute([*asked, "--out", str(out)]) == 0
+    first = capsys.readouterr().out
+    assert "residual: best.toml better than the own gains, on the worst of 2 arms" in first
+    assert execute([*asked, "--out", str(out)]) == 0
+    assert "10 runs are there already" in capsys.readouterr().out
+    table = pq.read_table(out / outcome.TABLE)
+    (best,) = [row for row in table.to_pylist() if row["file"]]
+    assert load(str(out / "best.toml")).controller.layer == best["controller.layer"] < 0.1
+    assert table.schema.field("residual").metadata[b"unit"] == b"N"
+    assert (out / outcome.FIGURE).read_bytes().startswith(b"<?xml")
+    for more, sentence in (
+        ((), "no folder for the runs"),
+        (("--budget", "0", "--dry-run"), "--budget 0; allowed: 1 or more"),
+        (("--workers", "0", "--dry-run"), "--workers 0; allowed: 1 or more"),
+        (("--for", "beauty", "--dry-run"), "--for 'beauty'"),
+        (("--seed", "1", "--out", str(out)), "holds another tuning (another seed)"),
+    ):
+        assert execute([*asked, *more]) == 2
+        assert sentence in capsys.readouterr().err
