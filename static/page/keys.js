@@ -26,8 +26,11 @@ document.addEventListener("click", (e) => {
   else if (near(e, "[data-upload]")) upload();
   else if (document.querySelector(".vs-help") && near(e, ".mantine-Modal-inner") && !near(e, ".mantine-Modal-content"))
     press("h");
-  // what was pressed with a pointer does not keep the space key for itself
-  if (e.detail > 0 && near(e, "button, [role=tab], [role=option], [role=checkbox], input[type=checkbox]"))
+  // What was pressed with a pointer does not keep the space key for itself: a button at once, because the next key may
+  // come before the next picture; the others in a picture's time, because a menu gives its field the focus again.
+  if (e.detail === 0) return;
+  if (near(e, "button")) near(e, "button").blur();
+  else if (near(e, "[role=option], [role=checkbox], input[type=checkbox]"))
     requestAnimationFrame(() => document.activeElement?.blur());
 }, true);
 // these step through the run: viser's camera, which listens at the document, would turn with them

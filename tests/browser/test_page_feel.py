@@ -29,6 +29,10 @@ WITHIN = """() => {
   return scene.left - 1 <= model.left && model.right <= scene.right + 1;
 }"""
 
+# what has the focus when a click is over, before the next picture is drawn
+_NOTE_FOCUS = """() => addEventListener("click", () => { window.focusAfterClick = document.activeElement.tagName; },
+  { once: true })"""
+
 
 def test_keys_act_in_the_loop_but_not_while_typing(session: Session):
     page = session.page
@@ -51,8 +55,10 @@ def test_keys_act_in_the_loop_but_not_while_typing(session: Session):
 
     # a button that was clicked does not keep the space key, and one that is reached by Tab has it alone
     button = page.get_by_role("button", name="play / pause")
+    page.evaluate(_NOTE_FOCUS)
     button.click()
     session.wait(lambda now: now.phase == "paused")
+    assert page.evaluate("window.focusAfterClick") == "BODY"
     page.keyboard.press("Space")
     session.wait(lambda now: now.phase == "running")
     button.focus()
