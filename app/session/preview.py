@@ -20,6 +20,7 @@ from app.analysis.metrics import (
     tail_of,
 )
 from app.scenario.schema import Scenario
+from app.session.arm_band import Band, Stretch, uncertain
 from app.simulation.closed_loop import ClosedLoop
 from app.simulation.compiled_run import CompiledRun, obstacle
 from app.simulation.engines import Engine
@@ -39,7 +40,8 @@ class Question:
     """Request for a preview: the next `horizon` s from `state` on under `scenario`. Numbers grow.
     partial: an intermediate answer is wanted, too, and given even when a newer question is waiting.
     push: N, of the push on the tool where nothing else would move the arm; 0 for none.
-    compared: the figures of the running scenario are wanted, too."""
+    compared: the figures of the running scenario are wanted, too.
+    arms: number of true arms, drawn from the declared set, whose band is wanted behind it."""
 
     number: int
     state: State
@@ -48,6 +50,7 @@ class Question:
     partial: bool = True
     push: float = 0.0
     compared: bool = False
+    arms: int = 0
 
 
 class Figures(Struct, frozen=True):
@@ -80,7 +83,8 @@ class Outlook:
     signals: those of a recording, at these instants.
     epochs: those that the signals were computed under.
     restarts: the edit begins the scenario anew.
-    today: figures of the running scenario; None until they are known."""
+    today: figures of the running scenario; None until they are known.
+    band: of true arms, as far as it is known; None while none is. bandless: why there will be none, "" otherwise."""
 
     number: int
     scenario: Scenario
@@ -91,6 +95,8 @@ class Outlook:
     whole: bool
     restarts: bool
     today: Figures | None = None
+    band: Band | None = None
+    bandless: str = ""
 
 
 @dataclass(frozen=True)
@@ -136,8 +142,16 @@ class Foresight:
         if self._push:
             self._loop.edit(_pushed(self._loop.system, self._loop.t + BEGINS, self._push))
         self._start, self._rows, self._points = self._loop.t, rows, _points(rows)
-        compiled = engine == "compiled" and obstacle(self._loop) is None
-        self._run = CompiledRun(self._loop) if compiled else None
+        self._obstacle = obstacle(self._loop) if engine == "compiled" else "the kernels are not compiled yet"
+        self._run = CompiledRun(self._loop) if self._obstacle is None else None
+        self.stretch = Stretch.beyond(question.state.t, self._loop.state.copy(), rows, self._points)
+
+    @property
+    def bandless(self) -> str:
+        """Why no band of true arms can be computed beside it, "" where one can."""
+        if self._obstacle is not None:
+            return self._obstacle
+        return "" if uncertain(self._loop.system.scenario.declared) else "nothing is declared to be uncertain"
 
     @property
     def unchanged(self) -> Question:
@@ -196,6 +210,7 @@ class Foresight:
             whole=self.share >= 1.0,
             restarts=self._start != self.question.state.t,
             today=today,
+            bandless=self.bandless if self.question.arms else "",
         )
 
     def _figures(self, record: dict[str, np.ndarray], thinned: dict[str, np.ndarray]) -> Figures:

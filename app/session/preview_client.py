@@ -80,11 +80,12 @@ class Previewer:
         partial: bool = True,
         push: float = 0.0,
         compared: bool = False,
+        arms: int = 0,
     ) -> None:
         """Ask for a preview, see `Question`."""
         with self._lock:
             self._number += 1
-            self._put(Question(self._number, state, scenario, horizon, partial, push, compared))
+            self._put(Question(self._number, state, scenario, horizon, partial, push, compared, arms))
 
     def drop(self) -> None:
         """Forget the answer; the questions asked so far do not count any more."""
@@ -136,7 +137,8 @@ class Previewer:
             self._hurry(worker)
 
     def _hurry(self, worker: _Worker) -> None:
-        if worker.busy and not worker.hurried:
+        """Say that nobody waits: for the answer, or for the rest of the band behind the last one."""
+        if not worker.hurried:
             worker.hurried = True
             with contextlib.suppress(ConnectionError):  # `_listen` will notice, and say so
                 worker.connection.send(Hurry())

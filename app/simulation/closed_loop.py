@@ -164,6 +164,17 @@ class ClosedLoop:
         self._become(self._changed(new.after(self.system, self.t)))
         self.recording.epochs.append(self.state.epoch)
 
+    def branch(self, scenario: Scenario, history: int, previous: System | None, memory: Memory | None) -> ClosedLoop:
+        """Run that goes on from the present state as this one would after an edit, with a recording of its own. Raises
+        ScenarioError.
+
+        previous: see `resume`. The change must not be one that begins the scenario anew.
+        """
+        branch = self._changed(assemble(scenario, previous, memory).after(self.system, self.t))
+        branch.recording = Recording(branch.system.layout.n, history)
+        branch.recording.epochs.append(branch.state.epoch)
+        return branch
+
     def _changed(self, system: System) -> ClosedLoop:
         """This run continued with another system; this object itself does not change."""
         old, new, state = self.system.scenario, system.scenario, self.state.copy()

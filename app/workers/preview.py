@@ -8,7 +8,8 @@ from __future__ import annotations
 import os
 import sys
 import time
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 from multiprocessing.connection import Connection
 
 import structlog
@@ -16,7 +17,8 @@ import structlog
 from app.process import precompile
 from app.process.log import configure_as_parent
 from app.scenario.schema import ScenarioError
-from app.session.preview import Done, Figures, Foresight, Outlook, Question, Refusal
+from app.session.arm_band import LATER, Band, Course, Stretch, TrueArms
+from app.session.preview import Done, Figures, Foresight, Hurry, Outlook, Question, Refusal
 from app.simulation.engines import Engine
 from app.simulation.search_memory import Memory
 from app.simulation.system import System
@@ -25,6 +27,9 @@ from app.storage.constants_store import kept_memory
 log = structlog.get_logger()
 
 DRAWING = 0.06  # s between two answers on the way: every one is drawn
+SHOWN_AT = (4, 8, 16, 32)  # arms: a band is drawn with so many already
+SLICE = 0.4  # s for the band, before a question that only time has changed is answered
+OLD = 0.5 * LATER  # s of the run, after which a band is computed anew
 SOON = 0.06  # s of work left, for the sake of which an answer is not given up any more
 NICENESS = 10  # the running loop comes first
 
@@ -32,9 +37,12 @@ NICENESS = 10  # the running loop comes first
 @dataclass
 class _Known:
     """What the next answer may reuse.
+    band: behind the answers.
     system: of the running scenario.
     today: figures of a question about the running scenario; they count for `horizon` s."""
 
+    memory: Memory
+    band: _GrowingBand
     system: System | None = None
     question: Question | None = None
     today: Figures | None = None
@@ -48,23 +56,100 @@ class _Known:
         return self.today if 0.0 <= passed < known.horizon and known.scenario == question.scenario else None
 
 
+class _GrowingBand:
+    """Band of true arms behind the answers about one scenario. It grows arm by arm while no question waits, and is
+    computed anew when it has become old; until that is whole, the old one stands."""
+
+    def __init__(self, memory: Memory) -> None:
+        self._arms = TrueArms(memory)
+        self._of: object = None
+        self._band: Band | None = None
+        self._problem = ""
+        self._stretch: Stretch | None = None
+        self._asked = 0
+        self._coming: Iterator[list[Course]] = iter(())
+        self.going = False
+
+    def follow(self, foresight: Foresight) -> None:
+        """Stand behind the answer to this foresight's question."""
+        question = foresight.question
+        of = (question.scenario, question.horizon, question.push, question.arms)
+        if of != self._of or foresight.bandless or not question.arms:
+            self.leave()
+            self._of = of
+        if foresight.bandless or not question.arms or self._problem or self.going:
+            return
+        if self._band is None or not 0.0 <= question.state.t - self._band.since < OLD:
+            self._stretch, self._asked, self.going = foresight.stretch, question.arms, True
+            self._coming = self._arms.courses(self._stretch, self._asked)
+
+    def leave(self) -> None:
+        """Forget it, and compute no more of it."""
+        self._of, self._band, self._problem, self.going, self._coming = None, None, "", False, iter(())
+
+    def grow(self) -> bool:
+        """Compute one arm more; whether there is something else to draw."""
+        assert self._stretch is not None
+        try:
+            courses = next(self._coming)
+        except (ScenarioError, ArithmeticError, ValueError) as error:
+            self._problem, self.going = str(error), False
+            return True
+        self.going = len(courses) < self._asked
+        if self.going and (len(courses) not in SHOWN_AT or self._full):
+            return False
+        self._band = self._stretch.band(courses, self._asked)
+        return True
+
+    @property
+    def _full(self) -> bool:
+        return self._band is not None and self._band.arms == self._band.asked
+
+    def behind(self, outlook: Outlook) -> Outlook:
+        """The outlook with the band as far as it is known."""
+        return replace(outlook, band=self._band, bandless=outlook.bandless or self._problem)
+
+
 def serve(asker: Connection) -> None:
     """Answer one question at a time. Raises EOFError when the asker has gone."""
-    known, memory = _Known(), kept_memory()
+    memory = kept_memory()
+    known, newest = _Known(memory, _GrowingBand(memory)), None
     while True:
+        while newest is not None and known.band.going and not asker.poll():
+            _grow(known.band, newest, asker)
         question = asker.recv()
-        if isinstance(question, Question):  # a Hurry here was meant for the question before
-            _answer(question, asker, known, memory)
-            asker.send(Done())
+        if isinstance(question, Hurry):  # nobody looks at the band any more; or it was meant for the question before
+            known.band.leave()
+            continue
+        until = time.perf_counter() + (0.0 if question.partial else SLICE)
+        while newest is not None and known.band.going and time.perf_counter() < until:
+            _grow(known.band, newest, asker)  # a loop that runs on asks without end
+        newest = _answer(question, asker, known)
+        asker.send(Done())
 
 
-def _answer(question: Question, asker: Connection, known: _Known, memory: Memory) -> None:
+def _grow(band: _GrowingBand, newest: Outlook, asker: Connection) -> None:
     try:
-        foresight = Foresight(question, known.system, memory, _engine())
+        if band.grow():
+            asker.send(band.behind(newest))
+    except (EOFError, ConnectionError):
+        raise
+    except Exception:  # the process's last resort: the answers do not need a band
+        log.exception("fault", stage="the band of a preview")
+        band.leave()
+
+
+def _answer(question: Question, asker: Connection, known: _Known) -> Outlook | None:
+    """Answer a question. Returns the answer if it is whole, and a band may stand behind it."""
+    try:
+        foresight = Foresight(question, known.system, known.memory, _engine())
         known.system = foresight.base
+        known.band.follow(foresight)
         today = known.figures_for(foresight.unchanged)
-        if _look_ahead(foresight, asker, today) and question.compared and today is None:
-            _compare(foresight, asker, known, memory)
+        newest = _look_ahead(foresight, asker, today, known.band)
+        if newest is not None and question.compared and today is None:
+            newest = _compare(foresight, asker, known) or newest
+        return newest
     except (ScenarioError, ArithmeticError, ValueError) as error:
         asker.send(Refusal(question.number, str(error)))
     except (EOFError, ConnectionError):
@@ -73,6 +158,8 @@ def _answer(question: Question, asker: Connection, known: _Known, memory: Memory
         log.exception("fault", stage="a preview")
         known.system = None
         asker.send(Refusal(question.number, f"internal error: {error}"))
+    known.band.leave()
+    return None
 
 
 def _engine() -> Engine:
@@ -80,8 +167,9 @@ def _engine() -> Engine:
     return "compiled" if precompile.mark().exists() else "pinocchio"
 
 
-def _look_ahead(foresight: Foresight, asker: Connection, today: Figures | None) -> bool:
-    """Answer, and on the way where that is wanted. Whether the answer is whole: a newer question can overtake it."""
+def _look_ahead(foresight: Foresight, asker: Connection, today: Figures | None, band: _GrowingBand) -> Outlook | None:
+    """Answer, and on the way where that is wanted. Returns the answer if it is whole: a newer question can overtake
+    it."""
     owed = foresight.question.partial
     began = drawn = time.perf_counter()
     while foresight.share < 1.0:
@@ -89,24 +177,32 @@ def _look_ahead(foresight: Foresight, asker: Connection, today: Figures | None) 
         now, share = time.perf_counter(), foresight.share
         left = (now - began) * (1.0 - share) / share
         if left > SOON and not owed and asker.poll():
-            return False
+            return None
         if foresight.question.partial and now - drawn > DRAWING:
-            asker.send(foresight.outlook(today))
+            _send(foresight.outlook(today), asker, band)
             owed, drawn = False, now
-    asker.send(foresight.outlook(today))
-    return True
+    return _send(foresight.outlook(today), asker, band)
 
 
-def _compare(foresight: Foresight, asker: Connection, known: _Known, memory: Memory) -> None:
+def _send(answer: Outlook | Refusal, asker: Connection, band: _GrowingBand) -> Outlook | None:
+    if isinstance(answer, Refusal):
+        asker.send(answer)
+        return None
+    asker.send(band.behind(answer))
+    return answer
+
+
+def _compare(foresight: Foresight, asker: Connection, known: _Known) -> Outlook | None:
     """Answer once more, with the figures of the running scenario. Not given up for a newer question: all that follow
     while the slider is held have the same figures beside theirs."""
     question = foresight.unchanged
-    running = Foresight(question, known.system, memory, _engine())
+    running = Foresight(question, known.system, known.memory, _engine())
     while running.share < 1.0:
         running.advance(running.batch)
     if isinstance(outlook := running.outlook(), Outlook):
         known.question, known.today = question, outlook.figures
-        asker.send(foresight.outlook(outlook.figures))
+        return _send(foresight.outlook(outlook.figures), asker, known.band)
+    return None
 
 
 def run(asker: Connection) -> None:

@@ -17,6 +17,7 @@ from app.dashboard.plots.paper_figures import figure_of, plots_of
 from app.dashboard.plots.plot_table import TABS, column, needed_stack, torque_stack
 from app.scenario.data import edited, load, shipped
 from app.scenario.schema import Scenario
+from app.session.arm_band import Band
 from app.session.snapshot import snapshot_of
 from app.simulation.closed_loop import ClosedLoop
 from controllers.reaching import lyapunov_bound
@@ -346,3 +347,28 @@ def test_a_preview_goes_on_where_every_line_knows_what_lies_ahead(hybrid: Closed
     np.testing.assert_array_equal(drawn[-10:], ahead["s_norm"])
     x, _ = frame.courses([replace(line, foreseen=False)])
     assert x[-1] == 0.0
+
+
+def test_a_band_is_drawn_ahead_only_as_quantiles_of_the_arms_that_still_run(hybrid: ClosedLoop):
+    rows = hybrid.recording.stretch()
+    begun, now = 0.9, 1.0
+    ahead, later = np.arange(1, 11) * 0.1, np.arange(0, 13) * 0.1  # of the preview; of the band, from `begun` on
+    arms = np.outer(np.arange(5.0), np.ones(13)) + later  # arm i has i + t
+    arms[4, 5:] = np.nan  # and the last one stops
+    signals = {"t": np.tile(begun + later, 5), "s_norm": arms.ravel()}
+    band = Band(begun, later, 5, 5, signals, 1, "it left")
+    foreseen = {"t": now + ahead, "s_norm": 2.0 + ahead}
+    frame = Frame(now, 1.0, Grid.over(0.0, 1.0, 100), rows, (), ahead, foreseen, band, begun - now + later)
+    line = Line("s", (0, 0, 0), column("s_norm"), band=(0.0, 0.5, 1.0))
+    x, shown = frame.courses([line])
+    least, median, largest = frame.spread(x, [shown], [line])
+    past = x <= 0.0
+    for quantile in (least, median, largest):
+        np.testing.assert_array_equal(quantile[past], shown[past])
+    np.testing.assert_allclose(least[~past], 0.1 + ahead)
+    np.testing.assert_allclose((median[~past][:3], largest[~past][:3]), (2.1 + ahead[:3], 4.1 + ahead[:3]))
+    np.testing.assert_allclose((median[~past][5:], largest[~past][5:]), (1.6 + ahead[5:], 3.1 + ahead[5:]))
+    old = replace(frame, band_ahead=-0.5 + later)  # it ends before the preview does
+    assert all((quantile == shown).all() for quantile in old.spread(x, [shown], [line]))
+    alone = replace(frame, band=None)
+    assert all((quantile == shown).all() for quantile in alone.spread(x, [shown], [line]))

@@ -20,6 +20,7 @@ from app.analysis.thinning import Grid
 from app.dashboard.theme.colors import Rgb, css
 from app.dashboard.transport.viser_private import plot
 from app.scenario.units import Units
+from app.session.arm_band import Band
 from app.session.snapshot import Snapshot
 from app.simulation.controller_builder import law_of
 from app.simulation.recording import Recording
@@ -31,6 +32,9 @@ Label = tuple[str, Rgb]  # name and colour of a pinned run
 BUCKETS = 120  # two points each: one per pixel or so of a plot on the dock, and no spike is lost
 GREY: Rgb = (140, 140, 140)
 UNLISTED = "vs-unlisted"  # class of the lines that the legend leaves out
+MEDIAN = 0.5
+SPREAD = (0.0, 0.05, MEDIAN, 0.95, 1.0)  # of a band in a plot of one quantity
+REACH = (0.0, 1.0)  # of one in a plot of many
 _NOTHING = np.array([0.01, 0.02])  # on a logarithmic axis, too
 # Of a chart: those of three pinned runs and the shown one with seven coordinates each, and backdrops. A page receives
 # series and data in two messages, in either order, may draw between them, and fails at a series without an array.
@@ -86,6 +90,7 @@ class Line:
     they do not exist.
     compared: pinned runs show theirs, too.
     foreseen: it makes sense for a preview's few instants.
+    band: quantiles of true arms that are drawn around its preview, see `SPREAD` and `REACH`.
     backdrop: 0 and 1 are the plot's foot and head, and a line without width fills the area below it.
     listed: in the legend."""
 
@@ -97,6 +102,7 @@ class Line:
     alpha: float = 1.0
     compared: bool = False
     foreseen: bool = True
+    band: tuple[float, ...] = ()
     backdrop: bool = False
     listed: bool = True
 
@@ -181,7 +187,8 @@ class Frame:
     now: s, the instant that is zero on the axis.
     rows: signals up to now.
     pinned: signals of each pinned run, None for one of other coordinates, its times those of the shown run.
-    ahead, foreseen: the preview, (N,) s after now and its signals."""
+    ahead, foreseen: the preview, (N,) s after now and its signals.
+    band, band_ahead: of true arms behind it, and (M,) s after now of its instants."""
 
     now: float
     window: float
@@ -190,6 +197,8 @@ class Frame:
     pinned: Sequence[Signals | None] = ()
     ahead: np.ndarray = field(default_factory=lambda: np.empty(0))
     foreseen: Signals | None = None
+    band: Band | None = None
+    band_ahead: np.ndarray = field(default_factory=lambda: np.empty(0))
 
     def courses(self, lines: Sequence[Line]) -> tuple[np.ndarray, ...]:
         """Data of a chart: x (N,) s from now, then (N,) of each compared line of each pinned run, then of each line,
@@ -209,6 +218,23 @@ class Frame:
         compared = [line for line in lines if line.compared]
         behind = [self._behind(pinned, compared, len(shown), begins) for pinned in self.pinned]
         return np.concatenate(x), *(column for block in (*behind, shown) for column in block.T)
+
+    def spread(self, times: np.ndarray, shown: Sequence[np.ndarray], lines: Sequence[Line]) -> list[np.ndarray]:
+        """Quantiles (N,) of all lines' bands at these times (N,) s from now. Up to now, and where there is no band that
+        reaches as far as the preview, they are the line itself, of `shown`: its area has no width."""
+        columns = [shown[k].copy() for k, line in enumerate(lines) for _ in line.band]
+        if self.band is None or self.foreseen is None or self.band_ahead[-1] < times[-1]:
+            return columns
+        ahead, first = times > 0.0, 0
+        for line in lines:
+            if line.band:
+                found = quantiles(line.values(self.band.signals).reshape(self.band.arms, -1), line.band)
+                for column, quantile in zip(columns[first:], found, strict=False):
+                    known = np.isfinite(quantile)
+                    if known.any():
+                        column[ahead] = np.interp(times[ahead], self.band_ahead[known], quantile[known])
+                first += len(line.band)
+        return columns
 
     def _behind(self, rows: Signals | None, lines: Sequence[Line], count: int, begins: int) -> np.ndarray:
         behind = np.full((count, len(lines)), np.nan)
@@ -258,6 +284,15 @@ def _absent(column: np.ndarray) -> np.ndarray:
     return np.isinf(column) | (~told & (np.isinf(column[before]) | np.isinf(column[after])))
 
 
+def quantiles(values: np.ndarray, shares: Sequence[float]) -> np.ndarray:
+    """Quantiles (k, N) of values (arms, N) at each instant, over the arms that have one; nan where none has."""
+    values = np.where(np.isfinite(values), values, np.nan)
+    found = np.full((len(shares), values.shape[1]), np.nan)
+    some = ~np.isnan(values).all(axis=0)
+    found[:, some] = np.nanquantile(values[:, some], shares, axis=0)
+    return found
+
+
 class Chart:
     """One plot on the page. Its widget is adapted to another run, or to other pinned ones, when it is drawn."""
 
@@ -291,7 +326,12 @@ class Chart:
         drawing = self._drawing
         if drawing is None:
             return
-        x, *lines = _spectra(drawing, frame) if self._plot.spectral else frame.courses(drawing.lines)
+        if self._plot.spectral:
+            x, *lines = _spectra(drawing, frame)
+        else:
+            x, *courses = frame.courses(drawing.lines)
+            shown = courses[len(courses) - len(drawing.lines) :]
+            lines = [*courses, *frame.spread(x, shown, drawing.lines)]
         if len(x) > 1:
             raised = (np.maximum(line, low) for line, low in zip(lines, self._lowest, strict=True))
             plot(self._handle, (x, *raised), MOST_SERIES)
@@ -311,8 +351,14 @@ class Chart:
         behind = [_of_pinned(line, label, listed=line is compared[0]) for label in pinned for line in compared]
         first = 1 + len(behind)
         floor = -np.inf if drawing.floor is None else drawing.floor
-        self._lowest = [floor] * len(behind) + [-np.inf if line.backdrop else floor for line in drawing.lines]
-        series = (uplot.Series(label=self._axis), *behind, *(line.series() for line in drawing.lines))
+        banded = () if self._plot.spectral else tuple(line for line in drawing.lines if line.band)
+        spread = [look for line in banded for look in _of_band(line)]
+        self._lowest = [
+            *([floor] * len(behind)),
+            *(-np.inf if line.backdrop else floor for line in drawing.lines),
+            *([floor] * len(spread)),
+        ]
+        series = (uplot.Series(label=self._axis), *behind, *(line.series() for line in drawing.lines), *spread)
         handle = self._handle
         plot(handle, (_NOTHING,), MOST_SERIES)
         handle.series = series
@@ -320,7 +366,7 @@ class Chart:
         handle.bands = tuple(
             uplot.Band(series=(first + area.upper, first + area.lower), fill=css(area.color, 0.45))
             for area in drawing.areas
-        )
+        ) + _band_areas(banded, first + len(drawing.lines))
         handle.scales = {
             "x": uplot.Scale(time=False, range=(None, None), distr=3 if self._plot.spectral else 1),
             "y": drawing.y_scale(),
@@ -339,6 +385,27 @@ def _of_pinned(line: Line, label: Label, *, listed: bool) -> uplot.Series:
     look = Line(name if listed else "", color, line.values, width=1.3, listed=listed).series()
     look["dash"] = (2.0, 3.0)
     return look
+
+
+def _of_band(line: Line) -> list[uplot.Series]:
+    """Looks of the quantiles of a line's band: the median dashed, the others only the edges of areas."""
+    looks = []
+    for share in line.band:
+        width = 1.0 if share == MEDIAN else 0.0
+        looks.append(Line("", line.color, line.values, width=width, alpha=0.9, listed=False, dashed=True).series())
+    return looks
+
+
+def _band_areas(banded: Sequence[Line], first: int) -> tuple[uplot.Band, ...]:
+    """Areas between the lowest and the highest quantile of each band, the next ones, and so on; `first` is the number
+    of the first quantile's series."""
+    areas: list[uplot.Band] = []
+    for line in banded:
+        last = first + len(line.band) - 1
+        fill = css(line.color, 0.22)
+        areas += [uplot.Band(series=(last - k, first + k), fill=fill) for k in range(len(line.band) // 2)]
+        first = last + 1
+    return tuple(areas)
 
 
 def _axes(drawing: Drawing, *, spectral: bool) -> tuple[uplot.Axis, ...]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping
 from contextlib import AbstractContextManager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import viser
@@ -63,7 +63,9 @@ class Plots:
         """Draw the visible tabs, unless they are drawn already."""
         setup = Setup.of(snapshot, self._viewing.coordinate, self._viewing.joint)
         pinned = tuple((p.name, p.color, id(p.recording), p.start) for p in shown.pinned)
-        outlook = None if shown.outlook is None else (shown.outlook.number, len(shown.outlook.ahead))
+        outlook = (
+            None if shown.outlook is None else (shown.outlook.number, len(shown.outlook.ahead), id(shown.outlook.band))
+        )
         drawn = (snapshot.run, snapshot.revision, shown.now, shown.window, setup, pinned, outlook)
         stale = [title for title in self._tabs if title in looked_at and self._drawn.get(title) != drawn]
         if not stale:
@@ -91,7 +93,11 @@ class Plots:
         # a run that begins anew is another one: the analysis of this arm does not apply to it
         openings = np.arange(0, 0 if outlook.restarts else len(outlook.ahead), FORESEEN_EVERY)
         foreseen = self._analysis.foreseen(outlook.signals, outlook.epochs, openings)
-        return Frame(shown.now, shown.window, grid, known, pinned, outlook.ahead, foreseen)
+        frame = Frame(shown.now, shown.window, grid, known, pinned, outlook.ahead, foreseen)
+        if outlook.band is None:
+            return frame
+        since = 0.0 if outlook.restarts else outlook.band.since - shown.now
+        return replace(frame, band=outlook.band, band_ahead=since + outlook.band.ahead)
 
     def fit(self, page_height: int) -> None:
         """Share the height of the page among the plots of a tab."""

@@ -11,7 +11,7 @@ import numpy as np
 from app.analysis.metrics import MULTIPLIERS
 from app.analysis.perturbation import STEADY
 from app.analysis.spectrum import variation_rate
-from app.dashboard.plots.charts import Area, Drawing, Line, Plot, Setup, Signals
+from app.dashboard.plots.charts import REACH, SPREAD, Area, Drawing, Line, Plot, Setup, Signals
 from app.dashboard.theme.colors import ACCENT, BOUND, DESIRED, MEASURED, PUSH, SERIES, Rgb
 from app.dashboard.widgets.equation import symbol
 from app.dashboard.widgets.premise_table import premises_html
@@ -77,7 +77,7 @@ def _edge(parts: Sequence[Values], sign: float) -> Values:
 
 def _errors(setup: Setup) -> Drawing:
     lines = [
-        Line(symbol(coordinate.name), color(i), column("e_r", i, 1e3), dashed=is_dashed(i), compared=True)
+        Line(symbol(coordinate.name), color(i), column("e_r", i, 1e3), is_dashed(i), compared=True, band=REACH)
         for i, coordinate in enumerate(setup.coordinates)
     ]
     return Drawing(f"tracking error  e_r  [{setup.units.error}]", lines, at_least=(-0.01, 0.01))
@@ -85,7 +85,7 @@ def _errors(setup: Setup) -> Drawing:
 
 def _positions(setup: Setup) -> Drawing | None:
     lines = [
-        Line(symbol(coordinate.name), color(i), column("e_r", i, 1e3), dashed=is_dashed(i), compared=True)
+        Line(symbol(coordinate.name), color(i), column("e_r", i, 1e3), is_dashed(i), compared=True, band=REACH)
         for i, coordinate in enumerate(setup.coordinates)
         if not coordinate.is_angle
     ]
@@ -100,6 +100,7 @@ def _rotations(setup: Setup) -> Drawing | None:
             column("e_r", i, 1e3 / coordinate.per_radian),
             dashed=is_dashed(i),
             compared=True,
+            band=REACH,
         )
         for i, coordinate in enumerate(setup.coordinates)
         if coordinate.is_angle
@@ -118,7 +119,7 @@ def _followed(setup: Setup) -> Drawing:
     factor, unit = 1e3 / coordinate.per_radian, "mrad" if coordinate.is_angle else "mm"
     lines = [
         Line("desired", DESIRED, column("r_d", i, factor), dashed=True, width=2.0),
-        Line("actual", MEASURED, column("r", i, factor), compared=True),
+        Line("actual", MEASURED, column("r", i, factor), compared=True, band=SPREAD),
     ]
     return Drawing(f"{_bare(coordinate)}  against what is desired  [{unit}]", lines)
 
@@ -130,7 +131,7 @@ def _force(setup: Setup) -> Drawing:
     for i in range(setup.normal):
         lines += [
             Line(f"desired normal{_on(setup, i)}", DESIRED, column("F_cd", i), dashed=True, width=2.0),
-            Line(f"measured normal{_on(setup, i)}", _MEASURED[i], column("F_c", i), compared=True),
+            Line(f"measured normal{_on(setup, i)}", _MEASURED[i], column("F_c", i), compared=True, band=SPREAD),
         ]
     lines.append(Line("push", PUSH, norm("F_push")))
     return Drawing("force on the environment  [N]", lines, at_least=(0.0, 1.0))
@@ -142,7 +143,7 @@ def _on(setup: Setup, i: int) -> str:
 
 
 def _force_axes(_: Setup) -> Drawing:
-    lines = [Line(f"F {axis}", color(i), column("F", i), compared=True) for i, axis in enumerate("xyz")]
+    lines = [Line(f"F {axis}", color(i), column("F", i), compared=True, band=REACH) for i, axis in enumerate("xyz")]
     lines.append(Line("push", PUSH, norm("F_push"), dashed=True))
     return Drawing("force on the environment  [N]", lines, at_least=(0.0, 1.0))
 
@@ -158,9 +159,9 @@ def _normal_force(setup: Setup) -> Drawing | None:
         if setup.normal or setup.surfaces == 1:
             lines.append(Line(f"steady state predicted{on}", ACCENT, column(STEADY[i]), dashed=True, width=2.0))
         if setup.normal:
-            lines.append(Line(f"measured{on}", _MEASURED[i], column("F_c", i), compared=True))
+            lines.append(Line(f"measured{on}", _MEASURED[i], column("F_c", i), compared=True, band=SPREAD))
         else:
-            lines.append(Line(f"really there{on}", _MEASURED[i], column(MULTIPLIERS[i]), compared=True))
+            lines.append(Line(f"really there{on}", _MEASURED[i], column(MULTIPLIERS[i]), compared=True, band=SPREAD))
     return Drawing("normal force  [N]", lines, at_least=(0.0, 1.0))
 
 
@@ -172,7 +173,13 @@ def _force_error(setup: Setup) -> Drawing | None:
         on, desired = _on(setup, i), column("F_cd", i)
         lines += [
             Line(f"predicted (37){on}", ACCENT, _less(column(STEADY[i]), desired), dashed=True, width=2.0),
-            Line(f"measured − desired{on}", _MEASURED[i], _less(column("F_c", i), desired), compared=True),
+            Line(
+                f"measured − desired{on}",
+                _MEASURED[i],
+                _less(column("F_c", i), desired),
+                compared=True,
+                band=SPREAD,
+            ),
             Line(f"real − desired{on}", color(2 + i), _less(column(MULTIPLIERS[i]), desired)),
         ]
     return Drawing("normal force error  [N]", lines, at_least=(-0.01, 0.01))
@@ -193,7 +200,7 @@ def _bound_and_band() -> tuple[Values, Values]:
 
 
 def _s_norm() -> Line:
-    return Line("‖s‖", color(0), _under_gain(column("s_norm", 0, 1e3)), compared=True)
+    return Line("‖s‖", color(0), _under_gain(column("s_norm", 0, 1e3)), compared=True, band=SPREAD)
 
 
 def _sliding(setup: Setup) -> Drawing:

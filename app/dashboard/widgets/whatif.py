@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from app.scenario.data import edited
 from app.scenario.schema import Scenario, ScenarioError
@@ -12,7 +12,7 @@ from app.session.preview import Outlook, Refusal
 from app.session.preview_client import Previewer
 from app.session.snapshot import Snapshot
 
-HORIZON, PUSH = 5.0, 30.0  # s, N, until the user says otherwise
+HORIZON, PUSH, ARMS = 5.0, 30.0, 16  # s, N, and true arms of the band, until the user says otherwise
 
 
 @dataclass(frozen=True)
@@ -34,6 +34,7 @@ class _Asked:
     base: Scenario
     horizon: float
     push: float
+    arms: int
     t: float
 
 
@@ -53,14 +54,14 @@ def _answers(snapshot: Snapshot) -> tuple[int, int]:
 class WhatIf:
     """Previews of one slider at a time, whoever holds it. Callbacks `hold` and `let_go`; the drawing loop calls `look`.
 
-    push: N, see `Question`.
+    push, arms: see `Question`.
     outlook: preview to draw, None for nothing; refusal: reason why there is nothing, in a sentence.
     """
 
     def __init__(self, previewer: Previewer) -> None:
         self._previewer = previewer
         self.on = True
-        self.horizon, self.push = HORIZON, PUSH
+        self.horizon, self.push, self.arms = HORIZON, PUSH, ARMS
         self.held: Held | None = None
         self.outlook: Outlook | None = None
         self.refusal = ""
@@ -129,8 +130,8 @@ class WhatIf:
         return False
 
     def _ask(self, held: Held, snapshot: Snapshot) -> None:
-        asked, now = self._asked, _Asked(held.edit, snapshot.scenario, self.horizon, self.push, snapshot.t)
-        moved = asked is None or (asked.edit, asked.horizon, asked.push) != (now.edit, now.horizon, now.push)
+        asked, now = self._asked, _Asked(held.edit, snapshot.scenario, self.horizon, self.push, self.arms, snapshot.t)
+        moved = asked is None or replace(asked, base=now.base, t=now.t) != now
         if not moved and (now == asked or not self._previewer.idle):
             return
         self._asked = now
@@ -141,4 +142,6 @@ class WhatIf:
             self.outlook, self.refusal = None, str(error)
         else:
             # the same question from a later state replaces a complete drawing, which must not grow from nothing again
-            self._previewer.ask(snapshot.state, scenario, self.horizon, partial=moved, push=self.push, compared=True)
+            self._previewer.ask(
+                snapshot.state, scenario, self.horizon, partial=moved, push=self.push, compared=True, arms=self.arms
+            )

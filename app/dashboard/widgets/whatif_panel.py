@@ -12,9 +12,10 @@ import viser
 
 from app.dashboard.widgets.controls import Desk
 from app.scenario.units import Units
-from app.session.preview import Figures
+from app.session.preview import Figures, Outlook
 from app.session.snapshot import Snapshot
 
+BANDS = {"none": 0, "16 of the declared set": 16, "64 of the declared set": 64}
 _SHOWN = 20.0  # s during which an applied value can be taken back by a click
 
 
@@ -30,6 +31,9 @@ class WhatIfPanel:
             self._horizon = gui.add_slider("Ahead [s]", 1.0, 20.0, 0.5, desk.whatif.horizon, marks=())
             hint = "Push for a second where nothing else would move the arm, so that there is something to compare."
             self._push = gui.add_slider("Push at rest [N]", 0.0, 100.0, 1.0, desk.whatif.push, marks=(), hint=hint)
+            hint = "Drawn behind the preview: all, 5 % to 95 %, and their median. The same arms at every value."
+            self._arms = gui.add_dropdown("True arms", tuple(BANDS), initial_value=_named(desk.whatif.arms), hint=hint)
+        self._arms.on_update(self._on_arms)
         self._on.on_update(self._on_switch)
         self._horizon.on_update(self._on_horizon)
         self._push.on_update(self._on_push)
@@ -44,6 +48,7 @@ class WhatIfPanel:
     async def _on_switch(self, event: viser.GuiEvent) -> None:
         if event.client is not None:
             self._desk.whatif.on = self._horizon.visible = self._push.visible = self._on.value
+            self._arms.visible = self._on.value
 
     async def _on_horizon(self, event: viser.GuiEvent) -> None:
         if event.client is not None:
@@ -52,6 +57,10 @@ class WhatIfPanel:
     async def _on_push(self, event: viser.GuiEvent) -> None:
         if event.client is not None:
             self._desk.whatif.push = self._push.value
+
+    async def _on_arms(self, event: viser.GuiEvent) -> None:
+        if event.client is not None:
+            self._desk.whatif.arms = BANDS[self._arms.value]
 
     async def _on_revert(self, _: viser.GuiEvent) -> None:
         whatif = self._desk.whatif
@@ -88,7 +97,25 @@ class WhatIfPanel:
             notes.append('<div class="vs-message vs-warn">This edit begins the scenario anew.</div>')
         pushed = f", with a push of {figures.push:g} N" if figures.push else ""
         span = f'<div class="vs-dim">within the next {figures.span:.1f} s{pushed}:</div>'
-        return f"{span}{_table(figures, today, units)}{''.join(notes)}"
+        return f"{span}{_table(figures, today, units)}{_of_band(whatif.outlook)}{''.join(notes)}"
+
+
+def _named(arms: int) -> str:
+    return next(name for name, count in BANDS.items() if count == arms)
+
+
+def _of_band(outlook: Outlook) -> str:
+    """Sentence on the band of true arms, as HTML."""
+    band = outlook.band
+    if outlook.bandless:
+        return f'<div class="vs-dim">No true arms behind it: {escape(outlook.bandless)}.</div>'
+    if band is None:
+        return ""
+    so_far = f"{band.arms} of {band.asked}" if band.arms < band.asked else f"{band.arms}"
+    told = f'<div class="vs-dim">shaded: {so_far} true arms of the declared set; darker: 5 % to 95 % of them</div>'
+    if band.stopped:
+        told += f'<div class="vs-message vs-warn">{band.stopped} of them stop: {escape(band.because)}</div>'
+    return told
 
 
 @dataclass(frozen=True)

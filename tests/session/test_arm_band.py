@@ -1,0 +1,120 @@
+"""Band of a preview: the numbers of each arm are those of a loop with that arm, in any order, and none is hidden."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import msgspec
+import numpy as np
+import pytest
+
+from app.scenario.data import edited, shipped
+from app.scenario.departures import Departure
+from app.scenario.schema import Scenario, Truth
+from app.session.arm_band import SEED, SIGNALS, Band, Course, Stretch, TrueArms
+from app.session.preview import Foresight, Outlook, Question
+from app.session.preview_client import Previewer
+from app.simulation.closed_loop import ClosedLoop
+from app.simulation.compiled_run import CompiledRun
+from app.simulation.search_memory import Memory
+from drivers.waiting import until
+
+pytestmark = pytest.mark.slow  # processes of its own
+COUNT, HORIZON = 3, 0.2
+
+
+def running(scenario: Scenario) -> ClosedLoop:
+    loop = ClosedLoop(scenario)
+    CompiledRun(loop).advance(300)
+    return loop
+
+
+def foresight_of(loop: ClosedLoop, scenario: Scenario) -> Foresight:
+    return Foresight(Question(1, loop.state.copy(), scenario, HORIZON, arms=COUNT), engine="compiled")
+
+
+def truth_of(scenario: Scenario, number: int, n: int) -> Truth:
+    return Departure.inside(np.random.default_rng([SEED, number, n]), n).truth(scenario.declared, of=scenario.truth)
+
+
+def band_of(stretch: Stretch) -> Band:
+    *_, courses = TrueArms(Memory()).courses(stretch, COUNT)
+    return stretch.band(courses, COUNT)
+
+
+@pytest.mark.parametrize("name", ["ur5-hybrid", "ur5-impedance", "ur5-constrained", "ur5-corner"])
+def test_each_arm_goes_on_as_a_loop_with_that_arm(name: str) -> None:
+    loop = running(shipped()[name])
+    scenario = edited(loop.system.scenario, "controller.K_s", 80.0)
+    stretch = foresight_of(loop, scenario).stretch
+    band = band_of(stretch)
+    assert band.arms == COUNT
+    assert band.stopped == 0
+    for number in range(COUNT):
+        own = ClosedLoop.resume(loop.state.copy())
+        own.edit(msgspec.structs.replace(scenario, truth=truth_of(scenario, number, own.recording.n)))
+        CompiledRun(own).advance(stretch.rows)
+        ours = slice(number * len(band.ahead), (number + 1) * len(band.ahead))
+        near = 1e-5 if name == "ur5-constrained" else 0.0  # a rigid surface's solver begins elsewhere
+        for signal in SIGNALS:
+            its = own.recording.signals((signal,))[signal][stretch.points]
+            np.testing.assert_allclose(band.signals[signal][ours], its, rtol=near, atol=1e-3 * near, err_msg=signal)
+    np.testing.assert_allclose(band.signals["t"][: len(band.ahead)] - stretch.since, band.ahead, atol=1e-9)
+
+
+def test_arms_are_others_than_the_true_one_and_the_same_at_every_value() -> None:
+    loop = running(shipped()["ur5-hybrid"])
+    arms, firsts = TrueArms(Memory()), []
+    for K_s in (60.0, 90.0, 60.0):
+        stretch = foresight_of(loop, edited(loop.system.scenario, "controller.K_s", K_s)).stretch
+        *_, courses = arms.courses(stretch, COUNT)
+        firsts.append(stretch.band(courses, COUNT))
+    np.testing.assert_array_equal(firsts[0].signals["e_r"], firsts[2].signals["e_r"])
+    apart = firsts[0].signals["e_r"].reshape(COUNT, -1)
+    assert np.abs(apart[0] - apart[1]).max() > 1e-9
+    assert np.abs(firsts[0].signals["e_r"] - firsts[1].signals["e_r"]).max() > 1e-9
+
+
+def test_an_arm_that_stops_is_counted_and_has_no_values_beyond_its_end() -> None:
+    stretch = Stretch(0.0, running(shipped()["ur5-hybrid"]).state, 10, np.arange(2))
+    ends = {name: np.array([1.0, np.nan]) for name in SIGNALS}
+    whole = {name: np.array([1.0, 2.0]) for name in SIGNALS}
+    band = stretch.band([Course(whole, None), Course(ends, "t = 1 s: it left")], 4)
+    assert (band.arms, band.asked, band.stopped, band.because) == (2, 4, 1, "t = 1 s: it left")
+
+
+def test_a_band_that_cannot_be_says_why() -> None:
+    loop = running(shipped()["ur5-hybrid"])
+    none = msgspec.structs.replace(loop.system.scenario, declared=type(loop.system.scenario.declared)(force_error=1.0))
+    assert foresight_of(loop, none).bandless == "nothing is declared to be uncertain"
+    assert foresight_of(loop, loop.system.scenario).bandless == ""
+    by_steps = Foresight(Question(1, loop.state.copy(), loop.system.scenario, HORIZON, arms=COUNT))
+    assert "compiled" in by_steps.bandless
+
+
+@pytest.fixture
+def previewer() -> Iterator[Previewer]:
+    previewer = Previewer()
+    yield previewer
+    previewer.close()
+
+
+def test_the_process_answers_first_and_then_with_the_whole_band_of_the_newest_question(previewer: Previewer) -> None:
+    loop = running(shipped()["ur5-hybrid"])
+    for K_s in (60.0, 70.0, 90.0):
+        scenario = edited(loop.system.scenario, "controller.K_s", K_s)
+        previewer.ask(loop.state.copy(), scenario, HORIZON, arms=COUNT)
+
+    def banded() -> Outlook | None:
+        newest = previewer.newest
+        return newest if isinstance(newest, Outlook) and newest.band is not None and newest.number == 3 else None
+
+    answer = until(lambda: banded() if banded() and banded().band.arms == COUNT else None)  # pyright: ignore[reportOptionalMemberAccess]
+    assert answer.whole
+    assert answer.band is not None
+    expected = band_of(foresight_of(loop, scenario).stretch)
+    for signal in SIGNALS:
+        np.testing.assert_array_equal(answer.band.signals[signal], expected.signals[signal])
+    previewer.ask(loop.state.copy(), loop.system.scenario, HORIZON)
+    plain = until(lambda: n if isinstance(n := previewer.newest, Outlook) and n.number == 4 and n.whole else None)
+    assert plain.band is None
