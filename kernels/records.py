@@ -12,6 +12,7 @@ import numpy as np
 
 T = TypeVar("T", bound=NamedTuple)
 Layout = tuple[tuple[Any, ...], ...]
+NUMBERS = {kind: np.dtype(kind).str for kind in (float, int, bool)}
 
 
 class Record(Generic[T]):
@@ -23,7 +24,7 @@ class Record(Generic[T]):
     def __init__(self, value: T) -> None:
         self._template = value
         self.data = np.zeros(1, _dtype(_layout(value)))
-        _write(self.data, value)
+        self.data[0] = value
 
     @cached_property
     def views(self) -> T:
@@ -45,7 +46,7 @@ class Record(Generic[T]):
 
     def write(self, name: str, value: NamedTuple) -> None:
         """Give the named tuple of this name other values of the same shapes."""
-        _write(self.data[name], value)
+        self.data[name][0] = value
 
     def __reduce__(self) -> tuple[type[Record[T]], tuple[T]]:
         return Record, (self.read(),)  # numba needs the dtype that all records of a layout share
@@ -86,12 +87,13 @@ class Fields:
 def _layout(value: NamedTuple) -> Layout:
     """Layout of a dtype, in a form that can be compared."""
     layout: list[tuple[Any, ...]] = []
-    for name, part in value._asdict().items():
-        if isinstance(part, tuple):
+    for name, part in zip(value._fields, value, strict=True):
+        if isinstance(part, np.ndarray):
+            layout.append((name, part.dtype.str, part.shape))
+        elif isinstance(part, tuple):
             layout.append((name, _layout(part)))  # pyright: ignore[reportArgumentType]
         else:
-            array = np.asarray(part)
-            layout.append((name, array.dtype.str, array.shape))
+            layout.append((name, NUMBERS.get(type(part)) or np.asarray(part).dtype.str, ()))
     return tuple(layout)
 
 
@@ -99,14 +101,6 @@ def _layout(value: NamedTuple) -> Layout:
 def _dtype(layout: Layout) -> np.dtype:
     fields = [(name, _dtype(rest[0])) if len(rest) == 1 else (name, *rest) for name, *rest in layout]
     return np.dtype(fields, align=True)
-
-
-def _write(data: np.ndarray, value: NamedTuple) -> None:
-    for name, part in value._asdict().items():
-        if isinstance(part, tuple):
-            _write(data[name], part)  # pyright: ignore[reportArgumentType]
-        else:
-            data[name][0] = part
 
 
 def _read(data: np.ndarray, template: Any) -> Any:

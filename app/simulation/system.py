@@ -97,6 +97,7 @@ class System:
     """Objects of a scenario.
     surfaces: all of the world, whether or not the tool touches them.
     charted: gives the task coordinates: the surfaces, or Cartesian axes.
+    stations: at which the sampled loops are judged.
     mobility: the true arm's largest over Omega.
     controller: with the target model in force, from which `blend`, if there is one, leads to another.
     q_0: (n,) rad.
@@ -113,6 +114,7 @@ class System:
     nominal: NominalModel
     plant: Plant
     constants: Constants
+    stations: Stations
     mobility: Mobility
     controller: Controller
     blend: ModelBlend | None
@@ -142,11 +144,6 @@ class System:
     def planned(self) -> Planned:
         """Reference of the run, as a function of time."""
         return Planned(self.plan)
-
-    @cached_property
-    def stations(self) -> Stations:
-        """Stations at which the sampled loops are judged."""
-        return Stations.along(self.constants.omega, self.scenario.simulation.duration)
 
     @property
     def units(self) -> Units:
@@ -292,6 +289,7 @@ def _assemble(scenario: Scenario, previous: System | None, memory: Memory) -> Sy
         nominal=nominal,
         plant=plant,
         constants=constants,
+        stations=_stations(scenario, constants, previous),
         mobility=mobility,
         controller=controller_of(scenario, mode, layout, constants),
         blend=blend_of(scenario, mode, layout),
@@ -302,6 +300,13 @@ def _assemble(scenario: Scenario, previous: System | None, memory: Memory) -> Sy
         z_0=z_at_start(scenario, robot.n),
         memory=memory,
     )
+
+
+def _stations(scenario: Scenario, constants: Constants, previous: System | None) -> Stations:
+    duration = scenario.simulation.duration
+    if previous is not None and previous.constants is constants and previous.scenario.simulation.duration == duration:
+        return previous.stations
+    return Stations.along(constants.omega, duration)
 
 
 def _compliance(scenario: Scenario) -> np.ndarray:

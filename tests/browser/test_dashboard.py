@@ -100,6 +100,25 @@ def test_escape_takes_a_held_slider_back(session: Session):
     session.wait(lambda _: abs(float(thumb.get_attribute("aria-valuenow") or "nan") - 20.0 / 60.0) < 2e-3)
 
 
+# how far apart the least and the largest of the last line's band are at the right end of the first plot of a force
+_SPREAD = """() => {
+  const { chart } = Object.values(__viserTestpoints.uplots)[1], [upper, lower] = chart.bands[0].series;
+  return chart.data[upper].at(-1) - chart.data[lower].at(-1);
+}"""
+
+
+def test_true_arms_of_the_declared_set_stand_behind_a_preview(session: Session):
+    session.page.get_by_role("button", name="play / pause").click()
+    session.wait(lambda now: now.phase == "paused")
+    move, _ = session.grip("F_d [N]")
+    move(0.9)
+    session.page.locator(".vs-held", has_text="16 true arms of the declared set").wait_for()
+    session.wait(lambda _: session.page.evaluate(_SPREAD) > 0.0)
+    session.page.keyboard.press("Escape")
+    session.page.mouse.up()
+    session.wait(lambda _: session.page.evaluate(_SPREAD) == 0.0)
+
+
 def test_arrow_keys_move_a_slider_and_not_the_run(session: Session):
     thumb = session.row("F_d [N]").get_by_role("slider")
     thumb.focus()
