@@ -47,11 +47,11 @@ TESTS = (
     "tests/simulation/test_responses.py::test_sampled_force_loop_diverges_where_its_factor_says",
     "tests/simulation/test_closed_forms.py::test_sampled_force_of_a_heavy_surface_diverges_where_its_factor_says",
     "tests/session/test_timeline.py",
-    "tests/simulation/test_stiffness.py",
+    "tests/simulation/test_step_resolution.py",
     "tests/simulation/test_practice.py",
     "tests/kernels/test_kernels.py",
     "tests/simulation/test_domain.py",
-    "tests/simulation/test_promise.py",
+    "tests/simulation/test_premises.py",
     "tests/simulation/test_task_coordinates.py",
 )
 PATIENCE = 1200.0  # s for one row

@@ -14,7 +14,7 @@ import numpy as np
 
 from controllers.bounds import Equivalent, RequiredGain, inertia_spread, paper_bound, sum_of, tight_bound
 from controllers.control_law import joint_acceleration, joint_velocity
-from controllers.reaching import Promise, envelope
+from controllers.reaching import ReachingBound, envelope
 from controllers.switching import SAMPLING_SHARE, layer_width
 from controllers.task_space import Scratch
 from kernels import inline, kernel
@@ -191,7 +191,7 @@ class Watched(NamedTuple):
 
 class Kept(NamedTuple):
     """Present promise, and how it has been kept.
-    promise: (19), with V_0 of the instant `since` (s) when it began.
+    reaching: (19), with V_0 of the instant `since` (s) when it began.
     standing: whether there is a promise.
     bound, band: m/s, (20) and the band added to it, NaN without a promise.
     entered, reached: when ||s|| was first within the boundary layer and within the band, s.
@@ -200,7 +200,7 @@ class Kept(NamedTuple):
     before: whether the premises held a period ago.
     begun: instant of the last change, s."""
 
-    promise: Promise
+    reaching: ReachingBound
     since: float
     standing: bool
     bound: float
@@ -216,7 +216,9 @@ class Kept(NamedTuple):
     @classmethod
     def fresh(cls) -> Kept:
         """Record of a run that has not begun."""
-        return cls(Promise(1.0, 1.0, 1.0, 1.0, 0.0), 0.0, False, NEVER, NEVER, NEVER, NEVER, NEVER, 0, 0, True, NEVER)
+        return cls(
+            ReachingBound(1.0, 1.0, 1.0, 1.0, 0.0), 0.0, False, NEVER, NEVER, NEVER, NEVER, NEVER, 0, 0, True, NEVER
+        )
 
 
 class Room(NamedTuple):
@@ -344,7 +346,7 @@ def gain_on_surface(gains, z, reference, task, estimate, deviation, q_dot, outpu
 
 
 @inline
-def watch(gains, z, reference, task, estimate, feedforward, q_dot, output, room, promise, period, table, watched):
+def watch(gains, z, reference, task, estimate, feedforward, q_dot, output, room, reaching, period, table, watched):
     """Compute the range of inertia at the present posture, the band, and the premises that depend on them."""
     u, work, deviation = gains.uncertainty, room.work, feedforward.deviation
     watched.low, watched.high = inertia_range(u, estimate, task, work)
@@ -365,7 +367,7 @@ def watch(gains, z, reference, task, estimate, feedforward, q_dot, output, room,
     watched.radius = max(watched.width, chatter)
     heaviest = max(watched.high, 4.0 * watched.low) if chatter > 0.5 * watched.width else watched.high
     V = 0.5 * heaviest * watched.radius**2
-    watched.V_band = max(V, watched.V_band * np.exp(-promise.c_1 * period * WATCH))
+    watched.V_band = max(V, watched.V_band * np.exp(-reaching.c_1 * period * WATCH))
 
     watched.allowed = SAMPLING_SHARE * gains.epsilon
     if u.force_error > 0.0:
@@ -431,8 +433,8 @@ def keep_promise(all_hold, s_norm, watched, t, kept):
     if not kept.standing:
         kept.standing, kept.since = True, t
         if t != kept.begun:  # otherwise the V_0 of the change is more exact
-            kept.promise.V_0 = 0.5 * watched.high * s_norm**2
-    kept.bound = envelope(kept.promise, t - kept.since)
+            kept.reaching.V_0 = 0.5 * watched.high * s_norm**2
+    kept.bound = envelope(kept.reaching, t - kept.since)
     kept.band = np.sqrt(2.0 * watched.V_band / watched.low)
     if np.isnan(kept.entered) and s_norm <= watched.width:
         kept.entered = t

@@ -45,17 +45,17 @@ class ReachingCertificate:
         return 2.0 / self.c_1 * max(float(np.log((begun + ratio) / (rest + ratio))), 0.0)
 
     @property
-    def promise(self) -> Promise:
-        """The certificate in the form for kernels."""
-        return Promise(self.k_r_low, self.k_r_high, self.c_1, self.c_2, self.V_0)
+    def bound(self) -> ReachingBound:
+        """Bound that it gives, in the form for kernels."""
+        return ReachingBound(self.k_r_low, self.k_r_high, self.c_1, self.c_2, self.V_0)
 
     def envelope(self, t: np.ndarray | float) -> np.ndarray:
         """Bound of ||s|| (m/s) at t s after s(0), (20); zero after t_r."""
-        return envelope(self.promise, t)
+        return envelope(self.bound, t)
 
 
-class Promise(NamedTuple):
-    """Promise (19) for kernels: k_r_low, k_r_high kg; c_1 1/s; c_2 sqrt(J)/s; V_0 J."""
+class ReachingBound(NamedTuple):
+    """Reaching bound (19) in the form for kernels: k_r_low, k_r_high kg; c_1 1/s; c_2 sqrt(J)/s; V_0 J."""
 
     k_r_low: float
     k_r_high: float
@@ -65,14 +65,14 @@ class Promise(NamedTuple):
 
 
 @kernel
-def lyapunov_bound(promise, t):
+def lyapunov_bound(bound, t):
     """Bound of V (J) at t s after s(0), (24)."""
-    ratio = promise.c_2 / promise.c_1
-    root = (np.sqrt(promise.V_0) + ratio) * np.exp(-0.5 * promise.c_1 * t) - ratio
+    ratio = bound.c_2 / bound.c_1
+    root = (np.sqrt(bound.V_0) + ratio) * np.exp(-0.5 * bound.c_1 * t) - ratio
     return np.maximum(root, 0.0) ** 2
 
 
 @kernel
-def envelope(promise, t):
+def envelope(bound, t):
     """Bound of ||s|| (m/s) at t s after s(0), (20)."""
-    return np.sqrt(2.0 / promise.k_r_low * lyapunov_bound(promise, t))
+    return np.sqrt(2.0 / bound.k_r_low * lyapunov_bound(bound, t))

@@ -14,7 +14,7 @@ from aiohttp import WSMsgType, web
 
 from app.access.admission import Names, Tokens
 from app.access.session_messages import Answers, Begin, Kept
-from app.gateway.server import Doors, Gateway, serving
+from app.gateway.server import AccessSettings, Gateway, serving
 from app.gateway.session_pool import SessionPool
 from app.gateway.session_store import SessionStore
 
@@ -144,7 +144,7 @@ async def town(
     store = SessionStore(state) if state is not None else None
     with closing(store) if store is not None else nullcontext():
         pool = SessionPool("usual", launch, places, 600.0, store=store, spare=False, **more)
-        gateway = Gateway(pool, Doors(names or Names(), tokens, copies=copies))
+        gateway = Gateway(pool, AccessSettings(names or Names(), tokens, copies=copies))
         # many cookies: a visitor's are said in each request
         client = aiohttp.ClientSession(cookie_jar=aiohttp.DummyCookieJar(), connector=aiohttp.TCPConnector(limit=0))
         try:

@@ -81,7 +81,7 @@ class ContactKinematics(NamedTuple):
         return cls(Chart.zeros(), v, v, 0.0, 0.0, 0.0, np.zeros(n))
 
 
-class Touch(NamedTuple):
+class ToolContacts(NamedTuple):
     """Kinematics of the tool and of its contacts with up to three surfaces."""
 
     tool: ToolKinematics
@@ -90,7 +90,7 @@ class Touch(NamedTuple):
     third: ContactKinematics
 
     @classmethod
-    def zeros(cls, n: int) -> Touch:
+    def zeros(cls, n: int) -> ToolContacts:
         """Kinematics of an arm with n joints."""
         v, met = np.zeros(3), ContactKinematics.zeros(n)
         return cls(ToolKinematics(v, v, np.zeros((3, n))), met, met, met)
@@ -131,7 +131,7 @@ def place_tool(lever, rotation, translation, p):
 
 @inline
 def touch_at(world, J, rotation, translation, q_dot, t, touch):
-    """Compute the `Touch` from the world Jacobian J (6, n) of the joint that carries the tool and that joint's
+    """Compute the `ToolContacts` from the world Jacobian J (6, n) of the joint that carries the tool and that joint's
     placement; phi_ddot_bias lacks the tool's own drift, see `add_drift`."""
     p, p_dot, J_v = touch.tool.p, touch.tool.p_dot, touch.tool.J_v
     place_tool(world.lever, rotation, translation, p)

@@ -14,7 +14,7 @@ from environments.contact import (
     ContactForce,
     Contacts,
     MultiplierWork,
-    Touch,
+    ToolContacts,
     World,
     add_contact_force,
     add_drift,
@@ -152,7 +152,7 @@ class PlantWorkspace(NamedTuple):
 
     world: World
     resistance: Resistance
-    touch: Touch
+    touch: ToolContacts
     multipliers: MultiplierWork
     torque: np.ndarray
     push: np.ndarray
@@ -165,7 +165,7 @@ class PlantWorkspace(NamedTuple):
     def of(cls, world: World, resistance: Resistance, n: int) -> PlantWorkspace:
         """Workspace of an arm with n joints."""
         v = np.zeros(n)
-        met = (Touch.zeros(n), MultiplierWork.zeros(n))
+        met = (ToolContacts.zeros(n), MultiplierWork.zeros(n))
         return cls(world, resistance, *met, v, np.zeros(3), v, np.zeros((n, n)), v, v)
 
 

@@ -15,7 +15,7 @@ from app.simulation.controller_builder import compensation
 from app.simulation.engines import Engine
 from app.simulation.recording import Epoch, Recording
 from app.simulation.system import System
-from app.simulation.verdict import Finding, Promise
+from app.simulation.verdict import Finding, PromiseVerdict
 
 # signals of each surface
 MULTIPLIERS, PHI = ("multiplier", "multiplier_2", "multiplier_3"), ("phi", "phi_2", "phi_3")
@@ -34,7 +34,7 @@ class Metrics(Struct, frozen=True):
     settling_time: (
         float | None
     )  # s, of the force, or of the path where none is controlled; None while it is not settled
-    promise: Promise
+    promise: PromiseVerdict
     premises: tuple[Finding, ...]
     reaching_time: (
         float | None

@@ -14,7 +14,7 @@ from app.dashboard.scene.standalone import standalone_html
 from app.export.export_jobs import PLAYBACK_LIMIT, file_name
 from app.export.figures import Figure, FigureOptions, render
 from app.export.formats import ALL_PLOTS, Kind
-from app.export.playback_frames import film
+from app.export.playback_frames import playback_frames
 from app.process.atomic_write import write_whole
 from app.scenario.data import to_toml
 from app.scenario.schema import Scenario, ScenarioError, scenario_errors
@@ -90,7 +90,7 @@ def _write(stretch: Stretch, kind: Kind, choice: FigureChoice, path: Path) -> No
             case "html":
                 plots = BESIDE_FILM if choice.plots == (ALL_PLOTS,) else choice.plots
                 figure = _figure(stretch, replace(choice, plots=plots))
-                frames = film(scenario, recording, stretch.start, stretch.end)
+                frames = playback_frames(scenario, recording, stretch.start, stretch.end)
                 page = standalone_html(frames, PLAYBACK_LIMIT, tell, figure)
                 write_whole(path, lambda file: file.write(page.encode()))
             case "toml":

@@ -16,7 +16,7 @@ from app.evidence.section import Findings, Job, Section, of_kind
 from app.export.figures import Chart, Curve
 from app.process.markdown import Table
 from app.scenario.data import edited, from_plain, shipped, to_plain
-from app.scenario.schema import Controller, Scenario
+from app.scenario.schema import ControllerSection, Scenario
 from app.session.headless_run import simulate
 from app.simulation.closed_loop import ClosedLoop
 from app.simulation.controller_builder import law_of
@@ -243,7 +243,7 @@ def pressing(K_e: float, zeta: float, share: float) -> Oscillation:
 
 
 def _fine(share: float) -> dict[str, float]:
-    return {"period": share * Controller().period, "layer": share * Controller().layer}
+    return {"period": share * ControllerSection().period, "layer": share * ControllerSection().layer}
 
 
 def _oscillator(omega: float, zeta: float) -> dict[str, list[float]]:

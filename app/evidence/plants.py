@@ -11,7 +11,7 @@ import numpy as np
 
 from app.scenario.data import edited, from_plain
 from app.scenario.departures import Departure, Random
-from app.scenario.schema import Declared, Scenario, Truth
+from app.scenario.schema import Declared, Scenario, TruthSection
 from app.simulation.closed_loop import ClosedLoop
 from app.simulation.environment_builder import contacts_of, truth_of
 from app.simulation.system import System, assemble
@@ -98,7 +98,7 @@ def built(scenario: Scenario, previous: System | None = None) -> System:
 
     Raises ScenarioError.
     """
-    nominal = assemble(msgspec.structs.replace(scenario, truth=Truth()), previous)
+    nominal = assemble(msgspec.structs.replace(scenario, truth=TruthSection()), previous)
     return replace(with_arm_of(scenario, nominal), scenario=scenario)
 
 

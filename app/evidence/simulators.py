@@ -68,8 +68,8 @@ class Steady:
 
 
 @dataclass(frozen=True)
-class Touch:
-    """Course of a force in both engines.
+class ContactCourse:
+    """Course of a contact force in both engines.
     t, ours, mujoco: (N,), s and N.
     apart: their largest difference, N.
     without, with_drift: residual of (28) in MuJoCo's run, left minus right side, N, if the tool's acceleration lacks
@@ -163,7 +163,7 @@ def steady(stiffness: float, duration: float) -> Steady:
     return Steady(stiffness, ours, theirs, stiffness * K_m * depth / (K_m + stiffness))
 
 
-def touch(name: str, motion: str, mass: float, duration: float) -> Touch:
+def contact_course(name: str, motion: str, mass: float, duration: float) -> ContactCourse:
     """Force control at 20 N, from the air, while the tool rests or draws its circle."""
     scenario = _touching(_by_euler(shipped()["ur5-hybrid"]), 1e4, mass, duration)
     if motion == "hold":
@@ -171,12 +171,12 @@ def touch(name: str, motion: str, mass: float, duration: float) -> Touch:
     ours, theirs = (run(scenario, mujoco=mujoco) for mujoco in (False, True))
     without, with_drift, drift = _balance(assemble(scenario), theirs)
     f, g = ours["multiplier"], theirs["multiplier"]
-    return Touch(name, mass, ours["t"], f, g, float(np.abs(f - g).max()), without, with_drift, drift)
+    return ContactCourse(name, mass, ours["t"], f, g, float(np.abs(f - g).max()), without, with_drift, drift)
 
 
 def _balance(system: System, record: Mapping[str, np.ndarray]) -> tuple[float, float, float]:
-    """Residual of f = M_e phi_ddot + B_e phi_dot + K_e phi, see `Touch`; q_ddot from the rates, by the steps of Euler's
-    method."""
+    """Residual of f = M_e phi_ddot + B_e phi_dot + K_e phi, see `ContactCourse`; q_ddot from the rates, by the steps of
+    Euler's method."""
     contact, period = system.plant.contact, system.scenario.controller.period
     model, normal = system.robot.model, system.surface.chart(np.zeros(3), 0.0).G[0]
     model = model.copy()
@@ -263,8 +263,8 @@ def jobs(thin: int) -> list[Job]:
     seconds = 1.0 if thin > 1 else FREE
     cases = [Job(free, (robot, seconds)) for robot in ROBOTS]
     cases += [Job(steady, (stiffness, TOUCHING)) for stiffness in STIFFNESSES[::thin]]
-    cases += [Job(touch, ("at rest", "hold", MASSES[0], TOUCHING / min(thin, 3)))]
-    cases += [Job(touch, ("on a circle", "circle", mass, TOUCHING / min(thin, 3))) for mass in MASSES]
+    cases += [Job(contact_course, ("at rest", "hold", MASSES[0], TOUCHING / min(thin, 3)))]
+    cases += [Job(contact_course, ("on a circle", "circle", mass, TOUCHING / min(thin, 3))) for mass in MASSES]
     kinds: tuple[Kind, ...] = ("plane", "cylinder", "sphere")
     met = [*((kind,) for kind in kinds), kinds[:2], kinds]
     return cases + [Job(constraint, (each, seed, max(5, STATES // thin))) for seed, each in enumerate(met)]
@@ -273,7 +273,7 @@ def jobs(thin: int) -> list[Job]:
 def conclude(results: Sequence[Any]) -> Findings:
     moved = [found for found in results if isinstance(found, Free)]
     pressed = [found for found in results if isinstance(found, Steady)]
-    touched = [found for found in results if isinstance(found, Touch)]
+    touched = [found for found in results if isinstance(found, ContactCourse)]
     bound = [found for found in results if isinstance(found, Constraint)]
     numbers = {
         "euler": f"{max(found.euler for found in moved):.1g}",
@@ -293,7 +293,7 @@ def conclude(results: Sequence[Any]) -> Findings:
         tables={
             "free": _free_table(moved),
             "steady": _steady_table(pressed),
-            "touch": _touch_table(touched),
+            "touch": _contact_table(touched),
             "constraint": _constraint_table(bound),
         },
         figures={"runs": _figure(moved[0], touched)},
@@ -338,7 +338,7 @@ def _steady_table(pressed: Sequence[Steady]) -> Table:
     return Table(header, rows)
 
 
-def _touch_table(touched: Sequence[Touch]) -> Table:
+def _contact_table(touched: Sequence[ContactCourse]) -> Table:
     header = (
         "force control at 20 N, the tool",
         "M_e [kg]",
@@ -376,7 +376,7 @@ def _constraint_table(bound: Sequence[Constraint]) -> Table:
     return Table(header, rows)
 
 
-def _figure(found: Free, touched: Sequence[Touch]) -> bytes:
+def _figure(found: Free, touched: Sequence[ContactCourse]) -> bytes:
     rungs = tuple(
         Curve(f"{1.0 / substeps:g} ms", TINT[i], *_above_zero(found.t, rung))
         for i, (substeps, rung) in enumerate(zip(LADDER, found.rungs, strict=True))

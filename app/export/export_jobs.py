@@ -20,7 +20,7 @@ import numpy as np
 
 from app.export.figures import Figure, FigureOptions
 from app.export.formats import DataFormat, Format
-from app.export.playback_frames import Film
+from app.export.playback_frames import PlaybackFrames
 from app.process import launcher
 from app.storage.recording_files import Table, Tell
 
@@ -29,7 +29,7 @@ LONGEST_NAME = 60
 PLAYBACK_LIMIT = 25e6  # bytes
 
 
-class TakeAwayError(RuntimeError):
+class ExportError(RuntimeError):
     """A file that could not be made: one sentence with the reason."""
 
 
@@ -53,9 +53,9 @@ class DataJob:
 
 @dataclass(frozen=True)
 class PlaybackJob:
-    """Job for a film as a page of its own with this figure beside it, at most `limit` bytes."""
+    """Job for playback frames as a page of its own with this figure beside it, at most `limit` bytes."""
 
-    film: Film
+    frames: PlaybackFrames
     limit: float
     figure: Figure | None = None
 
@@ -102,7 +102,7 @@ class ExportJobs:
         self._closed = False
 
     def made(self, job: Job, tell: Tell) -> bytes:
-        """Content of the file. Raises TakeAwayError, and OSError when no process or folder can be had.
+        """Content of the file. Raises ExportError, and OSError when no process or folder can be had.
 
         tell: called with the progress. The work is done in another process.
         """
@@ -117,7 +117,7 @@ class ExportJobs:
                     return path.read_bytes()
                 except (EOFError, ConnectionError) as error:
                     status = _ended(process)
-                    raise TakeAwayError(f"the process that makes it has ended (exit status {status})") from error
+                    raise ExportError(f"the process that makes it has ended (exit status {status})") from error
                 finally:
                     process.terminate()
                     _ended(process)
@@ -135,7 +135,7 @@ class ExportJobs:
     def _started(self, path: Path, file: int) -> subprocess.Popen[bytes]:
         with self._lock:
             if self._closed:
-                raise TakeAwayError("the program is ending")
+                raise ExportError("the program is ending")
             process = launcher.start(
                 "app.workers.export", str(file), str(path), stdin=subprocess.DEVNULL, pass_fds=(file,)
             )
@@ -163,7 +163,7 @@ def _going_on(message: Progress | Done | Failure, tell: Tell) -> bool:
             tell(share)
             return True
         case Failure(reason):
-            raise TakeAwayError(reason)
+            raise ExportError(reason)
         case Done():
             return False
 

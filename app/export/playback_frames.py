@@ -1,4 +1,4 @@
-"""Frames of a film: a recording thinned to one row per frame."""
+"""Playback frames: a recording thinned to one row per frame."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ DRAWN = ("t", "q", "q_dot", "r_d", "F_cd", "tool", "F_true")
 
 
 @dataclass(frozen=True)
-class Film:
+class PlaybackFrames:
     """One recorded row per frame, oldest first: `DRAWN` by name, (N,) or (N, width), SI units."""
 
     scenario: Scenario
@@ -25,8 +25,10 @@ class Film:
         return len(self.signals["t"])
 
 
-def film(scenario: Scenario, recording: Recording, t_from: float = -math.inf, t_to: float = math.inf) -> Film:
-    """Film of the first row of each thirtieth of a second, of t_from <= t <= t_to (s)."""
+def playback_frames(
+    scenario: Scenario, recording: Recording, t_from: float = -math.inf, t_to: float = math.inf
+) -> PlaybackFrames:
+    """Frames from the first row of each thirtieth of a second, of t_from <= t <= t_to (s)."""
     rows, frame = [np.empty((0, recording.width))], -math.inf
     for piece in recording.pieces(t_from, t_to):
         frames = np.floor(piece[:, 0] * FRAMES_PER_SECOND + 1e-6)  # a row at the edge counts as beyond it
@@ -34,4 +36,4 @@ def film(scenario: Scenario, recording: Recording, t_from: float = -math.inf, t_
         frame = frames[-1]
     kept = np.concatenate(rows)
     columns = {name: kept[:, recording.columns[name]] for name in DRAWN}
-    return Film(scenario, {name: values[:, 0] if name == "t" else values for name, values in columns.items()})
+    return PlaybackFrames(scenario, {name: values[:, 0] if name == "t" else values for name, values in columns.items()})

@@ -15,7 +15,7 @@ import structlog
 
 from app.access.admission import Names, OriginError, Tokens
 from app.gateway.connections import ARRIVING
-from app.gateway.server import Doors, Gateway, serving
+from app.gateway.server import AccessSettings, Gateway, serving
 from app.gateway.server_settings import Look, ServerSettings
 from app.gateway.session_pool import SessionPool
 from app.gateway.session_store import SessionStore
@@ -119,7 +119,7 @@ async def _serve(
         endings.append(signal.SIGHUP)
     for number in endings:
         asyncio.get_running_loop().add_signal_handler(number, stop.set)
-    gateway = Gateway(pool, Doors(names, tokens, everyone, copies=server_settings.copies))
+    gateway = Gateway(pool, AccessSettings(names, tokens, everyone, copies=server_settings.copies))
     warming = None
     try:
         async with serving(gateway, server_settings.host, server_settings.port) as port:

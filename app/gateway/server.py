@@ -59,7 +59,7 @@ Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
 
 
 @dataclass(frozen=True)
-class Doors:
+class AccessSettings:
     """Settings of access control.
     names: names of the server.
     tokens: tokens that visitors have to show, None for none.
@@ -77,9 +77,9 @@ class Doors:
 class Gateway:
     """Web application for `aiohttp.web`. answered: the connections whose request is being answered."""
 
-    def __init__(self, pool: SessionPool, doors: Doors) -> None:
-        self._pool, self._doors = pool, doors
-        self._copies = doors.copies and doors.everyone is None
+    def __init__(self, pool: SessionPool, access_settings: AccessSettings) -> None:
+        self._pool, self._access_settings = pool, access_settings
+        self._copies = access_settings.copies and access_settings.everyone is None
         self._refusals = Counter[str]()
         self.answered = set[asyncio.BaseTransport]()
         self._document: pages.Document | None = None
@@ -125,8 +125,8 @@ class Gateway:
 
     async def _tick(self) -> None:
         while True:
-            if self._doors.everyone is not None:
-                self._pool.want(self._doors.everyone)
+            if self._access_settings.everyone is not None:
+                self._pool.want(self._access_settings.everyone)
             self._pool.tick()
             await asyncio.sleep(TICK)
 
@@ -145,7 +145,9 @@ class Gateway:
 
     async def _answer(self, request: web.Request, handler: Handler) -> web.StreamResponse:
         socket = _is_socket(request)
-        refusal = self._doors.names.refusal(request.headers, acting=socket or request.method not in ("GET", "HEAD"))
+        refusal = self._access_settings.names.refusal(
+            request.headers, acting=socket or request.method not in ("GET", "HEAD")
+        )
         if refusal:
             self._refusals["foreign name or page"] += 1
             log.info("request refused", reason=refusal.sentence)
@@ -168,7 +170,7 @@ class Gateway:
 
     def _without_token(self, request: web.Request) -> web.StreamResponse | None:
         """Answer to a visitor without a token; None for one who has shown a token, now or before, or need not."""
-        tokens = self._doors.tokens
+        tokens = self._access_settings.tokens
         if tokens is None:
             request[_PASS] = "steer"
             return None
@@ -198,7 +200,7 @@ class Gateway:
 
     def _opens_session(self, request: web.Request, shown: str) -> bool:
         """Whether this is the token to steer the session that is asked for."""
-        tokens, name = self._doors.tokens, request.match_info.get("name", "")
+        tokens, name = self._access_settings.tokens, request.match_info.get("name", "")
         asked = request.match_info.get("kind") == "s" and self._pool.named(name) is not None
         return tokens is not None and asked and tokens.opens_session(name, shown)
 
@@ -217,18 +219,18 @@ class Gateway:
 
     def _owns(self, request: web.Request, session: Session) -> bool:
         """Whether the session was made for the browser that asks."""
-        browser = visitor_of(request, self._doors.names).browser
+        browser = visitor_of(request, self._access_settings.names).browser
         return bool(browser) and browser == session.owner.browser
 
     def _may_renew(self, request: web.Request, session: Session) -> bool:
         """Whether the visitor may take links back: the owner of the session, and visitors with the token to steer
         everything. Without a token, only the owner, if there is one, so that no guest can."""
-        above = self._doors.tokens is not None or not session.owner.browser
+        above = self._access_settings.tokens is not None or not session.owner.browser
         return self._owns(request, session) or (request[_PASS] == "steer" and above)
 
     def _greeted(self, request: web.Request) -> Visitor:
         """Visitor of a request; the answer sets a cookie by which to recognize the browser, unless it has one."""
-        visitor = visitor_of(request, self._doors.names)
+        visitor = visitor_of(request, self._access_settings.names)
         if not visitor.browser:
             visitor = visitor._replace(browser=new_secret(16))
             request[_GREETING] = visitor.browser
@@ -237,7 +239,7 @@ class Gateway:
     def _remember(
         self, response: web.StreamResponse, request: web.Request, cookie: str, value: str, path: str = "/"
     ) -> None:
-        secure = request.secure or self._doors.names.encrypted(request.host)
+        secure = request.secure or self._access_settings.names.encrypted(request.host)
         response.set_cookie(cookie, value, max_age=YEAR, httponly=True, samesite="Lax", secure=secure, path=path)
 
     # what there is
@@ -250,7 +252,11 @@ class Gateway:
             return _notice("This request is refused", "Sec-Fetch-Dest is not a page; allowed: document", 403)
         cookie = f"vsmrc-session-{port_of(request)}"
         visitor = self._greeted(request)
-        session = self._doors.everyone or self._pool.named(request.cookies.get(cookie, "")) or self._pool.new(visitor)
+        session = (
+            self._access_settings.everyone
+            or self._pool.named(request.cookies.get(cookie, ""))
+            or self._pool.new(visitor)
+        )
         response = web.Response(status=303, headers={"Location": f"s/{session.name}/"})
         self._remember(response, request, cookie, session.name)
         return response
@@ -283,13 +289,13 @@ class Gateway:
         return self._document
 
     async def _socket(self, request: web.Request) -> web.StreamResponse:
-        session, limits = self._meant(request), self._doors.limits
+        session, limits = self._meant(request), self._access_settings.limits
         taken_back = session.taken_back  # of the link as it is now
         self._pool.want(session)
         if (process := session.process) is None or self._client is None:
             return await closed(request, WSCloseCode.SERVICE_RESTART, "the session is being started")
         watches = _watches(request)
-        viewer = Viewer(visitor_of(request, self._doors.names), "watch" if watches else "steer")
+        viewer = Viewer(visitor_of(request, self._access_settings.names), "watch" if watches else "steer")
         if reason := self._pool.crowded(session, viewer):
             self._refusals["too many pages"] += 1
             log.info("page refused", reason=reason)
@@ -321,7 +327,7 @@ class Gateway:
             "copy": self._copies,
         }
         if not _watches(request):
-            tokens = self._doors.tokens
+            tokens = self._access_settings.tokens
             about["links"] = {
                 "watch": f"../../watch/{session.watch}/" + (f"?token={tokens.watch}" if tokens else ""),
                 "steer": f"../../s/{session.name}/" + (f"?token={tokens.of_session(session.name)}" if tokens else ""),
@@ -352,7 +358,7 @@ class Gateway:
         return web.json_response({"question": msgspec.to_builtins(session.room.question), "own": own})
 
     async def _answer_question(self, request: web.Request) -> web.StreamResponse:
-        session, visitor = self._of_class(request), visitor_of(request, self._doors.names)
+        session, visitor = self._of_class(request), visitor_of(request, self._access_settings.names)
         room = session.room
         try:
             said = msgspec.json.decode(await request.read(), type=dict[str, Any])
@@ -394,7 +400,7 @@ class Gateway:
 
     async def _copy(self, request: web.Request) -> web.StreamResponse:
         watched = self._meant(request)
-        if self._doors.everyone is not None:
+        if self._access_settings.everyone is not None:
             return _notice("This server has one session only", "Private copies need one started with --shared.", 403)
         if not self._copies:
             return _notice("No private copies", "This server was started with --no-copies.", 403)
@@ -425,7 +431,7 @@ class Gateway:
         return self._status(request, metrics(self._pool, self._refusals), TYPE)
 
     def _status(self, request: web.Request, text: str, kind: str) -> web.StreamResponse:
-        if request[_PASS] != "steer" or not (self._doors.tokens is not None or is_local(request)):
+        if request[_PASS] != "steer" or not (self._access_settings.tokens is not None or is_local(request)):
             return _notice("This page is for whoever runs the server", "It wants the token to steer.", 403)
         return web.Response(body=text.encode(), headers={"Content-Type": kind})
 

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import msgspec
 import numpy as np
 
-from app.scenario.schema import Declared, Truth
+from app.scenario.schema import Declared, TruthSection
 
 Random = np.random.Generator
 
@@ -42,11 +42,11 @@ class Departure(NamedTuple):
         links, rotors = random.choice([-1.0, 1.0], (2, n))
         return cls(links, rotors, 1.0, 1.0, _unit(random), 1.0, 1.0, 1.0, random.uniform(0.2, 5.0))
 
-    def truth(self, declared: Declared, scale: float = 1.0, of: Truth | None = None) -> Truth:
+    def truth(self, declared: Declared, scale: float = 1.0, of: TruthSection | None = None) -> TruthSection:
         """True arm of this departure, or one `scale` times as far away; what it does not name is as in `of`."""
         d = declared
         return msgspec.structs.replace(
-            of or Truth(),
+            of or TruthSection(),
             link_scaling=tuple((1.0 + scale * d.link_scaling * self.links).tolist()),
             rotor_scaling=tuple((1.0 + scale * d.rotor_scaling * self.rotors).tolist()),
             payload_mass=float(scale * d.payload_mass * self.payload),

@@ -80,7 +80,7 @@ def scenario_errors(kind: type[ScenarioError] = ScenarioError) -> Iterator[None]
         raise kind(str(error)) from error
 
 
-class Robot(Section, frozen=True, forbid_unknown_fields=True):
+class RobotSection(Section, frozen=True, forbid_unknown_fields=True):
     """The arm."""
 
     name: Annotated[Name, field("row of the catalogue", "")] = "ur5"
@@ -95,7 +95,7 @@ class Robot(Section, frozen=True, forbid_unknown_fields=True):
     rotor_inertia: Annotated[Vector | None, field("reflected rotor inertia per joint", "kg·m²")] = None
 
 
-class Truth(Section, frozen=True, forbid_unknown_fields=True):
+class TruthSection(Section, frozen=True, forbid_unknown_fields=True):
     """Differences of the true arm from the controller's model."""
 
     link_scaling: Annotated[float | Vector, field("factor on the inertia of every link, or one per link", "1")] = 1.0
@@ -148,7 +148,7 @@ class Declared(Section, frozen=True, forbid_unknown_fields=True):
     force_error: Annotated[float, field("largest error of the force sensor", "N", ge=0, le=100)] = 0.0
 
 
-class TaskSpace(Section, frozen=True, forbid_unknown_fields=True):
+class TaskSpaceSection(Section, frozen=True, forbid_unknown_fields=True):
     """The task coordinates r."""
 
     kind: Annotated[Literal["cartesian", "joint"], field("r from the tool's pose, or r = q (motion mode only)", "")] = (
@@ -166,7 +166,7 @@ class TaskSpace(Section, frozen=True, forbid_unknown_fields=True):
     ] = None
 
 
-class TargetModel(Section, frozen=True, forbid_unknown_fields=True):
+class TargetModelSection(Section, frozen=True, forbid_unknown_fields=True):
     """Target model (8); each matrix as n diagonal entries or n rows; a missing one takes the mode's default."""
 
     M_m: Annotated[Matrix | None, field("inertia of the target model (8)", "kg")] = None
@@ -175,21 +175,21 @@ class TargetModel(Section, frozen=True, forbid_unknown_fields=True):
     K_f: Annotated[Matrix | None, field("weight of the force error in the target model (8)", "1")] = None
 
 
-class Blend(Section, frozen=True, forbid_unknown_fields=True):
+class BlendSection(Section, frozen=True, forbid_unknown_fields=True):
     """Convex blend from `target_model` to another one in the course of the run; none while `to` has no matrix."""
 
-    to: Annotated[TargetModel, field("the model at its end; a missing matrix is that of target_model", "")] = (
-        msgspec.field(default_factory=TargetModel)
+    to: Annotated[TargetModelSection, field("the model at its end; a missing matrix is that of target_model", "")] = (
+        msgspec.field(default_factory=TargetModelSection)
     )
     at: Annotated[float, field("when it begins", "s", ge=0, le=36000)] = 0.0
     over: Annotated[float, field("how long it takes", "s", gt=0, le=3600)] = 2.0
 
     @property
     def planned(self) -> bool:
-        return self.to != TargetModel()
+        return self.to != TargetModelSection()
 
 
-class Controller(Section, frozen=True, forbid_unknown_fields=True):
+class ControllerSection(Section, frozen=True, forbid_unknown_fields=True):
     """The control law (25)."""
 
     law: Annotated[
@@ -223,7 +223,7 @@ class Controller(Section, frozen=True, forbid_unknown_fields=True):
     K_e_hat: Annotated[float, field("estimated stiffness of the surface (33)", "N/m", gt=0, le=1e9)] = 10000.0
 
 
-class Contact(Section, frozen=True, forbid_unknown_fields=True):
+class ContactSection(Section, frozen=True, forbid_unknown_fields=True):
     """Contact between the tool and the surface."""
 
     kind: Annotated[ContactName, field("nothing, (32), (28), or (39)", "")] = "free"
@@ -245,7 +245,7 @@ class FurtherSurface(Section, frozen=True, forbid_unknown_fields=True):
     `free`."""
 
     surface: AnyForm = msgspec.field(default_factory=lambda: Plane(normal=(0.0, 1.0, 0.0)))
-    contact: Contact = msgspec.field(default_factory=Contact)
+    contact: ContactSection = msgspec.field(default_factory=ContactSection)
     control: Annotated[
         Literal["force", "path"], field("whether its normal force is controlled, or the tool's distance from it", "")
     ] = "force"
@@ -265,13 +265,13 @@ class SurfaceInWorld:
 
     path: str
     form: Any
-    contact: Contact
+    contact: ContactSection
     K_e_hat: float
     force: Any
     pressed: bool
 
 
-class Shift(Section, frozen=True, forbid_unknown_fields=True):
+class ShiftSection(Section, frozen=True, forbid_unknown_fields=True):
     """Shift of the desired motion as a whole; a change is made smoothly, so that r_d keeps two derivatives."""
 
     by: Annotated[Vector, field("by how much, along x, y, z or the tangents", "m")] = (0.0,)
@@ -302,19 +302,19 @@ class Scenario(Struct, frozen=True, forbid_unknown_fields=True):
         Literal["motion", "impedance", "hybrid", "hybrid-impedance", "constrained"],
         field("which application of section IV", ""),
     ] = "motion"
-    robot: Robot = msgspec.field(default_factory=Robot)
-    truth: Truth = msgspec.field(default_factory=Truth)
+    robot: RobotSection = msgspec.field(default_factory=RobotSection)
+    truth: TruthSection = msgspec.field(default_factory=TruthSection)
     declared: Declared = msgspec.field(default_factory=Declared)
-    task_space: TaskSpace = msgspec.field(default_factory=TaskSpace)
-    target_model: TargetModel = msgspec.field(default_factory=TargetModel)
-    blend: Blend = msgspec.field(default_factory=Blend)
-    controller: Controller = msgspec.field(default_factory=Controller)
+    task_space: TaskSpaceSection = msgspec.field(default_factory=TaskSpaceSection)
+    target_model: TargetModelSection = msgspec.field(default_factory=TargetModelSection)
+    blend: BlendSection = msgspec.field(default_factory=BlendSection)
+    controller: ControllerSection = msgspec.field(default_factory=ControllerSection)
     surface: AnyForm = msgspec.field(default_factory=Plane)
-    contact: Contact = msgspec.field(default_factory=Contact)
+    contact: ContactSection = msgspec.field(default_factory=ContactSection)
     sensor: Sensor = msgspec.field(default_factory=Sensor)
     motion: AnyTrajectory = msgspec.field(default_factory=Hold)
     rotation: Annotated[AnyRotation, msgspec.Meta(extra={"metre": "rad"})] = msgspec.field(default_factory=Hold)
-    shift: Shift = msgspec.field(default_factory=Shift)
+    shift: ShiftSection = msgspec.field(default_factory=ShiftSection)
     force: AnyForceProfile = msgspec.field(default_factory=ConstantForce)
     second: FurtherSurface = msgspec.field(default_factory=FurtherSurface)
     third: FurtherSurface = msgspec.field(default_factory=FurtherSurface)
@@ -336,7 +336,7 @@ def after_blend(scenario: Scenario) -> Scenario:
     """The scenario once its blend has ended: with the blend's last target model, and no further blend."""
     to = {name: matrix for name, matrix in msgspec.structs.asdict(scenario.blend.to).items() if matrix is not None}
     model = msgspec.structs.replace(scenario.target_model, **to)
-    return msgspec.structs.replace(scenario, target_model=model, blend=Blend())
+    return msgspec.structs.replace(scenario, target_model=model, blend=BlendSection())
 
 
 @dataclass(frozen=True)

@@ -17,19 +17,19 @@ from msgspec import to_builtins
 from app.process.own_code import own_code
 from app.scenario.data import edited, from_plain, of_kind, to_plain
 from app.scenario.schema import (
-    Blend,
-    Contact,
+    BlendSection,
+    ContactSection,
     ForceInJoints,
     IrregularCorner,
     IrregularSurface,
     PathOutOfReach,
     PullingForce,
-    Robot,
+    RobotSection,
     Scenario,
     ScenarioError,
-    Shift,
+    ShiftSection,
     SurfaceOutOfReach,
-    TargetModel,
+    TargetModelSection,
     TooStiff,
     UnboundedGain,
     field_info,
@@ -224,7 +224,7 @@ def told(asked: Scenario, done: Scenario) -> str:
 
 def _title_of(section: Any) -> str:
     """The page's word for the kind of a section."""
-    described = section.nature if isinstance(section, Contact) else section
+    described = section.nature if isinstance(section, ContactSection) else section
     return described.title if hasattr(described, "title") else str(section.kind)
 
 
@@ -250,7 +250,7 @@ def with_robot(scenario: Scenario, changes: Mapping[str, object]) -> Scenario:
     that depend on the number of joints are at their defaults then. In a mode on a surface the surface is brought to the
     present place of the tool. Raises ScenarioError for an unknown field, and for an arm that cannot be built.
     """
-    fields = Robot.__struct_fields__
+    fields = RobotSection.__struct_fields__
     if unknown := [name for name in changes if name not in fields]:
         raise ScenarioError(f"robot.{unknown[0]}: no such field; {allowed(unknown[0], fields)}")
     data = to_plain(scenario)
@@ -276,7 +276,7 @@ def with_robot(scenario: Scenario, changes: Mapping[str, object]) -> Scenario:
     return _adapted(scenario, changed) if changes.keys() - {"rotor_inertia"} else changed
 
 
-def _title(robot: Robot) -> str:
+def _title(robot: RobotSection) -> str:
     entry = robots.CATALOGUE.get(robot.name)
     return Path(robot.urdf).stem if robot.urdf else entry.title if entry else robot.name
 
@@ -339,7 +339,7 @@ def with_further(scenario: Scenario, section: str, kind: str) -> Scenario:
     changed = edited(scenario, f"{section}.contact.kind", asked)
     if asked == "free" or not was.present:
         changed = edited(changed, "target_model", {})
-        changed = msgspec.structs.replace(changed, blend=Blend(), shift=Shift())
+        changed = msgspec.structs.replace(changed, blend=BlendSection(), shift=ShiftSection())
     if asked == "free" or was.present:
         return _adapted(scenario, changed)
     robot, p = _start(scenario)
@@ -363,7 +363,7 @@ def with_control(scenario: Scenario, path: str, value: object) -> Scenario:
     """The scenario with another `control` of a further surface; the target model is at the mode's defaults then, since
     other coordinates have their force controlled. Raises ScenarioError."""
     changed = edited(edited(scenario, path, value), "target_model", {})
-    return _adapted(scenario, msgspec.structs.replace(changed, blend=Blend(), shift=Shift()))
+    return _adapted(scenario, msgspec.structs.replace(changed, blend=BlendSection(), shift=ShiftSection()))
 
 
 def _adapted(before: Scenario, scenario: Scenario) -> Scenario:
@@ -435,5 +435,5 @@ def blending_to(scenario: Scenario, other: Scenario, at: float, over: float) -> 
         model = target_model(other, robot_of(scenario).n)
     except (InvalidGain, RobotError) as error:
         raise ScenarioError(f"blend.to: {error}") from error
-    to = {name: getattr(model, name).tolist() for name in TargetModel.__struct_fields__}
+    to = {name: getattr(model, name).tolist() for name in TargetModelSection.__struct_fields__}
     return edited(scenario, "blend", {"to": to, "at": at, "over": over})

@@ -12,7 +12,7 @@ import structlog
 from app.process.own_code import OwnCodeError
 from app.scenario.declared_bounds import outside
 from app.scenario.schema import Scenario, ScenarioError, after_blend
-from app.simulation.control_period import Alarm, Period
+from app.simulation.control_period import Alarm, Evaluation
 from app.simulation.controlled_arm import ControlledArm, PeriodAddresses
 from app.simulation.premise_watch import PremiseWatch
 from app.simulation.recording import Recording
@@ -124,17 +124,17 @@ class ClosedLoop:
 
     def _take_up(self, system: System, state: State) -> None:
         """Continue with this system from this state, in a new epoch; s jumps where gains or references do."""
-        controller, arm, period = system.scenario.controller, state.arm, state.period
+        controller, arm, evaluation = system.scenario.controller, state.arm, state.evaluation
         begins = Start(round(state.t / controller.period), arm.views.q.copy())
         state.along = begins if controller.estimates == "along-reference" else None
         state.flagged = None
         if state.scenario.controller.law != controller.law:
             state.x = system.controller.law.at_rest(system.layout.n)
         pressed = arm.views.load.multiplier[: max(system.m, 1)] != 0.0
-        period.data["touching"] = bool(pressed.all())
+        evaluation.data["touching"] = bool(pressed.all())
         if controller.on_change == "remove":
             _, _, e_r, e_r_dot = observed(system, state.t, arm)
-            period.views.z[:] = system.controller.compensator.without_reaching(e_r, e_r_dot)
+            evaluation.views.z[:] = system.controller.compensator.without_reaching(e_r, e_r_dot)
         self._bind(system, state)
         self._watch.begin()
         self._watch.require_bounded_gain()
@@ -233,12 +233,12 @@ class ClosedLoop:
     @property
     def kept(self) -> Kept:
         """Record of the promise: what is promised now, and how it has been kept."""
-        return self.state.period.part("kept")
+        return self.state.evaluation.part("kept")
 
     @property
     def standing(self) -> Standing:
         """The premises of the theorem and the verdict."""
-        system, table = self.system, self.state.period.copy().part("table")
+        system, table = self.system, self.state.evaluation.copy().part("table")
         return Standing(table, self.kept, self.stopped, outside(system.scenario), system.units)
 
     @property
@@ -300,7 +300,7 @@ class ClosedLoop:
     @property
     def memory(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """Data that the compiled functions of a period work in: setting, period, arm and plant, each (1,)."""
-        return self._arm.settings.data, self.state.period.data, self.state.arm.data, self.system.plant.workspace
+        return self._arm.settings.data, self.state.evaluation.data, self.state.arm.data, self.system.plant.workspace
 
     def prepare(self, most: int) -> int:
         """Do what comes before the law in the present period, and return for how many periods from this one on, at
@@ -308,7 +308,7 @@ class ClosedLoop:
         blend = self.system.blend
         if blend is not None:
             self._blend(blend)
-        self._arm.feed_forward(self.state.period)
+        self._arm.feed_forward(self.state.evaluation)
         if self._arm.along is not None:
             return 1
         blend = self.system.blend
@@ -405,34 +405,39 @@ class ClosedLoop:
         self._watch.system = self.system
         self._arm.follow(self.system.controller.gains)
 
-    def _evaluated(self) -> Record[Period]:
+    def _evaluated(self) -> Record[Evaluation]:
         """The period that begins now; the previous one where the user's own law fails."""
         try:
             return self._arm.evaluated()
         except OwnCodeError:
-            return self.state.period
+            return self.state.evaluation
 
     def view(self) -> View:
         """The present state as the screen shows it."""
         system, state, t = self.system, self.state, self.t
         arm = state.arm.views
-        period = self._evaluated().read()
-        estimate, task, reference, output = period.seen.estimate, period.seen.task, period.reference, period.output
+        evaluation = self._evaluated().read()
+        estimate, task, reference, output = (
+            evaluation.seen.estimate,
+            evaluation.seen.task,
+            evaluation.reference,
+            evaluation.output,
+        )
         required = float(sum(output.needed))
         H_hat = task.J_q_inv.T @ estimate.M_hat @ task.J_q_inv
         live = {
             "s_norm": output.s_norm,
-            "s_bound": period.kept.bound,
-            "s_band": period.kept.band,
+            "s_bound": evaluation.kept.bound,
+            "s_band": evaluation.kept.band,
             "d": output.d,
             "d_required": required,
             "gain_margin": output.d - required,
             "sigma_min": 1.0 / float(np.linalg.norm(task.J_q_inv, 2)),
             "V": float(0.5 * output.s @ H_hat @ output.s),
-            "residual": float(np.linalg.norm(state.period.views.residual)),
+            "residual": float(np.linalg.norm(state.evaluation.views.residual)),
             "reaching_time_bound": self.certificate.t_r,
             "reaching_time": np.nan if self.reaching_time is None else self.reaching_time,
-            "layer_loop_factor": period.table.value[Premise.LAYER],
+            "layer_loop_factor": evaluation.table.value[Premise.LAYER],
             "force_loop_factor": self.sampled.force_factor,
         }
         return View(

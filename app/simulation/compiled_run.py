@@ -129,9 +129,9 @@ def _find_tool(engine, q):
 
 
 @inline
-def _measure(engine, sensing, errors, line, k, around, arm, period, t):
+def _measure(engine, sensing, errors, line, k, around, arm, evaluation, t):
     """Compute the push at t (s) and the reading of the force sensor, as `ControlledArm.measure` does."""
-    push, F = period[0].push, engine.F
+    push, F = evaluation[0].push, engine.F
     if push_at(engine.push, t, push):
         J, R, p = _find_tool(engine, arm[0].q)
         ask(engine.plant_kernels.push, (around, J, R, p, push, engine.pushed))
@@ -154,13 +154,13 @@ def _observe(engine, arm):
 
 
 @inline
-def _evaluate(engine, setting, period, arm, t, row):
+def _evaluate(engine, setting, evaluation, arm, t, row):
     """Evaluate the law at t (s) for the force F."""
     seen = engine.seen
     terms = (seen.momenta.T, seen.C.T, seen.J.T, seen.J_dot.T, seen.placements.T)
-    ask(engine.period_kernels.law, (setting, period, *terms, arm, engine.F, t, row))
+    ask(engine.period_kernels.law, (setting, evaluation, *terms, arm, engine.F, t, row))
     for i in range(engine.tau.shape[0]):
-        engine.tau[i] = period[0].applied[i] + engine.pushed[i]
+        engine.tau[i] = evaluation[0].applied[i] + engine.pushed[i]
 
 
 @inline
@@ -194,15 +194,15 @@ def _evaluated_at(engine, arm, twin, t):
 
 
 @inline
-def _missed(engine, setting, period, around, arm, twin, guess, t, row):
+def _missed(engine, setting, evaluation, around, arm, twin, guess, t, row):
     """Compute the differences (3,) N between the multipliers that the law's torque for a guess causes, and the guess,
     as `ControlledArm` does, into the engine's `error`."""
     at = _evaluated_at(engine, arm, twin, t)
     J, R, p = _find_tool(engine, twin[0].q)
     ask(engine.plant_kernels.force, (around, J, R, p, twin, guess, at, engine.F))
     for a in range(3):
-        engine.F[a] -= period[0].push[a]
-    _evaluate(engine, setting, period, arm, t, row)
+        engine.F[a] -= evaluation[0].push[a]
+    _evaluate(engine, setting, evaluation, arm, t, row)
     at = _evaluated_at(engine, arm, twin, t)
     _accelerate(engine, around, twin, at)
     for i in range(3):
@@ -210,7 +210,7 @@ def _missed(engine, setting, period, around, arm, twin, guess, t, row):
 
 
 @inline
-def _solve_for_force(engine, setting, period, whole, spare, around, arm, twin, t, row):
+def _solve_for_force(engine, setting, evaluation, whole, spare, around, arm, twin, t, row):
     """Evaluate the law with the force that its own torque causes, as `ControlledArm` does; returns whether that force
     was found. whole, spare: the bytes of the period, and memory for them; twin: memory for an arm."""
     guess, change, error, before, inverse = engine.guess, engine.change, engine.error, engine.before, engine.inverse
@@ -221,7 +221,7 @@ def _solve_for_force(engine, setting, period, whole, spare, around, arm, twin, t
             inverse[i, j] = -1.0 if i == j else 0.0
     for k in range(FORCE_ITERATIONS + 1):
         copy(spare, whole)
-        _missed(engine, setting, period, around, arm, twin, guess, t, row)
+        _missed(engine, setting, evaluation, around, arm, twin, guess, t, row)
         if force_found(error, guess):
             return k < FORCE_ITERATIONS
         if k > 0:
@@ -280,7 +280,9 @@ def _move(engine, around, arm, twin, t):
 
 
 @without_lock
-def _run(engine, setting, period, arm, around, whole, spare, twin, centres, stations, sensing, errors, line, t, rows):
+def _run(
+    engine, setting, evaluation, arm, around, whole, spare, twin, centres, stations, sensing, errors, line, t, rows
+):
     """Compute the periods that begin at t (N,) s, or fewer: after one with alarms, and before the plant moves when the
     watch has something to judge or an ideal sensor has no reading. `engine` has steps, read and moving of the first
     period, and where the call ended. centres, stations: (k, n) rad, of Omega, (k,), the station of each."""
@@ -290,21 +292,23 @@ def _run(engine, setting, period, arm, around, whole, spare, twin, centres, stat
         row = rows[k : k + 1]
         data.done = k
         if not data.moving:
-            _measure(data, sensing, errors, line, data.read + k, around, arm, period, t[k])
+            _measure(data, sensing, errors, line, data.read + k, around, arm, evaluation, t[k])
             _observe(data, arm)
             if data.ideal:
-                data.unsolved = not _solve_for_force(data, setting, period, whole, spare, around, arm, twin, t[k], row)
+                data.unsolved = not _solve_for_force(
+                    data, setting, evaluation, whole, spare, around, arm, twin, t[k], row
+                )
             else:
-                _evaluate(data, setting, period, arm, t[k], row)
+                _evaluate(data, setting, evaluation, arm, t[k], row)
             data.moving = True
             if (data.steps + k) % WATCH == 0:
-                nearest = ask_integer(data.period_kernels.watch, (setting, period, centres))
-                if period[0].table.value[DOMAIN] > data.close or stations[nearest] != data.station:
+                nearest = ask_integer(data.period_kernels.watch, (setting, evaluation, centres))
+                if evaluation[0].table.value[DOMAIN] > data.close or stations[nearest] != data.station:
                     data.nearest = nearest
             if data.unsolved or data.nearest >= 0:
                 return
         _move(data, around, arm, twin, t[k])
-        data.alarms = ask_integer(data.period_kernels.complete, (setting, period, arm, row))
+        data.alarms = ask_integer(data.period_kernels.complete, (setting, evaluation, arm, row))
         data.done, data.moving = k + 1, False
         if data.alarms != 0:
             return
@@ -362,16 +366,16 @@ class CompiledRun:
                 alarms=0,
             )
         )
-        self._spare, self._twin = loop.state.period.copy().data.view(np.uint8), loop.state.arm.copy().data
+        self._spare, self._twin = loop.state.evaluation.copy().data.view(np.uint8), loop.state.arm.copy().data
         self._centres, self._stations = system.constants.centres, system.stations.of
         self._run = compiled_for(_run, *self._arguments(ReadingsAhead(loop.state.reader, 1)), np.zeros(1), rows)
 
     def _arguments(self, ahead: ReadingsAhead) -> tuple[np.ndarray, ...]:
         """Arguments of the compiled function but for times and rows."""
-        setting, period, arm, around = self._loop.memory
-        spare = period.view(np.uint8), self._spare, self._twin
+        setting, evaluation, arm, around = self._loop.memory
+        spare = evaluation.view(np.uint8), self._spare, self._twin
         watched, sensor = (self._centres, self._stations), (ahead.sensing, ahead.errors, ahead.line)
-        return self._engine.data, setting, period, arm, around, *spare, *watched, *sensor
+        return self._engine.data, setting, evaluation, arm, around, *spare, *watched, *sensor
 
     def advance(self, periods: int) -> int:
         """Compute so many control periods, or fewer when the run stops; an exception in one stops it, as in

@@ -161,8 +161,8 @@ class Setting(NamedTuple):
     limits: Limits
 
 
-class Period(NamedTuple):
-    """Inputs and results of one control period.
+class Evaluation(NamedTuple):
+    """Evaluation of the law in one control period: inputs and results.
     z: (n,) m/s, at the period's beginning.
     F: (3,) N, as measured.
     push: (3,) N, of a hand on the tool.
@@ -192,8 +192,8 @@ class Period(NamedTuple):
     room: Room
 
     @classmethod
-    def zeros(cls, n: int) -> Period:
-        """Period of n coordinates."""
+    def zeros(cls, n: int) -> Evaluation:
+        """Evaluation for n coordinates."""
         v, seen, reference = np.zeros(n), Observation.zeros(n), Reference.zeros(n)
         feedforward = FeedforwardModel(np.zeros((n, n)), np.zeros((n, n)), v, ON_LINE)
         output, f = ControlOutput.zeros(n), np.zeros(3)
@@ -228,28 +228,28 @@ def observe(observation_model, momenta, C, J, J_dot, placements, t, seen):
 
 
 def asked(torque: Callable[..., None]) -> Any:
-    """Inline kernel that hands the `Told` of a period to a law, or to another function of the same arguments, which
-    writes into the output.
+    """Inline kernel that hands the `Told` of an evaluation to a law, or to another function of the same arguments,
+    which writes into the output.
     parameters: the law's own.
     state: x and x_dot of a law with a state of its own."""
 
     @inline
-    def ask(setting, period, parameters, *state):
-        seen = period.seen
+    def ask(setting, evaluation, parameters, *state):
+        seen = evaluation.seen
         told = Told(
             setting.gains,
             parameters,
-            period.reference,
+            evaluation.reference,
             seen.task,
             seen.estimate,
-            period.feedforward,
-            period.z,
+            evaluation.feedforward,
+            evaluation.z,
             seen.q,
             seen.q_dot,
-            period.F,
+            evaluation.F,
             seen.work,
         )
-        torque(told, period.output, *state)
+        torque(told, evaluation.output, *state)
 
     return ask
 
@@ -258,57 +258,68 @@ _measure, _ask = asked(measure), asked(table.torque)
 
 
 @kernel
-def control_period(setting, period, momenta, C, J, J_dot, placements, arm, F, t, row):
-    """Evaluate the law at time t (s) for the state of `arm` and the measured force F (3,) N, and write the period into
-    the `Row`. momenta ... placements: `nominal_model.Terms` at that state."""
-    _see(setting[0], period[0], momenta, C, J, J_dot, placements, arm[0], F, t)
-    _ask(setting[0], period[0], setting[0].gains)
-    _conclude(setting[0], period[0], arm[0], t, row[0])
+def control_period(setting, evaluation, momenta, C, J, J_dot, placements, arm, F, t, row):
+    """Evaluate the law at time t (s) for the state of `arm` and the measured force F (3,) N, and write the evaluation
+    into the `Row`. momenta ... placements: `nominal_model.Terms` at that state."""
+    _see(setting[0], evaluation[0], momenta, C, J, J_dot, placements, arm[0], F, t)
+    _ask(setting[0], evaluation[0], setting[0].gains)
+    _conclude(setting[0], evaluation[0], arm[0], t, row[0])
 
 
 @kernel
-def begin_period(setting, period, momenta, C, J, J_dot, placements, arm, F, t):
+def begin_period(setting, evaluation, momenta, C, J, J_dot, placements, arm, F, t):
     """Do the part of `control_period` before the law's torque."""
-    _see(setting[0], period[0], momenta, C, J, J_dot, placements, arm[0], F, t)
+    _see(setting[0], evaluation[0], momenta, C, J, J_dot, placements, arm[0], F, t)
 
 
 @kernel
-def end_period(setting, period, arm, t, row):
+def end_period(setting, evaluation, arm, t, row):
     """Do the part of `control_period` after the law's torque."""
-    _conclude(setting[0], period[0], arm[0], t, row[0])
+    _conclude(setting[0], evaluation[0], arm[0], t, row[0])
 
 
 @inline
-def _see(setting, period, momenta, C, J, J_dot, placements, arm, F, t):
+def _see(setting, evaluation, momenta, C, J, J_dot, placements, arm, F, t):
     """Observe the arm and the reference, and compute the quantities that every law is given."""
-    seen = period.seen
+    seen = evaluation.seen
     copy(arm.q, seen.q)
     copy(arm.q_dot, seen.q_dot)
-    copy(F, period.F)
+    copy(F, evaluation.F)
     observe(setting.observation_model, momenta, C, J, J_dot, placements, t, seen)
-    reference_at(setting.plan, t, period.reference)
+    reference_at(setting.plan, t, evaluation.reference)
     if setting.online:
-        take_estimates(seen.estimate, period.feedforward)
-    _measure(setting, period, setting.gains)
-    clear(period.output)
+        take_estimates(seen.estimate, evaluation.feedforward)
+    _measure(setting, evaluation, setting.gains)
+    clear(evaluation.output)
 
 
 @inline
-def _conclude(setting, period, arm, t, row):
-    """Add up the torque, judge the premises and write the period into the row."""
-    output = period.output
+def _conclude(setting, evaluation, arm, t, row):
+    """Add up the torque, judge the premises and write the evaluation into the row."""
+    output = evaluation.output
     add_up(output)
-    limited(setting.torque_limit, output.tau, period.applied)
-    _prepare_residual(setting.gains.model, period.seen, period.reference, output, period.residual)
-    _judge_premises(setting, period, arm, t)
-    _fill(row, t, arm, period)
+    limited(setting.torque_limit, output.tau, evaluation.applied)
+    _prepare_residual(setting.gains.model, evaluation.seen, evaluation.reference, output, evaluation.residual)
+    _judge_premises(setting, evaluation, arm, t)
+    _fill(row, t, arm, evaluation)
 
 
 @inline
-def _judge_premises(setting, period, arm, t):
+def _judge_premises(setting, evaluation, arm, t):
     """Judge whether the premises of Theorem 1 hold now, and whether ||s|| is within the promised bound."""
-    gains, output, table, watched, held = setting.gains, period.output, period.table, period.watched, period.held
-    task, estimate, feedforward, room = period.seen.task, period.seen.estimate, period.feedforward, period.room
+    gains, output, table, watched, held = (
+        setting.gains,
+        evaluation.output,
+        evaluation.table,
+        evaluation.watched,
+        evaluation.held,
+    )
+    task, estimate, feedforward, room = (
+        evaluation.seen.task,
+        evaluation.seen.estimate,
+        evaluation.feedforward,
+        evaluation.room,
+    )
     table.value[REGULAR], table.limit[REGULAR] = 1.0 / task.J_q_inv_norm, setting.limits.sigma_min
     table.value[DRIVES], table.limit[DRIVES] = _share_of_drives(setting.torque_limit, output.tau), 1.0
     table.value[GAIN], table.limit[GAIN] = sum_of(output.needed), output.d
@@ -323,16 +334,16 @@ def _judge_premises(setting, period, arm, t):
     for i in range(held.model.shape[0]):
         held.model[i] = terms.inertia[i] + terms.coriolis[i] + terms.gravity[i] + terms.force[i]
     copy(output.z_dot, held.z_dot)
-    copy(period.push, held.push)
+    copy(evaluation.push, held.push)
     held.known = True
 
-    entered, reached = np.isnan(period.kept.entered), np.isnan(period.kept.reached)
-    over = keep_promise(judge(table, t), output.s_norm, watched, t, period.kept)
-    period.news = OVER_BOUND if over else 0
-    if entered and not np.isnan(period.kept.entered):
-        period.news += ENTERED
-    if reached and not np.isnan(period.kept.reached):
-        period.news += REACHED
+    entered, reached = np.isnan(evaluation.kept.entered), np.isnan(evaluation.kept.reached)
+    over = keep_promise(judge(table, t), output.s_norm, watched, t, evaluation.kept)
+    evaluation.news = OVER_BOUND if over else 0
+    if entered and not np.isnan(evaluation.kept.entered):
+        evaluation.news += ENTERED
+    if reached and not np.isnan(evaluation.kept.reached):
+        evaluation.news += REACHED
 
 
 @inline
@@ -356,23 +367,23 @@ def _prepare_residual(model, seen, reference, output, rest):
 
 
 @inline
-def _fill(row, t, arm, period):
-    """Write the period into the row; `complete_row` rewrites the fields that depend on the plant's response."""
-    output, task, needed = period.output, period.seen.task, period.output.needed
+def _fill(row, t, arm, evaluation):
+    """Write the evaluation into the row; `complete_row` rewrites the fields that depend on the plant's response."""
+    output, task, needed = evaluation.output, evaluation.seen.task, evaluation.output.needed
     row.t = t
     copy(arm.q, row.q)
     copy(arm.q_dot, row.q_dot)
     copy(task.r, row.r)
     copy(task.r_dot, row.r_dot)
-    copy(period.reference.r_d, row.r_d)
+    copy(evaluation.reference.r_d, row.r_d)
     copy(output.e_r, row.e_r)
     copy(output.e_r_dot, row.e_r_dot)
-    copy(period.seen.estimate.p, row.tool)
-    copy(period.F, row.F)
-    copy(period.push, row.F_push)
+    copy(evaluation.seen.estimate.p, row.tool)
+    copy(evaluation.F, row.F)
+    copy(evaluation.push, row.F_push)
     copy(output.F_c, row.F_c)
-    copy(period.reference.F_cd, row.F_cd)
-    copy(period.z, row.z)
+    copy(evaluation.reference.F_cd, row.F_cd)
+    copy(evaluation.z, row.z)
     copy(output.s, row.s)
     copy(output.terms.inertia, row.tau_inertia)
     copy(output.terms.coriolis, row.tau_coriolis)
@@ -381,19 +392,19 @@ def _fill(row, t, arm, period):
     copy(output.terms.linear, row.tau_linear)
     copy(output.terms.switching, row.tau_switching)
     copy(output.tau, row.tau)
-    copy(period.applied, row.tau_applied)
+    copy(evaluation.applied, row.tau_applied)
     copy(output.q_ddot, row.q_eq_ddot)
     row.needed[0], row.needed[1], row.needed[2] = needed.inertia, needed.coriolis, needed.gravity
     row.needed[3], row.needed[4], row.needed[5] = needed.task_motion, needed.disturbance, needed.epsilon
     row.d = output.d
     row.d_required = sum_of(needed)
     row.s_norm = output.s_norm
-    row.s_bound = period.kept.bound
-    row.s_band = period.kept.band
-    row.V_band = period.watched.V_band if period.kept.standing else np.nan
-    row.held_error = period.table.value[HELD]
+    row.s_bound = evaluation.kept.bound
+    row.s_band = evaluation.kept.band
+    row.V_band = evaluation.watched.V_band if evaluation.kept.standing else np.nan
+    row.held_error = evaluation.table.value[HELD]
     row.sigma_min = 1.0 / task.J_q_inv_norm
-    copy(period.residual, row.residual)
+    copy(evaluation.residual, row.residual)
     _fill_load(row, arm.load)
     row.phi, row.phi_2, row.phi_3 = arm.load.phi[0], arm.load.phi[1], arm.load.phi[2]
 
@@ -405,44 +416,44 @@ def _fill_load(row, load):
 
 
 @kernel
-def complete_row(setting, period, arm, row):
+def complete_row(setting, evaluation, arm, row):
     """Write the fields that are known only after the plant's response: the residual of (8), and the force of a heavy
     contact under this period's torque. Then z is that of the next period. Returns the `Alarm` flags."""
-    setting, period, arm = setting[0], period[0], arm[0]
-    n, J_q, r_ddot, residual = arm.q.shape[0], period.seen.task.J_q, period.seen.work.u, period.residual
+    setting, evaluation, arm = setting[0], evaluation[0], arm[0]
+    n, J_q, r_ddot, residual = arm.q.shape[0], evaluation.seen.task.J_q, evaluation.seen.work.u, evaluation.residual
     for i in range(n):
         r_ddot[i] = row_times(J_q, i, arm.q_ddot)
-        period.z[i] += setting.period * period.output.z_dot[i]
+        evaluation.z[i] += setting.period * evaluation.output.z_dot[i]
     for i in range(n):
         residual[i] += row_times(setting.gains.model.M_m, i, r_ddot)
     copy(residual, row[0].residual)
     if setting.heavy:
         _fill_load(row[0], arm.load)
-    left = _leaving(setting.limits, period, arm.load.multiplier)
-    return left + _saturation(period) + _alarms(setting.limits, period, norm(arm.q_dot), arm.load.multiplier)
+    left = _leaving(setting.limits, evaluation, arm.load.multiplier)
+    return left + _saturation(evaluation) + _alarms(setting.limits, evaluation, norm(arm.q_dot), arm.load.multiplier)
 
 
 @inline
-def _leaving(limits, period, multiplier):
-    was, period.touching = period.touching, True
+def _leaving(limits, evaluation, multiplier):
+    was, evaluation.touching = evaluation.touching, True
     for i in range(3):
         if limits.pressed[i] and multiplier[i] == 0.0:
-            period.touching = False
-    return AWAY if was and not period.touching else 0
+            evaluation.touching = False
+    return AWAY if was and not evaluation.touching else 0
 
 
 @inline
-def _saturation(period):
-    was, period.saturated = period.saturated, False
-    for i in range(period.applied.shape[0]):
-        if period.applied[i] != period.output.tau[i]:
-            period.saturated = True
-    return SATURATED if period.saturated and not was else 0
+def _saturation(evaluation):
+    was, evaluation.saturated = evaluation.saturated, False
+    for i in range(evaluation.applied.shape[0]):
+        if evaluation.applied[i] != evaluation.output.tau[i]:
+            evaluation.saturated = True
+    return SATURATED if evaluation.saturated and not was else 0
 
 
 @inline
-def _alarms(limits, period, speed, multiplier):
-    s_norm, flags = period.output.s_norm, period.news
+def _alarms(limits, evaluation, speed, multiplier):
+    s_norm, flags = evaluation.output.s_norm, evaluation.news
     if not np.isfinite(speed + s_norm):
         flags += NOT_FINITE
     pulls = False
@@ -450,7 +461,7 @@ def _alarms(limits, period, speed, multiplier):
         pulls = pulls or (limits.pushes_only[i] and multiplier[i] < 0.0)
     if pulls:
         flags += PULLING
-    if limits.sigma_min * period.seen.task.J_q_inv_norm > 1.0:
+    if limits.sigma_min * evaluation.seen.task.J_q_inv_norm > 1.0:
         flags += SINGULAR
     if speed > limits.speed:
         flags += FAST
@@ -471,25 +482,25 @@ def _nearest(rows, x):
 
 
 @kernel
-def watch_posture(setting, period, centres):
-    """Watch the posture of the period that was evaluated last: its inertia, see `premises.Watched`, and its distance
+def watch_posture(setting, evaluation, centres):
+    """Watch the posture of the last evaluation: its inertia, see `premises.Watched`, and its distance
     from the centres (N, n) rad of Omega. Returns the nearest centre's number."""
-    setting, period = setting[0], period[0]
-    nearest, period.table.value[DOMAIN] = _nearest(centres, period.seen.q)
+    setting, evaluation = setting[0], evaluation[0]
+    nearest, evaluation.table.value[DOMAIN] = _nearest(centres, evaluation.seen.q)
     watch(
         setting.gains,
-        period.z,
-        period.reference,
-        period.seen.task,
-        period.seen.estimate,
-        period.feedforward,
-        period.seen.q_dot,
-        period.output,
-        period.room,
-        period.kept.promise,
+        evaluation.z,
+        evaluation.reference,
+        evaluation.seen.task,
+        evaluation.seen.estimate,
+        evaluation.feedforward,
+        evaluation.seen.q_dot,
+        evaluation.output,
+        evaluation.room,
+        evaluation.kept.reaching,
         setting.period,
-        period.table,
-        period.watched,
+        evaluation.table,
+        evaluation.watched,
     )
     return nearest
 

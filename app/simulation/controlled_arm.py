@@ -7,8 +7,8 @@ from typing import NamedTuple
 import numpy as np
 
 from app.simulation.control_period import (
+    Evaluation,
     Limits,
-    Period,
     Setting,
     begin_period,
     complete_row,
@@ -54,16 +54,16 @@ class ControlledArm:
         if state.along is not None:
             lipschitz = system.constants.lipschitz
             self.along = ReferenceEstimates(system.nominal, lipschitz, system.posture_at, self._h, state.along)
-        arm, period = state.arm, state.period
+        arm, evaluation = state.arm, state.evaluation
         self._q, self._q_dot, self._force = arm.views.q, arm.views.q_dot, arm.views.load.force
         self.ideal = system.scenario.sensor.ideal and system.plant.kind.heavy
         self._scripted = system.push if any(system.push.force) else None
-        self._applied, self.push = period.views.applied, period.views.push
+        self._applied, self.push = evaluation.views.applied, evaluation.views.push
         self.push_torque, self._pushed = np.zeros(system.robot.n), True
         self.settings = settings = Record(_setting_of(system, online=self.along is None))
         self._scratch = row = Record(Row.zeros(system.layout.n)).data
-        self._settings, self._period, self._arm_data = settings.data, period.data, arm.data
-        data = self._settings, self._period
+        self._settings, self._evaluation, self._arm_data = settings.data, evaluation.data, arm.data
+        data = self._settings, self._evaluation
         self._law = None
         before = (*data, *system.nominal.terms, arm.data, arm.views.load.force, state.t)
         if system.controller.gains.law >= 0:
@@ -78,7 +78,7 @@ class ControlledArm:
     @property
     def addresses(self) -> PeriodAddresses:
         """Addresses of the kernels of a period with one of the project's laws."""
-        data, arm = (self._settings, self._period), self._arm_data
+        data, arm = (self._settings, self._evaluation), self._arm_data
         before = (*data, *self._nominal.terms, arm, self._force, self._state.t)
         return PeriodAddresses(
             law=address_for(control_period, *before, self._scratch),
@@ -117,18 +117,18 @@ class ControlledArm:
         self._pushed = True  # so that the next period without a push clears that of the last one
 
     def control(self, F: np.ndarray, row: np.ndarray) -> bool:
-        """Evaluate the law for the present state and the measured force F (3,) N, into the state's period and the row.
-        An ideal sensor reads the force that the law's torque causes, instead of F. False where there is no such
+        """Evaluate the law for the present state and the measured force F (3,) N, into the state's evaluation and the
+        row. An ideal sensor reads the force that the law's torque causes, instead of F. False where there is no such
         force."""
         if self.ideal:
             return self._solve_for_force(row)
-        self._evaluate(self._state.period, F, row)
+        self._evaluate(self._state.evaluation, F, row)
         return True
 
-    def feed_forward(self, period: Record[Period]) -> None:
-        """Write the estimates that were taken beforehand, if they are, into a period that begins now."""
+    def feed_forward(self, evaluation: Record[Evaluation]) -> None:
+        """Write the estimates that were taken beforehand, if they are, into an evaluation that begins now."""
         if self.along is not None:
-            period.write("feedforward", self.along.at(self._q, self._q_dot, self._state.t))
+            evaluation.write("feedforward", self.along.at(self._q, self._q_dot, self._state.t))
             self._state.along = self.along.start
 
     def move(self) -> None:
@@ -140,51 +140,51 @@ class ControlledArm:
         """Write the fields that are known only after the plant's response; returns the `Alarm` flags."""
         if self._law is not None:
             self._state.x += self._h * self._law.x_dot
-        return self._complete(self._settings, self._period, self._arm_data, row)
+        return self._complete(self._settings, self._evaluation, self._arm_data, row)
 
-    def evaluated(self) -> Record[Period]:
+    def evaluated(self) -> Record[Evaluation]:
         """Period that begins now, evaluated in a copy, without consequences."""
-        twin = self._state.period.copy()
+        twin = self._state.evaluation.copy()
         self._evaluate(twin, self._state.arm.views.load.force - self.push, self._scratch)
         return twin
 
-    def look(self, period: Record[Period]) -> int:
-        """Watch the posture of an evaluated period, see `watch_posture`; returns the number of the nearest centre."""
-        return self._look(self.settings.data, period.data, self._centres)
+    def look(self, evaluation: Record[Evaluation]) -> int:
+        """Watch the posture of an evaluation, see `watch_posture`; returns the number of the nearest centre."""
+        return self._look(self.settings.data, evaluation.data, self._centres)
 
     def press(self) -> None:
         """Start the contact with a rigid surface: before the first period, the sensor reads the force that the law's
         own torque causes."""
-        arm, period = self._state.arm, self._state.period
-        before = period.data.copy()
+        arm, evaluation = self._state.arm, self._state.evaluation
+        before = evaluation.data.copy()
         if self._solve_for_force(self._scratch):
             load = self._plant.respond(arm, self._applied, self._state.t, self._h)
             arm.write("load", load._replace(phi=arm.read().load.phi.copy()))
-        period.data[:] = before
+        evaluation.data[:] = before
 
-    def _evaluate(self, period: Record[Period], F: np.ndarray, row: np.ndarray) -> None:
+    def _evaluate(self, evaluation: Record[Evaluation], F: np.ndarray, row: np.ndarray) -> None:
         state, data = self._state, self._arm_data
-        self.feed_forward(period)
+        self.feed_forward(evaluation)
         terms = self._nominal.update(self._q, self._q_dot)
         if self._law is None:
-            self._control(self._settings, period.data, *terms, data, F, state.t, row)
+            self._control(self._settings, evaluation.data, *terms, data, F, state.t, row)
         else:
-            self._begin(self._settings, period.data, *terms, data, F, state.t)
-            self._law.act(period, state.x)
-            self._end(self._settings, period.data, data, state.t, row)
+            self._begin(self._settings, evaluation.data, *terms, data, F, state.t)
+            self._law.act(evaluation, state.x)
+            self._end(self._settings, evaluation.data, data, state.t, row)
 
     def _solve_for_force(self, row: np.ndarray) -> bool:
         """Evaluate the law with the force that its own torque causes, by Broyden's method on the multipliers; returns
-        whether that force was found. Every evaluation begins with the period as it was at the beginning."""
-        period = self._state.period
-        guess, begun = self._state.arm.read().load.multiplier.copy(), period.data.copy()
+        whether that force was found. Every evaluation begins from what was there at the beginning."""
+        evaluation = self._state.evaluation
+        guess, begun = self._state.arm.read().load.multiplier.copy(), evaluation.data.copy()
         inverse, change = -np.eye(3), np.zeros(3)
         error = self._missed(guess, row)
         for _ in range(FORCE_ITERATIONS):
             if force_found(error, guess):
                 return True
             better_guess(inverse, error, change, guess)
-            period.data[:] = begun
+            evaluation.data[:] = begun
             before, error = error, self._missed(guess, row)
             improve_inverse(inverse, change, error - before)
         return False
@@ -192,7 +192,7 @@ class ControlledArm:
     def _missed(self, guess: np.ndarray, row: np.ndarray) -> np.ndarray:
         """Differences (3,) N between the multipliers that the law's torque for a guess causes, and the guess."""
         plant, arm, t, h = self._plant, self._state.arm, self._state.t, self._h
-        self._evaluate(self._state.period, plant.force_of(arm, guess, t, h) - self.push, row)
+        self._evaluate(self._state.evaluation, plant.force_of(arm, guess, t, h) - self.push, row)
         return plant.respond(arm, self._applied + self.push_torque, t, h).multiplier - guess
 
 

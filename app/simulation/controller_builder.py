@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from app.process.own_code import own_code
-from app.scenario.schema import Matrix, Scenario, ScenarioError, TargetModel, after_blend, scenario_errors
+from app.scenario.schema import Matrix, Scenario, ScenarioError, TargetModelSection, after_blend, scenario_errors
 from app.simulation.domain import Constants
 from controllers import modes
 from controllers.blend import ModelBlend, certify
@@ -17,8 +17,7 @@ from controllers.laws.table import LAWS
 from controllers.modes import Mode
 from controllers.surface_stability import SurfaceRange, passive
 from controllers.switching import Switching
-from controllers.target_model import InvalidGain
-from controllers.target_model import TargetModel as Model
+from controllers.target_model import InvalidGain, TargetModel
 from controllers.task_space import TaskLayout
 from parameters import allowed, values_of
 
@@ -106,18 +105,18 @@ def compensation(scenario: Scenario, n: int) -> np.ndarray:
     return square("controller.A", scenario.controller.A, n) if law_of(scenario).robust else np.zeros((n, n))
 
 
-def target_model(scenario: Scenario, n: int) -> Model:
+def target_model(scenario: Scenario, n: int) -> TargetModel:
     """Target model (8) of the scenario for n coordinates, missing matrices at the mode's defaults; not yet checked by
     the mode.
 
     Raises ScenarioError and InvalidGain.
     """
     default = default_target_model(mode_of(scenario), n, believed_stiffness(scenario))
-    given = {f: getattr(scenario.target_model, f) for f in TargetModel.__struct_fields__}
+    given = {f: getattr(scenario.target_model, f) for f in TargetModelSection.__struct_fields__}
     matrices = {
         f: np.diag(default[f]) if value is None else square(f"target_model.{f}", value, n) for f, value in given.items()
     }
-    return Model(**matrices)
+    return TargetModel(**matrices)
 
 
 def surfaces_met(scenario: Scenario, mode: Mode, layout: TaskLayout) -> SurfaceRange | None:

@@ -9,7 +9,7 @@ import numpy as np
 
 from app.scenario.declared_bounds import outside
 from app.scenario.schema import UnboundedGain
-from app.simulation.control_period import Alarm, Period
+from app.simulation.control_period import Alarm, Evaluation
 from app.simulation.controlled_arm import ControlledArm
 from app.simulation.recording import Epoch
 from app.simulation.sampled_stability import SampledLoop, sampled_loop
@@ -32,18 +32,18 @@ class PremiseWatch:
         self.system = system
         self._state, self._arm, self._h = state, arm, system.scenario.controller.period
         self._stations, self._centres = system.stations, system.constants.centres
-        self._table = state.period.views.table
+        self._table = state.evaluation.views.table
         self._known: dict[int, SampledLoop] = {}  # by station
         self._sampled: SampledLoop | None = None
 
     def begin(self) -> None:
         """Begin an epoch: the theorem promises anew, from the present s."""
         state = self._state
-        state.epoch, state.steps = epoch_at(self.system, state.t, state.arm, state.period), 0
+        state.epoch, state.steps = epoch_at(self.system, state.t, state.arm, state.evaluation), 0
         self._promise_anew()
         begun = self._arm.evaluated()
         self._arm.look(begun)
-        state.period.data["watched"] = begun.data["watched"]
+        state.evaluation.data["watched"] = begun.data["watched"]
         found = begun.views.table
         for premise in (Premise.LAYER, Premise.GAIN_BY_CHATTER):
             self._state_premise(premise, found.value[premise], found.limit[premise])
@@ -53,7 +53,7 @@ class PremiseWatch:
     def _with_instants(self, epoch: Epoch) -> Epoch:
         """The epoch with the instants by which ||s|| is promised to be within the boundary layer and within the
         band."""
-        watched, certificate = self._state.period.part("watched"), epoch.certificate
+        watched, certificate = self._state.evaluation.part("watched"), epoch.certificate
         banded = epoch.t + certificate.time_to(float(np.sqrt(2.0 * watched.V_band / watched.low)))
         layered = watched.width > 0.0 and watched.radius <= watched.width  # V falls down to the layer
         reached = epoch.t + certificate.time_to(watched.width) if layered else None
@@ -64,11 +64,11 @@ class PremiseWatch:
     def _promise_anew(self) -> None:
         """Forget the promise; the record of how it was kept stays with the run."""
         state, system = self._state, self.system
-        period, before = state.period, state.period.part("kept")
-        period.data["saturated"] = period.data["held"]["known"] = False
-        period.data["watched"]["V_band"] = 0.0
-        anew = Kept.fresh()._replace(promise=state.epoch.certificate.promise, broken=before.broken, begun=state.t)
-        period.write("kept", anew._replace(periods=before.periods, lost=before.lost))
+        evaluation, before = state.evaluation, state.evaluation.part("kept")
+        evaluation.data["saturated"] = evaluation.data["held"]["known"] = False
+        evaluation.data["watched"]["V_band"] = 0.0
+        anew = Kept.fresh()._replace(reaching=state.epoch.certificate.bound, broken=before.broken, begun=state.t)
+        evaluation.write("kept", anew._replace(periods=before.periods, lost=before.lost))
         outsiders = len(outside(system.scenario))
         self._state_premise(Premise.LAW, float(not system.controller.law.robust), 0.0)
         self._state_premise(Premise.DECLARED, float(outsiders), 0.0)
@@ -85,7 +85,7 @@ class PremiseWatch:
 
     def look(self) -> None:
         """Judge the premises that depend on the arm's posture."""
-        self.heed_posture(self._arm.look(self._state.period))
+        self.heed_posture(self._arm.look(self._state.evaluation))
 
     def heed_posture(self, nearest: int) -> None:
         """Flag it when q has left Omega, whose centre of this number is the nearest, and judge the sampled loops when
@@ -147,7 +147,7 @@ class PremiseWatch:
     @property
     def banded(self) -> float | None:
         """Instant at which ||s|| was first within its band since the last change, s; None while it has not been."""
-        reached = self._state.period.part("kept").reached
+        reached = self._state.evaluation.part("kept").reached
         return None if np.isnan(reached) else reached
 
     @property
@@ -156,30 +156,30 @@ class PremiseWatch:
         since the last change, s; None while it has not been."""
         if self.system.controller.switching is Switching.DISCONTINUOUS:
             return self.banded
-        entered = self._state.period.part("kept").entered
+        entered = self._state.evaluation.part("kept").entered
         return None if np.isnan(entered) else entered
 
     def heed(self, alarms: Alarm) -> None:
         """Handle the alarms of a period: note how and when the run has left the theorem's domain; stop it, or flag
         where the user chose so."""
         state, rules = self._state, self.system.scenario.simulation
-        period, arm = state.period.read(), state.arm.read()
+        evaluation, arm = state.evaluation.read(), state.arm.read()
         if Alarm.ENTERED in alarms or Alarm.REACHED in alarms:
             state.epoch = replace(state.epoch, reached=self.reached, banded=self.banded)
         if Alarm.AWAY in alarms:
             left = _surface_named(self.system, int(np.argmin(arm.load.multiplier[: self.system.m] != 0.0)))
             self.left("flag", f"contact lost: the tool has left {left}, so no force is controlled")
         if Alarm.SATURATED in alarms and Alarm.NOT_FINITE not in alarms:
-            self.left("flag", _saturation(period.output.tau, period.applied))
+            self.left("flag", _saturation(evaluation.output.tau, evaluation.applied))
         if Alarm.NOT_FINITE in alarms:
-            self.left("stop", _infinity(period))
+            self.left("stop", _infinity(evaluation))
         elif Alarm.PULLING in alarms and state.t > 0.0:
             worst = int(arm.load.multiplier.argmin())
             pulled = _surface_named(self.system, worst)
             force = arm.load.multiplier[worst]
             self.left("stop", f"contact lost, {pulled} would have to pull (λ = {force:.4g} N)")
         elif Alarm.SINGULAR in alarms:
-            sigma_min = 1.0 / period.seen.task.J_q_inv_norm
+            sigma_min = 1.0 / evaluation.seen.task.J_q_inv_norm
             self.left(rules.leaving_domain, f"J_q is nearly singular (σ_min = {sigma_min:.4g} m)")
         elif Alarm.FAST in alarms:
             self.left(rules.leaving_domain, f"the arm diverges (‖q̇‖ = {np.linalg.norm(arm.q_dot):.4g} rad/s)")
@@ -187,9 +187,9 @@ class PremiseWatch:
             rate = self.system.units.rate
             self.left(
                 rules.bound_violation,
-                f"‖s‖ = {1e3 * period.output.s_norm:.4g} {rate} is over its bound (20), "
-                f"{1e3 * (period.kept.bound + period.kept.band):.4g} {rate} with the band of sampling and layer, "
-                "though all premises hold",
+                f"‖s‖ = {1e3 * evaluation.output.s_norm:.4g} {rate} is over its bound (20), "
+                f"{1e3 * (evaluation.kept.bound + evaluation.kept.band):.4g} {rate} with the band of sampling and "
+                "layer, though all premises hold",
             )
 
     def left(self, choice: str, reason: str) -> None:
@@ -215,8 +215,8 @@ def _saturation(tau: np.ndarray, applied: np.ndarray) -> str:
     )
 
 
-def _infinity(period: Period) -> str:
-    seen, tau = period.seen, period.output.tau
+def _infinity(evaluation: Evaluation) -> str:
+    seen, tau = evaluation.seen, evaluation.output.tau
     if np.isfinite(seen.q).all() and np.isfinite(seen.q_dot).all() and not np.isfinite(tau).all():
         return f"the control law asks for a torque that is no finite number: {tau.tolist()} N·m"
     return "the state is no longer finite: the loop diverged"

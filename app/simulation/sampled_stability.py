@@ -132,10 +132,10 @@ def sampled_loop(system: System, q: np.ndarray, t: float) -> SampledLoop:
         factor, (given_back, added) = force_factor(system, at), gain_by_force(system, at)
         model, sampled, growth, response = NO_POLES, NO_POLES, math.nan, None
         if _judged(system):
-            period = PeriodMap(system, at)
-            A = period.jacobian()
+            around_rest = PeriodMap(system, at)
+            A = around_rest.jacobian()
             model, sampled, growth = _poles(system, at, A)
-            response = _push_response(system, at, A, period.by_push())
+            response = _push_response(system, at, A, around_rest.by_push())
     except (ValueError, np.linalg.LinAlgError):  # J_q is singular: `Premise.REGULAR` says so
         return SampledLoop(NO_POLES, NO_POLES, math.nan, {})
     premises = {
@@ -207,13 +207,13 @@ class PeriodMap:
         self._arm, self._row = ControlledArm(still, state), Record(Row.zeros(system.layout.n)).data
         self._push[:] = 0.0
         _, _, e_r, e_r_dot = observed(still, at.t, state.arm)
-        state.period.views.z[:] = controller.compensator.without_reaching(e_r, e_r_dot)
+        state.evaluation.views.z[:] = controller.compensator.without_reaching(e_r, e_r_dot)
         while not state.reader.full:
             state.reader.read(state.arm.views.load.force)
         self._parts = [state.arm.views.q, state.arm.views.q_dot]
         steps, speed = [], STEP * (controller.layer if controller.layer > 0.0 else 1.0)
         if controller.law.robust:
-            self._parts.append(state.period.views.z)
+            self._parts.append(state.evaluation.views.z)
             steps += [speed] * system.layout.n
         if len(state.x):
             self._parts.append(state.x)

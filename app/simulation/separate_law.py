@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from app.process.own_code import OwnCodeError, located
-from app.simulation.control_period import Period, Setting, asked
+from app.simulation.control_period import Evaluation, Setting, asked
 from controllers.control_law import ControlLaw
 from controllers.controller import Controller
 from kernels import not_kept
@@ -32,12 +32,12 @@ class SeparateLaw:
         self._file = _file_of(law)
         self._torque = (_compiled if law.compiled else _interpreted)(law, settings, _parameters(controller))
 
-    def act(self, period: Record[Period], x: np.ndarray) -> None:
+    def act(self, evaluation: Record[Evaluation], x: np.ndarray) -> None:
         """Write the terms of the torque into the period, and `x_dot`, for the law's own state x (k,). Raises
         OwnCodeError."""
         self._x[:], self.x_dot[:] = x, 0.0
         try:
-            self._torque(period, *self._state)
+            self._torque(evaluation, *self._state)
         except Exception as error:
             raise OwnCodeError(located(error, self._file)) from error
 
@@ -45,13 +45,13 @@ class SeparateLaw:
 def _interpreted(law: ControlLaw, settings: Record[Setting], parameters: Any) -> Callable[..., None]:
     """The law's torque, as a function of a period and of the law's own state, in the interpreter."""
     ask, own = asked(law.torque).py_func, parameters or settings.fields.gains
-    return lambda period, *state: ask(settings.fields, period.fields, own, *state)
+    return lambda evaluation, *state: ask(settings.fields, evaluation.fields, own, *state)
 
 
 def _compiled(law: ControlLaw, settings: Record[Setting], parameters: Any) -> Callable[..., None]:
     """The law's torque, as a function of a period and of the law's own state, compiled."""
     answer, own = _kernel_of(law), Record(parameters).data if parameters else settings.data["gains"]
-    return lambda period, *state: answer(settings.data, period.data, own, *state)
+    return lambda evaluation, *state: answer(settings.data, evaluation.data, own, *state)
 
 
 def _parameters(controller: Controller) -> Any:
@@ -66,8 +66,8 @@ def _kernel_of(law: ControlLaw) -> Callable[..., None]:
     ask = asked(law.torque)
 
     @not_kept
-    def answer(setting, period, parameters, *state):
-        ask(setting[0], period[0], parameters[0], *state)
+    def answer(setting, evaluation, parameters, *state):
+        ask(setting[0], evaluation[0], parameters[0], *state)
 
     return answer
 

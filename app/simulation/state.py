@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from app.scenario.schema import Scenario
-from app.simulation.control_period import Period
+from app.simulation.control_period import Evaluation
 from app.simulation.recording import Epoch
 from app.simulation.system import System
 from controllers.blend import ModelBlend
@@ -56,7 +56,7 @@ class State:
     t: float  # s
     steps: int  # control periods since `epoch` began
     arm: PlantState
-    period: Record[Period]  # z, and the state of the promise
+    evaluation: Record[Evaluation]  # z, and the state of the promise
     x: np.ndarray  # (k,), a law's own state; z of (25) is in `period`
     reader: ForceReader  # the force sensor's random stream, filter and delay line
     shift: SmoothShift  # of the reference, while it moves
@@ -76,20 +76,20 @@ class State:
     def at(cls, system: System, q: np.ndarray, q_dot: np.ndarray, t: float) -> State:
         """State of a run that begins at t (s) with the arm at q (n,) rad, q_dot (n,) rad/s; on a rigid surface the arm
         is brought there. Raises ValueError when the rigid surface cannot be reached from q."""
-        arm, period = system.plant.start(q, q_dot, t), Record(Period.zeros(system.layout.n))
-        period.views.z[:] = system.z_0
+        arm, evaluation = system.plant.start(q, q_dot, t), Record(Evaluation.zeros(system.layout.n))
+        evaluation.views.z[:] = system.z_0
         return cls(
             scenario=system.scenario,
             t=t,
             steps=0,
             arm=arm,
-            period=period,
+            evaluation=evaluation,
             x=system.controller.law.at_rest(system.layout.n),
             reader=ForceReader(system.sensor, system.scenario.simulation.seed),
             shift=system.plan.shift,
             along=None,
             grip=None,
-            epoch=epoch_at(system, t, arm, period),
+            epoch=epoch_at(system, t, arm, evaluation),
             judged=Judged(None, np.full(system.robot.n, np.nan), t),
             stopped=None,
             flagged=None,
@@ -111,11 +111,11 @@ def observed(system: System, t: float, arm: PlantState) -> tuple[Estimate, TaskS
     return estimate, task, task.r - reference.r_d, task.r_dot - reference.r_d_dot
 
 
-def epoch_at(system: System, t: float, arm: PlantState, period: Record[Period]) -> Epoch:
+def epoch_at(system: System, t: float, arm: PlantState, evaluation: Record[Evaluation]) -> Epoch:
     """Epoch that begins at t (s): the theorem promises anew, from the present s."""
     controller, constants = system.controller, system.constants
     estimate, task, e_r, e_r_dot = observed(system, t, arm)
-    s = e_r_dot + controller.compensator.F_1 @ e_r + controller.compensator.F_2 @ period.views.z
+    s = e_r_dot + controller.compensator.F_1 @ e_r + controller.compensator.F_2 @ evaluation.views.z
     H_high = InertiaRange.at(controller.uncertainty, estimate, task).H_high
     certificate = ReachingCertificate(
         constants.k_r_low,

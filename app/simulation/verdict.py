@@ -33,8 +33,8 @@ class Finding(Struct, frozen=True):
     failed: float | None
 
 
-class Promise(Struct, frozen=True):
-    """Verdict on a run or an instant.
+class PromiseVerdict(Struct, frozen=True):
+    """Verdict on the theorem's promise, for a run or an instant.
     because: reason of the verdict, in one sentence.
     share: of the control periods so far in which all premises held.
     since: when the present promise began, s, None where nothing is promised."""
@@ -76,7 +76,7 @@ class Standing:
         )
 
     @property
-    def now(self) -> Promise:
+    def now(self) -> PromiseVerdict:
         """Verdict on this instant."""
         if self.stopped is None and not math.isnan(self.kept.broken):
             return self._promise("broken", self._broken())
@@ -100,7 +100,7 @@ class Standing:
         return next((f"premise not met: {STATEMENTS[p].title}" for p in Premise if self.table.now[p]), usual)
 
     @property
-    def run(self) -> Promise:
+    def run(self) -> PromiseVerdict:
         """Verdict on the run as a whole: after one failure of a premise nothing is promised."""
         if not math.isnan(self.kept.broken):
             return self._promise("broken", self._broken())
@@ -122,9 +122,9 @@ class Standing:
             return f"the true arm is outside the declared set: {self.outsiders[0]}"
         return sentence(premise, self.table.value[premise], self.table.limit[premise], self.units)
 
-    def _promise(self, verdict: Outcome, because: str) -> Promise:
+    def _promise(self, verdict: Outcome, because: str) -> PromiseVerdict:
         share = 1.0 - self.kept.lost / max(self.kept.periods, 1)
-        return Promise(verdict, because, share, self.kept.since if self.kept.standing else None)
+        return PromiseVerdict(verdict, because, share, self.kept.since if self.kept.standing else None)
 
 
 def unit_of(premise: Premise, units: Units) -> str:

@@ -19,7 +19,7 @@ from scipy.stats import qmc
 
 from app.scenario.data import to_plain, with_value, with_values
 from app.scenario.departures import DRAWN, Departure
-from app.scenario.schema import Robot, Scenario, ScenarioError
+from app.scenario.schema import RobotSection, Scenario, ScenarioError
 from app.simulation.engines import Engine
 from app.simulation.environment_builder import robot_of
 
@@ -183,7 +183,7 @@ class Question:
 
 
 @lru_cache(maxsize=16)
-def _joints(robot: Robot) -> int:
+def _joints(robot: RobotSection) -> int:
     return robot_of(Scenario(robot=robot)).n
 
 

@@ -64,12 +64,12 @@ def _make(job: Job, asker: Connection, path: Path) -> None:
             write = {"csv": write_csv, "npz": write_npz}[form]
             with path.open("wb") as file:
                 write(replace(data, pieces=_received(data, asker)), file, limit, tell)
-        case PlaybackJob(film, limit, figure):
+        case PlaybackJob(frames, limit, figure):
             from app.dashboard.scene.standalone import (
                 standalone_html,  # here: the others need neither viser nor the law
             )
 
-            path.write_text(standalone_html(film, limit, tell, figure), encoding="utf-8")
+            path.write_text(standalone_html(frames, limit, tell, figure), encoding="utf-8")
 
 
 def _received(data: Table, asker: Connection) -> Iterator[np.ndarray]:

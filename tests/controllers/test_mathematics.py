@@ -18,7 +18,7 @@ from controllers.reference_estimates import FeedforwardModel
 from controllers.switching import Switching
 from controllers.target_model import InvalidGain, TargetModel, require_spd
 from controllers.task_space import TaskSpace
-from environments.contact import Contact, ContactKinematics, Contacts, Touch, World, add_drift, touch_at
+from environments.contact import Contact, ContactKinematics, Contacts, ToolContacts, World, add_drift, touch_at
 from environments.force_profiles import table as forces
 from environments.force_profiles.sinusoid import ForceSinusoid
 from environments.force_profiles.step import ForceStep
@@ -201,7 +201,7 @@ def test_contact_acceleration_of_a_moving_surface(chart: str, random: np.random.
 
     def touch(time: float, p: np.ndarray, p_dot: np.ndarray, p_ddot: np.ndarray) -> ContactKinematics:
         """Of three orthogonal sliders whose directions turn just so that p_ddot follows without their acceleration."""
-        J, J_dot, at = np.eye(6, 3), np.zeros((6, 3)), Record(Touch.zeros(3))
+        J, J_dot, at = np.eye(6, 3), np.zeros((6, 3)), Record(ToolContacts.zeros(3))
         J_dot[:3] = np.outer(p_ddot, p_dot) / max(p_dot @ p_dot, 1e-9)
         touch_of_point(world, J, J_dot, np.eye(3), p, p_dot, time, at.data)
         return at.read().first

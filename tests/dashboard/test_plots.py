@@ -261,7 +261,7 @@ def test_reaching_and_sliding_phases_and_their_marks():
     if began + loop.certificate.t_r < loop.t:
         assert promised == pytest.approx([began + loop.certificate.t_r], abs=1.1e-3)
     late = t >= began - 1e-9
-    promise = [lyapunov_bound(loop.certificate.promise, instant - began) for instant in t[late]]
+    promise = [lyapunov_bound(loop.certificate.bound, instant - began) for instant in t[late]]
     stands = np.isfinite(seen["V_bound"][late])
     first = len(stands) if stands.all() else int(np.argmin(stands))  # a promise that begins anew has another V_0
     assert first > 20

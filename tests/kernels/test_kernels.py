@@ -117,13 +117,13 @@ def test_nothing_of_the_last_period_leaks_into_this_one(name: str) -> None:
         loop.step()
     rows = []
     for garbage in (0.0, 1e3):
-        period = loop.state.period.copy()
+        evaluation = loop.state.evaluation.copy()
         for part in ("seen", "reference", "feedforward", "output"):
-            period.data[part].view(np.float64)[:] = garbage
+            evaluation.data[part].view(np.float64)[:] = garbage
         row, arm = Record(Row.zeros(loop.recording.n)).data, loop.state.arm
         row.view(float)[:] = np.nan
         terms = loop.system.nominal.update(arm.views.q, arm.views.q_dot)
-        control_period(loop._arm.settings.data, period.data, *terms, arm.data, arm.views.load.force, loop.t, row)
+        control_period(loop._arm.settings.data, evaluation.data, *terms, arm.data, arm.views.load.force, loop.t, row)
         rows.append(row.view(float))
     assert np.isfinite(rows[0]).all()
     assert np.array_equal(*rows)

@@ -10,7 +10,7 @@ import pytest
 
 from app.scenario.data import edited, shipped
 from app.scenario.departures import Departure
-from app.scenario.schema import Scenario, Truth
+from app.scenario.schema import Scenario, TruthSection
 from app.session.arm_band import SEED, SIGNALS, Band, Course, Stretch, TrueArms
 from app.session.preview import Foresight, Outlook, Question
 from app.session.preview_client import Previewer
@@ -33,7 +33,7 @@ def foresight_of(loop: ClosedLoop, scenario: Scenario) -> Foresight:
     return Foresight(Question(1, loop.state.copy(), scenario, HORIZON, arms=COUNT), engine="compiled")
 
 
-def truth_of(scenario: Scenario, number: int, n: int) -> Truth:
+def truth_of(scenario: Scenario, number: int, n: int) -> TruthSection:
     return Departure.inside(np.random.default_rng([SEED, number, n]), n).truth(scenario.declared, of=scenario.truth)
 
 

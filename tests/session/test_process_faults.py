@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from app.export.export_jobs import DataJob, ExportJobs, TakeAwayError
+from app.export.export_jobs import DataJob, ExportError, ExportJobs
 from app.scenario.data import load
 from app.simulation.recording import Recording
 from app.storage.recording_files import table
@@ -49,7 +49,7 @@ def noise(rows: int) -> Recording:
 @pytest.mark.parametrize("form", ["csv", "npz"])
 def test_a_disk_that_is_full_while_exporting_is_said(form: str) -> None:
     job = DataJob(table(load("ur5-hybrid"), noise(6000)), form, np.inf)  # pyright: ignore[reportArgumentType]
-    with largest_file(2_000_000), pytest.raises(TakeAwayError, match="the file cannot be written: File too large"):
+    with largest_file(2_000_000), pytest.raises(ExportError, match="the file cannot be written: File too large"):
         ExportJobs().made(job, lambda _: None)
 
 
@@ -78,13 +78,13 @@ def test_a_process_that_makes_a_file_and_is_killed_is_said_and_leaves_nothing() 
             os.kill(process.pid, signal.SIGKILL)
             killed.append(process)
 
-    with pytest.raises(TakeAwayError, match=r"the process that makes it has ended \(exit status -9\)"):
+    with pytest.raises(ExportError, match=r"the process that makes it has ended \(exit status -9\)"):
         export_jobs.made(DataJob(table(load("ur5-hybrid"), noise(6000)), "csv", np.inf), kill)
     assert killed[0].returncode == -signal.SIGKILL
     assert not export_jobs._working
-    with pytest.raises(TakeAwayError, match="has ended"):  # and so at the end of the program
+    with pytest.raises(ExportError, match="has ended"):  # and so at the end of the program
         export_jobs.made(DataJob(table(load("ur5-hybrid"), noise(6000)), "csv", np.inf), lambda _: export_jobs.close())
-    with pytest.raises(TakeAwayError, match="the program is ending"):
+    with pytest.raises(ExportError, match="the program is ending"):
         export_jobs.made(DataJob(table(load("ur5-hybrid"), noise(10)), "csv", np.inf), lambda _: None)
 
 

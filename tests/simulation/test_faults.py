@@ -87,7 +87,7 @@ def test_a_law_that_gives_no_number_ends_the_run(runner: Runner) -> None:
 
     def failing(*arguments: object) -> None:
         law(*arguments)
-        loop.state.period.views.output.tau[:] = loop.state.period.views.applied[:] = np.nan
+        loop.state.evaluation.views.output.tau[:] = loop.state.evaluation.views.applied[:] = np.nan
 
     loop._arm._control = failing
     stopped = ended(runner)

@@ -178,7 +178,7 @@ def test_both_simulators_agree_and_what_differs_is_what_mujoco_leaves_out() -> N
             case simulators.Steady():
                 assert result.mujoco == pytest.approx(result.predicted, rel=1e-6)
                 assert result.ours == pytest.approx(result.mujoco, rel=1e-6)
-            case simulators.Touch():
+            case simulators.ContactCourse():
                 assert result.ours.max() > 15.0
                 assert result.without < 1e-9 < result.with_drift
                 assert result.apart < 2.0 * result.drift

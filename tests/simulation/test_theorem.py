@@ -197,7 +197,7 @@ def test_envelope_solves_the_comparison_equation() -> None:
         lambda _, V: -c.c_1 * V - c.c_2 * np.sqrt(np.maximum(V, 0)), (0, times[-1]), [c.V_0], "DOP853", times,
         rtol=1e-11, atol=1e-14,
     )  # fmt: skip
-    np.testing.assert_allclose(solution.y[0], lyapunov_bound(c.promise, times), rtol=1e-6)
+    np.testing.assert_allclose(solution.y[0], lyapunov_bound(c.bound, times), rtol=1e-6)
     assert c.envelope(c.t_r) == pytest.approx(0.0, abs=1e-9)
     assert c.envelope(0.999 * c.t_r) > 0
     np.testing.assert_allclose(c.envelope(0.0), np.sqrt(2 * c.V_0 / c.k_r_low))

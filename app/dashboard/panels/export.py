@@ -26,7 +26,7 @@ from app.export.export_jobs import (
 )
 from app.export.figures import DOUBLE, SINGLE, FigureOptions
 from app.export.formats import ALL_PLOTS, Format
-from app.export.playback_frames import film
+from app.export.playback_frames import playback_frames
 from app.scenario.data import from_file, to_toml
 from app.scenario.schema import ScenarioError
 from app.session.commands import Load
@@ -117,7 +117,7 @@ class ExportPanel:
         back, viewing = self._back(self._part.value), self._desk.viewing
 
         def make(snapshot: Snapshot, tell: Tell) -> bytes:
-            frames = film(snapshot.scenario, snapshot.recording, snapshot.t - back, snapshot.t)
+            frames = playback_frames(snapshot.scenario, snapshot.recording, snapshot.t - back, snapshot.t)
             setup = Setup.of(snapshot, viewing.coordinate, viewing.joint)
             figure = figure_of(plots_of(BESIDE_FILM), snapshot, setup, snapshot.t - back, snapshot.t)
             return self._desk.export_jobs.made(PlaybackJob(frames, PLAYBACK_LIMIT, figure), tell)

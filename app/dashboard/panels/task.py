@@ -10,7 +10,7 @@ from app.dashboard.widgets.controls import Choice, Control, Desk, Number, Place,
 from app.dashboard.widgets.section_controls import field_controls, kind_choice
 from app.process.own_code import own_code
 from app.scenario.data import shipped
-from app.scenario.schema import Scenario, Truth
+from app.scenario.schema import Scenario, TruthSection
 from app.session.commands import Edit, Load
 from app.session.snapshot import Snapshot
 from controllers.modes import MODES
@@ -84,7 +84,7 @@ class TaskPanel:
                 Number(desk, Supplemental("task_space.supplemental"), "joints in r"),
             ]
         with gui.add_folder("Push on the tool"):
-            self._controls += field_controls(desk, "truth", [Truth], {})
+            self._controls += field_controls(desk, "truth", [TruthSection], {})
 
     async def _load(self, event: viser.GuiEvent) -> None:
         if event.client is not None and self._scenario.value != _EDITED:

@@ -1,4 +1,4 @@
-"""Film of the 3-D view as an HTML page that needs no server: viser's own player and the messages of every frame."""
+"""Playback of the 3-D view as an HTML page that needs no server: viser's own player and the messages of every frame."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from app.dashboard.transport.handshake import behind_doors
 from app.dashboard.transport.message_filter import MessageFilter
 from app.dashboard.view_options import Look
 from app.export.figures import SINGLE, Figure, FigureOptions, svg_with_panels
-from app.export.playback_frames import FRAMES_PER_SECOND, Film
+from app.export.playback_frames import FRAMES_PER_SECOND, PlaybackFrames
 from app.process.redaction import new_secret
 from app.session.snapshot import Snapshot, snapshot_of
 from app.simulation.closed_loop import ClosedLoop
@@ -31,41 +31,41 @@ from app.storage.recording_files import Tell, TooLarge
 PATHS_EVERY = 3  # frames, as on the page
 
 
-def standalone_html(film: Film, limit: float, tell: Tell, figure: Figure | None = None) -> str:
-    """HTML page of the film with this figure beside it, at most `limit` bytes. Raises ValueError for a film without a
+def standalone_html(frames: PlaybackFrames, limit: float, tell: Tell, figure: Figure | None = None) -> str:
+    """HTML page of the frames with this figure beside it, at most `limit` bytes. Raises ValueError where there is no
     frame, and TooLarge.
 
     It runs a viser server of its own at a free port of this machine while it works.
     """
-    if not len(film):
+    if not len(frames):
         raise ValueError("playback: nothing recorded there")
-    html = _html(film, len(film), tell)
+    html = _html(frames, len(frames), tell)
     if figure is not None:
-        html = html.replace("</body>", f"{plots_html(figure, float(film.signals['t'][0]))}</body>", 1)
+        html = html.replace("</body>", f"{plots_html(figure, float(frames.signals['t'][0]))}</body>", 1)
     if (size := len(html)) > limit:
-        raise TooLarge(_too_large(film, size, limit))
+        raise TooLarge(_too_large(frames, size, limit))
     return html
 
 
-def _too_large(film: Film, size: float, limit: float) -> str:
-    seconds = len(film) / FRAMES_PER_SECOND
-    still = len(_html(film, 1, lambda _: None))
+def _too_large(frames: PlaybackFrames, size: float, limit: float) -> str:
+    seconds = len(frames) / FRAMES_PER_SECOND
+    still = len(_html(frames, 1, lambda _: None))
     said = f"{seconds:.3g} s of playback make {size / 1e6:.3g} MB; allowed: {limit / 1e6:.3g} MB"
     if still > limit:
         return f"{said}, and the scene alone takes {still / 1e6:.3g} MB"
     return f"{said}, which is about {seconds * (limit - still) / (size - still):.3g} s"
 
 
-def _html(film: Film, count: int, tell: Tell) -> str:
+def _html(frames: PlaybackFrames, count: int, tell: Tell) -> str:
     """HTML page with the first `count` frames."""
-    times = film.signals["t"][:count]
+    times = frames.signals["t"][:count]
     pauses = [*np.diff(times), 1.0 / FRAMES_PER_SECOND]
     with _server() as server:
         scene, look = SceneView(server), Look()
         recorder: StateSerializer | None = None
-        for number, (snapshot, pause) in enumerate(zip(snapshots(film), pauses, strict=False)):
+        for number, (snapshot, pause) in enumerate(zip(snapshots(frames), pauses, strict=False)):
             if recorder is None:
-                link_meshes(snapshot.robot).result()  # the film shows the whole arm from its first frame on
+                link_meshes(snapshot.robot).result()  # the playback shows the whole arm from its first frame on
             scene.show(snapshot, look)
             if number % PATHS_EVERY == 0:
                 scene.draw_paths(look)
@@ -74,12 +74,12 @@ def _html(film: Film, count: int, tell: Tell) -> str:
             recorder.insert_sleep(float(pause))
             tell(0.9 * (number + 1) / count)
         assert recorder is not None
-        title = escape(film.scenario.title or film.scenario.name)
+        title = escape(frames.scenario.title or frames.scenario.name)
         return recorder.as_html(dark_mode=True).replace("<title>Viser</title>", f"<title>{title}</title>")
 
 
 def plots_html(figure: Figure, begin: float) -> str:
-    """The figure as part of the page, with a line at the instant that is played. begin: of the film, s."""
+    """The figure as part of the page, with a line at the instant that is played. begin: of the playback, s."""
     drawn = svg_with_panels(figure, FigureOptions(width=SINGLE, caption=False))
     svg = drawn.svg[drawn.svg.index(b"<svg") :].decode()
     panels = msgspec.json.encode(drawn.panels).decode()
@@ -104,12 +104,12 @@ def _server() -> Iterator[viser.ViserServer]:
             server.stop()
 
 
-def snapshots(film: Film) -> Iterator[Snapshot]:
+def snapshots(frames: PlaybackFrames) -> Iterator[Snapshot]:
     """Snapshot of each frame, as far as the 3-D view shows it."""
-    loop = ClosedLoop(film.scenario, history=1)
+    loop = ClosedLoop(frames.scenario, history=1)
     system, start = loop.system, snapshot_of(loop)
-    for number in range(len(film)):
-        yield _at(start, system, {name: values[number] for name, values in film.signals.items()})
+    for number in range(len(frames)):
+        yield _at(start, system, {name: values[number] for name, values in frames.signals.items()})
 
 
 def _at(start: Snapshot, system: System, row: dict[str, np.ndarray]) -> Snapshot:

@@ -8,7 +8,7 @@ from collections.abc import Callable
 import structlog
 import viser
 
-from app.export.export_jobs import TakeAwayError
+from app.export.export_jobs import ExportError
 from app.storage.recording_files import Tell
 
 log = structlog.get_logger()
@@ -44,7 +44,7 @@ def _give(client: viser.ClientHandle, what: str, name: str, make: Callable[[Tell
         content = make(tell)
         client.send_file_download(name, content, save_immediately=True)
     except Exception as error:
-        expected = isinstance(error, TakeAwayError | OSError | RuntimeError | ValueError)
+        expected = isinstance(error, ExportError | OSError | RuntimeError | ValueError)
         reason = str(error) or type(error).__name__
         if isinstance(error, OSError) and error.strerror:
             reason = f"the file cannot be written: {error.strerror}"

@@ -12,7 +12,7 @@ from app.scenario.declared_bounds import outside
 from app.scenario.schema import Scenario
 from app.session.pacing import Pace
 from app.session.snapshot import Snapshot
-from app.simulation.verdict import Promise
+from app.simulation.verdict import PromiseVerdict
 from controllers.modes import MODES
 
 _LATELY = 0.2  # s that the badge looks back
@@ -68,7 +68,7 @@ def _phase(snapshot: Snapshot) -> str:
     return chip(snapshot.phase, looks[snapshot.phase])
 
 
-def _verdict(promise: Promise) -> str:
+def _verdict(promise: PromiseVerdict) -> str:
     """Verdict on the theorem's promise."""
     text = {"holds": "promise holds", "broken": "promise broken"}.get(promise.verdict, promise.verdict)
     return f'<span title="{escape(promise.because)}">{chip(text, LOOK_OF[promise.verdict])}</span>'

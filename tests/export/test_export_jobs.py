@@ -23,10 +23,10 @@ from app.dashboard.plots.paper_figures import figure_of, plots_of, title_and_uni
 from app.dashboard.plots.plot_table import TABS
 from app.dashboard.scene.standalone import snapshots, standalone_html
 from app.dashboard.theme.colors import SERIES
-from app.export.export_jobs import DataJob, ExportJobs, FigureJob, PlaybackJob, TakeAwayError, file_name
+from app.export.export_jobs import DataJob, ExportError, ExportJobs, FigureJob, PlaybackJob, file_name
 from app.export.figures import BINS, CONTRAST, Chart, Curve, Figure, printed, render, thinned
 from app.export.formats import ALL_PLOTS
-from app.export.playback_frames import FRAMES_PER_SECOND, Film, film
+from app.export.playback_frames import FRAMES_PER_SECOND, PlaybackFrames, playback_frames
 from app.scenario.caption import caption
 from app.scenario.data import edited, from_file, from_toml, load, to_toml
 from app.scenario.schema import Scenario, ScenarioError
@@ -123,7 +123,7 @@ def test_data_come_from_the_other_process_as_from_this_one() -> None:
     assert told == sorted(told)
     assert told[-1] == 1.0
     for form in ("csv", "npz"):
-        with pytest.raises(TakeAwayError, match="allowed: 1 MB"):
+        with pytest.raises(ExportError, match="allowed: 1 MB"):
             made(DataJob(data, form, 1e6), lambda _: None)
 
 
@@ -226,7 +226,7 @@ def test_caption_says_the_scenario_in_numbers() -> None:
 
 
 def test_film_has_a_row_for_each_thirtieth_of_a_second(loop: ClosedLoop) -> None:
-    shot = film(loop.system.scenario, loop.recording, 0.1, 0.9)
+    shot = playback_frames(loop.system.scenario, loop.recording, 0.1, 0.9)
     assert len(shot) == round(0.8 * FRAMES_PER_SECOND) + 1
     np.testing.assert_allclose(np.diff(shot.signals["t"]), 1 / FRAMES_PER_SECOND, atol=1.01e-3)
     last = loop.recording.at(float(shot.signals["t"][-1]))
@@ -239,7 +239,7 @@ def test_film_shows_what_the_page_showed() -> None:
         loop.step()
     seen = snapshot_of(loop)
     loop.step()
-    (frame,) = snapshots(film(loop.system.scenario, loop.recording, seen.t, seen.t))
+    (frame,) = snapshots(playback_frames(loop.system.scenario, loop.recording, seen.t, seen.t))
     assert frame.t == seen.t
     assert np.linalg.norm(seen.force) > 1.0
     for name in ("q", "tool", "tool_desired", "force", "force_desired"):
@@ -258,7 +258,7 @@ def messages_in(html: str) -> dict:
 
 
 def test_playback_moves_arm_surface_and_force(loop: ClosedLoop) -> None:
-    shot = film(loop.system.scenario, loop.recording)
+    shot = playback_frames(loop.system.scenario, loop.recording)
     played = messages_in(made(PlaybackJob(shot, 25e6), lambda _: None).decode())
     assert played["durationSeconds"] == pytest.approx(shot.signals["t"][-1] + 1 / FRAMES_PER_SECOND)
     moved = {(m["name"], m["type"]) for t, m in played["messages"] if t > 0 and "name" in m}
@@ -272,7 +272,7 @@ def test_playback_moves_arm_surface_and_force(loop: ClosedLoop) -> None:
 
 
 def test_playback_has_its_plots_beside_it(loop: ClosedLoop, snapshot: Snapshot) -> None:
-    shot = film(loop.system.scenario, loop.recording, 0.2, 0.8)
+    shot = playback_frames(loop.system.scenario, loop.recording, 0.2, 0.8)
     figure = figure_of(plots_of(["Overview", "Chattering"]), snapshot, Setup.of(snapshot, 0, 0), 0.2, 0.8)
     page = made(PlaybackJob(shot, 25e6, figure), lambda _: None).decode()
     aside = re.search(
@@ -292,11 +292,13 @@ def test_playback_has_its_plots_beside_it(loop: ClosedLoop, snapshot: Snapshot) 
 
 
 def test_playback_over_its_limit_is_refused_with_what_fits(loop: ClosedLoop) -> None:
-    shot = film(loop.system.scenario, loop.recording)
+    shot = playback_frames(loop.system.scenario, loop.recording)
     many = {name: np.concatenate([values] * 12) for name, values in shot.signals.items()}
     many["t"] = np.arange(len(many["t"])) / FRAMES_PER_SECOND
-    long = Film(shot.scenario, many)
-    least = len(standalone_html(film(loop.system.scenario, loop.recording, 0.0, 0.0), np.inf, lambda _: None))
+    long = PlaybackFrames(shot.scenario, many)
+    least = len(
+        standalone_html(playback_frames(loop.system.scenario, loop.recording, 0.0, 0.0), np.inf, lambda _: None)
+    )
     whole = len(standalone_html(long, np.inf, lambda _: None))
     with pytest.raises(TooLarge, match=r"which is about ([45678][.\d]*) s"):
         standalone_html(long, (least + whole) / 2, lambda _: None)

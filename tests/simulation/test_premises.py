@@ -104,7 +104,7 @@ def test_the_band_does_not_grow_with_the_gain_that_it_bounds() -> None:
     rows = loop.recording.signals(("d", "s_band"))
     assert rows["d"].max() > 1.25 * rows["d"].min()
     assert rows["s_band"].max() < 1.05 * rows["s_band"].min()
-    watched = loop.state.period.part("watched")
+    watched = loop.state.evaluation.part("watched")
     assert rows["s_band"][-1] == pytest.approx(0.01 * math.sqrt(watched.high / watched.low), rel=0.05)
 
 
@@ -162,7 +162,7 @@ def test_a_refused_gain_leaves_the_loop_as_it_was() -> None:
         loop.edit(edited(loop.system.scenario, "controller.bounds", "paper"))
     after = loop.state.copy()
     assert after.scenario == before.scenario
-    assert after.period.data.tobytes() == before.period.data.tobytes()
+    assert after.evaluation.data.tobytes() == before.evaluation.data.tobytes()
     loop.step()
     assert loop.stopped is None
 
@@ -265,7 +265,7 @@ def test_the_band_counts_with_d_on_the_sliding_surface_not_with_the_present_one(
     on_surface = loop._arm.evaluated().part("output")
     assert np.linalg.norm(on_surface.s) < 1e-12
     assert on_surface.d > 1.8 * now.part("output").d
-    assert loop.state.period.part("watched").d == pytest.approx(
+    assert loop.state.evaluation.part("watched").d == pytest.approx(
         on_surface.d, rel=0.05
     )  # chattering adds, Coriolis takes
 
