@@ -122,9 +122,6 @@ def opened(browser: Browser, url: str, *, first_visit: bool = False, **options) 
     page.goto(url)
     page.get_by_text("real time").wait_for(timeout=60_000)
     page.wait_for_timeout(4000)
-    toast = page.locator(".mantine-Notification-root button")
-    if toast.count():
-        toast.first.click()
     return page
 
 

@@ -27,7 +27,7 @@ from app.session.commands import SetSpeed
 from app.session.runner import Runner
 from app.simulation.search_memory import Memory
 from drivers.browser import LAUNCH_ARGS, find_or_install
-from drivers.pages import NO_HINTS, PATIENCE, UNDRAWN
+from drivers.pages import NO_HINTS, PATIENCE, UNDRAWN, wait_without_notice
 
 Means = Literal["keyboard", "mouse", "phone"]
 SIZES = {"keyboard": (1280, 720), "mouse": (1280, 720), "phone": (390, 844)}
@@ -211,7 +211,7 @@ def main(
         page.set_default_timeout(PATIENCE * 1e3)
         page.goto(dashboard.url)
         page.get_by_text("real time").wait_for()
-        page.locator("#webgl-software-rendering button").click()
+        wait_without_notice(page)
         page.get_by_role("tab", name="Lessons").click()
         runner.post(SetSpeed(speed))
         for name, lesson in shipped_lessons().items():

@@ -61,6 +61,12 @@ def each_tab(page: Page) -> Iterator[str]:
         page.get_by_role("tab", name=title, exact=True).click()
 
 
+def wait_without_notice(page: Page) -> None:
+    """Wait until the page has closed viser's notice of slow graphics, for which it has a button of its own."""
+    page.locator(".vs-coarse-button[aria-pressed=true]").wait_for(state="attached")
+    page.locator("#webgl-software-rendering").wait_for(state="detached")
+
+
 @dataclass(frozen=True)
 class Session:
     """A page, and the runner behind it."""

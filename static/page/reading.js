@@ -7,6 +7,13 @@ values.hidden = true;
 document.body.append(values);
 // The legend has the values under the crosshair, and without one those of now, right of which lies what has not happened.
 const short = (value) => (Number.isFinite(value) ? `${+value.toPrecision(3)}` : "–");
+// no finer than a plot can show: half a thousandth of its axis, in round numbers
+const onAxis = (plot, value) => {
+  const { min, max, distr } = plot.scales.y ?? {};
+  if (distr === 3 || !(max > min)) return short(value);
+  const step = 10 ** Math.floor(Math.log10((max - min) / 500));
+  return short(+(Math.round(value / step) * step).toPrecision(12));
+};
 const now = (plot) => {
   if (plot.scales.x.distr !== 1) return null;
   const x = plot.data[0];
@@ -22,7 +29,7 @@ const inLegend = (plot) => {
 const listed = (series) => series.label && !/vs-unlisted/.test(series.class ?? "");
 const valued = (plot) => {
   plot.series.forEach((series, i) => {
-    series.value = (_, value) => (value === null || value === undefined || (!i && !plot.over.matches(":hover")) ? "" : short(value));
+    series.value = (_, value) => (value === null || value === undefined || (!i && !plot.over.matches(":hover")) ? "" : i ? onAxis(plot, value) : short(value));
   });
   for (const entry of plot.root.querySelectorAll(".u-legend .u-series:not(:first-child) th"))
     entry.title = "click: hide or show it; with Ctrl: this one alone";

@@ -17,3 +17,25 @@ window.addEventListener("click", (e) => {
   const button = e.target.closest?.(".vs-legend-button");
   if (button) button.ariaExpanded = String(document.documentElement.toggleAttribute("data-legend"));
 });
+
+// Force arrows stand before all else, the arm too, for which viser has no option: they are drawn last but for labels, on
+// a depth that the first of them clears.
+const ARROWS = /^\/force\/\w+$/, LATE = 9000; // labels come at 10,000
+let cleared = -1; // number of the picture
+const forward = (mesh) => {
+  const prepare = mesh.onBeforeRender;
+  mesh.renderOrder = LATE;
+  mesh.onBeforeRender = function (renderer, ...rest) {
+    if (renderer.info.render.frame !== cleared) {
+      cleared = renderer.info.render.frame;
+      renderer.state.buffers.depth.setMask(true); // what was drawn before may have turned it off
+      renderer.clearDepth();
+    }
+    prepare.call(this, renderer, ...rest);
+  };
+  Object.assign(mesh.material, { transparent: true, needsUpdate: true }); // drawn after all that is opaque
+};
+setInterval(() => {
+  for (const [name, node] of Object.entries(window.__viserMutable?.nodeRefFromName ?? {}))
+    if (ARROWS.test(name)) node?.traverse((part) => { if (part.isMesh && part.renderOrder !== LATE) forward(part); });
+}, 300);

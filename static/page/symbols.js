@@ -2,9 +2,11 @@
 // The glossary is a template of the server (widgets/symbols.py); here it becomes a tip, a page, and letters with indices.
 const template = () => document.querySelector("template#vs-symbols");
 let entries = [], read = null;
+const told = new Map(); // names that have been looked for in a text
 const known = () => {
   if (template() && read !== template()) {
     read = template();
+    told.clear();
     entries = [...read.content.querySelectorAll("[data-of]")].map((entry) => ({ entry, of: entry.dataset.of, names: entry.dataset.names.split("|") }));
   }
   return entries;
@@ -12,6 +14,12 @@ const known = () => {
 // Names in a text, the longest first, each letter once; what stands in brackets is a unit.
 const LETTER = /[\p{L}\p{Nd}_′]/u; // an index below the line is none: τ₁ is a τ
 const found = (text) => {
+  known();
+  if (told.size > 1000) told.clear(); // cells have numbers that change
+  if (!told.has(text)) told.set(text, lookedFor(text));
+  return told.get(text);
+};
+const lookedFor = (text) => {
   let rest = text.normalize("NFC").replace(/\[[^\]]*\]/g, (unit) => " ".repeat(unit.length));
   const all = known().flatMap(({ of, names }) => names.map((name) => [name.normalize("NFC"), of]));
   const at = [];
@@ -159,13 +167,14 @@ document.addEventListener("click", (e) => {
   else if (shown?.by !== "mouse") hide();
 }, true);
 document.addEventListener("keydown", (e) => {
-  keyed = e.key === "Tab";
+  keyed = e.key === "Tab" || (keyed && /^Arrow/.test(e.key));
   if (e.key === "Escape") hide();
 }, true);
 document.addEventListener("focusin", (e) => {
   if (!keyed) return;
   const row = e.target instanceof Element ? e.target.closest("form, .mantine-Flex-root:has(label)") : null;
-  const where = e.target.dataset?.symbol ? e.target : (row?.querySelector(".vs-set") ?? row?.querySelector("label"));
+  const own = e.target instanceof Element ? e.target.closest(`[data-symbol], ${STOPS}, .u-legend .u-series th`) : null;
+  const where = own ?? row?.querySelector(".vs-set") ?? row?.querySelector("label");
   if (where && symbolsOf(where).length) show(where, "focus");
   else hide();
 });
@@ -184,6 +193,50 @@ setInterval(() => {
   }
   write();
 }, 300);
+
+// By keyboard, a table is one stop, at the first of its cells that explain themselves; arrow keys lead to the others. Tables
+// are sent again and again: the focus goes over to the cell that says the same.
+const STOPS = ".vs-facts td:first-child";
+const cellsOf = (table) => [...table.querySelectorAll(STOPS)].filter((cell) => symbolsOf(cell).length);
+let stop = null; // { cell, text, number } of the focused cell, its text and its place among those of the page
+const setStops = () => {
+  for (const table of document.querySelectorAll(".vs-facts")) {
+    const cells = cellsOf(table), now = cells.find((cell) => cell === document.activeElement) ?? cells[0];
+    for (const cell of cells) {
+      const index = cell === now ? 0 : -1;
+      if (cell.getAttribute("tabindex") !== `${index}`) cell.tabIndex = index;
+    }
+  }
+};
+const refocus = () => {
+  setStops();
+  if (!stop || stop.cell.isConnected || document.activeElement !== document.body) return;
+  const alike = [...document.querySelectorAll(STOPS)].filter((cell) => cell.textContent === stop.text);
+  const again = alike[Math.min(stop.number, alike.length - 1)];
+  if (again) {
+    again.tabIndex = 0;
+    keyed = true;
+    again.focus({ preventScroll: true });
+  } else stop = null;
+};
+new MutationObserver(refocus).observe(document.body, { subtree: true, childList: true });
+document.addEventListener("focusin", (e) => {
+  const cell = e.target instanceof Element && e.target.matches(STOPS) ? e.target : null;
+  const alike = cell ? [...document.querySelectorAll(STOPS)].filter((each) => each.textContent === cell.textContent) : [];
+  stop = cell && { cell, text: cell.textContent, number: alike.indexOf(cell) };
+}, true);
+document.addEventListener("pointerdown", () => { stop = null; }, true);
+document.addEventListener("keydown", (e) => {
+  const cell = e.target instanceof Element && e.target.matches(STOPS) ? e.target : null;
+  if (!cell || !/^Arrow(Up|Down)$/.test(e.key)) return;
+  const cells = cellsOf(cell.closest(".vs-facts")), next = cells[cells.indexOf(cell) + (e.key === "ArrowDown" ? 1 : -1)];
+  e.preventDefault();
+  e.stopPropagation();
+  if (!next) return;
+  next.tabIndex = 0;
+  keyed = true; // as by Tab: the tip is shown
+  next.focus();
+}, true);
 
 // The glossary as a page of its own, above the others.
 document.addEventListener("click", (e) => {

@@ -12,7 +12,7 @@ from app.dashboard.page import Dashboard
 from app.session.commands import Pause
 from app.session.runner import Runner
 from drivers.browser import LAUNCH_ARGS, find_or_install
-from drivers.pages import NO_HINTS, PATIENCE, SENT, UNDRAWN, VIEWPORT, Session
+from drivers.pages import NO_HINTS, PATIENCE, SENT, UNDRAWN, VIEWPORT, Session, wait_without_notice
 from tests.browser.shared_page import SCENARIO, SharedPage
 from tests.support.drawn import drawn
 
@@ -130,9 +130,7 @@ def shared(browser: Browser, served: tuple[Dashboard, Runner]) -> Iterator[tuple
     def open_page() -> Page:
         page = pages.open(dashboard.url, viewport=VIEWPORT)
         page.get_by_text("real time").wait_for()
-        warning = page.locator("#webgl-software-rendering")  # viser's own, and it lies over the scene
-        warning.locator("button").click()
-        warning.wait_for(state="detached")
+        wait_without_notice(page)
         return page
 
     yield SharedPage(runner, open_page, pages.close), pages

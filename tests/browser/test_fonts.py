@@ -13,7 +13,7 @@ from app.dashboard.theme.fonts import FACES
 from app.scenario.data import shipped
 from app.session.commands import Load, Pause
 from drivers.browser import LAUNCH_ARGS, find_or_install
-from drivers.pages import NO_HINTS, PATIENCE, UNDRAWN, VIEWPORT, Session, each_tab
+from drivers.pages import NO_HINTS, PATIENCE, UNDRAWN, VIEWPORT, Session, each_tab, wait_without_notice
 from drivers.visitors import serving
 from tests.support.layout import walk
 
@@ -65,8 +65,7 @@ def opened(browser: Browser, url: str) -> Page:
     page.set_default_timeout(PATIENCE * 1e3)
     page.goto(url)
     page.get_by_text("real time").wait_for()
-    page.locator("#webgl-software-rendering button").click()
-    page.locator("#webgl-software-rendering").wait_for(state="detached")
+    wait_without_notice(page)
     return page
 
 

@@ -19,7 +19,7 @@ from app.dashboard.theme.colors import RUNS, css
 from app.scenario.data import shipped
 from app.session.commands import Edit, Pause
 from app.session.runner import Runner
-from drivers.pages import Session
+from drivers.pages import Session, wait_without_notice
 
 PHONE = {"viewport": {"width": 390, "height": 844}, "is_mobile": True, "has_touch": True}
 APART = 10.0  # least CIE Delta E 2000 of two lines of one plot that have the same style; 1 is just noticeable
@@ -68,10 +68,14 @@ def test_axe_finds_nothing_on_the_page_its_tabs_and_the_presentation(session: Se
     session.runner.post(Pause())  # leaves the cores to axe
     for rules in ((), ("color-contrast",)):  # dark, then light, which is other colours
         plots, controls = (page.locator(f"[data-dock-region={side}] [role=tab]:visible") for side in ("left", "right"))
-        for plot, control in zip_longest(plots.all_inner_texts(), controls.all_inner_texts()):
+        outer = controls.all_inner_texts()
+        for plot, control in zip_longest(plots.all_inner_texts(), outer):
             for title in filter(None, (plot, control)):
                 session.tab(title)
             require_no_violations(page, rules)
+            for inner in controls.all_inner_texts()[len(outer) + 1 :]:  # M_m, B_m …, of which the first one is open
+                session.tab(inner)
+                require_no_violations(page, rules)
         page.keyboard.press("v")
         require_no_violations(page, rules)
         page.keyboard.press("v")
@@ -85,8 +89,7 @@ def test_axe_finds_nothing_on_a_phone_and_every_target_is_as_large_as_a_finger(
     page.locator("main, [role=main]").wait_for()
     page.locator(".uplot").first.wait_for()
     require_no_violations(page)
-    page.locator(".mantine-Notification-closeButton").click()
-    expect(page.locator(".mantine-Notification-root")).to_have_count(0)
+    wait_without_notice(page)
     assert not page.evaluate(SMALL)
 
 
@@ -128,6 +131,37 @@ def test_lines_and_folders_answer_to_keys_and_sliders_tell_their_value(session: 
     expect(folder).to_have_attribute("aria-expanded", "false")
     slider = page.get_by_role("slider", name="F_d [N]")
     expect(slider).to_have_attribute("aria-valuetext", "20 N")
+
+
+def test_the_keyboard_widens_a_dock_and_goes_through_the_cells_of_a_table(session: Session):
+    page = session.page
+    edge = page.locator("[data-dock-region-resize=left][role=separator]")
+    wide = page.locator("[data-dock-region=left]").bounding_box()
+    assert wide is not None
+    edge.focus()
+    page.keyboard.press("ArrowRight")
+    page.wait_for_function(f"document.querySelector('[data-dock-region=left]').offsetWidth >= {wide['width'] + 20}")
+    page.keyboard.press("ArrowLeft")
+    page.wait_for_function(f"document.querySelector('[data-dock-region=left]').offsetWidth <= {wide['width'] + 1}")
+    session.tab("Guarantee")
+    page.locator(".vs-premises td[tabindex='0']").wait_for()
+    page.get_by_role("tab", name="Guarantee", exact=True).focus()
+    for _ in range(10):
+        page.keyboard.press("Tab")
+        if page.evaluate("document.activeElement.matches('.vs-premises td')"):
+            break
+    tip = page.locator(".vs-symbol")
+    expect(tip).to_contain_text("(25)")
+    page.keyboard.press("ArrowDown")
+    expect(tip).to_contain_text("Ω")
+    page.keyboard.press("ArrowDown")
+    expect(tip).to_contain_text("σ_min(J_q)")
+    drawn = page.evaluate("window.vsmrcDrawn = document.activeElement.isConnected && document.activeElement")
+    assert drawn is not None
+    page.wait_for_function("!window.vsmrcDrawn.isConnected")  # the table has been sent again
+    page.wait_for_function("document.activeElement.matches('.vs-premises td')")
+    assert "σ" in page.evaluate("document.activeElement.textContent")
+    expect(tip).to_contain_text("σ_min(J_q)")
 
 
 def test_the_keyboard_leads_from_event_to_event(session: Session):

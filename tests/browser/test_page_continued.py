@@ -17,7 +17,7 @@ from app.session.runner import Runner
 from app.session.timeline import Timeline
 from app.simulation.closed_loop import ClosedLoop
 from app.storage.session_index import OFFER, SESSION
-from drivers.pages import PATIENCE, VIEWPORT
+from drivers.pages import PATIENCE, VIEWPORT, wait_without_notice
 from drivers.waiting import until
 from tests.support.drawn import drawn
 
@@ -52,7 +52,7 @@ def test_a_page_continues_where_it_was_left_off(tmp_path: Path, open_page: Calla
         heights = [place["y"] for place in places if place is not None]
         assert heights == sorted(heights)  # below the status, above the controls
         if where := os.environ.get("VSMRC_SCREENSHOTS"):
-            page.locator("#webgl-software-rendering button").click()
+            wait_without_notice(page)
             page.evaluate("window.undrawn = false")
             page.wait_for_timeout(3000)
             page.screenshot(path=f"{where}/last-session.png")

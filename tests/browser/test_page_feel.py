@@ -8,7 +8,7 @@ from playwright.sync_api import expect
 from app.dashboard.widgets.help import KEYS
 from app.scenario.data import shipped
 from app.session.commands import Edit, Pause, Play
-from drivers.pages import Session
+from drivers.pages import Session, wait_without_notice
 from tests.support.layout import faults, lasting_faults, walk
 
 _THEME = "document.documentElement.dataset.mantineColorScheme"
@@ -134,9 +134,7 @@ def test_first_steps_come_once_and_a_reload_in_the_middle_of_a_run_is_harmless(s
     page = open_page(dashboard.url, first_visit=True, viewport={"width": 1280, "height": 720})
     page.get_by_text("real time").wait_for()
     page.locator(".vs-hints").wait_for()
-    warning = page.locator("#webgl-software-rendering")
-    warning.locator("button").click()
-    warning.wait_for(state="detached")
+    wait_without_notice(page)
     assert lasting_faults(page) == []
     page.locator(".vs-hints button", has_text="Got it").click()
     page.locator(".vs-hints").wait_for(state="detached")

@@ -11,6 +11,7 @@ from viser import ClientHandle
 from viser import transforms as tf
 
 from app.dashboard.page import Dashboard
+from app.dashboard.scene.arrows import ForceArrow
 from app.dashboard.scene.camera import viewpoint
 from app.scenario.data import edited, shipped
 from app.session.commands import Load, Reset
@@ -169,3 +170,38 @@ def test_the_legend_lies_over_no_control_whatever_the_window(session: Session):
             arg=parts,
             polling=300,
         )
+
+
+# Colour of the scene at a place of the page, 0 to 255: the last picture is kept.
+COLOR = """([x, y]) => {
+  const canvas = document.querySelector("canvas[data-engine]"), box = canvas.getBoundingClientRect();
+  const copy = new OffscreenCanvas(1, 1).getContext("2d"), scale = canvas.width / box.width;
+  copy.drawImage(canvas, (x - box.left) * scale, (y - box.top) * scale, 1, 1, 0, 0, 1, 1);
+  return [...copy.getImageData(0, 0, 1, 1).data].slice(0, 3);
+}"""
+TRIANGLES = """() => Object.entries(__viserMutable.nodeRefFromName).filter(([name]) => name.startsWith("/robot_"))
+  .flatMap(([, node]) => node?.children.filter((part) => part.isMesh) ?? [])
+  .reduce((sum, { geometry }) => sum + geometry.index.count / 3, 0)"""
+
+
+def test_arrows_stand_before_the_arm_which_is_coarse_without_a_graphics_card(
+    scene: Scene, served: tuple[Dashboard, Runner]
+):
+    page = scene.page
+    scene.view("front")
+    inside = ForceArrow(served[0]._server.scene, "/force/inside", "inside", (255, 0, 255), side="top-left")  # pyright: ignore[reportPrivateUsage]
+    inside.show(np.array([0.0, 0.0, 0.01]), np.array([0.0, 0.0, 8.0]), 10.0)  # in the base of the arm
+    page.evaluate("window.undrawn = false")
+
+    def pink(_: Snapshot) -> bool:
+        red, green, blue = page.evaluate(COLOR, scene.pixel(np.array([0.0, 0.0, 0.03])))
+        return red > 1.5 * green and blue > 1.5 * green
+
+    scene.session.wait(pink)
+    few, many = f"({TRIANGLES})() < 10_000", f"({TRIANGLES})() > 30_000"
+    page.wait_for_function(few)
+    for wanted in (many, few):
+        page.locator(".vs-coarse-button").click()
+        page.wait_for_function(wanted)
+    page.evaluate("window.undrawn = true")
+    inside.show(np.zeros(3), np.zeros(3), 10.0)

@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator
 import pytest
 from playwright.sync_api import Page, expect
 
-from drivers.pages import PATIENCE, VIEWPORT
+from drivers.pages import PATIENCE, VIEWPORT, wait_without_notice
 from drivers.visitors import Server, serving
 
 RUNNING = "promise holds"
@@ -31,7 +31,7 @@ def test_a_lecture(shared: Server, open_page: Callable[..., Page]) -> None:
         page.on("console", lambda message: "Security Policy" in message.text and refused.append(message.text))
         page.set_default_timeout(PATIENCE * 1e3)
         page.get_by_text(RUNNING).wait_for()
-        page.locator("#webgl-software-rendering button").click()
+        wait_without_notice(page)
         return page
 
     lecturer = opened(shared.url)

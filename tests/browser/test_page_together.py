@@ -14,7 +14,7 @@ from app.scenario.data import from_toml, to_toml
 from app.session.commands import Reset
 from app.session.runner import Runner
 from controllers.modes import MODES
-from drivers.pages import PATIENCE, VIEWPORT, Session
+from drivers.pages import PATIENCE, VIEWPORT, Session, wait_without_notice
 from environments.robots import CATALOGUE
 
 ARMS = ("ur10", "planar3r", "ur3", "panda", "ur5")
@@ -64,7 +64,7 @@ def test_two_pages_of_one_loop(session: Session, served: tuple[Dashboard, Runner
     """What one of them does, both show; neither answers for the other, and one that closes lets go."""
     page = open_page(served[0].url, viewport=VIEWPORT)
     page.set_default_timeout(PATIENCE * 1e3)
-    page.locator("#webgl-software-rendering button").click()
+    wait_without_notice(page)
     other = Session(page, session.runner)
     before = session.now
     session.number("F_d [N]").fill("26")
@@ -77,7 +77,6 @@ def test_two_pages_of_one_loop(session: Session, served: tuple[Dashboard, Runner
     session.runner.post(Reset())
     again = Session(open_page(served[0].url, viewport=VIEWPORT), session.runner)
     session.wait(lambda _: again.number("F_d [N]").input_value() == "26")
-    again.page.locator("#webgl-software-rendering button").click()
     again.choose("Mode", MODES["motion"].label)
     session.page.locator(".vs-mode", has_text=MODES["motion"].label).wait_for()
     session.page.wait_for_timeout(1000)  # for an echo, if there were one

@@ -19,7 +19,7 @@ LONGEST, SHORTEST = 0.22, 0.06  # m: a scale is kept while the longest arrow lie
 LEAST_SCALE = 1.0  # N per UNIT
 LEAST_FORCE = 0.2  # N: below this no arrow
 FRAME = 0.09  # m
-Side = Literal["center-left", "center-right"]
+Side = Literal["bottom-left", "top-right", "top-left"]  # corner of the label that is at the tip: no two are alike
 
 
 class ForceScale:
@@ -44,7 +44,7 @@ class ForceArrow:
     """An arrow from a point along a force, to scale, with its name and size, which nothing hides; none for a force near
     zero."""
 
-    def __init__(self, scene: viser.SceneApi, name: str, word: str, color: Rgb, side: Side = "center-left") -> None:
+    def __init__(self, scene: viser.SceneApi, name: str, word: str, color: Rgb, side: Side) -> None:
         """name: of the node; word: said of the force; side: of the box with it, which is at the arrow's tip."""
         self._word = word
         self._number = scene.add_label(f"{name}/number", "", visible=False, anchor=side)

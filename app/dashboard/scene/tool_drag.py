@@ -77,7 +77,7 @@ class Hand:
         self._spring = scene.add_line_segments(
             "/hand/spring", np.zeros((1, 2, 3)), PUSH, thickness=3.0, thickness_units="screen", visible=False
         )
-        self._arrow = ForceArrow(scene, "/hand/force", "push", PUSH)
+        self._arrow = ForceArrow(scene, "/force/push", "push", PUSH, side="top-left")
         self._hint = scene.add_label("/hand/hint", "drag this ball", anchor="center-left")
         self._handle.on_drag("left")(guarded(self._on_drag, desk.complain))
         self._handle.on_drag("left", modifier="shift")(guarded(self._on_shift_drag, desk.complain))

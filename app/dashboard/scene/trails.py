@@ -10,8 +10,8 @@ import viser
 from app.dashboard.theme.colors import ERROR_COLORS, Rgb
 from app.dashboard.view_options import rounded_up
 
-PIECES, PIECE = 10, 50  # pieces of a path, and segments of a piece
-SPACING = 0.001  # m
+PIECES, PIECE = 5, 50  # pieces of a path, and segments of a piece
+SPACING = 0.002  # m
 LEAST_ERROR = 1e-5  # m: the finest scale of the colours
 
 

@@ -29,6 +29,8 @@ _SCRIPTS = (
     "symbols.js",
     "held.js",
     "scene.js",
+    "coarse.js",
+    "docks.js",
     "stage.js",
     "names.js",
     "looking.js",

@@ -22,14 +22,23 @@ from app.dashboard.view_options import Legend, Look
 from app.dashboard.widgets.controls import Desk
 from app.session.snapshot import Snapshot
 
+_COARSE = (
+    "This browser draws without a graphics card, or slowly: arms have fewer triangles on this page. "
+    "Press to draw them whole, or coarse again."
+)
+
 
 class SceneLegend:
-    """The button, and the legend that it opens and closes on the page where it is pressed."""
+    """The button, and the legend that it opens and closes on the page where it is pressed. Below it a button that shows
+    itself where that page draws coarse arms (static/page/coarse.js)."""
 
     def __init__(self, desk: Desk) -> None:
         self._viewing = desk.viewing
         # apart: the legend is sent anew while a button must stay the one that is pressed
-        desk.gui.add_html('<button class="vs-legend-button" title="What the colours in the scene mean">Legend</button>')
+        desk.gui.add_html(
+            '<button class="vs-legend-button" title="What the colours in the scene mean">Legend</button>'
+            f'<button class="vs-coarse-button" title="{_COARSE}" hidden>Coarse arms</button>'
+        )
         self._html = desk.gui.add_html("")
 
     def show(self, snapshot: Snapshot) -> None:
