@@ -33,7 +33,7 @@ class Uncertainty(NamedTuple):
     payload_mass, payload_offset: kg, m.
     coulomb, viscous: N m and N m s/rad, per joint.
     disturbance: N m, norm of the torque.
-    force_error: N, norm of the sensor's error.
+    force_error, moment_error: N and N m, norms of the sensor's errors.
     k_C: kg m^2/rad; the sum of the links' ||C_i(q, q_dot)|| is at most k_C ||q_dot|| over Omega.
     """
 
@@ -45,6 +45,7 @@ class Uncertainty(NamedTuple):
     viscous: float
     disturbance: float
     force_error: float
+    moment_error: float
     k_C: float
 
 
@@ -111,7 +112,8 @@ def paper_bound(u, deviation, estimate, task, q_dot, eq, work, needed):
     delta_M = spectral_norm(work.U, work.S, work.T) + u.payload_mass * reach**2 + deviation.delta_M
     delta_C_q = u.rho * u.k_C * norm(q_dot) + u.payload_mass * reach * reach_dot + deviation.delta_C
     delta_G_q = u.rho * weight + u.payload_mass * GRAVITY * reach + deviation.delta_G
-    delta_f = u.coulomb * np.sqrt(q_dot.shape[0]) + u.viscous * norm(q_dot) + u.disturbance + u.force_error * J_v
+    delta_f = u.coulomb * np.sqrt(q_dot.shape[0]) + u.viscous * norm(q_dot) + u.disturbance
+    delta_f += u.force_error * J_v + u.moment_error * J_w
     multiply(task.J_q_inv, task.J_q_dot, work.S)
     multiply(work.S, task.J_q_inv, work.T)
     delta_H = delta_M * J_inv**2
@@ -155,6 +157,9 @@ def tight_bound(u, deviation, estimate, task, q_dot, eq, work, needed):
     torque = u.coulomb * np.sqrt(q_dot.shape[0]) + u.viscous * norm(q_dot) + u.disturbance
     needed.inertia, needed.coriolis, needed.gravity, needed.task_motion = inertia, coriolis, gravity, 0.0
     needed.disturbance = J_inv * torque + u.force_error * carry
+    if u.moment_error > 0.0:
+        multiply(estimate.J_w, task.J_q_inv, work.Y)
+        needed.disturbance += u.moment_error * spectral_norm(work.Y, work.V, work.W)
 
 
 class _Question(NamedTuple):

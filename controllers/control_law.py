@@ -123,7 +123,8 @@ class Told(NamedTuple):
     parameters: the law's own, by name (`ControlLaw.parameters`).
     z: (n,) m/s, of (9).
     q, q_dot: (n,) rad, rad/s.
-    F: (3,) N, the measured force of the tool on the environment.
+    F: (6,), F of (2) as measured, the wrench of the tool on the environment at the tool point, along the world's axes:
+    force N and moment N m.
     work: memory for intermediate results.
     feedforward: M_hat, C_hat, G_hat at q, or those of Remark 3."""
 

@@ -117,11 +117,13 @@ class Controller:
         q_dot: np.ndarray,
         F: np.ndarray,
     ) -> ControlOutput:
-        """Output of a law of the table at one instant; z (n,) m/s, q (n,) rad, q_dot (n,) rad/s, F (3,) N measured
-        force of the tool on the environment.
+        """Output of a law of the table at one instant; z (n,) m/s, q (n,) rad, q_dot (n,) rad/s, F (6,) measured
+        wrench of the tool on the environment. Raises ValueError for another F.
 
         feedforward: `FeedforwardModel.at(estimate)` when estimates are taken on-line, otherwise see Remark 3.
         """
+        if F.shape != (6,):
+            raise ValueError(f"F: of shape {F.shape}; allowed: (6,), force and moment")
         n = self.model.n
         work, answer = Scratch.zeros(n), Record(ControlOutput.zeros(n))
         question = Told(self.gains, self.gains, reference, task, estimate, feedforward, z, q, q_dot, F, work)

@@ -27,6 +27,7 @@ from kernels.algebra import (
     row_times,
     spectral_norm,
     times,
+    torque_of_wrench,
     transposed_times,
 )
 
@@ -234,14 +235,14 @@ class Room(NamedTuple):
     @classmethod
     def zeros(cls, n: int) -> Room:
         """Memory for n coordinates."""
-        return cls(Scratch.zeros(n), Equivalent.zeros(n), RequiredGain.zeros(), np.zeros(n), np.zeros(n), np.zeros(3))
+        return cls(Scratch.zeros(n), Equivalent.zeros(n), RequiredGain.zeros(), np.zeros(n), np.zeros(n), np.zeros(6))
 
 
 class Held(NamedTuple):
     """Quantities of the period before.
     model: (n,) N m, the terms of (25) without the robust ones.
     z_dot: (n,) m/s^2.
-    push: (3,) N.
+    push: (6,), a wrench.
     known: whether there is a period before under the same law."""
 
     model: np.ndarray
@@ -252,7 +253,7 @@ class Held(NamedTuple):
     @classmethod
     def zeros(cls, n: int) -> Held:
         """Quantities for n coordinates, before the first period."""
-        return cls(np.zeros(n), np.zeros(n), np.zeros(3), False)
+        return cls(np.zeros(n), np.zeros(n), np.zeros(6), False)
 
 
 @inline
@@ -373,20 +374,23 @@ def watch(gains, z, reference, task, estimate, feedforward, q_dot, output, room,
     if u.force_error > 0.0:
         multiply(estimate.J_v, task.J_q_inv, work.Y)
         watched.allowed += u.force_error * spectral_norm(work.Y, work.V, work.W)
+    if u.moment_error > 0.0:
+        multiply(estimate.J_w, task.J_q_inv, work.Y)
+        watched.allowed += u.moment_error * spectral_norm(work.Y, work.V, work.W)
 
 
 @inline
 def held_error(gains, feedforward, task, estimate, F_true, output, held, room):
     """Change of (25) without its robust terms during the period before, in task space, N.
 
-    F_true: (3,) N, the force at the period's end. F_2 z_dot is not included: z changes evenly within a period, so that
+    F_true: (6,), the wrench at the period's end. F_2 z_dot is not included: z changes evenly within a period, so that
     r_eq_ddot contains just that part.
     """
     work, n = room.work, task.r.shape[0]
     for i in range(n):
         work.u[i] = gains.F_2[i] * (output.z_dot[i] - held.z_dot[i])
     times(task.J_q_inv, work.u, room.e_dot)
-    transposed_times(estimate.J_v, F_true, room.torque)
+    torque_of_wrench(estimate.J_v, estimate.J_w, F_true, room.torque)
     terms = output.terms
     for i in range(n):
         model = terms.inertia[i] + row_times(feedforward.M_hat, i, room.e_dot) + terms.coriolis[i] + terms.gravity[i]

@@ -6,7 +6,7 @@ from __future__ import annotations
 from controllers.bounds import paper_bound, tight_bound
 from controllers.control_law import joint_acceleration, joint_velocity
 from kernels import inline
-from kernels.algebra import cross, dot, norm, row_times, transposed_times
+from kernels.algebra import cross, dot, norm, row_times, torque_of_wrench, transposed_times
 
 
 @inline
@@ -22,8 +22,8 @@ def measure(told, out):
 
 @inline
 def controlled_force(gains, task, tau_F, F, F_c):
-    """Compute F_c (n,): the entries of F_r = J_q^-T J^T F in `controlled`; the first, one for each surface, are the
-    multipliers, (39), (40)."""
+    """Compute F_c (n,): the entries of F_r = J_q^-T J^T F of (5), J^T F = tau_F (n,) N m, in `controlled`; the first,
+    one for each surface, are the multipliers, (39), (40)."""
     transposed_times(task.J_q_inv, tau_F, F_c)
     multipliers(task.normals, gains.surfaces, F, F_c)
     for i in range(F_c.shape[0]):
@@ -32,9 +32,9 @@ def controlled_force(gains, task, tau_F, F, F_c):
 
 @inline
 def multipliers(normals, surfaces, F, found):
-    """Compute the multipliers lambda of so many surfaces (0 to 3) whose force grad(Phi)^T lambda is nearest to F (3,)
-    N, into the first entries of `found`: friction along the surfaces is not counted. normals: (3, 3), grad(Phi) in the
-    first rows; they need not be orthogonal."""
+    """Compute the multipliers lambda of so many surfaces (0 to 3) whose force grad(Phi)^T lambda is nearest to that of
+    the wrench F (6,), into the first entries of `found`: friction along the surfaces is not counted. normals: (3, 3),
+    grad(Phi) in the first rows; they need not be orthogonal."""
     a, b, c = normals[0], normals[1], normals[2]
     if surfaces == 1:
         found[0] = dot(a, F) / dot(a, a)
@@ -46,16 +46,23 @@ def multipliers(normals, surfaces, F, found):
         across = cross(b, c)
         volume = dot(a, across)
         found[0], found[1], found[2] = (
-            dot(F, across) / volume,
-            dot(F, cross(c, a)) / volume,
-            dot(F, cross(a, b)) / volume,
+            _along(across, F) / volume,
+            _along(cross(c, a), F) / volume,
+            _along(cross(a, b), F) / volume,
         )
 
 
 @inline
+def _along(direction, F):
+    """Product of a direction, a tuple of three, and the force of a wrench (6,)."""
+    return direction[0] * F[0] + direction[1] * F[1] + direction[2] * F[2]
+
+
+@inline
 def errors(gains, reference, task, estimate, F, out):
-    """Compute e_r, e_r_dot and e_Fc, and with them J^T F and F_c."""
-    transposed_times(estimate.J_v, F, out.J_F)
+    """Compute e_r, e_r_dot and e_Fc, and with them J^T F = J_v^T f + J_w^T m of (2), and F_c: F_r = J_q^-T J^T F, so
+    that F_r^T r_dot is the wrench's power on a surface at rest, whatever angles r has."""
+    torque_of_wrench(estimate.J_v, estimate.J_w, F, out.J_F)
     controlled_force(gains, task, out.J_F, F, out.F_c)
     for i in range(out.s.shape[0]):
         out.e_r[i] = task.r[i] - reference.r_d[i]

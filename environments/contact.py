@@ -97,10 +97,11 @@ class ToolContacts(NamedTuple):
 
 
 class ContactForce(NamedTuple):
-    """Force of all contacts together: force (3,) N of the tool on the environment, torque (n,) N m = J_v^T force; of
-    each of three surfaces, multiplier N and phi m, 0 for those that there are not."""
+    """Force of all contacts together: wrench (6,) of the tool on the environment, force N and moment N m at the tool
+    point, torque (n,) N m, that of the wrench in the joints; of each of three surfaces, multiplier N and phi m, 0 for
+    those that there are not."""
 
-    force: np.ndarray
+    wrench: np.ndarray
     torque: np.ndarray
     multiplier: np.ndarray
     phi: np.ndarray
@@ -108,7 +109,7 @@ class ContactForce(NamedTuple):
     @classmethod
     def zeros(cls, n: int) -> ContactForce:
         """Force of an arm with n joints that touches nothing."""
-        return cls(np.zeros(3), np.zeros(n), np.zeros(3), np.zeros(3))
+        return cls(np.zeros(6), np.zeros(n), np.zeros(3), np.zeros(3))
 
 
 class World(NamedTuple):
@@ -205,7 +206,8 @@ def touching(world, contact, met):
 
 @inline
 def add_contact_force(contact, multiplier, touches, met, force):
-    """Add the force (3,) N of the tool on one surface for a multiplier, with friction where it touches."""
+    """Add the force of the tool on one surface for a multiplier, with friction where it touches, to the first three
+    entries (N) of `force`."""
     viscous = contact.friction_viscous if touches else 0.0
     for a in range(3):
         along = abs(multiplier) * met.drag[a] + viscous * met.v_rel[a]
@@ -215,13 +217,13 @@ def add_contact_force(contact, multiplier, touches, met, force):
 @inline
 def elastic_load(world, touch, load):
     """Compute the `ContactForce` of elastic surfaces: it does not depend on the torque."""
-    for a in range(3):
-        load.force[a] = 0.0
+    for a in range(6):
+        load.wrench[a] = 0.0
     for i in range(world.shapes.number):
         contact, met = one_of(world.contacts, i), one_of(touch, i)
         load.multiplier[i], load.phi[i] = spring(contact, met.phi, met.phi_dot), met.phi
-        add_contact_force(contact, load.multiplier[i], load.multiplier[i] != 0.0, met, load.force)
-    transposed_times(touch.tool.J_v, load.force, load.torque)
+        add_contact_force(contact, load.multiplier[i], load.multiplier[i] != 0.0, met, load.wrench)
+    transposed_times(touch.tool.J_v, load.wrench, load.torque)
 
 
 class MultiplierWork(NamedTuple):

@@ -252,15 +252,15 @@ def accelerate_heavy(around, M, bias, J, J_dot, rotation, translation, arm, tau,
             work.side[i], turned = -1.0, True
     if turned:
         _find_multipliers(around, M)
-    for a in range(3):
-        load.force[a] = 0.0
+    for a in range(6):
+        load.wrench[a] = 0.0
     for i in range(world.shapes.number):
         contact, met, multiplier = one_of(world.contacts, i), one_of(touch, i), work.found[i]
         load.multiplier[i], load.phi[i] = multiplier, met.phi
         for j in range(n):
             arm.q_ddot[j] -= work.directions[i, j] * multiplier
-        add_contact_force(contact, multiplier, touching(world, contact, met), met, load.force)
-    transposed_times(touch.tool.J_v, load.force, load.torque)
+        add_contact_force(contact, multiplier, touching(world, contact, met), met, load.wrench)
+    transposed_times(touch.tool.J_v, load.wrench, load.torque)
 
 
 @kernel
@@ -280,10 +280,10 @@ def penetration_at(around, J, rotation, translation, arm, t):
 
 @kernel
 def force_of(around, J, rotation, translation, arm, multiplier, t, force):
-    """Compute the force (3,) N of the tool on the environment for multipliers (3,) N."""
+    """Compute the wrench (6,) of the tool on the environment for multipliers (3,) N."""
     world, around = around[0].world, around[0]
     touch_at(world, J, rotation, translation, arm[0].q_dot, t, around.touch)
-    for a in range(3):
+    for a in range(6):
         force[a] = 0.0
     for i in range(world.shapes.number):
         contact, met = one_of(world.contacts, i), one_of(around.touch, i)
@@ -292,14 +292,14 @@ def force_of(around, J, rotation, translation, arm, multiplier, t, force):
 
 @kernel
 def torque_of_push(around, J, rotation, translation, push, torque):
-    """Compute the torque (n,) N m of a push (3,) N on the tool."""
+    """Compute the torque (n,) N m of a push on the tool, a wrench (6,)."""
     tool = around[0].touch.tool.p
     place_tool(around[0].world.lever, rotation, translation, tool)
     for j in range(torque.shape[0]):
         about = cross(tool, (J[3, j], J[4, j], J[5, j]))
         torque[j] = 0.0
         for a in range(3):
-            torque[j] += (J[a, j] - about[a]) * push[a]
+            torque[j] += (J[a, j] - about[a]) * push[a] + J[3 + a, j] * push[3 + a]
 
 
 @inline
@@ -497,7 +497,7 @@ class Plant:
     def _kernels_of_contact(self, arm: np.ndarray, tau: np.ndarray) -> dict[str, tuple[Any, ...]]:
         """Kernels that this kind of contact needs, by the names of `PlantAddresses`, each with its arguments."""
         around, tool, inertia = self._around, self._tool, self._inertia
-        kernels: dict[str, tuple[Any, ...]] = {"push": (torque_of_push, around, *tool, np.zeros(3), tau)}
+        kernels: dict[str, tuple[Any, ...]] = {"push": (torque_of_push, around, *tool, np.zeros(6), tau)}
         if self.kind.springs:
             find = penetration_at if self.kind.massive else load_at
             kernels["find"] = (find, around, *tool, arm, 0.0)
@@ -505,7 +505,7 @@ class Plant:
             kernels["accelerate"] = (accelerate_heavy, around, *inertia, *self._tool_moving, arm, tau, 0.0)
             kernels["onto"] = (onto_surface, around, *tool, self.data.M, arm, 0.0)
             kernels["along"] = (along_surface, around, *tool, self.data.M, arm, 0.0)
-            kernels["force"] = (force_of, around, *tool, arm, np.zeros(3), 0.0, np.zeros(3))
+            kernels["force"] = (force_of, around, *tool, arm, np.zeros(3), 0.0, np.zeros(6))
         elif self.kind.springs:
             kernels["accelerate"] = (accelerate_elastic, around, *inertia, *tool, arm, tau, 0.0)
         else:
@@ -559,9 +559,9 @@ class Plant:
         return acting.read().load
 
     def force_of(self, state: PlantState, multiplier: np.ndarray, t: float, period: float) -> np.ndarray:
-        """Force (3,) N of the tool on the environment in the period (s) from time t on, when the multipliers of heavy
+        """Wrench (6,) of the tool on the environment in the period (s) from time t on, when the multipliers of heavy
         contacts are the given ones (3,) N."""
-        force = np.zeros(3)
+        force = np.zeros(6)
         acting, at = self._evaluated_at(state, t, period / self.substeps)
         pin.computeJointJacobians(self.model, self.data, acting.views.q)
         force_of(self._around, *self._tool, acting.data, multiplier, at, force)
@@ -576,17 +576,17 @@ class Plant:
         return twin, t + 0.5 * h
 
     def torque_of_push(self, state: PlantState, push: np.ndarray) -> np.ndarray:
-        """Torque (n,) N m of a push (3,) N on the tool in a state."""
+        """Torque (n,) N m of a push on the tool in a state, a wrench (6,)."""
         torque = np.zeros(self.model.nv)
         pin.computeJointJacobians(self.model, self.data, state.views.q)
         self._torque_of_push(self._around, *self._tool, push, torque)
         return torque
 
-    def tool(self, state: PlantState) -> np.ndarray:
-        """Tool point (3,) m in a state."""
+    def tool(self, state: PlantState) -> tuple[np.ndarray, np.ndarray]:
+        """Tool point (3,) m and orientation (3, 3) of the tool in a state."""
         _, rotation, translation = self._tool
         pin.computeJointJacobians(self.model, self.data, state.views.q)
-        return translation + rotation @ self._lever
+        return translation + rotation @ self._lever, rotation @ self._robot.tool_placement.rotation
 
     # q_ddot under the torque tau (n,) N m at time t (s), and the load that goes with it, are found in place; in world
     # axes M comes with the tool's Jacobian and placement

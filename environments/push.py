@@ -1,4 +1,5 @@
-"""Pushes on the tool besides the surface: by a hand that holds it by a spring, and by a push at a fixed time."""
+"""Pushes on the tool besides the surface: by a hand that holds it by springs, and by a push at a fixed time; each is a
+wrench (6,), force N and moment N m at the tool point along the world's axes."""
 
 from __future__ import annotations
 
@@ -6,57 +7,91 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from kernels import inline
 
-MOST_STIFF, MOST_FORCE = 5000.0, 500.0  # N/m, N: largest values of a hand
+# N/m, N, N m/rad, N m: largest values of a hand
+MOST_STIFF, MOST_FORCE, MOST_TORSION, MOST_MOMENT = 5000.0, 500.0, 500.0, 50.0
+NOTHING = np.zeros(3)
 
 
 @dataclass(frozen=True)
 class Grip:
-    """A spring from the tool point to the `anchor` (3,) m that a hand holds: stiffness N/m, but at most `limit` N.
+    """Springs by which a hand holds the tool.
 
-    Raises ValueError for an anchor that is not finite, and for a stiffness or limit beyond those of a hand.
+    anchor: (3,) m, where a spring of `stiffness` N/m from the tool point leads, at most `limit` N; None for none.
+    turned: (3,) rad, rotation vector in the world of the orientation to which a spring of `torsion` N m/rad turns the
+    tool, with at most `moment_limit` N m; None for none.
+
+    Raises ValueError for an anchor or orientation that is not finite, and for a stiffness or limit beyond those of a
+    hand.
     """
 
-    anchor: tuple[float, float, float]
+    anchor: tuple[float, float, float] | None
     stiffness: float = 500.0
     limit: float = 60.0
+    turned: tuple[float, float, float] | None = None
+    torsion: float = 30.0
+    moment_limit: float = 5.0
 
     def __post_init__(self) -> None:
-        if len(self.anchor) != 3 or not np.isfinite(self.anchor).all():
-            raise ValueError(f"push.anchor: {self.anchor}; allowed: three finite numbers")
-        for name, most in (("stiffness", MOST_STIFF), ("limit", MOST_FORCE)):
+        for name in ("anchor", "turned"):
+            given = getattr(self, name)
+            if given is not None and (len(given) != 3 or not np.isfinite(given).all()):
+                raise ValueError(f"push.{name}: {given}; allowed: three finite numbers")
+        largest = {
+            "stiffness": MOST_STIFF,
+            "limit": MOST_FORCE,
+            "torsion": MOST_TORSION,
+            "moment_limit": MOST_MOMENT,
+        }
+        for name, most in largest.items():
             value = getattr(self, name)
             if not 0.0 < value <= most:
                 raise ValueError(f"push.{name}: {value:g}; allowed: above 0, up to {most:g}")
 
-    def force(self, p: np.ndarray) -> np.ndarray:
-        """Force on the tool (3,) N, when it is at p (3,) m."""
-        pull = self.stiffness * (np.asarray(self.anchor) - p)
-        size = float(np.linalg.norm(pull))
-        return pull if size <= self.limit else pull * (self.limit / size)
+    def wrench(self, p: np.ndarray, R: np.ndarray) -> np.ndarray:
+        """Wrench on the tool (6,), when its point is at p (3,) m and its orientation is R (3, 3)."""
+        wrench = np.zeros(6)
+        if self.anchor is not None:
+            wrench[:3] = _at_most(self.limit, self.stiffness * (np.asarray(self.anchor) - p))
+        if self.turned is not None:
+            apart = Rotation.from_rotvec(self.turned) * Rotation.from_matrix(R).inv()
+            wrench[3:] = _at_most(self.moment_limit, self.torsion * apart.as_rotvec())
+        return wrench
+
+
+def _at_most(limit: float, pull: np.ndarray) -> np.ndarray:
+    size = float(np.linalg.norm(pull))
+    return pull if size <= limit else pull * (limit / size)
 
 
 class TimedPush(NamedTuple):
-    """A force (3,) N on the tool from `start` s on, for `duration` s, again `every` s where that is not 0: constant, or
-    the amplitude of a sine that begins at zero, where `frequency` (Hz) is not 0."""
+    """A force (3,) N and a moment (3,) N m on the tool from `start` s on, for `duration` s, again `every` s where that
+    is not 0: constant, or the amplitudes of a sine that begins at zero, where `frequency` (Hz) is not 0."""
 
     force: np.ndarray
     start: float
     duration: float
     every: float = 0.0
     frequency: float = 0.0
+    moment: np.ndarray = NOTHING
+
+    @property
+    def acts(self) -> bool:
+        """Whether it is not zero."""
+        return bool(self.force.any() or self.moment.any())
 
     def at(self, t: float) -> np.ndarray | None:
-        """Force (3,) N at time t (s), None while the push does not act."""
-        force = np.zeros(3)
-        return force if push_at.py_func(self, t, force) else None
+        """Wrench (6,) at time t (s), None while the push does not act."""
+        wrench = np.zeros(6)
+        return wrench if push_at.py_func(self, t, wrench) else None
 
 
 @inline
-def push_at(push, t, force):
-    """Compute the force (3,) N of a `TimedPush` at time t (s), and return whether it acts; else the force is left
+def push_at(push, t, wrench):
+    """Compute the wrench (6,) of a `TimedPush` at time t (s), and return whether it acts; else the wrench is left
     alone."""
     since = t - push.start
     if push.every > 0.0:
@@ -65,5 +100,5 @@ def push_at(push, t, force):
         return False
     share = np.sin(2 * np.pi * push.frequency * since) if push.frequency > 0.0 else 1.0
     for a in range(3):
-        force[a] = share * push.force[a]
+        wrench[a], wrench[3 + a] = share * push.force[a], share * push.moment[a]
     return True

@@ -19,9 +19,9 @@ KNOWN: tuple[type[Stage], ...] = (Bias, Noise, LowPass, Delay)  # in the order o
 
 class Sensing(NamedTuple):
     """Stages of a sensor.
-    bias: (3,) N.
+    bias: (6,).
     gain, filters: of the low-pass, whether there is one.
-    filtered, begun: its last output (3,) N, whether there is one.
+    filtered, begun: its last output (6,), whether there is one.
     late: readings by which the sensor is late.
     held: readings in the line when it was begun."""
 
@@ -36,9 +36,9 @@ class Sensing(NamedTuple):
 
 @inline
 def read_force(sensing, errors, line, k, force):
-    """Compute the reading number k of a force (3,) N, in its place; errors: (N, 3) N, the noise; line: (held + N, 3) N,
+    """Compute the reading number k of a wrench (6,), in its place; errors: (N, 6), the noise; line: (held + N, 6),
     readings before the delay."""
-    for a in range(3):
+    for a in range(6):
         reading = force[a] + sensing.bias[a] + errors[k, a]
         if sensing.filters:
             previous = sensing.filtered[a] if sensing.begun else reading
@@ -59,14 +59,14 @@ class ReadingsAhead:
         self._noise, self._delay = _stage(reader, Noise), _stage(reader, Delay)
         self._low_pass = low_pass = _stage(reader, LowPass)
         bias = _stage(reader, Bias)
-        filtered = np.empty((0, 3)) if low_pass is None else low_pass.memory
-        held = np.empty((0, 3)) if self._delay is None else self._delay.line
+        filtered = np.empty((0, 6)) if low_pass is None else low_pass.memory
+        held = np.empty((0, 6)) if self._delay is None else self._delay.line
         self._record = Record(
             Sensing(
-                bias=np.zeros(3) if bias is None else np.array(bias.sensor.settings.bias),
+                bias=np.zeros(6) if bias is None else bias.error,
                 gain=1.0 if low_pass is None else low_pass.gain,
                 filters=low_pass is not None,
-                filtered=filtered[0] if len(filtered) else np.zeros(3),
+                filtered=filtered[0] if len(filtered) else np.zeros(6),
                 begun=len(filtered) > 0,
                 late=0 if self._delay is None else self._delay.sensor.late,
                 held=len(held),
@@ -74,8 +74,8 @@ class ReadingsAhead:
         )
         self.sensing = self._record.data
         # a copy draws: how many readings there will be is not known yet
-        self.errors = np.zeros((periods, 3)) if self._noise is None else self._noise.copy().draw(periods)
-        self.line = np.concatenate([held, np.zeros((periods, 3))])
+        self.errors = np.zeros((periods, 6)) if self._noise is None else self._noise.copy().draw(periods)
+        self.line = np.concatenate([held, np.zeros((periods, 6))])
 
     def end(self, used: int) -> None:
         """Let the reader continue after so many readings."""

@@ -1,4 +1,5 @@
-"""Force sensor: the loop reads forces only through its stages, each a class and an entry of `STAGES`."""
+"""Sensor of force and moment: the loop reads wrenches only through its stages, each a class and an entry of
+`STAGES`."""
 
 from __future__ import annotations
 
@@ -15,12 +16,19 @@ from parameters import Section, Vector3, Widget, decades, field
 
 
 class Sensor(Section, frozen=True, forbid_unknown_fields=True):
-    """The force sensor."""
+    """The sensor of force and moment; a reading is a wrench (6,), N and N m."""
 
     noise: Annotated[
         float, field("standard deviation per axis", "N", decades("noise", 0.01, 10, zero=True), ge=0, le=100)
     ] = 0.0
     bias: Annotated[Vector3, field("bias", "N", Widget("bias"))] = (0.0, 0.0, 0.0)
+    moment_noise: Annotated[
+        float,
+        field(
+            "standard deviation per axis of the moments", "N·m", decades("of moments", 1e-3, 1, zero=True), ge=0, le=10
+        ),
+    ] = 0.0
+    moment_bias: Annotated[Vector3, field("bias of the moments", "N·m", Widget("bias"))] = (0.0, 0.0, 0.0)
     delay: Annotated[float, field("delay", "s", decades("delay", 1e-3, 0.1, zero=True), ge=0, le=1)] = 0.0
     cutoff: Annotated[
         float,
@@ -45,7 +53,9 @@ class ForceSensor:
 
     def steady(self) -> ForceSensor:
         """The sensor without noise and bias: its reading depends on the force alone."""
-        return ForceSensor(structs.replace(self.settings, noise=0.0, bias=(0.0, 0.0, 0.0)), self.period)
+        none = (0.0, 0.0, 0.0)
+        exact = structs.replace(self.settings, noise=0.0, bias=none, moment_noise=0.0, moment_bias=none)
+        return ForceSensor(exact, self.period)
 
 
 class Stage:
@@ -61,7 +71,7 @@ class Stage:
         raise NotImplementedError
 
     def read(self, reading: np.ndarray) -> np.ndarray:
-        """Output of the stage for a reading (3,) N; to be called once per control period."""
+        """Output of the stage for a reading (6,); to be called once per control period."""
         raise NotImplementedError
 
     @property
@@ -71,8 +81,8 @@ class Stage:
 
     @property
     def memory(self) -> np.ndarray:
-        """Readings in memory that the next outputs depend on, beside the force, (k, 3) N."""
-        return np.empty((0, 3))
+        """Readings in memory that the next outputs depend on, beside the force, (k, 6)."""
+        return np.empty((0, 6))
 
     def recall(self, memory: np.ndarray) -> None:
         """Continue from another memory of the same shape."""
@@ -87,29 +97,37 @@ class Bias(Stage):
 
     @staticmethod
     def acts(sensor: ForceSensor) -> bool:
-        return any(sensor.settings.bias)
+        return any(sensor.settings.bias) or any(sensor.settings.moment_bias)
 
     def read(self, reading: np.ndarray) -> np.ndarray:
-        return reading + np.array(self.sensor.settings.bias)
+        return reading + self.error
+
+    @property
+    def error(self) -> np.ndarray:
+        """The constant error (6,)."""
+        return np.array([*self.sensor.settings.bias, *self.sensor.settings.moment_bias])
 
 
 class Noise(Stage):
-    """White noise, with its random stream."""
+    """White noise, with its random streams: one of the forces, one of the moments, so that either is the same whatever
+    the other."""
 
     def __init__(self, sensor: ForceSensor, seed: int) -> None:
         super().__init__(sensor, seed)
-        self._random = np.random.default_rng(seed)
+        self._random = np.random.default_rng(seed), np.random.default_rng((seed, 1))
 
     @staticmethod
     def acts(sensor: ForceSensor) -> bool:
-        return sensor.settings.noise > 0.0
+        return sensor.settings.noise > 0.0 or sensor.settings.moment_noise > 0.0
 
     def read(self, reading: np.ndarray) -> np.ndarray:
         return reading + self.draw(1)[0]
 
     def draw(self, readings: int) -> np.ndarray:
-        """Errors (N, 3) N of the next readings."""
-        return self.sensor.settings.noise * self._random.standard_normal((readings, 3))
+        """Errors (N, 6) of the next readings."""
+        sizes = self.sensor.settings.noise, self.sensor.settings.moment_noise
+        drawn = zip(sizes, self._random, strict=True)
+        return np.hstack([size * random.standard_normal((readings, 3)) for size, random in drawn])
 
     def copy(self) -> Noise:
         twin = copy(self)
@@ -146,7 +164,7 @@ class LowPass(Stage):
 
     @property
     def memory(self) -> np.ndarray:
-        return np.empty((0, 3)) if self._filtered is None else self._filtered[None]
+        return np.empty((0, 6)) if self._filtered is None else self._filtered[None]
 
     def recall(self, memory: np.ndarray) -> None:
         self._filtered = memory[0].copy()
@@ -173,18 +191,18 @@ class Delay(Stage):
 
     @property
     def memory(self) -> np.ndarray:
-        return np.array(list(self._line)[1:]).reshape(-1, 3)
+        return np.array(list(self._line)[1:]).reshape(-1, 6)
 
     def recall(self, memory: np.ndarray) -> None:
         self._line.extend((self._line[0], *memory))
 
     @property
     def line(self) -> np.ndarray:
-        """Readings in the line, (k, 3) N, oldest first."""
-        return np.array(self._line).reshape(-1, 3)
+        """Readings in the line, (k, 6), oldest first."""
+        return np.array(self._line).reshape(-1, 6)
 
     def extend(self, readings: np.ndarray) -> None:
-        """Take up readings (k, 3) N that came in order."""
+        """Take up readings (k, 6) that came in order."""
         self._line.extend(reading.copy() for reading in readings[-1 - self.sensor.late :])
 
     def copy(self) -> Delay:
@@ -203,7 +221,7 @@ class ForceReader:
         self._stages = [stage(sensor, seed) for stage in STAGES if stage.acts(sensor)]
 
     def read(self, force: np.ndarray) -> np.ndarray:
-        """Reading of the sensor (3,) N for the true force (3,) N; to be called once per control period."""
+        """Reading of the sensor (6,) for the true wrench (6,); to be called once per control period."""
         for stage in self._stages:
             force = stage.read(force)
         return force
@@ -220,8 +238,8 @@ class ForceReader:
 
     @property
     def memory(self) -> np.ndarray:
-        """Readings in memory that the next reading depends on, beside the force: (k, 3) N, stage by stage."""
-        return np.concatenate([np.empty((0, 3)), *(stage.memory for stage in self._stages)])
+        """Readings in memory that the next reading depends on, beside the force: (k, 6), stage by stage."""
+        return np.concatenate([np.empty((0, 6)), *(stage.memory for stage in self._stages)])
 
     def recall(self, memory: np.ndarray) -> None:
         """Continue from another memory of the same shape."""

@@ -44,11 +44,21 @@ def times(A, x, out):
 
 @inline
 def transposed_times(A, x, out):
-    """out = A^T x."""
+    """out = A^T x, of as many entries of x as A has rows."""
     for j in range(out.shape[0]):
         total = 0.0
-        for i in range(x.shape[0]):
+        for i in range(A.shape[0]):
             total += A[i, j] * x[i]
+        out[j] = total
+
+
+@inline
+def torque_of_wrench(J_v, J_w, wrench, out):
+    """out = J_v^T f + J_w^T m of a wrench (f, m), (6,)."""
+    for j in range(out.shape[0]):
+        total = 0.0
+        for a in range(3):
+            total += J_v[a, j] * wrench[a] + J_w[a, j] * wrench[3 + a]
         out[j] = total
 
 

@@ -104,6 +104,7 @@ GLOSSARY: tuple[Symbol, ...] = (
     _signal("F_c", "F_c", "(8)", "measured normal"),
     _signal("F_cd", "F_cd", "(8)", "desired normal"),
     _signal("F", "F", "(8)", "force on the environment"),
+    _signal("M", "moment", "(8)", "moment on the environment"),
     _own("ℓ·α", "rotation of the tool about the task frame's x axis, times ℓ", "(3)", "m", ("α",)),
     _own("ℓ·β", "rotation of the tool about the task frame's y axis, times ℓ", "(3)", "m", ("β",)),
     _own("ℓ·γ", "rotation of the tool about the task frame's z axis, times ℓ", "(3)", "m", ("γ",)),

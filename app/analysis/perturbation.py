@@ -82,12 +82,14 @@ class PerturbationAnalysis:
         C = pin.computeCoriolisMatrix(model, data, q, q_dot).copy()
         M = pin.crba(model, data, q)
         withheld = row["tau_applied"] - row["tau"]
+        really = estimate.J_v.T @ (row["F_true"] - row["F_push"])
+        really += estimate.J_w.T @ (row["moment_true"] - row["moment_push"])
         missed = np.array(
             [
                 row["tau_inertia"] - M @ row["q_eq_ddot"],
                 row["tau_coriolis"] - C @ q_eq_dot,
                 row["tau_gravity"] - pin.computeGeneralizedGravity(model, data, q),
-                row["tau_force"] - estimate.J_v.T @ (row["F_true"] - row["F_push"]) - truth.torque(q_dot, t) + withheld,
+                row["tau_force"] - really - truth.torque(q_dot, t) + withheld,
             ]
         )
         parts = missed @ task.J_q_inv
@@ -240,5 +242,5 @@ class Known(Mapping[str, np.ndarray]):
 # signals of a row that `PerturbationAnalysis.at` reads
 _LOOKED_AT = (
     "t", "q", "q_dot", "s", "q_eq_ddot", "tau_inertia", "tau_coriolis", "tau_gravity", "tau_force", "tau",
-    "tau_applied", "F_true", "F_push", "r_d",
+    "tau_applied", "F_true", "F_push", "moment_true", "moment_push", "r_d",
 )  # fmt: skip

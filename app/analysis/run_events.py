@@ -63,11 +63,12 @@ class RunEvents:
         t = rows["t"]
         if not len(t):
             return
-        pushed, touching = np.linalg.norm(rows["F_push"], axis=1) > 0.0, rows["multiplier"] != 0.0
+        force, moment = (np.linalg.norm(rows[name], axis=1) for name in ("F_push", "moment_push"))
+        pushed, touching = (force > 0.0) | (moment > 0.0), rows["multiplier"] != 0.0
         before = touching[0] if self._touching is None else self._touching
         for i in np.flatnonzero(pushed & ~np.r_[self._pushed, pushed[:-1]]):
-            newtons = np.linalg.norm(rows["F_push"][i])
-            self._felt.append(Event(float(t[i]), "push", f"pushed with {newtons:.3g} N"))
+            by = (f"{value:.3g} {unit}" for value, unit in ((force[i], "N"), (moment[i], "N·m")) if value > 0.0)
+            self._felt.append(Event(float(t[i]), "push", f"pushed with {' and '.join(by)}"))
         for i in np.flatnonzero(touching != np.r_[before, touching[:-1]]):
             self._note_contact(float(t[i]), "contact made" if touching[i] else "contact lost")
         self._read, self._pushed, self._touching = float(t[-1]), bool(pushed[-1]), bool(touching[-1])

@@ -123,7 +123,7 @@ class MujocoPlant(Plant):
             push = float(world.efc_force[0]) if world.nefc else 0.0
             load = state.data["load"]
             load["multiplier"][0, 0], load["phi"][0, 0] = push, self._depth + self._into @ world.site_xpos[self._site]
-            arm.load.force[:] = push * self._into
+            arm.load.wrench[:3] = push * self._into
 
 
 def _add_contact(spec: mujoco.MjSpec, system: System, into: np.ndarray, depth: float) -> None:

@@ -156,7 +156,7 @@ def steady(stiffness: float, duration: float) -> Steady:
     scenario = edited(edited(scenario, "mode", "impedance"), "motion", "hold")
     scenario = edited(scenario, "shift", {"by": [0.0, 0.0, -INTO], "duration": 0.5})
     system = assemble(scenario)
-    tool = system.plant.tool(system.plant.start(system.robot.posture, np.zeros(system.robot.n), 0.0))
+    tool, _ = system.plant.tool(system.plant.start(system.robot.posture, np.zeros(system.robot.n), 0.0))
     depth = INTO + float(system.surface.chart(tool, 0.0).g[0])
     K_m = float(system.controller.model.K_m[2, 2])
     ours, theirs = (float(run(scenario, mujoco=mujoco)["multiplier"][-1]) for mujoco in (False, True))
@@ -205,7 +205,7 @@ def constraint(kinds: tuple[Kind, ...], seed: int, states: int) -> Constraint:
     scenario = edited(heavier, "truth.payload_mass", 2.0)
     system = assemble(scenario)
     robot, n = system.robot, system.robot.n
-    p = system.plant.tool(system.plant.start(robot.posture, np.zeros(n), 0.0))
+    p, _ = system.plant.tool(system.plant.start(robot.posture, np.zeros(n), 0.0))
     both = [_ground(kind, p, into, random) for kind, into in zip(kinds, INTO_CORNER, strict=False)]
     grounds, surfaces = [ground for ground, _ in both], tuple(surface for _, surface in both)
     bilateral = Contact(0.0, 0.0, 0.0, unilateral=False, friction_coulomb=0.0, friction_viscous=0.0)

@@ -43,14 +43,17 @@ def _inequalities(scenario: Scenario) -> Iterator[tuple[str, float, float, str]]
     yield "Coulomb friction", true.coulomb, declared.coulomb, " N·m"
     yield "viscous friction", true.viscous, declared.viscous, " N·m·s/rad"
     yield "disturbance", true.disturbance, declared.disturbance, " N·m"
-    error = float(np.linalg.norm(sensor.bias)) + SPREAD * _noise(scenario)
-    yield f"force error (bias + {SPREAD:g}σ of noise)", error, declared.force_error, " N"
+    kept, told = SPREAD * _kept_noise(scenario), f"(bias + {SPREAD:g}σ of noise)"
+    error = float(np.linalg.norm(sensor.bias)) + kept * sensor.noise
+    yield f"force error {told}", error, declared.force_error, " N"
+    error = float(np.linalg.norm(sensor.moment_bias)) + kept * sensor.moment_noise
+    yield f"moment error {told}", error, declared.moment_error, " N·m"
 
 
-def _noise(scenario: Scenario) -> float:
-    """Standard deviation per axis of the noise after the sensor's low-pass, N."""
+def _kept_noise(scenario: Scenario) -> float:
+    """Share of the noise's standard deviation that the sensor's low-pass leaves."""
     sensor = scenario.sensor
     if sensor.cutoff == 0.0:
-        return sensor.noise
+        return 1.0
     gain = 1.0 - np.exp(-2 * np.pi * sensor.cutoff * scenario.controller.period)
-    return sensor.noise * float(np.sqrt(gain / (2.0 - gain)))
+    return float(np.sqrt(gain / (2.0 - gain)))

@@ -111,6 +111,11 @@ class TruthSection(Section, frozen=True, forbid_unknown_fields=True):
         field("what the drives give at most: a factor on the URDF's limits, 0 for no limit, or N·m per joint", "1"),
     ] = 0.0
     push: Annotated[Vector3, field("a force on the tool, world axes", "N", Widget("x, y, z"))] = (0.0, 0.0, 0.0)
+    push_moment: Annotated[Vector3, field("a moment on the tool, world axes", "N·m", Widget("moment x, y, z"))] = (
+        0.0,
+        0.0,
+        0.0,
+    )
     push_start: Annotated[float, field("when it begins", "s", Widget("from t ="), ge=0, le=36000)] = 1.0
     push_duration: Annotated[float, field("how long it acts", "s", decades("lasts", 0.05, 5), ge=0, le=36000)] = 1.0
     push_every: Annotated[
@@ -126,7 +131,7 @@ class TruthSection(Section, frozen=True, forbid_unknown_fields=True):
     push_frequency: Annotated[
         float,
         field(
-            "frequency of a sinusoidal push, of which `push` is the amplitude; 0 for a constant one",
+            "frequency of a sinusoidal push, of which `push` and `push_moment` are amplitudes; 0 for a constant one",
             "Hz",
             decades("sine at", 0.1, 50, zero=True),
             ge=0,
@@ -146,6 +151,7 @@ class Declared(Section, frozen=True, forbid_unknown_fields=True):
     viscous: Annotated[float, field("largest viscous friction per joint", "N·m·s/rad", ge=0, le=100)] = 0.0
     disturbance: Annotated[float, field("largest norm of the disturbance torque", "N·m", ge=0, le=200)] = 0.0
     force_error: Annotated[float, field("largest error of the force sensor", "N", ge=0, le=100)] = 0.0
+    moment_error: Annotated[float, field("largest error of its moments", "N·m", ge=0, le=10)] = 0.0
 
 
 class TaskSpaceSection(Section, frozen=True, forbid_unknown_fields=True):

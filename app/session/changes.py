@@ -417,9 +417,10 @@ def _start(scenario: Scenario) -> tuple[robots.Robot, np.ndarray]:
 
 
 def pushed(scenario: Scenario, t: float) -> Scenario:
-    """The scenario with its push beginning at t (s); where it has none, `PUSH` for `PUSH_LASTS`."""
+    """The scenario with its push beginning at t (s); where it has none, neither force nor moment, `PUSH` for
+    `PUSH_LASTS`."""
     truth = scenario.truth
-    if not any(truth.push):
+    if not (any(truth.push) or any(truth.push_moment)):
         truth = msgspec.structs.replace(truth, push=PUSH, push_duration=PUSH_LASTS)
     return msgspec.structs.replace(scenario, truth=msgspec.structs.replace(truth, push_start=t))
 

@@ -167,7 +167,7 @@ class Foresight:
         """Whether nothing moves the arm within the horizon: no reference, surface, push or disturbance."""
         loop, scenario, horizon = self._loop, self._loop.system.scenario, self.question.horizon
         truth, began = scenario.truth, scenario.truth.push_start
-        comes = any(truth.push) and began < loop.t + horizon
+        comes = (any(truth.push) or any(truth.push_moment)) and began < loop.t + horizon
         if comes and (truth.push_every > 0.0 or began + truth.push_duration > loop.t):
             return False
         if truth.disturbance > 0.0 or scenario.surface.motion.amplitude > 0.0:

@@ -33,7 +33,7 @@ class Snapshot:
     recording: of the whole run, up to its end.
     system: its plant, law and nominal model belong to the loop's thread; the screen reads only what never changes.
     blending: share of a blend of the target model that is done, 0 to 1, None while there is none.
-    push: (3,) N, of a hand, or of truth.push, on the tool.
+    push, push_moment: (3,) N and (3,) N m, of a hand, or of truth.push, on the tool.
     live: numbers by name, SI units: s_norm, s_bound, s_band, d, d_required, gain_margin, sigma_min, V, residual,
     layer_loop_factor, force_loop_factor, reaching_time_bound, reaching_time.
     standing: premises and verdict.
@@ -68,6 +68,7 @@ class Snapshot:
     force: np.ndarray
     force_desired: np.ndarray
     push: np.ndarray
+    push_moment: np.ndarray
     surfaces: tuple[Surface, ...]
     live: dict[str, float]
     standing: Standing
@@ -118,6 +119,7 @@ def snapshot_of(loop: ClosedLoop) -> Snapshot:
         force=view.force,
         force_desired=view.force_desired,
         push=view.push,
+        push_moment=view.push_moment,
         surfaces=system.surfaces if scenario.contact.nature.touches or system.m else (),
         live=view.live,
         standing=loop.standing,

@@ -41,7 +41,7 @@ class View:
     """Present state of a loop for drawing and reading.
     q: (n,) rad.
     tool, tool_desired: (3,) m, the latter None in joint space.
-    force, force_desired, push: (3,) N, on the surface, and a hand's on the tool.
+    force, force_desired, push: (3,) N, on the surface, and a hand's on the tool; push_moment: (3,) N m, of the hand.
     live: numbers as `app.session.snapshot.Snapshot` lists them."""
 
     q: np.ndarray
@@ -50,6 +50,7 @@ class View:
     force: np.ndarray
     force_desired: np.ndarray
     push: np.ndarray
+    push_moment: np.ndarray
     live: dict[str, float]
 
 
@@ -444,8 +445,9 @@ class ClosedLoop:
             arm.q.copy(),
             estimate.p,
             None if system.layout.joint else system.tool_at(reference, t),
-            arm.load.force.copy(),
+            arm.load.wrench[:3].copy(),
             reference.F_cd[: system.m] @ task.normals[: system.m],
-            self._arm.push.copy(),
+            self._arm.push[:3].copy(),
+            self._arm.push[3:].copy(),
             live,
         )

@@ -56,7 +56,7 @@ class Engine(NamedTuple):
     springs, massive, rigid: see `ContactKind`; ideal: see `ControlledArm`.
     carrier, turned: the link that carries the tool, counted from 0, and its transposed rotation.
     push, pushed: by the clock, and its torque (n,) N m in the present period.
-    F: (3,) N, as the law reads it. tau: (n,) N m, of drives and push.
+    F: (6,), the wrench as the law reads it. tau: (n,) N m, of drives and push.
     first: (n,), q_ddot of the first substep.
     guess, change, error, before: (3,) N, of the multipliers that an ideal sensor reads, and inverse (3, 3), see
     `implicit_force`.
@@ -138,8 +138,8 @@ def _measure(engine, sensing, errors, line, k, around, arm, evaluation, t):
     else:
         push[:] = 0.0
         engine.pushed[:] = 0.0
-    for a in range(3):
-        F[a] = arm[0].load.force[a] - push[a]
+    for a in range(6):
+        F[a] = arm[0].load.wrench[a] - push[a]
     read_force(sensing[0], errors, line, k, F)
 
 
@@ -200,7 +200,7 @@ def _missed(engine, setting, evaluation, around, arm, twin, guess, t, row):
     at = _evaluated_at(engine, arm, twin, t)
     J, R, p = _find_tool(engine, twin[0].q)
     ask(engine.plant_kernels.force, (around, J, R, p, twin, guess, at, engine.F))
-    for a in range(3):
+    for a in range(6):
         engine.F[a] -= evaluation[0].push[a]
     _evaluate(engine, setting, evaluation, arm, t, row)
     at = _evaluated_at(engine, arm, twin, t)
@@ -346,7 +346,7 @@ class CompiledRun:
                 turned=np.zeros((3, 3)),
                 push=system.push,
                 pushed=np.zeros(n),
-                F=np.zeros(3),
+                F=np.zeros(6),
                 tau=np.zeros(n),
                 first=np.zeros(n),
                 guess=np.zeros(3),

@@ -164,8 +164,8 @@ class Setting(NamedTuple):
 class Evaluation(NamedTuple):
     """Evaluation of the law in one control period: inputs and results.
     z: (n,) m/s, at the period's beginning.
-    F: (3,) N, as measured.
-    push: (3,) N, of a hand on the tool.
+    F: (6,), the wrench as measured, N and N m.
+    push: (6,), the wrench of a hand on the tool.
     applied: (n,) N m, tau as the drives apply it.
     residual: (n,) N, complete once q_ddot is known.
     saturated, touching: of the period before, whether applied was not tau, whether there was a force on every surface
@@ -196,7 +196,7 @@ class Evaluation(NamedTuple):
         """Evaluation for n coordinates."""
         v, seen, reference = np.zeros(n), Observation.zeros(n), Reference.zeros(n)
         feedforward = FeedforwardModel(np.zeros((n, n)), np.zeros((n, n)), v, ON_LINE)
-        output, f = ControlOutput.zeros(n), np.zeros(3)
+        output, f = ControlOutput.zeros(n), np.zeros(6)
         watched = Watched(1.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0)
         law = (v, f, f, seen, reference, feedforward, output, v, v, False, False, 0)
         return cls(*law, PremiseTable.fresh(), watched, Held.zeros(n), Kept.fresh(), Room.zeros(n))
@@ -259,7 +259,7 @@ _measure, _ask = asked(measure), asked(table.torque)
 
 @kernel
 def control_period(setting, evaluation, momenta, C, J, J_dot, placements, arm, F, t, row):
-    """Evaluate the law at time t (s) for the state of `arm` and the measured force F (3,) N, and write the evaluation
+    """Evaluate the law at time t (s) for the state of `arm` and the measured wrench F (6,), and write the evaluation
     into the `Row`. momenta ... placements: `nominal_model.Terms` at that state."""
     _see(setting[0], evaluation[0], momenta, C, J, J_dot, placements, arm[0], F, t)
     _ask(setting[0], evaluation[0], setting[0].gains)
@@ -327,8 +327,8 @@ def _judge_premises(setting, evaluation, arm, t):
     table.value[HELD], table.limit[HELD] = 0.0, watched.allowed + spared
     if held.known:
         F = room.F
-        for a in range(3):
-            F[a] = arm.load.force[a] - held.push[a]
+        for a in range(6):
+            F[a] = arm.load.wrench[a] - held.push[a]
         table.value[HELD] = held_error(gains, feedforward, task, estimate, F, output, held, room)
     terms = output.terms
     for i in range(held.model.shape[0]):
@@ -379,8 +379,8 @@ def _fill(row, t, arm, evaluation):
     copy(output.e_r, row.e_r)
     copy(output.e_r_dot, row.e_r_dot)
     copy(evaluation.seen.estimate.p, row.tool)
-    copy(evaluation.F, row.F)
-    copy(evaluation.push, row.F_push)
+    _fill_wrench(evaluation.F, row.F, row.moment)
+    _fill_wrench(evaluation.push, row.F_push, row.moment_push)
     copy(output.F_c, row.F_c)
     copy(evaluation.reference.F_cd, row.F_cd)
     copy(evaluation.z, row.z)
@@ -410,8 +410,14 @@ def _fill(row, t, arm, evaluation):
 
 
 @inline
+def _fill_wrench(wrench, force, moment):
+    for a in range(3):
+        force[a], moment[a] = wrench[a], wrench[3 + a]
+
+
+@inline
 def _fill_load(row, load):
-    copy(load.force, row.F_true)
+    _fill_wrench(load.wrench, row.F_true, row.moment_true)
     row.multiplier, row.multiplier_2, row.multiplier_3 = load.multiplier[0], load.multiplier[1], load.multiplier[2]
 
 

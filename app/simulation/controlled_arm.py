@@ -44,7 +44,7 @@ class ControlledArm:
     settings: the data of the system that the compiled functions read.
     along: the estimates taken beforehand (Remark 3), None where they are taken on-line.
     ideal: whether the force sensor is ideal, and that makes a difference.
-    push: (3,) N, force of hand and script on the tool over this period; push_torque: (n,) N m, that in the joints.
+    push: (6,), wrench of hand and script on the tool over this period; push_torque: (n,) N m, that in the joints.
     """
 
     def __init__(self, system: System, state: State) -> None:
@@ -55,9 +55,9 @@ class ControlledArm:
             lipschitz = system.constants.lipschitz
             self.along = ReferenceEstimates(system.nominal, lipschitz, system.posture_at, self._h, state.along)
         arm, evaluation = state.arm, state.evaluation
-        self._q, self._q_dot, self._force = arm.views.q, arm.views.q_dot, arm.views.load.force
+        self._q, self._q_dot, self._force = arm.views.q, arm.views.q_dot, arm.views.load.wrench
         self.ideal = system.scenario.sensor.ideal and system.plant.kind.heavy
-        self._scripted = system.push if any(system.push.force) else None
+        self._scripted = system.push if system.push.acts else None
         self._applied, self.push = evaluation.views.applied, evaluation.views.push
         self.push_torque, self._pushed = np.zeros(system.robot.n), True
         self.settings = settings = Record(_setting_of(system, online=self.along is None))
@@ -65,7 +65,7 @@ class ControlledArm:
         self._settings, self._evaluation, self._arm_data = settings.data, evaluation.data, arm.data
         data = self._settings, self._evaluation
         self._law = None
-        before = (*data, *system.nominal.terms, arm.data, arm.views.load.force, state.t)
+        before = (*data, *system.nominal.terms, arm.data, arm.views.load.wrench, state.t)
         if system.controller.gains.law >= 0:
             self._control = compiled_for(control_period, *before, row)
         else:
@@ -91,12 +91,12 @@ class ControlledArm:
         self.settings.write("gains", gains)
 
     def measure(self) -> np.ndarray:
-        """Present reading of the force sensor, (3,) N, including a push; to be called once per control period."""
+        """Present reading of the force sensor, (6,), including a push; to be called once per control period."""
         force = self._force
         return self._state.reader.read(force - self.push if self._push_tool() else force)
 
     def _push_tool(self) -> bool:
-        """Compute the force of hand and script on the tool over this period; False, as fast as possible, when there is
+        """Compute the wrench of hand and script on the tool over this period; False, as fast as possible, when there is
         none."""
         grip, script = self._state.grip, self._scripted
         force = None if script is None else script.at(self._state.t)
@@ -105,7 +105,7 @@ class ControlledArm:
             arm = self._state.arm
             self.push[:] = 0.0 if force is None else force
             if grip is not None:
-                self.push += grip.force(self._plant.tool(arm))
+                self.push += grip.wrench(*self._plant.tool(arm))
             self.push_torque = self._plant.torque_of_push(arm, self.push)
         elif self._pushed:
             self.push[:] = self.push_torque[:] = 0.0
@@ -117,7 +117,7 @@ class ControlledArm:
         self._pushed = True  # so that the next period without a push clears that of the last one
 
     def control(self, F: np.ndarray, row: np.ndarray) -> bool:
-        """Evaluate the law for the present state and the measured force F (3,) N, into the state's evaluation and the
+        """Evaluate the law for the present state and the measured wrench F (6,), into the state's evaluation and the
         row. An ideal sensor reads the force that the law's torque causes, instead of F. False where there is no such
         force."""
         if self.ideal:
@@ -145,7 +145,7 @@ class ControlledArm:
     def evaluated(self) -> Record[Evaluation]:
         """Period that begins now, evaluated in a copy, without consequences."""
         twin = self._state.evaluation.copy()
-        self._evaluate(twin, self._state.arm.views.load.force - self.push, self._scratch)
+        self._evaluate(twin, self._state.arm.views.load.wrench - self.push, self._scratch)
         return twin
 
     def look(self, evaluation: Record[Evaluation]) -> int:

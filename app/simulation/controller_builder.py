@@ -57,6 +57,7 @@ def uncertainty_of(scenario: Scenario, k_C: float) -> Uncertainty:
         d.viscous,
         d.disturbance,
         d.force_error,
+        d.moment_error,
         k_C,
     )
 

@@ -71,7 +71,8 @@ def _factors(path: str, given: float | tuple[float, ...], n: int, of: str) -> np
 def push_of(scenario: Scenario) -> TimedPush:
     """The push by the clock."""
     t = scenario.truth
-    return TimedPush(np.array(t.push), t.push_start, t.push_duration, t.push_every, t.push_frequency)
+    times = t.push_start, t.push_duration, t.push_every, t.push_frequency
+    return TimedPush(np.array(t.push), *times, np.array(t.push_moment))
 
 
 def _torque_limit(given: float | tuple[float, ...], robot: robots.Robot) -> np.ndarray:

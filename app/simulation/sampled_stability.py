@@ -209,7 +209,7 @@ class PeriodMap:
         _, _, e_r, e_r_dot = observed(still, at.t, state.arm)
         state.evaluation.views.z[:] = controller.compensator.without_reaching(e_r, e_r_dot)
         while not state.reader.full:
-            state.reader.read(state.arm.views.load.force)
+            state.reader.read(state.arm.views.load.wrench)
         self._parts = [state.arm.views.q, state.arm.views.q_dot]
         steps, speed = [], STEP * (controller.layer if controller.layer > 0.0 else 1.0)
         if controller.law.robust:
@@ -219,22 +219,28 @@ class PeriodMap:
             self._parts.append(state.x)
             steps += [speed] * len(state.x)
         if still.plant.kind.heavy and not system.scenario.sensor.ideal:
-            self._parts.append(state.arm.views.load.force)
+            self._parts.append(state.arm.views.load.wrench[:3])
             steps += [FORCE_STEP] * 3
         self._base, k = self._vector(), basis.shape[1]
-        steps += [FORCE_STEP] * state.reader.memory.size
+        steps += [FORCE_STEP] * self._memory.size
         self._steps = np.array([0.1 * speed] * k + [speed] * k + steps)
 
     def _vector(self) -> np.ndarray:
         """q, q_dot and the rest of the state that the next period depends on."""
-        return np.concatenate([*self._parts, self._state.reader.memory.ravel()])
+        return np.concatenate([*self._parts, self._memory.ravel()])
+
+    @property
+    def _memory(self) -> np.ndarray:
+        """Readings in the sensor's memory, (k, 3) N: a point that touches has no moment."""
+        return self._state.reader.memory[:, :3]
 
     def _after(self, vector: np.ndarray) -> np.ndarray:
         """The state one period later. An elastic surface pushes as soon as it is met."""
         state, arm = self._state, self._arm
         for part in self._parts:
             part[:], vector = vector[: len(part)], vector[len(part) :]
-        state.reader.recall(vector.reshape(-1, 3))
+        readings = vector.reshape(-1, 3)
+        state.reader.recall(np.hstack([readings, np.zeros_like(readings)]))
         self._plant.find_load(state.arm, state.t)
         arm.control(arm.measure(), self._row)
         arm.move()

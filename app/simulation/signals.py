@@ -50,7 +50,9 @@ class Row(NamedTuple):
     F: Annotated[
         Vector, Signal("N", "measured force of the tool on what touches it, surface and hand, world axes", width=3)
     ]
+    moment: Annotated[Vector, Signal("N·m", "measured moment of the tool, at the tool point, world axes", width=3)]
     F_push: Annotated[Vector, Signal("N", "force with which a hand, or the scenario's push, acts on the tool", width=3)]
+    moment_push: Annotated[Vector, Signal("N·m", "moment with which a hand, or the scenario's push, turns it", width=3)]
     F_c: Annotated[Vector, Signal("N", "controlled force, from the measured one", "N·m")]
     F_cd: Annotated[Vector, Signal("N", "desired controlled force", "N·m")]
     z: Annotated[Vector, Signal("m/s", "state of the compensator (9), which brings the target model into s", "rad/s")]
@@ -86,6 +88,9 @@ class Row(NamedTuple):
     residual: Annotated[Vector, Signal("N", "left side of (8) minus its right side", "N·m")]
     F_true: Annotated[
         Vector, Signal("N", "the force on the surface itself; F is the reading of F_true - F_push", width=3)
+    ]
+    moment_true: Annotated[
+        Vector, Signal("N·m", "the moment on the surface itself, at the tool point, as F_true", width=3)
     ]
     multiplier: Annotated[Number, Signal("N", "true normal force per gradient of φ, (32) or (39)")]
     phi: Annotated[Number, Signal("m", "penetration of the tool into the surface")]

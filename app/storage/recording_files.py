@@ -24,8 +24,8 @@ LARGEST_RECORDING = 1_200_000_000  # bytes, unpacked: 16 min at 1 kHz with six j
 LARGEST_TEXT = 4_000_000  # bytes of a scenario, which numpy writes with four for a character
 LARGEST_HEADER = 70_000  # bytes of the header that numpy writes before an array
 MOST_JOINTS = 8
-# signals that files from before there were several surfaces do not have; they are 0 where there is one
-OF_FURTHER_SURFACES = ("multiplier_2", "phi_2", "multiplier_3", "phi_3")
+# signals that files from before there were several surfaces, or moments, do not have; there they were 0
+LATER = ("multiplier_2", "phi_2", "multiplier_3", "phi_3", "moment", "moment_push", "moment_true")
 # exceptions of zipfile, zlib and numpy for archives that are broken, encrypted or compressed by an unknown method
 _UNREADABLE = (ValueError, KeyError, IndexError, EOFError, RuntimeError, zipfile.BadZipFile, zlib.error, struct.error)
 
@@ -170,7 +170,7 @@ def _recording(archive: zipfile.ZipFile) -> Recording:
 
     def checked(name: str, where: slice) -> np.ndarray:
         width = where.stop - where.start
-        if name in OF_FURTHER_SURFACES and f"{name}.npy" not in archive.namelist():
+        if name in LATER and f"{name}.npy" not in archive.namelist():
             return np.zeros((rows, width))
         values = _array(archive, name, 8 * rows * width + LARGEST_HEADER)
         wanted = (rows,) if width == 1 and values.ndim == 1 else (rows, width)

@@ -21,16 +21,16 @@ from tests.support.arms import CERTAIN, ROBOTS, State, charted, random_law, rand
 
 CHART = "sphere outside"  # moves, and is curved
 PLANTS = 250  # per arm: 1,500 in all
-DECLARED = Uncertainty(0.25, 0.3, 1.5, 0.08, 0.6, 0.4, 3.0, 2.0, k_C=np.nan)
-CAUSES = ("rho", "rho_rotor", "payload_mass", "coulomb", "viscous", "disturbance", "force_error")
+DECLARED = Uncertainty(0.25, 0.3, 1.5, 0.08, 0.6, 0.4, 3.0, 2.0, 0.4, k_C=np.nan)
+CAUSES = ("rho", "rho_rotor", "payload_mass", "coulomb", "viscous", "disturbance", "force_error", "moment_error")
 Bounds = Literal["tight", "paper"]
 
 
 class Plant(NamedTuple):
-    """A true arm, and the error (3,) N of its force sensor."""
+    """A true arm, and the error (6,) of its sensor of force and moment."""
 
     truth: Truth
-    force_error: np.ndarray
+    wrench_error: np.ndarray
 
 
 def direction(random: np.random.Generator, n: int) -> np.ndarray:
@@ -48,7 +48,8 @@ def draw(u: Uncertainty, random: np.random.Generator, n: int) -> Plant:
     offset = u.payload_offset * share() * direction(random, 3)
     numbers = (u.payload_mass * share(), offset, *(x * share() for x in (u.coulomb, u.viscous, u.disturbance)))
     truth = Truth(scaling, *numbers, disturbance_frequency=0.7, rotor_scaling=rotors)
-    return Plant(truth, u.force_error * share() * direction(random, 3))
+    errors = (u.force_error * share() * direction(random, 3), u.moment_error * share() * direction(random, 3))
+    return Plant(truth, np.concatenate(errors))
 
 
 def draw_state(system: System, random: np.random.Generator) -> State:
@@ -75,7 +76,7 @@ class Need(NamedTuple):
 def compare(
     system: System, law: Controller, plant: Plant, state: State, seed: int, override: FeedforwardModel | None = None
 ) -> Need:
-    """||J_q^-T (Delta M q_eq_ddot + Delta C q_eq_dot + Delta G + f - J_v^T error)|| against d - epsilon.
+    """||J_q^-T (Delta M q_eq_ddot + Delta C q_eq_dot + Delta G + f - J^T error)|| against d - epsilon.
 
     The terms of (25) say what the law believes; the true arm is asked for the same q_eq_dot and q_eq_ddot.
     """
@@ -85,7 +86,7 @@ def compare(
     reference = random_reference(task.r, random)
     reference = reference._replace(r_d_dot=10 ** random.uniform(-2.0, 0.3) * reference.r_d_dot)
     feedforward = FeedforwardModel.at(estimate) if override is None else override
-    z, F = random.uniform(0.0, 1.0) * random.standard_normal(n), random.standard_normal(3)
+    z, F = random.uniform(0.0, 1.0) * random.standard_normal(n), random.standard_normal(6)
     out = law.evaluate(z, reference, task, estimate, feedforward, q, q_dot, F)
 
     q_eq_dot = task.J_q_inv @ (task.r_dot - out.s - task.v_t)
@@ -94,7 +95,8 @@ def compare(
     data = model.createData()
     wanted = pin.crba(model, data, q) @ q_eq_ddot + pin.computeCoriolisMatrix(model, data, q, q_dot) @ q_eq_dot
     wanted = wanted + pin.computeGeneralizedGravity(model, data, q) + plant.truth.torque(q_dot, t)
-    wanted = wanted + estimate.J_v.T @ (F - plant.force_error)
+    J = np.vstack([estimate.J_v, estimate.J_w])
+    wanted = wanted + J.T @ (F - plant.wrench_error)
     given = out.terms.inertia + out.terms.coriolis + out.terms.gravity + out.terms.force
     assert out.d == pytest.approx(sum(out.needed))
     return Need(float(np.linalg.norm(task.J_q_inv.T @ (wanted - given))), out.d - law.epsilon)
@@ -159,7 +161,7 @@ def test_paper_bounds_are_those_of_7(robot: str) -> None:
     q, q_dot, t = draw_state(system, random)
     estimate, task = system.observe(q, q_dot, t)
     reference, z = random_reference(task.r, random), random.standard_normal(system.robot.n)
-    out = law.evaluate(z, reference, task, estimate, FeedforwardModel.at(estimate), q, q_dot, np.zeros(3))
+    out = law.evaluate(z, reference, task, estimate, FeedforwardModel.at(estimate), q, q_dot, np.zeros(6))
 
     r_eq_dot = task.r_dot - out.s
     r_eq_ddot = reference.r_d_ddot - law.compensator.F_1 @ out.e_r_dot - law.compensator.F_2 @ out.z_dot
@@ -231,7 +233,7 @@ def test_tight_bound_of_inertia_is_attained(robot: str) -> None:
     model = truth.model(system.robot)
     Delta_M = pin.crba(model, model.createData(), state.q) - estimate.M_hat
     needed = np.linalg.norm(task.J_q_inv.T @ Delta_M @ q_eq_ddot)
-    u = Uncertainty(rho, rho_rotor, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, k_C=0.0)
+    u = Uncertainty(rho, rho_rotor, *7 * (0.0,), k_C=0.0)
     equivalent = Equivalent.zeros(system.robot.n)._replace(q_ddot=q_eq_ddot)
     offered = required_gain("tight", u, ON_LINE, estimate, task, state.q_dot, equivalent).inertia
     assert needed <= offered * (1.0 + 1e-9)

@@ -127,13 +127,14 @@ def test_law_in_joint_space_is_the_law_in_task_space(
     law = random_law(random, n, switching, controlled(feedback, n))
     q, q_dot, t = random_state(system, random)
     estimate, task = system.observe(q, q_dot, t)
-    reference, z, F = random_reference(task.r, random), random.standard_normal(n), random.standard_normal(3)
+    reference, z, F = random_reference(task.r, random), random.standard_normal(n), random.standard_normal(6)
     out = law.evaluate(z, reference, task, estimate, FeedforwardModel.at(estimate), q, q_dot, F)
 
     c, J_inv, H = law.compensator, task.J_q_inv, task.J_q_inv.T @ estimate.M_hat @ task.J_q_inv
     C = coriolis(system, q, q_dot, t)
     e_r, e_r_dot = task.r - reference.r_d, task.r_dot - reference.r_d_dot
-    F_r = J_inv.T @ estimate.J_v.T @ F
+    J = np.vstack([estimate.J_v, estimate.J_w])
+    F_r = J_inv.T @ J.T @ F
     e_Fc = controlled(feedback, n) * (F_r - reference.F_cd)
     z_dot = c.A @ z + c.K_pz @ e_r + c.K_vz @ e_r_dot + c.K_fz @ e_Fc
     s = e_r_dot + c.F_1 @ e_r + c.F_2 @ z
@@ -146,7 +147,7 @@ def test_law_in_joint_space_is_the_law_in_task_space(
     np.testing.assert_allclose(out.tau, task.J_q.T @ T_r, atol=1e-9 * np.abs(out.tau).max())
     for name, expected in (("e_r", e_r), ("e_r_dot", e_r_dot), ("e_Fc", e_Fc), ("z_dot", z_dot), ("s", s)):
         np.testing.assert_allclose(getattr(out, name), expected, atol=1e-9, err_msg=name)
-    np.testing.assert_allclose(out.terms.force, estimate.J_v.T @ F, atol=1e-12)
+    np.testing.assert_allclose(out.terms.force, J.T @ F, atol=1e-12)
     np.testing.assert_allclose(z + 0.01 * out.z_dot, z + 0.01 * z_dot, atol=1e-12)
 
 
@@ -160,10 +161,11 @@ def test_known_arm_obeys_the_target_model(robot: str, chart: str, kind: str, ran
     law = random_law(random, n, Switching.SATURATION, np.ones(n), kind=kind)
     q, q_dot, t = random_state(system, random)
     estimate, task = system.observe(q, q_dot, t)
-    reference, z, F = random_reference(task.r, random), random.standard_normal(n), random.standard_normal(3)
+    reference, z, F = random_reference(task.r, random), random.standard_normal(n), random.standard_normal(6)
     out = law.evaluate(z, reference, task, estimate, FeedforwardModel.at(estimate), q, q_dot, F)
 
-    q_ddot = pin.aba(system.robot.model, system.robot.model.createData(), q, q_dot, out.tau - estimate.J_v.T @ F)
+    J = np.vstack([estimate.J_v, estimate.J_w])
+    q_ddot = pin.aba(system.robot.model, system.robot.model.createData(), q, q_dot, out.tau - J.T @ F)
     e_r_ddot = task.J_q @ q_ddot + task.J_q_dot @ q_dot + task.v_t_dot - reference.r_d_ddot
     H, C = task.J_q_inv.T @ estimate.M_hat @ task.J_q_inv, coriolis(system, q, q_dot, t)
     s_dot = -np.linalg.solve(H, C @ out.s + law.K_s @ out.s + out.d * unit_vector(out.s, 1, law.layer))

@@ -134,11 +134,11 @@ def test_torque_25_is_force_15_in_task_space(robot: str, surface: str, bounds: s
     reference = Reference(
         task.r + 0.01 * random.standard_normal(n), *(random.standard_normal(n) for _ in range(2)), np.zeros(n)
     )
-    z, F = random.standard_normal(n), random.standard_normal(3)
+    z, F = random.standard_normal(n), random.standard_normal(6)
     out = system.controller.evaluate(z, reference, task, e, FeedforwardModel.at(e), q, q_dot, F)
     c, J_inv = system.controller.compensator, task.J_q_inv
     e_r, e_r_dot = task.r - reference.r_d, task.r_dot - reference.r_d_dot
-    F_r = J_inv.T @ e.J_v.T @ F
+    F_r = J_inv.T @ np.vstack([e.J_v, e.J_w]).T @ F
     z_dot = c.A @ z + c.K_pz @ e_r + c.K_vz @ e_r_dot + c.K_fz @ out.F_c
     s = e_r_dot + c.F_1 @ e_r + c.F_2 @ z
     r_eq_dot, r_eq_ddot = task.r_dot - s, reference.r_d_ddot - c.F_1 @ e_r_dot - c.F_2 @ z_dot
@@ -152,7 +152,7 @@ def test_torque_25_is_force_15_in_task_space(robot: str, surface: str, bounds: s
     np.testing.assert_allclose(sum(out.terms), out.tau, atol=1e-9)
     # what makes contact: the normal part of F, and F_r along the surface (38)
     np.testing.assert_allclose(out.F_c[1:], F_r[1:], atol=1e-9)
-    np.testing.assert_allclose(out.F_c[0], task.normals[0] @ F, atol=1e-12)
+    np.testing.assert_allclose(out.F_c[0], task.normals[0] @ F[:3], atol=1e-12)
 
 
 def random_model(random: np.random.Generator, n: int) -> TargetModel:

@@ -123,7 +123,7 @@ def test_nothing_of_the_last_period_leaks_into_this_one(name: str) -> None:
         row, arm = Record(Row.zeros(loop.recording.n)).data, loop.state.arm
         row.view(float)[:] = np.nan
         terms = loop.system.nominal.update(arm.views.q, arm.views.q_dot)
-        control_period(loop._arm.settings.data, evaluation.data, *terms, arm.data, arm.views.load.force, loop.t, row)
+        control_period(loop._arm.settings.data, evaluation.data, *terms, arm.data, arm.views.load.wrench, loop.t, row)
         rows.append(row.view(float))
     assert np.isfinite(rows[0]).all()
     assert np.array_equal(*rows)

@@ -21,8 +21,10 @@ PERIODS, MANY = (70, 20, 60), (700, 300, 7000)  # compiled, by steps, and compil
 PRECISION = 5e-11  # of the largest number of each signal: contact, friction and feedback amplify the terms' rounding
 # the discontinuous law divides by ||s||; where s is 0 it makes jumps of rounding, so this run ends while s is not
 PRECISION_OF_SUDDEN = 1e-8
+TWIST = {"truth.push_moment": [1.0, -2.0, 1.5]}
 PUSH = {"truth.push": [0.0, 30.0, 5.0], "truth.push_start": 0.03, "truth.push_duration": 0.02, "truth.push_every": 0.05}
 SENSOR = {"sensor.noise": 0.5, "sensor.bias": [1.0, 2.0, 3.0], "sensor.delay": 0.003, "sensor.cutoff": 100.0}
+MOMENTS = {"sensor.moment_noise": 0.02, "sensor.moment_bias": [0.1, 0.0, -0.2]}
 SHAKEN = {"truth.disturbance": 5.0, "truth.disturbance_frequency": 20.0, "truth.coulomb": 1.0, "truth.viscous": 0.5}
 HEAVY = {"contact.kind": "mass-damper-spring", "contact.M_e": 1.0}
 ROUGH = {"contact.unilateral": False, "contact.friction_coulomb": 0.2, "contact.friction_viscous": 5.0}
@@ -43,6 +45,8 @@ CHANGES: dict[str, dict[str, object]] = {
     "delay": {"sensor.delay": 0.003},
     "low-pass": {"sensor.cutoff": 100.0, "sensor.bias": [1.0, 2.0, 3.0]},
     "ur5-impedance: pushed, noisy, late": PUSH | SENSOR,
+    "ur5-impedance-6d: twisted, noisy, late": PUSH | TWIST | SENSOR | MOMENTS,
+    "heavy, pushed and twisted": HEAVY | PUSH | TWIST | MOMENTS,
     "along the reference": {"controller.estimates": "along-reference", "controller.law": "vsmrc"},
     "computed torque": {"controller.law": "computed-torque"},
     "pd": {"controller.law": "pd-gravity"},
@@ -126,11 +130,11 @@ def test_a_discontinuous_law_chatters_as_much_in_both() -> None:
 
 
 def test_reader_continues_with_the_same_noise_after_any_number_of_readings() -> None:
-    loop, other = (ClosedLoop(changed("ur5-impedance: pushed, noisy, late")) for _ in range(2))
+    loop, other = (ClosedLoop(changed("ur5-impedance-6d: twisted, noisy, late")) for _ in range(2))
     CompiledRun(loop).advance(7)
     for _ in range(7):
         other.advance()
-    F = np.array([1.0, -2.0, 3.0])
+    F = np.array([1.0, -2.0, 3.0, 0.1, -0.2, 0.3])
     for _ in range(10):
         np.testing.assert_allclose(loop.state.reader.read(F), other.state.reader.read(F), rtol=0.0, atol=1e-11)
 

@@ -48,9 +48,8 @@ def test_each_term_at_random_states(twin: Twin) -> None:
         np.testing.assert_allclose(task.normals[0], m.normal, atol=1e-7)
 
         lam = random.uniform(0.0, 30.0)
-        out = system.controller.evaluate(
-            z, system.reference(t), task, estimate, FeedforwardModel.at(estimate), q, q_dot, lam * m.normal
-        )
+        felt, F = FeedforwardModel.at(estimate), np.r_[lam * m.normal, 0, 0, 0]
+        out = system.controller.evaluate(z, system.reference(t), task, estimate, felt, q, q_dot, F)
         answer = paper.law(m, q, q_dot, z, lam, t)
         np.testing.assert_allclose(out.s, answer.s, atol=1e-9)
         np.testing.assert_allclose(out.z_dot, answer.z_dot, atol=1e-6)

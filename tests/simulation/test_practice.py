@@ -57,9 +57,9 @@ def test_pd_leaves_the_target_model_with_the_arm_s_own_inertia(robot: str) -> No
     law = random_law(random, n, Switching.SATURATION, np.ones(n), kind="pd-gravity")
     q, q_dot, t = random_state(system, random)
     estimate, task = system.observe(q, q_dot, t)
-    reference, F = random_reference(task.r, random), 10.0 * random.standard_normal(3)
+    reference, F = random_reference(task.r, random), 10.0 * random.standard_normal(6)
     out = law.evaluate(np.zeros(n), reference, task, estimate, FeedforwardModel.at(estimate), q, q_dot, F)
-    tau_F = estimate.J_v.T @ F
+    tau_F = np.vstack([estimate.J_v, estimate.J_w]).T @ F
     q_ddot = pin.aba(system.robot.model, system.robot.model.createData(), q, q_dot, out.tau - tau_F)
     moved = task.J_q_inv.T @ (estimate.M_hat @ q_ddot + estimate.C_hat @ q_dot + tau_F)
     asked = reference.F_cd - law.model.K_m @ out.e_r - law.model.B_m @ out.e_r_dot

@@ -27,7 +27,7 @@ from tests.support.surfaces import AT_REST, cylinder, formula, plane, sphere
 ROBOTS = tuple(CATALOGUE)
 # the surfaces move
 CHARTS = ("joint", "cartesian", "plane", "cylinder inside", "sphere outside", "typed wave", "corner")
-CERTAIN = Uncertainty(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+CERTAIN = Uncertainty(*10 * (0.0,))
 MOTION = SurfaceMotion(direction=(0.6, 0.0, 0.8), amplitude=0.03, frequency=1.7)
 
 WAVE = "0.96*z - 0.28*x - 0.02*sin(7*(x + z) - 2*t) + 0.3*x^2"
