@@ -7,7 +7,9 @@ from typing import Literal
 
 FINE, LIGHT = 0.0035, 0.015  # m: a mesh shows no detail finer than this; for a UR5 34,000 and 8,000 triangles
 
-Drag = Literal["push", "target"]
+NEWTON_METRES = 2.5  # per 100 mm of an arrow that is the axis of a moment
+
+Drag = Literal["push", "target", "turn"]
 
 
 @dataclass(frozen=True)
@@ -16,8 +18,9 @@ class Look:
     spring: the target model's spring and damper, so many `times` as long as the deflection.
     newtons: force that an arrow of 100 mm stands for, None for one that suits the forces.
     cell: m, see `FINE`.
-    drag: action of the mouse on the tool, with Shift held the other one.
-    stiffness, limit: N/m and N, of the spring by which it pushes."""
+    drag: action of the mouse on the tool; with Shift held it pushes, or, where it pushes anyway, moves the target.
+    stiffness, limit: N/m and N, of the spring by which it pushes; torsion, moment_limit: N m/rad and N m, of that by
+    which it turns."""
 
     ghost: bool = False
     pinned_arms: bool = True
@@ -35,6 +38,8 @@ class Look:
     drag: Drag = "push"
     stiffness: float = 500.0
     limit: float = 60.0
+    torsion: float = 30.0
+    moment_limit: float = 5.0
 
 
 @dataclass(frozen=True)

@@ -97,6 +97,24 @@ def test_dragging_the_tool_pushes_it_and_letting_go_ends_that(scene: Scene):
     session.wait(lambda now: bool(np.linalg.norm(now.tool - home) < 5e-4))
 
 
+def test_the_drag_turns_the_tool_where_that_is_chosen(scene: Scene):
+    session = scene.session
+    scene.view("side")
+    scene.page.get_by_label("Dragging").click()
+    scene.page.get_by_role("option", name="turns it (Shift: pushes)").click()
+    session.wait(lambda _: scene.page.get_by_label("Dragging").input_value() == "turns it (Shift: pushes)")
+    scene.drag_tool(60, 0)
+    session.wait(lambda now: bool(np.linalg.norm(now.push_moment) > 0.5))
+    record = session.now.recording.signals(("F_push", "moment_push"))
+    assert not record["F_push"][-1].any()
+    assert 0.5 < np.linalg.norm(record["moment_push"][-1]) <= 5.0 + 1e-9
+    scene.page.locator(".vs-note", has_text="turned: 100 mm = 2.5 N·m").wait_for()
+    scene.page.mouse.up()
+    session.wait(lambda now: now.state.grip is None and not now.push_moment.any())
+    scene.page.get_by_label("Dragging").click()
+    scene.page.get_by_role("option", name="pushes it (Shift: moves the target)").click()
+
+
 def test_a_page_that_closes_while_it_pushes_lets_go(scene: Scene):
     scene.view("side")
     scene.drag_tool(30, -40)

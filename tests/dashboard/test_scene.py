@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from app.dashboard.scene.arrows import LONGEST, UNIT, ForceScale, task_directions
 from app.dashboard.scene.spring_damper import BESIDE, HALF_WIDTH, segments
+from app.dashboard.scene.tool_drag import LEVER, RADIUS, Held
 from app.dashboard.scene.trails import error_colors
 from app.dashboard.theme.colors import ERROR_COLORS
 from app.dashboard.view_options import rounded_up
@@ -51,6 +53,18 @@ def test_task_directions_change_one_coordinate_each(t: float) -> None:
             np.testing.assert_allclose(np.delete(change, i), 0.0, atol=1e-4)
         gradient = surface.chart(p, t).G[0]
         np.testing.assert_allclose(directions[0], gradient / np.linalg.norm(gradient))
+
+
+def test_a_ball_that_is_turned_follows_the_hand_on_its_outside() -> None:
+    """Grasped in front and drawn to the right it turns to the right, about the upright axis, on top of its own
+    orientation."""
+    front, right = np.array([0.0, -1.0, 0.0]), np.array([1.0, 0.0, 0.0])
+    R = Rotation.from_rotvec([0.2, 0.1, 0.0])
+    held = Held(1, "turn", RADIUS * front, np.zeros(3), R.as_matrix(), front)
+    turned = Rotation.from_rotvec(held.turned(RADIUS * front + 0.05 * right)) * R.inv()
+    np.testing.assert_allclose(turned.as_rotvec(), [0.0, 0.0, 0.05 / LEVER], atol=1e-12)
+    np.testing.assert_allclose(np.cross(turned.as_rotvec(), front) / np.linalg.norm(turned.as_rotvec()), right)
+    np.testing.assert_allclose(held.turned(RADIUS * front), [0.2, 0.1, 0.0], atol=1e-12)
 
 
 @pytest.mark.parametrize("away", [(0.0, 0.0, 0.02), (0.01, -0.02, 0.0), (0.03, 0.0, -0.01), (0.02, 0.01, 0.0)])

@@ -41,6 +41,7 @@ class RobotPanel:
                 Number(desk, Place("declared.viscous"), "viscous [N·m·s]", Scale(0, 10)),
                 Number(desk, Place("declared.disturbance"), "disturb. [N·m]", Scale(0, 20)),
                 Number(desk, Place("declared.force_error"), "force error [N]", Scale(0, 5)),
+                Number(desk, Place("declared.moment_error"), "moments' [N·m]", Scale(0, 1)),
             ]
         with gui.add_folder("Tool and posture"):
             self._controls += [

@@ -15,7 +15,7 @@ from app.dashboard.view_options import FINE, LIGHT, Look, Viewing
 from app.dashboard.widgets.controls import Desk
 from app.dashboard.widgets.scene_legend import legend_html
 from app.session.snapshot import Snapshot
-from environments.push import MOST_FORCE, MOST_STIFF
+from environments.push import MOST_FORCE, MOST_MOMENT, MOST_STIFF, MOST_TORSION
 
 SWITCHES = {
     "ghost": (
@@ -47,7 +47,11 @@ SCALES: dict[str, float | None] = {"automatic": None} | {
 }
 TIMES: dict[str, float] = {"to scale": 1.0} | {f"{n:g} times as large": n for n in (10.0, 100.0, 1000.0)}
 MESHES = {"fine": FINE, "light": LIGHT}
-DRAGS = {"pushes it (Shift: moves the target)": "push", "moves the target (Shift: pushes)": "target"}
+DRAGS = {
+    "pushes it (Shift: moves the target)": "push",
+    "turns it (Shift: pushes)": "turn",
+    "moves the target (Shift: pushes)": "target",
+}
 
 
 class _Widget(Protocol):
@@ -109,12 +113,15 @@ class ViewPanel:
         with gui.add_folder("Mouse on the tool"):
             gui.add_html(
                 '<div class="vs-note">Drag the ball at the tool: a spring pulls the arm after the pointer. With Shift, '
-                "or as chosen here, the drag moves the desired path instead, when you let go.</div>"
+                "or as chosen here, the drag moves the desired path instead, when you let go, or turns ball and tool, "
+                "by a torsional spring.</div>"
             )
             self._fields += [
                 _Field(viewing, "drag", gui.add_dropdown("Dragging", tuple(DRAGS)), DRAGS),
                 _Field(viewing, "stiffness", gui.add_slider("spring [N/m]", 50.0, MOST_STIFF, 50.0, 500.0, marks=())),
                 _Field(viewing, "limit", gui.add_slider("at most [N]", 5.0, MOST_FORCE, 5.0, 60.0, marks=())),
+                _Field(viewing, "torsion", gui.add_slider("turns [N·m/rad]", 5.0, MOST_TORSION, 5.0, 30.0, marks=())),
+                _Field(viewing, "moment_limit", gui.add_slider("at most [N·m]", 0.5, MOST_MOMENT, 0.5, 5.0, marks=())),
             ]
 
     async def _on_camera(self, event: viser.GuiEvent) -> None:

@@ -50,6 +50,7 @@ class Setup:
     normal: the mode controls a normal force, on so many surfaces.
     surfaces: number of those in the world.
     touching: there is something to touch.
+    twisted: the law is told moments that it controls, or the scenario's push has one.
     robust: the law has a gain and a bound.
     bounded: some part of the run had such a law.
     units: of the task space.
@@ -60,6 +61,7 @@ class Setup:
     normal: int
     surfaces: int
     touching: bool
+    twisted: bool
     robust: bool
     bounded: bool
     units: Units
@@ -76,6 +78,7 @@ class Setup:
             normal=snapshot.system.m,
             surfaces=len(snapshot.system.surfaces),
             touching=snapshot.scenario.contact.nature.touches,
+            twisted=snapshot.system.mode.feedback == "all" or any(snapshot.scenario.truth.push_moment),
             robust=snapshot.system.controller.law.robust,
             bounded=any(law_of(epoch.scenario).robust for epoch in snapshot.recording.epochs),
             units=snapshot.system.units,

@@ -148,6 +148,14 @@ def _force_axes(_: Setup) -> Drawing:
     return Drawing("force on the environment  [N]", lines, at_least=(0.0, 1.0))
 
 
+def _moments(setup: Setup) -> Drawing | None:
+    if not setup.twisted:
+        return None
+    lines = [Line(f"M {axis}", color(i), column("moment", i), compared=True) for i, axis in enumerate("xyz")]
+    lines.append(Line("push", PUSH, norm("moment_push"), dashed=True))
+    return Drawing("moment on the environment  [N·m]", lines, at_least=(-0.05, 0.05))
+
+
 def _normal_force(setup: Setup) -> Drawing | None:
     if not (setup.normal or setup.touching):
         return None
@@ -408,7 +416,12 @@ TABS: dict[str, Tab] = {
         ("coordinate",),
     ),
     "Force": Tab(
-        (Plot("normal force", _normal_force), Plot("force error", _force_error), Plot("force by axes", _force_axes))
+        (
+            Plot("normal force", _normal_force),
+            Plot("force error", _force_error),
+            Plot("force by axes", _force_axes),
+            Plot("moment by axes", _moments),
+        )
     ),
     "Sliding": Tab(
         (Plot("reaching", _reaching), Plot("Lyapunov function", _lyapunov), Plot("components of s", _components)),

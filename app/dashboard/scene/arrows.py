@@ -17,9 +17,11 @@ from environments.surfaces.table import Surface
 UNIT = 0.1  # m: the length of arrow that the scale refers to
 LONGEST, SHORTEST = 0.22, 0.06  # m: a scale is kept while the longest arrow lies between
 LEAST_SCALE = 1.0  # N per UNIT
-LEAST_FORCE = 0.2  # N: below this no arrow
+LEAST_FORCE = 0.2  # N, or N m: below this no arrow
 FRAME = 0.09  # m
-Side = Literal["bottom-left", "top-right", "top-left"]  # corner of the label that is at the tip: no two are alike
+Side = Literal[
+    "bottom-left", "top-right", "top-left", "bottom-right"
+]  # corner of the label that is at the tip: no two are alike
 
 
 class ForceScale:
@@ -44,9 +46,10 @@ class ForceArrow:
     """An arrow from a point along a force, to scale, with its name and size, which nothing hides; none for a force near
     zero."""
 
-    def __init__(self, scene: viser.SceneApi, name: str, word: str, color: Rgb, side: Side) -> None:
-        """name: of the node; word: said of the force; side: of the box with it, which is at the arrow's tip."""
-        self._word = word
+    def __init__(self, scene: viser.SceneApi, name: str, word: str, color: Rgb, side: Side, unit: str = "N") -> None:
+        """name: of the node; word: said of the force; side: of the box with it, which is at the arrow's tip; unit:
+        "N·m" for a moment, whose arrow is the axis about which it turns."""
+        self._word, self._unit = word, unit
         self._number = scene.add_label(f"{name}/number", "", visible=False, anchor=side)
         self._arrow = scene.add_arrows(
             name,
@@ -59,12 +62,12 @@ class ForceArrow:
         )
 
     def show(self, start: np.ndarray, force: np.ndarray, newtons: float) -> None:
-        """Show the force (3,) N from start (3,) m, `newtons` N per `UNIT`."""
+        """Show the force (3,) from start (3,) m, `newtons` of its unit per `UNIT`."""
         visible = bool(LEAST_FORCE < np.linalg.norm(force) < np.inf)
         if visible:
             end = start + UNIT / newtons * force
             self._arrow.points = np.stack([start, end])[None].astype(np.float32)
-            self._number.text = f"{self._word} {np.linalg.norm(force):.1f} N"
+            self._number.text = f"{self._word} {np.linalg.norm(force):.1f} {self._unit}"
             move(self._number, end)
         self._arrow.visible = self._number.visible = visible
 

@@ -1,39 +1,60 @@
-"""Handle on the tool: the mouse pushes the tool by a spring, or moves the target, which takes effect when the handle is
-let go."""
+"""Handle on the tool: the mouse pushes the tool by a spring, turns it by a torsional one, or moves the target, which
+takes effect when the handle is let go."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
+import pinocchio as pin
 import viser
+from scipy.spatial.transform import Rotation
 
 from app.dashboard.scene.arrows import ForceArrow
 from app.dashboard.theme.colors import ACCENT, DESIRED, PUSH
 from app.dashboard.transport.callback_errors import guarded
 from app.dashboard.transport.viser_private import move
+from app.dashboard.view_options import NEWTON_METRES
 from app.dashboard.widgets.controls import Desk
 from app.session.commands import Edit, Push
 from app.session.snapshot import Snapshot
 from environments.push import Grip
 
 RADIUS = 0.045  # m
+LEVER = 0.1  # m of the pointer per radian that the ball is turned
 RESOLUTION = 4  # decimals of the shift, m
 _BESIDE = np.array([RADIUS, 0.0, RADIUS])  # m, from the tool to the hint
 
 
 @dataclass(frozen=True)
-class _Held:
+class Held:
     """A drag that is going on.
-    offset: of a push: anchor minus pointer, (3,) m; of a moved target: its coordinates g (3,) m under the pointer at
-    the beginning.
-    moved: displacement of these coordinates by the pointer, (3,) m."""
+    offset: of a push: anchor minus pointer, (3,) m; of a turn: where the ball was taken hold of, (3,) m; of a moved
+    target: its coordinates g (3,) m under the pointer at the beginning.
+    moved: displacement of these coordinates by the pointer, (3,) m.
+    R: (3, 3), orientation of the tool at the beginning; grasped: (3,), direction from the ball's middle to the hand."""
 
     client: int
     drag: str
     offset: np.ndarray
     moved: np.ndarray
+    R: np.ndarray
+    grasped: np.ndarray
+
+    def turned(self, pointer: np.ndarray) -> tuple[float, float, float]:
+        """Rotation vector of the orientation to which the hand turns the tool: as a ball follows the pointer (3,) m
+        that has taken hold of it on its outside."""
+        by = Rotation.from_rotvec(np.cross(self.grasped, pointer - self.offset) / LEVER)
+        x, y, z = (by * Rotation.from_matrix(self.R)).as_rotvec().tolist()
+        return x, y, z
+
+
+def orientation(snapshot: Snapshot) -> np.ndarray:
+    """Orientation (3, 3) of the tool in a snapshot."""
+    robot, data = snapshot.robot, snapshot.robot.model.createData()
+    pin.forwardKinematics(robot.model, data, snapshot.q)
+    return data.oMi[robot.tool_joint].rotation @ robot.tool_placement.rotation
 
 
 def shift_coordinates(snapshot: Snapshot) -> slice:
@@ -58,7 +79,7 @@ class Hand:
 
     def __init__(self, scene: viser.SceneApi, desk: Desk, connected: Callable[[int], bool]) -> None:
         self._desk, self._connected = desk, connected
-        self._held: _Held | None = None
+        self._held: Held | None = None
         self._taken_once = False
         # not hidden when idle: it is the object to take hold of
         self._handle = scene.add_icosphere(
@@ -78,6 +99,7 @@ class Hand:
             "/hand/spring", np.zeros((1, 2, 3)), PUSH, thickness=3.0, thickness_units="screen", visible=False
         )
         self._arrow = ForceArrow(scene, "/force/push", "push", PUSH, side="top-left")
+        self._axis = ForceArrow(scene, "/force/moment", "turned", PUSH, side="bottom-right", unit="N·m")
         self._hint = scene.add_label("/hand/hint", "drag this ball", anchor="center-left")
         self._handle.on_drag("left")(guarded(self._on_drag, desk.complain))
         self._handle.on_drag("left", modifier="shift")(guarded(self._on_shift_drag, desk.complain))
@@ -102,21 +124,29 @@ class Hand:
             look = self._desk.viewing.look
             x, y, z = (float(c) for c in pointer + held.offset)
             self._desk.post(Push(Grip((x, y, z), look.stiffness, look.limit)))
+        elif held.drag == "turn":
+            look = self._desk.viewing.look
+            grip = Grip(None, turned=held.turned(pointer), torsion=look.torsion, moment_limit=look.moment_limit)
+            self._desk.post(Push(grip))
         else:
             moved = snapshot.system.charted.chart(pointer, snapshot.t).g - held.offset
-            self._held = _Held(held.client, held.drag, held.offset, moved)
+            self._held = replace(held, moved=moved)
 
-    def _taken(self, snapshot: Snapshot, event: viser.SceneNodeDragEvent, drag: str) -> _Held | None:
-        grab, nowhere = np.array(event.start_position), np.zeros(3)
+    def _taken(self, snapshot: Snapshot, event: viser.SceneNodeDragEvent, drag: str) -> Held | None:
+        grab, client = np.array(event.start_position), event.client_id
+        away = grab - snapshot.tool
+        turning = (np.zeros(3), orientation(snapshot), away / max(float(np.linalg.norm(away)), 1e-9))
         if drag == "push":
-            return _Held(event.client_id, drag, snapshot.tool - grab, nowhere)
+            return Held(client, drag, -away, *turning)
+        if drag == "turn":
+            return Held(client, drag, grab, *turning)
         if snapshot.tool_desired is None:
             self._desk.complain("target: cannot be dragged in joint space; allowed: Cartesian task spaces")
             return None
-        return _Held(event.client_id, drag, snapshot.system.charted.chart(grab, snapshot.t).g, nowhere)
+        return Held(client, drag, snapshot.system.charted.chart(grab, snapshot.t).g, *turning)
 
-    def _let_go(self, snapshot: Snapshot, held: _Held) -> None:
-        if held.drag == "push":
+    def _let_go(self, snapshot: Snapshot, held: Held) -> None:
+        if held.drag != "target":
             self._desk.post(Push(None))
             return
         moved = np.abs(held.moved[shift_coordinates(snapshot)]).max() >= 10.0**-RESOLUTION
@@ -128,12 +158,14 @@ class Hand:
         tool, push = snapshot.tool, snapshot.push
         move(self._handle, tool)
         self._arrow.show(tool, push, newtons)
+        self._axis.show(tool, snapshot.push_moment, NEWTON_METRES)
         grip = snapshot.state.grip
-        if grip is not None:
-            self._spring.points = np.array([[tool, grip.anchor]], dtype=np.float32)
-        self._spring.visible = grip is not None
+        anchor = None if grip is None else grip.anchor
+        if anchor is not None:
+            self._spring.points = np.array([[tool, anchor]], dtype=np.float32)
+        self._spring.visible = anchor is not None
         self._taken_once |= self._held is not None
-        self._hint.visible = not self._taken_once and not push.any()
+        self._hint.visible = not self._taken_once and not push.any() and not snapshot.push_moment.any()
         if self._hint.visible:
             move(self._hint, tool + _BESIDE)
         self._show_target(snapshot)

@@ -18,7 +18,7 @@ from app.dashboard.theme.colors import (
     Rgb,
     css,
 )
-from app.dashboard.view_options import Legend, Look
+from app.dashboard.view_options import NEWTON_METRES, Legend, Look
 from app.dashboard.widgets.controls import Desk
 from app.session.snapshot import Snapshot
 
@@ -62,6 +62,8 @@ def legend_html(look: Look, legend: Legend, snapshot: Snapshot) -> str:
         keys += [_key(MEASURED, "force"), _key(DESIRED, "desired force")]
     if look.forces or snapshot.push.any():
         keys += [_key(PUSH, "push"), f"100 mm = {legend.newtons:g} N"]
+    if snapshot.push_moment.any():
+        keys.append(f"turned: 100 mm = {NEWTON_METRES:g} N·m")
     if look.spring and snapshot.tool_desired is not None:
         times = "" if look.times == 1.0 else f", deflection × {look.times:g}"
         keys.append(_key(MODEL, f"spring and damper of (8){times}"))
