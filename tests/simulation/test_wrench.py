@@ -64,6 +64,26 @@ def test_torque_of_a_wrench_and_its_power_in_task_coordinates(robot: str) -> Non
         np.testing.assert_allclose(system.plant.torque_of_push(state, F), J.T @ F, atol=1e-10)
 
 
+def test_torque_of_a_wrench_is_mujocos() -> None:
+    """Force and moment applied to MuJoCo's body of the same URDF, at the same point along the world's axes."""
+    mujoco = pytest.importorskip("mujoco")
+    from app.evidence.mujoco_arm import arm_spec
+
+    system, random = assemble(still()), np.random.default_rng(5)
+    model = arm_spec(system).compile()
+    data, site = mujoco.MjData(model), 0
+    assert model.nsite == 1
+    for _ in range(5):
+        q, F = system.q_0 + random.uniform(-0.5, 0.5, 6), random.standard_normal(6)
+        data.qpos[:] = q
+        mujoco.mj_kinematics(model, data)
+        mujoco.mj_comPos(model, data)
+        torque = np.zeros(6)
+        mujoco.mj_applyFT(model, data, F[:3], F[3:], data.site_xpos[site], model.site_bodyid[site], torque)
+        state = system.plant.start(q, np.zeros(6), 0.0)
+        np.testing.assert_allclose(system.plant.torque_of_push(state, F), torque, atol=1e-9)
+
+
 def test_moment_in_an_angle_of_the_tool() -> None:
     """Where the Euler angles are zero, l F_r of each is the moment about its axis of the task frame."""
     system = assemble(still())
