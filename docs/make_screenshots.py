@@ -122,6 +122,8 @@ def opened(browser: Browser, url: str, *, first_visit: bool = False, **options) 
     page.goto(url)
     page.get_by_text("real time").wait_for(timeout=60_000)
     page.wait_for_timeout(4000)
+    page.locator(".vs-coarse-button").click()  # whole arms
+    page.mouse.move(5, 5)
     return page
 
 

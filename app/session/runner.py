@@ -42,6 +42,7 @@ from app.session.commands import (
     ToEnd,
     Unpin,
 )
+from app.session.nearest_model import way_to_model
 from app.session.pacing import Pace, PaceMeter, Schedule
 from app.session.snapshot import Snapshot, snapshot_of
 from app.session.timeline import Timeline
@@ -433,7 +434,7 @@ class Runner:
         try:
             self._runs += self._line.edit(scenario)
         except ScenarioError as error:
-            self._way_out = changes.way_out(scenario, error)
+            self._way_out = changes.way_out(scenario, error) or way_to_model(self._loop.system, scenario)
             raise
         self._way_out = None
         if self._loop.system.robot is not before:

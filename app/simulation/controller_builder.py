@@ -112,12 +112,17 @@ def target_model(scenario: Scenario, n: int) -> TargetModel:
 
     Raises ScenarioError and InvalidGain.
     """
+    return TargetModel(**matrices_of(scenario, n))
+
+
+def matrices_of(scenario: Scenario, n: int) -> dict[str, np.ndarray]:
+    """Matrices (n, n) of (8) by name, as `target_model` has them, whether they make a model or not. Raises
+    ScenarioError."""
     default = default_target_model(mode_of(scenario), n, believed_stiffness(scenario))
     given = {f: getattr(scenario.target_model, f) for f in TargetModelSection.__struct_fields__}
-    matrices = {
+    return {
         f: np.diag(default[f]) if value is None else square(f"target_model.{f}", value, n) for f, value in given.items()
     }
-    return TargetModel(**matrices)
 
 
 def surfaces_met(scenario: Scenario, mode: Mode, layout: TaskLayout) -> SurfaceRange | None:

@@ -1,7 +1,7 @@
 // Coarse arms: a browser that draws without a graphics card takes most of a picture's time for the arm's triangles. Where
 // it does, or where pictures come slowly, this page draws arms with fewer of them; a button says so, and takes it back.
 const CELL = 0.015, FEW = 400; // m; triangles that are not worth it
-const SLOW = 12, SPAN = 2000, SLOW_SPANS = 3, FEWER = 0.6; // pictures per second, ms, -, -
+const SLOW = 10, SPAN = 2000, SLOW_SPANS = 3, FEWER = 0.6; // pictures per second, ms, -, -
 const button = () => document.querySelector(".vs-coarse-button");
 const bySoftware = () => {
   const gl = document.querySelector("canvas[data-engine]")?.getContext("webgl2");

@@ -21,6 +21,7 @@ pytestmark = pytest.mark.slow  # long or many simulations
 
 # a surface of one's own needs a file
 KINDS = [kind for form in SURFACES if (kind := str(form.__struct_config__.tag)) != "own"]
+SKEWED = (400.0 * np.eye(6) + 50.0 * np.eye(6, k=1)).tolist()
 CHANGES: dict[str, tuple[Callable[[Scenario, str], Scenario], list[str]]] = {
     "mode": (in_mode, list(MODES)),
     "arm": (on_robot, list(CATALOGUE)),
@@ -113,6 +114,10 @@ def test_what_no_adaptation_mends_is_refused() -> None:
         ("ur5-hybrid", {"contact.B_e": 1e5}, "Take 14 steps per period", "contact.B_e", 1e5),
         ("ur5-hybrid", {"force.value": -20.0}, "Let the surface pull, too", "force.value", -20.0),
         ("ur5-hybrid", {"motion.radius": 2.0}, "Take a path that the arm can follow", None, None),
+        ("ur5-hybrid", {"target_model.M_m": [0.0] * 6}, "Go 80 % of the way to it", None, None),
+        ("ur5-hybrid", {"target_model.B_m": [-200.0, *[400.0] * 5]}, "Go 60 % of the way to it", None, None),
+        ("ur5-motion", {"target_model.K_m": SKEWED}, "Take its symmetric part", None, None),
+        ("ur5-hybrid", {"target_model.M_m": [float("nan")] * 6}, None, None, None),
         ("ur5-hybrid", {"controller.layer": -1.0}, None, None, None),
         ("ur5-hybrid", {"controller.nonsense": -1.0}, None, None, None),
         ("ur5-hybrid", {"simulation.substeps": 10**6}, "Take 1000, the largest allowed", "simulation.substeps", 1000),

@@ -31,6 +31,7 @@ _SCRIPTS = (
     "scene.js",
     "coarse.js",
     "docks.js",
+    "whatif.js",
     "stage.js",
     "names.js",
     "looking.js",

@@ -1,0 +1,67 @@
+"""Way out of a refused target model: its symmetric part, or a part of the way to it from the model that runs."""
+
+from __future__ import annotations
+
+import msgspec
+import numpy as np
+
+from app.scenario.data import edited
+from app.scenario.schema import Scenario, ScenarioError
+from app.session.changes import WayOut
+from app.simulation.controller_builder import believed_stiffness, matrices_of, surfaces_met
+from app.simulation.system import System
+from controllers.target_model import InvalidGain, TargetModel
+
+_HALVINGS = 20  # of the interval in which the first refused model lies
+_KEPT = 0.8  # of the way to the first refused one: at that one itself a pole lies on the axis, or a mass vanishes
+_LEAST = 0.01  # of the way to the asked one, below which there is none
+
+
+def way_to_model(running: System, asked: Scenario) -> WayOut | None:
+    """Way out where a scenario is refused for its target model; None where another field was changed as well, and where
+    the straight way from the running model is refused from its beginning."""
+    scenario, mode, layout = running.scenario, running.mode, running.layout
+    if scenario.blend.planned or asked.target_model == scenario.target_model:
+        return None
+    if msgspec.structs.replace(asked, target_model=scenario.target_model) != scenario:
+        return None
+    try:
+        start, given = (matrices_of(each, layout.n) for each in (scenario, asked))
+    except ScenarioError:
+        return None
+    if not all(np.isfinite(matrix).all() for matrix in given.values()):
+        return None
+    end = {name: 0.5 * (matrix + matrix.T) for name, matrix in given.items()}
+    K_e_hat, surfaces = believed_stiffness(scenario), surfaces_met(scenario, mode, layout)
+
+    def allowed(share: float) -> bool:
+        try:
+            mode.check(TargetModel(**_between(start, end, share)), K_e_hat, surfaces)
+        except InvalidGain:
+            return False
+        return True
+
+    if allowed(1.0):
+        return WayOut("Take its symmetric part", _with(asked, start, end))
+    good, bad = 0.0, 1.0
+    for _ in range(_HALVINGS):
+        middle = 0.5 * (good + bad)
+        good, bad = (middle, bad) if allowed(middle) else (good, middle)
+    share = round(_KEPT * good, 2)
+    if share < _LEAST or not allowed(share):
+        return None
+    return WayOut(f"Go {100 * share:.0f} % of the way to it", _with(asked, start, _between(start, end, share)))
+
+
+def _between(start: dict[str, np.ndarray], end: dict[str, np.ndarray], share: float) -> dict[str, np.ndarray]:
+    return {name: (1.0 - share) * start[name] + share * end[name] for name in start}
+
+
+def _with(scenario: Scenario, start: dict[str, np.ndarray], model: dict[str, np.ndarray]) -> Scenario:
+    """The scenario with the matrices (n, n) of a model that differ from those at the start."""
+    for name, matrix in model.items():
+        if not np.array_equal(matrix, start[name]):
+            diagonal = np.diag(matrix)
+            value = diagonal if np.array_equal(matrix, np.diag(diagonal)) else matrix
+            scenario = edited(scenario, f"target_model.{name}", value.tolist())
+    return scenario
