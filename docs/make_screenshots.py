@@ -122,8 +122,7 @@ def opened(browser: Browser, url: str, *, first_visit: bool = False, **options) 
     page.goto(url)
     page.get_by_text("real time").wait_for(timeout=60_000)
     page.wait_for_timeout(4000)
-    page.locator(".vs-coarse-button").click()  # whole arms
-    page.mouse.move(5, 5)
+    page.evaluate("document.querySelector('.vs-coarse-button:not([hidden])')?.click()")  # whole arms
     return page
 
 

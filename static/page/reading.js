@@ -43,7 +43,7 @@ const between = (plot, y, from, to) => {
   const first = y[known[0]], last = y[known.at(-1)], step = last - first;
   const beyond = Math.max(0, ...known.map((k) => (y[k] - last) * Math.sign(step)));
   const outside = known.filter((k) => Math.abs(y[k] - last) > 0.02 * Math.abs(step)).at(-1) ?? known[0];
-  if (!(Math.abs(step) > 1e-6 * Math.max(...known.map((k) => Math.abs(y[k]))))) return { step }; // nothing steps there
+  if (!(Math.abs(step) > 1e-3 * Math.max(...known.map((k) => Math.abs(y[k]))))) return { step }; // nothing steps there
   return { step, overshoot: (100 * beyond) / Math.abs(step), settling: x[Math.min(outside + 1, known.at(-1))] - x[known[0]] };
 };
 const unit = (value, name) => (Number.isFinite(value) ? `${short(value)} ${name}` : "–");
@@ -195,6 +195,8 @@ setInterval(() => {
     box.append(button);
   }
   for (const { again } of measured.values()) again();
+  const enlarged = large() && chartIn(large());
+  if (enlarged) fit(enlarged); // a message above it takes room
   if (values.vsmrcPlot && !values.vsmrcPlot.root.isConnected) values.hidden = true;
 }, 300);
 

@@ -115,7 +115,7 @@ def test_what_no_adaptation_mends_is_refused() -> None:
         ("ur5-hybrid", {"force.value": -20.0}, "Let the surface pull, too", "force.value", -20.0),
         ("ur5-hybrid", {"motion.radius": 2.0}, "Take a path that the arm can follow", None, None),
         ("ur5-hybrid", {"target_model.M_m": [0.0] * 6}, "Go 80 % of the way to it", None, None),
-        ("ur5-hybrid", {"target_model.B_m": [-200.0, *[400.0] * 5]}, "Go 60 % of the way to it", None, None),
+        ("ur5-hybrid", {"target_model.B_m": [-200.0, *[400.0] * 5]}, "Go 61 % of the way to it", None, None),
         ("ur5-motion", {"target_model.K_m": SKEWED}, "Take its symmetric part", None, None),
         ("ur5-hybrid", {"target_model.M_m": [float("nan")] * 6}, None, None, None),
         ("ur5-hybrid", {"controller.layer": -1.0}, None, None, None),
