@@ -100,16 +100,15 @@ def inertia_spread(u, estimate, E):
 def paper_bound(u, deviation, estimate, task, q_dot, eq, work, needed):
     """Compute each term of (17) with the bounds (7); delta_Ft is in `task_motion`."""
     J_inv = task.J_q_inv_norm
-    V, W = work.V, work.W
-    J_v, J_w = spectral_norm(estimate.J_v, V, W), spectral_norm(estimate.J_w, V, W)
+    J_v, J_w = spectral_norm(estimate.J_v), spectral_norm(estimate.J_w)
     reach = J_v + u.payload_offset * J_w
-    turning = spectral_norm(estimate.J_w_dot, V, W) + norm_of_product(estimate.J_w, q_dot) * J_w
-    reach_dot = spectral_norm(estimate.J_v_dot, V, W) + u.payload_offset * turning
+    turning = spectral_norm(estimate.J_w_dot) + norm_of_product(estimate.J_w, q_dot) * J_w
+    reach_dot = spectral_norm(estimate.J_v_dot) + u.payload_offset * turning
     weight = 0.0
     for i in range(q_dot.shape[0]):
         weight += norm(estimate.G_links[i])
     inertia_spread(u, estimate, work.U)
-    delta_M = spectral_norm(work.U, work.S, work.T) + u.payload_mass * reach**2 + deviation.delta_M
+    delta_M = spectral_norm(work.U) + u.payload_mass * reach**2 + deviation.delta_M
     delta_C_q = u.rho * u.k_C * norm(q_dot) + u.payload_mass * reach * reach_dot + deviation.delta_C
     delta_G_q = u.rho * weight + u.payload_mass * GRAVITY * reach + deviation.delta_G
     delta_f = u.coulomb * np.sqrt(q_dot.shape[0]) + u.viscous * norm(q_dot) + u.disturbance
@@ -117,7 +116,7 @@ def paper_bound(u, deviation, estimate, task, q_dot, eq, work, needed):
     multiply(task.J_q_inv, task.J_q_dot, work.S)
     multiply(work.S, task.J_q_inv, work.T)
     delta_H = delta_M * J_inv**2
-    delta_C = delta_C_q * J_inv**2 + delta_M * J_inv * spectral_norm(work.T, work.S, work.T)
+    delta_C = delta_C_q * J_inv**2 + delta_M * J_inv * spectral_norm(work.T)
     needed.inertia = delta_H * norm(eq.r_ddot)
     needed.coriolis = delta_C * norm(eq.r_dot)
     needed.gravity = J_inv * delta_G_q
@@ -132,10 +131,10 @@ def tight_bound(u, deviation, estimate, task, q_dot, eq, work, needed):
     carry = 0.0  # largest F_r per N of a force at the tool
     if u.payload_mass > 0.0 or u.force_error > 0.0:
         multiply(estimate.J_v, task.J_q_inv, work.Y)
-        carry = spectral_norm(work.Y, work.V, work.W)
+        carry = spectral_norm(work.Y)
     inertia_spread(u, estimate, work.U)
     congruence(task.J_q_inv, work.U, work.S, work.T)
-    E_H = spectral_norm(work.T, work.S, work.T)
+    E_H = spectral_norm(work.T)
     inertia = np.sqrt(max(E_H * quadratic(eq.q_ddot, work.U), 0.0))
     coriolis = u.rho * u.k_C * J_inv * norm(q_dot) * norm(eq.q_dot)
     gravity = 0.0
@@ -148,7 +147,7 @@ def tight_bound(u, deviation, estimate, task, q_dot, eq, work, needed):
     if u.payload_mass > 0.0:
         c = u.payload_offset
         multiply(estimate.J_w, task.J_q_inv, work.Y)
-        load = u.payload_mass * (carry + c * spectral_norm(work.Y, work.V, work.W))
+        load = u.payload_mass * (carry + c * spectral_norm(work.Y))
         turning = norm_of_product(estimate.J_w_dot, eq.q_dot)
         turning += norm_of_product(estimate.J_w, q_dot) * norm_of_product(estimate.J_w, eq.q_dot)
         inertia += load * (norm_of_product(estimate.J_v, eq.q_ddot) + c * norm_of_product(estimate.J_w, eq.q_ddot))
@@ -159,7 +158,7 @@ def tight_bound(u, deviation, estimate, task, q_dot, eq, work, needed):
     needed.disturbance = J_inv * torque + u.force_error * carry
     if u.moment_error > 0.0:
         multiply(estimate.J_w, task.J_q_inv, work.Y)
-        needed.disturbance += u.moment_error * spectral_norm(work.Y, work.V, work.W)
+        needed.disturbance += u.moment_error * spectral_norm(work.Y)
 
 
 class _Question(NamedTuple):

@@ -125,7 +125,7 @@ class Controller:
         if F.shape != (6,):
             raise ValueError(f"F: of shape {F.shape}; allowed: (6,), force and moment")
         n = self.model.n
-        work, answer = Scratch.zeros(n), Record(ControlOutput.zeros(n))
+        work, answer = Scratch.zeros(n), Record.zeros(ControlOutput, n)
         question = Told(self.gains, self.gains, reference, task, estimate, feedforward, z, q, q_dot, F, work)
         _answer(Record(question).data, answer.data)
         return answer.read()

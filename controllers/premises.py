@@ -264,15 +264,15 @@ def inertia_range(u, estimate, task, work):
     carried, turned = 0.0, 0.0
     if u.payload_mass > 0.0:
         multiply(estimate.J_v, task.J_q_inv, work.Y)
-        carried = spectral_norm(work.Y, work.V, work.W)
+        carried = spectral_norm(work.Y)
         multiply(estimate.J_w, task.J_q_inv, work.Y)
-        turned = u.payload_offset * spectral_norm(work.Y, work.V, work.W)
+        turned = u.payload_offset * spectral_norm(work.Y)
     inertia_spread(u, estimate, work.U)
     for i in range(n):
         for j in range(n):
             work.U[i, j] += estimate.M_hat[i, j]
     congruence(task.J_q_inv, work.U, work.S, work.T)
-    high = spectral_norm(work.T, work.S, work.U) + u.payload_mass * (carried + turned) ** 2
+    high = spectral_norm(work.T) + u.payload_mass * (carried + turned) ** 2
     inertia_spread(u, estimate, work.U)
     for i in range(n):
         for j in range(n):
@@ -282,7 +282,7 @@ def inertia_range(u, estimate, task, work):
     for i in range(n):
         for j in range(n):
             work.U[i, j] = row_times(task.J_q, j, work.S[i])
-    return 1.0 / spectral_norm(work.U, work.S, work.T), high
+    return 1.0 / spectral_norm(work.U), high
 
 
 @inline
@@ -292,17 +292,17 @@ def inertia_error(gains, deviation, estimate, task, work):
     load = 0.0
     if u.payload_mass > 0.0 and gains.tight:
         multiply(estimate.J_v, task.J_q_inv, work.Y)
-        load = spectral_norm(work.Y, work.V, work.W)
+        load = spectral_norm(work.Y)
         multiply(estimate.J_w, task.J_q_inv, work.Y)
-        load += u.payload_offset * spectral_norm(work.Y, work.V, work.W)
+        load += u.payload_offset * spectral_norm(work.Y)
     inertia_spread(u, estimate, work.U)
     if gains.tight:
         congruence(task.J_q_inv, work.U, work.S, work.T)
-        return spectral_norm(work.T, work.S, work.U) + u.payload_mass * load**2 + J_inv**2 * deviation.delta_M
+        return spectral_norm(work.T) + u.payload_mass * load**2 + J_inv**2 * deviation.delta_M
     if u.payload_mass > 0.0:
-        load = spectral_norm(estimate.J_v, work.V, work.W)
-        load += u.payload_offset * spectral_norm(estimate.J_w, work.V, work.W)
-    delta_M = spectral_norm(work.U, work.S, work.T) + u.payload_mass * load**2 + deviation.delta_M
+        load = spectral_norm(estimate.J_v)
+        load += u.payload_offset * spectral_norm(estimate.J_w)
+    delta_M = spectral_norm(work.U) + u.payload_mass * load**2 + deviation.delta_M
     return delta_M * J_inv**2
 
 
@@ -373,10 +373,10 @@ def watch(gains, z, reference, task, estimate, feedforward, q_dot, output, room,
     watched.allowed = SAMPLING_SHARE * gains.epsilon
     if u.force_error > 0.0:
         multiply(estimate.J_v, task.J_q_inv, work.Y)
-        watched.allowed += u.force_error * spectral_norm(work.Y, work.V, work.W)
+        watched.allowed += u.force_error * spectral_norm(work.Y)
     if u.moment_error > 0.0:
         multiply(estimate.J_w, task.J_q_inv, work.Y)
-        watched.allowed += u.moment_error * spectral_norm(work.Y, work.V, work.W)
+        watched.allowed += u.moment_error * spectral_norm(work.Y)
 
 
 @inline

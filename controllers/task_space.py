@@ -65,21 +65,19 @@ class TaskLayout(NamedTuple):
 
 
 class Scratch(NamedTuple):
-    """Scratch memory for intermediate results: S, T, U (n, n), u (n,), and in space V, W (3, 3), Y (3, n)."""
+    """Scratch memory for intermediate results: S, T, U (n, n), u (n,), and in space Y (3, n)."""
 
     S: np.ndarray
     T: np.ndarray
     U: np.ndarray
     u: np.ndarray
-    V: np.ndarray
-    W: np.ndarray
     Y: np.ndarray
 
     @classmethod
     def zeros(cls, n: int) -> Scratch:
         """Scratch memory for n joints."""
-        square, space = np.zeros((n, n)), np.zeros((3, 3))
-        return cls(square, square, square, np.zeros(n), space, space, np.zeros((3, n)))
+        square = np.zeros((n, n))
+        return cls(square, square, square, np.zeros(n), np.zeros((3, n)))
 
 
 @inline
@@ -185,7 +183,7 @@ def _cartesian(layout, chart, estimate, q, q_dot, work, task):
     for i in range(n):
         task.r_dot[i] += task.v_t[i]
     invert(task.J_q, work.S, task.J_q_inv)
-    task.J_q_inv_norm = spectral_norm(task.J_q_inv, work.S, work.T)
+    task.J_q_inv_norm = spectral_norm(task.J_q_inv)
 
 
 @inline

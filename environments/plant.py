@@ -478,8 +478,8 @@ class Plant:
         return Plant(self._robot, truth, self.surfaces, self.kind, contacts, self._integrator, self.substeps)
 
     def _resolve_kernels(self, n: int) -> None:
-        around, arm, tau = self._around, Record(Arm.zeros(n)).data, np.zeros(n)
-        self._stage = Record(Arm.zeros(n))
+        around, arm, tau = self._around, Record.zeros(Arm, n).data, np.zeros(n)
+        self._stage = Record.zeros(Arm, n)
         self._begin_stages = compiled_for(begin_stages, around, arm, arm)
         self._next_stage = compiled_for(next_stage, around, arm, arm, 0.0, 0.0)
         self._end_stages = compiled_for(end_stages, around, arm, arm, 0.0)
@@ -515,7 +515,7 @@ class Plant:
     @property
     def addresses(self) -> PlantAddresses:
         """Addresses of the kernels of this contact."""
-        arm = Record(Arm.zeros(self.model.nv))
+        arm = Record.zeros(Arm, self.model.nv)
         kernels = self._kernels_of_contact(arm.data, arm.views.q)
         names = PlantAddresses._fields
         return PlantAddresses._make(address_for(*kernels[name]) if name in kernels else 0 for name in names)
@@ -525,7 +525,8 @@ class Plant:
 
         Raises ValueError when the rigid surface cannot be reached from q.
         """
-        state = Record(Arm.zeros(len(q))._replace(q=q, q_dot=q_dot))
+        state = Record.zeros(Arm, len(q))
+        state.views.q[:], state.views.q_dot[:] = q, q_dot
         if self.kind.rigid:
             self._constrain(state, t)
         if self.kind.springs:

@@ -6,9 +6,18 @@ LAPACK through numpy costs 1 to 10 us a call at this size and memory for every r
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
-from kernels import inline, kernel
+from kernels import Elsewhere, inline
+
+# of arrays within records
+multiply: Any = Elsewhere("kernels.rows", "multiply")
+transposed_multiply: Any = Elsewhere("kernels.rows", "transposed_multiply")
+transposed_times: Any = Elsewhere("kernels.rows", "transposed_times")
+spectral_norm: Any = Elsewhere("kernels.rows", "spectral_norm")
+eliminate: Any = Elsewhere("kernels.rows", "eliminate")
 
 
 @inline
@@ -43,16 +52,6 @@ def times(A, x, out):
 
 
 @inline
-def transposed_times(A, x, out):
-    """out = A^T x, of as many entries of x as A has rows."""
-    for j in range(out.shape[0]):
-        total = 0.0
-        for i in range(A.shape[0]):
-            total += A[i, j] * x[i]
-        out[j] = total
-
-
-@inline
 def torque_of_wrench(J_v, J_w, wrench, out):
     """out = J_v^T f + J_w^T m of a wrench (f, m), (6,)."""
     for j in range(out.shape[0]):
@@ -72,28 +71,10 @@ def row_times(A, i, x):
 
 
 @inline
-def multiply(A, B, out):
-    """out = A B."""
-    for i in range(out.shape[0]):
-        for j in range(out.shape[1]):
-            total = 0.0
-            for k in range(B.shape[0]):
-                total += A[i, k] * B[k, j]
-            out[i, j] = total
-
-
-@inline
 def congruence(T, A, work, out):
-    """out = T^T A T for a symmetric A; work has its shape."""
+    """out = T^T A T, in records; work has the shape of A T."""
     multiply(A, T, work)
-    n = out.shape[0]
-    for i in range(n):
-        for j in range(i + 1):
-            total = 0.0
-            for k in range(n):
-                total += T[k, i] * work[k, j]
-            out[i, j] = total
-            out[j, i] = total
+    transposed_multiply(T, work, out)
 
 
 @inline
@@ -129,96 +110,57 @@ def norm_of_product(A, x):
     return np.sqrt(square)
 
 
-@kernel
-def spectral_norm(A, S, T):
-    """Upper bound of ||A||_2: its Schatten norm of order 64, at most k^(1/64) (3 % for 6 rows) too large.
-
-    A (k, l); S and T (k, k) are overwritten; T may be A.
-    """
-    rows = S.shape[0]
-    for i in range(rows):
-        for j in range(i + 1):
-            total = 0.0
-            for k in range(A.shape[1]):
-                total += A[i, k] * A[j, k]
-            S[i, j] = total
-    logarithm, power = 0.0, 0.5  # of the norm
-    for _ in range(5):
-        trace = 0.0
-        for i in range(rows):
-            trace += S[i, i]
-            for j in range(i):
-                S[j, i] = S[i, j]
-        if not trace > 0.0:
-            return np.sqrt(trace)
-        logarithm += power * np.log(trace)
-        power *= 0.5
-        scale = 1.0 / trace**2
-        for i in range(rows):
-            for j in range(i + 1):
-                total = 0.0
-                for k in range(rows):
-                    total += S[i, k] * S[k, j]
-                T[i, j] = total * scale
-        S, T = T, S
-    trace = 0.0
-    for i in range(rows):
-        trace += S[i, i]
-    return np.exp(logarithm + power * np.log(trace))
-
-
 @inline
 def invert(A, work, out):
-    """out = A^-1 by Gauss and Jordan with row pivots; work has its shape. Raises ValueError when A is singular."""
+    """out = A^-1 by Gauss and Jordan with row pivots, in records; work has its shape. Raises ValueError when A is
+    singular."""
     n = out.shape[0]
-    for i in range(n):
-        for j in range(n):
-            work[i, j] = A[i, j]
-            out[i, j] = 0.0
-        out[i, i] = 1.0
+    copy_matrix(A, out)
     for c in range(n):
         pivot = c
         for i in range(c + 1, n):
-            if abs(work[i, c]) > abs(work[pivot, c]):
+            if abs(out[i, c]) > abs(out[pivot, c]):
                 pivot = i
-        if work[pivot, c] == 0.0:
+        if out[pivot, c] == 0.0:
             raise ValueError("singular matrix")
+        work[0, c] = pivot
         if pivot != c:
             for j in range(n):
-                work[c, j], work[pivot, j] = work[pivot, j], work[c, j]
                 out[c, j], out[pivot, j] = out[pivot, j], out[c, j]
-        scale = 1.0 / work[c, c]
-        for j in range(n):
-            work[c, j] *= scale
-            out[c, j] *= scale
-        for i in range(n):
-            if i != c:
-                share = work[i, c]
-                for j in range(n):
-                    work[i, j] -= share * work[c, j]
-                    out[i, j] -= share * out[c, j]
+        eliminate(out, c)
+    for back in range(n):  # a row that was moved is a column of the inverse that is to be moved back
+        c = n - 1 - back
+        pivot = int(work[0, c])
+        if pivot != c:
+            for i in range(n):
+                out[i, c], out[i, pivot] = out[i, pivot], out[i, c]
 
 
 @inline
 def solve_spd(A, b, work, out):
-    """out = A^-1 b for a symmetric positive definite A, by Cholesky's factor, which stays in work."""
+    """out = A^-1 b for a symmetric positive definite A, by Cholesky's factor, which stays in work, with the inverse of
+    each number of its diagonal."""
     n = out.shape[0]
     for i in range(n):
-        for j in range(i + 1):
+        for j in range(i):
             total = A[i, j]
             for k in range(j):
                 total -= work[i, k] * work[j, k]
-            work[i, j] = np.sqrt(total) if i == j else total / work[j, j]
+            work[i, j] = total * work[j, j]
+        total = A[i, i]
+        for k in range(i):
+            total -= work[i, k] * work[i, k]
+        work[i, i] = 1.0 / np.sqrt(total)
     for i in range(n):
         total = b[i]
         for k in range(i):
             total -= work[i, k] * out[k]
-        out[i] = total / work[i, i]
+        out[i] = total * work[i, i]
     for i in range(n - 1, -1, -1):
         total = out[i]
         for k in range(i + 1, n):
             total -= work[k, i] * out[k]
-        out[i] = total / work[i, i]
+        out[i] = total * work[i, i]
 
 
 @inline

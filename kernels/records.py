@@ -26,6 +26,11 @@ class Record(Generic[T]):
         self.data = np.zeros(1, _dtype(_layout(value)))
         self.data[0] = value
 
+    @classmethod
+    def zeros(cls, kind: Any, n: int) -> Record[Any]:
+        """Record of `kind.zeros(n)`: a copy of one that is built once, which takes a hundredth of the time."""
+        return _zeros(kind, n).copy()
+
     @cached_property
     def views(self) -> T:
         """The named tuple, with arrays that are this memory; its numbers are those of the first call."""
@@ -57,6 +62,11 @@ class Record(Generic[T]):
         twin._template = self._template
         twin.data = self.data.view(np.uint8).copy().view(self.data.dtype)  # in one piece, not field by field
         return twin
+
+
+@cache
+def _zeros(kind: Any, n: int) -> Record[Any]:
+    return Record(kind.zeros(n))
 
 
 class Fields:

@@ -62,6 +62,12 @@ class Chain(NamedTuple):
         )
 
 
+def same_geometry(first: Chain, second: Chain) -> bool:
+    """Whether two arms have the same placements and Jacobians at the same q, to the last bit."""
+    names = ("axes", "slides", "rotations", "positions")
+    return all(np.array_equal(getattr(first, name), getattr(second, name)) for name in names)
+
+
 def _subspace(joint: pin.JointModel) -> np.ndarray:
     """Motion of a joint per unit of its rate, (6,), in its own frame; ValueError for a joint that turns and slides."""
     data = joint.createData()
@@ -162,6 +168,18 @@ def place(chain, q, motion):
         for a in range(3):
             J[a, i] = axis[a] if sliding else around[a]
             J[3 + a, i] = 0.0 if sliding else axis[a]
+
+
+@inline
+def take_place(other, motion):
+    """Copy R, p and J from the motion of another arm of the same geometry."""
+    for i in range(motion.p.shape[0]):
+        for a in range(3):
+            motion.p[i, a] = other.p[i, a]
+            for b in range(3):
+                motion.R[i, a, b] = other.R[i, a, b]
+        for a in range(6):
+            motion.J[i, a] = other.J[i, a]
 
 
 @inline

@@ -56,12 +56,12 @@ class Metrics(Struct, frozen=True):
 
 def measure(loop: ClosedLoop, realtime_factor: float | None = None, engine: Engine = "pinocchio") -> Metrics:
     """Metrics of everything recorded so far, by this engine. Raises ValueError for a run without a single step."""
-    record = loop.recording.signals(tuple(loop.recording.columns))
+    record = loop.recording.stretch()  # copies what is asked for only
     t = record["t"]
     if len(t) == 0:
         raise ValueError("metrics: nothing recorded yet")
     tail = tail_of(t)
-    last = {name: values[tail] for name, values in record.items()}
+    last = {name: record[name][tail] for name in ("t", "e_r", "tool", "F_cd", *MULTIPLIERS)}
     system, begun = loop.system, loop.recording.epochs[0]
     rigid = system.plant.kind.rigid
     tau = record["tau"]

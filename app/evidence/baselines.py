@@ -15,6 +15,7 @@ from app.process.markdown import Table
 from app.scenario.data import edited, from_plain, shipped, to_plain
 from app.scenario.declared_bounds import outside
 from app.scenario.schema import Scenario
+from app.session.headless_run import play
 from app.simulation.closed_loop import ClosedLoop
 from app.simulation.system import System, assemble
 
@@ -93,8 +94,7 @@ def uncertain(scenario: Scenario, seed: int) -> Scenario:
 
 def _run(scenario: Scenario, previous: System | None) -> tuple[Outcome, System]:
     loop = ClosedLoop(scenario, previous=previous)
-    for _ in range(round(scenario.simulation.duration / loop.period)):
-        loop.advance()
+    play(loop, round(scenario.simulation.duration / loop.period))
     figures = account(loop.system, loop.recording, SETTLED, loop.t)
     if figures is None:
         raise RuntimeError(f"{scenario.name}: {loop.stopped}")

@@ -13,6 +13,7 @@ from tqdm import tqdm
 
 from app.evidence.section import Job, Section
 from app.process import worker_pool
+from app.simulation.engines import Engine, in_force
 
 PICTURES = "evidence"  # folder beside evidence.md
 OPENING = """# Evidence
@@ -22,16 +23,19 @@ by hand. Made with Python {python}, pin {pin}, numpy {numpy}, numba {numba}.{sha
 """
 
 
-def make(sections: Sequence[Section], thin: int, out: Path, workers: int | None = None) -> Path:
+def make(
+    sections: Sequence[Section], thin: int, out: Path, workers: int | None = None, engine: Engine = "pinocchio"
+) -> Path:
     """Write evidence.md and its figures into the folder `out`, from one in `thin` of the cases; returns the page.
 
-    A section that cannot run here says on the page what it needs. Raises OSError.
+    engine: of all runs that it can take and that do not name one. A section that cannot run here says on the page what
+    it needs. Raises OSError.
     """
     pictures = out / PICTURES
     pictures.mkdir(parents=True, exist_ok=True)
     jobs = {section.name: section.jobs(thin) for section in sections if not section.missing()}
-    results = _run(jobs, workers or os.cpu_count() or 1)
-    texts = [_opening(out, thin)]
+    results = _run(jobs, workers or os.cpu_count() or 1, engine)
+    texts = [_opening(out, thin, engine)]
     for section in sections:
         if missing := section.missing():
             texts.append(f"{section.heading}\n\n*Not run here; it needs {', '.join(missing)}.*\n")
@@ -45,13 +49,13 @@ def make(sections: Sequence[Section], thin: int, out: Path, workers: int | None 
     return page
 
 
-def _run(jobs: Mapping[str, Sequence[Job]], workers: int) -> dict[str, list[Any]]:
+def _run(jobs: Mapping[str, Sequence[Job]], workers: int, engine: Engine) -> dict[str, list[Any]]:
     """Results by section, in the order of its jobs, in whatever order they end. Raises RuntimeError where the process
     of a job ends each time."""
     found: dict[str, dict[int, Any]] = {name: {} for name in jobs}
     tasks = [(name, number, job) for name, of in jobs.items() for number, job in enumerate(of)]
     with tqdm(total=len(tasks), unit=" jobs", desc="evidence") as bar:
-        for (name, number, job), result in worker_pool.results(_doer, (), tasks, workers):
+        for (name, number, job), result in worker_pool.results(_doer, (engine,), tasks, workers):
             if result is worker_pool.FALLEN:
                 raise RuntimeError(f"{name}: the process of {job.function.__name__}{job.arguments} ends each time")
             found[name][number] = result
@@ -59,14 +63,15 @@ def _run(jobs: Mapping[str, Sequence[Job]], workers: int) -> dict[str, list[Any]
     return {name: [of[number] for number in range(len(of))] for name, of in found.items()}
 
 
-def _doer() -> Callable[[tuple[str, int, Job]], Any]:
+def _doer(engine: Engine) -> Callable[[tuple[str, int, Job]], Any]:
+    in_force.set(engine)  # in this process, which has no other task
     return lambda task: task[2].function(*task[2].arguments)
 
 
-def _opening(out: Path, thin: int) -> str:
+def _opening(out: Path, thin: int, engine: Engine) -> str:
     return OPENING.format(
         out=out,
-        thin=f" --thin {thin}" if thin > 1 else "",
+        thin=(f" --thin {thin}" if thin > 1 else "") + (f" --engine {engine}" if engine != "pinocchio" else ""),
         share=f" **One in {thin} of the cases only.**" if thin > 1 else "",
         python=platform.python_version(),
         **{name: version(name) for name in ("pin", "numpy", "numba")},

@@ -12,6 +12,7 @@ import numpy as np
 from app.scenario.data import edited, from_plain
 from app.scenario.departures import Departure, Random
 from app.scenario.schema import Declared, Scenario, TruthSection
+from app.session.headless_run import play
 from app.simulation.closed_loop import ClosedLoop
 from app.simulation.environment_builder import contacts_of, truth_of
 from app.simulation.system import System, assemble
@@ -121,8 +122,7 @@ def run(system: System) -> ClosedLoop:
     scenario = system.scenario
     steps = max(1, round(scenario.simulation.duration / scenario.controller.period))
     loop = ClosedLoop.of(system, steps + 1)
-    for _ in range(steps):
-        loop.advance()
+    play(loop, steps)
     return loop
 
 

@@ -14,6 +14,7 @@ from app.evidence.section import Findings, Job, Section
 from app.process.markdown import Table
 from app.scenario.data import edited, shipped
 from app.scenario.schema import Scenario
+from app.session.headless_run import play
 from app.simulation.closed_loop import ClosedLoop
 from app.simulation.sampled_stability import sampled_loop
 from app.simulation.system import System
@@ -124,8 +125,7 @@ def _cell(scenario: Scenario, previous: System | None) -> tuple[Cell, System]:
     loop = ClosedLoop(edited(scenario, "simulation.substeps", substeps), previous=previous)
     growth = sampled_loop(loop.system, loop.system.robot.posture, 0.0).premises[Premise.SAMPLED_LOOP]
     layer_factor = loop.view().live["layer_loop_factor"]
-    while loop.t < DURATION and not loop.stopped:
-        loop.advance()
+    play(loop, round(DURATION / loop.period))
     known = None if loop.stopped else account(loop.system, loop.recording, SETTLED, loop.t)
     tau = loop.recording.signals(("tau", "tau_applied"), SETTLED)
     load = float((np.abs(tau["tau"]) / loop.system.robot.model.effortLimit).max()) if known else np.nan

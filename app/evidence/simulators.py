@@ -18,6 +18,7 @@ from app.process.markdown import Table
 from app.scenario.data import edited, shipped
 from app.scenario.schema import Scenario
 from app.session.changes import on_robot
+from app.session.headless_run import play
 from app.simulation.closed_loop import ClosedLoop
 from app.simulation.system import System, assemble
 from environments.contact import Contact
@@ -109,8 +110,12 @@ def run(scenario: Scenario, *, mujoco: bool) -> Mapping[str, np.ndarray]:
 
         system = replace(system, plant=MujocoPlant(system, scenario.simulation.substeps))
     loop = ClosedLoop.of(system)
-    for _ in range(round(scenario.simulation.duration / loop.period)):
-        loop.advance()
+    periods = round(scenario.simulation.duration / loop.period)
+    if mujoco:
+        for _ in range(periods):
+            loop.advance()
+    else:
+        play(loop, periods)
     if loop.stopped:
         raise RuntimeError(f"{scenario.name}: {loop.stopped}")
     return loop.recording.signals(tuple(loop.recording.columns))

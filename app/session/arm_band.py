@@ -137,9 +137,10 @@ def _yield_to_others() -> None:
 
 def _course(loop: ClosedLoop, stretch: Stretch) -> Course:
     CompiledRun(loop).advance(stretch.rows)
-    known = stretch.points[stretch.points < len(loop.recording)]
+    known = loop.recording.picked(stretch.points[stretch.points < len(loop.recording)])
     signals = {}
-    for name, values in loop.recording.signals(SIGNALS).items():
+    for name in SIGNALS:
+        values = known[name]
         signals[name] = np.full((len(stretch.points), *values.shape[1:]), np.nan)
-        signals[name][: len(known)] = values[known]
+        signals[name][: len(values)] = values
     return Course(signals, loop.stopped)

@@ -14,8 +14,8 @@ from app.process.atomic_write import write_whole
 from app.scenario.data import to_toml
 from app.scenario.schema import Scenario, ScenarioError
 from app.simulation.closed_loop import ClosedLoop
-from app.simulation.compiled_run import CompiledRun
-from app.simulation.engines import Engine
+from app.simulation.compiled_run import CompiledRun, obstacle
+from app.simulation.engines import Engine, in_force
 from app.simulation.search_memory import Memory
 from app.simulation.system import System
 from app.storage.recording_files import table, write_npz
@@ -26,19 +26,20 @@ BATCH = 500  # control periods between two movements of the bar
 def simulate(
     scenario: Scenario,
     *,
-    engine: Engine = "pinocchio",
+    engine: Engine | None = None,
     show_progress: bool = False,
     previous: System | None = None,
     memory: Memory | None = None,
 ) -> tuple[ClosedLoop, Metrics]:
     """Run of the whole duration of a scenario, or until it stops; equal parts of `previous` are used again, and the
-    results that `memory` has.
+    results that `memory` has. engine: None for the one in force, if it can take the scenario.
 
-    Raises ScenarioError, also where the engine cannot take the scenario.
+    Raises ScenarioError, also where the engine that is asked for cannot take the scenario.
     """
     steps = max(1, round(scenario.simulation.duration / scenario.controller.period))
     loop = ClosedLoop(scenario, steps + 1, previous, memory)
-    advance = partial(_by_steps, loop) if engine == "pinocchio" else _compiled(loop).advance
+    by = engine or engine_for(loop)
+    advance = partial(_by_steps, loop) if by == "pinocchio" else _compiled(loop).advance
     started = time.perf_counter()
     with tqdm(total=steps, unit=" steps", disable=not show_progress, desc=scenario.name) as bar:
         for begun in range(0, steps, BATCH):
@@ -47,7 +48,21 @@ def simulate(
             bar.update(periods)
             if loop.stopped:
                 break
-    return loop, measure(loop, loop.t / (time.perf_counter() - started), engine)
+    return loop, measure(loop, loop.t / (time.perf_counter() - started), by)
+
+
+def play(loop: ClosedLoop, periods: int) -> None:
+    """Compute so many control periods of a loop, or fewer where it stops, by the engine in force, if it can take
+    them."""
+    if engine_for(loop) == "compiled":
+        CompiledRun(loop).advance(periods)
+    else:
+        _by_steps(loop, periods)
+
+
+def engine_for(loop: ClosedLoop) -> Engine:
+    """The engine in force, or Pinocchio where that cannot take the loop."""
+    return in_force.get() if obstacle(loop) is None else "pinocchio"
 
 
 def _by_steps(loop: ClosedLoop, periods: int) -> None:

@@ -3,6 +3,7 @@ no file."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import msgspec
@@ -181,7 +182,7 @@ class Foresight:
     @property
     def batch(self) -> int:
         """Number of control periods that take about a millisecond."""
-        return 25 if self._run is None else 150
+        return 25 if self._run is None else 250
 
     def advance(self, steps: int) -> None:
         """Compute that many control periods, or up to the horizon."""
@@ -197,23 +198,21 @@ class Foresight:
         number, recording = self.question.number, self._loop.recording
         if not len(recording):
             return Refusal(number, f"nothing lies ahead: {self._loop.stopped or 'no control period is computed yet'}")
-        record = recording.signals(tuple(recording.columns))
-        points = self._points[self._points < len(recording)]
-        signals = {name: values[points] for name, values in record.items()}
+        signals = recording.picked(self._points[self._points < len(recording)])
         return Outlook(
             number,
             self.question.scenario,
             signals["t"] - self._start,
             signals,
             tuple(recording.epochs),
-            self._figures(record, signals),
+            self._figures(recording.stretch(), signals),
             whole=self.share >= 1.0,
             restarts=self._start != self.question.state.t,
             today=today,
             bandless=self.bandless if self.question.arms else "",
         )
 
-    def _figures(self, record: dict[str, np.ndarray], thinned: dict[str, np.ndarray]) -> Figures:
+    def _figures(self, record: Mapping[str, np.ndarray], thinned: dict[str, np.ndarray]) -> Figures:
         loop, system, t = self._loop, self._loop.system, record["t"]
         tail, robust = tail_of(t), system.controller.law.robust
         deviations = _path_error(system, thinned)

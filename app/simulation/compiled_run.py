@@ -38,7 +38,18 @@ from environments.readings_ahead import ReadingsAhead, known, read_force
 from kernels import Elsewhere, compiled_for, inline, without_lock
 from kernels.algebra import copy
 from kernels.records import Record
-from kernels.rigid_body import Chain, Motion, estimated_terms, inertia, place, resist, travel, weigh
+from kernels.rigid_body import (
+    Chain,
+    Motion,
+    estimated_terms,
+    inertia,
+    place,
+    resist,
+    same_geometry,
+    take_place,
+    travel,
+    weigh,
+)
 
 # kernels that stand below are called by their address: compiled for the step, they are not compiled once more
 ask: Any = Elsewhere("kernels.pointers", "ask")
@@ -51,7 +62,8 @@ BATCH = 4096  # periods whose readings are prepared together
 class Engine(NamedTuple):
     """Data of a compiled run.
     period_kernels, plant_kernels: to be called by their addresses.
-    known, true: the arm as the controller knows it, and as it is; seen, moved: their terms, with the memory for them.
+    known, true: the arm as the controller knows it, and as it is; seen, moved: their terms, with the memory for them;
+    alike: whether the two have the same geometry.
     period: s; substeps: of the plant in each; integrator: its place in `Integrator`.
     springs, massive, rigid: see `ContactKind`; ideal: see `ControlledArm`.
     carrier, turned: the link that carries the tool, counted from 0, and its transposed rotation.
@@ -75,6 +87,7 @@ class Engine(NamedTuple):
     true: Chain
     seen: Motion
     moved: Motion
+    alike: bool
     period: float
     substeps: int
     integrator: int
@@ -144,10 +157,14 @@ def _measure(engine, sensing, errors, line, k, around, arm, evaluation, t):
 
 
 @inline
-def _observe(engine, arm):
-    """Compute the terms of the arm as the controller knows it, as `NominalModel.update` does."""
+def _observe(engine, arm, placed):
+    """Compute the terms of the arm as the controller knows it, as `NominalModel.update` does. placed: whether the true
+    arm's placement is known at its present q."""
     chain, motion = engine.known, engine.seen
-    place(chain, arm[0].q, motion)
+    if placed and engine.alike:
+        take_place(engine.moved, motion)
+    else:
+        place(chain, arm[0].q, motion)
     travel(arm[0].q_dot, motion)
     weigh(chain, motion)
     estimated_terms(chain, motion)
@@ -288,12 +305,13 @@ def _run(
     period, and where the call ended. centres, stations: (k, n) rad, of Omega, (k,), the station of each."""
     data = engine[0]
     data.alarms, data.nearest = 0, -1
+    placed = False
     for k in range(rows.shape[0]):
         row = rows[k : k + 1]
         data.done = k
         if not data.moving:
             _measure(data, sensing, errors, line, data.read + k, around, arm, evaluation, t[k])
-            _observe(data, arm)
+            _observe(data, arm, placed)
             if data.ideal:
                 data.unsolved = not _solve_for_force(
                     data, setting, evaluation, whole, spare, around, arm, twin, t[k], row
@@ -308,6 +326,7 @@ def _run(
             if data.unsolved or data.nearest >= 0:
                 return
         _move(data, around, arm, twin, t[k])
+        placed = data.springs or data.rigid  # the tool was looked for where the arm is now
         data.alarms = ask_integer(data.period_kernels.complete, (setting, evaluation, arm, row))
         data.done, data.moving = k + 1, False
         if data.alarms != 0:
@@ -327,14 +346,16 @@ class CompiledRun:
         system, n = loop.system, loop.system.robot.n
         plant = system.plant
         self._loop, rows = loop, loop.recording.new_rows(1)
+        known, true = Chain.of(system.nominal.model), Chain.of(plant.model)
         self._engine = Record(
             Engine(
                 period_kernels=loop.addresses,
                 plant_kernels=plant.addresses,
-                known=Chain.of(system.nominal.model),
-                true=Chain.of(plant.model),
+                known=known,
+                true=true,
                 seen=Motion.zeros(n),
                 moved=Motion.zeros(n),
+                alike=same_geometry(known, true),
                 period=loop.period,
                 substeps=plant.substeps,
                 integrator=get_args(Integrator).index(system.scenario.simulation.integrator),

@@ -527,7 +527,7 @@ class Observer:
     def __init__(self, model: NominalModel, shapes: Shapes, layout: TaskLayout) -> None:
         self.observation_model = ObservationModel(model.constants, shapes, layout)
         self._model, self._record = model, Record(self.observation_model)
-        self._blank = Record(Observation.zeros(layout.n))
+        self._blank = Record.zeros(Observation, layout.n)
 
     @property
     def fingerprint(self) -> bytes:
@@ -550,7 +550,7 @@ class Planned:
 
     def __init__(self, plan: ReferencePlan) -> None:
         self._plan = Record(plan)
-        self._blank = Record(Reference.zeros(len(plan.start)))
+        self._blank = Record.zeros(Reference, len(plan.start))
 
     def at(self, t: float) -> Reference:
         """r_d and F_cd with their derivatives at time t (s)."""

@@ -61,7 +61,7 @@ class ControlledArm:
         self._applied, self.push = evaluation.views.applied, evaluation.views.push
         self.push_torque, self._pushed = np.zeros(system.robot.n), True
         self.settings = settings = Record(_setting_of(system, online=self.along is None))
-        self._scratch = row = Record(Row.zeros(system.layout.n)).data
+        self._scratch = row = Record.zeros(Row, system.layout.n).data
         self._settings, self._evaluation, self._arm_data = settings.data, evaluation.data, arm.data
         data = self._settings, self._evaluation
         self._law = None

@@ -167,6 +167,7 @@ def mobility_over(
     def find() -> Numbers:
         return tuple(MARGIN * value for value in largest(omega, looks, OTHERS))
 
-    known = (model.saveToString(), nominal.fingerprint, *(each.fingerprint for each in surfaces))
+    saved = nominal.saved if model is nominal.model else model.saveToString()
+    known = (saved, nominal.fingerprint, *(each.fingerprint for each in surfaces))
     key = key_of("mobility", *known, omega.centres, omega.radius, omega.span)
     return Mobility(*memory.recall(key, 3, find))

@@ -12,7 +12,7 @@ from app.scenario.schema import UnboundedGain
 from app.simulation.control_period import Alarm, Evaluation
 from app.simulation.controlled_arm import ControlledArm
 from app.simulation.recording import Epoch
-from app.simulation.sampled_stability import SampledLoop, sampled_loop
+from app.simulation.sampled_stability import SampledLoop, SampledLoops
 from app.simulation.state import Flag, Judged, State, blending, epoch_at
 from app.simulation.stations import APART
 from app.simulation.system import System
@@ -35,6 +35,7 @@ class PremiseWatch:
         self._table = state.evaluation.views.table
         self._known: dict[int, SampledLoop] = {}  # by station
         self._sampled: SampledLoop | None = None
+        self._loops = SampledLoops(system)
 
     def begin(self) -> None:
         """Begin an epoch: the theorem promises anew, from the present s."""
@@ -118,7 +119,9 @@ class PremiseWatch:
     def _loop_at(self, judged: Judged) -> SampledLoop:
         if judged.station in self._known and not blending(self.system.blend, self._state.t, self._h):
             return self._known[judged.station]
-        loop = sampled_loop(self.system, judged.q, judged.t)
+        if self._loops.system is not self.system:
+            self._loops = SampledLoops(self.system)
+        loop = self._loops.at(judged.q, judged.t)
         if judged.station is not None:
             self._known[judged.station] = loop
         return loop

@@ -104,7 +104,7 @@ class Recording:
         self.columns = columns_of(n)
         self.width = max(where.stop for where in self.columns.values())
         self.history, self._most = history, history // BLOCK + 2
-        self._dtype = Record(Row.zeros(n)).data.dtype
+        self._dtype = Record.zeros(Row, n).data.dtype
         self._blocks: deque[_Block] = deque()
         self._thinned: deque[np.ndarray] = deque(maxlen=self._most)
         self.epochs: deque[Epoch] = deque(maxlen=EPOCHS)
@@ -189,6 +189,19 @@ class Recording:
         """Named signals of a stretch of time: (N,) for single columns, (N, width) for the others."""
         stretch = self.stretch(t_from, t_to)
         return {name: stretch[name] for name in names}
+
+    def picked(self, numbers: np.ndarray) -> dict[str, np.ndarray]:
+        """Every signal of the rows with these numbers (k,), which rise, counted from the oldest row that is kept."""
+        parts, begin = [np.empty((0, self.width))], 0
+        for piece in self.pieces():
+            here = numbers[(numbers >= begin) & (numbers < begin + len(piece))]
+            parts.append(piece[here - begin])
+            begin += len(piece)
+        rows = np.concatenate(parts)
+        return {
+            name: rows[:, where.start] if where.stop - where.start == 1 else rows[:, where]
+            for name, where in self.columns.items()
+        }
 
     def at(self, t: float) -> dict[str, np.ndarray]:
         """Every signal of the last row not after t. Raises ValueError when nothing is recorded there."""

@@ -15,7 +15,6 @@ from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
-from scipy.linalg import block_diag
 from scipy.optimize import linear_sum_assignment
 
 from app.simulation.controlled_arm import ControlledArm
@@ -31,6 +30,7 @@ from controllers.switching import Switching
 from controllers.target_model import TargetModel
 from controllers.task_space import TaskSpace
 from environments.push import TimedPush
+from environments.sensors import ForceReader
 from environments.step_resolution import ROUNDING
 from kernels.records import Record
 
@@ -124,41 +124,65 @@ def oscillations(loop: SampledLoop) -> list[Oscillation]:
     ]
 
 
+class SampledLoops:
+    """The sampled loops of a system at its postures; what they have in common is built once."""
+
+    def __init__(self, system: System) -> None:
+        self.system = system
+        self._maps: dict[bool, PeriodMap] = {}  # by whether the arm touches
+
+    def at(self, q: np.ndarray, t: float) -> SampledLoop:
+        """The sampled loop in contact, if the scenario has a contact, otherwise in free motion, at the posture q (n,)
+        rad at time t (s)."""
+        system = self.system
+        try:
+            at = Posture.of(system, q, t)
+            factor, (given_back, added) = force_factor(system, at), gain_by_force(system, at)
+            model, sampled, growth, response = NO_POLES, NO_POLES, math.nan, None
+            if _judged(system):
+                around_rest = self._map(at, touching=True)
+                A = around_rest.jacobian()
+                model, sampled, growth = _poles(system, at, A)
+                if not system.mode.on_surface and system.plant.kind.touches:  # where the arm may leave the surface
+                    growth = max(growth, _growth(self._map(at, touching=False).jacobian()))
+                response = _push_response(system, at, A, around_rest.by_push())
+        except (ValueError, np.linalg.LinAlgError):  # J_q is singular: `Premise.REGULAR` says so
+            return SampledLoop(NO_POLES, NO_POLES, math.nan, {})
+        premises = {
+            Premise.FORCE_LOOP: abs(factor) + added,
+            Premise.GAIN_BY_FORCE: given_back,
+            Premise.SAMPLED_LOOP: growth - ROUNDING,
+        }
+        return SampledLoop(model, sampled, factor, premises, response)
+
+    def _map(self, at: Posture, *, touching: bool) -> PeriodMap:
+        known = self._maps.get(touching)
+        if known is None:
+            known = self._maps[touching] = PeriodMap(self.system, at, touching=touching)
+        else:
+            known.rest_at(at)
+        return known
+
+
 def sampled_loop(system: System, q: np.ndarray, t: float) -> SampledLoop:
-    """The sampled loop in contact, if the scenario has a contact, otherwise in free motion, at the posture q (n,) rad
-    at time t (s)."""
-    try:
-        at = Posture.of(system, q, t)
-        factor, (given_back, added) = force_factor(system, at), gain_by_force(system, at)
-        model, sampled, growth, response = NO_POLES, NO_POLES, math.nan, None
-        if _judged(system):
-            around_rest = PeriodMap(system, at)
-            A = around_rest.jacobian()
-            model, sampled, growth = _poles(system, at, A)
-            response = _push_response(system, at, A, around_rest.by_push())
-    except (ValueError, np.linalg.LinAlgError):  # J_q is singular: `Premise.REGULAR` says so
-        return SampledLoop(NO_POLES, NO_POLES, math.nan, {})
-    premises = {
-        Premise.FORCE_LOOP: abs(factor) + added,
-        Premise.GAIN_BY_FORCE: given_back,
-        Premise.SAMPLED_LOOP: growth - ROUNDING,
-    }
-    return SampledLoop(model, sampled, factor, premises, response)
+    """The sampled loop of a system at one posture, see `SampledLoops.at`."""
+    return SampledLoops(system).at(q, t)
+
+
+def _growth(A: np.ndarray) -> float:
+    """Growth of a deviation per control period, from its Jacobian A (k, k)."""
+    return float(np.abs(np.linalg.eigvals(A)).max())
 
 
 def _poles(system: System, at: Posture, A: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
     """Poles of the model, those of the sampled loop with the Jacobian A (k, k) of its period, and the growth of a
-    deviation per control period, in contact and, where the arm may leave the surface, off it."""
+    deviation per control period."""
     values = np.linalg.eigvals(A).astype(complex)
-    growth = float(np.abs(values).max())
-    if not system.mode.on_surface and system.plant.kind.touches:
-        off = np.linalg.eigvals(period_matrix(system, at, touching=False))
-        growth = max(growth, float(np.abs(off).max()))
     moving = values[np.abs(values) > NOISE]  # a delayed reading has no pole of its own
     poles, model = np.log(moving) / system.scenario.controller.period, model_poles(system, at)
     apart = np.abs(model[:, None] - poles[None, :]) / np.maximum(np.abs(model), 1e-6)[:, None]
     rows, columns = linear_sum_assignment(apart)
-    return model[rows], poles[columns], growth
+    return model[rows], poles[columns], float(np.abs(values).max())
 
 
 def _judged(system: System) -> bool:
@@ -180,50 +204,66 @@ class PeriodMap:
 
     Deviations x: of the arm along the directions in which it can move and of their rates, in task coordinates, m and
     m/s; of z (m/s) under a law that has it, and of a law's own state; of the next readings of the force sensor, N: the
-    load
-    of a heavy contact from the period before, and the delayed readings.
+    load of a heavy contact from the period before, and the delayed readings.
     """
 
     def __init__(self, system: System, at: Posture, *, touching: bool = True) -> None:
-        controller, task, basis = system.controller, at.task, _free_directions(system, at)
-        self._out, self._in = task.J_q_inv @ basis, basis.T @ task.J_q
-        self._plant = system.plant.smooth(touching=touching)
-        q_dot = -task.J_q_inv @ task.v_t
-        met = self._plant.start(at.q, q_dot, at.t).read().load.multiplier
-        felt = at.across @ met[: len(system.surfaces)]
-        e_Fc = np.zeros(system.layout.n) if system.m else controller.controlled * felt
-        model = controller.model
-        r_d = task.r + np.linalg.pinv(model.K_m) @ model.K_f @ e_Fc  # where (8) rests under this force
         self._push = np.full(3, FORCE_STEP)  # of no push at all the arm would not look for one
-        still = replace(
+        self._still = still = replace(
             system,
-            plant=self._plant,
-            plan=system.plan.held(r_d, met),
+            plant=system.plant.smooth(touching=touching),
             sensor=system.sensor.steady(),
-            push=TimedPush(self._push, at.t, math.inf),
+            push=TimedPush(self._push, 0.0, math.inf),
             blend=None,
         )
-        self._state = state = State.at(still, at.q, q_dot, at.t)
-        self._arm, self._row = ControlledArm(still, state), Record(Row.zeros(system.layout.n)).data
+        self._state = state = State.at(still, at.q, np.zeros_like(at.q), at.t)
+        self._arm, self._row = ControlledArm(still, state), Record.zeros(Row, system.layout.n).data
         self._push[:] = 0.0
-        _, _, e_r, e_r_dot = observed(still, at.t, state.arm)
-        state.evaluation.views.z[:] = controller.compensator.without_reaching(e_r, e_r_dot)
-        while not state.reader.full:
-            state.reader.read(state.arm.views.load.wrench)
+        self._blank, controller = state.evaluation.copy().data, system.controller
         self._parts = [state.arm.views.q, state.arm.views.q_dot]
-        steps, speed = [], STEP * (controller.layer if controller.layer > 0.0 else 1.0)
         if controller.law.robust:
             self._parts.append(state.evaluation.views.z)
-            steps += [speed] * system.layout.n
         if len(state.x):
             self._parts.append(state.x)
-            steps += [speed] * len(state.x)
+        self._speeds = sum(len(part) for part in self._parts[2:])
         if still.plant.kind.heavy and not system.scenario.sensor.ideal:
             self._parts.append(state.arm.views.load.wrench[:3])
-            steps += [FORCE_STEP] * 3
-        self._base, k = self._vector(), basis.shape[1]
-        steps += [FORCE_STEP] * self._memory.size
-        self._steps = np.array([0.1 * speed] * k + [speed] * k + steps)
+        self.rest_at(at)
+
+    def rest_at(self, at: Posture) -> None:
+        """Take the deviations from rest at another posture from now on."""
+        system, state, controller, n = self._still, self._state, self._still.controller, len(at.q)
+        task, basis = at.task, _free_directions(system, at)
+        q_dot = -task.J_q_inv @ task.v_t
+        state.arm.data[:] = system.plant.start(at.q, q_dot, at.t).data
+        met = state.arm.read().load.multiplier.copy()
+        felt = at.across @ met[: len(system.surfaces)]
+        e_Fc = np.zeros(n) if system.m else controller.controlled * felt
+        model = controller.model
+        r_d = task.r + np.linalg.pinv(model.K_m) @ model.K_f @ e_Fc  # where (8) rests under this force
+        still = replace(system, plan=system.plan.held(r_d, met))
+        self._arm.settings.write("plan", still.plan)
+        state.t, state.evaluation.data[:], state.x[:] = at.t, self._blank, 0.0
+        _, _, e_r, e_r_dot = observed(still, at.t, state.arm)
+        state.evaluation.views.z[:] = controller.compensator.without_reaching(e_r, e_r_dot)
+        state.reader = ForceReader(system.sensor, system.scenario.simulation.seed)
+        while not state.reader.full:
+            state.reader.read(state.arm.views.load.wrench)
+        self._base = self._vector()
+        self._prepare_deviations(task.J_q_inv @ basis, basis.T @ task.J_q)
+
+    def _prepare_deviations(self, spread: np.ndarray, gather: np.ndarray) -> None:
+        """Prepare the deviations (k, N) of the state by a step of each, and the matrix (k, N) back to them, of which
+        the arm's are `spread` (n, f) and `gather` (f, n)."""
+        (n, f), rest = spread.shape, len(self._base) - 2 * spread.shape[0]
+        count, layer = 2 * f + rest, self._still.controller.layer
+        speed = STEP * (layer if layer > 0.0 else 1.0)
+        self._steps = np.full(count, FORCE_STEP)
+        self._steps[:f], self._steps[f : 2 * f + self._speeds] = 0.1 * speed, speed
+        self._ways, self._gather = np.zeros((count, 2 * n + rest)), np.zeros((count, 2 * n + rest))
+        self._ways[:f, :n] = self._ways[f : 2 * f, n : 2 * n] = spread.T
+        self._gather[:f, :n] = self._gather[f : 2 * f, n : 2 * n] = gather
+        self._ways[2 * f :, 2 * n :] = self._gather[2 * f :, 2 * n :] = np.eye(rest)
 
     def _vector(self) -> np.ndarray:
         """q, q_dot and the rest of the state that the next period depends on."""
@@ -241,7 +281,7 @@ class PeriodMap:
             part[:], vector = vector[: len(part)], vector[len(part) :]
         readings = vector.reshape(-1, 3)
         state.reader.recall(np.hstack([readings, np.zeros_like(readings)]))
-        self._plant.find_load(state.arm, state.t)
+        self._still.plant.find_load(state.arm, state.t)
         arm.control(arm.measure(), self._row)
         arm.move()
         arm.complete(self._row)
@@ -249,20 +289,19 @@ class PeriodMap:
 
     def jacobian(self) -> np.ndarray:
         """Jacobian (k, k) of the period, by central differences."""
-        spread, gather = _block(self._out, len(self._base)), _block(self._in.T, len(self._base)).T
-        columns = []
-        for way, step in zip(spread.T, self._steps, strict=True):
-            ahead, behind = (self._after(self._base + sign * step * way) for sign in (1.0, -1.0))
-            columns.append(gather @ (ahead - behind) / (2.0 * step))
-        return np.column_stack(columns)
+        changes = []
+        for way, step in zip(self._ways, self._steps, strict=True):
+            change = step * way
+            changes.append((self._after(self._base + change) - self._after(self._base - change)) / (2.0 * step))
+        return self._gather @ np.column_stack(changes)
 
     def by_push(self) -> np.ndarray:
         """Change (k, 3) of the state after the period per N of a push along the world's axes."""
-        gather, columns = _block(self._in.T, len(self._base)).T, []
+        changes = []
         for axis in range(3):
             ahead, behind = (self._pushed(axis, sign * FORCE_STEP) for sign in (1.0, -1.0))
-            columns.append(gather @ (ahead - behind) / (2.0 * FORCE_STEP))
-        return np.column_stack(columns)
+            changes.append((ahead - behind) / (2.0 * FORCE_STEP))
+        return self._gather @ np.column_stack(changes)
 
     def _pushed(self, axis: int, newtons: float) -> np.ndarray:
         """The state after a period at rest with a push."""
@@ -270,12 +309,6 @@ class PeriodMap:
         after = self._after(self._base)
         self._push[axis] = 0.0
         return after
-
-
-def _block(directions: np.ndarray, length: int) -> np.ndarray:
-    """Matrix from deviations to vectors of this length: by `directions` (n, k) for the arm and for its rate, the rest
-    unchanged."""
-    return np.asarray(block_diag(directions, directions, np.eye(length - 2 * len(directions))))
 
 
 def model_poles(system: System, at: Posture) -> np.ndarray:

@@ -76,7 +76,7 @@ class State:
     def at(cls, system: System, q: np.ndarray, q_dot: np.ndarray, t: float) -> State:
         """State of a run that begins at t (s) with the arm at q (n,) rad, q_dot (n,) rad/s; on a rigid surface the arm
         is brought there. Raises ValueError when the rigid surface cannot be reached from q."""
-        arm, evaluation = system.plant.start(q, q_dot, t), Record(Evaluation.zeros(system.layout.n))
+        arm, evaluation = system.plant.start(q, q_dot, t), Record.zeros(Evaluation, system.layout.n)
         evaluation.views.z[:] = system.z_0
         return cls(
             scenario=system.scenario,

@@ -19,7 +19,6 @@ from controllers.reference_estimates import FeedforwardModel
 from controllers.switching import Switching, layer_width
 from controllers.target_model import InvalidGain, TargetModel
 from environments.robots import CATALOGUE
-from kernels.algebra import spectral_norm
 from tests.support.arms import unit_vector
 from tests.support.cases import scenario_of, surfaces_for
 
@@ -191,16 +190,6 @@ def test_switching_functions(kind: Switching) -> None:
     outside = unit_vector(np.array([width * (1 + 1e-9) + 1e-15, 0.0]), int(kind), layer)[0]
     assert d * outside >= d - (1.0 - kind.kept) * epsilon - 1e-6
     assert np.array_equal(unit_vector(np.zeros(3), int(kind), layer), np.zeros(3))
-
-
-def test_spectral_norm_is_from_above_and_close() -> None:
-    random = np.random.default_rng(2)
-    for shape in ((2, 2), (3, 6), (6, 6), (7, 7)):
-        for _ in range(50):
-            A = random.standard_normal(shape) * 10 ** random.uniform(-3, 3)
-            S, T = (np.full((shape[0], shape[0]), np.nan) for _ in range(2))
-            assert 1.0 - 1e-12 <= spectral_norm(A, S, T) / np.linalg.norm(A, 2) <= min(shape) ** (1 / 64) + 1e-12
-    assert spectral_norm(*(np.zeros((3, 3)) for _ in range(3))) == 0.0
 
 
 @pytest.mark.parametrize(

@@ -9,6 +9,7 @@ import time
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import get_args
 
 import numpy as np
 import pytest
@@ -20,7 +21,10 @@ from app.evidence.section import Findings, Job, Section
 from app.evidence.sections import SECTIONS
 from app.export.figures import Chart, Curve
 from app.process.markdown import Table
+from app.scenario.data import edited, load
 from app.scenario.schema import ScenarioError
+from app.session.headless_run import simulate
+from app.simulation.engines import Engine
 
 pytestmark = pytest.mark.slow  # processes of its own
 
@@ -42,6 +46,24 @@ def test_numbers_tables_and_figures_are_on_the_page(tmp_path: Path) -> None:
     assert "](evidence/convergence-orders.svg)" in page
     assert page.count("| 0.97 |") == 3
     assert page.count("0.98 to 1.02") == 2
+
+
+def engine_of_a_run(scenario: str) -> str:
+    return simulate(edited(load(scenario), "simulation.duration", 0.01))[1].engine
+
+
+@pytest.mark.parametrize("engine", get_args(Engine))
+def test_runs_are_played_by_the_engine_that_is_asked_for(tmp_path: Path, engine: Engine) -> None:
+    found: list[object] = []
+
+    def conclude(results: Sequence[object]) -> Findings:
+        found.extend(results)
+        return Findings(dict.fromkeys(("plant", "loop", "band", "loop_slopes", "band_slopes"), ""), {}, {"orders": b""})
+
+    section = Section("convergence", lambda _: [Job(engine_of_a_run, ("ur5-hybrid",))], conclude)
+    page = make([section], 1, tmp_path, workers=1, engine=engine).read_text(encoding="utf-8")
+    assert found == [engine]
+    assert (f"--engine {engine}" in page) == (engine != "pinocchio")
 
 
 def test_what_a_section_lacks_is_said(tmp_path: Path) -> None:

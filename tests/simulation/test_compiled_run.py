@@ -13,14 +13,11 @@ from app.session.changes import blending_to
 from app.simulation.closed_loop import ClosedLoop
 from app.simulation.compiled_run import CompiledRun, obstacle
 from app.simulation.warm_up import SILENT
-from controllers.switching import Switching
 from environments import sensors
 from environments.push import Grip
+from tests.support.same_rows import require_same_rows
 
 PERIODS, MANY = (70, 20, 60), (700, 300, 7000)  # compiled, by steps, and compiled again
-PRECISION = 5e-11  # of the largest number of each signal: contact, friction and feedback amplify the terms' rounding
-# the discontinuous law divides by ||s||; where s is 0 it makes jumps of rounding, so this run ends while s is not
-PRECISION_OF_SUDDEN = 1e-8
 TWIST = {"truth.push_moment": [1.0, -2.0, 1.5]}
 PUSH = {"truth.push": [0.0, 30.0, 5.0], "truth.push_start": 0.03, "truth.push_duration": 0.02, "truth.push_every": 0.05}
 SENSOR = {"sensor.noise": 0.5, "sensor.bias": [1.0, 2.0, 3.0], "sensor.delay": 0.003, "sensor.cutoff": 100.0}
@@ -89,20 +86,6 @@ def loops(scenario: Scenario, periods: tuple[int, int, int]) -> tuple[ClosedLoop
         compiled.advance()
     run.advance(last)
     return stepped, compiled
-
-
-def require_same_rows(stepped: ClosedLoop, compiled: ClosedLoop) -> None:
-    """Fail unless the two have stopped alike, and all their signals are the same to the precision."""
-    assert (compiled.state.steps, compiled.t, compiled.stopped) == (stepped.state.steps, stepped.t, stepped.stopped)
-    assert compiled.warning == stepped.warning
-    assert compiled.state.judged.station == stepped.state.judged.station
-    assert [epoch.t for epoch in compiled.recording.epochs] == [epoch.t for epoch in stepped.recording.epochs]
-    expected, found = stepped.recording.stretch(), compiled.recording.stretch()
-    sudden = stepped.system.controller.switching is Switching.DISCONTINUOUS
-    precision = PRECISION_OF_SUDDEN if sudden else PRECISION
-    for signal in expected:
-        within = precision * np.nanmax(np.abs(expected[signal]), initial=1e-3)
-        np.testing.assert_allclose(found[signal], expected[signal], rtol=0.0, atol=within, err_msg=signal)
 
 
 @pytest.mark.parametrize("name", scenarios())

@@ -133,7 +133,7 @@ def test_an_edit_that_fails_half_way_leaves_the_loop_as_it_was(monkeypatch: pyte
         loop.step()
         twin.step()
     with monkeypatch.context() as patched:
-        patched.setattr(premise_watch, "sampled_loop", boom)
+        patched.setattr(premise_watch.SampledLoops, "at", boom)
         with pytest.raises(KeyError):
             loop.edit(edited(load("ur5-hybrid"), "force.value", 30.0))
     for _ in range(50):

@@ -44,6 +44,16 @@ def test_a_stretch_has_its_rows_and_copies_a_signal_when_it_is_asked_for() -> No
     assert len(recording.stretch(9e9)["e_r"]) == 0
 
 
+def test_picked_rows_are_those_of_their_numbers_in_every_signal() -> None:
+    recording = filled(2 * BLOCK + 5, history=10 * BLOCK)
+    numbers = np.array([0, BLOCK - 1, BLOCK, 2 * BLOCK + 4])  # at the edges of blocks
+    picked, whole = recording.picked(numbers), recording.stretch()
+    assert list(picked) == list(whole)
+    for name, values in picked.items():
+        np.testing.assert_array_equal(values, whole[name][numbers])
+    assert [len(values) for values in recording.picked(numbers[:0]).values()] == [0] * len(whole)
+
+
 def test_reader_never_sees_an_incomplete_row() -> None:
     recording = Recording(2, history=4 * BLOCK)
     done = threading.Event()
