@@ -22,7 +22,7 @@ pytestmark = pytest.mark.slow  # long or many simulations
 
 STEPS = 60
 # of the compiled run, where a signal does not come from rest and is no small difference of large numbers
-PRECISE = dict.fromkeys(("q", "tool", "tau", "tau_applied", "d", "d_required"), 1e-12)
+PRECISE: dict[str, float] = dict.fromkeys(("q", "tool", "tau", "tau_applied", "d", "d_required"), 1e-12)
 
 
 def cases() -> list[tuple[str, str, str, str]]:
