@@ -8,6 +8,7 @@ from __future__ import annotations
 import contextlib
 import math
 import time
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -23,6 +24,7 @@ from app.dashboard.widgets.whatif import HORIZON, Held, WhatIf
 from app.process.markdown import Table
 from app.scenario.data import load
 from app.session.commands import Edit
+from app.session.preview import Outlook
 from app.session.preview_client import Previewer
 from app.session.runner import Runner
 from benchmarks.effort import Effort
@@ -31,6 +33,8 @@ SCENARIOS = ("ur5-hybrid", "panda-hybrid", "ur5-constrained")
 CLIENT = 1
 MOVEMENT = 0.05  # s between two movements of the slider: the browser sends no faster
 LOOK = 0.001  # s between two looks at how far the loop is
+FEW, MANY = 16, 64  # true arms behind a preview
+RESTS = 5.0  # s for the band of the many
 
 
 class Pace(NamedTuple):
@@ -58,6 +62,30 @@ class PreviewFigures(NamedTuple):
     dragging: Pace
 
 
+class BandFigures(NamedTuple):
+    """Figures of previews with true arms behind them.
+    redraws: per second while the slider moves, and of these banded: with a band of all arms that were asked for.
+    reach: median s ahead that these bands have.
+    rested: s from the last movement to the band of `MANY` arms over the whole horizon."""
+
+    redraws: float
+    banded: float
+    reach: float
+    rested: float
+
+
+class Drawn(NamedTuple):
+    """A preview that was drawn.
+    t: s after the begin. span: s ahead. arms: true arms behind it; all: whether these are all that were asked for.
+    band: s ahead that they have."""
+
+    t: float
+    span: float
+    arms: int
+    all: bool
+    band: float
+
+
 @dataclass
 class _Page:
     """Work of the dashboard for a page, frame by frame, while the loop runs on."""
@@ -67,8 +95,8 @@ class _Page:
     plots: Plots
     viewing: Viewing
 
-    def watch(self, seconds: float, *, drag: bool) -> tuple[Pace, list[tuple[float, float]]]:
-        """Draw for that long; returns the pace, and of every preview drawn the time (s) and its span ahead (s)."""
+    def watch(self, seconds: float, *, drag: bool) -> tuple[Pace, list[Drawn]]:
+        """Draw for that long; returns the pace, and every preview that was drawn."""
         recording, period = self.runner.snapshot.recording, self.runner.snapshot.scenario.controller.period
         began = time.perf_counter()
         moved = framed = refreshed = -math.inf
@@ -89,11 +117,18 @@ class _Page:
                     shown = Shown(snapshot.t, self.viewing.window, outlook=outlook, horizon=horizon)
                     self.plots.show(snapshot, shown, ("Overview",))
                 if foreseen and self.whatif.outlook is not None:
-                    previews.append((now, self.whatif.outlook.figures.span))
+                    previews.append(_drawn(now, self.whatif.outlook))
             time.sleep(LOOK)
         late = 1e3 * (np.array(ages) - min(ages))
         rate = 1.0 - float(np.mean(ages[-20:]) - np.mean(ages[:20])) / seconds
         return Pace(rate, float(np.median(late)), float(np.quantile(late, 0.99)), float(late.max())), previews
+
+
+def _drawn(t: float, outlook: Outlook) -> Drawn:
+    band = outlook.band
+    if band is None:
+        return Drawn(t, outlook.figures.span, 0, False, 0.0)
+    return Drawn(t, outlook.figures.span, band.arms, band.arms == band.asked, float(band.ahead[-1]))
 
 
 def measure(effort: Effort) -> Table:
@@ -109,35 +144,67 @@ def measure(effort: Effort) -> Table:
     for title, name in (("median", "late_median"), ("p99", "late_p99"), ("max", "late_worst")):
         pairs = (f"{getattr(f.alone, name):.2f} / {getattr(f.dragging, name):.2f}" for f in figures)
         rows.append((f"lateness {title}, alone / dragging, ms", *pairs))
+    bands = [banded(scenario, effort.drag) for scenario in SCENARIOS]
+    rows += [
+        (f"with {FEW} true arms behind it: redraws per s", *(f"{b.redraws:.1f}" for b in bands)),
+        (f"of these with the band of all {FEW}, per s", *(f"{b.banded:.1f}" for b in bands)),
+        ("median reach of that band, s", *(f"{b.reach:.1f}" for b in bands)),
+        (f"band of {MANY} arms after the last movement, s", *(f"{b.rested:.2f}" for b in bands)),
+    ]
     return Table(("a slider is dragged", *SCENARIOS), rows)
+
+
+def banded(scenario: str, seconds: float) -> BandFigures:
+    """Drag with few true arms behind the preview, then rest with many; no other process is watched."""
+    with _page(scenario) as page:
+        page.whatif.arms = FEW
+        page.watch(1.0, drag=True)  # the arms are built
+        _, drawn = page.watch(seconds, drag=True)
+        page.whatif.arms = MANY
+        page.watch(1.0, drag=True)
+        _, still = page.watch(RESTS, drag=False)
+        whole = [each for each in drawn if each.all]
+        return BandFigures(
+            redraws=len(drawn) / seconds,
+            banded=len(whole) / seconds,
+            reach=float(np.median([each.band for each in whole])) if whole else 0.0,
+            rested=next((each.t for each in still if each.all and each.arms == MANY), math.inf),
+        )
 
 
 def dragged(scenario: str, seconds: float, horizon: float = HORIZON) -> PreviewFigures:
     """Run the scenario, watch it alone, then drag the desired force; both for so many seconds."""
+    with _page(scenario) as page:
+        page.whatif.horizon, page.whatif.arms = horizon, 0
+        alone, _ = page.watch(seconds, drag=False)
+        dragging, drawn = page.watch(seconds, drag=True)
+        _, still = page.watch(2.0, drag=False)
+        times = [each.t for each in drawn]
+        return PreviewFigures(
+            first=times[0],
+            redraws=(len(times) - 1) / (times[-1] - times[0]),
+            reach=float(np.median([each.span for each in drawn])),
+            settled=next((each.t for each in still if each.span >= horizon - 1e-6), math.inf),
+            alone=alone,
+            dragging=dragging,
+        )
+
+
+@contextlib.contextmanager
+def _page(scenario: str) -> Iterator[_Page]:
+    """Page of a running scenario whose preview process is warm."""
     server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
     runner, previewer = Runner(load(scenario)), Previewer()
     viewing = Viewing()
     page = _Page(
         runner, WhatIf(previewer), Plots(server.gui, VisibleTabs(), viewing, contextlib.nullcontext()), viewing
     )
-    page.whatif.horizon = horizon
     try:
         runner.start()
         page.watch(1.0, drag=False)
         while not previewer.idle:
             time.sleep(0.05)
-        alone, _ = page.watch(seconds, drag=False)
-        dragging, drawn = page.watch(seconds, drag=True)
-        _, still = page.watch(2.0, drag=False)
-        times = [t for t, _ in drawn]
-        return PreviewFigures(
-            first=times[0],
-            redraws=(len(times) - 1) / (times[-1] - times[0]),
-            reach=float(np.median([span for _, span in drawn])),
-            settled=next((t for t, span in still if span >= horizon - 1e-6), math.inf),
-            alone=alone,
-            dragging=dragging,
-        )
+        yield page
     finally:
         previewer.close()
         runner.close()

@@ -239,13 +239,11 @@ def compare(page: Page, runner: Runner, album: Album) -> None:
 
 def robustness_map(page: Page, album: Album) -> None:
     """A map over stiffness and true masses, computed beside the loop."""
-    page.get_by_role("tab", name="Runs", exact=True).click()
-    page.get_by_text("Robustness map").click()
+    page.get_by_role("tab", name="Robustness", exact=True).click()
     page.get_by_role("button", name="Compute the map").click()
     page.get_by_text("81 of 81 runs").wait_for(timeout=240e3)
     page.locator(".vs-tiles").scroll_into_view_if_needed()
     shoot(page, album, "robustness-map", "The robustness map: a figure for many settings, a tile opens its run")
-    page.get_by_text("Robustness map").click()
     page.get_by_role("tab", name="Task", exact=True).click()
 
 

@@ -11,12 +11,14 @@ from app.access.classroom import ClassQuestion, Given
 
 class Prepare(msgspec.Struct, frozen=True, tag=True):
     """Message to the process, the first: set up a dashboard that is reachable with this key, and compile this scenario
-    (TOML)."""
+    (TOML).
+    shared: whether the machine is shared with other sessions of the server."""
 
     scenario: str
     theme: str
     fps: float
     key: str
+    shared: bool = False
 
 
 class Kept(msgspec.Struct, frozen=True):

@@ -14,6 +14,7 @@ from app.access.admission import Names, PortTaken, Tokens
 from app.access.rate_limits import NARROW
 from app.dashboard.frame_rate import FPS, check_fps
 from app.dashboard.panels import PANELS, Panel
+from app.dashboard.panels.robustness import RobustnessPanel
 from app.dashboard.plots.charts import Pinned
 from app.dashboard.plots.dock import Plots, Shown
 from app.dashboard.scene.appearance import Appearance
@@ -52,6 +53,7 @@ from app.session.preview_client import Previewer
 from app.session.runner import Runner
 from app.session.snapshot import Snapshot
 from app.storage.uploaded_urdfs import UploadedUrdfs
+from app.sweep.share import Allowance, Share, allowance_of
 
 log = structlog.get_logger()
 
@@ -72,6 +74,7 @@ class Dashboard:
     fps: pictures of the scene per second; for a machine without a graphics card, few are better.
     key: requests without it in the header KEY_HEADER are refused.
     previewer: answers what-if questions; ends with the dashboard.
+    allowance: what may be computed beside the loop; None: what a session alone on this machine may.
     Raises PortTaken, and ValueError for an fps outside of the allowed range.
     """
 
@@ -85,8 +88,10 @@ class Dashboard:
         key: str | None = None,
         tokens: Tokens | None = None,
         previewer: Previewer | None = None,
+        allowance: Allowance | None = None,
     ) -> None:
         check_fps(fps)
+        self._allowance = allowance or allowance_of(shared=False)
         self._previewer = previewer or Previewer()
         self._frame = 1.0 / fps
         if port and (reason := _unusable(host, port)):
@@ -159,6 +164,7 @@ class Dashboard:
             self._previewer,
             self.notebook,
             self.classroom,
+            Share(self._allowance),
         )
 
     def offer(self, last_session: LastSession) -> None:
@@ -235,6 +241,7 @@ class _View:
         previewer: Previewer,
         notebook: Notebook,
         classroom: ClassDesk,
+        share: Share,
     ) -> None:
         self._server, self._status, self._scene, self._runner = server, status, scene, runner
         self._complaint, self._complaint_until, self._complaint_revision = "", 0.0, -1
@@ -255,10 +262,14 @@ class _View:
             self._export_jobs,
             uploads,
             lambda row: self._chosen_sliders.choose(row),
+            lambda row: self._robustness.sweep(row),
+            lambda row: self._robustness.let_move(row),
             lock,
             notebook,
             classroom,
+            share,
         )
+        self._share = share
         self._hand = Hand(server.scene, desk, lambda client: client in server.get_clients())
         self._playback = Playback(desk)
         self._shortcuts = Shortcuts(desk)
@@ -279,6 +290,7 @@ class _View:
         for title, panel in PANELS.items():
             with tabs.add_tab(title):
                 self._panels.append(panel(desk))
+        (self._robustness,) = (panel for panel in self._panels if isinstance(panel, RobustnessPanel))
         equation = server.gui.add_panel()
         with equation.add_tab("Target model"):
             self._equation = server.gui.add_html("")
@@ -320,6 +332,7 @@ class _View:
         """End all that was started for the page. The caller ends the runner."""
         self._previewer.close()
         self._export_jobs.close()
+        self._share.close()
 
     def draw(self, now: float) -> None:
         """Draw one frame: the scene always, everything else less often."""

@@ -10,11 +10,12 @@ import re
 import subprocess
 import tempfile
 import threading
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
 from multiprocessing import Pipe
 from multiprocessing.connection import Connection
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -60,7 +61,15 @@ class PlaybackJob:
     figure: Figure | None = None
 
 
-Job = FigureJob | DataJob | PlaybackJob
+@dataclass(frozen=True)
+class MadeJob:
+    """Job for a file that a function makes of these arguments; it is known by its name, in the process too."""
+
+    make: Callable[..., bytes]
+    arguments: tuple[Any, ...]
+
+
+Job = FigureJob | DataJob | PlaybackJob | MadeJob
 
 
 @dataclass(frozen=True)

@@ -104,7 +104,7 @@ async def _serve(
     start = started if forks is None else forks.start
     pool = SessionPool(
         scenario,
-        lambda toml: Worker.prepared(toml, look, start=start),
+        lambda toml: Worker.prepared(toml, look, shared=shared, start=start),
         (server_settings.places or places()) if shared else 1,
         60.0 * server_settings.idle_minutes if shared else None,
         store=store,

@@ -77,9 +77,11 @@ class Worker:
         self._listens = False
 
     @classmethod
-    async def prepared(cls, scenario: str, look: Look, *, silence: float = SILENCE, start: Start = started) -> Worker:
+    async def prepared(
+        cls, scenario: str, look: Look, *, shared: bool = False, silence: float = SILENCE, start: Start = started
+    ) -> Worker:
         """Process with its dashboard set up and this scenario (TOML) compiled. Raises WorkerError.
-        start: makes the process."""
+        shared: see `Prepare`. start: makes the process."""
         try:
             ours, theirs = socket.socketpair()
         except OSError as error:
@@ -95,7 +97,7 @@ class Worker:
         reader, writer = await asyncio.open_connection(sock=ours, limit=LONGEST)
         worker = cls(process, reader, writer, new_secret(), silence)
         try:
-            worker._tell(Prepare(scenario, look.theme, look.fps, worker.key))
+            worker._tell(Prepare(scenario, look.theme, look.fps, worker.key, shared))
             await worker._ready()
         except BaseException:
             await worker.end()

@@ -108,6 +108,13 @@ class Edit:
 
 
 @dataclass(frozen=True)
+class EditAll:
+    """Change several fields together, by dotted path; a number at a path's end is an entry of a list, from 1."""
+
+    values: Mapping[str, object]
+
+
+@dataclass(frozen=True)
 class TimedChange:
     """A field's new value, as in `Edit`, from the instant `at` (s) of a run on."""
 
@@ -172,6 +179,7 @@ Command = (
     | Load
     | Continue
     | Edit
+    | EditAll
     | Perform
     | Blend
     | PushNow

@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import structlog
 
-from app.scenario.data import edited
+from app.scenario.data import edited, with_values
 from app.scenario.schema import Scenario, ScenarioError
 from app.session import changes
 from app.session.commands import (
@@ -23,6 +23,7 @@ from app.session.commands import (
     Command,
     Continue,
     Edit,
+    EditAll,
     Fork,
     Load,
     Pause,
@@ -316,7 +317,9 @@ class Runner:
             except Exception as error:  # a fault of ours: the command has failed, and the run goes on
                 log.error("fault", stage="a command", command=type(command).__name__, exc_info=error)
                 self._refuse(f"{type(command).__name__} failed ({type(error).__name__}: {error})", command)
-        return self._runs != runs or not all(isinstance(command, Edit | Blend | PushNow | Push) for command in queued)
+        return self._runs != runs or not all(
+            isinstance(command, Edit | EditAll | Blend | PushNow | Push) for command in queued
+        )
 
     def _require_reach(self, command: Command) -> None:
         """Raises ScenarioError for a file that this loop's pages may not name."""
@@ -395,6 +398,8 @@ class Runner:
                 self._edit(edited(scenario_now, "blend", plan))
             case Load(scenario):
                 self._edit(scenario)
+            case EditAll(values):
+                self._edit(with_values(scenario_now, dict(values)))
             case Perform(scenario, changes_to_come, end):
                 self._edit(scenario)
                 line.reset()

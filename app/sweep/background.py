@@ -1,46 +1,84 @@
-"""Sweep in the background: processes of its own of low priority, whose rows come in one after the other."""
+"""Background computation: a sweep, or a search for gains, in processes of its own of low priority, whose results come
+in one after the other."""
 
 from __future__ import annotations
 
 import subprocess
 import threading
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from multiprocessing import Pipe
+from typing import Any
 
-from app.process import launcher
-from app.sweep.figures_of_run import Figures
+from app.process import launcher, worker_pool
+from app.sweep.figures_of_run import Figures, Runner
 from app.sweep.question import Question, Sweep
+from app.sweep.running import rows_of, tasks_of
 
 STRIDES = (4, 2, 1)  # between the tiles of a map that are computed first, then, and last
 LINGER = 10.0  # s that a process has to end
 
 
-class BackgroundSweep:
-    """Sweep that is computed from now on, until it is done or cancelled. May be used from any thread."""
+@dataclass(frozen=True)
+class Work:
+    """Message to the process: what it is to compute.
+    asked: a sweep, or another question that is one.
+    workers: processes of the pool. at_once: see `app.process.slots`."""
 
-    def __init__(self, sweep: Sweep, workers: int) -> None:
-        self.question = Question(sweep)
-        self._workers = workers
-        self._rows: list[Figures] = []
-        self._cancelled = threading.Event()
-        self.problem = ""
+    asked: Sweep
+    workers: int
+    at_once: int | None
+
+
+@dataclass(frozen=True)
+class Waiting:
+    """Message from the process: all slots are taken, it waits for one."""
+
+
+@dataclass(frozen=True)
+class Begun:
+    """Message from the process: it has a slot."""
+
+
+@dataclass(frozen=True)
+class Done:
+    """Message from the process, the last."""
+
+
+class Background:
+    """Computation that goes on from now on, until it is done or cancelled. May be used from any thread.
+
+    waiting: whether it waits until others are done. problem: why it could not go on, "" where it could.
+    """
+
+    noun = "computation"
+
+    def __init__(self, asked: Sweep, workers: int, at_once: int | None = None) -> None:
+        self.question = Question(asked)
+        self.problem, self.waiting = "", False
+        self._work = Work(asked, workers, at_once)
+        self._done, self._cancelled = threading.Event(), threading.Event()
         # launcher: its process ends with the thread that starts it
-        self._thread = threading.Thread(target=self._run, name="sweep", daemon=True)
+        self._thread = threading.Thread(target=self._run, name=self.noun, daemon=True)
         self._thread.start()
-
-    @property
-    def rows(self) -> Sequence[Figures]:
-        """Rows so far, in the order in which they were computed."""
-        return self._rows[:]
 
     @property
     def going(self) -> bool:
         """Whether it is being computed."""
         return self._thread.is_alive()
 
+    @property
+    def complete(self) -> bool:
+        """Whether everything has been computed."""
+        return self._done.is_set()
+
     def cancel(self) -> None:
-        """End it; its rows stay."""
+        """End it; what has come in stays."""
         self._cancelled.set()
+
+    def take(self, result: Any) -> None:
+        """Take up a result of the process."""
+        raise NotImplementedError
 
     def _run(self) -> None:
         ours, theirs = Pipe()
@@ -50,12 +88,12 @@ class BackgroundSweep:
                 with theirs:
                     file = theirs.fileno()
                     process = launcher.start("app.workers.sweep", str(file), stdin=subprocess.DEVNULL, pass_fds=(file,))
-                ours.send((self.question.sweep, coarse_first(self.question), self._workers))
-                while len(self._rows) < self.question.count and not self._cancelled.is_set():
+                ours.send(self._work)
+                while not self.complete and not self._cancelled.is_set():
                     if ours.poll(0.1):
-                        self._rows.append(ours.recv())
+                        self._heed(ours.recv())
         except (EOFError, OSError) as error:
-            self.problem = f"the map could not be computed: {error or 'its process has ended'}"
+            self.problem = f"the {self.noun} could not be computed: {error or 'its process has ended'}"
         finally:
             if process is not None:
                 try:  # its connection is closed: it ends by itself, with all of its pool
@@ -63,6 +101,39 @@ class BackgroundSweep:
                 except subprocess.TimeoutExpired:
                     process.kill()
                     process.wait()
+
+    def _heed(self, message: Any) -> None:
+        if isinstance(message, Waiting | Begun):
+            self.waiting = isinstance(message, Waiting)
+        elif isinstance(message, Done):
+            self._done.set()
+        else:
+            self.take(message)
+
+
+class BackgroundSweep(Background):
+    """Sweep that is computed in the background, the tiles of a map coarse first."""
+
+    noun = "map"
+
+    def __init__(self, sweep: Sweep, workers: int, at_once: int | None = None) -> None:
+        self._rows: list[Figures] = []
+        super().__init__(sweep, workers, at_once)
+
+    @property
+    def rows(self) -> Sequence[Figures]:
+        """Rows so far, in the order in which they were computed."""
+        return self._rows[:]
+
+    def take(self, result: Figures) -> None:
+        self._rows.append(result)
+
+
+def results(sweep: Sweep, workers: int) -> Iterator[Figures]:
+    """Rows of a sweep, in the order in which they are computed, coarse first."""
+    tasks = tasks_of(coarse_first(Question(sweep)), workers)
+    for task, figures in worker_pool.results(Runner.computing, (sweep,), tasks, workers):
+        yield from rows_of(sweep, task, figures)
 
 
 def coarse_first(question: Question) -> list[int]:

@@ -6,6 +6,7 @@ import os
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from tqdm import tqdm
@@ -14,7 +15,9 @@ from app.process import worker_pool
 from app.sweep.cluster import Cluster
 from app.sweep.figures_of_run import Figures, Runner
 from app.sweep.question import Question, Sweep
-from app.sweep.run_store import RunStore
+
+if TYPE_CHECKING:
+    from app.sweep.run_store import RunStore  # pyarrow is large, and the page needs none
 
 BYTES = 90  # of a run on disk, measured (docs/sweeps.md)
 CHUNK = 8  # runs that a process takes at once, at most

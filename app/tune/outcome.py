@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -16,9 +17,11 @@ from app.export.figures import SINGLE, file_of, plain_decades
 from app.process.atomic_write import write_whole
 from app.scenario import data
 from app.sweep.charts import sheet, wide
-from app.sweep.figures_of_run import COLUMNS
+from app.sweep.figures_of_run import COLUMNS, Figures
+from app.sweep.folder import packed
+from app.sweep.run_store import RunStore
 from app.tune.candidates import Candidate, aim_of, front
-from app.tune.question import Tuning, in_words
+from app.tune.question import Tuning, in_words, program
 from app.tune.running import Found
 
 if TYPE_CHECKING:
@@ -83,6 +86,20 @@ def write(tuning: Tuning, found: Found, folder: Path) -> None:
         text = data.to_toml(msgspec.structs.replace(scenario, name=f"{scenario.name}-tuned-{number}")).encode()
         (folder / name).parent.mkdir(exist_ok=True)
         write_whole(folder / name, lambda file, text=text: file.write(text))
+
+
+def zipped(tuning: Tuning, rows: Sequence[Figures], found: Found) -> bytes:
+    """ZIP file of the folder that `vsmrc tune` writes. Raises OSError."""
+    asked = msgspec.structs.replace(tuning, program=program())
+
+    def fill(folder: Path) -> None:
+        with RunStore(folder, asked) as store:
+            for row in rows:
+                store.add(row)
+            store.settle()
+        write(asked, found, folder)
+
+    return packed(f"{asked.scenario.name}-tune", fill)
 
 
 def _table(tuning: Tuning, found: Found) -> pa.Table:

@@ -6,6 +6,7 @@ import os
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from tqdm import tqdm
@@ -14,11 +15,13 @@ from app.process import worker_pool
 from app.scenario.schema import ScenarioError
 from app.sweep.figures_of_run import Figures, Runner
 from app.sweep.question import Question, Row, Value
-from app.sweep.run_store import RunStore
 from app.sweep.running import BYTES, CHUNK, Estimate
 from app.tune.candidates import Candidate, front, judged
 from app.tune.question import Tuning
 from app.tune.search import Search
+
+if TYPE_CHECKING:
+    from app.sweep.run_store import RunStore  # pyarrow is large, and the page needs none
 
 BATCH = 8  # candidates that are asked for at once, with any number of processes
 MOST_OFFERED = 9  # of a front
@@ -63,7 +66,7 @@ def run(store: RunStore, tuning: Tuning, workers: int | None = None, *, show_pro
     Raises ScenarioError where the folder has other candidates, and OSError where a run cannot be written; what was
     written stays.
     """
-    course = _Course(tuning, {row["row"]: row for row in store.rows})
+    course = Course(tuning, {row["row"]: row for row in store.rows})
     total, workers = most_runs(tuning), workers or os.cpu_count() or 1
     with tqdm(total=total, initial=len(course.known), unit=" runs", desc="tune", disable=not show_progress) as bar:
         for rows, figures in worker_pool.results(computing, (tuning,), course.tasks(), workers):
@@ -80,13 +83,13 @@ def computing(tuning: Tuning) -> Callable[[Task], list[Figures]]:
     return lambda rows: [runner.figures_of(row) for row in rows]
 
 
-class _Course:
+class Course:
     """Course of a tuning: the tasks that follow from the figures so far."""
 
     def __init__(self, tuning: Tuning, known: dict[int, Figures]) -> None:
         self.known = known
         self._tuning, self._question = tuning, Question(tuning)
-        self._candidates: list[Candidate] = []
+        self.candidates: list[Candidate] = []  # as far as they are judged
         self._offered: list[Candidate] = []
 
     def take(self, rows: Task, figures: list[Figures] | worker_pool.Fallen) -> list[Figures]:
@@ -103,27 +106,27 @@ class _Course:
         seen, unseen = range(tuning.seen), range(tuning.seen, tuning.arms)
         yield from self._missing(0, {}, seen)
         yield worker_pool.BARRIER
-        self._candidates.append(self._judged(0, {}, seen))
+        self.candidates.append(self._judged(0, {}, seen))
         for begun in range(1, tuning.points, BATCH):
             asked = search.ask(range(begun, min(begun + BATCH, tuning.points)))
             for number, values in asked.items():
                 yield from self._missing(number, values, seen)
             yield worker_pool.BARRIER
             for number, values in asked.items():
-                self._candidates.append(self._judged(number, values, seen))
-                search.tell(self._candidates[-1])
-        best = front(self._candidates[1:])
+                self.candidates.append(self._judged(number, values, seen))
+                search.tell(self.candidates[-1])
+        best = front(self.candidates[1:])
         places = np.linspace(0, len(best) - 1, min(len(best), MOST_OFFERED)).round().astype(int)
         self._offered = [best[k] for k in places]
-        for each in (self._candidates[0], *self._offered):
+        for each in (self.candidates[0], *self._offered):
             yield from self._missing(each.number, each.values, unseen)
 
     def found(self) -> Found:
         """What was found, when all tasks are done."""
-        tried = [self._candidates[0], *self._offered]
+        tried = [self.candidates[0], *self._offered]
         unseen = range(self._tuning.seen, self._tuning.arms)
         return Found(
-            self._candidates,
+            self.candidates,
             {each.number: self._judged(each.number, each.values, unseen) for each in tried},
             {each.number: self._runs(each.number, unseen) for each in tried},
         )

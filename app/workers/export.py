@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import structlog
 
-from app.export.export_jobs import DataJob, Done, Failure, FigureJob, Job, PlaybackJob, Progress
+from app.export.export_jobs import DataJob, Done, Failure, FigureJob, Job, MadeJob, PlaybackJob, Progress
 from app.export.figures import render
 from app.process.log import configure_as_parent
 from app.scenario.schema import ScenarioError
@@ -64,6 +64,8 @@ def _make(job: Job, asker: Connection, path: Path) -> None:
             write = {"csv": write_csv, "npz": write_npz}[form]
             with path.open("wb") as file:
                 write(replace(data, pieces=_received(data, asker)), file, limit, tell)
+        case MadeJob(make, arguments):
+            path.write_bytes(make(*arguments))
         case PlaybackJob(frames, limit, figure):
             from app.dashboard.scene.standalone import (
                 standalone_html,  # here: the others need neither viser nor the law

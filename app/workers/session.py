@@ -52,6 +52,7 @@ from app.session.timeline import Pinned
 from app.storage import uploaded_urdfs
 from app.storage.session_index import StateError
 from app.storage.uploaded_urdfs import Reach
+from app.sweep.share import allowance_of
 
 events = structlog.get_logger()
 
@@ -107,7 +108,12 @@ def serve(gateway: Gateway, previewer: Previewer) -> None:
     scenario = from_toml(prepare.scenario)
     with contextlib.redirect_stdout(io.StringIO()):  # viser would print an address where nobody is answered
         dashboard = Dashboard(
-            port=0, theme=cast(Theme, prepare.theme), fps=prepare.fps, key=prepare.key, previewer=previewer
+            port=0,
+            theme=cast(Theme, prepare.theme),
+            fps=prepare.fps,
+            key=prepare.key,
+            previewer=previewer,
+            allowance=allowance_of(shared=prepare.shared),
         )
     given = scenario.robot.urdf
     preparing = Pulse(gateway, dashboard, lambda: None)  # the very first arm of its kind takes half a minute

@@ -1,4 +1,5 @@
-"""Process that computes a sweep for the page: `python -m app.workers.sweep FD`, started by `app.sweep.background`."""
+"""Process that computes a sweep or a search for gains for the page: `python -m app.workers.sweep FD`, started by
+`app.sweep.background`."""
 
 from __future__ import annotations
 
@@ -8,28 +9,46 @@ from multiprocessing.connection import Connection
 
 import structlog
 
-from app.process import worker_pool
+from app.process import slots
 from app.process.log import configure_as_parent
-from app.sweep.figures_of_run import Runner
-from app.sweep.question import Sweep
-from app.sweep.running import rows_of, tasks_of
+from app.sweep import background
+from app.sweep.background import Begun, Done, Waiting, Work
+from app.tune import background as tuning_background
+from app.tune.question import Tuning
 
 log = structlog.get_logger()
 
 NICENESS = 19  # the loop comes first
 
 
+def serve(asker: Connection) -> None:
+    """Compute what is asked for. Raises EOFError or ConnectionError when the asker has gone."""
+    work: Work = asker.recv()
+    with slots.held(work.at_once, lambda: _wait(asker)):
+        asker.send(Begun())
+        asked, workers = work.asked, work.workers
+        results = (
+            tuning_background.results(asked, workers)
+            if isinstance(asked, Tuning)
+            else background.results(asked, workers)
+        )
+        for result in results:
+            asker.send(result)
+    asker.send(Done())
+
+
+def _wait(asker: Connection) -> None:
+    if asker.poll():
+        raise EOFError  # it says nothing more, so it has gone
+    asker.send(Waiting())
+
+
 def main() -> None:
     configure_as_parent()
     os.nice(NICENESS)
     with Connection(int(sys.argv[1])) as asker:
-        sweep: Sweep
-        sweep, numbers, workers = asker.recv()
         try:
-            tasks = tasks_of(numbers, workers)
-            for task, figures in worker_pool.results(Runner.computing, (sweep,), tasks, workers):
-                for row in rows_of(sweep, task, figures):
-                    asker.send(row)
+            serve(asker)
         except (EOFError, ConnectionError):
             log.debug("nobody waits for the rest")
 

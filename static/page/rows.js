@@ -51,6 +51,8 @@ document.addEventListener("pointerdown", (e) => {
   const input = tick && document.querySelector("div:has(> .vs-ticks) + form .mantine-TextInput-input");
   if (input) tell(input, tick.dataset.seek, mark);
 }, true);
+// Another script has a mark to tell (rowmenu.js).
+document.addEventListener("vsmrc-tell", (e) => tell(e.target, e.target.value, e.detail));
 document.addEventListener("focusout", (e) => { const i = field(e); if (i) commit(i, i.vsmrcDraft); }, true);
 
 const SLOT = 60; // ms, longer than viser waits between two messages

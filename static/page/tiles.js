@@ -1,16 +1,64 @@
-// A tile of the robustness map is chosen, by mouse or keyboard: its number is written into the hidden field behind it.
-const openTile = (target) => {
-  const tile = target instanceof Element && target.closest(".vs-tiles [data-point]");
-  const input = tile && document.querySelector("div:has(> .vs-tile-field) + div input");
-  if (!tile || !input) return false;
-  Object.getOwnPropertyDescriptor(HTMLInputElement.prototype, "value").set.call(input, `${tile.dataset.point} ${Math.random()}`);
+// Tiles of the robustness map, and candidates of a search: they say their numbers at the mouse, with the focus of the
+// keyboard and at the first touch; a click, Enter or the second touch chooses one, whose number is written into the
+// hidden field of its picture. The picture is sent again and again: what a tile was looked at for stays.
+const TILE = ".vs-tiles [data-point]";
+const tileOf = (target) => (target instanceof Element ? target.closest(TILE) : null);
+const fieldOf = (tile) => tile.closest(".vs-tiles").dataset.field;
+const found = ({ field, point }) => document.querySelector(`.vs-tiles[data-field="${field}"] [data-point="${point}"]`);
+const known = (tile) => (tile ? { field: fieldOf(tile), point: tile.dataset.point } : null);
+let said = null, focused = null; // { field, point }
+const choose = (tile) => writeTo(fieldOf(tile), tile.dataset.point);
+const writeTo = (field, text) => {
+  const input = document.querySelector(`div:has(> .${field}) + div input`);
+  if (!input) return;
+  Object.getOwnPropertyDescriptor(HTMLInputElement.prototype, "value").set.call(input, `${text} ${Math.random()}`);
   input.dispatchEvent(new Event("input", { bubbles: true }));
-  return true;
 };
-document.addEventListener("pointerdown", (e) => void openTile(e.target), true); // a click may lose its tile, which is drawn anew
-document.addEventListener("keydown", (e) => {
-  if ((e.key === "Enter" || e.key === " ") && openTile(e.target)) {
-    e.preventDefault();
-    e.stopPropagation();
+const say = () => {
+  for (const line of document.querySelectorAll(".vs-said")) {
+    const tile = said?.field === line.dataset.of && found(said), text = tile ? tile.getAttribute("aria-label") : "";
+    if (line.textContent !== text) line.textContent = text;
+    for (const marked of document.querySelectorAll(`.vs-tiles[data-field="${line.dataset.of}"] [data-said]`))
+      if (marked !== tile) delete marked.dataset.said;
+    if (tile) tile.dataset.said = "";
   }
+};
+const lookAt = (tile) => { said = known(tile) ?? said; say(); };
+document.addEventListener("pointerover", (e) => { if (e.pointerType === "mouse" && tileOf(e.target)) lookAt(tileOf(e.target)); }, true);
+// at once: the next key may come before any timer
+const kept = new MutationObserver(() => {
+  if (focused && document.activeElement === document.body) found(focused)?.focus({ preventScroll: true });
+});
+document.addEventListener("focusin", (e) => {
+  focused = known(tileOf(e.target));
+  kept.disconnect();
+  if (!focused) return;
+  lookAt(tileOf(e.target));
+  kept.observe(document.body, { childList: true, subtree: true });
 }, true);
+document.addEventListener("pointerdown", (e) => { // a click may lose its tile, which is drawn anew
+  const tile = tileOf(e.target);
+  if (!tile) { focused = null; return; }
+  const again = said && said.field === fieldOf(tile) && said.point === tile.dataset.point;
+  if (e.pointerType === "mouse" || again) choose(tile);
+  lookAt(tile);
+}, true);
+document.addEventListener("keydown", (e) => {
+  const tile = tileOf(e.target);
+  if (e.key === "Escape" && document.querySelector(".vs-tiles[data-previewed]"))
+    writeTo(document.querySelector(".vs-tiles[data-previewed]").dataset.field, "left");
+  if (!tile) return;
+  const step = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] }[e.key];
+  if (step) {
+    const all = [...tile.closest(".vs-tiles").querySelectorAll("[data-point]")], [i, j] = tile.dataset.at.split(",").map(Number);
+    const place = (other) => other.dataset.at.split(",").map(Number);
+    const ahead = (other) => { const [a, b] = place(other); return (a - i) * step[0] + (b - j) * step[1]; };
+    const aside = (other) => { const [a, b] = place(other); return Math.abs((a - i) * step[1]) + Math.abs((b - j) * step[0]); };
+    // the nearest one that way: tiles may be missing still, and candidates lie anywhere
+    all.filter((other) => ahead(other) > 0).sort((a, b) => ahead(a) + 3 * aside(a) - ahead(b) - 3 * aside(b))[0]?.focus();
+  } else if (e.key === "Enter" || e.key === " ") choose(tile);
+  else return;
+  e.preventDefault();
+  e.stopPropagation();
+}, true);
+setInterval(() => { if (said) say(); }, 150);

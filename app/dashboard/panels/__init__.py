@@ -9,6 +9,7 @@ from app.dashboard.panels.export import ExportPanel
 from app.dashboard.panels.lessons import LessonsPanel
 from app.dashboard.panels.model import ModelPanel
 from app.dashboard.panels.robot import RobotPanel
+from app.dashboard.panels.robustness import RobustnessPanel
 from app.dashboard.panels.runs import RunsPanel
 from app.dashboard.panels.task import TaskPanel
 from app.dashboard.panels.view import ViewPanel
@@ -33,6 +34,7 @@ PANELS: dict[str, type[Panel]] = {
     "Robot": RobotPanel,
     "View": ViewPanel,
     "Runs": RunsPanel,
+    "Robustness": RobustnessPanel,
     "Export": ExportPanel,
     "Lessons": LessonsPanel,
 }

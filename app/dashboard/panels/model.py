@@ -87,7 +87,7 @@ class ModelPanel:
     def _asked(self, snapshot: Snapshot) -> Edit | None:
         """Edit of the model that a held slider or a draft asks for."""
         held, view = self._desk.whatif.held, self._views[self._chosen]
-        if held is not None and held.edit.path.startswith("target_model"):
+        if held is not None and isinstance(held.edit, Edit) and held.edit.path.startswith("target_model"):
             return held.edit
         try:
             return view.edit(snapshot) if isinstance(view, MatrixEditor) else None

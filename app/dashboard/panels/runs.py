@@ -14,7 +14,6 @@ from app.dashboard.theme.colors import RUNS, css
 from app.dashboard.theme.style import COMMIT, MARKS
 from app.dashboard.widgets.controls import Desk
 from app.dashboard.widgets.matrix_text import written
-from app.dashboard.widgets.robustness_map import RobustnessMap
 from app.scenario.data import differences
 from app.session.commands import Pin, Rename, Unpin
 from app.session.snapshot import Snapshot
@@ -43,7 +42,6 @@ class RunsPanel:
         copy = '<button class="vs-copy" data-copy=".vs-runs">Copy the table</button>'
         self._copy = gui.add_html(copy, visible=False)
         self._rows = [_PinnedRow(desk) for _ in range(PINS)]
-        self._map = RobustnessMap(desk)
         self._due = -math.inf
         self._key: object = None
 
@@ -51,7 +49,6 @@ class RunsPanel:
         self._desk.post(Pin())
 
     def show(self, snapshot: Snapshot) -> None:
-        self._map.show(snapshot)
         window, over = self._desk.viewing.window, OVER[self._over.value]
         key = (window, over, tuple((p.number, p.name) for p in snapshot.pinned), snapshot.revision, snapshot.run)
         if key == self._key and time.monotonic() < self._due:

@@ -7,7 +7,8 @@ keystroke replaces that keystroke.)
 
 viser's slider has no event for "let go" either. The script notes which row's slider is held, by mouse, finger or arrow
 key, and when it is let go appends RELEASED, or ESCAPED after the key Esc, to the text of the same row: behind the
-slider's last position, for which it waits, and in the same slot.
+slider's last position, for which it waits, and in the same slot. In the same way `rowmenu.js` says what was chosen from
+a row's context menu: SWEPT, a robustness map over its field, or MOVED, a search that may move it.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from app.dashboard.theme.colors import css_variables
 from app.dashboard.theme.fonts import font_faces
 
 # zero width: never typed, never seen
-COMMIT, RELEASED, ESCAPED = MARKS = "\u200b", "\u200c", "\u200d"
+COMMIT, RELEASED, ESCAPED, SWEPT, MOVED = MARKS = "\u200b", "\u200c", "\u200d", "\u2060", "\u2061"
 
 _SHEETS = ("page.css", "phone.css")
 _SCRIPTS = (
@@ -40,6 +41,7 @@ _SCRIPTS = (
     "lessons.js",
     "poles.js",
     "tiles.js",
+    "rowmenu.js",
 )
 
 # Scripts in innerHTML do not run; the load event of an image that is part of the page does, and needs no request.

@@ -17,7 +17,7 @@ from typing import Any, NamedTuple, Protocol
 import viser
 from msgspec import Struct
 
-from app.dashboard.theme.style import COMMIT, ESCAPED, MARKS, RELEASED
+from app.dashboard.theme.style import COMMIT, ESCAPED, MARKS, MOVED, RELEASED, SWEPT
 from app.dashboard.view_options import Viewing
 from app.dashboard.widgets.edit_lock import EditLock
 from app.dashboard.widgets.matrix_text import read_back, written
@@ -30,6 +30,7 @@ from app.scenario.schema import FieldInfo, Scenario, field_info
 from app.session.commands import Command, Edit
 from app.session.snapshot import Snapshot
 from app.storage.uploaded_urdfs import UploadedUrdfs
+from app.sweep.share import Share
 
 FINE = 0.0002  # of a slider's length: its step with Shift; `rows.js` makes STEP of ten
 STEP = 0.002
@@ -39,7 +40,8 @@ STEP = 0.002
 class Desk:
     """Environment of a panel: the GUI for its widgets, the queue for its commands, the newest snapshot, what-if
     questions, options of the scene, complaints, export jobs, the store of uploads, who is told of a row of a number
-    that was moved, the lock on edits, the progress in lessons, and the class that lessons ask."""
+    that was moved, of one that is to be swept, and of one that a search may move, the lock on edits, the progress in
+    lessons, the class that lessons ask, and the share of the machine for maps and searches."""
 
     gui: viser.GuiApi
     post: Callable[[Command], None]
@@ -50,9 +52,12 @@ class Desk:
     export_jobs: ExportJobs
     uploads: UploadedUrdfs
     choose: Callable[[Row], None]
+    sweep: Callable[[Row], None]
+    let_move: Callable[[Row], None]
     lock: EditLock
     notebook: Notebook
     classroom: ClassDesk
+    share: Share
 
 
 class Control(Protocol):
@@ -96,6 +101,12 @@ class Place:
         """
         del snapshot
         return Edit(self.path, value)
+
+    def entry(self, snapshot: Snapshot) -> tuple[str, Mapping[str, Any]]:
+        """Path by which a sweep varies it (`app.scenario.data.with_value`), and values that the scenario must have
+        before. Raises ValueError with a sentence where it is no number of a scenario by itself."""
+        del snapshot
+        return self.path, {}
 
     @property
     def info(self) -> FieldInfo | None:
@@ -202,6 +213,11 @@ class Number:
             return
         if self._text.value.endswith((RELEASED, ESCAPED)):
             self._let_go(apply=self._text.value.endswith(RELEASED))
+            return
+        if self._text.value.endswith((SWEPT, MOVED)):
+            told = self._desk.sweep if self._text.value.endswith(SWEPT) else self._desk.let_move
+            self._text.value = self._text.value.rstrip("".join(MARKS))
+            told(self.row)
             return
         if not self._text.value.endswith(COMMIT):
             self._answer.expect(self._desk.snapshot(), seconds=60.0)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from app.session.commands import Blend, Command, Continue, Edit, Load, PushNow, TakeWayOut
+from app.session.commands import Blend, Command, Continue, Edit, EditAll, Load, PushNow, TakeWayOut
 
 
 class EditLock:
@@ -22,6 +22,8 @@ class EditLock:
         match command:
             case Edit(path) if self.fields is not None and path not in self.fields:
                 self._refuse(path)
+            case EditAll(values) if self.fields is not None and not self.fields >= values.keys():
+                self._refuse(", ".join(values))
             case Blend() | Load() | Continue() | PushNow() | TakeWayOut() if self.fields is not None:
                 self._refuse(type(command).__name__)
             case _:

@@ -1,4 +1,4 @@
-"""Tiles of the robustness map, as a picture that says its numbers at the mouse."""
+"""Picture of the robustness map: tiles over two fields, or a course over one, that say their numbers."""
 
 from __future__ import annotations
 
@@ -10,16 +10,18 @@ from typing import NamedTuple
 import numpy as np
 
 from app.export.figures import plain_number
-from app.scenario.schema import Scenario
 from app.sweep.background import BackgroundSweep
 from app.sweep.points import Points, interval
 from app.sweep.question import Axis, Question
 
 LEFT, RIGHT, TOP, BOTTOM, WIDTH, HEIGHT = 44, 330, 8, 196, 336, 248  # px, of the tiles and of all
+COURSE_HEIGHT = 224  # px, of all, without a bar of colours
 STOPS = ((68, 1, 84), (59, 82, 139), (33, 145, 140), (94, 201, 98), (253, 231, 37))  # of viridis, evenly
 SHADES = 24  # of the colour bar
 NOTHING = "rgba(128, 128, 128, 0.18)"
 WIDE = 100.0  # ratio from which on colours are by the logarithm
+FIELD = "vs-tile-field"
+Present = Mapping[str, float | None]
 
 
 class Naming(NamedTuple):
@@ -40,39 +42,137 @@ class _Frame(NamedTuple):
     tall: float
 
 
-def map_html(sweep: BackgroundSweep, points: Points | None, naming: Naming, present: Scenario) -> str:
-    """Tiles with their numbers, the ends of the declared set, and a ring where the present setting is."""
-    question, done = sweep.question, len(sweep.rows)
-    told = f"{done} of {question.count} runs" + ("" if sweep.going or done == question.count else ", cancelled")
-    told = escape(sweep.problem or told)
+class Scale(NamedTuple):
+    """Least and largest number, and whether what lies between is shown by its logarithm."""
+
+    low: float
+    high: float
+    logarithmic: bool
+
+    @classmethod
+    def of(cls, numbers: np.ndarray) -> Scale:
+        """Scale of those numbers that are finite."""
+        known = numbers[np.isfinite(numbers)]
+        if not len(known):
+            return cls(0.0, 1.0, False)
+        low, high = float(known.min()), float(known.max())
+        return cls(low, high, low > 0.0 and high > WIDE * low)
+
+    def share(self, number: float) -> float:
+        """Place of a number, 0 to 1."""
+        low, high = self.low, self.high
+        if self.logarithmic:
+            number, low, high = math.log(max(number, low)), math.log(low), math.log(high)
+        return 0.0 if high <= low else min(max((number - low) / (high - low), 0.0), 1.0)
+
+
+def map_html(sweep: BackgroundSweep, points: Points | None, naming: Naming, present: Present) -> str:
+    """Tiles with their numbers, the ends of the declared set and of (17), and a mark where the present setting is.
+    present: values of the axes by path."""
+    question, told = sweep.question, _told(sweep)
     if points is None:
         return f'<div class="vs-checks"><div class="vs-note">{told}</div></div>'
-    x, y = question.sweep.vary
     numbers = points.number if naming.share else naming.factor * points.number
-    low, high, logarithmic = (0.0, 1.0, False) if naming.share else _scale(numbers)
+    over = ", share of the arms that keep the limit" if naming.share else ", worst arm" if question.sweep.draw else ""
+    if len(question.sweep.vary) == 1:
+        picture, ends, height = _course(question, points, numbers, naming, present), "", COURSE_HEIGHT
+    else:
+        picture, ends, height = (*_tiles(question, points, numbers, naming, present), HEIGHT)
+    return (
+        f'<div class="vs-checks"><div class="vs-note">{escape(naming.title)}{over}: {told}{ends}; '
+        f"{'ring' if len(question.sweep.vary) > 1 else 'blue line'}: the present setting</div>{said_html(FIELD)}"
+        f'<svg class="vs-poles vs-tiles" data-field="{FIELD}" viewBox="0 0 {WIDTH} {height}" role="group" '
+        f'aria-label="{escape(naming.title)}: a tile opens its run">{picture}</svg></div>'
+    )
+
+
+def said_html(field: str) -> str:
+    """Line in which the page's script shows what the tile under the pointer, or with the focus, says."""
+    return f'<div class="vs-said" data-of="{field}" aria-hidden="true"></div>'
+
+
+def _told(sweep: BackgroundSweep) -> str:
+    """How far it is, as HTML."""
+    done, count = len(sweep.rows), sweep.question.count
+    if sweep.problem:
+        return escape(sweep.problem)
+    if sweep.waiting:
+        return "waits until those of other visitors are done"
+    return f"{done} of {count} runs" + ("" if sweep.going or done == count else ", cancelled")
+
+
+def _tiles(
+    question: Question, points: Points, numbers: np.ndarray, naming: Naming, present: Present
+) -> tuple[str, str]:
+    """Picture over two fields, and words on its lines."""
+    x, y = question.sweep.vary
+    scale = Scale(0.0, 1.0, False) if naming.share else Scale.of(numbers)
     frame = _Frame((RIGHT - LEFT) / len(x.values), (BOTTOM - TOP) / len(y.values))
-    tiles, declared = [], {}
+    tiles, declared, theorem = [], {}, {}
     for k, number in enumerate(numbers):
         i, j = (axis.values.index(float(points.values[axis.path][k])) for axis in (x, y))
-        declared[i, j] = bool(points.declared[k])
-        color = NOTHING if math.isnan(number) else _color(number, low, high, logarithmic=logarithmic)
-        said = escape(_said(question, points, k, number, naming))
+        declared[i, j], theorem[i, j] = bool(points.declared[k]), bool(points.theorem[k])
+        color = NOTHING if math.isnan(number) else _color(scale.share(number))
         cross = f'<path d="{_cross(i, j, frame)}" stroke="currentColor"/>' if points.stopped[k] else ""
+        said = escape(_said(question, points, k, number, naming))
         tiles.append(
-            f'<g data-point="{i * len(y.values) + j}" tabindex="0" role="button" aria-label="{said}">'
+            f'<g data-point="{i * len(y.values) + j}" data-at="{i},{j}" tabindex="{-1 if tiles else 0}" role="button" '
+            f'aria-label="{said}">'
             f'<rect x="{LEFT + i * frame.wide:.1f}" y="{BOTTOM - (j + 1) * frame.tall:.1f}" '
-            f'width="{frame.wide - 0.6:.1f}" height="{frame.tall - 0.6:.1f}" fill="{color}"/>{cross}'
-            f"<title>{said}</title></g>"
+            f'width="{frame.wide - 0.6:.1f}" height="{frame.tall - 0.6:.1f}" fill="{color}"/>{cross}</g>'
         )
-    borders = _declared_ends(declared, frame)
-    over = ", share of the arms that keep the limit" if naming.share else ", worst arm" if question.sweep.draw else ""
-    return (
-        f'<div class="vs-checks"><div class="vs-note">{escape(naming.title)}{over}: {told}'
-        f"{'; red: the declared set ends' if borders else ''}; ring: the present setting</div>"
-        f'<svg class="vs-poles vs-tiles" viewBox="0 0 {WIDTH} {HEIGHT}" role="group" '
-        f'aria-label="{escape(naming.title)}">{"".join(tiles)}{borders}{_ring(question, present)}'
-        f"{_ticks(x, y, frame, naming)}{_bar(low, high, naming)}</svg></div>"
+    red = _ends(declared, frame, 'class="vs-ends" stroke="#e84040" stroke-width="2"')
+    dashed = _ends(
+        theorem, frame, 'class="vs-theorem" stroke="currentColor" stroke-width="1.6" stroke-dasharray="4 2.5"'
     )
+    words = ("; red: the declared set ends" if red else "") + ("; dashed: (17) ends" if dashed else "")
+    drawn = f"{''.join(tiles)}{red}{dashed}{_ring(question, present)}{_ticks(x, y, frame, naming)}{_bar(scale, naming)}"
+    return drawn, words
+
+
+def _course(question: Question, points: Points, numbers: np.ndarray, naming: Naming, present: Present) -> str:
+    """Picture over one field: a dot for each value, with Wilson's interval where it is a share."""
+    (x,) = question.sweep.vary
+    scale = Scale(0.0, 1.0, False) if naming.share else Scale.of(numbers)
+    wide = (RIGHT - LEFT) / len(x.values)
+    dots, line = [], []
+    for k in np.argsort(np.asarray(points.values[x.path], dtype=float)):
+        number, i = float(numbers[k]), x.values.index(float(points.values[x.path][k]))
+        across, said = LEFT + (i + 0.5) * wide, escape(_said(question, points, int(k), number, naming))
+        up = BOTTOM if math.isnan(number) else _up(scale.share(number))
+        shape = f'<circle cx="{across:.1f}" cy="{up:.1f}" r="3.5" class="vs-dot-of"/>'
+        if points.stopped[k] or math.isnan(number):
+            shape = f'<path d="M {across - 4:.1f} {up - 4:.1f} l 8 8 m -8 0 l 8 -8" stroke="currentColor"/>'
+        else:
+            line.append(f"{across:.1f} {up:.1f}")
+        if naming.share:
+            low, high = (_up(end) for end in interval(int(points.good[k]), int(points.arms[k])))
+            shape += f'<path d="M {across:.1f} {low:.1f} V {high:.1f}" class="vs-interval"/>'
+        dots.append(
+            f'<g data-point="{i}" data-at="{i},0" tabindex="{-1 if dots else 0}" role="button" aria-label="{said}">'
+            f'<rect x="{LEFT + i * wide:.1f}" y="{TOP}" width="{wide:.1f}" height="{BOTTOM - TOP}" fill="transparent"/>'
+            f"{shape}</g>"
+        )
+    name, unit = naming.axes[x.path]
+    called = escape(f"{name} [{unit}]" if unit else name)
+    at = _place(x, present.get(x.path))
+    now = "" if at is None else f'<path class="vs-present" d="M {LEFT + at * wide:.1f} {TOP} V {BOTTOM}"/>'
+    ends = ("0", "1") if naming.share else (_plain(scale.low), _plain(scale.high))
+    return "".join([
+        f'<path class="axis" fill="none" d="M {LEFT} {TOP} V {BOTTOM} H {RIGHT}"/>{now}',
+        f'<polyline class="vs-course" points="{", ".join(line)}"/>',
+        *dots,
+        *(f'<text x="{LEFT - 4}" y="{_up(share) + 4:.1f}" text-anchor="end">{end}</text>'
+          for share, end in zip((0.0, 1.0), ends, strict=True)),
+        *_ticks_across(x, wide),
+        f'<text x="{RIGHT}" y="{BOTTOM + 23}" text-anchor="end">→ {called}</text>',
+        f'<text x="4" y="{BOTTOM + 23}">↑ {escape("share" if naming.share else naming.unit or naming.title)}</text>',
+    ])  # fmt: skip
+
+
+def _up(share: float) -> float:
+    """Height of a share of the scale, px, a little off the axes."""
+    return BOTTOM - 8 - share * (BOTTOM - TOP - 16)
 
 
 def _said(question: Question, points: Points, k: int, number: float, naming: Naming) -> str:
@@ -91,19 +191,7 @@ def _said(question: Question, points: Points, k: int, number: float, naming: Nam
     return f"{where}: {naming.title} {_plain(number)} {naming.unit}" + (f", worst of {arms} arms" if arms > 1 else "")
 
 
-def _scale(numbers: np.ndarray) -> tuple[float, float, bool]:
-    """Least and largest number, and whether colours are by their logarithm."""
-    known = numbers[np.isfinite(numbers)]
-    if not len(known):
-        return 0.0, 1.0, False
-    low, high = float(known.min()), float(known.max())
-    return low, high, low > 0.0 and high > WIDE * low
-
-
-def _color(number: float, low: float, high: float, *, logarithmic: bool) -> str:
-    if logarithmic:
-        number, low, high = math.log(number), math.log(low), math.log(high)
-    share = 0.0 if high <= low else min(max((number - low) / (high - low), 0.0), 1.0)
+def _color(share: float) -> str:
     at = share * (len(STOPS) - 1)
     k = min(int(at), len(STOPS) - 2)
     r, g, b = (round(one + (at - k) * (other - one)) for one, other in zip(STOPS[k], STOPS[k + 1], strict=True))
@@ -115,31 +203,33 @@ def _cross(i: int, j: int, frame: _Frame) -> str:
     return f"M {x - r:.1f} {y - r:.1f} l {2 * r:.1f} {2 * r:.1f} M {x - r:.1f} {y + r:.1f} l {2 * r:.1f} {-2 * r:.1f}"
 
 
-def _declared_ends(declared: Mapping[tuple[int, int], bool], frame: _Frame) -> str:
+def _ends(held: Mapping[tuple[int, int], bool], frame: _Frame, look: str) -> str:
+    """Line between tiles of which one holds and the other one does not, "" where there is none."""
     parts = []
-    for (i, j), held in declared.items():
+    for (i, j), holds in held.items():
         x, y = LEFT + i * frame.wide, BOTTOM - j * frame.tall
-        if declared.get((i + 1, j), held) != held:
+        if held.get((i + 1, j), holds) != holds:
             parts.append(f"M {x + frame.wide:.1f} {y:.1f} v {-frame.tall:.1f}")
-        if declared.get((i, j + 1), held) != held:
+        if held.get((i, j + 1), holds) != holds:
             parts.append(f"M {x:.1f} {y - frame.tall:.1f} h {frame.wide:.1f}")
-    d = " ".join(parts)
-    return f'<path class="vs-ends" fill="none" stroke="#e84040" stroke-width="2" d="{d}"/>' if parts else ""
+    return f'<path fill="none" pointer-events="none" {look} d="{" ".join(parts)}"/>' if parts else ""
 
 
-def _ring(question: Question, present: Scenario) -> str:
+def _place(axis: Axis, value: float | None) -> float | None:
+    """Place of a value along an axis, in tiles; None beyond its ends."""
+    values = np.array(axis.values, dtype=float)
+    if value is None or not values[0] <= value <= values[-1]:
+        return None
+    return float(np.interp(value, values, np.arange(len(values)))) + 0.5
+
+
+def _ring(question: Question, present: Present) -> str:
     """Ring at the present setting, where it is on the map."""
-    at = []
-    for axis in question.sweep.vary:
-        value: object = present
-        for part in axis.path.split("."):
-            value = getattr(value, part, None)
-        values = np.array(axis.values, dtype=float)
-        if not isinstance(value, int | float) or not values[0] <= value <= values[-1]:
-            return ""
-        at.append(float(np.interp(value, values, np.arange(len(values)))) + 0.5)
     x, y = question.sweep.vary
-    across, up = LEFT + at[0] * (RIGHT - LEFT) / len(x.values), BOTTOM - at[1] * (BOTTOM - TOP) / len(y.values)
+    i, j = (_place(axis, present.get(axis.path)) for axis in (x, y))
+    if i is None or j is None:
+        return ""
+    across, up = LEFT + i * (RIGHT - LEFT) / len(x.values), BOTTOM - j * (BOTTOM - TOP) / len(y.values)
     circle = f'cx="{across:.1f}" cy="{up:.1f}" r="6" fill="none" pointer-events="none"'
     return (
         f'<circle {circle} stroke="white" stroke-width="3"/>'
@@ -147,14 +237,18 @@ def _ring(question: Question, present: Scenario) -> str:
     )
 
 
+def _ticks_across(x: Axis, wide: float) -> list[str]:
+    return [
+        f'<text x="{LEFT + (k + 0.5) * wide:.1f}" y="{BOTTOM + 11}" text-anchor="middle">'
+        f"{_plain(float(x.values[k]))}</text>"
+        for k in (0, len(x.values) // 2, len(x.values) - 1)
+    ]
+
+
 def _ticks(x: Axis, y: Axis, frame: _Frame, naming: Naming) -> str:
     across, up = (f"{name}{f' [{unit}]' if unit else ''}" for name, unit in (naming.axes[x.path], naming.axes[y.path]))
     return "".join([
-        *(
-            f'<text x="{LEFT + (k + 0.5) * frame.wide:.1f}" y="{BOTTOM + 11}" text-anchor="middle">'
-            f"{_plain(float(x.values[k]))}</text>"
-            for k in (0, len(x.values) // 2, len(x.values) - 1)
-        ),
+        *_ticks_across(x, frame.wide),
         *(
             f'<text x="{LEFT - 4}" y="{BOTTOM - (k + 0.5) * frame.tall + 4:.1f}" text-anchor="end">'
             f"{_plain(float(y.values[k]))}</text>"
@@ -165,14 +259,15 @@ def _ticks(x: Axis, y: Axis, frame: _Frame, naming: Naming) -> str:
     ])  # fmt: skip
 
 
-def _bar(low: float, high: float, naming: Naming) -> str:
+def _bar(scale: Scale, naming: Naming) -> str:
     step = (RIGHT - LEFT) / SHADES
     shades = "".join(
         f'<rect x="{LEFT + k * step:.1f}" y="226" width="{step + 0.5:.1f}" height="7" '
-        f'fill="{_color(k / (SHADES - 1), 0.0, 1.0, logarithmic=False)}"/>'
+        f'fill="{_color(k / (SHADES - 1))}"/>'
         for k in range(SHADES)
     )
-    left, right = ("0", "1") if naming.share else (f"{_plain(each)} {naming.unit}" for each in (low, high))
+    ends = ("0", "1") if naming.share else (f"{_plain(each)} {naming.unit}" for each in (scale.low, scale.high))
+    left, right = ends
     return f'{shades}<text x="{LEFT}" y="244">{left}</text><text x="{RIGHT}" y="244" text-anchor="end">{right}</text>'
 
 

@@ -93,6 +93,11 @@ class DiagonalPlace(Place):
                 matrix[i, i] = _single(value)
         return Edit(self.path, plain(matrix))
 
+    def entry(self, snapshot: Snapshot) -> tuple[str, Mapping[str, Any]]:
+        held, place = plain(self._matrix(snapshot)), str(self.index + 1)
+        path = f"{self.path}.{place}.{place}" if isinstance(held[0], list) else f"{self.path}.{place}"
+        return path, {self.path: held}
+
     @property
     def _name(self) -> str:
         return self.path.rpartition(".")[2]
@@ -127,6 +132,10 @@ class OscillatorPlace(Place):
             for i in places
         }
         return reshaped(snapshot, wanted)
+
+    def entry(self, snapshot: Snapshot) -> tuple[str, Mapping[str, Any]]:
+        del snapshot
+        raise ValueError("it follows from several matrices; allowed: an entry of M_m, B_m, K_m or K_f")
 
     @property
     def hint(self) -> str:

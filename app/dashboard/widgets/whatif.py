@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Collection
 from dataclasses import dataclass, replace
 
-from app.scenario.data import edited
+from app.scenario.data import edited, with_values
 from app.scenario.schema import Scenario, ScenarioError
-from app.session.commands import Edit, Load
+from app.session.commands import Edit, EditAll, Load
 from app.session.preview import Outlook, Refusal
 from app.session.preview_client import Previewer
 from app.session.snapshot import Snapshot
@@ -17,20 +17,30 @@ HORIZON, PUSH, ARMS = 5.0, 30.0, 16  # s, N, and true arms of the band, until th
 
 @dataclass(frozen=True)
 class Held:
-    """A slider that is held: the edit that it asks for, its control, and the client whose page it is on."""
+    """A slider that is held, or something else whose effect is previewed: the edit that it asks for, its control, and
+    the client whose page it is on.
+    then: what the user can do, in words."""
 
-    edit: Edit
+    edit: Edit | EditAll
     label: str
     value: str
     control: object
     client: int
+    then: str = "let go: apply · Esc: revert"
+
+
+def changed(scenario: Scenario, edit: Edit | EditAll) -> Scenario:
+    """The scenario after this edit. Raises ScenarioError."""
+    if isinstance(edit, EditAll):
+        return with_values(scenario, dict(edit.values))
+    return edited(scenario, edit.path, edit.value)
 
 
 @dataclass(frozen=True)
 class _Asked:
     """Subject of the newest question."""
 
-    edit: Edit
+    edit: Edit | EditAll
     base: Scenario
     horizon: float
     push: float
@@ -83,10 +93,10 @@ class WhatIf:
         if self.holds(control):
             self.held = None
 
-    def remember(self, snapshot: Snapshot, edit: Edit) -> None:
+    def remember(self, snapshot: Snapshot, edit: Edit | EditAll) -> None:
         """Remember an edit that is being applied; `undo` takes it back."""
         try:
-            after = edited(snapshot.scenario, edit.path, edit.value)
+            after = changed(snapshot.scenario, edit)
         except ScenarioError:  # the runner will refuse it, too, and say so
             self._applied = None
         else:
@@ -136,7 +146,7 @@ class WhatIf:
             return
         self._asked = now
         try:
-            scenario = edited(snapshot.scenario, held.edit.path, held.edit.value)
+            scenario = changed(snapshot.scenario, held.edit)
         except ScenarioError as error:
             self._previewer.drop()
             self.outlook, self.refusal = None, str(error)

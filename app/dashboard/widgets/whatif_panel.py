@@ -76,7 +76,7 @@ class WhatIfPanel:
         if held is not None:
             self._until = now + _SHOWN
             self._told = f"<span>{escape(held.label)} = <b>{escape(held.value)}</b></span>"
-            self._html.content = _html(self._told, "let go: apply · Esc: revert", self._body(snapshot.system.units))
+            self._html.content = _html(self._told, held.then, self._body(snapshot.system.units))
         elif whatif.undo(snapshot) is None:
             self._until = -math.inf
         else:

@@ -1,0 +1,42 @@
+"""Robustness panel: a map over fields and true arms, and a search for better gains."""
+
+from __future__ import annotations
+
+from app.dashboard.widgets.controls import Desk, Row
+from app.dashboard.widgets.gain_search import GainSearch
+from app.dashboard.widgets.robustness_map import RobustnessMap
+from app.scenario.schema import ScenarioError
+from app.session.snapshot import Snapshot
+
+
+class RobustnessPanel:
+    """The map, and the search below it. Both are computed beside the loop."""
+
+    def __init__(self, desk: Desk) -> None:
+        self._desk = desk
+        desk.gui.add_html(
+            '<div class="vs-note">Any slider is offered here by its context menu: the right mouse button on its row, a '
+            "long touch of its label, or Shift+F10 while it has the focus.</div>"
+        )
+        with desk.gui.add_folder("Robustness map"):
+            self._map = RobustnessMap(desk)
+        with desk.gui.add_folder("Search for better gains", expand_by_default=False):
+            self._search = GainSearch(desk)
+
+    def show(self, snapshot: Snapshot) -> None:
+        self._map.show(snapshot)
+        self._search.show(snapshot)
+
+    def sweep(self, row: Row) -> None:
+        """Choose the field of this row for the map."""
+        try:
+            self._map.sweep(row)
+        except ScenarioError as error:
+            self._desk.complain(str(error))
+
+    def let_move(self, row: Row) -> None:
+        """Let the search move the field of this row."""
+        try:
+            self._search.let_move(row)
+        except ScenarioError as error:
+            self._desk.complain(str(error))

@@ -1,0 +1,136 @@
+"""Picture of a search for gains: its candidates over the two figures that count, or in their order where one counts,
+and their front."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from html import escape
+
+import numpy as np
+
+from app.dashboard.widgets.map_tiles import BOTTOM, LEFT, RIGHT, TOP, WIDTH, Scale, said_html
+from app.export.figures import plain_number
+from app.tune.background import BackgroundTuning
+from app.tune.candidates import Candidate, front
+from app.tune.question import in_words
+
+HEIGHT, FIELD = 224, "vs-candidate-field"
+EDGE = 8  # px, between the axes and the candidates
+
+
+def candidates_html(tuning: BackgroundTuning, names: Mapping[str, str], chosen: int | None) -> str:
+    """Picture of the candidates so far.
+    names: of the gains by path. chosen: number of the candidate that is previewed."""
+    told, candidates = _told(tuning), tuning.candidates
+    shown = [each for each in candidates if all(map(math.isfinite, each.aims))]
+    if not shown:
+        return f'<div class="vs-checks"><div class="vs-note">{told}</div></div>'
+    aims, best = tuning.tuning.aims, front(candidates[1:])
+    at = {each.number: _place(each) for each in shown}
+    across, up = (Scale.of(np.array([place[k] for place in at.values()])) for k in (0, 1))
+    x = {number: LEFT + EDGE + across.share(place[0]) * (RIGHT - LEFT - 2 * EDGE) for number, place in at.items()}
+    y = {number: BOTTOM - EDGE - up.share(place[1]) * (BOTTOM - TOP - 2 * EDGE) for number, place in at.items()}
+    marks = [
+        _mark(each, x[each.number], y[each.number], _said(tuning, each, names), chosen, in_front=each in best)
+        for each in sorted(shown, key=lambda each: (each in best, each.number == 0, not each.badge))
+    ]
+    first, *others = map(in_words, aims)
+    names_of_axes = (first, others[0]) if others else ("candidate", first)
+    previewed = ' data-previewed=""' if chosen is not None else ""
+    steps = _front([(x[each.number], y[each.number]) for each in best]) if len(aims) > 1 else ""
+    return (
+        f'<div class="vs-checks"><div class="vs-note">{told}. Red: the front; star: the present gains at the start; '
+        f"cross: over a limit, never offered</div>{said_html(FIELD)}"
+        f'<svg class="vs-poles vs-tiles" data-field="{FIELD}"{previewed} viewBox="0 0 {WIDTH} {HEIGHT}" role="group" '
+        f'aria-label="candidates: one shows what it would do, chosen again it is applied">'
+        f'<path class="axis" fill="none" d="M {LEFT} {TOP} V {BOTTOM} H {RIGHT}"/>{steps}{"".join(marks)}'
+        f"{_axes(names_of_axes, across, up)}</svg></div>"
+    )
+
+
+def _told(tuning: BackgroundTuning) -> str:
+    """How far it is, as HTML."""
+    if tuning.problem:
+        return escape(tuning.problem)
+    if tuning.waiting:
+        return "waits until those of other visitors are done"
+    judged, points = max(len(tuning.candidates) - 1, 0), tuning.tuning.points - 1
+    if tuning.complete:
+        return f"{judged} candidates in {tuning.runs} runs"
+    told = f"{judged} of {points} candidates, {tuning.runs} of at most {tuning.most} runs"
+    return told if tuning.going else f"{told}, cancelled"
+
+
+def said_of(tuning: BackgroundTuning, candidate: Candidate, names: Mapping[str, str]) -> str:
+    """Gains and figures of a candidate, in words."""
+    gains = ", ".join(f"{names[path]} {_plain(float(value))}" for path, value in candidate.values.items())
+    figures = ", ".join(
+        f"{in_words(aim).partition(' [')[0]} {_plain(value)} {_unit(aim)}".rstrip()
+        for aim, value in zip(tuning.tuning.aims, candidate.aims, strict=True)
+    )
+    return f"{gains or 'own gains'}: {figures}"
+
+
+def _said(tuning: BackgroundTuning, candidate: Candidate, names: Mapping[str, str]) -> str:
+    arms = f", worst of {tuning.tuning.seen} arms" if tuning.tuning.draw else ""
+    badge = f". Not offered: {candidate.badge}" if candidate.badge else ""
+    return f"{said_of(tuning, candidate, names)}{arms}{badge}"
+
+
+def _unit(aim: str) -> str:
+    return in_words(aim).partition(" [")[2].rstrip("]")
+
+
+def _place(candidate: Candidate) -> tuple[float, float]:
+    """Its two aims, or its number and the only one."""
+    first, *others = candidate.aims
+    return (first, others[0]) if others else (float(candidate.number), first)
+
+
+def _mark(candidate: Candidate, x: float, y: float, said: str, chosen: int | None, *, in_front: bool) -> str:
+    if candidate.number == 0:
+        shape = f'<path class="vs-own" d="{_star(x, y)}"/>'
+    elif candidate.badge:
+        shape = f'<path class="vs-badged" d="M {x - 3:.1f} {y - 3:.1f} l 6 6 m -6 0 l 6 -6"/>'
+    else:
+        look, radius = ("vs-best", 4) if in_front else ("vs-tried", 3)
+        shape = f'<circle class="{look}" cx="{x:.1f}" cy="{y:.1f}" r="{radius}"/>'
+    ring = f'<circle class="vs-chosen-ring" cx="{x:.1f}" cy="{y:.1f}" r="8"/>' if candidate.number == chosen else ""
+    return (
+        f'<g data-point="{candidate.number}" data-at="{x:.1f},{HEIGHT - y:.1f}" role="button" '
+        f'tabindex="{0 if candidate.number == 0 else -1}" aria-label="{escape(said)}">'
+        f'<circle cx="{x:.1f}" cy="{y:.1f}" r="7" fill="transparent"/>{shape}{ring}</g>'
+    )
+
+
+def _front(best: Sequence[tuple[float, float]]) -> str:
+    """Steps between the candidates of the front."""
+    if not best:
+        return ""
+    steps = [f"M {best[0][0]:.1f} {best[0][1]:.1f}"] + [f"H {x:.1f} V {y:.1f}" for x, y in best[1:]]
+    return f'<path class="vs-front" d="{" ".join(steps)}"/>'
+
+
+def _star(x: float, y: float) -> str:
+    places = [
+        (x + r * math.sin(k * math.pi / 5), y - r * math.cos(k * math.pi / 5))
+        for k in range(10)
+        for r in (6.5 if k % 2 == 0 else 2.6,)
+    ]
+    return "M " + " L ".join(f"{a:.1f} {b:.1f}" for a, b in places) + " Z"
+
+
+def _axes(names: tuple[str, str], across: Scale, up: Scale) -> str:
+    return "".join([
+        f'<text x="{LEFT + EDGE}" y="{BOTTOM + 11}">{_plain(across.low)}</text>',
+        f'<text x="{RIGHT}" y="{BOTTOM + 11}" text-anchor="end">{_plain(across.high)}</text>',
+        *(f'<text x="{LEFT - 4}" y="{y + 4}" text-anchor="end">{_plain(value)}</text>'
+          for y, value in ((BOTTOM - EDGE, up.low), (TOP + EDGE, up.high))),
+        f'<text x="{RIGHT}" y="{BOTTOM + 23}" text-anchor="end">→ {escape(names[0])}</text>',
+        f'<text x="4" y="{BOTTOM + 23}">↑ {escape(names[1])}</text>',
+    ])  # fmt: skip
+
+
+def _plain(value: float) -> str:
+    return plain_number(float(f"{value:.3g}"), None)

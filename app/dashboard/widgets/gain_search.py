@@ -1,0 +1,236 @@
+"""Search for better gains on the page: which may move, what counts, and the candidates, of which one is previewed and
+then applied."""
+
+from __future__ import annotations
+
+import time
+from html import escape
+
+import msgspec
+import viser
+
+from app.dashboard.theme.style import MARKS
+from app.dashboard.transport.callback_errors import guarded
+from app.dashboard.widgets.candidate_chart import FIELD, candidates_html, said_of
+from app.dashboard.widgets.controls import Desk, Row
+from app.dashboard.widgets.file_delivery import FileDelivery
+from app.dashboard.widgets.robustness_map import ARMS
+from app.dashboard.widgets.swept_fields import (
+    GAINS,
+    NONE,
+    Field,
+    FieldChoice,
+    field_of_row,
+    number_of,
+    prepared,
+    unmarked,
+)
+from app.dashboard.widgets.whatif import Held
+from app.export.export_jobs import MadeJob, file_name
+from app.scenario.data import differences, with_values
+from app.scenario.schema import ScenarioError
+from app.session.commands import EditAll
+from app.session.snapshot import Snapshot
+from app.storage.recording_files import Tell
+from app.tune.background import BackgroundTuning
+from app.tune.candidates import Candidate
+from app.tune.question import Tuning, require_sound
+from app.tune.running import most_runs
+
+EVERY = 0.7  # s, between two pictures
+MOST = 4  # gains that may move
+AIMS = {
+    "force error": "force_error",
+    "path error": "motion_error",
+    "torque variation": "torque_variation",
+    "settling time": "settling_time",
+    "residual of (8)": "residual",
+}
+BUDGETS = {"32": 32, "64": 64, "128": 128}
+AGAIN = "click again: apply · Esc: leave it"
+
+
+class GainSearch:
+    """Controls of the search and its picture, in the current container."""
+
+    def __init__(self, desk: Desk) -> None:
+        self._desk, gui = desk, desk.gui
+        self._tuning: BackgroundTuning | None = None
+        self._names: dict[str, str] = {}
+        self._fields: list[Field] = []
+        self._chosen: int | None = None
+        self._delivery, self._due = FileDelivery(), 0.0
+        gui.add_html(
+            '<div class="vs-note vs-search-top">Which gains may move, within which ranges, and what is to be '
+            "small? The answer is that of <code>vsmrc tune</code>. A candidate over a limit is never offered.</div>"
+        )
+        firsts = ("boundary layer", "reaching gain K_s", NONE, NONE)
+        self._moves = [
+            FieldChoice(desk, f"Gain {k + 1}", GAINS, first, optional=True) for k, first in enumerate(firsts)
+        ]
+        self._first = gui.add_dropdown("What counts", tuple(AIMS), hint="The smaller the better.")
+        self._second = gui.add_dropdown(
+            "and", (NONE, *AIMS), initial_value="torque variation", hint="Of two, a front is found."
+        )
+        self._arms = gui.add_dropdown(
+            "Judged by", tuple(ARMS), initial_value="4 of the declared set", hint="By the worst of these true arms."
+        )
+        self._budget = gui.add_dropdown("Candidates", tuple(BUDGETS), initial_value="32")
+        self._unseen = gui.add_text("arms not seen", "8", hint="What is found is tried on as many other arms: 1 to 64.")
+        self._seconds = gui.add_text("each run [s]", "2", hint="0.2 to 10 s.")
+        self._seed = gui.add_text("seed", "0", hint="The same seed has the same answer.")
+        self._button = gui.add_button("Search", color="green")
+        self._html = gui.add_html("")
+        self._told = gui.add_html("")
+        self._file = gui.add_button("This search as a folder", color="gray", visible=False, hint="As `vsmrc tune` has.")
+        gui.add_html(f'<i class="{FIELD}"></i>')
+        self._tile = gui.add_text("", "")
+        for text in (self._unseen, self._seconds, self._seed):
+            text.on_update(unmarked)
+        self._button.on_click(self._on_button)
+        self._file.on_click(guarded(self._on_file, desk.complain))
+        self._tile.on_update(self._on_candidate)
+
+    def let_move(self, row: Row) -> None:
+        """Let the search move the field of this row, around its present value. Raises ScenarioError."""
+        field = field_of_row(row, self._desk.snapshot())
+        same = [each for each in self._moves if each.field is not None and each.field.path == field.path]
+        free = [each for each in self._moves if each.field is None]
+        (same or free or self._moves[-1:])[0].choose(field)
+
+    async def _on_button(self, _: object) -> None:
+        if self._tuning is not None and self._tuning.going:
+            self._tuning.cancel()
+            return
+        try:
+            fields, asked = self._asked(self._desk.snapshot())
+            self._tuning = self._desk.share.begin(
+                lambda allowance: BackgroundTuning(asked, allowance.workers, allowance.at_once), most_runs(asked)
+            )
+        except ScenarioError as error:
+            self._desk.complain(str(error))
+            return
+        self._leave()
+        self._fields, self._names = fields, {field.path: field.name for field in fields}
+
+    def _asked(self, snapshot: Snapshot) -> tuple[list[Field], Tuning]:
+        """Fields that may move, and the question of the present choices. Raises ScenarioError."""
+        seconds = number_of("each run", self._seconds.value)
+        if not 0.2 <= seconds <= 10.0:
+            raise ScenarioError(f"each run: {seconds:g} s; allowed: 0.2 to 10 s")
+        unseen, seed = self._whole("arms not seen", self._unseen, 1, 64), self._whole("seed", self._seed, 0, 2**31)
+        moves = [each for each in self._moves if each.field is not None]
+        fields = [each.field for each in moves if each.field is not None]
+        if len({field.path for field in fields}) < len(fields):
+            raise ScenarioError("the gains that may move: one is there twice; allowed: each once")
+        scenario = prepared(snapshot, fields)
+        simulation = msgspec.structs.replace(scenario.simulation, duration=seconds)
+        asked = Tuning(
+            msgspec.structs.replace(scenario, simulation=simulation),
+            tuple(each.range(scenario) for each in moves),
+            points=BUDGETS[self._budget.value] + 1,
+            draw=ARMS[self._arms.value],
+            seed=seed,
+            aims=tuple(AIMS[each.value] for each in (self._first, self._second) if each.value != NONE),
+            unseen=unseen,
+        )
+        require_sound(asked)
+        return fields, asked
+
+    def _whole(self, name: str, text: viser.GuiInputHandle[str], least: int, most: int) -> int:
+        value = number_of(name, text.value)
+        if value != int(value) or not least <= value <= most:
+            raise ScenarioError(f"{name}: {text.value.strip(''.join(MARKS))!r:.40}; allowed: {least} to {most}")
+        return int(value)
+
+    async def _on_candidate(self, event: viser.GuiEvent) -> None:
+        text, tuning = self._tile.value.partition(" ")[0], self._tuning
+        if event.client is None or tuning is None:
+            return
+        candidate = next((each for each in tuning.candidates if str(each.number) == text), None)
+        if candidate is None:
+            self._leave()
+            return
+        snapshot = self._desk.snapshot()
+        try:
+            edit = self._edit(snapshot, candidate)
+        except ScenarioError as error:
+            self._desk.complain(str(error))
+            return
+        if self._chosen == candidate.number and self._desk.whatif.holds(self):
+            self._desk.whatif.remember(snapshot, edit)
+            self._desk.post(edit)
+            self._leave()
+            return
+        self._chosen, self._due = candidate.number, 0.0
+        name = "own gains" if candidate.number == 0 else f"candidate {candidate.number}"
+        told = said_of(tuning, candidate, self._names).partition(": ")[0]
+        self._desk.whatif.hold(Held(edit, name, told, self, event.client.client_id, AGAIN))
+
+    def _edit(self, snapshot: Snapshot, candidate: Candidate) -> EditAll:
+        """Command that gives the running scenario the gains of a candidate. Raises ScenarioError."""
+        tuning = self._tuning
+        assert tuning is not None
+        now, asked = snapshot.scenario, tuning.tuning.scenario
+        if candidate.number == 0:  # the gains at the start
+            fields = {
+                path: old for path, (old, _) in differences(asked, now).items() if path in _whole_fields(self._fields)
+            }
+            return EditAll(fields)
+        needed = {path: value for field in self._fields for path, value in field.needs(snapshot).items()}
+        then = with_values(with_values(now, needed), dict(candidate.values))
+        return EditAll({path: new for path, (_, new) in differences(now, then).items()})
+
+    def _leave(self) -> None:
+        self._chosen, self._due = None, 0.0
+        self._desk.whatif.let_go(self)
+
+    def _on_file(self, event: viser.GuiEvent) -> None:
+        """In a thread of viser's pool that may wait for the file."""
+        tuning, jobs = self._tuning, self._desk.export_jobs
+        if tuning is None or tuning.found is None:
+            return
+        from app.tune import outcome  # here: pyarrow is large, and few sessions need it
+
+        job = MadeJob(outcome.zipped, (tuning.tuning, tuning.rows, tuning.found))
+        name = file_name(f"{tuning.tuning.scenario.name}-search", self._desk.snapshot().t, "zip")
+
+        def make(tell: Tell) -> bytes:
+            return jobs.made(job, tell)
+
+        self._delivery.give(event, "Search", name, make)
+
+    def show(self, snapshot: Snapshot) -> None:
+        """Show what has come in."""
+        del snapshot
+        count = sum(each.field is not None for each in self._moves)
+        for k, each in enumerate(self._moves):
+            each.show_whole(visible=each.field is not None or k <= count)
+        tuning, now = self._tuning, time.monotonic()
+        if self._chosen is not None and not self._desk.whatif.holds(self):
+            self._chosen, self._due = None, 0.0  # reverted, or a slider was taken
+        if tuning is None or now < self._due:
+            return
+        self._due = now + EVERY
+        label = "Cancel the search" if tuning.going else "Search"
+        if self._button.label != label:
+            self._button.label, self._button.color = label, "gray" if tuning.going else "green"
+        content = candidates_html(tuning, self._names, self._chosen)
+        if self._html.content != content:
+            self._html.content = content
+        if tuning.found is None:
+            self._told.content, self._file.visible = "", False
+            return
+        from app.tune import outcome  # see `_on_file`
+
+        told = outcome.verdict(tuning.tuning, tuning.found)
+        sentences = "".join(f"<div>{escape(sentence)}.</div>" for sentence in told)
+        if self._told.content != f'<div class="vs-note">{sentences}</div>':
+            self._told.content = f'<div class="vs-note">{sentences}</div>'
+        if not self._file.visible:
+            self._file.visible = True
+
+
+def _whole_fields(fields: list[Field]) -> set[str]:
+    """Paths of the fields of a scenario of which these are, or are entries."""
+    return {".".join(part for part in field.path.split(".") if not part.isdecimal()) for field in fields}

@@ -1,0 +1,227 @@
+"""Fields that a robustness map or a search for gains varies, each with its range, and the widgets that choose them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import viser
+
+from app.dashboard.theme.style import MARKS
+from app.dashboard.widgets.controls import Desk, Place, Row
+from app.scenario.data import with_values
+from app.scenario.schema import Scenario, ScenarioError, field_info
+from app.session.snapshot import Snapshot
+from app.sweep.question import Axis
+
+NONE = "—"
+DECADE = 10.0  # a logarithmic slider's range reaches so far to both sides of the present value, at first
+SECTIONS = {
+    "truth": "true arm",
+    "declared": "declared",
+    "target_model": "target model",
+    "motion": "desired motion",
+    "force": "desired force",
+    "second": "second surface",
+    "third": "third surface",
+}
+
+
+@dataclass(frozen=True)
+class Field:
+    """Field that may be varied: name on the page, dotted path, and range at first.
+    logarithmic: in even steps of the logarithm.
+    place: of the control from which it was chosen, None for one of those that are always offered."""
+
+    name: str
+    path: str
+    low: float
+    high: float
+    logarithmic: bool = False
+    place: Place | None = None
+
+    @property
+    def unit(self) -> str:
+        """Unit, "" for a plain number."""
+        info = field_info(self.path) if self.place is None else self.place.info
+        return "" if info is None or info.unit == "1" else info.unit
+
+    def needs(self, snapshot: Snapshot) -> Mapping[str, Any]:
+        """Values that the scenario must have before this field can be set: a matrix that it leaves to the mode."""
+        return {} if self.place is None else self.place.entry(snapshot)[1]
+
+    def value(self, snapshot: Snapshot) -> float | None:
+        """Present value, None where the scenario has no such number."""
+        found: Any = snapshot.scenario
+        if self.place is not None:
+            found = self.place.read(snapshot)
+        else:
+            for part in self.path.split("."):
+                found = getattr(found, part, None)
+        return float(found) if isinstance(found, int | float) else None
+
+    def require_there(self, scenario: Scenario) -> None:
+        """Raise ScenarioError where the scenario has no such number."""
+        value: Any = scenario
+        for part in self.path.split("."):
+            if isinstance(value, dict):  # parameters of the user's own code may be left out
+                return
+            if part.isdecimal():
+                break
+            value = getattr(value, part, None)
+        if value is None:
+            raise ScenarioError(f"{self.name}: this scenario has none; allowed: another field")
+
+
+FIELDS = (
+    Field("stiffness of the surface", "contact.K_e", 1e3, 1e5, logarithmic=True),
+    Field("mass of the true links, factor", "truth.link_scaling", 0.7, 1.4),
+    Field("payload", "truth.payload_mass", 0.0, 2.0),
+    Field("friction in the joints", "truth.coulomb", 0.0, 4.0),
+    Field("friction of the surface", "contact.friction_coulomb", 0.0, 0.6),
+    Field("believed stiffness", "controller.K_e_hat", 1e3, 1e5, logarithmic=True),
+    Field("boundary layer", "controller.layer", 1e-3, 0.05, logarithmic=True),
+    Field("control period", "controller.period", 5e-4, 5e-3, logarithmic=True),
+    Field("reaching gain K_s", "controller.K_s", 20.0, 400.0, logarithmic=True),
+    Field("sliding gain F_1", "controller.F_1", 3.0, 40.0, logarithmic=True),
+    Field("noise of the sensor", "sensor.noise", 0.0, 1.0),
+    Field("delay of the sensor", "sensor.delay", 0.0, 0.02),
+    Field("desired force", "force.value", 5.0, 60.0),
+    Field("time of one turn", "motion.period", 1.0, 8.0),
+)
+GAINS = tuple(each for each in FIELDS if each.path.startswith("controller.") and each.path != "controller.period")
+
+
+def field_of_row(row: Row, snapshot: Snapshot) -> Field:
+    """Field of a control's row, around its present value. Raises ScenarioError where it is no single number."""
+    value, scale = row.place.read(snapshot), row.scale
+    if scale is None or not isinstance(value, int | float):
+        raise ScenarioError(f"{row.label}: it has no slider now; allowed: a field with one")
+    try:
+        path, _ = row.place.entry(snapshot)
+    except ValueError as error:
+        raise ScenarioError(f"{row.label}: {error}") from error
+    low, high = scale.low, scale.high
+    if scale.logarithmic and value > 0.0:
+        low, high = max(low, float(f"{value / DECADE:.3g}")), min(high, float(f"{value * DECADE:.3g}"))
+        if not low < high:  # typed, beyond its slider
+            low, high = scale.low, scale.high
+    known = next((each for each in FIELDS if each.path == path), None)
+    name = known.name if known else _named(row, path)
+    return Field(name, path, low, high, scale.logarithmic, row.place)
+
+
+def _named(row: Row, path: str) -> str:
+    label, section = row.label.partition(" [")[0], path.partition(".")[0]
+    return f"{label} ({SECTIONS[section]})" if section in SECTIONS else label
+
+
+class FieldChoice:
+    """Menu of fields, and the range of the one that is chosen. State of the page.
+
+    first: name of the field at first; `NONE` where there may be none.
+    """
+
+    def __init__(self, desk: Desk, label: str, fields: tuple[Field, ...], first: str, *, optional: bool) -> None:
+        self._fields = {each.name: each for each in fields}
+        self._of, self._optional = first, optional
+        self._field = desk.gui.add_dropdown(label, self._names, initial_value=first)
+        self._range = desk.gui.add_text("from, to", self._range_of(first), hint="Two numbers, in the unit beside it.")
+        self._field.on_update(self._on_field)
+        self._range.on_update(unmarked)
+        self.show()
+
+    @property
+    def _names(self) -> tuple[str, ...]:
+        return (*((NONE,) if self._optional else ()), *self._fields)
+
+    def _range_of(self, name: str) -> str:
+        return "" if name == NONE else f"{self._fields[name].low:g}, {self._fields[name].high:g}"
+
+    @property
+    def field(self) -> Field | None:
+        """Field that is chosen, None for none."""
+        return self._fields.get(self._field.value)
+
+    def choose(self, field: Field) -> None:
+        """Choose this field with its range; it is offered from now on."""
+        self._fields[field.name] = field
+        if self._field.options != self._names:
+            self._field.options = self._names
+        self._of = self._field.value = field.name
+        self._range.value = self._range_of(field.name)
+        self.show()
+
+    def leave(self) -> None:
+        """Choose none."""
+        self._of = self._field.value = NONE
+        self.show()
+
+    async def _on_field(self, _: object) -> None:
+        if self._field.value != self._of:
+            self._of = self._field.value
+            self._range.value = self._range_of(self._of)
+            self.show()
+
+    def show(self) -> None:
+        """Show the unit, and the range where a field is chosen."""
+        unit = self.field.unit if self.field else ""
+        label = f"from, to [{unit}]" if unit else "from, to"
+        if self._range.label != label:
+            self._range.label = label
+        if self._range.visible != (self.field is not None):
+            self._range.visible = self.field is not None
+
+    def show_whole(self, *, visible: bool) -> None:
+        """Show or hide both widgets."""
+        if self._field.visible != visible:
+            self._field.visible = visible
+
+    def range(self, scenario: Scenario) -> Axis:
+        """Range that is asked for, without values. Raises ScenarioError."""
+        field = self.field
+        assert field is not None
+        field.require_there(scenario)
+        text = self._range.value.strip("".join(MARKS))
+        parts = text.split(",")
+        if len(parts) != 2:
+            raise ScenarioError(f"{field.name}: {text!r:.60}; allowed: two numbers with a comma between")
+        low, high = (number_of(field.name, part) for part in parts)
+        if not low < high:
+            raise ScenarioError(f"{field.name}: {low:g} to {high:g}; allowed: low before high")
+        return Axis(field.path, (), low, high, field.logarithmic and low > 0.0)
+
+    def axis(self, scenario: Scenario, count: int) -> Axis:
+        """Axis with so many values. Raises ScenarioError."""
+        asked = self.range(scenario)
+        spaced = np.geomspace if asked.logarithmic else np.linspace
+        return Axis(asked.path, tuple(float(f"{value:.6g}") for value in spaced(asked.low, asked.high, count)))
+
+
+def prepared(snapshot: Snapshot, fields: list[Field]) -> Scenario:
+    """The running scenario, with all that must be there before these fields can be set. Raises ScenarioError."""
+    needed: dict[str, Any] = {}
+    for field in fields:
+        needed |= field.needs(snapshot)
+    return with_values(snapshot.scenario, needed)
+
+
+async def unmarked(event: viser.GuiEvent) -> None:
+    """Take the mark off a text that was typed."""
+    if event.client is not None and event.target.value.endswith(MARKS):
+        event.target.value = event.target.value.rstrip("".join(MARKS))
+
+
+def number_of(name: str, text: str) -> float:
+    """Number of a text. Raises ScenarioError."""
+    text = text.strip("".join(MARKS)).strip()
+    try:
+        value = float(text.replace("−", "-"))
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise ScenarioError(f"{name}: {text!r:.40}; allowed: a number")
+    return value

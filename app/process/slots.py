@@ -1,0 +1,35 @@
+"""Slots of a server: so many of its processes at once may compute something long, the others wait."""
+
+from __future__ import annotations
+
+import fcntl
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+from app.process.kernel_cache import cache_folder
+
+EVERY = 0.2  # s, between two looks for a free slot
+
+
+@contextmanager
+def held(count: int | None, while_waiting: Callable[[], object]) -> Iterator[None]:
+    """Hold one of so many slots that all processes with this cache share; None: without any. Waits for a free one, and
+    calls `while_waiting` now and then meanwhile. A process that ends, however it does, has given its slot back. Raises
+    OSError where there is no room for their files."""
+    if count is None:
+        yield
+        return
+    folder = cache_folder() / "slots"
+    folder.mkdir(exist_ok=True)
+    while True:
+        for number in range(count):
+            with (folder / f"{number}.lock").open("w") as file:
+                try:
+                    fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                except BlockingIOError:
+                    continue
+                yield
+                return
+        while_waiting()
+        time.sleep(EVERY)

@@ -1,0 +1,43 @@
+"""Folder of a sweep as one file, with the runs so far: unpacked, it is what `vsmrc sweep` writes."""
+
+from __future__ import annotations
+
+import io
+import tempfile
+import zipfile
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import msgspec
+
+from app.sweep.figures_of_run import Figures
+from app.sweep.question import Sweep, fingerprint
+from app.sweep.run_store import LOCK, RunStore
+
+
+def zipped(sweep: Sweep, rows: Sequence[Figures]) -> bytes:
+    """ZIP file of the folder of this sweep; the same command goes on in it. Raises OSError."""
+    asked = msgspec.structs.replace(sweep, program=fingerprint())
+    return packed(f"{asked.scenario.name}-sweep", lambda folder: _written(folder, asked, rows))
+
+
+def _written(folder: Path, sweep: Sweep, rows: Sequence[Figures]) -> None:
+    with RunStore(folder, sweep) as store:
+        for row in rows:
+            store.add(row)
+        store.settle()
+
+
+def packed(name: str, write: Callable[[Path], None]) -> bytes:
+    """ZIP file of a folder of this name, with what `write` puts there."""
+    file = io.BytesIO()
+    with (
+        tempfile.TemporaryDirectory(prefix="vsmrc-") as place,
+        zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as zipped,
+    ):
+        folder = Path(place)
+        write(folder)
+        for path in sorted(folder.rglob("*")):
+            if path.is_file() and path.name != LOCK:
+                zipped.write(path, Path(name) / path.relative_to(folder))
+    return file.getvalue()

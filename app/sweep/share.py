@@ -1,0 +1,76 @@
+"""Share of the machine that a session has for maps and searches: one at a time, and on a server for many a limited
+one."""
+
+from __future__ import annotations
+
+import os
+import threading
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TypeVar
+
+from app.scenario.schema import ScenarioError
+from app.sweep.background import Background
+
+B = TypeVar("B", bound=Background)
+
+
+@dataclass(frozen=True)
+class Allowance:
+    """What one session may compute beside its loop.
+    workers: processes at once.
+    at_once: questions of all sessions of the server that are computed at the same time; None: any number.
+    runs: of one question; None: any number."""
+
+    workers: int
+    at_once: int | None = None
+    runs: int | None = None
+
+    def __str__(self) -> str:
+        by = f"{self.workers} of this machine's {_cores()} cores"
+        if self.runs is None or self.at_once is None:
+            return by
+        return (
+            f"{by}, since this server is shared: one map or search of yours at a time, of at most {self.runs:,} runs, "
+            f"and at most {self.at_once} of all visitors together; others wait"
+        )
+
+
+def _cores() -> int:
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def allowance_of(*, shared: bool) -> Allowance:
+    """What a session of this machine may compute: all cores but one, or one of them where it has company."""
+    spare = max(1, _cores() - 1)
+    return Allowance(1, spare, 1500) if shared else Allowance(spare)
+
+
+class Share:
+    """Share of one session. May be used from any thread."""
+
+    def __init__(self, allowance: Allowance) -> None:
+        self.allowance = allowance
+        self._lock = threading.Lock()
+        self._last: Background | None = None
+
+    def begin(self, start: Callable[[Allowance], B], runs: int) -> B:
+        """Start what computes so many runs. Raises ScenarioError where that is too much, or another one is going on."""
+        most = self.allowance.runs
+        if most is not None and runs > most:
+            raise ScenarioError(
+                f"{runs:,} runs; allowed: at most {most:,}, since this server is shared: with fewer steps, arms or "
+                "candidates"
+            )
+        with self._lock:
+            if self._last is not None and self._last.going:
+                raise ScenarioError(f"{self._last.noun}: one is going on; allowed: after its end, or Cancel there")
+            begun = start(self.allowance)
+            self._last = begun
+            return begun
+
+    def close(self) -> None:
+        """End what is going on."""
+        with self._lock:
+            if self._last is not None:
+                self._last.cancel()

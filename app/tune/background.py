@@ -1,0 +1,64 @@
+"""Search for better gains in the background: candidates come in as they are judged, and at the end what was found."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+from app.process import worker_pool
+from app.sweep.background import Background
+from app.sweep.figures_of_run import Figures
+from app.tune.candidates import Candidate
+from app.tune.question import Tuning
+from app.tune.running import Course, Found, computing, most_runs
+
+Result = Figures | Candidate | Found
+
+
+class BackgroundTuning(Background):
+    """Tuning that is computed in the background, with the answer that `vsmrc tune` has.
+
+    most: runs, at most. found: None until the end.
+    """
+
+    noun = "search"
+
+    def __init__(self, tuning: Tuning, workers: int, at_once: int | None = None) -> None:
+        self.tuning, self.most = tuning, most_runs(tuning)
+        self.found: Found | None = None
+        self._rows: list[Figures] = []
+        self._candidates: list[Candidate] = []
+        super().__init__(tuning, workers, at_once)
+
+    @property
+    def candidates(self) -> Sequence[Candidate]:
+        """Candidates so far, those of the scenario's own gains first."""
+        return self._candidates[:]
+
+    @property
+    def rows(self) -> Sequence[Figures]:
+        """Rows so far, in the order in which they were computed."""
+        return self._rows[:]
+
+    @property
+    def runs(self) -> int:
+        """Number of runs so far."""
+        return len(self._rows)
+
+    def take(self, result: Result) -> None:
+        if isinstance(result, Candidate):
+            self._candidates.append(result)
+        elif isinstance(result, Found):
+            self.found = result
+        else:
+            self._rows.append(result)
+
+
+def results(tuning: Tuning, workers: int) -> Iterator[Result]:
+    """Rows of runs, candidates as soon as they are judged, and at the end what was found."""
+    course, told = Course(tuning, {}), 0
+    for rows, figures in worker_pool.results(computing, (tuning,), course.tasks(), workers):
+        yield from course.take(rows, figures)
+        yield from course.candidates[told:]
+        told = len(course.candidates)
+    yield from course.candidates[told:]
+    yield course.found()

@@ -1,0 +1,66 @@
+// Context menu of a number's row, by the right button, a long touch, or Shift+F10 and the menu key: what it is offered for
+// is said by a mark behind the row's text (app/dashboard/theme/style.py), as when a slider is let go.
+const SWEPT = "\u2060", MOVED = "\u2061";
+const menu = document.createElement("div");
+Object.assign(menu, { className: "vs-menu", hidden: true });
+menu.setAttribute("role", "menu");
+for (const [mark, words] of [[SWEPT, "Sweep this: robustness map"], [MOVED, "Let a search move this"]]) {
+  const item = document.createElement("button");
+  Object.assign(item, { type: "button", textContent: words });
+  item.dataset.tab = "Robustness"; // which opens (lessons.js)
+  item.setAttribute("role", "menuitem");
+  item.addEventListener("click", () => pick(mark));
+  menu.append(item);
+}
+document.body.append(menu);
+let row = null, back = null;
+const close = () => { if (!menu.hidden) { menu.hidden = true; back?.focus(); row = back = null; } };
+const open = (of, x, y) => {
+  row = of;
+  back = document.activeElement;
+  menu.hidden = false;
+  const { width, height } = menu.getBoundingClientRect();
+  menu.style.left = `${Math.max(4, Math.min(x, innerWidth - width - 4))}px`;
+  menu.style.top = `${Math.max(4, Math.min(y, innerHeight - height - 4))}px`;
+  menu.firstChild.focus();
+};
+const pick = (mark) => {
+  const input = row?.querySelector("input.mantine-TextInput-input");
+  back = null;
+  close();
+  input?.dispatchEvent(new CustomEvent("vsmrc-tell", { bubbles: true, detail: mark })); // to rows.js
+};
+// a text field keeps the browser's own menu, with which one pastes
+const rowOf = (target) => {
+  const form = target instanceof Element && !target.closest("input") ? target.closest("form:not([data-held])") : null;
+  return form?.querySelector(".mantine-Slider-root")?.checkVisibility() ? form : null;
+};
+document.addEventListener("contextmenu", (e) => {
+  const of = rowOf(e.target);
+  if (!of) return;
+  e.preventDefault();
+  e.stopPropagation();
+  const box = of.getBoundingClientRect();
+  open(of, e.clientX || box.left + 20, e.clientY || box.bottom);
+}, true);
+document.addEventListener("keydown", (e) => {
+  if (!e.isTrusted) return; // other scripts press keys, too
+  if (menu.hidden) {
+    const of = (e.key === "ContextMenu" || (e.key === "F10" && e.shiftKey)) && rowOf(e.target);
+    if (!of) return;
+    const box = of.getBoundingClientRect();
+    open(of, box.left + 20, box.bottom);
+  } else {
+    const items = [...menu.children], at = items.indexOf(document.activeElement);
+    if (e.key === "Escape" || e.key === "Tab") close();
+    else if (e.key === "ArrowDown" || e.key === "ArrowUp")
+      items[(at + (e.key === "ArrowDown" ? 1 : items.length - 1)) % items.length].focus();
+    else if (e.key === "Enter" || e.key === " ") items[at]?.click();
+    else return;
+  }
+  e.preventDefault();
+  e.stopPropagation();
+}, true);
+document.addEventListener("pointerdown", (e) => { if (!menu.contains(e.target)) { back = null; close(); } }, true);
+// the right button moves no slider
+window.addEventListener("mousedown", (e) => { if (e.button === 2 && rowOf(e.target)) e.stopPropagation(); }, true);
