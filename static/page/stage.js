@@ -3,6 +3,7 @@
 // ends it. The plot is the one that was pressed last, else the first one.
 const page = document.documentElement, MOST = 3;
 const OPEN = "[data-dock-group] [data-dock-group] form:has(.mantine-Slider-root)"; // in the tab that is open
+const CLOSED = "[style*='display: none']"; // viser's tabs that are not open
 const CHOSEN = "div:has(> .vs-chosen) ~ form"; // app/dashboard/widgets/chosen_sliders.py
 let pressed = null;
 for (const kind of ["pointerdown", "focusin"])
@@ -13,7 +14,7 @@ const onStage = () => "stage" in page.dataset;
 const mark = (all, chosen) => { for (const e of all) e.toggleAttribute("data-staged", chosen.includes(e)); };
 const choose = () => {
   const moved = [...document.querySelectorAll(CHOSEN)], open = [...document.querySelectorAll(OPEN)];
-  const free = open.filter((row) => row.querySelector("input:not(:disabled)"));
+  const free = open.filter((row) => row.querySelector("input:not(:disabled)") && !row.closest(CLOSED));
   const lessons = [...document.querySelectorAll(".mantine-Paper-root:has(.vs-lesson[data-step])")];
   mark(lessons, lessons);
   mark([...moved, ...open], lessons.length ? [] : moved.length ? moved : free.slice(0, MOST));
