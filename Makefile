@@ -20,17 +20,22 @@ BIN := .venv/bin
 # The matrices are small: BLAS threads only take the cores from the loop and the page.
 export OMP_NUM_THREADS = 1
 
-.PHONY: run test test-fast kernels check bench evidence soak soak-shared mutations fuzz screenshots constraints clean
+.PHONY: run test test-browser test-others test-fast kernels browser check bench evidence soak soak-shared mutations fuzz screenshots constraints clean
 
 run: .venv/run.stamp
 	@$(BIN)/vsmrc serve $(ARGS)
 
-# Kernels need only what runs: they are compiled while what tests need is still being installed.
+# Kernels need only what runs: they are compiled while what tests need is still being installed. Then both kinds of
+# tests run at once, since those of the browser mostly wait for it.
 test:
-	@$(MAKE) --no-print-directory -j 2 .venv/dev.stamp kernels
-	@$(BIN)/python -m drivers.browser
+	@$(MAKE) --no-print-directory --jobs 2 browser kernels
+	@$(MAKE) --no-print-directory --jobs 2 --output-sync=line test-browser test-others
+
+test-browser:
+	$(BIN)/python -m pytest -n 2 --dist worksteal -m browser $(ARGS) || test $$? -eq 5
+
+test-others:
 	$(BIN)/python -m pytest -n 2 --dist worksteal -m "not browser" $(ARGS) || test $$? -eq 5
-	$(BIN)/python -m pytest -n 2 --dist loadfile -m browser $(ARGS) || test $$? -eq 5
 
 test-fast: .venv/dev.stamp kernels
 	$(BIN)/python -m pytest -n 2 --dist worksteal --ignore tests/browser -m "not slow" $(ARGS)
@@ -38,14 +43,16 @@ test-fast: .venv/dev.stamp kernels
 kernels: .venv/run.stamp
 	@$(BIN)/python -m drivers.kernels
 
+browser: .venv/dev.stamp
+	@$(BIN)/python -m drivers.browser
+
 check: .venv/dev.stamp
 	$(BIN)/ruff check
 	$(BIN)/ruff format --check
 	$(BIN)/pyright
 	$(BIN)/lint-imports --no-logo
 
-bench: .venv/dev.stamp
-	@$(BIN)/python -m drivers.browser
+bench: browser
 	@$(BIN)/python -m benchmarks $(ARGS)
 
 evidence: .venv/dev.stamp
@@ -64,8 +71,7 @@ fuzz: .venv/dev.stamp
 	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable ".[fuzz]"
 	@$(BIN)/python -m fuzzing $(ARGS)
 
-screenshots: .venv/dev.stamp
-	@$(BIN)/python -m drivers.browser
+screenshots: browser
 	$(BIN)/python -m docs.make_screenshots $(ARGS)
 
 .venv/run.stamp: pyproject.toml constraints.txt

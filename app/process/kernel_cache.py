@@ -1,4 +1,4 @@
-"""Cache folder of compiled kernels: one folder per state of the sources, so that no stale kernel is ever used.
+"""Cache folder of compiled kernels: one folder per tree and state of its sources, so that no stale kernel is ever used.
 
 Numba reads kernels back as pickles, and whoever can write a pickle runs code. So the folder is one that no other user
 can change, or a temporary one.
@@ -31,8 +31,8 @@ def cache_folder() -> Path:
 
 
 def _lasting() -> Path | None:
-    """Private folder below the user's cache, named after the contents of every source file that holds kernels; None,
-    with a sentence on the terminal, where there can be none."""
+    """Private folder below the user's cache, named after the place and the contents of every source file that holds
+    kernels; None, with a sentence on the terminal, where there can be none."""
     shelf = "the user's cache"
     try:
         shelf = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "vsmrc-lab"
@@ -48,7 +48,7 @@ def _lasting() -> Path | None:
 
 def _digest() -> str:
     root = Path(__file__).parents[2]
-    digest = hashlib.sha256()
+    digest = hashlib.sha256(bytes(root))  # numba finds a kernel by the path of its file: copies of a tree share none
     for package in ("app", "controllers", "environments", "kernels"):
         for file in sorted((root / package).rglob("*.py")):
             source = file.read_bytes()

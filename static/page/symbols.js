@@ -86,8 +86,8 @@ const present = () => {
   try { return JSON.parse(document.querySelector("data#vs-values")?.value || "{}"); } catch { return {}; }
 };
 const write = () => {
-  const values = present();
-  tip.replaceChildren(...shown.symbols.map((of) => {
+  const values = present(), list = document.createElement("dl"); // terms stand in a list, for those who hear it
+  list.append(...shown.symbols.map((of) => {
     const entry = known().find((each) => each.of === of).entry.cloneNode(true);
     typeset(entry);
     if (values[of]) {
@@ -98,6 +98,7 @@ const write = () => {
     }
     return entry;
   }));
+  tip.replaceChildren(list);
 };
 const put = () => {
   const box = shown.where.getBoundingClientRect(), { width, height } = tip.getBoundingClientRect();

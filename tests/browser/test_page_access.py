@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from itertools import combinations, zip_longest
+from itertools import combinations
 from pathlib import Path
 
 import pytest
-from axe_playwright_python.sync_playwright import Axe
 from coloraide import Color
 from coloraide.everything import ColorAll
 from playwright.sync_api import Browser, Page, expect
@@ -17,15 +16,15 @@ from app.dashboard.plots.charts import Drawing, Line, Setup
 from app.dashboard.plots.plot_table import TABS
 from app.dashboard.theme.colors import RUNS, css
 from app.scenario.data import shipped
-from app.session.commands import Edit, Pause
+from app.session.commands import Edit
 from app.session.runner import Runner
 from drivers.pages import Session, wait_without_notice
+from tests.support.axe import violations
+from tests.support.layout import lasting
 
 PHONE = {"viewport": {"width": 390, "height": 844}, "is_mobile": True, "has_touch": True}
 APART = 10.0  # least CIE Delta E 2000 of two lines of one plot that have the same style; 1 is just noticeable
 WIDER = 1.5  # factor between two widths that makes them different styles
-# What is viser's own and no attribute of ours can mend; nothing is, at present.
-VISERS_OWN: frozenset[str] = frozenset()
 SMALL = """() => [...document.querySelectorAll(
   "button, [role=tab], [role=button], [role=combobox], .mantine-Input-input, .mantine-Slider-trackContainer")]
   .filter((e) => e.checkVisibility({ opacityProperty: true, visibilityProperty: true }))
@@ -45,50 +44,13 @@ FOCUSED = """() => {
 }"""
 
 
-VIOLATIONS = """async ([rules, own]) =>
-  (await axe.run({ resultTypes: ["violations"], ...(rules.length && { runOnly: rules }) })).violations
-  .filter(({ id }) => !own.includes(id))
-  .flatMap(({ id, nodes }) => nodes.map(({ html }) => `${id}: ${html.slice(0, 160)}`))"""
-
-
-def require_no_violations(page: Page, rules: tuple[str, ...] = ()) -> None:
-    """axe-core finds nothing by these rules, or by all. What appears has its names within half a second."""
-    if not page.evaluate("'axe' in window"):
-        page.evaluate(Axe().axe_script)
-    for _ in range(20):
-        if not (found := page.evaluate(VIOLATIONS, [rules, list(VISERS_OWN)])):
-            return
-        page.wait_for_timeout(300)
-    pytest.fail("\n".join(found))
-
-
-def test_axe_finds_nothing_on_the_page_its_tabs_and_the_presentation(session: Session):
-    page = session.page
-    page.locator("canvas[data-engine][role=img]").wait_for()
-    session.runner.post(Pause())  # leaves the cores to axe
-    for rules in ((), ("color-contrast",)):  # dark, then light, which is other colours
-        plots, controls = (page.locator(f"[data-dock-region={side}] [role=tab]:visible") for side in ("left", "right"))
-        outer = controls.all_inner_texts()
-        for plot, control in zip_longest(plots.all_inner_texts(), outer):
-            for title in filter(None, (plot, control)):
-                session.tab(title)
-            require_no_violations(page, rules)
-            for inner in controls.all_inner_texts()[len(outer) + 1 :]:  # M_m, B_m …, of which the first one is open
-                session.tab(inner)
-                require_no_violations(page, rules)
-        page.keyboard.press("v")
-        require_no_violations(page, rules)
-        page.keyboard.press("v")
-        page.keyboard.press("t")
-
-
 def test_axe_finds_nothing_on_a_phone_and_every_target_is_as_large_as_a_finger(
     served: tuple[Dashboard, Runner], open_page: Callable[..., Page]
 ):
     page = open_page(served[0].url, **PHONE)
     page.locator("main, [role=main]").wait_for()
     page.locator(".uplot").first.wait_for()
-    require_no_violations(page)
+    assert lasting(page, violations) == []
     wait_without_notice(page)
     assert not page.evaluate(SMALL)
 

@@ -2,25 +2,15 @@
 
 import re
 
-import pytest
 from playwright.sync_api import expect
 
 from app.dashboard.widgets.help import KEYS
 from app.scenario.data import shipped
 from app.session.commands import Edit, Pause, Play
 from drivers.pages import Session, wait_without_notice
-from tests.support.layout import faults, lasting_faults, walk
+from tests.support.layout import faults, lasting_faults
 
 _THEME = "document.documentElement.dataset.mantineColorScheme"
-_FAINT_LINES = """
-() => {
-  const channel = (c) => (c <= 0.04045 ? c / 12.92 : ((c + 0.055) / 1.055) ** 2.4);
-  const light = (rgb) => rgb.reduce((sum, c, i) => sum + [0.2126, 0.7152, 0.0722][i] * channel(c / 255), 0);
-  return Object.values(__viserTestpoints.uplots).flatMap(({ chart }) => chart.series.slice(1)
-    .map((s, i) => s.stroke(chart, i + 1).match(/[0-9.]+/g).map(Number).slice(0, 3))
-    .filter((rgb) => 1.05 / (light(rgb) + 0.05) < 3).map(String));
-}
-"""
 # the equation's window leaves the docks free
 WITHIN = """() => {
   const box = (part) => document.querySelector(part).getBoundingClientRect();
@@ -85,25 +75,6 @@ def test_keys_act_in_the_loop_but_not_while_typing(session: Session):
     page.get_by_placeholder("Search commands").fill("ur5-impedance")
     palette.filter(has_text=shipped()["ur5-impedance"].title).click()
     session.wait(lambda now: now.scenario.name == "ur5-impedance")
-
-
-@pytest.mark.usefixtures("own_page")
-def test_nothing_is_cut_covered_or_faint_on_any_tab_in_either_theme(session: Session):
-    page = session.page
-    session.runner.post(Pause())  # what moves makes a walk slow
-    page.locator('[data-key="t"]').click()
-    page.wait_for_function(f"{_THEME} === 'light'")
-    try:
-        session.wait(lambda _: not page.evaluate(_FAINT_LINES))
-        assert walk(page) == {}
-        page.set_viewport_size({"width": 1920, "height": 1080})
-    finally:
-        page.keyboard.press("t")
-        page.wait_for_function(f"{_THEME} === 'dark'")
-    assert walk(page) == {}
-    # the check itself sees a title that is too long
-    page.evaluate("document.querySelector('[role=tab][title=Controller] span').style.maxWidth = '2em'")
-    assert any("Controller" in line for line in faults(page))
 
 
 def test_a_phone_shows_status_buttons_and_a_plot(served, open_page):

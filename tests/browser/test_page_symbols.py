@@ -89,3 +89,5 @@ def test_the_help_leads_to_every_symbol(session: Session) -> None:
     assert glossary.evaluate("(dialog) => dialog.scrollTop") == 0
     page.keyboard.press("Escape")
     expect(glossary).to_be_hidden()
+    page.keyboard.press("Escape")  # the help, below it
+    expect(page.locator(".vs-help")).to_have_count(0)

@@ -114,12 +114,14 @@ def check(words: list[str], parse: Parse) -> None:
 
 
 def recipes_with(target: str, arguments: str) -> list[list[str]]:
-    """The commands of a target of the Makefile that take ARGS, with these."""
+    """The commands of a target of the Makefile that take ARGS, with these, and of the targets that it makes."""
     makefile = (ROOT / "Makefile").read_text(encoding="utf-8").replace("\\\n", " ")
     rule = re.search(rf"^{re.escape(target)}:.*\n((?:\t.*\n)+)", makefile, re.MULTILINE)
     assert rule, f"make {target}: no such target"
-    lines = [line.strip("\t@").replace("$(BIN)/", "") for line in rule[1].splitlines() if "$(ARGS)" in line]
-    return [shlex.split(line.replace("$(ARGS)", arguments)) for line in lines]
+    lines = [line.strip("\t@").replace("$(BIN)/", "") for line in rule[1].splitlines()]
+    made = [word for line in lines if line.startswith("$(MAKE)") for word in line.split() if f"\n{word}:" in makefile]
+    own = [shlex.split(line.replace("$(ARGS)", arguments)) for line in lines if "$(ARGS)" in line]
+    return own + [recipe for other in made for recipe in recipes_with(other, arguments)]
 
 
 def has_parser(words: list[str]) -> bool:

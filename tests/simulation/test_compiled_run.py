@@ -95,6 +95,7 @@ def test_compiled_run_has_the_rows_of_the_steps(name: str) -> None:
     require_same_rows(stepped, compiled)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", [name for name in shipped() if not name.endswith("discontinuous")])
 def test_shipped_scenarios_have_the_rows_of_the_steps_for_eight_seconds(name: str) -> None:
     stepped, compiled = loops(load(name), MANY)

@@ -4,10 +4,9 @@
 """
 
 import time
+from collections.abc import Callable
 
 from playwright.sync_api import Page
-
-from drivers.pages import each_tab
 
 SETTLED = 20.0  # s, for a machine that has other things to do
 
@@ -109,15 +108,14 @@ def faults(page: Page) -> list[str]:
     return page.evaluate(_SCRIPT)
 
 
-def lasting_faults(page: Page) -> list[str]:
-    """Those that are still there after a while: a page that is being laid out has some that go by themselves."""
+def lasting(page: Page, look: Callable[[Page], list[str]]) -> list[str]:
+    """What a look still finds after a while: a page that is being laid out has faults that go by themselves."""
     until = time.monotonic() + SETTLED
-    while (found := faults(page)) and time.monotonic() < until:
+    while (found := look(page)) and time.monotonic() < until:
         page.wait_for_timeout(200)
     return found
 
 
-def walk(page: Page) -> dict[str, list[str]]:
-    """The faults under each tab of the page, by its title; tabs without faults are left out."""
-    found = {title: lasting_faults(page) for title in each_tab(page)}
-    return {title: lines for title, lines in found.items() if lines}
+def lasting_faults(page: Page) -> list[str]:
+    """The faults that are still there after a while."""
+    return lasting(page, faults)
