@@ -46,7 +46,7 @@ def serve(scenario: Scenario, dashboard: Dashboard, *, state_dir: Path | None, s
         if folder is not None:
             if problem := dashboard.notebook.keep_in(folder.path):
                 say(problem)
-            autosave = Autosave(folder, lambda: runner.snapshot, dashboard.fail)
+            autosave = Autosave(folder, lambda: runner.latest, dashboard.fail)
             if (last_session := left_by(folder, autosave, scenario)) is not None:
                 if last_session.problem:
                     say(last_session.problem)

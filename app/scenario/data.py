@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import tomllib
+from functools import cache
 from importlib import resources
 from itertools import takewhile
 from pathlib import Path
@@ -153,6 +154,11 @@ def _fields(table: dict[str, Any], prefix: str) -> dict[str, Any]:
 
 def shipped() -> dict[str, Scenario]:
     """The scenarios of `static/scenarios`, by name."""
+    return dict(_shipped())
+
+
+@cache
+def _shipped() -> dict[str, Scenario]:
     folder = resources.files("static").joinpath("scenarios")
     files = sorted((f for f in folder.iterdir() if f.name.endswith(".toml")), key=lambda f: f.name)
     return {f.name.removesuffix(".toml"): from_toml(f.read_text(encoding="utf-8")) for f in files}

@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import structlog
 
+from app.process.free_memory import give_back
 from app.scenario.data import edited, with_values
 from app.scenario.schema import Scenario, ScenarioError
 from app.session import changes
@@ -54,6 +55,8 @@ from app.storage.uploaded_urdfs import Reach, hold
 log = structlog.get_logger()
 
 BATCH = 0.01  # s of wall time: the steps of so long are computed together, unless a hand holds the tool
+UNWATCHED = 0.05  # s, the same while nobody has read a snapshot for `FORGOTTEN` s
+FORGOTTEN = 1.0
 LEAST_REST = 0.0002  # s, the shortest rest of the thread: at high speeds several steps share it, also with a hand
 PUBLISH = 1 / 60  # s, between two snapshots that are read; also the longest rest, and the longest batch of steps
 UNREAD = 0.25  # s, until a snapshot that nobody has read is replaced
@@ -120,12 +123,18 @@ class Runner:
         self.meter = PaceMeter()
         self._pace_now: Pace | None = None
         self._came_round = time.perf_counter()
-        self._newest, self._read = self._known(snapshot_of(loop)), False
+        self._newest, self._read, self._looked = self._known(snapshot_of(loop)), False, -math.inf
 
     @property
     def snapshot(self) -> Snapshot:
         """The newest snapshot: not older than `PUBLISH` s while it is read, than `UNREAD` s otherwise."""
-        self._read = True
+        self._read, self._looked = True, time.perf_counter()
+        return self._newest
+
+    @property
+    def latest(self) -> Snapshot:
+        """The newest snapshot for readers who need none that is younger than `UNREAD` s, such as those that look for
+        changes: it is never older than the last command, and reading it asks for no other."""
         return self._newest
 
     def start(self) -> None:
@@ -133,7 +142,7 @@ class Runner:
         # the loop's thread must not wait for that of the screen longer than a control period or so
         sys.setswitchinterval(5e-4)
         # a full collection of what is imported and compiled by now, none of it garbage, would hold the loop for 0.2 s
-        gc.collect()
+        give_back()
         gc.freeze()
         self._came_round = time.perf_counter()
         self._thread.start()
@@ -212,7 +221,10 @@ class Runner:
         """
         if not self._going:
             return PUBLISH
-        due = schedule.due(self._loop.t + self._period) - time.perf_counter()
+        now = time.perf_counter()
+        due = schedule.due(self._loop.t + self._period) - now
+        if now - self._looked > FORGOTTEN:
+            return max(min(due, UNREAD), UNWATCHED)
         return min(max(due, LEAST_REST if self._loop.grip else BATCH), PUBLISH)
 
     def _resumes(self) -> bool:

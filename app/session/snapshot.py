@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
@@ -11,7 +12,7 @@ from app.scenario.schema import Scenario
 from app.session.changes import WayOut
 from app.session.pacing import Pace
 from app.session.timeline import Pinned
-from app.simulation.closed_loop import ClosedLoop
+from app.simulation.closed_loop import ClosedLoop, LiveFigures, standing_of
 from app.simulation.recording import Recording
 from app.simulation.sampled_stability import SampledLoop
 from app.simulation.state import State
@@ -34,9 +35,6 @@ class Snapshot:
     system: its plant, law and nominal model belong to the loop's thread; the screen reads only what never changes.
     blending: share of a blend of the target model that is done, 0 to 1, None while there is none.
     push, push_moment: (3,) N and (3,) N m, of a hand, or of truth.push, on the tool.
-    live: numbers by name, SI units: s_norm, s_bound, s_band, d, d_required, gain_margin, sigma_min, V, residual,
-    layer_loop_factor, force_loop_factor, reaching_time_bound, reaching_time.
-    standing: premises and verdict.
     sampled: the target model's poles in the sampled loop.
     forks: instants at which the run was forked, s.
     surfaces: those that the tool may meet.
@@ -59,8 +57,6 @@ class Snapshot:
     system: System
     robot: Robot
     coordinates: tuple[Coordinate, ...]
-    fixed: dict[str, np.ndarray]
-    matrices: dict[str, np.ndarray]
     blending: float | None
     q: np.ndarray
     tool: np.ndarray
@@ -70,13 +66,35 @@ class Snapshot:
     push: np.ndarray
     push_moment: np.ndarray
     surfaces: tuple[Surface, ...]
-    live: dict[str, float]
-    standing: Standing
+    figures: LiveFigures
     sampled: SampledLoop
     recording: Recording
     pinned: tuple[Pinned, ...]
     forks: tuple[float, ...]
     state: State
+
+    # what a picture of the scene does not need is found when it is first read
+
+    @cached_property
+    def fixed(self) -> dict[str, np.ndarray]:
+        """Entries of the matrices of (8) that the mode fixes."""
+        return self.system.mode.fixed(self.system.layout.n)
+
+    @cached_property
+    def matrices(self) -> dict[str, np.ndarray]:
+        """Matrices of (8) in force, each (n, n)."""
+        return {name: getattr(self.system.controller.model, name) for name in ("M_m", "B_m", "K_m", "K_f")}
+
+    @property
+    def live(self) -> dict[str, float]:
+        """Numbers by name, SI units: s_norm, s_bound, s_band, d, d_required, gain_margin, sigma_min, V, residual,
+        layer_loop_factor, force_loop_factor, reaching_time_bound, reaching_time."""
+        return self.figures.numbers
+
+    @cached_property
+    def standing(self) -> Standing:
+        """Premises and verdict."""
+        return standing_of(self.system, self.state)
 
     @property
     def looking_back(self) -> bool:
@@ -110,8 +128,6 @@ def snapshot_of(loop: ClosedLoop) -> Snapshot:
         notice=loop.warning or "",
         robot=system.robot,
         coordinates=system.coordinates,
-        fixed=system.mode.fixed(system.layout.n),
-        matrices={name: getattr(system.controller.model, name) for name in ("M_m", "B_m", "K_m", "K_f")},
         blending=system.blend.share(loop.t) if system.blend is not None and loop.blending else None,
         q=view.q,
         tool=view.tool,
@@ -121,8 +137,7 @@ def snapshot_of(loop: ClosedLoop) -> Snapshot:
         push=view.push,
         push_moment=view.push_moment,
         surfaces=system.surfaces if scenario.contact.nature.touches or system.m else (),
-        live=view.live,
-        standing=loop.standing,
+        figures=view.figures,
         sampled=loop.sampled,
         recording=loop.recording,
         pinned=(),

@@ -4,6 +4,7 @@ plant and records."""
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import msgspec
 import numpy as np
@@ -42,7 +43,7 @@ class View:
     q: (n,) rad.
     tool, tool_desired: (3,) m, the latter None in joint space.
     force, force_desired, push: (3,) N, on the surface, and a hand's on the tool; push_moment: (3,) N m, of the hand.
-    live: numbers as `app.session.snapshot.Snapshot` lists them."""
+    figures: the numbers beside them."""
 
     q: np.ndarray
     tool: np.ndarray
@@ -51,13 +52,63 @@ class View:
     force_desired: np.ndarray
     push: np.ndarray
     push_moment: np.ndarray
-    live: dict[str, float]
+    figures: LiveFigures
+
+    @property
+    def live(self) -> dict[str, float]:
+        """See `LiveFigures.numbers`."""
+        return self.figures.numbers
+
+
+@dataclass(frozen=True)
+class LiveFigures:
+    """Figures of one instant, found when they are first read: a picture of the arm needs none of them.
+    evaluation: of the control period that begins then, in memory of its own.
+    residual: (n,).
+    t_r, reaching_time: promised and measured, s, nan for none.
+    force_factor: of the sampled loop."""
+
+    evaluation: Record[Evaluation]
+    residual: np.ndarray
+    t_r: float
+    reaching_time: float
+    force_factor: float
+
+    @cached_property
+    def numbers(self) -> dict[str, float]:
+        """Numbers by name, as `app.session.snapshot.Snapshot` lists them."""
+        evaluation = self.evaluation.read()
+        task, output = evaluation.seen.task, evaluation.output
+        required = float(sum(output.needed))
+        H_hat = task.J_q_inv.T @ evaluation.seen.estimate.M_hat @ task.J_q_inv
+        return {
+            "s_norm": output.s_norm,
+            "s_bound": evaluation.kept.bound,
+            "s_band": evaluation.kept.band,
+            "d": output.d,
+            "d_required": required,
+            "gain_margin": output.d - required,
+            "sigma_min": 1.0 / float(np.linalg.norm(task.J_q_inv, 2)),
+            "V": float(0.5 * output.s @ H_hat @ output.s),
+            "residual": float(np.linalg.norm(self.residual)),
+            "reaching_time_bound": self.t_r,
+            "reaching_time": self.reaching_time,
+            "layer_loop_factor": evaluation.table.value[Premise.LAYER],
+            "force_loop_factor": self.force_factor,
+        }
 
 
 def _begun_with(scenario: Scenario) -> tuple[object, ...]:
     """Fields of other sections that a run keeps from its start on."""
     met = tuple((each.path, each.contact.kind, each.pressed) for each in scenario.surfaces)
     return met, scenario.controller.period, scenario.controller.z_0
+
+
+def standing_of(system: System, state: State) -> Standing:
+    """The premises of the theorem and the verdict on a run in this state, which does not go on."""
+    evaluation = state.evaluation
+    table, kept = evaluation.part("table"), evaluation.part("kept")
+    return Standing(table, kept, state.stopped, outside(system.scenario), system.units)
 
 
 class ClosedLoop:
@@ -239,8 +290,7 @@ class ClosedLoop:
     @property
     def standing(self) -> Standing:
         """The premises of the theorem and the verdict."""
-        system, table = self.system, self.state.evaluation.copy().part("table")
-        return Standing(table, self.kept, self.stopped, outside(system.scenario), system.units)
+        return standing_of(self.system, self.state.copy())
 
     @property
     def sampled(self) -> SampledLoop:
@@ -411,43 +461,28 @@ class ClosedLoop:
         try:
             return self._arm.evaluated()
         except OwnCodeError:
-            return self.state.evaluation
+            return self.state.evaluation.copy()
 
     def view(self) -> View:
         """The present state as the screen shows it."""
         system, state, t = self.system, self.state, self.t
-        arm = state.arm.views
-        evaluation = self._evaluated().read()
-        estimate, task, reference, output = (
-            evaluation.seen.estimate,
-            evaluation.seen.task,
-            evaluation.reference,
-            evaluation.output,
+        arm, evaluated = state.arm.views, self._evaluated()
+        seen, reference = evaluated.data["seen"], evaluated.data["reference"]
+        normals = seen["task"]["normals"][0]
+        figures = LiveFigures(
+            evaluated,
+            state.evaluation.views.residual.copy(),
+            self.certificate.t_r,
+            np.nan if self.reaching_time is None else self.reaching_time,
+            self.sampled.force_factor,
         )
-        required = float(sum(output.needed))
-        H_hat = task.J_q_inv.T @ estimate.M_hat @ task.J_q_inv
-        live = {
-            "s_norm": output.s_norm,
-            "s_bound": evaluation.kept.bound,
-            "s_band": evaluation.kept.band,
-            "d": output.d,
-            "d_required": required,
-            "gain_margin": output.d - required,
-            "sigma_min": 1.0 / float(np.linalg.norm(task.J_q_inv, 2)),
-            "V": float(0.5 * output.s @ H_hat @ output.s),
-            "residual": float(np.linalg.norm(state.evaluation.views.residual)),
-            "reaching_time_bound": self.certificate.t_r,
-            "reaching_time": np.nan if self.reaching_time is None else self.reaching_time,
-            "layer_loop_factor": evaluation.table.value[Premise.LAYER],
-            "force_loop_factor": self.sampled.force_factor,
-        }
         return View(
             arm.q.copy(),
-            estimate.p,
-            None if system.layout.joint else system.tool_at(reference, t),
+            seen["estimate"]["p"][0],
+            None if system.layout.joint else system.tool_at(reference["r_d"][0], t),
             arm.load.wrench[:3].copy(),
-            reference.F_cd[: system.m] @ task.normals[: system.m],
+            reference["F_cd"][0, : system.m] @ normals[: system.m],
             self._arm.push[:3].copy(),
             self._arm.push[3:].copy(),
-            live,
+            figures,
         )

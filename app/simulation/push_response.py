@@ -10,7 +10,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.signal import StateSpace, step
 
 LOWEST = 0.05  # Hz
 NOTHING = 1e-12  # m/s per N: a tool that does not yield, but for rounding
@@ -54,6 +53,8 @@ class PushResponse:
     def step(self, seconds: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Way of the tool along each axis, m, under a push of 1 N along it from t = 0 on: times (N,) s, that of the
         sampled loop (N, p), and that of the target model."""
+        from scipy.signal import StateSpace, step  # takes 0.4 s and 30 MB: a page that draws none need not load it
+
         times = self.period * np.arange(round(seconds / self.period) + 1)
         p = len(self.axes)
         sampled, target = np.empty((len(times), p)), np.empty((len(times), p))

@@ -179,10 +179,10 @@ class System:
         """The system with this shift in place of the scenario's, which begins at t = 0."""
         return replace(self, plan=self.plan._replace(shift=shift))
 
-    def tool_at(self, reference: Reference, t: float) -> np.ndarray:
-        """Desired tool point (3,) m, that of r_d; a planar arm stays in its plane."""
+    def tool_at(self, r_d: np.ndarray, t: float) -> np.ndarray:
+        """Desired tool point (3,) m, that of r_d (n,); a planar arm stays in its plane."""
         g = np.zeros(3)
-        g[: self.layout.positions] = reference.r_d[: self.layout.positions]
+        g[: self.layout.positions] = r_d[: self.layout.positions]
         return self.charted.point(g, t)
 
 

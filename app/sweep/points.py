@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from scipy.stats import binomtest
 
 from app.scenario.schema import ScenarioError
 from app.sweep.figures_of_run import METRICS
@@ -92,6 +91,8 @@ def statistic_of(view: View) -> Statistic:
 
 def interval(good: int, arms: int) -> tuple[float, float]:
     """Wilson's interval of a share, of 95 %."""
+    from scipy.stats import binomtest  # a page without a map need not load it
+
     found = binomtest(good, arms).proportion_ci(CONFIDENCE, "wilson")
     return float(found.low), float(found.high)
 

@@ -15,7 +15,6 @@ import msgspec
 import numpy as np
 import tomli_w
 from msgspec import Meta, Struct
-from scipy.stats import qmc
 
 from app.scenario.data import to_plain, with_value, with_values
 from app.scenario.departures import DRAWN, Departure
@@ -172,6 +171,8 @@ class Question:
     @cached_property
     def _shares(self) -> np.ndarray:
         """Points (N, k) of a design in the unit cube."""
+        from scipy.stats import qmc  # a page without a map need not load it
+
         axes, points, rng = len(self.sweep.vary), self.sweep.points, np.random.default_rng(self.sweep.seed)
         if self.sweep.design == "latin":
             return qmc.LatinHypercube(axes, rng=rng).random(points)

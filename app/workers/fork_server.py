@@ -18,8 +18,9 @@ from pathlib import Path
 
 from app.process import launcher, precompile
 from app.process.fork_server import ForkedProcess
+from app.process.free_memory import give_back
 from app.process.log import configure_as_parent
-from app.scenario.data import from_toml
+from app.scenario.data import from_toml, shipped
 from app.scenario.schema import ScenarioError
 from app.session.preview_client import Previewer
 from app.simulation.warm_up import warm_up
@@ -37,8 +38,11 @@ def main() -> None:
         scenario = control.recv(LONGEST).decode()
         if precompile.mark().exists():  # otherwise the first session compiles, and tells how far it is
             with contextlib.suppress(ScenarioError):  # it is told on the session's page
-                warm_up(from_toml(scenario))
-        gc.collect()
+                begun = from_toml(scenario)
+                loop = warm_up(begun)
+                if begun == shipped().get(begun.name):  # of another one, compiled runs may not be compiled yet
+                    preview.load_for(loop)
+        give_back()
         gc.freeze()  # or the first collection in a process would make all pages its own
         while files := socket.recv_fds(control, LONGEST, 1)[1]:
             between = os.fork()

@@ -19,6 +19,7 @@ from app.process.log import configure_as_parent
 from app.scenario.schema import ScenarioError
 from app.session.arm_band import LATER, Band, Course, Stretch, TrueArms
 from app.session.preview import Done, Figures, Foresight, Hurry, Outlook, Question, Refusal
+from app.simulation.closed_loop import ClosedLoop
 from app.simulation.engines import Engine
 from app.simulation.search_memory import Memory
 from app.simulation.system import System
@@ -203,6 +204,15 @@ def _compare(foresight: Foresight, asker: Connection, known: _Known) -> Outlook 
         known.question, known.today = question, outlook.figures
         return _send(foresight.outlook(outlook.figures), asker, known.band)
     return None
+
+
+def load_for(loop: ClosedLoop) -> None:
+    """Load what answers about this run need, in a process that is forked into those that answer."""
+    scenario = loop.system.scenario
+    question = Question(0, loop.state.copy(), scenario, scenario.controller.period, partial=False)
+    foresight = Foresight(question, loop.system, engine=_engine())
+    foresight.advance(foresight.batch)
+    foresight.outlook()
 
 
 def run(asker: Connection) -> None:

@@ -131,7 +131,7 @@ def serve(gateway: Gateway, previewer: Previewer) -> None:
     if begin.scenario or runs:
         runner.post(Continue(begun, runs))
     runner.start()
-    Pulse(gateway, dashboard, lambda: None if (pace := runner.snapshot.pace) is None else pace.late_median)
+    Pulse(gateway, dashboard, lambda: None if (pace := runner.latest.pace) is None else pace.late_median)
     threading.Thread(target=_report, args=(gateway, runner, scenario), name="reports", daemon=True).start()
     threading.Thread(target=dashboard.run_forever, name="drawing", daemon=True).start()
     try:
@@ -167,7 +167,7 @@ def _folder(kept: Kept, dashboard: Dashboard) -> StateFolder | None:
 def _kept_from_now(kept: Kept, runner: Runner, dashboard: Dashboard) -> Autosave | None:
     """Autosave of a session that has begun without a folder."""
     folder = _folder(kept, dashboard)
-    return None if folder is None else Autosave(folder, lambda: runner.snapshot, dashboard.fail, begun=True)
+    return None if folder is None else Autosave(folder, lambda: runner.latest, dashboard.fail, begun=True)
 
 
 def _autosave(
@@ -177,7 +177,7 @@ def _autosave(
     restored from the folder. Runs that cannot be restored are shown or offered."""
     if (folder := _folder(kept, dashboard)) is None:
         return None, ()
-    autosave = Autosave(folder, lambda: runner.snapshot, dashboard.fail)
+    autosave = Autosave(folder, lambda: runner.latest, dashboard.fail)
     left = left_by(folder, autosave, scenario)
     if left is None:
         return autosave, ()
@@ -198,7 +198,7 @@ def _report(gateway: Gateway, runner: Runner, told: Scenario) -> None:
     pause, pinned, due = threading.Event(), 0, time.monotonic() + IN_USE
     with contextlib.suppress(OSError):
         while not pause.wait(LOOK):
-            now = runner.snapshot
+            now = runner.latest
             if time.monotonic() > due:
                 uploaded_urdfs.note_use(now.scenario.robot.urdf)
                 due = time.monotonic() + IN_USE

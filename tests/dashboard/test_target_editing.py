@@ -44,8 +44,8 @@ def applied(snapshot: Snapshot, edit: Edit) -> Snapshot:
     """The snapshot of a model that this edit has changed."""
     judged = judge_asked(snapshot, edit)
     assert judged.refusal == ""
-    matrices = {name: getattr(judged.model, name) for name in snapshot.matrices}
-    return replace(snapshot, scenario=edited(snapshot.scenario, edit.path, edit.value), matrices=matrices)
+    system = replace(snapshot.system, controller=snapshot.system.controller.following(judged.model))
+    return replace(snapshot, scenario=edited(snapshot.scenario, edit.path, edit.value), system=system)
 
 
 @settings(deadline=None)

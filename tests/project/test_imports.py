@@ -24,10 +24,11 @@ NUMERIC = ("pinocchio", "numba", "scipy")
         (RUN.format(["run", "planar2r-semicircle", "--duration", "0.01", "--out", "OUT"]), HEAVY),
         ("import app.gateway.serve; ", ("viser", *NUMERIC)),
         (REFUSED.format(["serve", "--shared", "--max-sessions", "0"]), ("viser", *NUMERIC)),
+        ("import app.dashboard.page; ", ("matplotlib", "scipy.signal", "scipy.stats", "aiohttp")),
         ("import app.workers.preview; ", HEAVY),
         ("import app.workers.precompile; ", HEAVY),
     ],
-    ids=["list", "run", "gateway", "server", "preview", "precompile"],
+    ids=["list", "run", "gateway", "server", "page", "preview", "precompile"],
 )
 def test_only_what_is_needed_is_loaded(code: str, not_needed: tuple[str, ...], tmp_path: Path) -> None:
     code = "import sys; " + code.replace("OUT", str(tmp_path)) + f"print([m for m in {not_needed} if m in sys.modules])"
