@@ -54,5 +54,7 @@ def measure(effort: Effort) -> Table:
 
 def _kind(message: dict) -> str:
     if message["type"] == "GuiUpdateMessage":
-        return "plots" if "data" in message["updates"] else "other"
+        # whole data of a plot, or its new points (app/dashboard/transport/plot_feed.py)
+        points = isinstance(message["updates"].get("value"), dict)
+        return "plots" if points or "data" in message["updates"] else "other"
     return "scene"

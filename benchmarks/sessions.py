@@ -37,6 +37,7 @@ class Fared(NamedTuple):
     realtime, late: share of real time and median lateness (ms) of the worst session.
     session, gateway: processor's share of a session, with its what-if process and part of the fork server, and of the
     gateway.
+    unseen: that of a session that runs on when its page has been closed, None where that is not measured.
     memory: of a session, MB, with the same.
     spared, started: seconds to the page with the spare process and without."""
 
@@ -44,6 +45,7 @@ class Fared(NamedTuple):
     late: float
     session: float
     gateway: float
+    unseen: float | None
     memory: float
     spared: float
     started: float | None
@@ -68,6 +70,7 @@ def measure(effort: Effort) -> Table:
                     f"{fared.late:.2f}",
                     f"{fared.session * 100:.0f}",
                     f"{fared.gateway * 100:.0f}",
+                    "" if fared.unseen is None else f"{fared.unseen * 100:.1f}",
                     f"{fared.memory:.0f}",
                     f"{fared.spared:.2f}",
                     "" if fared.started is None else f"{fared.started:.1f}",
@@ -82,6 +85,7 @@ def measure(effort: Effort) -> Table:
         "late p50, ms, worst",
         "processor per session, %",
         "gateway, %",
+        "session without a page, %",
         "memory per session, MB",
         "page with the spare, s",
         "without, s",
@@ -103,32 +107,45 @@ def _served(number: int, places: int) -> Iterator[Server]:
 
 
 def _fared(number: int, count: int, seconds: float) -> Fared:
-    with _served(number, count) as server, ExitStack() as stack:
+    with _served(number, count) as server, ExitStack() as looking:
         _at_rest(_spare(server))
         pages, waits = [], []
         for _ in range(count):
             began = time.perf_counter()
             url = arrived(server.port)
-            pages.append(page := stack.enter_context(visiting(url)))
+            pages.append(page := looking.enter_context(visiting(url)))
             page.wait(lambda page=page: page.running)
             page.look_at(TAB)
             waits.append(time.perf_counter() - began)
         time.sleep(5.0)
         everyone = [server.process.pid, *descendants(server.process.pid)]
-        before, began, since = [_used(pid) for pid in everyone], time.perf_counter(), [page.t for page in pages]
-        time.sleep(seconds)
-        passed = time.perf_counter() - began
-        shares = [(_used(pid) - used) / passed for pid, used in zip(everyone, before, strict=True)]
+        since = [page.t for page in pages]
+        shares, passed = _shares(everyone, seconds)
         realtime = [(page.t - t) / passed for page, t in zip(pages, since, strict=True)]
+        lateness, taken = max(map(late, pages)), sum(map(memory, everyone[1:]))
+        unseen = None
+        if count == 1:
+            looking.close()
+            time.sleep(5.0)
+            unseen = sum(_shares(everyone[1:], seconds)[0])
         return Fared(
             realtime=min(realtime),
-            late=max(map(late, pages)),
+            late=lateness,
             session=sum(shares[1:]) / count,
             gateway=shares[0],
-            memory=sum(map(memory, everyone[1:])) / count / 1e6,
+            unseen=unseen,
+            memory=taken / count / 1e6,
             spared=waits[0],
             started=median(waits[1:]) if count > 1 else None,
         )
+
+
+def _shares(processes: list[int], seconds: float) -> tuple[list[float], float]:
+    """Share of a core that each process takes over so many s, and the s that have passed."""
+    before, began = [_used(pid) for pid in processes], time.perf_counter()
+    time.sleep(seconds)
+    passed = time.perf_counter() - began
+    return [(_used(pid) - used) / passed for pid, used in zip(processes, before, strict=True)], passed
 
 
 def arrived(port: int) -> str:

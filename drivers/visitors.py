@@ -21,6 +21,7 @@ from websockets.sync.client import ClientConnection, connect
 
 from drivers.viser_protocol import CAMERA, PROTOCOL, messages
 
+_PANEL = re.compile(r'class="vs-panel" data-plots="([^"]*)"')
 PATIENCE = 90.0  # s, for what takes a fraction of a second on an idle machine
 
 
@@ -61,12 +62,18 @@ class Visitor:
     @property
     def running(self) -> bool:
         """Whether the page shows a running loop."""
-        return any('data-phase="running"' in html for html in self.html.values())
+        return any('class="vs-status" data-phase="running"' in html for html in self.html.values())
 
     def look_at(self, tab: str) -> None:
-        """Report that this tab of plots is visible, as the page's script does."""
-        self.wait(lambda: self._looking != "")
-        self.say({"type": "GuiUpdateMessage", "uuid": self._looking, "updates": {"value": f"{tab}#"}})
+        """Report that this tab of plots and the first one of controls are visible, as the page's script does."""
+        self.wait(lambda: self._looking != "" and self._controls != "")
+        seen = f"{tab},{self._controls}#"
+        self.say({"type": "GuiUpdateMessage", "uuid": self._looking, "updates": {"value": seen}})
+
+    @property
+    def _controls(self) -> str:
+        """Name of the first tab of controls, "" before it has come."""
+        return next((found[1] for html in self.html.values() if (found := _PANEL.search(html))), "")
 
     @property
     def text(self) -> str:

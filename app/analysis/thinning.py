@@ -21,9 +21,18 @@ class Grid:
     @classmethod
     def over(cls, t_from: float, t_to: float, buckets: int) -> Grid:
         """Grid of about this many buckets; none begins before t_from, the last holds t_to."""
-        width = (t_to - t_from) / buckets
+        return cls.up_to(t_to, t_to - t_from, buckets)
+
+    @classmethod
+    def up_to(cls, t_to: float, window: float, buckets: int) -> Grid:
+        """The same over so many s up to t_to; grids of one window have one width, to the last bit."""
+        t_from, width = t_to - window, window / buckets
         first = math.ceil(t_from / width - 1e-9)
         return cls(first, max(math.floor(t_to / width + 1e-9) - first + 1, 1), width)
+
+    def since(self, bucket: int) -> Grid:
+        """The part of this grid from the bucket of this number on."""
+        return Grid(bucket, self.first + self.count - bucket, self.width)
 
     @property
     def times(self) -> np.ndarray:

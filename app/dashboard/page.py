@@ -6,6 +6,7 @@ import asyncio
 import socket
 import threading
 import time
+from collections.abc import Callable, Collection
 
 import structlog
 import viser
@@ -27,7 +28,7 @@ from app.dashboard.transport.handshake import behind_doors
 from app.dashboard.transport.message_filter import MessageFilter
 from app.dashboard.transport.repeated_inputs import RepeatedInputs
 from app.dashboard.transport.stalled_clients import StalledClients
-from app.dashboard.transport.visible_tabs import VisibleTabs
+from app.dashboard.transport.visible_tabs import VisibleTabs, panel_marker_html
 from app.dashboard.transport.widget_lock import WidgetLock
 from app.dashboard.view_options import Viewing
 from app.dashboard.widgets.chosen_sliders import ChosenSliders
@@ -52,16 +53,25 @@ from app.scenario.data import shipped
 from app.session.preview_client import Previewer
 from app.session.runner import Runner
 from app.session.snapshot import Snapshot
+from app.simulation.system import System
 from app.storage.uploaded_urdfs import UploadedUrdfs
 from app.sweep.share import Allowance, Share, allowance_of
 
 log = structlog.get_logger()
 
+
+def panel_name(title: str) -> str:
+    """Name by which a page reports that the tab of controls of this title is on its screen."""
+    return f"controls: {title}"
+
+
+_ACTING = frozenset(map(panel_name, ("Lessons", "Robustness")))  # panels that follow the run also when on no screen
 REFRESH = 1 / 10  # s, plots and numbers
 CONTROLS = 1 / 2  # s, controls that nobody uses, of a run that nobody changes, and the numbers among them
 PLOTTING = 0.1  # share of the time for drawing plots: long windows are drawn less often
 COMPLAINT_SHOWN = 12.0  # s
 SLOW = 2.0  # s, a drawing that is worth a line in the log
+UNWATCHED = 1.0  # s, between two looks for stalled connections while nothing is drawn
 ENDING = 0.7  # s to wait for the end of viser's server
 FRAME_ENDING = 0.7  # s to wait for the end of a frame
 
@@ -114,6 +124,7 @@ class Dashboard:
         self._appearance = Appearance(gui, self._scene, theme)
         self._help = Help(self._server)
         self._closed, self._drawing = threading.Event(), threading.RLock()
+        self._arrived = threading.Event()  # a page has been opened, or has told what it shows; or the end has come
         self.uploads, self.notebook, self.classroom = UploadedUrdfs(), Notebook(), ClassDesk()
         self._stalled_clients = StalledClients(self._server)
         watch(self._server.get_event_loop(), self.fail)
@@ -165,6 +176,7 @@ class Dashboard:
             self.notebook,
             self.classroom,
             Share(self._allowance),
+            self._arrived.set,
         )
 
     def offer(self, last_session: LastSession) -> None:
@@ -178,18 +190,25 @@ class Dashboard:
             self._view.fail(sentence)
 
     def run_forever(self) -> None:
-        """Draw until `close`; draws nothing while no page is open."""
+        """Draw until `close`; does next to nothing while no page is open and on its screen."""
         while not self._closed.is_set():
             started = time.monotonic()
+            self._arrived.clear()
             with self._drawing:
                 self._stalled_clients.drop()
-                if self._view is not None and self._server.get_clients() and not self._closed.is_set():
-                    self._draw(self._view, started)
-            self._closed.wait(max(self._frame - (time.monotonic() - started), 0.002))
+                clients, view = self._server.get_clients(), self._view
+                drawn = bool(clients) and not (view is not None and view.is_unseen(clients))
+                if view is not None and drawn and not self._closed.is_set():
+                    self._draw(view, started)
+            if drawn:
+                self._closed.wait(max(self._frame - (time.monotonic() - started), 0.002))
+            elif not self._closed.is_set():
+                self._arrived.wait(UNWATCHED)
 
     def close(self) -> None:
         """End `run_forever` and stop the server. The caller ends the runner."""
         self._closed.set()
+        self._arrived.set()
         # a server that has stopped accepts nothing of the frame that is being drawn
         drawn = self._drawing.acquire(timeout=FRAME_ENDING)
         try:
@@ -222,6 +241,7 @@ class Dashboard:
             log.info("slow drawing", seconds=round(took, 2))
 
     async def _on_connect(self, client: viser.ClientHandle) -> None:
+        self._arrived.set()
         log.info("client connected", client=client.client_id, clients=len(self.clients))
 
     async def _on_disconnect(self, client: viser.ClientHandle) -> None:
@@ -242,6 +262,7 @@ class _View:
         notebook: Notebook,
         classroom: ClassDesk,
         share: Share,
+        looked: Callable[[], None],
     ) -> None:
         self._server, self._status, self._scene, self._runner = server, status, scene, runner
         self._complaint, self._complaint_until, self._complaint_revision = "", 0.0, -1
@@ -281,22 +302,26 @@ class _View:
         self._chosen_sliders = ChosenSliders(desk)
         self._widget_lock = WidgetLock(server)
         RepeatedInputs(server)
-        self._visible_tabs = VisibleTabs()
+        self._visible_tabs = VisibleTabs(looked)
         self._visible_tabs.add_field(server.gui)
         self._plots = Plots(server.gui, self._visible_tabs, self._viewing, self._widget_lock.drawing)
         self._plots_due = 0.0
         tabs = server.gui.add_tab_group()
-        self._panels: list[Panel] = []
+        self._panels: dict[str, Panel] = {}
         for title, panel in PANELS.items():
             with tabs.add_tab(title):
-                self._panels.append(panel(desk))
-        (self._robustness,) = (panel for panel in self._panels if isinstance(panel, RobustnessPanel))
+                server.gui.add_html(panel_marker_html(panel_name(title)))
+                self._panels[panel_name(title)] = panel(desk)
+        (self._robustness,) = (panel for panel in self._panels.values() if isinstance(panel, RobustnessPanel))
         equation = server.gui.add_panel()
         with equation.add_tab("Target model"):
             self._equation = server.gui.add_html("")
         equation.float(x=12, y=-92, width=440)
         self._refreshed = self._controls_due = 0.0
         self._controls_of: object = None
+        self._open_panels: frozenset[str] = frozenset()  # on a screen when the controls were shown last
+        self._outdated: frozenset[str] = frozenset()  # panels that do not show the last change yet
+        self._equation_of: System | None = None
         self._drawn: Snapshot | None = None
         self._page_height = 0
 
@@ -307,6 +332,10 @@ class _View:
     @property
     def hang(self) -> str:
         return self._runner.hang
+
+    def is_unseen(self, clients: Collection[int]) -> bool:
+        """Whether none of these pages is on its screen."""
+        return self._visible_tabs.all_away(clients)
 
     def complain(self, sentence: str) -> None:
         """Show a refusal until another edit is accepted, or for some seconds."""
@@ -373,20 +402,31 @@ class _View:
             self._plot(snapshot, now)
 
     def _show_controls(self, snapshot: Snapshot, now: float) -> None:
-        """Show the running values in the controls and the equation: at once when somebody has used a control or the run
-        has changed."""
+        """Show the running values in the controls that are on a screen and in the equation: at once when somebody has
+        used a control or the run has changed, else now and then. Other controls follow a change a little later."""
         of = (
             *(snapshot.scenario, snapshot.revision, snapshot.run, snapshot.phase, snapshot.refusal_number),
             *(snapshot.blending, [(pinned.number, pinned.title) for pinned in snapshot.pinned]),
             *(self._whatif.held, self._widget_lock.used),
         )
-        if of == self._controls_of and now < self._controls_due:
-            return
-        self._controls_of, self._controls_due = of, now + CONTROLS
-        self._equation.content = equation_html(snapshot)
-        for panel in self._panels:
-            with self._widget_lock.drawing:
-                panel.show(snapshot)
+        every = frozenset(self._panels)
+        # a page that tells of none may have a script that does not run
+        on_screen = self._visible_tabs.tabs(self._server.get_clients()) & every or every
+        shown = on_screen - self._open_panels
+        if of != self._controls_of:
+            self._controls_of, self._outdated = of, every
+            shown = on_screen
+        if now >= self._controls_due:
+            self._controls_due = now + CONTROLS
+            shown = on_screen | self._outdated | _ACTING
+        self._open_panels, self._outdated = on_screen, self._outdated - shown
+        if snapshot.system is not self._equation_of:
+            self._equation_of = snapshot.system
+            self._equation.content = equation_html(snapshot)
+        for name, panel in self._panels.items():
+            if name in shown:
+                with self._widget_lock.drawing:
+                    panel.show(snapshot)
 
     def _plot(self, snapshot: Snapshot, now: float) -> None:
         whatif, looked_at = self._whatif, self._visible_tabs.tabs(self._server.get_clients())

@@ -21,6 +21,8 @@ EPOCHS = 2000
 
 
 def _between(rows: np.ndarray, t_from: float, t_to: float) -> np.ndarray:
+    if t_from <= rows[0, 0] and rows[-1, 0] <= t_to:  # a search walks through the memory of the whole piece
+        return rows
     first, last = np.searchsorted(rows[:, 0], t_from), np.searchsorted(rows[:, 0], t_to, side="right")
     return rows[first:last]
 
@@ -149,8 +151,9 @@ class Recording:
     @property
     def first(self) -> float:
         """Time of the oldest row, s; 0 while there is none."""
-        oldest = next((piece for piece in self._every_piece() if len(piece)), None)
-        return 0.0 if oldest is None else float(oldest[0, 0])
+        full = next((block.rows[0, 0] for block in tuple(self._blocks) if block.filled), np.inf)
+        oldest = min(full, next((piece[0, 0] for piece in tuple(self._thinned) if len(piece)), np.inf))
+        return 0.0 if np.isinf(oldest) else float(oldest)
 
     def branch(self, t_from: float, t_to: float) -> Recording:
         """Copy of this recording from about t_from, to a whole block, up to t_to exactly, which can continue
@@ -168,13 +171,26 @@ class Recording:
         return twin
 
     def pieces(self, t_from: float = -np.inf, t_to: float = np.inf) -> list[np.ndarray]:
-        """Rows with t_from <= t <= t_to, oldest first, as they lie in memory: (N_i, width), not to be written."""
-        return [kept for piece in self._every_piece() if len(kept := _between(piece, t_from, t_to))]
+        """Rows with t_from <= t <= t_to, oldest first, as they lie in memory: (N_i, width), not to be written. Older
+        ones are not looked at: the page asks for the last seconds many times a second."""
+        found = []
+        for piece in self._newest_first():
+            if len(kept := _between(piece, t_from, t_to)):
+                found.append(kept)
+            if piece[0, 0] <= t_from:
+                break
+        return found[::-1]
 
-    def _every_piece(self) -> list[np.ndarray]:
-        full = [block.rows[: block.filled] for block in tuple(self._blocks)]  # first, see `new_row`
-        begin = full[0][0, 0] if full and len(full[0]) else np.inf
-        return [*(piece for piece in tuple(self._thinned) if len(piece) and piece[0, 0] < begin), *full]
+    def _newest_first(self) -> Iterator[np.ndarray]:
+        """Pieces of the table that have rows, the newest one first."""
+        begin = np.inf
+        for block in reversed(tuple(self._blocks)):  # before the thinned ones, see `new_rows`
+            if block.filled:
+                begin = block.rows[0, 0]
+                yield block.rows[: block.filled]
+        for piece in reversed(tuple(self._thinned)):
+            if len(piece) and piece[0, 0] < begin:
+                yield piece
 
     def rows(self, t_from: float = -np.inf, t_to: float = np.inf) -> np.ndarray:
         """Rows with t_from <= t <= t_to in one piece: (N, width), a copy."""

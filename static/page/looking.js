@@ -1,4 +1,4 @@
-// What viser does not tell the server: which tabs of plots are on the screen (app/dashboard/transport/visible_tabs.py).
+// What viser does not tell the server: which tabs of plots and of controls are on the screen (app/dashboard/transport/visible_tabs.py).
 const type = (input, text) => {
   Object.getOwnPropertyDescriptor(HTMLInputElement.prototype, "value").set.call(input, text);
   input.dispatchEvent(new Event("input", { bubbles: true }));
@@ -14,13 +14,21 @@ const report = () => {
   if (performance.now() - acted < QUIET) return;
   const input = document.querySelector("div:has(> .vs-looking) + div input");
   if (!input) return;
-  const seen = document.hidden ? [] : [...document.querySelectorAll(".vs-plots")].filter(onScreen);
-  const tabs = seen.map((mark) => mark.dataset.plots).join(",");
+  const seen = [...document.querySelectorAll(".vs-plots, .vs-panel")].filter(onScreen).map((mark) => mark.dataset.plots);
+  const tabs = document.hidden ? "-" : seen.join(","); // "-": AWAY in visible_tabs.py
   if (told && told.input === input && told.tabs === tabs) return;
   told = { input, tabs };
   type(input, tabs + "#" + Math.random());
 };
 document.addEventListener("visibilitychange", report);
+// points.js has come too late for a plot's data: a report brings them whole
+let asked = -Infinity;
+window.addEventListener("vsmrc-behind", () => {
+  if (performance.now() - asked < 1000) return;
+  asked = performance.now();
+  told = null;
+  report();
+});
 for (const kind of ["pointerdown", "pointermove", "keydown"])
   document.addEventListener(kind, (e) => { if (e.buttons !== 0) acted = performance.now(); }, true);
 for (const kind of ["pointerup", "keyup"])

@@ -77,6 +77,22 @@ def test_nothing_is_drawn_for_a_page_that_nobody_sees(session: Session):
     page.wait_for_function(f"(window.vsOld ??= {SHOWN}[0].data) !== {SHOWN}[0].data")
 
 
+def test_points_that_came_one_after_the_other_are_the_whole_data(session: Session):
+    page = session.page
+    page.wait_for_function(FULL)
+    began = session.now.t
+    session.wait(lambda now: now.t > began + 3.0)
+    session.runner.post(Pause())
+    session.wait(lambda now: now.phase == "paused")
+    session.wait(lambda _: page.evaluate(DRAWN, 800) == [0, 0])
+    page.evaluate(f"window.vsCame = {SHOWN}.map((c) => c.data)")
+    page.evaluate("window.dispatchEvent(new Event('vsmrc-behind'))")  # all of them at once
+    page.wait_for_function(f"{SHOWN}.every((c, k) => c.data !== vsCame[k])")
+    differ = page.evaluate(f"""{SHOWN}.flatMap((c, k) => c.data.flatMap((line, j) => Array.from(line).filter(
+        (y, i) => !(Math.abs(y - vsCame[k][j][i]) <= 1e-5 || Object.is(y, vsCame[k][j][i])))))""")
+    assert differ == []
+
+
 def test_the_crosshair_tells_values_and_a_plot_can_be_enlarged(session: Session):
     page = session.page
     page.wait_for_function(FULL)

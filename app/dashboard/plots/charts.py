@@ -18,7 +18,7 @@ from viser import uplot
 from app.analysis.spectrum import amplitude_spectrum
 from app.analysis.thinning import Grid
 from app.dashboard.theme.colors import Rgb, css
-from app.dashboard.transport.viser_private import plot
+from app.dashboard.transport.plot_feed import PlotFeed
 from app.scenario.units import Units
 from app.session.arm_band import Band
 from app.session.snapshot import Snapshot
@@ -185,13 +185,59 @@ class Pinned:
 
 
 @dataclass(frozen=True)
+class Course:
+    """Course of some lines on a grid: decimated values of the rows up to now. Rows do not change, so that a later one
+    is the same course continued.
+    begins: index of the first point with rows, 2 grid.count where there are none.
+    points: (2 grid.count, lines), nan where nothing is known.
+    newest: (lines,) of the newest row."""
+
+    grid: Grid
+    begins: int
+    points: np.ndarray
+    newest: np.ndarray
+
+    @classmethod
+    def of(cls, grid: Grid, rows: Signals, lines: Sequence[Line]) -> Course:
+        """Course of all lines over the whole grid."""
+        values, starts = _values(rows, lines), grid.starts(rows["t"])
+        filled = np.flatnonzero(starts[:-1] < starts[1:])
+        begins = 2 * int(filled[0]) if len(filled) else 2 * grid.count
+        return cls(grid, begins, grid.thin(rows["t"], values), values[-1])
+
+    def continued(self, grid: Grid, since: int, rows: Signals, lines: Sequence[Line]) -> Course:
+        """The same course on a later grid of equal buckets. since: number of the first bucket that is decimated anew,
+        from rows that begin before it."""
+        new = Course.of(grid.since(since), rows, lines)
+        left, right = 2 * (grid.first - self.grid.first), 2 * (since - self.grid.first)
+        begins = max(self.begins - left, 0) if self.begins < right else right - left + new.begins
+        return Course(grid, begins, np.concatenate([self.points[left:right], new.points]), new.newest)
+
+    @property
+    def values(self) -> np.ndarray:
+        """Values (points, lines) from `begins` on without gaps, with the newest row as the last point."""
+        return _bridged(np.concatenate([self.points[self.begins :], self.newest[None]]))
+
+
+@dataclass(frozen=True)
+class Recent:
+    """Rows of the last moments before now, which suffice to continue a course that was drawn in the refresh before.
+    since: number of the first bucket whose rows are all among them, and not all in that refresh."""
+
+    since: int
+    rows: Signals
+
+
+@dataclass(frozen=True)
 class Frame:
     """Data of one refresh, for all charts.
     now: s, the instant that is zero on the axis.
     rows: signals up to now.
     pinned: signals of each pinned run, None for one of other coordinates, its times those of the shown run.
     ahead, foreseen: the preview, (N,) s after now and its signals.
-    band, band_ahead: of true arms behind it, and (M,) s after now of its instants."""
+    band, band_ahead: of true arms behind it, and (M,) s after now of its instants.
+    number: of the refresh.
+    recent: rows that are new since the refresh before, None where all may be."""
 
     now: float
     window: float
@@ -202,14 +248,23 @@ class Frame:
     foreseen: Signals | None = None
     band: Band | None = None
     band_ahead: np.ndarray = field(default_factory=lambda: np.empty(0))
+    number: int = 0
+    recent: Recent | None = None
 
-    def courses(self, lines: Sequence[Line]) -> tuple[np.ndarray, ...]:
+    def course(self, lines: Sequence[Line], before: Course | None) -> Course:
+        """Course of these lines up to now. before: that of the refresh before, None where they were not drawn in it."""
+        if before is None or self.recent is None:
+            return Course.of(self.grid, self.rows, lines)
+        return before.continued(self.grid, self.recent.since, self.recent.rows, lines)
+
+    def courses(self, lines: Sequence[Line], course: Course | None = None) -> tuple[np.ndarray, ...]:
         """Data of a chart: x (N,) s from now, then (N,) of each compared line of each pinned run, then of each line,
-        without gaps.
+        without gaps. course: that of the lines up to now, if it is known.
 
         The preview is included if every line has values ahead. Where a pinned run has no values, its line is nan.
         """
-        begins, past = _past(self.grid, self.rows, lines)
+        known = course or self.course(lines, None)
+        begins, past = known.begins, known.values
         x = [np.clip(self.grid.times[begins:] - self.now, -self.window, 0.0), [0.0]]
         columns = [past]
         if self.foreseen is not None and all(line.foreseen for line in lines):
@@ -242,7 +297,8 @@ class Frame:
     def _behind(self, rows: Signals | None, lines: Sequence[Line], count: int, begins: int) -> np.ndarray:
         behind = np.full((count, len(lines)), np.nan)
         if rows is not None and len(rows["t"]):
-            own_begin, past = _past(self.grid, rows, lines)
+            own = Course.of(self.grid, rows, lines)
+            own_begin, past = own.begins, own.values
             first = max(own_begin, begins)
             behind[first - begins : first - begins + len(past[first - own_begin :])] = past[first - own_begin :]
             ends = self.grid.starts(rows["t"])
@@ -250,16 +306,6 @@ class Frame:
             if filled < self.grid.count - 1:
                 behind[max(2 * (filled + 1) - begins, 0) :] = np.nan
         return behind
-
-
-def _past(grid: Grid, rows: Signals, lines: Sequence[Line]) -> tuple[int, np.ndarray]:
-    """Index of the grid's first point with rows, and values (points, lines) from there on, with the newest row as the
-    last one."""
-    values = _values(rows, lines)
-    starts = grid.starts(rows["t"])
-    filled = np.flatnonzero(starts[:-1] < starts[1:])
-    begins = 2 * int(filled[0]) if len(filled) else 2 * grid.count
-    return begins, _bridged(np.concatenate([grid.thin(rows["t"], values)[begins:], values[-1:]]))
 
 
 def _values(rows: Signals, lines: Sequence[Line]) -> np.ndarray:
@@ -305,6 +351,7 @@ class Chart:
         self._drawing: Drawing | None = None
         self._legend_rows = 1
         self._lowest: list[float] = []
+        self._course: tuple[int, Course] | None = None  # of the refresh of this number
         self._handle = gui.add_uplot(
             (_NOTHING,) * MOST_SERIES,
             tuple(uplot.Series(label="") for _ in range(MOST_SERIES)),
@@ -312,6 +359,7 @@ class Chart:
             height=150,
             padding=(10, 14, 0, 0),
         )
+        self._feed = PlotFeed(self._handle, MOST_SERIES)
 
     @property
     def legend_rows(self) -> int:
@@ -322,29 +370,36 @@ class Chart:
         """Set the height in pixels, without title and legend."""
         self._handle.height = pixels
 
-    def draw(self, setup: Setup, pinned: Sequence[Label], frame: Frame) -> None:
+    def draw(self, setup: Setup, pinned: Sequence[Label], frame: Frame, *, whole: bool) -> None:
+        """Draw a refresh. whole: a page may have none of the data yet."""
         if self._adapted != (setup, tuple(pinned)):
             self._adapted = (setup, tuple(pinned))
             self._adapt(self._plot.draw(setup), pinned)
         drawing = self._drawing
         if drawing is None:
             return
+        if whole:
+            self._feed.forget()
         if self._plot.spectral:
             x, *lines = _spectra(drawing, frame)
         else:
-            x, *courses = frame.courses(drawing.lines)
+            number, before = self._course or (-1, None)
+            course = frame.course(drawing.lines, before if number == frame.number - 1 else None)
+            self._course = frame.number, course
+            x, *courses = frame.courses(drawing.lines, course)
             shown = courses[len(courses) - len(drawing.lines) :]
             lines = [*courses, *frame.spread(x, shown, drawing.lines)]
         if len(x) > 1:
-            raised = (np.maximum(line, low) for line, low in zip(lines, self._lowest, strict=True))
-            plot(self._handle, (x, *raised), MOST_SERIES)
+            raised = [np.maximum(line, low) for line, low in zip(lines, self._lowest, strict=True)]
+            self._feed.send(frame.now, x, raised)
 
     def clear(self) -> None:
         """Take the lines away."""
-        plot(self._handle, (_NOTHING,), MOST_SERIES)
+        self._feed.clear(_NOTHING)
+        self._course = None
 
     def _adapt(self, drawing: Drawing | None, pinned: Sequence[Label]) -> None:
-        self._drawing = drawing
+        self._drawing, self._course = drawing, None
         self._legend_rows = 0 if drawing is None else drawing.legend_rows(pinned)
         if self._handle.visible != (drawing is not None):
             self._handle.visible = drawing is not None
@@ -363,7 +418,7 @@ class Chart:
         ]
         series = (uplot.Series(label=self._axis), *behind, *(line.series() for line in drawing.lines), *spread)
         handle = self._handle
-        plot(handle, (_NOTHING,), MOST_SERIES)
+        self._feed.clear(_NOTHING)
         handle.series = series
         handle.title = drawing.title
         handle.bands = tuple(

@@ -2,27 +2,31 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping
+import math
+from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 import viser
 
 from app.analysis.perturbation import PerturbationAnalysis
 from app.analysis.thinning import Grid
-from app.dashboard.plots.charts import BUCKETS, Chart, Frame, Pinned, Setup, Signals
+from app.dashboard.plots.charts import BUCKETS, Chart, Frame, Pinned, Recent, Setup, Signals
 from app.dashboard.plots.plot_table import LEAD, TABS, Chooser, Tab
 from app.dashboard.transport.visible_tabs import VisibleTabs, marker_html
 from app.dashboard.view_options import Viewing
 from app.dashboard.widgets.equation import symbol
 from app.session.preview import Outlook
 from app.session.snapshot import Snapshot
+from app.simulation.recording import Recording
 
 WINDOWS = {"0.5 s": 0.5, "2 s": 2.0, "4 s": 4.0, "8 s": 8.0, "20 s": 20.0, "60 s": 60.0}
 WINDOW = "8 s"
 ABOVE, NOTE, AROUND, LEGEND, LEAST, MOST = 134, 20, 36, 18, 90, 400  # px
 _NONE: str = "–"
+SETTLED = 0.05  # s before the refresh before: what was drawn of that time, marks of events included, does not change
 FORESEEN_EVERY = 4  # of a preview's instants, one in so many is examined
 
 
@@ -45,7 +49,7 @@ class Plots:
     def __init__(
         self, gui: viser.GuiApi, visible_tabs: VisibleTabs, viewing: Viewing, turn: AbstractContextManager[object]
     ) -> None:
-        self._viewing = viewing
+        self._viewing, self._visible_tabs = viewing, visible_tabs
         panel = gui.add_panel()
         self._tabs: dict[str, _TabView] = {}
         for title, tab in TABS.items():
@@ -58,6 +62,9 @@ class Plots:
         self._analysis: PerturbationAnalysis | None = None
         self._recording: object = None
         self._drawn: dict[str, object] = {}
+        self._reports: dict[str, int] = {}  # of each tab, when it was drawn
+        self._number = 0  # of the refresh
+        self._before: tuple[object, float] | None = None  # what was drawn in the last one, and its instant
 
     def show(self, snapshot: Snapshot, shown: Shown, looked_at: Collection[str]) -> None:
         """Draw the visible tabs, unless they are drawn already."""
@@ -67,37 +74,54 @@ class Plots:
             None if shown.outlook is None else (shown.outlook.number, len(shown.outlook.ahead), id(shown.outlook.band))
         )
         drawn = (snapshot.run, snapshot.revision, shown.now, shown.window, setup, pinned, outlook)
-        stale = [title for title in self._tabs if title in looked_at and self._drawn.get(title) != drawn]
+        reports = {title: self._visible_tabs.reports(title) for title in looked_at if title in self._tabs}
+        stale = [t for t, number in reports.items() if self._drawn.get(t) != drawn or self._reports.get(t) != number]
         if not stale:
             return
-        frame = self._frame(snapshot, shown)
-        begun = len(frame.rows["t"]) > 1
+        begun = sum(map(len, snapshot.recording.pieces(shown.now - shown.window - LEAD, shown.now))) > 1
+        frame = self._frame(snapshot, shown) if begun else None
         for title in stale:
-            if begun:
-                self._tabs[title].show(snapshot, setup, shown, frame)
+            if frame is not None:
+                whole = self._reports.get(title) != reports[title]
+                self._tabs[title].show(snapshot, setup, shown, frame, whole=whole)
             else:  # of a run that has just been reset, not that before
                 self._tabs[title].clear()
-            self._drawn[title] = drawn
+            self._drawn[title], self._reports[title] = drawn, reports[title]
 
     def _frame(self, snapshot: Snapshot, shown: Shown) -> Frame:
         recording, outlook = snapshot.recording, shown.outlook
         if self._analysis is None or self._recording is not recording:
             self._analysis, self._recording = PerturbationAnalysis(snapshot.system), recording
         begin = shown.now - shown.window
-        grid = Grid.over(begin, shown.now, BUCKETS)
-        rows = recording.stretch(begin - LEAD, shown.now)
-        known = self._analysis.recorded(rows, tuple(recording.epochs), grid.openings(rows["t"]))
+        grid = Grid.up_to(shown.now, shown.window, BUCKETS)
+        analysis = self._analysis
+        known = _Later(lambda: _known(analysis, recording, grid, begin - LEAD, shown.now))
+        recent = self._recent(snapshot, shown, grid, analysis)
         pinned = [_laid(p, begin - LEAD, shown.now, recording.n) for p in shown.pinned]
         if outlook is None:
-            return Frame(shown.now, shown.window, grid, known, pinned)
+            return Frame(shown.now, shown.window, grid, known, pinned, number=self._number, recent=recent)
         # a run that begins anew is another one: the analysis of this arm does not apply to it
         openings = np.arange(0, 0 if outlook.restarts else len(outlook.ahead), FORESEEN_EVERY)
-        foreseen = self._analysis.foreseen(outlook.signals, outlook.epochs, openings)
-        frame = Frame(shown.now, shown.window, grid, known, pinned, outlook.ahead, foreseen)
+        foreseen = analysis.foreseen(outlook.signals, outlook.epochs, openings)
+        frame = Frame(
+            *(shown.now, shown.window, grid, known, pinned, outlook.ahead, foreseen),
+            number=self._number,
+            recent=recent,
+        )
         if outlook.band is None:
             return frame
         since = 0.0 if outlook.restarts else outlook.band.since - shown.now
         return replace(frame, band=outlook.band, band_ahead=since + outlook.band.ahead)
+
+    def _recent(self, snapshot: Snapshot, shown: Shown, grid: Grid, analysis: PerturbationAnalysis) -> Recent | None:
+        """Rows since the refresh before, if that drew the same run over the same window not long ago."""
+        before, of = self._before, (snapshot.run, snapshot.revision, id(snapshot.recording), shown.window)
+        self._number, self._before = self._number + 1, (of, shown.now)
+        if before is None or before[0] != of or not before[1] <= shown.now < before[1] + 0.5 * shown.window:
+            return None
+        since = max(grid.first, math.floor((before[1] - SETTLED) / grid.width))
+        begin = since * grid.width - 1.1 * LEAD  # for a sum over the time LEAD
+        return Recent(since, _known(analysis, snapshot.recording, grid.since(since), begin, shown.now))
 
     def fit(self, page_height: int) -> None:
         """Share the height of the page among the plots of a tab."""
@@ -141,7 +165,8 @@ class _TabView:
             for chooser, widget in self._choosers.items():
                 setattr(self._viewing, chooser, widget.options.index(widget.value))
 
-    def show(self, snapshot: Snapshot, setup: Setup, shown: Shown, frame: Frame) -> None:
+    def show(self, snapshot: Snapshot, setup: Setup, shown: Shown, frame: Frame, *, whole: bool) -> None:
+        """Draw a refresh. whole: a page may have none of the data yet."""
         with self._turn:
             self._show_choices(setup)
         ahead = 0.0 if shown.outlook is None else shown.horizon
@@ -149,7 +174,7 @@ class _TabView:
             self._title, shown.window, ahead, self._tab.note(snapshot) if self._tab.note else ""
         )
         for chart in self._charts:
-            chart.draw(setup, [(p.name, p.color) for p in shown.pinned], frame)
+            chart.draw(setup, [(p.name, p.color) for p in shown.pinned], frame, whole=whole)
         self._share()
 
     def clear(self) -> None:
@@ -182,6 +207,31 @@ def _choices(chooser: Chooser, setup: Setup) -> tuple[str, ...]:
     if chooser == "coordinate":
         return tuple(symbol(coordinate.name) for coordinate in setup.coordinates)
     return tuple(f"{i + 1}  {name}" for i, name in enumerate(setup.joints))
+
+
+class _Later(Mapping[str, np.ndarray]):
+    """Signals that are found when the first of them is read."""
+
+    def __init__(self, find: Callable[[], Signals]) -> None:
+        self._find = find
+
+    @cached_property
+    def _found(self) -> Signals:
+        return self._find()
+
+    def __getitem__(self, name: str) -> np.ndarray:
+        return self._found[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._found)
+
+    def __len__(self) -> int:
+        return len(self._found)
+
+
+def _known(analysis: PerturbationAnalysis, recording: Recording, grid: Grid, t_from: float, t_to: float) -> Signals:
+    rows = recording.stretch(t_from, t_to)
+    return analysis.recorded(rows, tuple(recording.epochs), grid.openings(rows["t"]))
 
 
 class _Laid(Mapping[str, np.ndarray]):

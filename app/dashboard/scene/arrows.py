@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Literal
 
@@ -9,7 +10,7 @@ import numpy as np
 import viser
 
 from app.dashboard.theme.colors import SERIES, Rgb
-from app.dashboard.transport.viser_private import move
+from app.dashboard.transport.viser_private import draw_points, move
 from app.dashboard.view_options import rounded_up
 from environments.surfaces.corner import Corner
 from environments.surfaces.table import Surface
@@ -22,6 +23,7 @@ FRAME = 0.09  # m
 Side = Literal[
     "bottom-left", "top-right", "top-left", "bottom-right"
 ]  # corner of the label that is at the tip: no two are alike
+_NEXT, _NEXT_BUT_ONE = [1, 2, 0], [2, 0, 1]  # of three axes
 
 
 class ForceScale:
@@ -49,7 +51,7 @@ class ForceArrow:
     def __init__(self, scene: viser.SceneApi, name: str, word: str, color: Rgb, side: Side, unit: str = "N") -> None:
         """name: of the node; word: said of the force; side: of the box with it, which is at the arrow's tip; unit:
         "N·m" for a moment, whose arrow is the axis about which it turns."""
-        self._word, self._unit = word, unit
+        self._word, self._unit, self._text, self._visible = word, unit, "", False
         self._number = scene.add_label(f"{name}/number", "", visible=False, anchor=side)
         self._arrow = scene.add_arrows(
             name,
@@ -63,13 +65,16 @@ class ForceArrow:
 
     def show(self, start: np.ndarray, force: np.ndarray, newtons: float) -> None:
         """Show the force (3,) from start (3,) m, `newtons` of its unit per `UNIT`."""
-        visible = bool(LEAST_FORCE < np.linalg.norm(force) < np.inf)
+        size = math.sqrt(force @ force)
+        visible = LEAST_FORCE < size < math.inf
         if visible:
             end = start + UNIT / newtons * force
-            self._arrow.points = np.stack([start, end])[None].astype(np.float32)
-            self._number.text = f"{self._word} {np.linalg.norm(force):.1f} {self._unit}"
+            draw_points(self._arrow, np.array([[start, end]]))
+            if (text := f"{self._word} {size:.1f} {self._unit}") != self._text:
+                self._number.text = self._text = text
             move(self._number, end)
-        self._arrow.visible = self._number.visible = visible
+        if visible != self._visible:
+            self._arrow.visible = self._number.visible = self._visible = visible
 
 
 def task_directions(charted: Surface | Corner, p: np.ndarray, t: float) -> np.ndarray:
@@ -77,10 +82,10 @@ def task_directions(charted: Surface | Corner, p: np.ndarray, t: float) -> np.nd
     alone; along the axes where coordinates are Cartesian. Not finite where the coordinates are singular."""
     G, normals = charted.chart(p, t).G, charted.shapes.number
     with np.errstate(divide="ignore", invalid="ignore"):
-        # columns of G^-1 but for a factor
-        along = np.array([np.cross(G[1], G[2]), np.cross(G[2], G[0]), np.cross(G[0], G[1])])
-        rows = np.concatenate([G[:normals], along[normals:] * np.sign(np.linalg.det(G))])
-        return rows / np.linalg.norm(rows, axis=1, keepdims=True)
+        a, b = G[_NEXT], G[_NEXT_BUT_ONE]
+        along = a[:, _NEXT] * b[:, _NEXT_BUT_ONE] - a[:, _NEXT_BUT_ONE] * b[:, _NEXT]  # columns of G^-1 times det G
+        rows = np.concatenate([G[:normals], along[normals:] * np.sign(G[0] @ along[0])])
+        return rows / np.sqrt((rows * rows).sum(axis=1, keepdims=True))
 
 
 class TaskFrame:
@@ -108,7 +113,7 @@ class TaskFrame:
         directions = task_directions(charted, p, t)[drawn]
         visible = bool(np.isfinite(directions).all())
         if visible:
-            self._arrows.points = np.stack([np.tile(p, (3, 1)), p + FRAME * directions], axis=1).astype(np.float32)
+            draw_points(self._arrows, np.stack([np.broadcast_to(p, (3, 3)), p + FRAME * directions], axis=1))
         self._arrows.visible = visible
 
     def hide(self) -> None:

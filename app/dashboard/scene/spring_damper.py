@@ -6,6 +6,7 @@ import numpy as np
 import viser
 
 from app.dashboard.theme.colors import MODEL
+from app.dashboard.transport.viser_private import draw_points
 
 WINDINGS = 6
 HALF_WIDTH = 0.014  # m, from the middle to the spring's axis, and to that of the damper
@@ -56,7 +57,7 @@ class SpringDamper:
         length = 0.0 if desired is None else times * float(np.linalg.norm(desired - tool))
         visible = SHORTEST < length < np.inf
         if visible and desired is not None:
-            self._lines.points = segments(tool, desired, times).astype(np.float32)
+            draw_points(self._lines, segments(tool, desired, times))
         self._lines.visible = visible
 
     def hide(self) -> None:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections import deque
+from collections.abc import Callable
 
 import numpy as np
 import viser
@@ -28,13 +30,16 @@ class Trail:
     def __init__(self, scene: viser.SceneApi, name: str, color: Rgb, thickness: float) -> None:
         self._pieces = deque(_Piece(scene, f"{name}/{k}", color, thickness) for k in range(PIECES))
 
-    def extend(self, point: np.ndarray, error: float = 0.0) -> None:
-        """Extend the line to a point (3,) m with this error (m), unless the point is not finite or hardly differs from
-        the last one."""
+    def extend(self, point: np.ndarray, error_there: Callable[[], float] = float) -> None:
+        """Extend the line to a point (3,) m with its error (m), unless they are not finite or the point hardly differs
+        from the last one."""
         newest = self._pieces[-1]
-        if not np.isfinite([*point, error]).all():
-            return
-        if newest.points and np.linalg.norm(point - newest.points[-1]) <= SPACING:
+        if newest.points:
+            moved = point - newest.points[-1]
+            if moved @ moved <= SPACING**2:
+                return
+        error = error_there()
+        if not (math.isfinite(error) and np.isfinite(point).all()):
             return
         if len(newest.points) > PIECE:
             end = newest.points[-1], newest.errors[-1]
@@ -51,7 +56,7 @@ class Trail:
     @property
     def scale(self) -> float:
         """Round number (m) above the largest error."""
-        return rounded_up(max((max(piece.errors, default=0.0) for piece in self._pieces), default=0.0), LEAST_ERROR)
+        return rounded_up(max(piece.largest for piece in self._pieces), LEAST_ERROR)
 
     def draw(self, shown: bool, largest: float | None) -> None:
         """Send what is new. largest: the error (m) of the last colour, None for one plain colour."""
@@ -69,21 +74,24 @@ class _Piece:
         self._color = color
         self.points: list[np.ndarray] = []
         self.errors: list[float] = []
+        self.largest = 0.0  # of the errors, m
         self._line = scene.add_line_segments(
             name, np.zeros((PIECE, 2, 3)), color, thickness=thickness, thickness_units="screen", visible=False
         )
-        self._changed = False
+        self._changed = self._shown = False
         self._colored_to: float | None = None
 
     def extend(self, point: np.ndarray, error: float) -> None:
         self.points.append(point)
         self.errors.append(error)
+        self.largest = max(self.largest, error)
         self._changed = True
 
     def clear(self) -> None:
         self.points.clear()
         self.errors.clear()
-        self._line.visible = False
+        self.largest = 0.0
+        self._line.visible = self._shown = False
 
     def draw(self, shown: bool, largest: float | None) -> None:
         """See `Trail.draw`."""
@@ -97,7 +105,8 @@ class _Piece:
             elif self._colored_to is not None:
                 self._line.colors = np.tile(np.array(self._color, dtype=np.uint8), (PIECE, 2, 1))
             self._changed, self._colored_to = False, largest
-        self._line.visible = shown
+        if shown != self._shown:
+            self._line.visible = self._shown = shown
 
 
 def _padded(segments: np.ndarray) -> np.ndarray:

@@ -87,10 +87,39 @@ def move(node: viser.SceneNodeHandle, position: np.ndarray, wxyz: np.ndarray | N
             known.api._queue_scene_message(message(known.name, tuple(wanted.tolist())))
 
 
-def plot(chart: viser.GuiUplotHandle, data: tuple[np.ndarray, ...], count: int) -> None:
+def draw_points(node: viser.ArrowsHandle | viser.LineSegmentsHandle, points: np.ndarray) -> None:
+    """Draw arrows or segments between these points (N, 2, 3) m, unless each is there within `STILL`. Missing: the
+    public setter compares for equality, and looks up types anew."""
+    props, wanted = node._impl.props, points.astype(np.float32)
+    present = props.points
+    if present.shape != wanted.shape or not np.abs(wanted - present).max() <= STILL:
+        props.points = wanted
+        node._queue_update("points", wanted)
+
+
+def whole_plot(chart: viser.GuiUplotHandle, data: tuple[np.ndarray, ...], count: int, base: dict[str, Any]) -> None:
     """Give a chart its data (N,), each in single precision: a pixel cannot tell more, and half as much is sent. Empty
-    lists, of a byte each, follow up to this count of arrays.
+    lists, of a byte each, follow up to this count of arrays. base: for `further_points`.
     Missing: the public setter casts to double precision, looks up the type of every array anew, and knows no list."""
     lean = (*(values.astype(np.float32) for values in data), *((),) * (count - len(data)))
     cast(Any, chart._impl.props).data = lean
-    chart._queue_update("data", lean)
+    _update(chart, {"data": lean, "value": base})
+
+
+def further_points(chart: viser.GuiUplotHandle, points: dict[str, Any]) -> int:
+    """Send what changes in a chart's data, of which the page's script makes whole data (`static/page/points.js`);
+    returns the message's number. Missing: viser knows whole arrays only. A chart has no use for its `value`, and a page
+    that has not loaded the script yet makes nothing of it."""
+    _update(chart, {"value": points})
+    return chart._impl.gui_api._websock_interface.get_message_buffer().message_counter - 1
+
+
+def is_with_all(chart: viser.GuiUplotHandle, number: int) -> bool:
+    """Whether the message of this number is on its way to every page: none that replaces it can overtake it. Missing:
+    nothing public tells what has been sent."""
+    cursors = chart._impl.gui_api._websock_interface.get_message_buffer().generator_cursors
+    return all(cursor >= number for cursor in tuple(cursors.values()))
+
+
+def _update(chart: viser.GuiUplotHandle, updates: dict[str, Any]) -> None:
+    chart._impl.gui_api._websock_interface.queue_message(GuiUpdateMessage(chart._impl.uuid, updates))

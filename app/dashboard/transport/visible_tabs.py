@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections import Counter
+from collections.abc import Callable, Collection
 from html import escape
 
 import viser
 
 from app.dashboard.transport.viser_private import uuid_of
+
+AWAY = "-"  # instead of tabs, of a page that is not on the screen: `static/page/looking.js`
 
 
 def marker_html(tab: str, window: float = 0.0, ahead: float = 0.0, text: str = "") -> str:
@@ -18,12 +21,19 @@ def marker_html(tab: str, window: float = 0.0, ahead: float = 0.0, text: str = "
     return f'<div class="vs-plots" data-plots="{escape(tab)}" {ends}>{text}</div>'
 
 
+def panel_marker_html(name: str) -> str:
+    """The same for a tab of controls, under the name that `tabs` gives."""
+    return f'<i class="vs-panel" data-plots="{escape(name)}"></i>'
+
+
 class VisibleTabs:
     """Visible tabs of every page: its script writes them into one of these hidden text fields. There are several
-    fields, since a collapsed panel removes its own."""
+    fields, since a collapsed panel removes its own. heard: called after every report."""
 
-    def __init__(self) -> None:
+    def __init__(self, heard: Callable[[], None] = lambda: None) -> None:
+        self._heard = heard
         self._tabs: dict[int, frozenset[str]] = {}
+        self._reports: Counter[str] = Counter()
         self.fields: frozenset[str] = frozenset()
 
     def add_field(self, gui: viser.GuiApi) -> None:
@@ -35,12 +45,22 @@ class VisibleTabs:
         async def on_report(event: viser.GuiEvent) -> None:
             if event.client is not None:
                 names, _, _ = field.value.partition("#")  # the part behind # makes every report a new value
-                self._tabs[event.client.client_id] = frozenset(filter(None, names.split(",")))
+                self._tabs[event.client.client_id] = tabs = frozenset(filter(None, names.split(",")))
+                self._reports.update(tabs)
+                self._heard()
 
         field.on_update(on_report)
+
+    def reports(self, tab: str) -> int:
+        """Number of reports in which this tab was visible; after another one a page may have nothing of it yet."""
+        return self._reports[tab]
 
     def tabs(self, clients: Collection[int]) -> frozenset[str]:
         """Tabs that are visible on any of the connected pages."""
         for gone in set(self._tabs) - set(clients):
             self._tabs.pop(gone, None)
-        return frozenset().union(*self._tabs.values())
+        return frozenset().union(*self._tabs.values()) - {AWAY}
+
+    def all_away(self, clients: Collection[int]) -> bool:
+        """Whether none of the connected pages is on its screen: each has said so."""
+        return all(AWAY in self._tabs.get(client, ()) for client in clients)
