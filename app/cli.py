@@ -206,7 +206,6 @@ def run(
         engine: pinocchio; or compiled, faster, and its digits differ by rounding (docs/command-line.md)
         use: a file with a control law of your own (docs/extending.md)
     """
-    from app.scenario.declared_bounds import outside
     from app.session import headless_run
     from app.session.changes import blending_to
     from app.storage.constants_store import kept_memory
@@ -230,7 +229,7 @@ def run(
         raise ScenarioError(f"--out {out}: cannot be written: {error.strerror}") from error
     _print_figures(metrics, loop.system)
     _print_promise(metrics)
-    for violation in outside(loop.system.scenario):
+    for violation in loop.standing.outsiders:
         print(f"the truth is outside what was declared: {violation}")
     if loop.warning:
         print(f"flagged: {loop.warning}")

@@ -1,9 +1,11 @@
 """Bounds of the modelling errors, and the gain d that they require: (6), (7), (17).
 
-Declared: every link's inertia is scaled by a factor in [1 - rho, 1 + rho], every rotor's by one in [1 - rho_rotor,
-1 + rho_rotor], a point mass of at most `payload_mass` is within `payload_offset` of the tool point, joint friction and
-a disturbance are bounded. Then -E <= Delta M <= E with E = rho M_links + rho_rotor M_rotors, and the same for gravity
-link by link; two sets of bounds follow:
+Declared: every link's inertia is scaled by a factor in [1 - rho, 1 + rho], then its centre of mass is moved by at most
+rho_centre, and its inertia I about that is one between (1 - rho_shape) I and (1 + rho_shape) I; every rotor's is scaled
+by a factor in [1 - rho_rotor, 1 + rho_rotor], a point mass of at most `payload_mass` is within `payload_offset` of the
+tool point, joint friction and a disturbance are bounded. Then -E <= Delta M <= E (`inertia_spread`), and the same for
+gravity link by link. Where the scenario states delta_M itself, E is delta_M I; stated delta_C, delta_G, delta_f take
+the place of what follows from the links, too. Two sets of bounds follow:
 - "paper": (7), norms of joint-space errors times ||J_q^-1|| and ||J_q^-1||^2;
 - "tight": the same argument in task space. With w = J_q q_eq_ddot and E_H = J_q^-T E J_q^-1,
   ||Delta H w|| <= sqrt(lambda_max(E_H) w^T E_H w).
@@ -17,7 +19,7 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from controllers.nominal_model import Deviation, Estimate
+from controllers.nominal_model import NO_RATES, Deviation, Estimate, LinkRates
 from controllers.task_space import Scratch, TaskSpace
 from kernels import inline, kernel
 from kernels.algebra import congruence, multiply, norm, norm_of_product, quadratic, spectral_norm
@@ -30,11 +32,15 @@ class Uncertainty(NamedTuple):
     """Declared uncertainty of the controller's model.
 
     rho, rho_rotor: 1, half-widths of the links' scaling and of the rotors'.
+    rho_centre, rho_shape: m and 1, of the links' centres of mass and of their inertias about those.
     payload_mass, payload_offset: kg, m.
     coulomb, viscous: N m and N m s/rad, per joint.
     disturbance: N m, norm of the torque.
     force_error, moment_error: N and N m, norms of the sensor's errors.
     k_C: kg m^2/rad; the sum of the links' ||C_i(q, q_dot)|| is at most k_C ||q_dot|| over Omega.
+    rates: of the errors of the links, as k_C.
+    mass: kg, of all links.
+    least_inertia: 1, where delta_M is stated: M >= least_inertia M_hat.
     """
 
     rho: float
@@ -47,6 +53,11 @@ class Uncertainty(NamedTuple):
     force_error: float
     moment_error: float
     k_C: float
+    rho_centre: float = 0.0
+    rho_shape: float = 0.0
+    rates: LinkRates = NO_RATES
+    mass: float = 0.0
+    least_inertia: float = 1.0
 
 
 class RequiredGain(NamedTuple):
@@ -89,30 +100,97 @@ class Equivalent(NamedTuple):
 
 @inline
 def inertia_spread(u, estimate, E):
-    """Compute E (n, n) kg m^2: -E <= Delta M <= E for links and rotors of every declared arm."""
+    """Compute E (n, n) kg m^2: -E <= Delta M <= E, (6), for links and rotors of every declared arm.
+
+    A centre of mass that is moved by d adds (1 + rho) m (2 a.b + b^2) with a = J_c v and ||b|| <= rho_centre ||J_w v||,
+    and 2 a b <= a^2 / L + L b^2 for every L > 0: here the one with which both have the same trace.
+    """
+    n = E.shape[0]
+    if not np.isnan(estimate.stated.delta_M):
+        for i in range(n):
+            for j in range(n):
+                E[i, j] = estimate.stated.delta_M if i == j else 0.0
+        return
+    more, moved, swung = 1.0 + u.rho, 0.0, 0.0
+    if u.rho_centre > 0.0:
+        moving, spinning = 0.0, 0.0
+        for i in range(n):
+            moving += estimate.M_links[i, i] - estimate.M_turning[i, i]
+            spinning += estimate.spin[i, i]
+        swung = more * u.rho_centre**2
+        if moving > 0.0 and spinning > 0.0:
+            length = np.sqrt(moving / spinning)
+            moved = more * u.rho_centre / length
+            swung += more * u.rho_centre * length
+    for i in range(n):
+        for j in range(n):
+            rotor, turning = estimate.M_hat[i, j] - estimate.M_links[i, j], estimate.M_turning[i, j]
+            E[i, j] = u.rho * estimate.M_links[i, j] + u.rho_rotor * rotor + more * u.rho_shape * turning
+            E[i, j] += moved * (estimate.M_links[i, j] - turning) + swung * estimate.spin[i, j]
+
+
+@inline
+def least_inertia(u, estimate, E, least):
+    """Compute what M of every declared arm is at least (n, n), kg m^2, from the E of `inertia_spread`."""
+    stated = not np.isnan(estimate.stated.delta_M)
     for i in range(E.shape[0]):
-        for j in range(E.shape[1]):
-            rotor = estimate.M_hat[i, j] - estimate.M_links[i, j]
-            E[i, j] = u.rho * estimate.M_links[i, j] + u.rho_rotor * rotor
+        for j in range(E.shape[0]):
+            least[i, j] = u.least_inertia * estimate.M_hat[i, j] if stated else estimate.M_hat[i, j] - E[i, j]
+
+
+@inline
+def carried_mass(u, stated):
+    """Mass (kg) of the largest payload, where no stated bound has it in it."""
+    return u.payload_mass if np.isnan(stated) else 0.0
+
+
+@inline
+def coriolis_rate(u):
+    """Bound of ||Delta C|| over ||q_dot|| from the links' errors, kg m^2/rad."""
+    c, rates = u.rho_centre, u.rates
+    moved = c * rates.k_centre + c * c * rates.k_swing + u.rho_shape * rates.k_shape
+    return u.rho * u.k_C + (1.0 + u.rho) * moved
+
+
+@inline
+def lever_weight(u):
+    """Largest moment that moved centres of mass give to gravity, N m per unit of sqrt(||spin||/mass)."""
+    return (1.0 + u.rho) * u.rho_centre * GRAVITY * np.sqrt(u.mass)
+
+
+@inline
+def joint_torque(u, estimate, q_dot):
+    """Bound of ||f|| of friction and disturbance, N m."""
+    if not np.isnan(estimate.stated.delta_f):
+        return estimate.stated.delta_f
+    return u.coulomb * np.sqrt(q_dot.shape[0]) + u.viscous * norm(q_dot) + u.disturbance
 
 
 @inline
 def paper_bound(u, deviation, estimate, task, q_dot, eq, work, needed):
     """Compute each term of (17) with the bounds (7); delta_Ft is in `task_motion`."""
-    J_inv = task.J_q_inv_norm
+    J_inv, stated = task.J_q_inv_norm, estimate.stated
     J_v, J_w = spectral_norm(estimate.J_v), spectral_norm(estimate.J_w)
     reach = J_v + u.payload_offset * J_w
-    turning = spectral_norm(estimate.J_w_dot) + norm_of_product(estimate.J_w, q_dot) * J_w
-    reach_dot = spectral_norm(estimate.J_v_dot) + u.payload_offset * turning
-    weight = 0.0
-    for i in range(q_dot.shape[0]):
-        weight += norm(estimate.G_links[i])
     inertia_spread(u, estimate, work.U)
-    delta_M = spectral_norm(work.U) + u.payload_mass * reach**2 + deviation.delta_M
-    delta_C_q = u.rho * u.k_C * norm(q_dot) + u.payload_mass * reach * reach_dot + deviation.delta_C
-    delta_G_q = u.rho * weight + u.payload_mass * GRAVITY * reach + deviation.delta_G
-    delta_f = u.coulomb * np.sqrt(q_dot.shape[0]) + u.viscous * norm(q_dot) + u.disturbance
-    delta_f += u.force_error * J_v + u.moment_error * J_w
+    load = carried_mass(u, stated.delta_M)
+    delta_M = spectral_norm(work.U) + load * reach**2 + deviation.delta_M
+    delta_C_q = stated.delta_C
+    if np.isnan(delta_C_q):
+        turning = spectral_norm(estimate.J_w_dot) + norm_of_product(estimate.J_w, q_dot) * J_w
+        reach_dot = spectral_norm(estimate.J_v_dot) + u.payload_offset * turning
+        delta_C_q = coriolis_rate(u) * norm(q_dot) + u.payload_mass * reach * reach_dot
+    delta_G_q = stated.delta_G
+    if np.isnan(delta_G_q):
+        weight = 0.0
+        for i in range(q_dot.shape[0]):
+            weight += norm(estimate.G_links[i])
+        delta_G_q = u.rho * weight + u.payload_mass * GRAVITY * reach
+        if u.rho_centre > 0.0:
+            delta_G_q += lever_weight(u) * np.sqrt(spectral_norm(estimate.spin))
+    delta_C_q += deviation.delta_C
+    delta_G_q += deviation.delta_G
+    delta_f = joint_torque(u, estimate, q_dot) + u.force_error * J_v + u.moment_error * J_w
     multiply(task.J_q_inv, task.J_q_dot, work.S)
     multiply(work.S, task.J_q_inv, work.T)
     delta_H = delta_M * J_inv**2
@@ -127,7 +205,7 @@ def paper_bound(u, deviation, estimate, task, q_dot, eq, work, needed):
 @inline
 def tight_bound(u, deviation, estimate, task, q_dot, eq, work, needed):
     """Compute the bound of the same perturbation in task space, term by term."""
-    J_inv = task.J_q_inv_norm
+    J_inv, stated = task.J_q_inv_norm, estimate.stated
     carry = 0.0  # largest F_r per N of a force at the tool
     if u.payload_mass > 0.0 or u.force_error > 0.0:
         multiply(estimate.J_v, task.J_q_inv, work.Y)
@@ -136,26 +214,32 @@ def tight_bound(u, deviation, estimate, task, q_dot, eq, work, needed):
     congruence(task.J_q_inv, work.U, work.S, work.T)
     E_H = spectral_norm(work.T)
     inertia = np.sqrt(max(E_H * quadratic(eq.q_ddot, work.U), 0.0))
-    coriolis = u.rho * u.k_C * J_inv * norm(q_dot) * norm(eq.q_dot)
-    gravity = 0.0
-    multiply(estimate.G_links, task.J_q_inv, work.S)
-    for i in range(q_dot.shape[0]):
-        gravity += u.rho * norm(work.S[i])
+    coriolis, gravity = J_inv * stated.delta_C * norm(eq.q_dot), J_inv * stated.delta_G
+    if np.isnan(stated.delta_C):
+        coriolis = coriolis_rate(u) * J_inv * norm(q_dot) * norm(eq.q_dot)
+    if np.isnan(stated.delta_G):
+        gravity = 0.0
+        multiply(estimate.G_links, task.J_q_inv, work.S)
+        for i in range(q_dot.shape[0]):
+            gravity += u.rho * norm(work.S[i])
+        if u.rho_centre > 0.0:
+            congruence(task.J_q_inv, estimate.spin, work.S, work.T)
+            gravity += lever_weight(u) * np.sqrt(spectral_norm(work.T))
     inertia += J_inv * deviation.delta_M * norm(eq.q_ddot)
     coriolis += J_inv * deviation.delta_C * norm(eq.q_dot)
     gravity += J_inv * deviation.delta_G
     if u.payload_mass > 0.0:
         c = u.payload_offset
         multiply(estimate.J_w, task.J_q_inv, work.Y)
-        load = u.payload_mass * (carry + c * spectral_norm(work.Y))
+        load = carry + c * spectral_norm(work.Y)
         turning = norm_of_product(estimate.J_w_dot, eq.q_dot)
         turning += norm_of_product(estimate.J_w, q_dot) * norm_of_product(estimate.J_w, eq.q_dot)
-        inertia += load * (norm_of_product(estimate.J_v, eq.q_ddot) + c * norm_of_product(estimate.J_w, eq.q_ddot))
-        coriolis += load * (norm_of_product(estimate.J_v_dot, eq.q_dot) + c * turning)
-        gravity += load * GRAVITY
-    torque = u.coulomb * np.sqrt(q_dot.shape[0]) + u.viscous * norm(q_dot) + u.disturbance
+        pulled = norm_of_product(estimate.J_v, eq.q_ddot) + c * norm_of_product(estimate.J_w, eq.q_ddot)
+        inertia += carried_mass(u, stated.delta_M) * load * pulled
+        coriolis += carried_mass(u, stated.delta_C) * load * (norm_of_product(estimate.J_v_dot, eq.q_dot) + c * turning)
+        gravity += carried_mass(u, stated.delta_G) * load * GRAVITY
     needed.inertia, needed.coriolis, needed.gravity, needed.task_motion = inertia, coriolis, gravity, 0.0
-    needed.disturbance = J_inv * torque + u.force_error * carry
+    needed.disturbance = J_inv * joint_torque(u, estimate, q_dot) + u.force_error * carry
     if u.moment_error > 0.0:
         multiply(estimate.J_w, task.J_q_inv, work.Y)
         needed.disturbance += u.moment_error * spectral_norm(work.Y)
@@ -196,6 +280,12 @@ def required_gain(
     return answer.read()
 
 
+@kernel
+def _spread_alone(u, estimate, E, least):
+    inertia_spread(u[0], estimate[0], E)
+    least_inertia(u[0], estimate[0], E, least)
+
+
 @dataclass(frozen=True)
 class InertiaRange:
     """Bounds of the inertia H_low <= H(r, t) <= H_high (n, n) kg for every arm inside the declared set, at one
@@ -207,13 +297,15 @@ class InertiaRange:
     @classmethod
     def at(cls, u: Uncertainty, estimate: Estimate, task: TaskSpace) -> InertiaRange:
         """Bounds from the estimate M_hat at that state; the payload adds at most its whole mass."""
-        J_inv = task.J_q_inv
-        E = u.rho * estimate.M_links + u.rho_rotor * (estimate.M_hat - estimate.M_links)
-        low = J_inv.T @ (estimate.M_hat - E) @ J_inv
+        J_inv, n = task.J_q_inv, len(estimate.M_hat)
+        E, least = np.empty((n, n)), np.empty((n, n))
+        _spread_alone(Record(u).data, Record(estimate).data, E, least)
+        low = J_inv.T @ least @ J_inv
         high = J_inv.T @ (estimate.M_hat + E) @ J_inv
         carried, turned = estimate.J_v @ J_inv, estimate.J_w @ J_inv
+        load = u.payload_mass if np.isnan(estimate.stated.delta_M) else 0.0
         if u.payload_offset > 0.0:  # (a + b)^2 <= 2 a^2 + 2 b^2
-            high = high + 2 * u.payload_mass * (carried.T @ carried + u.payload_offset**2 * turned.T @ turned)
+            high = high + 2 * load * (carried.T @ carried + u.payload_offset**2 * turned.T @ turned)
         else:
-            high = high + u.payload_mass * carried.T @ carried
+            high = high + load * carried.T @ carried
         return cls(low, high)

@@ -13,19 +13,37 @@ from kernels.algebra import cross
 from kernels.records import Record
 
 
+class Stated(NamedTuple):
+    """Bounds of the errors of one state's estimates where the scenario states them itself, as in (7), NaN where they
+    follow from the links: kg m^2, kg m^2/s, N m, and N m for friction and disturbance."""
+
+    delta_M: float
+    delta_C: float
+    delta_G: float
+    delta_f: float
+
+
+UNSTATED = Stated(np.nan, np.nan, np.nan, np.nan)
+
+
 class Estimate(NamedTuple):
     """Estimates of the arm at one state.
 
     M_hat, M_links: (n, n), with and without rotor inertia.
+    M_turning, for (6): (n, n), the part of M_links from the links' inertias about their centres of mass; spin: (n, n)
+    kg, the sum of m J_w^T J_w over the links. Both are zero unless `turning` computes them.
     C_hat: (n, n), the Christoffel matrix (Property 2 needs it).
     G_hat: (n,); G_links: (n, n), row i is the gravity torque of link i.
     p, p_dot, R: of the tool, (3,) m, (3,) m/s, (3, 3).
     J_v, J_w: (3, n), linear and angular Jacobian of the tool in the world frame; J_v_dot, J_w_dot: their time
     derivatives.
+    stated: bounds of the errors of M_hat, C_hat, G_hat.
     """
 
     M_hat: np.ndarray
     M_links: np.ndarray
+    M_turning: np.ndarray
+    spin: np.ndarray
     C_hat: np.ndarray
     G_hat: np.ndarray
     G_links: np.ndarray
@@ -36,12 +54,15 @@ class Estimate(NamedTuple):
     J_w: np.ndarray
     J_v_dot: np.ndarray
     J_w_dot: np.ndarray
+    stated: Stated
 
     @classmethod
     def zeros(cls, n: int) -> Estimate:
         """Estimates of an arm with n joints."""
         square, tool = np.zeros((n, n)), np.zeros((3, n))
         return cls(
+            square,
+            square,
             square,
             square,
             square,
@@ -54,6 +75,7 @@ class Estimate(NamedTuple):
             tool,
             tool,
             tool,
+            UNSTATED,
         )
 
 
@@ -70,11 +92,12 @@ ON_LINE = Deviation(0.0, 0.0, 0.0)
 
 
 class LinkConstants(NamedTuple):
-    """Constants of the links: masses (n,) kg, levers (n, 3) m of their centres of mass, rotor (n,) kg m^2, gravity (3,)
-    m/s^2."""
+    """Constants of the links: masses (n,) kg, levers (n, 3) m of their centres of mass, inertias (n, 3, 3) kg m^2 about
+    those, rotor (n,) kg m^2, gravity (3,) m/s^2."""
 
     masses: np.ndarray
     levers: np.ndarray
+    inertias: np.ndarray
     rotor: np.ndarray
     gravity: np.ndarray
     total_mass: float
@@ -171,6 +194,49 @@ def estimates(links, momenta, C, J, J_dot, placements, q_dot, estimate):
     _tool(links, J, J_dot, placements, q_dot, estimate)
 
 
+@inline
+def turning(links, placements, estimate):
+    """Compute M_turning and spin, after `estimates`: link i turns with the first i + 1 columns of J_w."""
+    J_w, M, spin, n = estimate.J_w, estimate.M_turning, estimate.spin, estimate.G_hat.shape[0]
+    for j in range(n):
+        for k in range(j + 1):
+            M[j, k], carried = 0.0, 0.0
+            for i in range(j, n):
+                carried += links.masses[i]
+            spin[j, k] = spin[k, j] = carried * (J_w[0, j] * J_w[0, k] + J_w[1, j] * J_w[1, k] + J_w[2, j] * J_w[2, k])
+    for i in range(n):
+        own, first = links.inertias[i], 4 * i + 1
+        for j in range(i + 1):
+            w = _in_link(links, placements, first, J_w, j)
+            momentum = (
+                own[0, 0] * w[0] + own[0, 1] * w[1] + own[0, 2] * w[2],
+                own[1, 0] * w[0] + own[1, 1] * w[1] + own[1, 2] * w[2],
+                own[2, 0] * w[0] + own[2, 1] * w[1] + own[2, 2] * w[2],
+            )
+            for k in range(j + 1):
+                other = _in_link(links, placements, first, J_w, k)
+                M[j, k] += other[0] * momentum[0] + other[1] * momentum[1] + other[2] * momentum[2]
+    for j in range(n):
+        for k in range(j):
+            M[k, j] = M[j, k]
+
+
+@inline
+def _in_link(links, placements, first, J_w, j):
+    """Column j of J_w along the axes of the link whose rotation begins at column `first` of the placements."""
+    return (
+        _along_axis(links, placements, first, J_w, j),
+        _along_axis(links, placements, first + 1, J_w, j),
+        _along_axis(links, placements, first + 2, J_w, j),
+    )
+
+
+@inline
+def _along_axis(links, placements, axis, J_w, j):
+    along = placements[0, axis] * J_w[0, j] + placements[1, axis] * J_w[1, j] + placements[2, axis] * J_w[2, j]
+    return links.total_mass * along
+
+
 @kernel
 def _estimates_alone(links, momenta, C, J, J_dot, placements, q_dot, estimate):
     estimates(links[0], momenta, C, J, J_dot, placements, q_dot, estimate[0])
@@ -189,6 +255,7 @@ class NominalModel:
         self.constants = LinkConstants(
             masses=np.array([link.mass for link in links]),
             levers=np.array([link.lever for link in links]),
+            inertias=np.array([link.inertia for link in links]),
             rotor=np.array(model.armature),
             gravity=np.array(model.gravity.linear),
             total_mass=float(pin.computeTotalMass(model)),
@@ -244,11 +311,31 @@ class Lipschitz(NamedTuple):
 
 
 def _largest(T: np.ndarray) -> np.ndarray:
-    """Upper bound of ||T(., u, ...)|| for unit vectors u, ... in all axes but one, of each T (N, n, ..., n): the least
+    """Upper bound of ||T(., u, ...)|| for unit vectors u, ... in all axes but one, of each T (N, n, ..., k): the least
     of the flattenings' norms, (N,)."""
-    flat = (T.swapaxes(1, axis).reshape(len(T), T.shape[1], -1) for axis in range(1, T.ndim))
-    grams = np.array([A @ A.swapaxes(1, 2) for A in flat])
-    return np.sqrt(np.linalg.eigvalsh(grams)[..., -1].clip(min=0.0)).min(axis=0)
+    flat = (T.swapaxes(1, axis).reshape(len(T), T.shape[axis], -1) for axis in range(1, T.ndim))
+    squares = np.array([np.linalg.eigvalsh(A @ A.swapaxes(1, 2))[:, -1] for A in flat])
+    return np.sqrt(squares.clip(min=0.0)).min(axis=0)
+
+
+class LinkRates(NamedTuple):
+    """Bounds over Omega of what errors of the links do to C, (6), each of a sum over the links of ||Delta C_i|| over
+    ||q_dot||.
+    k_centre: per m of the centres of mass, to first order, kg m/rad.
+    k_swing: per m^2 of them, to second order, kg/rad.
+    k_shape: per unit of the inertias about them, kg m^2/rad."""
+
+    k_centre: float
+    k_swing: float
+    k_shape: float
+
+
+NO_RATES = LinkRates(0.0, 0.0, 0.0)
+
+# symmetric matrices (6, 3, 3), orthonormal in Frobenius' norm
+_SYMMETRIC = np.zeros((6, 3, 3))
+for _row, (_a, _b) in enumerate(((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))):
+    _SYMMETRIC[_row, _a, _b] = _SYMMETRIC[_row, _b, _a] = 1.0 if _a == _b else np.sqrt(0.5)
 
 
 class Steepness:
@@ -278,6 +365,53 @@ class Steepness:
         """Bound of the change of M_hat, kg m^2/rad; M_dot = C + C^T."""
         C = self._coriolis(self._whole, q)
         return float(_largest((C + C.swapaxes(1, 2))[None])[0])
+
+    def links(self, q: np.ndarray) -> LinkRates:
+        """Bounds of what errors of the links do to C over ||q_dot||.
+
+        The Christoffel matrix of a body is m J_c^T J_c_dot + J_w^T (I J_w_dot - [w] (tr(I)/2 - I) J_w), docs/theory.md.
+        """
+        first, turned = self.by_centre(q), _largest(self.by_inertia(q))
+        links = list(self._whole[0].inertias)[1:]
+        masses = np.array([link.mass for link in links])
+        sizes = np.array([np.linalg.norm(link.inertia) for link in links])
+        return LinkRates(float(_largest(first).sum()), float(np.sqrt(2.0) * masses @ turned), float(sizes @ turned))
+
+    def by_centre(self, q: np.ndarray) -> np.ndarray:
+        """Change of C per m of each link's centre of mass along the world's axes, to first order, (links, n, n, n, 3):
+        for each joint at 1 rad/s, row, column."""
+        J_c, J_w, dJ_c, dJ_w = self._motion(q)
+        units, m = np.eye(3), np.array([link.mass for link in list(self._whole[0].inertias)[1:]])
+        D = np.cross(J_w[..., None, :], units)  # (links, column, 3 of the shift, 3)
+        turned = np.cross(J_w[:, None, :, None, :], D[:, :, None])  # (links, joint, column, shift, 3)
+        dD = np.cross(dJ_w[..., None, :], units) + turned
+        C = np.einsum("ila,ikjda->ikljd", J_c, dD) + np.einsum("ilda,ikja->ikljd", D, dJ_c)
+        return m[:, None, None, None, None] * C
+
+    def by_inertia(self, q: np.ndarray) -> np.ndarray:
+        """Change of C per unit of each link's inertia about its centre of mass, along six orthonormal symmetric
+        matrices in the world, (links, n, n, n, 6): as `by_centre`."""
+        _, J_w, _, dJ_w = self._motion(q)
+        half = 0.5 * np.trace(_SYMMETRIC, axis1=1, axis2=2)[:, None, None] * np.eye(3) - _SYMMETRIC
+        grown = np.einsum("bac,ikjc->ikjba", _SYMMETRIC, dJ_w)
+        turned = np.cross(J_w[:, :, None, None, :], np.einsum("bac,ijc->ijba", half, J_w)[:, None])
+        return np.einsum("ila,ikjba->ikljb", J_w, grown - turned)
+
+    def _motion(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """Columns J_c, J_w (links, n, 3) of each link's centre of mass, and their rates dJ_c, dJ_w (links, n, n, 3) for
+        each joint at 1 rad/s: a joint turns the columns after it, and the one of its own moves as they do."""
+        model, data = self._whole
+        J, n = pin.computeJointJacobians(model, data, q).T.copy(), model.nv
+        centres = np.array([data.oMi[i].act(model.inertias[i].lever) for i in range(1, n + 1)])
+        before = np.tril(np.ones((n, n)))[..., None]  # link i is moved by joint j <= i
+        J_w = before * J[None, :, 3:]
+        J_c = before * (J[None, :, :3] + np.cross(J[None, :, 3:], centres[:, None, :]))
+        earlier = np.tril(np.ones((n, n)), -1)[..., None]  # [j, k]: joint k before joint j
+        by_k = np.cross(J_w[:, None, :, :], J_c[:, :, None, :])  # [j, k]: of J_c_j, turned by joint k
+        dJ_c = (earlier + np.eye(n)[..., None]) * by_k
+        dJ_c = dJ_c + (earlier * by_k).swapaxes(1, 2)
+        dJ_w = earlier * np.cross(J_w[:, None, :, :], J_w[:, :, None, :])
+        return J_c, J_w, dJ_c.swapaxes(1, 2), dJ_w.swapaxes(1, 2)
 
     def k_Cq(self, q: np.ndarray) -> float:
         """Bound of the change of C_hat / ||q_dot||, kg m^2/rad^2."""

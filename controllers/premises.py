@@ -12,7 +12,16 @@ from typing import NamedTuple
 
 import numpy as np
 
-from controllers.bounds import Equivalent, RequiredGain, inertia_spread, paper_bound, sum_of, tight_bound
+from controllers.bounds import (
+    Equivalent,
+    RequiredGain,
+    carried_mass,
+    inertia_spread,
+    least_inertia,
+    paper_bound,
+    sum_of,
+    tight_bound,
+)
 from controllers.control_law import joint_acceleration, joint_velocity
 from controllers.reaching import ReachingBound, envelope
 from controllers.switching import SAMPLING_SHARE, layer_width
@@ -53,7 +62,7 @@ class Premise(IntEnum):
     SAMPLED_LOOP = 11
 
 
-DOMAIN, REGULAR, DRIVES, GAIN, HELD = (int(p) for p in Premise if Premise.DOMAIN <= p <= Premise.HELD)
+DECLARED, DOMAIN, REGULAR, DRIVES, GAIN, HELD = (int(p) for p in Premise if Premise.DECLARED <= p <= Premise.HELD)
 LAYER, GAIN_BY_CHATTER = int(Premise.LAYER), int(Premise.GAIN_BY_CHATTER)
 
 
@@ -260,9 +269,9 @@ class Held(NamedTuple):
 def inertia_range(u, estimate, task, work):
     """Bounds (low, high) of H of every declared arm at this state, kg, at most 3 % too wide; see
     `bounds.InertiaRange`."""
-    n = task.r.shape[0]
-    carried, turned = 0.0, 0.0
-    if u.payload_mass > 0.0:
+    n, carried, turned = task.r.shape[0], 0.0, 0.0
+    load = carried_mass(u, estimate.stated.delta_M)
+    if load > 0.0:
         multiply(estimate.J_v, task.J_q_inv, work.Y)
         carried = spectral_norm(work.Y)
         multiply(estimate.J_w, task.J_q_inv, work.Y)
@@ -272,11 +281,9 @@ def inertia_range(u, estimate, task, work):
         for j in range(n):
             work.U[i, j] += estimate.M_hat[i, j]
     congruence(task.J_q_inv, work.U, work.S, work.T)
-    high = spectral_norm(work.T) + u.payload_mass * (carried + turned) ** 2
+    high = spectral_norm(work.T) + load * (carried + turned) ** 2
     inertia_spread(u, estimate, work.U)
-    for i in range(n):
-        for j in range(n):
-            work.U[i, j] = estimate.M_hat[i, j] - work.U[i, j]
+    least_inertia(u, estimate, work.U, work.U)
     invert(work.U, work.S, work.T)
     multiply(task.J_q, work.T, work.S)
     for i in range(n):
@@ -288,21 +295,21 @@ def inertia_range(u, estimate, task, work):
 @inline
 def inertia_error(gains, deviation, estimate, task, work):
     """Bound delta_H of (6), kg: largest part of (17) per m/s^2 of r_eq_ddot."""
-    u, J_inv = gains.uncertainty, task.J_q_inv_norm
-    load = 0.0
-    if u.payload_mass > 0.0 and gains.tight:
+    u, J_inv, reach = gains.uncertainty, task.J_q_inv_norm, 0.0
+    load = carried_mass(u, estimate.stated.delta_M)
+    if load > 0.0 and gains.tight:
         multiply(estimate.J_v, task.J_q_inv, work.Y)
-        load = spectral_norm(work.Y)
+        reach = spectral_norm(work.Y)
         multiply(estimate.J_w, task.J_q_inv, work.Y)
-        load += u.payload_offset * spectral_norm(work.Y)
+        reach += u.payload_offset * spectral_norm(work.Y)
     inertia_spread(u, estimate, work.U)
     if gains.tight:
         congruence(task.J_q_inv, work.U, work.S, work.T)
-        return spectral_norm(work.T) + u.payload_mass * load**2 + J_inv**2 * deviation.delta_M
-    if u.payload_mass > 0.0:
-        load = spectral_norm(estimate.J_v)
-        load += u.payload_offset * spectral_norm(estimate.J_w)
-    delta_M = spectral_norm(work.U) + u.payload_mass * load**2 + deviation.delta_M
+        return spectral_norm(work.T) + load * reach**2 + J_inv**2 * deviation.delta_M
+    if load > 0.0:
+        reach = spectral_norm(estimate.J_v)
+        reach += u.payload_offset * spectral_norm(estimate.J_w)
+    delta_M = spectral_norm(work.U) + load * reach**2 + deviation.delta_M
     return delta_M * J_inv**2
 
 

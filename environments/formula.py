@@ -4,16 +4,17 @@
     term   = signed { ("*" | "/") signed }
     signed = { "+" | "-" } power
     power  = atom [ ("^" | "**") signed ]            the exponent is a constant
-    atom   = number | "x" | "y" | "z" | "t" | "pi" | function "(" sum { "," sum } ")" | "(" sum ")"
+    atom   = number | variable | "pi" | function "(" sum { "," sum } ")" | "(" sum ")"
 
-Only functions with derivatives are admitted: no abs, min or max.
+A surface's variables are x, y, z, t; another formula may have other names for up to four of its own. Only functions
+with derivatives are admitted: no abs, min or max.
 """
 
 from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -29,10 +30,17 @@ FUNCTIONS = {
     "sin": Op.SIN, "cos": Op.COS, "tan": Op.TAN, "exp": Op.EXP, "log": Op.LOG, "sqrt": Op.SQRT,
     "tanh": Op.TANH, "atan": Op.ATAN,
 }  # fmt: skip
-ALLOWED = (
-    f"numbers, {', '.join(VARIABLES)}, pi, + - * / ^ ( ), and {', '.join(FUNCTIONS)} and hypot, "
-    'such as "z - 0.1 - 0.02*sin(6*x - 2*t)"'
-)
+SURFACE = "z - 0.1 - 0.02*sin(6*x - 2*t)"
+
+
+def _allowed(variables: Sequence[str], example: str) -> str:
+    return (
+        f"numbers, {', '.join((*variables, 'pi'))}, + - * / ^ ( ), and {', '.join(FUNCTIONS)} and hypot, "
+        f'such as "{example}"'
+    )
+
+
+ALLOWED = _allowed(VARIABLES, SURFACE)
 _TOKEN = re.compile(
     r"(?P<number>(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?)|(?P<name>[A-Za-z_]+)|(?P<sign>\*\*|[-+*/^(),])"
 )
@@ -57,14 +65,17 @@ class Formula:
     root: int
 
 
-def parse(text: str) -> Formula:
-    """Formula of a text. Raises FormulaError."""
+def parse(text: str, variables: Sequence[str] = VARIABLES, example: str = SURFACE) -> Formula:
+    """Formula of a text. Raises FormulaError, whose sentence names what is allowed.
+
+    variables: their names, at most four; example: a formula of them, for the sentence.
+    """
     if len(text) > LONGEST:
         raise FormulaError(f"the formula has {len(text)} characters; allowed: {LONGEST}")
-    return _Reader(text).formula()
+    return _Reader(text, variables, _allowed(variables, example)).formula()
 
 
-def _tokens(text: str) -> list[_Token]:
+def _tokens(text: str, allowed: str) -> list[_Token]:
     tokens, at = [], 0
     while at < len(text):
         if text[at].isspace():
@@ -72,7 +83,7 @@ def _tokens(text: str) -> list[_Token]:
             continue
         match = _TOKEN.match(text, at)
         if match is None or match.lastgroup is None:
-            raise FormulaError(f"{text[at]!r} at character {at + 1} cannot be read; allowed: {ALLOWED}")
+            raise FormulaError(f"{text[at]!r} at character {at + 1} cannot be read; allowed: {allowed}")
         tokens.append(_Token(match.lastgroup, match.group(), at + 1))
         at = match.end()
     return [*tokens, _Token("end", "", len(text) + 1)]
@@ -81,16 +92,16 @@ def _tokens(text: str) -> list[_Token]:
 class _Reader:
     """Reader of one text into a graph; each method reads the rule of the grammar that has its name."""
 
-    def __init__(self, text: str) -> None:
-        self._text = text
-        self._tokens = _tokens(text)
+    def __init__(self, text: str, variables: Sequence[str], allowed: str) -> None:
+        self._text, self._variables, self._allowed = text, variables, allowed
+        self._tokens = _tokens(text, allowed)
         self._at = 0
         self._depth = 0
         self._graph = Graph()
 
     def formula(self) -> Formula:
         if self._next.kind == "end":
-            raise FormulaError(f"the formula is empty; allowed: {ALLOWED}")
+            raise FormulaError(f"the formula is empty; allowed: {self._allowed}")
         root = self._sum()
         if self._next.kind != "end":
             raise self._unexpected("an operator or the end")
@@ -163,7 +174,7 @@ class _Reader:
         place = self._next.place
         exponent = self._graph.value(self._deeper(self._signed))
         if exponent is None:
-            raise FormulaError(f"the exponent at character {place} depends on x, y, z or t; allowed: a constant")
+            raise FormulaError(f"the exponent at character {place} depends on a variable; allowed: a constant")
         if abs(exponent) > STEEPEST:
             raise FormulaError(f"the exponent at character {place} is {exponent:g}; allowed: at most {STEEPEST:g}")
         return self._made(sign.place, lambda: self._graph.power(base, exponent))
@@ -187,12 +198,12 @@ class _Reader:
 
     def _named(self, token: _Token) -> int:
         name = token.text
-        if name in VARIABLES:
-            return self._graph.variables[VARIABLES.index(name)]
+        if name in self._variables:
+            return self._graph.variables[self._variables.index(name)]
         if name == "pi":
             return self._graph.constant(math.pi)
         if name not in FUNCTIONS and name != "hypot":
-            raise FormulaError(f'"{name:.20}" at character {token.place} is unknown; allowed: {ALLOWED}')
+            raise FormulaError(f'"{name:.20}" at character {token.place} is unknown; allowed: {self._allowed}')
         arguments = self._arguments()
         count = 2 if name == "hypot" else 1
         if len(arguments) != count:

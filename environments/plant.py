@@ -51,6 +51,8 @@ class Truth:
     frequency, Hz.
     torque_limit: (n,) N m, of the drives, see `limited`.
     rotor_scaling: (n,), factor on each rotor's inertia.
+    link_centre: (n, 3) m, shift of each link's centre of mass, in the link's frame.
+    link_shape: (n, 3, 3), symmetric Z: each link's inertia I about its centre of mass is I^1/2 (1 + Z) I^1/2.
     """
 
     link_scaling: np.ndarray
@@ -62,13 +64,21 @@ class Truth:
     disturbance_frequency: float
     torque_limit: np.ndarray | float = np.inf
     rotor_scaling: np.ndarray | float = 1.0
+    link_centre: np.ndarray | float = 0.0
+    link_shape: np.ndarray | float = 0.0
 
     def model(self, robot: Robot) -> pin.Model:
         """Pinocchio's model of the true arm."""
         model = robot.model.copy()
-        for joint, alpha in enumerate(self.link_scaling, start=1):
-            link = model.inertias[joint]
-            model.inertias[joint] = pin.Inertia(alpha * link.mass, link.lever, alpha * link.inertia)
+        n = len(self.link_scaling)
+        shifts, shapes = np.broadcast_to(self.link_centre, (n, 3)), np.broadcast_to(self.link_shape, (n, 3, 3))
+        for joint, (alpha, shift, Z) in enumerate(zip(self.link_scaling, shifts, shapes, strict=True), start=1):
+            link, I = model.inertias[joint], model.inertias[joint].inertia
+            if Z.any():
+                squares, axes = np.linalg.eigh(I)
+                root = axes * np.sqrt(squares.clip(min=0.0)) @ axes.T
+                I = I + root @ Z @ root
+            model.inertias[joint] = pin.Inertia(alpha * link.mass, link.lever + shift, alpha * I)
         model.armature = self.rotor_scaling * model.armature
         if self.payload_mass > 0.0:
             load = pin.Inertia(self.payload_mass, self.payload_offset, np.zeros((3, 3)))
@@ -126,7 +136,8 @@ def limited(limits, tau, applied):
 
 
 @inline
-def _resistance(resistance, q_dot, t, torque):
+def resistance_torque(resistance, q_dot, t, torque):
+    """Compute friction and disturbance in the joints, torque (n,) N m, on the left side of (2)."""
     n = q_dot.shape[0]
     for i in range(n):
         torque[i] = resistance.viscous * q_dot[i]
@@ -142,7 +153,7 @@ def _resistance(resistance, q_dot, t, torque):
 
 @kernel
 def _resistance_alone(resistance, q_dot, t, torque):
-    _resistance(resistance[0], q_dot, t, torque)
+    resistance_torque(resistance[0], q_dot, t, torque)
 
 
 class PlantWorkspace(NamedTuple):
@@ -186,7 +197,7 @@ class PlantAddresses(NamedTuple):
 def _accelerate(around, M, bias, arm, tau, t):
     """Compute q_ddot under the torque tau and the present load."""
     torque = around.torque
-    _resistance(around.resistance, arm.q_dot, t, torque)
+    resistance_torque(around.resistance, arm.q_dot, t, torque)
     for i in range(torque.shape[0]):
         torque[i] = tau[i] - bias[i] - torque[i] - arm.load.torque[i]
     solve_spd(M, torque, around.factor, arm.q_ddot)
@@ -237,7 +248,7 @@ def accelerate_heavy(around, M, bias, J, J_dot, rotation, translation, arm, tau,
         contact, met = one_of(world.contacts, i), one_of(touch, i)
         add_contact_force(contact, 0.0, touching(world, contact, met), met, around.push)
     transposed_times(touch.tool.J_v, around.push, around.pushed)
-    _resistance(around.resistance, arm.q_dot, t, torque)
+    resistance_torque(around.resistance, arm.q_dot, t, torque)
     for i in range(n):
         torque[i] = tau[i] - bias[i] - torque[i] - around.pushed[i]
     solve_spd(M, torque, around.factor, arm.q_ddot)  # without the multipliers

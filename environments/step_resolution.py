@@ -14,6 +14,7 @@ from collections.abc import Callable, Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
+import pinocchio as pin
 
 from environments.contact import Contact
 from environments.contact_kinds import ContactKind
@@ -42,12 +43,26 @@ class Mobility(NamedTuple):
             1.0 / float(np.linalg.eigvalsh(M).min()),
         )
 
-    def at_most_for(self, truth: Truth) -> Mobility:
-        """Bound on the mobility of the true arm, where this is that of the believed one: the inertia of a link or rotor
-        is the believed one times its factor, and a payload adds to it, so M is at least the least factor times the
-        believed M."""
-        least = min(float(np.min(truth.link_scaling)), float(np.min(truth.rotor_scaling)))
-        return Mobility(*(value / least for value in self))
+    def at_most_for(self, true: pin.Model, believed: pin.Model) -> Mobility | None:
+        """Bound on the mobility of the true arm, where this is that of the believed one; None where there is none. M is
+        a sum of J^T I J over the links' spatial inertias I (6, 6), and of rotors, so it is at least the least factor
+        among these times the believed M."""
+        rotors = np.divide(true.armature, believed.armature, out=np.ones(true.nv), where=believed.armature > 0.0)
+        least = float(rotors.min())
+        for a, b in zip(list(true.inertias)[1:], list(believed.inertias)[1:], strict=True):
+            least = min(least, _least_factor(a.matrix(), b.matrix()))
+        return Mobility(*(value / least for value in self)) if least > 0.0 else None
+
+
+def _least_factor(I: np.ndarray, of: np.ndarray) -> float:
+    """Largest f with I - f times the other spatial inertia positive semidefinite, both (6, 6); a point mass has no
+    inertia about some of its axes."""
+    squares, axes = np.linalg.eigh(I)
+    held = squares > ROUNDING * squares[-1]
+    if not np.abs(of @ axes[:, ~held]).max(initial=0.0) <= ROUNDING * squares[-1]:
+        return 0.0  # what has no inertia along one of these axes is no multiple of what has
+    root = axes[:, held] / np.sqrt(squares[held])
+    return 1.0 / float(np.linalg.eigvalsh(root.T @ of @ root)[-1])
 
 
 class Oscillator(NamedTuple):

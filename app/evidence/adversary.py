@@ -20,7 +20,7 @@ SEED = 1000  # of the situations, which differ from those of the other runs
 POPULATION, GENERATIONS = 25, 11  # of each hunt: 275 tries, unless the first 25 are all refused
 DURATION = 0.15  # s
 START = 0.03  # rad, displacement of each joint from the start of the path; none on a rigid surface
-SHARED = 18  # numbers of a try besides three for each joint
+SHARED = 18  # numbers of a try besides nine for each joint
 PAPER_FROM = 0.5  # on [-1, 1]: a quarter of the first tries have the bounds of (7)
 KINDS = tuple(kind.name.lower() for kind in Switching)
 
@@ -54,16 +54,21 @@ class Ground:
         self.scenario = edited(here, "controller.on_change", "watch" if reaching else "remove")
         self.system = built(self.scenario)
         self.posture, self.n = self.system.robot.posture, self.system.robot.n
-        self.size = 3 * self.n + SHARED
+        self.size = 9 * self.n + SHARED
 
     def scenario_of(self, x: np.ndarray) -> Scenario:
         """Scenario of the numbers x (size,) within [-1, 1], without the start of the arm."""
         n, here = self.n, self.scenario
-        links, shared, rotors = _edged(x[:n]), x[n : n + SHARED], _edged(x[2 * n + SHARED :])
+        links, shared, rotors = _edged(x[:n]), x[n : n + SHARED], _edged(x[2 * n + SHARED : 3 * n + SHARED])
+        shifts, moments = np.split(_edged(x[3 * n + SHARED :]).reshape(2 * n, 3), 2)
+        centres = shifts / np.maximum(np.linalg.norm(shifts, axis=1, keepdims=True), 1.0)
+        shapes = np.hstack([moments, np.zeros((n, 3))])
         payload, offset, coulomb, viscous, disturbance = _share(_edged(shared[:5])).tolist()
         frequency, towards = _between(shared[5], 0.2, 20.0), shared[6:9] / max(float(np.linalg.norm(shared[6:9])), 1e-9)
         K_s, epsilon, F_1, layer, kind, bounds, K_e, force, friction = shared[9:]
-        departure = Departure(links, rotors, payload, offset, towards, coulomb, viscous, disturbance, frequency)
+        departure = Departure(
+            links, rotors, centres, shapes, payload, offset, towards, coulomb, viscous, disturbance, frequency
+        )
         controller = msgspec.structs.replace(
             here.controller,
             K_s=10 ** _between(K_s, 1.3, 2.5),

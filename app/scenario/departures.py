@@ -7,19 +7,25 @@ from typing import NamedTuple
 import msgspec
 import numpy as np
 
+from app.scenario.declared_bounds import entries
 from app.scenario.schema import Declared, TruthSection
 
 Random = np.random.Generator
+NEARLY_ALL = 0.95  # of an inertia may be missing; a link without inertia is no body
 
 
 class Departure(NamedTuple):
     """Departure of a true arm from the believed one, as shares of the declared bounds.
     links, rotors: (n,) within [-1, 1], the others within [0, 1].
+    centres: (n, 3), shifts of the centres of mass within the unit ball.
+    shapes: (n, 6), of `Truth.link_shape`, with eigenvalues within [-1, 1].
     towards: (3,), unit vector to the payload.
     frequency: of the disturbance, Hz."""
 
     links: np.ndarray
     rotors: np.ndarray
+    centres: np.ndarray
+    shapes: np.ndarray
     payload: float
     offset: float
     towards: np.ndarray
@@ -34,13 +40,20 @@ class Departure(NamedTuple):
         links, rotors = np.clip(random.uniform(-2.0, 2.0, (2, n)), -1.0, 1.0)
         payload, offset, coulomb, viscous, disturbance = np.minimum(random.uniform(0.0, 2.0, 5), 1.0)
         towards, frequency = _unit(random), random.uniform(0.2, 5.0)
-        return cls(links, rotors, payload, offset, towards, coulomb, viscous, disturbance, frequency)
+        shifts = np.minimum(random.uniform(0.0, 2.0, (n, 1)), 1.0) * np.array([_unit(random) for _ in range(n)])
+        shapes = _shapes(np.clip(random.uniform(-2.0, 2.0, (n, 3)), -1.0, 1.0), random)
+        return cls(links, rotors, shifts, shapes, payload, offset, towards, coulomb, viscous, disturbance, frequency)
 
     @classmethod
     def edge(cls, random: Random, n: int) -> Departure:
         """Departure at a corner of the declared set."""
         links, rotors = random.choice([-1.0, 1.0], (2, n))
-        return cls(links, rotors, 1.0, 1.0, _unit(random), 1.0, 1.0, 1.0, random.uniform(0.2, 5.0))
+        towards, frequency = _unit(random), random.uniform(0.2, 5.0)
+        shifts, shapes = (
+            np.array([_unit(random) for _ in range(n)]),
+            _shapes(random.choice([-1.0, 1.0], (n, 3)), random),
+        )
+        return cls(links, rotors, shifts, shapes, 1.0, 1.0, towards, 1.0, 1.0, 1.0, frequency)
 
     def truth(self, declared: Declared, scale: float = 1.0, of: TruthSection | None = None) -> TruthSection:
         """True arm of this departure, or one `scale` times as far away; what it does not name is as in `of`."""
@@ -49,6 +62,8 @@ class Departure(NamedTuple):
             of or TruthSection(),
             link_scaling=tuple((1.0 + scale * d.link_scaling * self.links).tolist()),
             rotor_scaling=tuple((1.0 + scale * d.rotor_scaling * self.rotors).tolist()),
+            link_centre=tuple(map(tuple, (scale * d.link_centre * self.centres).tolist())),
+            link_shape=tuple(map(tuple, (min(scale * d.link_shape, NEARLY_ALL) * self.shapes).tolist())),
             payload_mass=float(scale * d.payload_mass * self.payload),
             payload_offset=tuple((scale * d.payload_offset * self.offset * self.towards).tolist()),
             coulomb=float(scale * d.coulomb * self.coulomb),
@@ -59,9 +74,15 @@ class Departure(NamedTuple):
 
 
 DRAWN = (
-    "link_scaling", "rotor_scaling", "payload_mass", "payload_offset", "coulomb", "viscous", "disturbance",
-    "disturbance_frequency",
+    "link_scaling", "rotor_scaling", "link_centre", "link_shape", "payload_mass", "payload_offset", "coulomb",
+    "viscous", "disturbance", "disturbance_frequency",
 )  # fmt: skip
+
+
+def _shapes(eigenvalues: np.ndarray, random: Random) -> np.ndarray:
+    """Entries (n, 6) of symmetric matrices with these eigenvalues (n, 3), along axes drawn at random."""
+    axes = np.linalg.qr(random.standard_normal((len(eigenvalues), 3, 3)))[0]
+    return entries(axes * eigenvalues[:, None, :] @ axes.swapaxes(1, 2))
 
 
 def _unit(random: Random) -> np.ndarray:

@@ -13,7 +13,7 @@ from functools import cache
 from typing import Annotated, Any, Literal, cast
 
 import msgspec
-from msgspec import Struct
+from msgspec import Meta, Struct
 
 from environments.contact_kinds import CONTACTS, ContactKind, ContactName
 from environments.force_profiles.step import ConstantForce
@@ -100,6 +100,17 @@ class TruthSection(Section, frozen=True, forbid_unknown_fields=True):
 
     link_scaling: Annotated[float | Vector, field("factor on the inertia of every link, or one per link", "1")] = 1.0
     rotor_scaling: Annotated[float | Vector, field("factor on every joint's rotor inertia, or one each", "1")] = 1.0
+    link_centre: Annotated[
+        Matrix, field("shift of every link's centre of mass along its axes, or one row of three per link", "m")
+    ] = (0.0, 0.0, 0.0)
+    link_shape: Annotated[
+        Matrix,
+        field(
+            "change Z of every link's inertia I about its centre of mass, to I^½(1 + Z)I^½, as xx, yy, zz, xy, xz, yz "
+            "along its axes, or one row of six per link",
+            "1",
+        ),
+    ] = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     payload_mass: Annotated[float, field("point mass at the tool", "kg", ge=0, le=50)] = 0.0
     payload_offset: Annotated[Vector3, field("place of that mass in the tool frame", "m")] = (0.0, 0.0, 0.0)
     coulomb: Annotated[float, field("Coulomb friction per joint", "N·m", ge=0, le=100)] = 0.0
@@ -140,11 +151,31 @@ class TruthSection(Section, frozen=True, forbid_unknown_fields=True):
     ] = 0.0
 
 
+StatedBound = Annotated[float, Meta(ge=0, le=1e6)] | Text | None
+
+# names of the variables of each bound that may be stated, and an example
+STATED_IN = {
+    "delta_M": (("away",), "0.2 + 0.1*away"),
+    "delta_C": (("away", "speed"), "0.5*speed"),
+    "delta_G": (("away",), "4 + 2*away"),
+    "delta_f": (("speed", "t"), "1 + 0.3*speed"),
+}
+
+
 class Declared(Section, frozen=True, forbid_unknown_fields=True):
     """Bounds of the modelling errors that the controller is told, (6)."""
 
     link_scaling: Annotated[float, field("links' inertias within 1 ± this", "1", ge=0, lt=1)] = 0.0
     rotor_scaling: Annotated[float, field("rotors' inertias within 1 ± this", "1", ge=0, lt=1)] = 0.0
+    link_centre: Annotated[
+        float, field("links' centres of mass within this of where they are believed", "m", ge=0, le=1)
+    ] = 0.0
+    link_shape: Annotated[
+        float,
+        field(
+            "links' inertias about their centres of mass within 1 ± this of the scaled ones, s.p.d.", "1", ge=0, lt=1
+        ),
+    ] = 0.0
     payload_mass: Annotated[float, field("largest payload", "kg", ge=0, le=50)] = 0.0
     payload_offset: Annotated[float, field("its largest distance from the tool point", "m", ge=0, le=1)] = 0.0
     coulomb: Annotated[float, field("largest Coulomb friction per joint", "N·m", ge=0, le=100)] = 0.0
@@ -152,6 +183,26 @@ class Declared(Section, frozen=True, forbid_unknown_fields=True):
     disturbance: Annotated[float, field("largest norm of the disturbance torque", "N·m", ge=0, le=200)] = 0.0
     force_error: Annotated[float, field("largest error of the force sensor", "N", ge=0, le=100)] = 0.0
     moment_error: Annotated[float, field("largest error of its moments", "N·m", ge=0, le=10)] = 0.0
+    delta_M: Annotated[
+        StatedBound,
+        field(
+            "‖ΔM‖ at most, in place of what links, rotors and payload give: a number, or of away = ‖q − q(0)‖", "kg·m²"
+        ),
+    ] = None
+    delta_C: Annotated[
+        StatedBound,
+        field("‖ΔC‖ at most, in place of what links and payload give: a number, or of away, speed = ‖q̇‖", "kg·m²/s"),
+    ] = None
+    delta_G: Annotated[
+        StatedBound, field("‖ΔG‖ at most, in place of what links and payload give: a number, or of away", "N·m")
+    ] = None
+    delta_f: Annotated[
+        StatedBound,
+        field("‖f̃‖ at most, in place of what friction and disturbance give: a number, or of speed, t", "N·m"),
+    ] = None
+    least_inertia: Annotated[
+        float, field("where δ_M is stated: M is at least this share of M_hat, for k_r′", "1", gt=0, le=1)
+    ] = 0.5
 
 
 class TaskSpaceSection(Section, frozen=True, forbid_unknown_fields=True):

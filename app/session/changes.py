@@ -269,6 +269,9 @@ def with_robot(scenario: Scenario, changes: Mapping[str, object]) -> Scenario:
         for each in ("link_scaling", "rotor_scaling", "torque_limit"):
             if isinstance(data["truth"][each], list):
                 del data["truth"][each]
+        for each in ("link_centre", "link_shape"):
+            if isinstance(data["truth"][each][0], list):
+                del data["truth"][each]
     data["robot"] = {name: value for name, value in {**data["robot"], **changes}.items() if value is not None}
     changed = from_plain(data)
     if another - {"tool_frame"}:

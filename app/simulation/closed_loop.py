@@ -21,6 +21,7 @@ from app.simulation.sampled_stability import SampledLoop
 from app.simulation.search_memory import Memory
 from app.simulation.state import State, blending, observed
 from app.simulation.system import System, assemble
+from app.simulation.true_errors import beyond
 from app.simulation.verdict import Standing
 from controllers.blend import ModelBlend
 from controllers.premises import WATCH, Kept, Premise
@@ -108,7 +109,9 @@ def standing_of(system: System, state: State) -> Standing:
     """The premises of the theorem and the verdict on a run in this state, which does not go on."""
     evaluation = state.evaluation
     table, kept = evaluation.part("table"), evaluation.part("kept")
-    return Standing(table, kept, state.stopped, outside(system.scenario), system.units)
+    stated, errors = evaluation.part("seen").estimate.stated, evaluation.part("errors")
+    outsiders = outside(system.scenario) + beyond(errors, stated, system.scenario.declared.least_inertia)
+    return Standing(table, kept, state.stopped, outsiders, system.units)
 
 
 class ClosedLoop:

@@ -9,11 +9,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from app.simulation.error_model import ErrorModel, doubt
+from app.simulation.true_errors import UNKNOWN, TrueArm, TrueErrors, judge_errors
 from controllers.bounds import sum_of
 from controllers.control_law import ControlOutput, Gains, Reference, Told, add_up, clear
 from controllers.laws import table
 from controllers.nominal_model import ON_LINE, Estimate, LinkConstants, NominalModel, estimates
 from controllers.premises import (
+    DECLARED,
     DOMAIN,
     DRIVES,
     GAIN,
@@ -88,10 +91,11 @@ class ReferencePlan(NamedTuple):
 
 class ObservationModel(NamedTuple):
     """Model by which the controller observes the arm.
-    links: see `NominalModel`.
+    links: see `NominalModel`; errors: of these.
     shapes: the surfaces (or Cartesian axes) that give the task coordinates."""
 
     links: LinkConstants
+    errors: ErrorModel
     shapes: Shapes
     layout: TaskLayout
 
@@ -149,7 +153,8 @@ class Setting(NamedTuple):
     period: s.
     online: whether estimates are taken at q, not beforehand (Remark 3).
     heavy: the contact's force depends on tau.
-    torque_limit: (n,) N m, of the drives."""
+    torque_limit: (n,) N m, of the drives.
+    true_arm: to judge whether it is inside the declared set."""
 
     observation_model: ObservationModel
     plan: ReferencePlan
@@ -159,6 +164,7 @@ class Setting(NamedTuple):
     heavy: bool
     torque_limit: np.ndarray
     limits: Limits
+    true_arm: TrueArm
 
 
 class Evaluation(NamedTuple):
@@ -171,6 +177,7 @@ class Evaluation(NamedTuple):
     saturated, touching: of the period before, whether applied was not tau, whether there was a force on every surface
     that the tool should press.
     news: `Alarm` flags of the promise.
+    errors: of the controller's model at this state, as far as bounds are stated for them.
     table, watched, held, kept: premises and quantities that the theorem's promise depends on, and how it was kept."""
 
     z: np.ndarray
@@ -185,6 +192,7 @@ class Evaluation(NamedTuple):
     saturated: bool
     touching: bool
     news: int
+    errors: TrueErrors
     table: PremiseTable
     watched: Watched
     held: Held
@@ -198,7 +206,7 @@ class Evaluation(NamedTuple):
         feedforward = FeedforwardModel(np.zeros((n, n)), np.zeros((n, n)), v, ON_LINE)
         output, f = ControlOutput.zeros(n), np.zeros(6)
         watched = Watched(1.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-        law = (v, f, f, seen, reference, feedforward, output, v, v, False, False, 0)
+        law = (v, f, f, seen, reference, feedforward, output, v, v, False, False, 0, UNKNOWN)
         return cls(*law, PremiseTable.fresh(), watched, Held.zeros(n), Kept.fresh(), Room.zeros(n))
 
 
@@ -222,7 +230,9 @@ def reference_at(plan, t, reference):
 @inline
 def observe(observation_model, momenta, C, J, J_dot, placements, t, seen):
     """Estimates and task coordinates of a state, Remark 1 and (3), from the arrays of `nominal_model.Terms` there."""
-    estimates(observation_model.links, momenta, C, J, J_dot, placements, seen.q_dot, seen.estimate)
+    links = observation_model.links
+    estimates(links, momenta, C, J, J_dot, placements, seen.q_dot, seen.estimate)
+    doubt(observation_model.errors, links, placements, seen.q, seen.q_dot, t, seen.estimate)
     task_chart(observation_model.shapes, seen.estimate.p, t, seen.spare, seen.chart)
     task_space(observation_model.layout, seen.chart, seen.estimate, seen.q, seen.q_dot, seen.work, seen.task)
 
@@ -320,6 +330,10 @@ def _judge_premises(setting, evaluation, arm, t):
         evaluation.feedforward,
         evaluation.room,
     )
+    true, seen = setting.true_arm, evaluation.seen
+    if true.judged:
+        violated = judge_errors(true, estimate, seen.q, seen.q_dot, t, evaluation.errors)
+        table.value[DECLARED] = true.outsiders + violated
     table.value[REGULAR], table.limit[REGULAR] = 1.0 / task.J_q_inv_norm, setting.limits.sigma_min
     table.value[DRIVES], table.limit[DRIVES] = _share_of_drives(setting.torque_limit, output.tau), 1.0
     table.value[GAIN], table.limit[GAIN] = sum_of(output.needed), output.d
@@ -524,8 +538,11 @@ def _reference_alone(plan, t, reference):
 class Observer:
     """`observe` for use outside kernels."""
 
-    def __init__(self, model: NominalModel, shapes: Shapes, layout: TaskLayout) -> None:
-        self.observation_model = ObservationModel(model.constants, shapes, layout)
+    def __init__(
+        self, model: NominalModel, shapes: Shapes, layout: TaskLayout, errors: ErrorModel | None = None
+    ) -> None:
+        errors = ErrorModel.none(layout.n) if errors is None else errors
+        self.observation_model = ObservationModel(model.constants, errors, shapes, layout)
         self._model, self._record = model, Record(self.observation_model)
         self._blank = Record.zeros(Observation, layout.n)
 

@@ -21,6 +21,7 @@ from app.simulation.separate_law import SeparateLaw
 from app.simulation.signals import Row
 from app.simulation.state import State
 from app.simulation.system import System
+from app.simulation.true_errors import TrueArm
 from controllers.control_law import Gains
 from controllers.reference_estimates import ReferenceEstimates
 from kernels import address_for, compiled_for
@@ -211,4 +212,5 @@ def _setting_of(system: System, *, online: bool) -> Setting:
         heavy=plant.kind.heavy,
         torque_limit=np.broadcast_to(plant.truth.torque_limit, system.robot.n),
         limits=Limits(scenario.simulation.sigma_min, SPEED_LIMIT, pushes_only, pressed),
+        true_arm=TrueArm.of(scenario, plant, system.robot),
     )

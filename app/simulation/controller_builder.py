@@ -15,10 +15,12 @@ from controllers.control_law import ControlLaw
 from controllers.controller import Controller
 from controllers.laws.table import LAWS
 from controllers.modes import Mode
+from controllers.nominal_model import LinkRates
 from controllers.surface_stability import SurfaceRange, passive
 from controllers.switching import Switching
 from controllers.target_model import InvalidGain, TargetModel
 from controllers.task_space import TaskLayout
+from environments.robots import Robot
 from parameters import allowed, values_of
 
 
@@ -44,9 +46,8 @@ def parameters_of(scenario: Scenario, law: ControlLaw) -> dict[str, float]:
         return values_of(law.parameters, given, f"controller.own.{law.kind}")
 
 
-def uncertainty_of(scenario: Scenario, k_C: float) -> Uncertainty:
-    """Declared uncertainty of the true arm; k_C: Lipschitz constant of the Coriolis forces, see
-    `controllers.bounds`."""
+def uncertainty_of(scenario: Scenario, robot: Robot, k_C: float, rates: LinkRates) -> Uncertainty:
+    """Declared uncertainty of the true arm; k_C, rates: of the Coriolis forces, see `controllers.bounds`."""
     d = scenario.declared
     return Uncertainty(
         d.link_scaling,
@@ -59,6 +60,11 @@ def uncertainty_of(scenario: Scenario, k_C: float) -> Uncertainty:
         d.force_error,
         d.moment_error,
         k_C,
+        rho_centre=d.link_centre,
+        rho_shape=d.link_shape,
+        rates=rates,
+        mass=float(sum(link.mass for link in list(robot.model.inertias)[1:])),
+        least_inertia=d.least_inertia,
     )
 
 
@@ -172,7 +178,7 @@ def z_at_start(scenario: Scenario, n: int) -> np.ndarray:
     return np.zeros(n) if given is None else np.array(given, dtype=float)
 
 
-def controller_of(scenario: Scenario, mode: Mode, layout: TaskLayout, constants: Constants) -> Controller:
+def controller_of(scenario: Scenario, robot: Robot, mode: Mode, layout: TaskLayout, constants: Constants) -> Controller:
     """Controller of the scenario: its law with its gains. Raises ScenarioError and InvalidGain."""
     n, c = layout.n, scenario.controller
     model = target_model(scenario, n)
@@ -195,7 +201,7 @@ def controller_of(scenario: Scenario, mode: Mode, layout: TaskLayout, constants:
         bounds=c.bounds,
         switching=Switching[c.switching.upper()],
         layer=c.layer,
-        uncertainty=uncertainty_of(scenario, constants.lipschitz.k_C),
+        uncertainty=uncertainty_of(scenario, robot, constants.lipschitz.k_C, constants.rates),
         controlled=mode.controlled(n),
         surfaces=mode.normals,
     )

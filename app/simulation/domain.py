@@ -14,7 +14,7 @@ from app.simulation.extremes import OUTSIDE, Effort, Look, Looker, Omega, Place,
 from app.simulation.search_memory import Memory, Numbers, key_of
 from controllers.bounds import InertiaRange, Uncertainty
 from controllers.control_law import Reference
-from controllers.nominal_model import Estimate, Lipschitz, NominalModel, Steepness
+from controllers.nominal_model import NO_RATES, Estimate, LinkRates, Lipschitz, NominalModel, Steepness
 from controllers.task_space import TaskSpace
 from environments.step_resolution import Mobility
 from environments.surfaces.table import Surface
@@ -31,11 +31,13 @@ Observe = Callable[[np.ndarray, np.ndarray, float], tuple[Estimate, TaskSpace]]
 @dataclass(frozen=True)
 class Constants:
     """Constants over Omega, as far as J_q is regular there: Property 1's k_r_low and k_r_high (kg) for every arm inside
-    the declared set, and the Lipschitz constants of the estimates."""
+    the declared set, the Lipschitz constants of the estimates, and the rates of the links' errors, zero where none are
+    declared."""
 
     k_r_low: float
     k_r_high: float
     lipschitz: Lipschitz
+    rates: LinkRates
     omega: Omega
 
     @property
@@ -114,7 +116,7 @@ def constants_over(
     def find_inertia() -> Numbers:
         lightness, heaviness = largest(omega, looker, INERTIA)
         if not lightness > 0.0:
-            raise ScenarioError("robot.posture: J_q is singular around it; allowed: a posture away from singularities")
+            raise ScenarioError(_nowhere(omega, sigma_min, uncertainty, observer))
         return 1.0 / (MARGIN * lightness), MARGIN * heaviness
 
     def find_lipschitz() -> Numbers:
@@ -122,10 +124,28 @@ def constants_over(
         still = Omega(*where)
         return tuple(MARGIN * largest(still, lambda p, k=k: (Look(k(p.q)),), OTHERS)[0] for k in each)
 
-    seen = ("inertia", arm, observer.fingerprint, *where, omega.span, sigma_min, *uncertainty)
+    def find_rates() -> Numbers:
+        found = largest(Omega(*where), lambda p: tuple(Look(k) for k in steepness.links(p.q)), OTHERS)
+        return tuple(MARGIN * k for k in found)
+
+    seen = ("inertia", arm, observer.fingerprint, *where, omega.span, sigma_min, repr(uncertainty))
     k_r_low, k_r_high = memory.recall(key_of(*seen), 2, find_inertia)
     lipschitz = Lipschitz(*memory.recall(key_of("lipschitz", arm, *where), 4, find_lipschitz))
-    return Constants(k_r_low, k_r_high, lipschitz, omega)
+    in_doubt = uncertainty.rho_centre > 0.0 or uncertainty.rho_shape > 0.0
+    rates = LinkRates(*memory.recall(key_of("rates", arm, *where), 3, find_rates)) if in_doubt else NO_RATES
+    return Constants(k_r_low, k_r_high, lipschitz, rates, omega)
+
+
+def _nowhere(omega: Omega, sigma_min: float, uncertainty: Uncertainty, observer: Observer) -> str:
+    """Sentence on an Omega in which no place has the inertia that Property 1 needs."""
+    certain = uncertainty._replace(rho=0.0, rho_rotor=0.0, rho_centre=0.0, rho_shape=0.0)
+    looks = _inertia_looker(sigma_min, certain, observer)
+    if any(looks(place)[0].room >= 0.0 for place in omega.places(INERTIA.draws)):
+        return (
+            "declared.link_centre: with the other declared errors of the links, some arm would have no inertia left "
+            "(k_r′ ≤ 0); allowed: a smaller link_centre, link_shape or link_scaling"
+        )
+    return "robot.posture: J_q is singular around it; allowed: a posture away from singularities"
 
 
 def _inertia_looker(sigma_min: float, uncertainty: Uncertainty, observer: Observer) -> Looker:

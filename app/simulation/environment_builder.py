@@ -7,6 +7,7 @@ from scipy.spatial.transform import Rotation
 
 from app.process.own_code import own_course, own_shape
 from app.scenario.data import kind_of
+from app.scenario.declared_bounds import link_rows, symmetric
 from app.scenario.schema import IrregularCorner, PullingForce, Scenario, ScenarioError, scenario_errors
 from controllers.modes import Mode
 from controllers.nominal_model import NominalModel
@@ -25,6 +26,7 @@ from environments.trajectories import own as own_trajectories
 from environments.trajectories.point_to_point import Hold
 from environments.trajectories.table import course_of, numbered
 from environments.trajectories.trajectory import Course, spread
+from parameters import Matrix
 
 UNLIMITED = 1e6  # N m: an effort limit of a URDF beyond this means that there is none
 
@@ -55,7 +57,26 @@ def truth_of(scenario: Scenario, robot: robots.Robot) -> Truth:
         t.disturbance_frequency,
         _torque_limit(t.torque_limit, robot),
         _factors("truth.rotor_scaling", t.rotor_scaling, n, "joint"),
+        link_centre=_link_rows("truth.link_centre", t.link_centre, n, 3),
+        link_shape=_shapes("truth.link_shape", t.link_shape, n),
     )
+
+
+def _link_rows(path: str, given: Matrix, n: int, width: int) -> np.ndarray:
+    """Rows (n, width), given as one for all links or one each. Raises ScenarioError."""
+    rows = link_rows(given)
+    if rows is None or rows.shape[1] != width or len(rows) not in (1, n):
+        raise ScenarioError(f"{path}: {given!r:.80}; allowed: {width} numbers, or {n} rows of {width}, one per link")
+    return np.broadcast_to(rows, (n, width))
+
+
+def _shapes(path: str, given: Matrix, n: int) -> np.ndarray:
+    """Relative changes (n, 3, 3) of the links' inertias. Raises ScenarioError."""
+    Z = symmetric(_link_rows(path, given, n, 6))
+    least = float(np.linalg.eigvalsh(Z).min())
+    if not least > -1.0:
+        raise ScenarioError(f"{path}: a link with {1.0 + least:.3g} of its inertia about an axis; allowed: more than 0")
+    return Z
 
 
 def _factors(path: str, given: float | tuple[float, ...], n: int, of: str) -> np.ndarray:

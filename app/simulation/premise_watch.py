@@ -134,7 +134,7 @@ class PremiseWatch:
             return
         chatter, force = table.value[Premise.GAIN_BY_CHATTER], table.value[Premise.GAIN_BY_FORCE]
         others = "bounds = 'tight', " if controller.bounds == "paper" else ""
-        others += "controller.gain = 'constant', or a smaller declared.link_scaling"
+        others += f"controller.gain = 'constant', or a smaller {self._largest_doubt()}"
         if controller.d is None and chatter >= 1.0:
             raise UnboundedGain(
                 f"controller.bounds: with {controller.bounds!r} the gain (17) runs away at this control period, "
@@ -146,6 +146,14 @@ class PremiseWatch:
                 f"controller.bounds: with {controller.bounds!r} the gain (17) and the force on the surface raise each "
                 f"other, by {force:.3g} of each change, allowed below 1, and no control period helps; allowed: {others}"
             )
+
+    def _largest_doubt(self) -> str:
+        """Field of the declaration from which delta_H follows."""
+        declared = self.system.scenario.declared
+        if declared.delta_M is not None:
+            return "declared.delta_M"
+        links = ("link_scaling", "rotor_scaling", "link_centre", "link_shape", "payload_mass")
+        return f"declared.{next((name for name in links if getattr(declared, name) > 0.0), links[0])}"
 
     @property
     def banded(self) -> float | None:

@@ -47,6 +47,7 @@ from app.simulation.environment_builder import (
     tool_at_start,
     truth_of,
 )
+from app.simulation.error_model import ErrorModel
 from app.simulation.extremes import Omega
 from app.simulation.search_memory import Memory
 from app.simulation.stations import Stations
@@ -55,7 +56,7 @@ from controllers.blend import ModelBlend
 from controllers.control_law import Reference
 from controllers.controller import Controller
 from controllers.modes import Mode
-from controllers.nominal_model import Estimate, NominalModel
+from controllers.nominal_model import NO_RATES, Estimate, NominalModel
 from controllers.target_model import InvalidGain
 from controllers.task_space import TaskLayout, TaskSpace
 from environments import robots
@@ -138,7 +139,7 @@ class System:
     @cached_property
     def observer(self) -> Observer:
         """Observer with the controller's model of the arm."""
-        return Observer(self.nominal, self.charted.shapes, self.layout)
+        return Observer(self.nominal, self.charted.shapes, self.layout, ErrorModel.of(self.scenario, self.q_0))
 
     @cached_property
     def planned(self) -> Planned:
@@ -236,7 +237,7 @@ def _assemble(scenario: Scenario, previous: System | None, memory: Memory) -> Sy
     motion, rotation, forces = motion_of(scenario, mode, layout), rotation_of(scenario, layout), forces_of(scenario)
     shift = spread_over("shift.by", scenario.shift.by, mode, layout)
 
-    observer = Observer(nominal, charted.shapes, layout)
+    observer = Observer(nominal, charted.shapes, layout, ErrorModel.of(scenario, q_0))
     try:
         start = observer.at(q_0, np.zeros(robot.n), 0.0)[1].r
     except ValueError as error:
@@ -266,7 +267,7 @@ def _assemble(scenario: Scenario, previous: System | None, memory: Memory) -> Sy
         along = centres(observer.at, unshifted, shift, q_0, rules.duration)
         span = span_of(surfaces, rules.duration) if mode.on_surface else 0.0
         omega = Omega(along, rules.domain_radius, span)
-        uncertainty = uncertainty_of(scenario, 0.0)
+        uncertainty = uncertainty_of(scenario, robot, 0.0, NO_RATES)
         constants = constants_over(omega, rules.sigma_min, uncertainty, nominal, observer, memory)
     if previous is not None and previous.constants is constants and previous.scenario.truth == scenario.truth:
         mobility = previous.mobility
@@ -274,8 +275,8 @@ def _assemble(scenario: Scenario, previous: System | None, memory: Memory) -> Sy
         touched = replace(constants.omega, span=span_of(surfaces, scenario.simulation.duration))
         # the believed arm is the same in all runs of a sweep, and a search takes longer than a run
         believed = mobility_over(touched, robot.model, surfaces, nominal, memory)
-        mobility = believed.at_most_for(plant.truth)
-        if _unresolved(scenario, plant, mobility):
+        mobility = believed.at_most_for(plant.model, robot.model)
+        if mobility is None or _unresolved(scenario, plant, mobility):
             mobility = mobility_over(touched, plant.model, surfaces, nominal, memory)
     _require_resolved(scenario, plant, mobility)
     return System(
@@ -291,7 +292,7 @@ def _assemble(scenario: Scenario, previous: System | None, memory: Memory) -> Sy
         constants=constants,
         stations=_stations(scenario, constants, previous),
         mobility=mobility,
-        controller=controller_of(scenario, mode, layout, constants),
+        controller=controller_of(scenario, robot, mode, layout, constants),
         blend=blend_of(scenario, mode, layout),
         sensor=ForceSensor(scenario.sensor, scenario.controller.period),
         push=push_of(scenario),

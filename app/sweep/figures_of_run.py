@@ -9,7 +9,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from app.analysis.metrics import Metrics
-from app.scenario.declared_bounds import outside
 from app.scenario.schema import ScenarioError
 from app.session.headless_run import simulate
 from app.simulation.search_memory import Memory
@@ -85,8 +84,8 @@ class Runner:
         except (ScenarioError, ArithmeticError, np.linalg.LinAlgError) as error:
             return begun | {"stopped": f"refused: {error}", "wall_time": time.perf_counter() - started}
         self._previous = loop.system
-        kept = 1.0 if not outside(scenario) else 0.0
-        return begun | _of(metrics) | {"declared": kept, "wall_time": time.perf_counter() - started}
+        inside = all(each.failed is None for each in loop.standing.findings if each.premise == "declared")
+        return begun | _of(metrics) | {"declared": float(inside), "wall_time": time.perf_counter() - started}
 
 
 def _of(metrics: Metrics) -> Figures:

@@ -29,7 +29,8 @@ def test_declared_bounds_are_used_as_they_are_and_found_ones_with_their_margin()
     constants = ClosedLoop(edited(load("ur5-hybrid"), "declared.payload_mass", 1.5), history=1).system.constants
     assert shown["link scaling"] == ["0.15", "—", "0.15", ""]
     assert shown["payload mass"] == ["1.5", "—", "1.5", "kg"]
-    assert len(shown) == len(Declared.__struct_fields__) + 6
+    stated = ("delta_M", "delta_C", "delta_G", "delta_f", "least_inertia")  # shown where they are
+    assert len(shown) == len(Declared.__struct_fields__) - len(stated) + 6
     low, high = shown["k_r′"], shown["k_r″"]
     assert float(low[1]) == pytest.approx(constants.k_r_low * MARGIN, rel=1e-3)
     assert float(low[2]) < float(low[1]) < float(high[1]) < float(high[2])
@@ -41,3 +42,10 @@ def test_what_only_remark_3_needs_is_used_there_only() -> None:
     assert all(shown[name][2] != "—" for name in ("k_M", "k_Cq", "k_G", "k_C"))
     assert shown["k_r′"][-1] == "kg"
     assert rows("ur5-motion", task_space__kind="joint")["k_r′"][-1] == "kg·m²"
+
+
+def test_stated_bounds_are_shown_with_their_present_value_and_rates_where_links_are_in_doubt() -> None:
+    shown = rows("planar3r-hybrid", declared__delta_C="2 + 3*speed", declared__link_shape=0.1)
+    assert shown["δ_C"] == ["2 + 3*speed", "—", "2", "kg·m²/s"]
+    assert {"k_Cc", "k_Ccc", "k_CI"} <= shown.keys()
+    assert "δ_M" not in shown

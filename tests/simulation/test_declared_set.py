@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+import re
+
+import msgspec
 import numpy as np
+import pinocchio as pin
 import pytest
+from scipy.linalg import eigh
 
 from app.scenario.data import edited, shipped
 from app.scenario.declared_bounds import outside
-from app.scenario.schema import Scenario
+from app.scenario.schema import Declared, Scenario, ScenarioError
 from app.simulation.closed_loop import ClosedLoop
+from app.simulation.compiled_run import CompiledRun
 
 
 def changed(scenario: Scenario, fields: dict[str, object]) -> Scenario:
@@ -28,6 +34,16 @@ def changed(scenario: Scenario, fields: dict[str, object]) -> Scenario:
             "link scaling of link 2 |0.7 − 1| = 0.3 > declared 0",
         ),
         ({"truth.rotor_scaling": 0.9}, {"declared.rotor_scaling": 0.1}, "rotor scaling |0.9 − 1| = 0.1 > declared 0"),
+        (
+            {"truth.link_centre": [[0.0, 0.0, 0.01], [0.03, -0.04, 0.0], [0.0, 0.0, 0.0]]},
+            {"declared.link_centre": 0.05},
+            "centre of mass of link 2 off by 0.05 m > declared 0 m",
+        ),
+        (
+            {"truth.link_shape": [0.1, -0.1, 0.0, 0.0, 0.3, 0.0]},  # eigenvalues -0.1, 0.05 +- sqrt(0.05^2 + 0.3^2)
+            {"declared.link_shape": 0.05 + 0.0925**0.5},
+            "shape of the inertia off by 0.3541 > declared 0",
+        ),
         ({"truth.payload_mass": 2.0}, {"declared.payload_mass": 2.0}, "payload 2 kg > declared 0 kg"),
         (
             {"truth.payload_mass": 1.0, "truth.payload_offset": [0.03, 0.0, -0.04], "declared.payload_mass": 1.0},
@@ -73,6 +89,8 @@ def test_noise_is_judged_behind_the_low_pass() -> None:
 
 TRUE = {
     "truth.link_scaling": [1.3, 1.0, 0.8],
+    "truth.link_centre": [[0.0, 0.0, 0.02], [0.01, 0.0, 0.0], [0.0, 0.0, -0.02]],
+    "truth.link_shape": [0.0, 0.4, 0.0, 0.0, 0.0, 0.0],
     "truth.payload_mass": 2.0,
     "truth.payload_offset": [0.2, 0.0, 0.1],
     "truth.coulomb": 1.0,
@@ -82,12 +100,17 @@ TRUE = {
 }
 DECLARED = {
     "declared.link_scaling": 0.3,
+    "declared.link_centre": 0.02,
+    "declared.link_shape": 0.3,
     "declared.payload_mass": 2.0,
     "declared.payload_offset": 0.2,
     "declared.coulomb": 1.0,
     "declared.viscous": 1.0,
     "declared.disturbance": 5.0,
     "declared.force_error": 2.0,
+    "declared.delta_C": "4 + 2*speed",
+    "declared.delta_G": 15.0,
+    "declared.delta_f": "8 + 0.1*t",
 }
 LOADED = {"truth.payload_mass": 1.0, "truth.disturbance": 1.0, "declared.payload_mass": 1.0, "controller.d": 30.0}
 
@@ -120,3 +143,79 @@ def test_each_declared_bound_raises_what_the_theorem_needs(base: Scenario, field
     before, after = (run_on(base, fields).view().live for fields in ({}, {field: DECLARED[field]}))
     assert after["d_required"] > before["d_required"] + 0.01
     assert after["d"] > before["d"] + 0.01
+
+
+STATED = {
+    "declared.delta_M": 0.4,
+    "declared.delta_C": "2*speed + 0.01",
+    "declared.delta_G": 6.0,
+    "declared.delta_f": 2.0,
+}
+
+
+@pytest.mark.parametrize("engine", ["step", "compiled"])
+@pytest.mark.parametrize(
+    ("tighter", "said"),
+    [
+        ({}, None),
+        ({"declared.delta_M": 0.02}, "‖ΔM‖"),
+        ({"declared.least_inertia": 1.0}, "share of M in M_hat"),
+        ({"declared.delta_C": "0.001*speed"}, "‖ΔC‖"),
+        ({"declared.delta_G": 0.1}, "‖ΔG‖"),
+        ({"declared.delta_f": 0.01}, "‖f̃‖"),
+    ],
+)
+def test_a_run_judges_whether_the_true_arm_is_within_stated_bounds(
+    tighter: dict[str, object], said: str | None, engine: str
+) -> None:
+    """Whatever is declared of the links: then these are not judged. The numbers are those of Pinocchio's true arm."""
+    lighter = {"declared.link_scaling": 0.0, "truth.link_scaling": 0.9, "controller.gain": "constant"}
+    base = changed(shipped()["planar3r-hybrid"], STATED | lighter)
+    loop = ClosedLoop(changed(base, {"truth.disturbance": 1.0, "truth.viscous": 0.2} | tighter))
+    run = CompiledRun(loop) if engine == "compiled" else loop
+    run.advance(100) if isinstance(run, CompiledRun) else [loop.step() for _ in range(100)]
+    standing, errors = loop.standing, loop.state.evaluation.part("errors")
+    assert [each.split(" = ")[0] for each in standing.outsiders] == ([] if said is None else [said])
+    finding = next(each for each in standing.findings if each.premise == "declared")
+    assert (finding.failed is None) == (said is None)
+    assert said is None or (standing.run.verdict == "nothing promised" and said in standing.now.because)
+
+    row = loop.recording.signals(("t", "q", "q_dot"))
+    t, q, q_dot = (row[name][-1] for name in ("t", "q", "q_dot"))
+    system, true = loop.system, loop.system.plant.model
+    believed, known = system.nominal.evaluate(q, q_dot), true.createData()
+    M, C = pin.crba(true, known, q).copy(), pin.computeCoriolisMatrix(true, known, q, q_dot).copy()
+    G = pin.computeGeneralizedGravity(true, known, q)
+    expected = (
+        np.linalg.norm(M - believed.M_hat, 2),
+        np.linalg.norm(C - believed.C_hat, 2),
+        np.linalg.norm(G - believed.G_hat),
+        np.linalg.norm(system.plant.truth.torque(q_dot, float(t))),
+        float(eigh(M, believed.M_hat, eigvals_only=True)[0]),
+    )
+    assert tuple(errors) == pytest.approx(expected, rel=1e-6, abs=1e-9)
+
+    unstated = msgspec.structs.replace(loop.system.scenario, declared=Declared(link_scaling=0.1, viscous=0.2))
+    loop.edit(edited(unstated, "declared.disturbance", 1.0))
+    loop.step()
+    assert loop.standing.outsiders == ()
+    assert np.isnan(loop.state.evaluation.read().seen.estimate.stated).all()
+
+
+@pytest.mark.parametrize(
+    ("path", "value", "said"),
+    [
+        ("declared.delta_M", "speed", '"speed" at character 1 is unknown; allowed: numbers, away, pi'),
+        ("declared.delta_C", "__import__(1)", '"__import__" at character 1 is unknown'),
+        ("declared.delta_G", "away - 1", "declared.delta_G: 'away - 1' is -1 at away = 0; allowed: finite values >= 0"),
+        ("declared.delta_f", "1/(speed - 5)", "allowed: finite values >= 0 for speed from 0 to 20, t from 0 to"),
+        ("declared.delta_M", -1.0, "declared.delta_M"),
+        ("truth.link_centre", [[0.0, 0.0, 0.0]] * 2, "allowed: 3 numbers, or 3 rows of 3, one per link"),
+        ("truth.link_shape", [0.0, 0.0], "allowed: 6 numbers, or 3 rows of 6, one per link"),
+        ("truth.link_shape", [0.0, -1.0, 0.0, 0.0, 0.0, 0.0], "a link with 0 of its inertia about an axis"),
+        ("declared.link_centre", 0.9, "some arm would have no inertia left"),
+    ],
+)
+def test_a_bound_or_a_link_that_makes_no_sense_is_refused_with_a_sentence(path: str, value: object, said: str) -> None:
+    with pytest.raises(ScenarioError, match=re.escape(said)):
+        ClosedLoop(edited(shipped()["planar3r-hybrid"], path, value))

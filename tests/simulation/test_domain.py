@@ -8,21 +8,26 @@ from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
+import msgspec
 import numpy as np
 import pinocchio as pin
 import pytest
 
 import app.simulation.domain
 from app.scenario.data import edited, from_plain, shipped
-from app.scenario.schema import ScenarioError
+from app.scenario.departures import Departure
+from app.scenario.schema import Declared, ScenarioError
 from app.session.changes import on_robot
 from app.simulation.domain import MARGIN, mobility_over, span_of
+from app.simulation.environment_builder import truth_of
 from app.simulation.extremes import OUTSIDE, Effort, Look, Omega, Place, largest
 from app.simulation.search_memory import Memory
 from app.simulation.system import System, assemble
 from app.storage.constants_store import KEPT, ConstantsStore
 from controllers.bounds import InertiaRange
+from controllers.nominal_model import Steepness
 from environments.robots import CATALOGUE
+from environments.step_resolution import Mobility
 from tests.support.cases import scenario_of
 
 pytestmark = pytest.mark.slow  # long searches
@@ -184,6 +189,32 @@ def test_a_lighter_arm_is_more_mobile_by_its_factor_at_most_and_needs_no_search_
     monkeypatch.setattr(app.simulation.domain, "largest", None)  # is not called
     bound = np.array(assemble(lighter, system).mobility)
     assert bound == pytest.approx(np.array(system.mobility) * 0.9 / 0.6)
+
+
+def test_the_mobility_of_an_arm_with_other_centres_and_shapes_is_bounded_by_the_believed_one() -> None:
+    """At postures of Omega, with arms anywhere in a wide declared set."""
+    system = system_of("ur5 on a plane")
+    random, omega = np.random.default_rng(3), system.constants.omega
+    model = system.robot.model
+    wide = Declared(link_scaling=0.3, rotor_scaling=0.3, link_centre=0.05, link_shape=0.5, payload_mass=1.0)
+    for number in range(20):
+        drawn = (Departure.inside, Departure.edge)[number % 2](random, model.nv).truth(wide)
+        truth = truth_of(msgspec.structs.replace(system.scenario, truth=drawn), system.robot)
+        true, q = truth.model(system.robot), omega.places(1)[number].q
+        M = np.array([pin.crba(each, each.createData(), q) for each in (true, model)])
+        tool = system.nominal.evaluate(q, np.zeros_like(q))
+        real, believed = (Mobility.largest(each[None], tool.J_v[None], np.eye(3)[:1]) for each in M)
+        bound = believed.at_most_for(true, model)
+        assert bound is not None
+        assert np.all(np.array(real) <= np.array(bound) * (1.0 + 1e-9))
+
+
+def test_a_harder_search_finds_nothing_beyond_the_rates_of_the_links_errors() -> None:
+    system = assemble(edited(system_of("planar3r on a plane").scenario, "declared.link_centre", 0.01))
+    steepness = Steepness(system.robot.model)
+    for k, known in enumerate(system.constants.rates[:1]):
+        found = Walk(system.constants.omega, lambda q, _, k=k: steepness.links(q)[k], 7).highest(30, 1, 100)
+        assert known / (MARGIN * 1.05) <= found <= known / HARDER
 
 
 def test_postures_beyond_the_limit_are_not_of_omega() -> None:

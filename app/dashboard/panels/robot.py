@@ -7,8 +7,33 @@ from typing import Any
 import numpy as np
 
 from app.dashboard.widgets.arm_choice import ArmChoice, InForce, ToolFrame, Upload, UrdfPath, Verdict
-from app.dashboard.widgets.controls import Control, Desk, Number, Place, Scale, decades
+from app.dashboard.widgets.controls import Control, Desk, Number, Place, PlaceWhere, Scale, decades
+from app.dashboard.widgets.matrix_text import number
+from app.dashboard.widgets.text_field import TextField
+from app.scenario.schema import Scenario
+from app.session.commands import Edit
 from app.session.snapshot import Snapshot
+
+UNSTATED = "from the above"
+
+
+class Stated(Place):
+    """A bound of (7) as text: a number, a formula, or what it follows from."""
+
+    def read(self, snapshot: Snapshot) -> str:
+        value = super().read(snapshot)
+        return UNSTATED if value is None else value if isinstance(value, str) else f"{value:.6g}"
+
+    def edit(self, snapshot: Snapshot, value: Any) -> Edit:
+        text = str(value).strip()
+        try:
+            return super().edit(snapshot, None if text == UNSTATED else number(text))
+        except ValueError:  # then it is a formula, or the refusal says what is wrong with it
+            return super().edit(snapshot, text)
+
+
+def _inertia_stated(scenario: Scenario) -> bool:
+    return scenario.declared.delta_M is not None
 
 
 class RobotPanel:
@@ -23,6 +48,8 @@ class RobotPanel:
                 Number(desk, InForce("truth.link_scaling", _scalings), "link by link ×"),
                 Number(desk, InForce("truth.rotor_scaling", _common_rotor), "rotors ×", Scale(0.5, 1.5)),
                 Number(desk, InForce("truth.rotor_scaling", _rotor_scalings), "rotor by rotor ×"),
+                Number(desk, Place("truth.link_centre"), "centres off [m]"),
+                Number(desk, Place("truth.link_shape"), "shapes off"),
                 Number(desk, Place("truth.payload_mass"), "payload [kg]", Scale(0, 5)),
                 Number(desk, Place("truth.payload_offset"), "payload at [m]"),
                 Number(desk, Place("truth.coulomb"), "Coulomb [N·m]", Scale(0, 10)),
@@ -35,6 +62,8 @@ class RobotPanel:
             self._controls += [
                 Number(desk, Place("declared.link_scaling"), "links 1 ±", Scale(0, 0.5)),
                 Number(desk, Place("declared.rotor_scaling"), "rotors 1 ±", Scale(0, 0.5)),
+                Number(desk, Place("declared.link_centre"), "centres off [m]", Scale(0, 0.05)),
+                Number(desk, Place("declared.link_shape"), "shapes 1 ±", Scale(0, 0.5)),
                 Number(desk, Place("declared.payload_mass"), "payload [kg]", Scale(0, 5)),
                 Number(desk, Place("declared.payload_offset"), "payload off [m]", Scale(0, 0.3)),
                 Number(desk, Place("declared.coulomb"), "Coulomb [N·m]", Scale(0, 10)),
@@ -42,6 +71,14 @@ class RobotPanel:
                 Number(desk, Place("declared.disturbance"), "disturb. [N·m]", Scale(0, 20)),
                 Number(desk, Place("declared.force_error"), "force error [N]", Scale(0, 5)),
                 Number(desk, Place("declared.moment_error"), "moments' [N·m]", Scale(0, 1)),
+            ]
+        with gui.add_folder("Stated in their place, as in (7)"):
+            self._controls += [
+                TextField(desk, Stated("declared.delta_M"), "δ_M [kg·m²]"),
+                TextField(desk, Stated("declared.delta_C"), "δ_C [kg·m²/s]"),
+                TextField(desk, Stated("declared.delta_G"), "δ_G [N·m]"),
+                TextField(desk, Stated("declared.delta_f"), "δ_f [N·m]"),
+                Number(desk, PlaceWhere("declared.least_inertia", _inertia_stated), "M ≥ M_hat ×", Scale(0.05, 1)),
             ]
         with gui.add_folder("Tool and posture"):
             self._controls += [

@@ -15,7 +15,6 @@ import viser
 from app.dashboard.theme.style import COMMIT, MARKS
 from app.dashboard.widgets.chips import chip
 from app.dashboard.widgets.controls import Answer, Desk, Place
-from app.scenario.declared_bounds import outside
 from app.scenario.schema import ScenarioError
 from app.session.commands import Edit
 from app.session.snapshot import Snapshot
@@ -146,7 +145,7 @@ class Verdict:
         self._html = desk.gui.add_html("")
 
     def show(self, snapshot: Snapshot) -> None:
-        violated = outside(snapshot.scenario)
+        violated = snapshot.standing.outsiders
         word, look = ("outside", "vs-bad") if violated else ("within", "vs-good")
         told = chip(f"truth {word} the declared bounds", look)
         lines = "".join(f'<div class="vs-message vs-bad">{escape(violation)}</div>' for violation in violated)

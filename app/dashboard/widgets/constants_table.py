@@ -5,12 +5,15 @@ from __future__ import annotations
 
 from html import escape
 
-from app.scenario.schema import Declared, field_info
+from app.scenario.schema import STATED_IN, Declared, field_info
 from app.scenario.units import JOINT
 from app.session.snapshot import Snapshot
 from app.simulation.domain import MARGIN
 
-_NAMES = {"coulomb": "Coulomb friction", "viscous": "viscous friction"}
+_NAMES = {
+    "coulomb": "Coulomb friction", "viscous": "viscous friction", "least_inertia": "M ≥ M_hat ×", "delta_M": "δ_M",
+    "delta_C": "δ_C", "delta_G": "δ_G", "delta_f": "δ_f",
+}  # fmt: skip
 
 
 def constants_html(snapshot: Snapshot) -> str:
@@ -31,15 +34,19 @@ def constants_html(snapshot: Snapshot) -> str:
 def _declared(snapshot: Snapshot) -> list[tuple[str, ...]]:
     """Rows of the bounds that the controller was told: they are used as they are."""
     rows = []
+    stated = snapshot.state.evaluation.read().seen.estimate.stated
     for name in Declared.__struct_fields__:
-        info, value = field_info(f"declared.{name}"), f"{getattr(snapshot.scenario.declared, name):.3g}"
+        info, given = field_info(f"declared.{name}"), getattr(snapshot.scenario.declared, name)
+        if given is None or (name == "least_inertia" and snapshot.scenario.declared.delta_M is None):
+            continue
+        value = escape(given) if isinstance(given, str) else f"{given:.3g}"
         rows.append(
             (
                 _NAMES.get(name, name.replace("_", " ")),
                 info.doc,
                 value,
                 "—",
-                value,
+                f"{getattr(stated, name):.3g}" if name in STATED_IN else value,
                 "" if info.unit == "1" else info.unit,
             )
         )
@@ -49,12 +56,23 @@ def _declared(snapshot: Snapshot) -> list[tuple[str, ...]]:
 def _searched(snapshot: Snapshot) -> list[tuple[str, ...]]:
     """Rows of what was searched for over Omega."""
     constants, along = snapshot.system.constants, snapshot.scenario.controller.estimates == "along-reference"
+    declared, rates = snapshot.scenario.declared, constants.rates
+    in_doubt = declared.link_centre > 0.0 or declared.link_shape > 0.0
     lipschitz, mass = constants.lipschitz, "kg·m²" if snapshot.system.units == JOINT else "kg"
     only = "for estimates along r_d (Remark 3) only"
     rows = [
         ("k_r′", "least eigenvalue of H", constants.k_r_low * MARGIN, constants.k_r_low, True, mass),
         ("k_r″", "largest eigenvalue of H", constants.k_r_high / MARGIN, constants.k_r_high, True, mass),
         ("k_C", "‖C‖ per rad/s, summed over the links", lipschitz.k_C / MARGIN, lipschitz.k_C, True, "kg·m²/rad"),
+        *(
+            (name, about, found / MARGIN, found, True, unit)
+            for name, about, found, unit in (
+                ("k_Cc", "‖ΔC‖ per rad/s and m of the links' centres of mass", rates.k_centre, "kg·m/rad"),
+                ("k_Ccc", "‖ΔC‖ per rad/s and m² of the same", rates.k_swing, "kg/rad"),
+                ("k_CI", "‖ΔC‖ per rad/s and share of the links' inertias", rates.k_shape, "kg·m²/rad"),
+            )
+            if in_doubt
+        ),
         ("k_M", f"change of M_hat per rad, {only}", lipschitz.k_M / MARGIN, lipschitz.k_M, along, "kg·m²/rad"),
         ("k_Cq", f"change of C_hat per rad/s and rad, {only}", lipschitz.k_Cq / MARGIN, lipschitz.k_Cq, along, "kg·m²"),
         ("k_G", f"change of G_hat per rad, {only}", lipschitz.k_G / MARGIN, lipschitz.k_G, along, "N·m/rad"),

@@ -8,7 +8,6 @@ import numpy as np
 
 from app.dashboard.widgets.chips import LOOK_OF, Look, chip
 from app.scenario.caption import title_of
-from app.scenario.declared_bounds import outside
 from app.scenario.schema import Scenario
 from app.session.pacing import Pace
 from app.session.snapshot import Snapshot
@@ -79,7 +78,7 @@ def _reason(snapshot: Snapshot) -> str:
     why, whole = snapshot.standing.reason, snapshot.standing.now.because
     if saturating := _saturating(snapshot):
         why = saturating
-    elif violated := outside(snapshot.scenario):
+    elif violated := snapshot.standing.outsiders:
         why, whole = "truth outside the declared bounds", "; ".join(violated)
     return f'<div class="vs-dim vs-why" title="{escape(whole)}">{escape(why)}</div>'
 

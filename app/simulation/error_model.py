@@ -1,0 +1,103 @@
+"""Error model: what the controller has to know at each state of the errors of its own model, besides the model: whether
+the links' centres of mass and shapes are in doubt, and the bounds of (7) that a scenario states itself."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from app.scenario.schema import STATED_IN, Declared, Scenario, ScenarioError, StatedBound
+from controllers.nominal_model import turning
+from environments.bytecode import Function, value_of
+from environments.formula import FormulaError, parse
+from kernels import inline, kernel
+from kernels.records import Record
+
+LOOKS, FASTEST, FARTHEST = 25, 20.0, 4.0  # at which a formula is tried: number, rad/s, rad
+UNSTATED = Function.constant(np.nan)
+
+
+class ErrorModel(NamedTuple):
+    """Errors of a model.
+    turning: whether `nominal_model.turning` is needed.
+    stated: whether any of the four bounds is stated; M, C, G, f: those, of away (rad), speed (rad/s), t (s).
+    q_0: (n,) rad, from which `away` counts."""
+
+    turning: bool
+    stated: bool
+    M: Function
+    C: Function
+    G: Function
+    f: Function
+    q_0: np.ndarray
+
+    @classmethod
+    def none(cls, n: int) -> ErrorModel:
+        """Model without doubts, of an arm with n joints."""
+        return cls(False, False, UNSTATED, UNSTATED, UNSTATED, UNSTATED, np.zeros(n))
+
+    @classmethod
+    def of(cls, scenario: Scenario, q_0: np.ndarray) -> ErrorModel:
+        """Errors that a scenario declares. Raises ScenarioError."""
+        declared, duration = scenario.declared, scenario.simulation.duration
+        M, C, G, f = (_function(declared, name, duration) for name in STATED_IN)
+        return cls(
+            declared.link_centre > 0.0 or declared.link_shape > 0.0,
+            any(getattr(declared, name) is not None for name in STATED_IN),
+            M,
+            C,
+            G,
+            f,
+            q_0,
+        )
+
+
+def _function(declared: Declared, name: str, duration: float) -> Function:
+    """Stated bound of this name, tried over the values that its variables may take. Raises ScenarioError."""
+    given: StatedBound = getattr(declared, name)
+    if given is None:
+        return UNSTATED
+    if not isinstance(given, str):
+        return Function.constant(float(given))
+    names, example = STATED_IN[name]
+    try:
+        function = Function.of(parse(given, names, example))
+    except FormulaError as error:
+        raise ScenarioError(f"declared.{name}: {error}") from error
+    record = Record(function).data
+    ends = {"away": FARTHEST, "speed": FASTEST, "t": duration}
+    places = np.meshgrid(*(np.linspace(0.0, ends[each], LOOKS) for each in names))
+    for place in zip(*(axis.ravel() for axis in places), strict=True):
+        value = float(_value_alone(record, *place, *(4 - len(names)) * (0.0,)))
+        if not 0.0 <= value < np.inf:
+            where = ", ".join(f"{each} = {at:.3g}" for each, at in zip(names, place, strict=True))
+            raise ScenarioError(
+                f"declared.{name}: {given!r:.60} is {value:.3g} at {where}; allowed: finite values >= 0 for "
+                + ", ".join(f"{each} from 0 to {ends[each]:g}" for each in names)
+            )
+    return function
+
+
+@kernel
+def _value_alone(function, x, y, z, t):
+    return value_of(function[0], x, y, z, t)
+
+
+@inline
+def doubt(model, links, placements, q, q_dot, t, estimate):
+    """Compute what `estimate` holds of the errors of the rest of it, after `estimates`."""
+    if model.turning:
+        turning(links, placements, estimate)
+    stated, away, speed = estimate.stated, 0.0, 0.0
+    if not model.stated:
+        stated.delta_M = stated.delta_C = stated.delta_G = stated.delta_f = np.nan
+        return
+    for i in range(q.shape[0]):
+        away += (q[i] - model.q_0[i]) ** 2
+        speed += q_dot[i] ** 2
+    away, speed = np.sqrt(away), np.sqrt(speed)
+    stated.delta_M = value_of(model.M, away, 0.0, 0.0, 0.0)
+    stated.delta_C = value_of(model.C, away, speed, 0.0, 0.0)
+    stated.delta_G = value_of(model.G, away, 0.0, 0.0, 0.0)
+    stated.delta_f = value_of(model.f, speed, t, 0.0, 0.0)
