@@ -46,6 +46,6 @@ def test_what_only_remark_3_needs_is_used_there_only() -> None:
 
 def test_stated_bounds_are_shown_with_their_present_value_and_rates_where_links_are_in_doubt() -> None:
     shown = rows("planar3r-hybrid", declared__delta_C="2 + 3*speed", declared__link_shape=0.1)
-    assert shown["δ_C"] == ["2 + 3*speed", "—", "2", "kg·m²/s"]
+    assert shown["δ_C"] == ["2 + 3*speed", "—", "—", "kg·m²/s"]  # before the first period
     assert {"k_Cc", "k_Ccc", "k_CI"} <= shown.keys()
     assert "δ_M" not in shown

@@ -46,7 +46,7 @@ def _declared(snapshot: Snapshot) -> list[tuple[str, ...]]:
                 info.doc,
                 value,
                 "—",
-                f"{getattr(stated, name):.3g}" if name in STATED_IN else value,
+                f"{getattr(stated, name):.3g}".replace("nan", "—") if name in STATED_IN else value,
                 "" if info.unit == "1" else info.unit,
             )
         )
