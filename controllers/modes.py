@@ -24,6 +24,7 @@ class Mode:
     stiffness: N/m, default of K_m.
     surfaces, forces: number of surfaces in the world, and of those, the first ones, whose normal force is controlled
     where r begins with phi.
+    tilts: number of tilts of a flat tool, after phi, whose moments are controlled there.
     """
 
     name: str
@@ -37,6 +38,7 @@ class Mode:
     stiffness: float = 4000.0
     surfaces: int = 1
     forces: int = 1
+    tilts: int = 0
 
     @property
     def rigid(self) -> bool:
@@ -49,7 +51,12 @@ class Mode:
         return self.feedback == "none"
 
     def m(self) -> int:
-        """Number of force-controlled directions."""
+        """Number of directions in which a force or a moment is controlled."""
+        return self.forces + self.tilts if self.on_surface else 0
+
+    @property
+    def pressed(self) -> int:
+        """Number of surfaces whose normal force is controlled."""
         return self.forces if self.on_surface else 0
 
     @property
@@ -57,9 +64,10 @@ class Mode:
         """Number of coordinates that are the phi of a surface."""
         return self.surfaces if self.on_surface else 0
 
-    def among(self, surfaces: int, forces: int) -> Mode:
-        """The mode in a world of so many surfaces, with the force controlled on so many of them."""
-        return replace(self, surfaces=surfaces, forces=forces)
+    def among(self, surfaces: int, forces: int, tilts: int = 0) -> Mode:
+        """The mode in a world of so many surfaces, with the force controlled on so many of them, and so many moments of
+        a flat tool."""
+        return replace(self, surfaces=surfaces, forces=forces, tilts=tilts)
 
     def controlled(self, n: int) -> np.ndarray:
         """Mask (n,), 1 for each component of the interaction force that enters F_c."""

@@ -4,6 +4,9 @@ r stacks, all in metres, positions (coordinates of the tool point, on a surface 
 (phi_1, phi_2, psi) or (phi_1, phi_2, phi_3)), l times Euler
 angles of the tool in the task frame, and l times supplemental joint angles (Remark 5). The characteristic length l
 makes metres and radians comparable, so that a scalar d and a 2-norm make sense.
+
+A flat tool on a plane has (phi, l t_1, l t_2, psi_1, psi_2, l gamma): t_i = n . e_i, the sines of the tilts of two axes
+of its face against the plane, which belong to Phi of (30), and its turn gamma about the plane's normal at the start.
 """
 
 from __future__ import annotations
@@ -13,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from kernels import inline
-from kernels.algebra import copy, copy_matrix, invert, spectral_norm, times
+from kernels.algebra import copy, copy_matrix, cross, dot, invert, spectral_norm, times
 
 
 class TaskSpace(NamedTuple):
@@ -48,6 +51,10 @@ class TaskLayout(NamedTuple):
     count.
     l: characteristic length, m.
     R_ref: (3, 3), the tool's orientation at which the Euler angles vanish.
+    tilts: 2 for a flat tool on a plane, whose tilts then stand after phi and of whose three angles only the turn after
+    the positions, otherwise 0.
+    face: (2, 3), axes of the face in the tool's frame; level: (2, 3), directions in the world of the first of them, at
+    the start, along the plane, and across.
     """
 
     n: int
@@ -57,6 +64,19 @@ class TaskLayout(NamedTuple):
     supplemental: np.ndarray
     l: float
     R_ref: np.ndarray
+    tilts: int
+    face: np.ndarray
+    level: np.ndarray
+
+    @property
+    def places(self) -> tuple[int, ...]:
+        """Numbers of the coordinates that are positions."""
+        return (0, *range(1 + self.tilts, self.end_of_places)) if self.positions else ()
+
+    @property
+    def end_of_places(self) -> int:
+        """Number of the first coordinate after the positions."""
+        return self.positions + self.tilts
 
     @property
     def supplemental_joints(self) -> tuple[int, ...]:
@@ -111,19 +131,82 @@ def _euler_rates(sb, cb, sc, cc, omega):
 def _positions(layout, chart, estimate, task):
     """Compute the coordinates on surfaces, or Cartesian ones, of the tool point: (31) and its derivatives."""
     p_dot = estimate.p_dot
-    for i in range(layout.positions):
-        task.r[i], task.v_t[i], task.v_t_dot[i] = chart.g[i], chart.g_t[i], chart.g_tt[i]
+    for c in range(layout.positions):
+        i = c + layout.tilts if c > 0 else 0
+        task.r[i], task.v_t[i], task.v_t_dot[i] = chart.g[c], chart.g_t[c], chart.g_tt[c]
         for k in range(3):
-            task.v_t_dot[i] += chart.G_t[i, k] * p_dot[k]
+            task.v_t_dot[i] += chart.G_t[c, k] * p_dot[k]
         for j in range(task.r.shape[0]):
             task.J_q[i, j], task.J_q_dot[i, j] = 0.0, 0.0
         for k in range(3):
-            gradient, gradient_dot = chart.G[i, k], chart.G_t[i, k]
+            gradient, gradient_dot = chart.G[c, k], chart.G_t[c, k]
             for a in range(3):
-                gradient_dot += chart.G_p[i, k, a] * p_dot[a]
+                gradient_dot += chart.G_p[c, k, a] * p_dot[a]
             for j in range(task.r.shape[0]):
                 task.J_q[i, j] += gradient * estimate.J_v[k, j]
                 task.J_q_dot[i, j] += gradient_dot * estimate.J_v[k, j] + gradient * estimate.J_v_dot[k, j]
+
+
+@inline
+def _turned(R, axis):
+    """R axis, as a tuple."""
+    return (
+        R[0, 0] * axis[0] + R[0, 1] * axis[1] + R[0, 2] * axis[2],
+        R[1, 0] * axis[0] + R[1, 1] * axis[1] + R[1, 2] * axis[2],
+        R[2, 0] * axis[0] + R[2, 1] * axis[1] + R[2, 2] * axis[2],
+    )
+
+
+@inline
+def _turning_row(i, l, about, about_dot, estimate, task):
+    """Write row i of J_q and J_q_dot of l times an angle whose rate is about . omega; about, about_dot: tuples."""
+    for j in range(task.r.shape[0]):
+        rate, rate_dot = 0.0, 0.0
+        for a in range(3):
+            rate += about[a] * estimate.J_w[a, j]
+            rate_dot += about_dot[a] * estimate.J_w[a, j] + about[a] * estimate.J_w_dot[a, j]
+        task.J_q[i, j], task.J_q_dot[i, j] = l * rate, l * rate_dot
+
+
+@inline
+def _face(layout, chart, estimate, q_dot, task):
+    """Compute l times the tilts t_i = n . e_i, whose rate is (e_i x n) . omega + n_t . e_i, and l times the turn, the
+    angle of e_1 from the first axis of `level` to the second."""
+    l, n, n_t, n_tt = layout.l, chart.G[0], chart.G_t[0], chart.normal_tt
+    x, y, z = 0.0, 0.0, 0.0
+    for j in range(task.r.shape[0]):
+        x += estimate.J_w[0, j] * q_dot[j]
+        y += estimate.J_w[1, j] * q_dot[j]
+        z += estimate.J_w[2, j] * q_dot[j]
+    omega = (x, y, z)
+    for k in range(layout.tilts):
+        e = _turned(estimate.R, layout.face[k])
+        e_dot = cross(omega, e)
+        about, moved, turned = cross(e, n), cross(e_dot, n), cross(e, n_t)
+        _turning_row(
+            1 + k, l, about, (moved[0] + turned[0], moved[1] + turned[1], moved[2] + turned[2]), estimate, task
+        )
+        task.r[1 + k], task.v_t[1 + k] = l * dot(n, e), l * dot(n_t, e)
+        task.v_t_dot[1 + k] = l * (dot(n_tt, e) + dot(n_t, e_dot))
+    e, u, v = _turned(estimate.R, layout.face[0]), layout.level[0], layout.level[1]
+    e_dot, i = cross(omega, e), layout.positions + layout.tilts
+    a, b, a_dot, b_dot = dot(u, e), dot(v, e), dot(u, e_dot), dot(v, e_dot)
+    square = a * a + b * b
+    growth = 2.0 * (a * a_dot + b * b_dot) / square
+    across, moved = cross(e, v), cross(e_dot, v)
+    along, moving = cross(e, u), cross(e_dot, u)
+    about = (
+        (a * across[0] - b * along[0]) / square,
+        (a * across[1] - b * along[1]) / square,
+        (a * across[2] - b * along[2]) / square,
+    )
+    about_dot = (
+        (a_dot * across[0] + a * moved[0] - b_dot * along[0] - b * moving[0]) / square - growth * about[0],
+        (a_dot * across[1] + a * moved[1] - b_dot * along[1] - b * moving[1]) / square - growth * about[1],
+        (a_dot * across[2] + a * moved[2] - b_dot * along[2] - b * moving[2]) / square - growth * about[2],
+    )
+    _turning_row(i, l, about, about_dot, estimate, task)
+    task.r[i] = l * np.arctan2(b, a)
 
 
 @inline
@@ -168,11 +251,13 @@ def _angles(layout, estimate, q_dot, task):
 def _cartesian(layout, chart, estimate, q, q_dot, work, task):
     n = task.r.shape[0]
     _positions(layout, chart, estimate, task)
-    if layout.angles > 0:
+    for i in range(layout.positions + layout.tilts, n):
+        task.v_t[i], task.v_t_dot[i] = 0.0, 0.0
+    if layout.tilts > 0:
+        _face(layout, chart, estimate, q_dot, task)
+    elif layout.angles > 0:
         _angles(layout, estimate, q_dot, task)
     first = layout.positions + layout.angles
-    for i in range(layout.positions, n):
-        task.v_t[i], task.v_t_dot[i] = 0.0, 0.0
     for i in range(first, n):
         joint = layout.supplemental[i - first]
         for j in range(n):

@@ -6,6 +6,10 @@ All of them are one law for the multiplier lambda along the gradient of phi,
 
 an elastic surface having no mass and a rigid one an infinite mass; f = grad(phi) lambda is the force on the
 environment. Friction adds a part along the relative velocity.
+
+A tool touches with a point, or with a flat face on an elastic plane: springs K_e / k on a ring of k points of the face,
+each pushing by itself. While all of them press, the face has (32) with a matrix: the force K_e phi, and about two axes
+the moments K_t t_i of its tilts t_i = n . e_i, K_t = K_e a^2 / 2 with the ring's radius a.
 """
 
 from __future__ import annotations
@@ -17,8 +21,9 @@ import numpy as np
 from environments.surfaces.chart import Chart, Shapes, one_of
 from environments.surfaces.table import surface_chart
 from kernels import inline
-from kernels.algebra import cross, dot, solve_leading, transposed_times
+from kernels.algebra import cross, dot, solve_leading, torque_of_wrench, transposed_times
 
+FEET = 8  # points of a flat face: three would do for (32), more of them lift one after the other
 SLIP_SPEED = 1e-3  # m/s, where Coulomb friction has reached 0.7 of its value: the smooth transition through rest
 
 
@@ -34,6 +39,31 @@ class Contact(NamedTuple):
     unilateral: bool
     friction_coulomb: float
     friction_viscous: float
+
+
+class Face(NamedTuple):
+    """Face of the tool.
+    flat: whether it touches as a whole, otherwise its middle, the tool point, does.
+    feet: (FEET, 3) m, the points that touch, from the tool point in the frame of the joint that carries the tool."""
+
+    flat: bool
+    feet: np.ndarray
+
+    @classmethod
+    def point(cls) -> Face:
+        """A tool that touches with a point."""
+        return cls(False, np.zeros((FEET, 3)))
+
+    @classmethod
+    def of(cls, axes: np.ndarray, radius: float) -> Face:
+        """A flat face with two orthogonal unit axes (2, 3), and a ring of this radius, m."""
+        angles = 2 * np.pi * np.arange(FEET) / FEET
+        return cls(True, radius * np.stack([np.cos(angles), np.sin(angles)], axis=1) @ axes)
+
+
+def face_radius(K_t: float, K_e: float) -> float:
+    """Radius (m) of the ring of springs with together K_e N/m and K_t N m/rad, (32)."""
+    return float(np.sqrt(2.0 * K_t / K_e))
 
 
 class Contacts(NamedTuple):
@@ -81,10 +111,20 @@ class ContactKinematics(NamedTuple):
         return cls(Chart.zeros(), v, v, 0.0, 0.0, 0.0, np.zeros(n))
 
 
+class FaceKinematics(NamedTuple):
+    """Kinematics of a flat face: angular velocity omega (3,) rad/s, its Jacobian J_w (3, n), feet (FEET, 3) m, from the
+    tool point along the world's axes."""
+
+    omega: np.ndarray
+    J_w: np.ndarray
+    feet: np.ndarray
+
+
 class ToolContacts(NamedTuple):
-    """Kinematics of the tool and of its contacts with up to three surfaces."""
+    """Kinematics of the tool, of its face where that is flat, and of its contacts with up to three surfaces."""
 
     tool: ToolKinematics
+    face: FaceKinematics
     first: ContactKinematics
     second: ContactKinematics
     third: ContactKinematics
@@ -92,8 +132,8 @@ class ToolContacts(NamedTuple):
     @classmethod
     def zeros(cls, n: int) -> ToolContacts:
         """Kinematics of an arm with n joints."""
-        v, met = np.zeros(3), ContactKinematics.zeros(n)
-        return cls(ToolKinematics(v, v, np.zeros((3, n))), met, met, met)
+        v, J, met = np.zeros(3), np.zeros((3, n)), ContactKinematics.zeros(n)
+        return cls(ToolKinematics(v, v, J), FaceKinematics(v, J, np.zeros((FEET, 3))), met, met, met)
 
 
 class ContactForce(NamedTuple):
@@ -113,10 +153,11 @@ class ContactForce(NamedTuple):
 
 
 class World(NamedTuple):
-    """Environment of the tool: the lever (3,) m of the tool in the joint that carries it, the surfaces' shapes and
-    contacts, all of them rigid or none."""
+    """Environment of the tool: the lever (3,) m of the tool in the joint that carries it, its face, the shapes of the
+    surfaces and the contacts with them, all of them rigid or none."""
 
     lever: np.ndarray
+    face: Face
     shapes: Shapes
     contacts: Contacts
     rigid: bool
@@ -145,6 +186,21 @@ def touch_at(world, J, rotation, translation, q_dot, t, touch):
             p_dot[a] += J_v[a, j] * q_dot[j]
     for i in range(world.shapes.number):
         _meet(one_of(world.shapes, i), one_of(world.contacts, i), touch.tool, t, one_of(touch, i))
+    if world.face.flat:
+        _turn_face(world.face, J, rotation, q_dot, touch.face)
+
+
+@inline
+def _turn_face(face, J, rotation, q_dot, turned):
+    """Compute the `FaceKinematics`."""
+    for a in range(3):
+        turned.omega[a] = 0.0
+        for j in range(q_dot.shape[0]):
+            turned.J_w[a, j] = J[3 + a, j]
+            turned.omega[a] += J[3 + a, j] * q_dot[j]
+        for i in range(FEET):
+            foot = face.feet[i]
+            turned.feet[i, a] = rotation[a, 0] * foot[0] + rotation[a, 1] * foot[1] + rotation[a, 2] * foot[2]
 
 
 @inline
@@ -219,11 +275,37 @@ def elastic_load(world, touch, load):
     """Compute the `ContactForce` of elastic surfaces: it does not depend on the torque."""
     for a in range(6):
         load.wrench[a] = 0.0
+    if world.face.flat:
+        _press_face(world.contacts.first, touch, load)
+        torque_of_wrench(touch.tool.J_v, touch.face.J_w, load.wrench, load.torque)
+        return
     for i in range(world.shapes.number):
         contact, met = one_of(world.contacts, i), one_of(touch, i)
         load.multiplier[i], load.phi[i] = spring(contact, met.phi, met.phi_dot), met.phi
         add_contact_force(contact, load.multiplier[i], load.multiplier[i] != 0.0, met, load.wrench)
     transposed_times(touch.tool.J_v, load.wrench, load.torque)
+
+
+@inline
+def _press_face(contact, touch, load):
+    """Compute the wrench of a flat face on an elastic plane, foot by foot: each has phi + n . x of its place x, and the
+    force that its spring has there."""
+    met, turned = touch.first, touch.face
+    normal, normal_t, pressed = met.chart.G[0], met.chart.G_t[0], 0.0
+    for i in range(FEET):
+        foot = turned.feet[i]
+        speed = cross(turned.omega, foot)
+        phi, phi_dot = met.phi, met.phi_dot
+        for a in range(3):
+            phi += normal[a] * foot[a]
+            phi_dot += normal[a] * speed[a] + normal_t[a] * foot[a]
+        push = spring(contact, phi, phi_dot) / FEET
+        pressed += push
+        turning = cross(foot, normal)
+        for a in range(3):
+            load.wrench[3 + a] += push * turning[a]
+    load.multiplier[0], load.phi[0] = pressed, met.phi
+    add_contact_force(contact, pressed, pressed != 0.0, met, load.wrench)
 
 
 class MultiplierWork(NamedTuple):

@@ -13,6 +13,7 @@ from environments.contact import (
     Contact,
     ContactForce,
     Contacts,
+    Face,
     MultiplierWork,
     ToolContacts,
     World,
@@ -436,15 +437,17 @@ class Plant:
         contacts: tuple[Contact, ...],
         integrator: Integrator = "leapfrog",
         substeps: int = 1,
+        face: Face | None = None,
     ) -> None:
         self.truth, self.surfaces, self.contacts, self._robot = truth, surfaces, contacts, robot
+        self.face = Face.point() if face is None else face
         self.kind = kind
         self.substeps = substeps
         self.model = truth.model(robot)
         self.data = self.model.createData()
         self._lever = np.array(robot.tool_placement.translation)
         shapes = Shapes.of(tuple(each.shape for each in surfaces))
-        world = World(self._lever, shapes, Contacts.of(contacts), kind.rigid)
+        world = World(self._lever, self.face, shapes, Contacts.of(contacts), kind.rigid)
         around = Record(PlantWorkspace.of(world, truth.resistance, robot.n))
         self._around, self._torque = around.data, around.views.torque
         # live views: Pinocchio fills them at every call
@@ -486,7 +489,8 @@ class Plant:
         if not touching:
             nothing = Contact(0.0, 0.0, 0.0, unilateral=False, friction_coulomb=0.0, friction_viscous=0.0)
             contacts = (nothing,) * len(contacts)
-        return Plant(self._robot, truth, self.surfaces, self.kind, contacts, self._integrator, self.substeps)
+        rest = (self._integrator, self.substeps, self.face)
+        return Plant(self._robot, truth, self.surfaces, self.kind, contacts, *rest)
 
     def _resolve_kernels(self, n: int) -> None:
         around, arm, tau = self._around, Record.zeros(Arm, n).data, np.zeros(n)

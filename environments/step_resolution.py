@@ -77,11 +77,15 @@ class Oscillator(NamedTuple):
 
 
 def oscillators(
-    kind: ContactKind, contacts: Sequence[Contact], truth: Truth, mobility: Mobility
+    kind: ContactKind, contacts: Sequence[Contact], truth: Truth, mobility: Mobility, K_t: float = 0.0, joints: int = 0
 ) -> Iterator[Oscillator]:
     """Oscillators of the arm's springs and dampers, each cause by itself; of k surfaces each counts k times, which
-    bounds what all of them do together."""
-    k = len(contacts)
+    bounds what all of them do together, and of a flat face, with K_t N m/rad, force and moments each count twice. An
+    arm of so many joints turns the face by at most that times the mobility of a joint."""
+    k = 2 if K_t else len(contacts)
+    if K_t and kind.springs:
+        turning, B_t = k * joints * mobility.joints, contacts[0].B_e * K_t / max(contacts[0].K_e, 1e-3)
+        yield Oscillator("face.K_t", K_t, "N·m/rad", turning * K_t, turning * B_t)
     for path, c in zip(("", "second.", "third."), contacts, strict=False):
         Y = mobility.normal
         if kind.springs:

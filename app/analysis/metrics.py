@@ -11,7 +11,7 @@ from msgspec import Struct
 
 from app.scenario.units import Units
 from app.simulation.closed_loop import ClosedLoop
-from app.simulation.controller_builder import compensation
+from app.simulation.controller_builder import compensation, true_stiffness
 from app.simulation.engines import Engine
 from app.simulation.recording import Epoch, Recording
 from app.simulation.system import System
@@ -30,6 +30,7 @@ class Metrics(Struct, frozen=True):
 
     motion_error_tail: float  # max ||e|| of the position coordinates that are not force-controlled, m
     force_error_tail: float | None  # max |f_n - f_nd|, of several surfaces the norm, N
+    moment_error_tail: float | None  # max ||m - m_d|| of a flat tool, as measured, N m
     constraint_violation: float | None  # max |phi| on rigid surfaces, m
     settling_time: (
         float | None
@@ -72,6 +73,7 @@ def measure(loop: ClosedLoop, realtime_factor: float | None = None, engine: Engi
     return Metrics(
         motion_error_tail=float(np.linalg.norm(motion_error(system, last), axis=1).max()),
         force_error_tail=float(np.abs(force_error(system, last)).max()) if system.m else None,
+        moment_error_tail=float(moment_error(system, last).max()) if system.layout.tilts else None,
         constraint_violation=float(max(np.abs(record[name]).max() for name in PHI)) if rigid else None,
         settling_time=_settling(system, record),
         promise=standing.run,
@@ -127,15 +129,21 @@ def saturated(record: Mapping[str, np.ndarray]) -> np.ndarray:
 
 def force_error(system: System, record: Mapping[str, np.ndarray]) -> np.ndarray:
     """Force error f_n - f_nd, (N,) N, of a mode that controls a force; on several surfaces the norm of their errors."""
-    errors = [record[name] - record["F_cd"][:, i] for i, name in enumerate(MULTIPLIERS[: system.m])]
+    errors = [record[name] - record["F_cd"][:, i] for i, name in enumerate(MULTIPLIERS[: system.pressed])]
     return errors[0] if len(errors) == 1 else np.linalg.norm(errors, axis=0)
+
+
+def moment_error(system: System, record: Mapping[str, np.ndarray]) -> np.ndarray:
+    """Norm (N,) N m of the error of a flat tool's moments, as measured; F_c has them over l."""
+    tilts = slice(system.pressed, system.m)
+    return system.layout.l * np.linalg.norm(record["F_c"][:, tilts] - record["F_cd"][:, tilts], axis=1)
 
 
 def motion_error(system: System, record: Mapping[str, np.ndarray]) -> np.ndarray:
     """Position errors (N, k) m that a motion target governs: along the surface where there is one."""
     if system.layout.joint:
         return record["e_r"]
-    error = record["e_r"][:, system.m : system.layout.positions]
+    error = record["e_r"][:, system.m : system.layout.end_of_places]
     if system.m or not system.plant.kind.touches:
         return error
     # Cartesian coordinates against surfaces: the part along the normals is the force's business
@@ -147,8 +155,8 @@ def motion_error(system: System, record: Mapping[str, np.ndarray]) -> np.ndarray
 
 
 def steady_force_error(system: System, f_nd: np.ndarray, s: np.ndarray) -> float | None:
-    """Steady-state force error f_n - f_nd (N) by (37), for constant desired forces f_nd (m,) N; on several surfaces the
-    norm of their errors; None where no force is controlled.
+    """Steady-state force error f_n - f_nd (N) by (37), for constant desired forces f_nd (m,) N, moments over l among
+    them; on several surfaces the norm of their errors; None where no force is controlled.
     It includes the error, by (14), due to an s (n,) m/s that stays within the boundary layer, where A is not 0.
     On a rigid surface r_fd = 0, and (41) leaves no error but that due to s."""
     if not (m := system.m):
@@ -158,9 +166,9 @@ def steady_force_error(system: System, f_nd: np.ndarray, s: np.ndarray) -> float
     if system.plant.kind.rigid:
         errors = np.linalg.solve(model.K_f[:m, :m], rest)
     else:
-        K_e, r_fd = np.array([each.K_e for each in system.plant.contacts[:m]]), f_nd * system.plan.compliance[:m]
+        K_e, r_fd = true_stiffness(system.scenario), f_nd * system.plan.compliance[:m]
         errors = model.steady_forces(K_e, r_fd, f_nd, rest) - f_nd
-    return float(errors[0]) if m == 1 else float(np.linalg.norm(errors))
+    return float(errors[0]) if system.pressed == 1 else float(np.linalg.norm(errors[: system.pressed]))
 
 
 def settling_time(t: np.ndarray, signal: np.ndarray, resolution: float) -> float:
@@ -225,6 +233,7 @@ FIGURES = (
 METRICS = (
     Figure("path error at the end, largest", "motion_error_tail", 1e3, lambda units: units.error),
     Figure("force error at the end, largest", "force_error_tail", 1.0, lambda _: "N"),
+    Figure("moment error at the end, largest", "moment_error_tail", 1.0, lambda _: "N·m"),
     Figure("distance from the rigid surface, largest", "constraint_violation", 1e3, lambda _: "mm"),
     Figure("band reached after", "band_time", 1.0, lambda _: "s"),
     Figure("band promised within", "band_time_bound", 1.0, lambda _: "s"),

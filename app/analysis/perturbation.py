@@ -11,7 +11,7 @@ import pinocchio as pin
 
 from app.scenario.schema import Scenario
 from app.simulation.control_period import Observer
-from app.simulation.controller_builder import believed_stiffness, compensation, law_of
+from app.simulation.controller_builder import believed_stiffness, compensation, law_of, true_stiffness
 from app.simulation.environment_builder import truth_of
 from app.simulation.recording import Epoch
 from app.simulation.system import System
@@ -197,8 +197,8 @@ class Known(Mapping[str, np.ndarray]):
         return {name: rows[i] if i < len(rows) else unknown for i, name in enumerate(STEADY)}
 
     def _steady_force(self) -> np.ndarray:
-        """Steady normal forces (N, m) N: by (37) for the present desired forces where a mode controls them, else that
-        of an impedance (42), with the part that the present s leaves (14)."""
+        """Steady normal forces (N, k) N on the k surfaces that are pressed: by (37) for the present desired forces
+        where a mode controls them, else that of an impedance (42), with the part that the present s leaves (14)."""
         system, m, s = self._analysis.system, self._analysis.system.m, self._rows["s"]
         if not m:
             return self["yielding_force"][:, None]
@@ -206,7 +206,7 @@ class Known(Mapping[str, np.ndarray]):
         numbers, settled = self._numbers(), np.empty_like(f_nd)
         for number in np.unique(numbers):
             epoch, rows = self._epochs[number], np.flatnonzero(numbers == number)
-            K_e = np.array([each.contact.K_e for each in epoch.scenario.surfaces[:m]])
+            K_e = true_stiffness(epoch.scenario)
             r_fd = f_nd / believed_stiffness(epoch.scenario)
             for piece in [rows] if epoch.blend is None else rows[:, None]:
                 model = epoch.model_at(float(self._rows["t"][piece[0]]))
@@ -215,7 +215,7 @@ class Known(Mapping[str, np.ndarray]):
                     settled[piece] = f_nd[piece] + np.linalg.solve(model.K_f[:m, :m], rest.T).T
                 else:
                     settled[piece] = model.steady_forces(K_e, r_fd[piece], f_nd[piece], rest)
-        return settled
+        return settled[:, : system.pressed]
 
     def _V(self, s_norm: np.ndarray) -> np.ndarray:
         k_r_low = np.array([epoch.certificate.k_r_low for epoch in self._epochs])[self._numbers()]

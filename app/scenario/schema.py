@@ -65,6 +65,10 @@ class IrregularCorner(ScenarioError):
     """A scenario whose further surfaces make no corner with the others that the arm can press into."""
 
 
+class WrongFace(ScenarioError):
+    """A scenario with a flat tool where it cannot be one."""
+
+
 class IrregularSurface(ScenarioError):
     """A scenario whose surface has no coordinates where the tool is."""
 
@@ -328,6 +332,27 @@ class SurfaceInWorld:
     pressed: bool
 
 
+class FaceSection(Section, frozen=True, forbid_unknown_fields=True):
+    """Face of the tool: flat, it touches a plane as a whole and is aligned with it by controlled moments, with a
+    rotational stiffness beside K_e of (32) and K_e_hat of (33)."""
+
+    flat: Annotated[bool, field("a flat face touches, not a point", "", Widget("flat tool"))] = False
+    normal: Annotated[Vector3, field("direction out of the face, in the tool frame", "1", Widget("face normal"))] = (
+        0.0,
+        0.0,
+        1.0,
+    )
+    K_t: Annotated[
+        float, field("rotational stiffness of the face on the surface", "N·m/rad", decades("K_t", 1, 1e3), gt=0, le=1e6)
+    ] = 15.0
+    K_t_hat: Annotated[
+        float, field("estimated rotational stiffness (33)", "N·m/rad", decades("K̂_t", 1, 1e3), gt=0, le=1e6)
+    ] = 15.0
+    moment: Annotated[
+        tuple[float, float], field("desired moments about the axes of the face", "N·m", Widget("moments"))
+    ] = (0.0, 0.0)
+
+
 class ShiftSection(Section, frozen=True, forbid_unknown_fields=True):
     """Shift of the desired motion as a whole; a change is made smoothly, so that r_d keeps two derivatives."""
 
@@ -375,6 +400,7 @@ class Scenario(Struct, frozen=True, forbid_unknown_fields=True):
     force: AnyForceProfile = msgspec.field(default_factory=ConstantForce)
     second: FurtherSurface = msgspec.field(default_factory=FurtherSurface)
     third: FurtherSurface = msgspec.field(default_factory=FurtherSurface)
+    face: FaceSection = msgspec.field(default_factory=FaceSection)
     simulation: Simulation = msgspec.field(default_factory=Simulation)
 
     @property

@@ -32,6 +32,7 @@ from app.scenario.schema import (
     TargetModelSection,
     TooStiff,
     UnboundedGain,
+    WrongFace,
     field_info,
 )
 from app.simulation.controller_builder import laws, mode_of, target_model
@@ -108,6 +109,8 @@ def possible(scenario: Scenario, build: Callable[[Scenario], _Built]) -> _Built:
             if len(scenario.surfaces) == 1:
                 raise
             scenario = without_last(scenario)
+        except WrongFace:
+            scenario = with_face(scenario, flat=False)
         except PathOutOfReach:
             paths = {name: getattr(scenario, name) for name in ("motion", "rotation")}
             if all(isinstance(path, Hold) for path in paths.values()):
@@ -151,6 +154,8 @@ def way_out(asked: Scenario, error: ScenarioError) -> WayOut | None:
             return WayOut("Take this surface's default form", asked)
         case IrregularCorner():
             return WayOut(f"Take the {_last(asked)} surface away", without_last(asked))
+        case WrongFace():
+            return WayOut("Touch with a point", with_face(asked, flat=False))
         case SurfaceOutOfReach():
             return WayOut("Move the surface under the tool", _adapted(asked, asked))
         case PullingForce():
@@ -217,6 +222,8 @@ def told(asked: Scenario, done: Scenario) -> str:
             adapted.append(f"{_WORDS[section]} {label} {now} instead of {was}{unit}")
     taken = [each for each in ("second", "third") if getattr(asked, each).present > getattr(done, each).present]
     adapted += [f"{each} surface taken away" for each in taken]
+    if asked.face.flat and not done.face.flat:
+        adapted.append("the tool touches with a point")
     if asked.controller.gain != done.controller.gain:
         adapted.append(f"gain d {done.controller.gain}")
     return f"Adapted: {'; '.join(adapted)}." if adapted else ""
@@ -353,6 +360,13 @@ def with_further(scenario: Scenario, section: str, kind: str) -> Scenario:
     return _adapted(scenario, edited(changed, f"{section}.surface", beside))
 
 
+def with_face(scenario: Scenario, *, flat: bool) -> Scenario:
+    """The scenario with a tool that touches with a flat face, or with a point. The target model is at the mode's
+    defaults then, since its coordinates are others, and paths keep the part that lies in those."""
+    changed = edited(edited(scenario, "face.flat", flat), "target_model", {})
+    return _adapted(scenario, msgspec.structs.replace(changed, blend=BlendSection(), shift=ShiftSection()))
+
+
 def without_last(scenario: Scenario) -> Scenario:
     """The scenario without the last of its further surfaces."""
     return with_further(scenario, _last(scenario), "free")
@@ -396,7 +410,9 @@ def _adapted(before: Scenario, scenario: Scenario) -> Scenario:
 def _rotated(scenario: Scenario) -> int:
     """Number of coordinates that are angles, which `rotation` may move."""
     robot, _ = _start(scenario)
-    return 0 if scenario.task_space.kind == "joint" else robot.n - positions_of(robot)
+    mode = mode_of(scenario)
+    aligned = mode.m() - mode.pressed  # the tilts of a flat tool are not moved, but aligned
+    return 0 if scenario.task_space.kind == "joint" else robot.n - positions_of(robot) - aligned
 
 
 def _free_directions(scenario: Scenario) -> np.ndarray:
@@ -407,7 +423,7 @@ def _free_directions(scenario: Scenario) -> np.ndarray:
     mode, positions = mode_of(scenario), positions_of(robot)
     if not mode.on_surface:
         return task_axes(scenario, robot)[:positions]
-    return task_surface(surfaces_of(scenario, p), p).chart(p, 0.0).G[mode.m() : positions]
+    return task_surface(surfaces_of(scenario, p), p).chart(p, 0.0).G[mode.pressed : positions]
 
 
 def _start(scenario: Scenario) -> tuple[robots.Robot, np.ndarray]:

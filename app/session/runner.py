@@ -436,6 +436,8 @@ class Runner:
                 self._adapt(changed, changed)
             case Edit("second.contact.kind" | "third.contact.kind" as path, str() as kind):
                 self._edit(changes.with_further(scenario_now, path.split(".")[0], kind))
+            case Edit("face.flat", bool() as flat):
+                self._adapt(edited(scenario_now, "face.flat", flat), changes.with_face(scenario_now, flat=flat))
             case Edit("second.control" | "third.control" as path, value):
                 self._edit(changes.with_control(scenario_now, path, value))
             case Edit(path, value):

@@ -102,7 +102,8 @@ class LiveFigures:
 def _begun_with(scenario: Scenario) -> tuple[object, ...]:
     """Fields of other sections that a run keeps from its start on."""
     met = tuple((each.path, each.contact.kind, each.pressed) for each in scenario.surfaces)
-    return met, scenario.controller.period, scenario.controller.z_0
+    face = scenario.face.flat, scenario.face.normal
+    return met, face, scenario.controller.period, scenario.controller.z_0
 
 
 def standing_of(system: System, state: State) -> Standing:
@@ -185,7 +186,7 @@ class ClosedLoop:
         state.flagged = None
         if state.scenario.controller.law != controller.law:
             state.x = system.controller.law.at_rest(system.layout.n)
-        pressed = arm.views.load.multiplier[: max(system.m, 1)] != 0.0
+        pressed = arm.views.load.multiplier[: max(system.pressed, 1)] != 0.0
         evaluation.data["touching"] = bool(pressed.all())
         if controller.on_change == "remove":
             _, _, e_r, e_r_dot = observed(system, state.t, arm)
@@ -484,7 +485,7 @@ class ClosedLoop:
             seen["estimate"]["p"][0],
             None if system.layout.joint else system.tool_at(reference["r_d"][0], t),
             arm.load.wrench[:3].copy(),
-            reference["F_cd"][0, : system.m] @ normals[: system.m],
+            reference["F_cd"][0, : system.pressed] @ normals[: system.pressed],
             self._arm.push[:3].copy(),
             self._arm.push[3:].copy(),
             figures,

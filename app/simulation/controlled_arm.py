@@ -202,7 +202,7 @@ def _setting_of(system: System, *, online: bool) -> Setting:
     pushes_only, pressed = np.zeros(3, dtype=np.int64), np.zeros(3, dtype=np.int64)
     for i, each in enumerate(system.plant.contacts):
         pushes_only[i] = plant.kind.rigid and each.unilateral
-        pressed[i] = i < system.m and plant.kind.springs and each.unilateral
+        pressed[i] = i < system.pressed and plant.kind.springs and each.unilateral
     return Setting(
         observation_model=system.observer.observation_model,
         plan=system.plan,

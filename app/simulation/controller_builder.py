@@ -71,12 +71,27 @@ def uncertainty_of(scenario: Scenario, robot: Robot, k_C: float, rates: LinkRate
 def mode_of(scenario: Scenario) -> Mode:
     """Mode of the scenario among its surfaces."""
     surfaces = scenario.surfaces
-    return modes.MODES[scenario.mode].among(len(surfaces), sum(each.pressed for each in surfaces))
+    tilts = 2 if scenario.face.flat else 0
+    return modes.MODES[scenario.mode].among(len(surfaces), sum(each.pressed for each in surfaces), tilts)
 
 
 def believed_stiffness(scenario: Scenario) -> np.ndarray:
-    """Estimated stiffness (m,) N/m of the surfaces whose force is controlled, the diagonal of K_e_hat in (33)."""
-    return np.array([each.K_e_hat for each in scenario.surfaces[: mode_of(scenario).m()]])
+    """Estimated stiffness (m,) N/m of the surfaces whose force is controlled, and of a flat tool's tilts, the diagonal
+    of K_e_hat in (33)."""
+    pressed = mode_of(scenario).pressed
+    return _with_tilts(scenario, [each.K_e_hat for each in scenario.surfaces[:pressed]], scenario.face.K_t_hat)
+
+
+def true_stiffness(scenario: Scenario) -> np.ndarray:
+    """True stiffness (m,) N/m in the same directions, the diagonal of K_e in (32)."""
+    pressed = mode_of(scenario).pressed
+    return _with_tilts(scenario, [each.contact.K_e for each in scenario.surfaces[:pressed]], scenario.face.K_t)
+
+
+def _with_tilts(scenario: Scenario, stiffness: list[float], K_t: float) -> np.ndarray:
+    """The stiffness, with that of the tilts, K_t N m/rad, in N/m of the coordinates l t."""
+    mode, l = mode_of(scenario), scenario.task_space.characteristic_length
+    return np.array(stiffness + (mode.m() - mode.pressed) * [K_t / l**2])
 
 
 def default_target_model(mode: Mode, n: int, K_e_hat: np.ndarray) -> dict[str, np.ndarray]:
@@ -139,7 +154,7 @@ def surfaces_met(scenario: Scenario, mode: Mode, layout: TaskLayout) -> SurfaceR
         return None
     if m:  # the normal has a coordinate of its own
         friction = contact.friction_viscous + sum(each.contact.friction_viscous for each in others)
-        return SurfaceRange(0.0, 0.0, 0.0, friction, m, layout.positions - m, normal=False)
+        return SurfaceRange(0.0, 0.0, 0.0, friction, m, layout.end_of_places - m, normal=False)
     return SurfaceRange(
         K_e=max(contact.K_e, scenario.controller.K_e_hat),
         B_e=contact.B_e,
@@ -186,6 +201,11 @@ def controller_of(scenario: Scenario, robot: Robot, mode: Mode, layout: TaskLayo
     if mode.feedback == "all" and mode.m() < len(scenario.surfaces) > 1 and not passive(model.after(mode.m())):
         raise InvalidGain(
             "target_model: not passive with its K_f, which among several surfaces is not enough to be stable; allowed: "
+            "K_f^-1 M_m, K_f^-1 B_m and K_f^-1 K_m symmetric positive definite, as with K_f a multiple of the identity"
+        )
+    if scenario.face.flat and mode.feedback == "all" and not mode.on_surface and not passive(model):
+        raise InvalidGain(
+            "target_model: not passive with its K_f, which with a flat tool is not enough to be stable; allowed: "
             "K_f^-1 M_m, K_f^-1 B_m and K_f^-1 K_m symmetric positive definite, as with K_f a multiple of the identity"
         )
     gains = {f: square(f"controller.{f}", getattr(c, f), n) for f in ("A", "F_1", "F_2", "K_s")}

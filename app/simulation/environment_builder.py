@@ -8,19 +8,21 @@ from scipy.spatial.transform import Rotation
 from app.process.own_code import own_course, own_shape
 from app.scenario.data import kind_of
 from app.scenario.declared_bounds import link_rows, symmetric
-from app.scenario.schema import IrregularCorner, PullingForce, Scenario, ScenarioError, scenario_errors
+from app.scenario.schema import IrregularCorner, PullingForce, Scenario, ScenarioError, WrongFace, scenario_errors
 from controllers.modes import Mode
 from controllers.nominal_model import NominalModel
 from controllers.task_space import TaskLayout
 from environments import robots
-from environments.contact import Contact
+from environments.contact import Contact, Face, face_radius
 from environments.force_profiles.force_profile import ForceCourse
+from environments.force_profiles.step import ConstantForce
 from environments.force_profiles.table import course_of as force_course
 from environments.plant import Truth
 from environments.push import TimedPush
 from environments.surfaces import own as own_surfaces
 from environments.surfaces.corner import Corner
-from environments.surfaces.form import Form
+from environments.surfaces.form import Form, tangent_frame, unit
+from environments.surfaces.plane import Plane
 from environments.surfaces.table import Surface
 from environments.trajectories import own as own_trajectories
 from environments.trajectories.point_to_point import Hold
@@ -28,6 +30,8 @@ from environments.trajectories.table import course_of, numbered
 from environments.trajectories.trajectory import Course, spread
 from parameters import Matrix
 
+SOFTEST = 1e-3  # N/m: of a surface without stiffness a face has no size
+FACING = 0.8  # least cosine between the face's normal and the surface's at the start
 UNLIMITED = 1e6  # N m: an effort limit of a URDF beyond this means that there is none
 
 
@@ -193,7 +197,7 @@ def positions_of(robot: robots.Robot) -> int:
 
 def _free(mode: Mode, layout: TaskLayout) -> range:
     """Coordinates that a trajectory may move."""
-    return range(mode.m(), layout.n if layout.joint else layout.positions)
+    return range(mode.m(), layout.n if layout.joint else layout.end_of_places)
 
 
 def spread_over(path: str, displacement: tuple[float, ...], mode: Mode, layout: TaskLayout) -> np.ndarray:
@@ -222,7 +226,7 @@ def rotation_of(scenario: Scenario, layout: TaskLayout) -> Course:
             f"rotation.kind: {kind_of(path)!r}; allowed where r = q: 'hold', since motion moves the joints"
         )
     with scenario_errors():
-        course = course_of("rotation", path, n, range(layout.positions, n))
+        course = course_of("rotation", path, n, range(layout.end_of_places, n))
     return course._replace(u=layout.l * course.u, v=layout.l * course.v)
 
 
@@ -263,7 +267,7 @@ def require_pushing(scenario: Scenario, mode: Mode) -> None:
 
     With a rigid surface this is not checked here: the run stops when contact is lost.
     """
-    for each in scenario.surfaces[: mode.m()]:
+    for each in scenario.surfaces[: mode.pressed]:
         contact, pulling = each.contact, each.force.pulling()
         if pulling and contact.unilateral and not contact.nature.rigid:
             said, allowed = pulling
@@ -274,5 +278,57 @@ def require_pushing(scenario: Scenario, mode: Mode) -> None:
 
 
 def forces_of(scenario: Scenario) -> tuple[ForceCourse, ...]:
-    """Course of the desired normal force on each surface, N."""
-    return tuple(force_course(each.force) for each in scenario.surfaces)
+    """Course of the desired normal force on each surface, N, and after them of the moments of a flat tool over l."""
+    forces = tuple(force_course(each.force) for each in scenario.surfaces)
+    if not scenario.face.flat:
+        return forces
+    l = scenario.task_space.characteristic_length
+    return *forces, *(force_course(ConstantForce(moment / l)) for moment in scenario.face.moment)
+
+
+def face_axes(scenario: Scenario) -> np.ndarray:
+    """Two orthogonal unit axes (2, 3) of the tool's face, in the tool's frame. Raises ScenarioError."""
+    with scenario_errors():
+        return tangent_frame(unit("face.normal", scenario.face.normal))[1:]
+
+
+def face_of(scenario: Scenario, robot: robots.Robot) -> Face:
+    """The tool's face. Raises ScenarioError."""
+    if not scenario.face.flat:
+        return Face.point()
+    radius = face_radius(scenario.face.K_t, max(scenario.contact.K_e, SOFTEST))
+    return Face.of(face_axes(scenario) @ robot.tool_placement.rotation.T, radius)
+
+
+def require_face(scenario: Scenario, mode: Mode, robot: robots.Robot) -> None:
+    """Raise WrongFace where the tool cannot be flat."""
+    if not scenario.face.flat:
+        return
+    _, angles = task_joints(scenario, robot)
+    wrong = {
+        f"on {len(scenario.surfaces)} surfaces; allowed: on one": len(scenario.surfaces) > 1,
+        f"on a surface of kind {kind_of(scenario.surface)!r}; allowed: on a plane": not isinstance(
+            scenario.surface, Plane
+        ),
+        f"with contact.kind {scenario.contact.kind!r}; allowed: 'elastic', or 'free'": scenario.contact.nature.heavy,
+        "with an arm in a plane; allowed: in space": robot.geometry == "planar",
+        "without the tool's angles among the coordinates; allowed: with all three": mode.on_surface and angles != 3,
+    }
+    for what, holds in wrong.items():
+        if holds:
+            raise WrongFace(f"face.flat: true {what}")
+
+
+def level_of(scenario: Scenario, R: np.ndarray, normal: np.ndarray) -> np.ndarray:
+    """Directions (2, 3) in the world of the face's first axis along the plane with this unit normal (3,), and across.
+    R: (3, 3), of the tool at the start. Raises WrongFace where the face does not look at the plane."""
+    first, second = face_axes(scenario) @ R.T
+    facing = float(np.cross(first, second) @ normal)
+    if facing < FACING:
+        raise WrongFace(
+            f"face.normal: {list(scenario.face.normal)}, {np.arccos(np.clip(facing, -1.0, 1.0)):.3g} rad off the "
+            f"surface's normal at the start; allowed: up to {np.arccos(FACING):.2g} rad"
+        )
+    along = first - (first @ normal) * normal
+    along = along / np.linalg.norm(along)
+    return np.stack([along, np.cross(normal, along)])

@@ -178,7 +178,7 @@ class PremiseWatch:
         if Alarm.ENTERED in alarms or Alarm.REACHED in alarms:
             state.epoch = replace(state.epoch, reached=self.reached, banded=self.banded)
         if Alarm.AWAY in alarms:
-            left = _surface_named(self.system, int(np.argmin(arm.load.multiplier[: self.system.m] != 0.0)))
+            left = _surface_named(self.system, int(np.argmin(arm.load.multiplier[: self.system.pressed] != 0.0)))
             self.left("flag", f"contact lost: the tool has left {left}, so no force is controlled")
         if Alarm.SATURATED in alarms and Alarm.NOT_FINITE not in alarms:
             self.left("flag", _saturation(evaluation.output.tau, evaluation.applied))

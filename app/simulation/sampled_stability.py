@@ -18,6 +18,7 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from app.simulation.controlled_arm import ControlledArm
+from app.simulation.environment_builder import SOFTEST, face_axes
 from app.simulation.push_response import PushResponse
 from app.simulation.signals import Row
 from app.simulation.state import State, observed
@@ -43,7 +44,8 @@ LONGEST_LINE = 100  # periods of delay, beyond which the matrix becomes too larg
 class Posture:
     """A posture q (n,) rad at rest at time t (s), as the sampled loop needs it.
     H_hat: (n, n) kg.
-    across: (n, k), F_r per unit of the multiplier of each of k surfaces."""
+    across: (n, k), F_r per unit of the multiplier of each of k surfaces; turning: (n, j), of each moment of a flat
+    face, 1/m, none of a point."""
 
     q: np.ndarray
     t: float
@@ -51,6 +53,7 @@ class Posture:
     task: TaskSpace
     H_hat: np.ndarray
     across: np.ndarray
+    turning: np.ndarray
 
     @classmethod
     def of(cls, system: System, q: np.ndarray, t: float) -> Posture:
@@ -59,7 +62,11 @@ class Posture:
         J_inv = task.J_q_inv
         normals = np.column_stack([each.chart(estimate.p, t).G[0] for each in system.surfaces])
         across = J_inv.T @ (estimate.J_v.T @ normals)
-        return cls(q, t, estimate, task, J_inv.T @ estimate.M_hat @ J_inv, across)
+        turning = np.zeros((len(q), 0))
+        if system.plant.face.flat:
+            axes = estimate.R @ face_axes(system.scenario).T
+            turning = J_inv.T @ (estimate.J_w.T @ np.cross(axes, normals[:, :1], axis=0))
+        return cls(q, t, estimate, task, J_inv.T @ estimate.M_hat @ J_inv, across, turning)
 
 
 def _needed(system: System, estimate: Estimate, task: TaskSpace, r_eq_ddot: np.ndarray | None = None) -> RequiredGain:
@@ -208,6 +215,7 @@ class PeriodMap:
     """
 
     def __init__(self, system: System, at: Posture, *, touching: bool = True) -> None:
+        self._felt = 6 if system.plant.face.flat else 3  # entries of a reading: a point that touches has no moment
         self._push = np.full(3, FORCE_STEP)  # of no push at all the arm would not look for one
         self._still = still = replace(
             system,
@@ -236,8 +244,12 @@ class PeriodMap:
         task, basis = at.task, _free_directions(system, at)
         q_dot = -task.J_q_inv @ task.v_t
         state.arm.data[:] = system.plant.start(at.q, q_dot, at.t).data
-        met = state.arm.read().load.multiplier.copy()
+        load = state.arm.read().load
+        met = load.multiplier.copy()
         felt = at.across @ met[: len(system.surfaces)]
+        felt += task.J_q_inv.T @ (at.estimate.J_w.T @ load.wrench[3:])
+        if system.layout.tilts:
+            met = felt[: system.m]
         e_Fc = np.zeros(n) if system.m else controller.controlled * felt
         model = controller.model
         r_d = task.r + np.linalg.pinv(model.K_m) @ model.K_f @ e_Fc  # where (8) rests under this force
@@ -271,16 +283,16 @@ class PeriodMap:
 
     @property
     def _memory(self) -> np.ndarray:
-        """Readings in the sensor's memory, (k, 3) N: a point that touches has no moment."""
-        return self._state.reader.memory[:, :3]
+        """Readings in the sensor's memory, (k, 3) or (k, 6)."""
+        return self._state.reader.memory[:, : self._felt]
 
     def _after(self, vector: np.ndarray) -> np.ndarray:
         """The state one period later. An elastic surface pushes as soon as it is met."""
         state, arm = self._state, self._arm
         for part in self._parts:
             part[:], vector = vector[: len(part)], vector[len(part) :]
-        readings = vector.reshape(-1, 3)
-        state.reader.recall(np.hstack([readings, np.zeros_like(readings)]))
+        readings = vector.reshape(-1, self._felt)
+        state.reader.recall(np.pad(readings, ((0, 0), (0, 6 - self._felt))))
         self._still.plant.find_load(state.arm, state.t)
         arm.control(arm.measure(), self._row)
         arm.move()
@@ -326,6 +338,11 @@ def _in_contact(system: System, at: Posture) -> tuple[np.ndarray, np.ndarray, np
         M = M + felt * (contact.M_e if kind.massive else 0.0)
         B = B + felt * (contact.B_e if kind.springs else 0.0)
         K = K + felt * (contact.K_e if kind.springs else 0.0)
+    first, K_t = system.plant.contacts[0], system.scenario.face.K_t
+    for a in at.turning.T:
+        felt = model.K_f @ np.outer(system.controller.controlled * a, a)
+        B = B + felt * (first.B_e * K_t / max(first.K_e, SOFTEST) if kind.springs else 0.0)
+        K = K + felt * (K_t if kind.springs else 0.0)
     return basis.T @ M @ basis, basis.T @ B @ basis, basis.T @ K @ basis
 
 
@@ -360,7 +377,7 @@ def _names(system: System, count: int) -> tuple[str, ...]:
     """Names of the axes of the positions, also where r = q."""
     if system.layout.joint:
         return ("x", "z") if count == 2 else ("x", "y", "z")
-    return tuple(coordinate.name for coordinate in system.coordinates[:count])
+    return tuple(system.coordinates[i].name for i in system.layout.places)
 
 
 def _free_directions(system: System, at: Posture) -> np.ndarray:

@@ -31,10 +31,14 @@ from app.simulation.controller_builder import (
 from app.simulation.domain import Constants, centres, constants_over, mobility_over, posture_at, span_of
 from app.simulation.environment_builder import (
     contacts_of,
+    face_axes,
+    face_of,
     forces_of,
+    level_of,
     motion_of,
     positions_of,
     push_of,
+    require_face,
     require_pushing,
     require_surfaces,
     robot_of,
@@ -128,8 +132,13 @@ class System:
 
     @property
     def m(self) -> int:
-        """Number of force-controlled directions."""
+        """Number of directions in which a force or a moment is controlled."""
         return self.mode.m()
+
+    @property
+    def pressed(self) -> int:
+        """Number of surfaces whose normal force is controlled."""
+        return self.mode.pressed
 
     @property
     def surface(self) -> Surface:
@@ -183,7 +192,7 @@ class System:
     def tool_at(self, r_d: np.ndarray, t: float) -> np.ndarray:
         """Desired tool point (3,) m, that of r_d (n,); a planar arm stays in its plane."""
         g = np.zeros(3)
-        g[: self.layout.positions] = r_d[: self.layout.positions]
+        g[: self.layout.positions] = r_d[list(self.layout.places)]
         return self.charted.point(g, t)
 
 
@@ -218,6 +227,7 @@ def _assemble(scenario: Scenario, previous: System | None, memory: Memory) -> Sy
         else NominalModel(robot.model, robot.tool_joint, robot.tool_placement)
     )
     require_surfaces(scenario, mode, positions_of(robot), robot.n)
+    require_face(scenario, mode, robot)
     surfaces = _surfaces_in_use(scenario, robot, nominal, previous)
     plant = Plant(
         robot,
@@ -227,10 +237,11 @@ def _assemble(scenario: Scenario, previous: System | None, memory: Memory) -> Sy
         contacts_of(scenario),
         scenario.simulation.integrator,
         scenario.simulation.substeps,
+        face_of(scenario, robot),
     )
     q_0 = _start(plant, robot)
     in_corner = mode.on_surface and len(surfaces) > 1
-    layout = _layout(scenario, robot, nominal, q_0)
+    layout = _layout(scenario, mode, robot, nominal, q_0, plant.surface)
     cartesian = Surface.cartesian(task_axes(scenario, robot))
     charted = task_surface(surfaces, nominal.evaluate(q_0, np.zeros(robot.n)).p) if mode.on_surface else cartesian
     require_pushing(scenario, mode)
@@ -361,9 +372,12 @@ def _require_within_reach(observer: Observer, reference: Reference, q_0: np.ndar
         )
 
 
-def _layout(scenario: Scenario, robot: robots.Robot, nominal: NominalModel, q_0: np.ndarray) -> TaskLayout:
+def _layout(
+    scenario: Scenario, mode: Mode, robot: robots.Robot, nominal: NominalModel, q_0: np.ndarray, surface: Surface
+) -> TaskLayout:
     joints, angles = task_joints(scenario, robot)
     estimate = nominal.evaluate(q_0, np.zeros(robot.n))
+    flat = scenario.face.flat and mode.on_surface
     supplemental = np.zeros(robot.n, dtype=np.int64)
     supplemental[: len(joints)] = joints
     return TaskLayout(
@@ -374,16 +388,19 @@ def _layout(scenario: Scenario, robot: robots.Robot, nominal: NominalModel, q_0:
         supplemental=supplemental,
         l=scenario.task_space.characteristic_length,
         R_ref=estimate.R,
+        tilts=2 if flat else 0,
+        face=face_axes(scenario) if flat else np.zeros((2, 3)),
+        level=level_of(scenario, estimate.R, surface.chart(estimate.p, 0.0).G[0]) if flat else np.zeros((2, 3)),
     )
 
 
 def _shaping(scenario: Scenario) -> tuple[object, ...]:
     """Parts of the scenario that Omega and the constants over it depend on."""
     names = ("robot", "task_space", "declared", "mode", "motion", "rotation", "shift", "simulation")
-    where = tuple(getattr(scenario, name) for name in names)
+    where = (*(getattr(scenario, name) for name in names), scenario.face.flat, scenario.face.normal)
     where = (*where, *((each.form, each.pressed) for each in scenario.surfaces))
     if scenario.controller.estimates == "along-reference":
-        return (*where, *((each.force, each.K_e_hat) for each in scenario.surfaces))
+        return (*where, scenario.face, *((each.force, each.K_e_hat) for each in scenario.surfaces))
     return where
 
 
@@ -394,8 +411,10 @@ def _coordinates(layout: TaskLayout, mode: Mode) -> tuple[Coordinate, ...]:
     places = _PLACES[mode.surfaces] if mode.on_surface else cartesian
     angles = {0: [], 1: ["ℓ·θ"], 3: ["ℓ·α", "ℓ·β", "ℓ·γ"]}[layout.angles]
     extra = [f"ℓ·q{joint + 1}" for joint in layout.supplemental_joints]
-    lengths = [Coordinate(name, "m") for name in places[: layout.positions]]
-    return (*lengths, *(Coordinate(name, "m", layout.l) for name in angles + extra))
+    names = [*places[: layout.positions], *angles, *extra]
+    if layout.tilts:
+        names = ["φ", "ℓ·θ₁", "ℓ·θ₂", *places[1:], "ℓ·γ", *extra]
+    return tuple(Coordinate(name, "m", layout.l if name.startswith("ℓ") else None) for name in names)
 
 
 # names of the positions by the number of surfaces among them
@@ -420,5 +439,6 @@ def _require_resolved(scenario: Scenario, plant: Plant, mobility: Mobility) -> N
 def _unresolved(scenario: Scenario, plant: Plant, mobility: Mobility) -> list[Oscillator]:
     """Oscillators of the plant that its step does not follow."""
     step = scenario.controller.period / plant.substeps
-    known = oscillators(plant.kind, plant.contacts, plant.truth, mobility)
+    K_t = scenario.face.K_t if scenario.face.flat else 0.0
+    known = oscillators(plant.kind, plant.contacts, plant.truth, mobility, K_t, plant.model.nv)
     return [o for o in known if not resolved(scenario.simulation.integrator, o, step)]

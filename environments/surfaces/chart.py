@@ -17,7 +17,8 @@ class Chart(NamedTuple):
     """Three coordinates g(p, t) of a point p, in m, and their derivatives.
 
     g (3,); G (3, 3) rows of gradients; G_p (3, 3, 3) Hessians; g_t (3,), G_t (3, 3), g_tt (3,) partial
-    derivatives in time of g, of G, and the second one of g.
+    derivatives in time of g, of G, and the second one of g; normal_tt (3,), 1/s^2: the second one of the gradient of
+    phi, which a plane writes.
     """
 
     g: np.ndarray
@@ -26,17 +27,31 @@ class Chart(NamedTuple):
     g_t: np.ndarray
     G_t: np.ndarray
     g_tt: np.ndarray
+    normal_tt: np.ndarray
 
     @classmethod
     def zeros(cls) -> Chart:
         """Chart of zeros, before it is computed."""
-        return cls(np.zeros(3), np.zeros((3, 3)), np.zeros((3, 3, 3)), np.zeros(3), np.zeros((3, 3)), np.zeros(3))
+        v, square = np.zeros(3), np.zeros((3, 3))
+        return cls(v, square, np.zeros((3, 3, 3)), v, square, v, v)
+
+
+class Turning(NamedTuple):
+    """Turning of a surface to and fro about its origin: by amplitude sin(omega t) rad, omega in rad/s, about the unit
+    vector `axis` (3,)."""
+
+    axis: np.ndarray
+    amplitude: float
+    omega: float
+
+
+NOT_TURNING = Turning(np.zeros(3), 0.0, 0.0)
 
 
 class Shape(NamedTuple):
     """Shape of a surface for kernels: number of its kind, origin (3,) m, frame (3, 3) of unit rows, radius m, side +-1,
-    the direction (3,), amplitude (m) and frequency (Hz) of its movement, the bytecode of its formula, a function of a
-    user's own."""
+    the direction (3,), amplitude (m) and frequency (Hz) of its movement, how it turns, the bytecode of its formula, a
+    function of a user's own."""
 
     kind: int
     origin: np.ndarray
@@ -46,6 +61,7 @@ class Shape(NamedTuple):
     direction: np.ndarray
     amplitude: float
     frequency: float
+    turning: Turning
     bytecode: Bytecode
     own: OwnFunction
 

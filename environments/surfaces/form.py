@@ -9,7 +9,7 @@ import numpy as np
 
 from environments.bytecode import BLANK
 from environments.own_function import NO_FUNCTION
-from environments.surfaces.chart import Shape
+from environments.surfaces.chart import NOT_TURNING, Shape
 from parameters import Section, Vector3, Widget, decades, field, slider
 
 if TYPE_CHECKING:
@@ -96,7 +96,7 @@ class Form(Section, frozen=True, forbid_unknown_fields=True, tag_field="kind"):
         """Shape of a surface with this frame (3, 3) of unit rows."""
         m, origin = self.motion, np.array(self.origin, dtype=float)
         direction = unit("surface.motion.direction", m.direction)
-        rest = (float(m.amplitude), float(m.frequency), BLANK, NO_FUNCTION)
+        rest = (float(m.amplitude), float(m.frequency), NOT_TURNING, BLANK, NO_FUNCTION)
         return Shape(0, origin, np.ascontiguousarray(frame), float(radius), side, direction, *rest)
 
 

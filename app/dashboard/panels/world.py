@@ -16,6 +16,7 @@ from environments.contact_kinds import CONTACTS, ContactKind
 from environments.force_profiles.table import FORCE_PROFILES
 from environments.sensors import Sensor
 from environments.surfaces.formula import FormulaSurface
+from environments.surfaces.plane import Plane
 from environments.surfaces.table import SURFACES
 
 _SYNTAX = (
@@ -43,6 +44,21 @@ def _heavy(scenario: Scenario) -> bool:
 def _foreseen(scenario: Scenario) -> bool:
     """Whether the law's reference needs a stiffness (33)."""
     return MODES[scenario.mode].on_surface and not scenario.contact.nature.rigid
+
+
+def _plain(scenario: Scenario) -> bool:
+    """Whether the tool may be flat, or is."""
+    alone = len(scenario.surfaces) == 1 and isinstance(scenario.surface, Plane)
+    return scenario.face.flat or (alone and not _heavy(scenario))
+
+
+def _flat(scenario: Scenario) -> bool:
+    return scenario.face.flat
+
+
+def _aligned(scenario: Scenario) -> bool:
+    """Whether the moments of a flat tool are controlled."""
+    return scenario.face.flat and MODES[scenario.mode].on_surface
 
 
 class WorldPanel:
@@ -73,6 +89,14 @@ class WorldPanel:
             self._controls.append(kind_choice(desk, "surface", "Shape", SURFACES, own_code().surfaces))
             self._syntax = gui.add_html(_SYNTAX, visible=False)
             self._controls += field_controls(desk, "surface", SURFACES, own_code().surfaces)
+        with gui.add_folder("Flat tool", expand_by_default=False):
+            self._controls += [
+                Switch(desk, PlaceWhere("face.flat", _plain), "Touches with a flat face"),
+                Number(desk, PlaceWhere("face.K_t", _flat), "K_t [N·m/rad]", decades(1, 1000)),
+                Number(desk, PlaceWhere("face.K_t_hat", _aligned), "K̂_t [N·m/rad]", decades(1, 1000)),
+                Number(desk, PlaceWhere("face.moment", _aligned), "moments [N·m]"),
+                Number(desk, PlaceWhere("face.normal", _flat), "face normal"),
+            ]
         self._further = [self._add_further(desk, "second"), self._add_further(desk, "third")]
         with gui.add_folder("Force sensor"):
             self._controls += [

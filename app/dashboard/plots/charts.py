@@ -51,6 +51,7 @@ class Setup:
     surfaces: number of those in the world.
     touching: there is something to touch.
     twisted: the law is told moments that it controls, or the scenario's push has one.
+    tilts: numbers of the coordinates that are tilts of a flat tool.
     robust: the law has a gain and a bound.
     bounded: some part of the run had such a law.
     units: of the task space.
@@ -62,6 +63,7 @@ class Setup:
     surfaces: int
     touching: bool
     twisted: bool
+    tilts: tuple[int, ...]
     robust: bool
     bounded: bool
     units: Units
@@ -75,10 +77,11 @@ class Setup:
         return cls(
             coordinates,
             joints,
-            normal=snapshot.system.m,
+            normal=snapshot.system.pressed,
             surfaces=len(snapshot.system.surfaces),
             touching=snapshot.scenario.contact.nature.touches,
             twisted=snapshot.system.mode.feedback == "all" or any(snapshot.scenario.truth.push_moment),
+            tilts=tuple(range(snapshot.system.pressed, snapshot.system.m)),
             robust=snapshot.system.controller.law.robust,
             bounded=any(law_of(epoch.scenario).robust for epoch in snapshot.recording.epochs),
             units=snapshot.system.units,

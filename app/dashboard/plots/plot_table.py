@@ -149,11 +149,25 @@ def _force_axes(_: Setup) -> Drawing:
 
 
 def _moments(setup: Setup) -> Drawing | None:
+    if setup.tilts:
+        return _alignment(setup)
     if not setup.twisted:
         return None
     lines = [Line(f"M {axis}", color(i), column("moment", i), compared=True) for i, axis in enumerate("xyz")]
     lines.append(Line("push", PUSH, norm("moment_push"), dashed=True))
     return Drawing("moment on the environment  [N·m]", lines, at_least=(-0.05, 0.05))
+
+
+def _alignment(setup: Setup) -> Drawing:
+    """Moments of a flat tool: F_c has them over l."""
+    lines = []
+    for i, at in enumerate(setup.tilts):
+        name, l = _bare(setup.coordinates[at]), setup.coordinates[at].per_radian
+        lines += [
+            Line(f"desired {name}", DESIRED, column("F_cd", at, l), dashed=True, width=2.0),
+            Line(f"measured {name}", _MEASURED[i], column("F_c", at, l), compared=True, band=SPREAD),
+        ]
+    return Drawing("moments of the flat tool  [N·m]", lines, at_least=(-0.05, 0.05))
 
 
 def _normal_force(setup: Setup) -> Drawing | None:

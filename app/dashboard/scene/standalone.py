@@ -123,5 +123,5 @@ def _at(start: Snapshot, system: System, row: dict[str, np.ndarray]) -> Snapshot
         tool=row["tool"],
         tool_desired=None if system.layout.joint else system.tool_at(reference.r_d, t),
         force=row["F_true"],
-        force_desired=row["F_cd"][: system.m] @ task.normals[: system.m],
+        force_desired=row["F_cd"][: system.pressed] @ task.normals[: system.pressed],
     )

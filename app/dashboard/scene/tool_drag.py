@@ -59,7 +59,7 @@ def orientation(snapshot: Snapshot) -> np.ndarray:
 
 def shift_coordinates(snapshot: Snapshot) -> slice:
     """Slice of the coordinates (phi, psi_1, psi_2), or x, y, z, that a shift moves."""
-    return slice(snapshot.system.m, snapshot.system.layout.positions)
+    return slice(snapshot.system.pressed, snapshot.system.layout.positions)
 
 
 def shifted(snapshot: Snapshot, moved: np.ndarray) -> Edit:

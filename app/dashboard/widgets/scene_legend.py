@@ -68,7 +68,7 @@ def legend_html(look: Look, legend: Legend, snapshot: Snapshot) -> str:
         times = "" if look.times == 1.0 else f", deflection × {look.times:g}"
         keys.append(_key(MODEL, f"spring and damper of (8){times}"))
     if look.frame:
-        names = [] if snapshot.system.layout.joint else snapshot.coordinates[: snapshot.system.layout.positions]
+        names = [] if snapshot.system.layout.joint else [snapshot.coordinates[i] for i in snapshot.system.layout.places]
         keys += [_key(SERIES[i], coordinate.name) for i, coordinate in enumerate(names)]
     if look.pinned_arms and snapshot.pinned:
         keys += [_key(RUNS[pinned.place], escape(pinned.title)) for pinned in snapshot.pinned]
