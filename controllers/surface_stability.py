@@ -100,6 +100,8 @@ def passive(model: TargetModel) -> bool:
 def unstable_surface(start: TargetModel, end: TargetModel, surfaces: SurfaceRange) -> Unstable | None:
     """Surface with the rightmost pole that was found, where that is unstable, for the models of a blend, in which
     M_m^-1, M_m^-1 B_m, M_m^-1 K_m and M_m^-1 K_f go from those of `start` to those of `end`."""
+    if surfaces.first == start.n:
+        return None  # a force is controlled in every coordinate: no model is left that a surface could destabilise
     way = _Way.between(start, end, surfaces.first)
     models = np.linspace(0.0, 1.0, MODELS if way.blends else 1)
     if all(passive(way.model(alpha)) for alpha in models):

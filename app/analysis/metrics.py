@@ -62,7 +62,7 @@ def measure(loop: ClosedLoop, realtime_factor: float | None = None, engine: Engi
     if len(t) == 0:
         raise ValueError("metrics: nothing recorded yet")
     tail = tail_of(t)
-    last = {name: record[name][tail] for name in ("t", "e_r", "tool", "F_cd", *MULTIPLIERS)}
+    last = {name: record[name][tail] for name in ("t", "e_r", "tool", "F_c", "F_cd", *MULTIPLIERS)}
     system, begun = loop.system, loop.recording.epochs[0]
     rigid = system.plant.kind.rigid
     tau = record["tau"]

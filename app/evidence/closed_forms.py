@@ -203,7 +203,7 @@ def start(name: str, choice: str) -> Start:
     loop, metrics = simulate(scenario)
     record = loop.recording.signals(("s_norm", "s_band"))
     reached = np.nan if metrics.reaching_time is None else metrics.reaching_time
-    largest = float((record["s_norm"] / record["s_band"]).max())
+    largest = float(np.nanmax(record["s_norm"] / record["s_band"]))
     return Start(name, choice, float(record["s_norm"][0]), largest, reached)
 
 

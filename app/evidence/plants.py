@@ -21,7 +21,7 @@ from environments import robots
 from environments.plant import Plant
 
 KILOGRAM_ARMS = ("planar2r", "planar3r")  # textbook arms of about 1 kg a link
-LINKS = {"link_scaling": 0.15, "rotor_scaling": 0.15, "link_centre": 0.005, "link_shape": 0.1}
+LINKS = {"link_scaling": 0.15, "rotor_scaling": 0.15, "link_centre": 0.001, "link_shape": 0.02}
 HEAVY_LOAD = Declared(**LINKS, payload_mass=1.0, payload_offset=0.05, coulomb=0.5, viscous=0.3, disturbance=2.0)
 LIGHT_LOAD = Declared(**LINKS, payload_mass=0.2, payload_offset=0.02, coulomb=0.1, viscous=0.05, disturbance=0.3)
 PERIOD = 0.001  # s, as shipped

@@ -412,7 +412,8 @@ def _rotated(scenario: Scenario) -> int:
     robot, _ = _start(scenario)
     mode = mode_of(scenario)
     aligned = mode.m() - mode.pressed  # the tilts of a flat tool are not moved, but aligned
-    return 0 if scenario.task_space.kind == "joint" else robot.n - positions_of(robot) - aligned
+    # none is left where this arm cannot have a flat tool, which is found out later
+    return 0 if scenario.task_space.kind == "joint" else max(0, robot.n - positions_of(robot) - aligned)
 
 
 def _free_directions(scenario: Scenario) -> np.ndarray:

@@ -350,9 +350,9 @@ def test_every_friction_takes_energy_away(contact: str, truth: dict[str, float],
 def test_sensor_is_a_first_order_lag_and_a_delay() -> None:
     """A step of the force: 1 - exp(-2 pi cutoff t), some periods late, with its bias."""
     sensor = ForceSensor(Sensor(bias=(0.5, 0.0, 0.0), delay=0.004, cutoff=20.0), period=0.001)
-    reader, step = ForceReader(sensor, seed=0), np.array([0.0, 3.0, 0.0])
+    reader, step = ForceReader(sensor, seed=0), np.array([0.0, 3.0, 0.0, 0.0, 0.0, 0.0])
     for _ in range(10):
-        np.testing.assert_allclose(reader.read(np.zeros(3)), sensor.settings.bias, atol=1e-15)
+        np.testing.assert_allclose(reader.read(np.zeros(6)), [0.5, 0.0, 0.0, 0.0, 0.0, 0.0], atol=1e-15)
     readings = np.array([reader.read(step) for _ in range(50)])
     np.testing.assert_allclose(readings[:4, 1], 0.0, atol=1e-15)
     late = 0.001 * np.arange(1, 47)

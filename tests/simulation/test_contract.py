@@ -16,13 +16,14 @@ from app.simulation.compiled_run import CompiledRun
 from controllers.modes import MODES
 from environments.robots import CATALOGUE
 from tests.support.cases import scenario_of, surfaces_for
-from tests.support.same_rows import require_same_rows
+from tests.support.same_rows import PRECISION, require_same_rows
 
 pytestmark = pytest.mark.slow  # long or many simulations
 
 STEPS = 60
 # of the compiled run, where a signal does not come from rest and is no small difference of large numbers
-PRECISE: dict[str, float] = dict.fromkeys(("q", "tool", "tau", "tau_applied", "d", "d_required"), 1e-12)
+PRECISE = {"q": 1e-12, "tool": 1e-12, "d": 1e-12, "d_required": 1e-12, "tau": 1e-11, "tau_applied": 1e-11}
+AMPLIFIED = 1e-9  # by the force loop through a surface with a mass, of which light arms feel the most
 
 
 def cases() -> list[tuple[str, str, str, str]]:
@@ -46,10 +47,16 @@ def table(loop: ClosedLoop) -> np.ndarray:
 def test_run_is_finite_repeats_bit_for_bit_and_is_the_same_compiled(case: tuple[str, str, str, str]) -> None:
     scenario = scenario_of(*case)
     before = to_toml(scenario)
-    loop, compiled = ClosedLoop(scenario), ClosedLoop(scenario)
+    loop = ClosedLoop(scenario)
     first, second = table(loop), table(ClosedLoop(scenario, previous=loop.system))
+    massive = loop.system.plant.kind.massive
+    if massive:
+        # the tool begins where phi = 0: rounding would decide whether a one-sided surface's mass joins it at once
+        loop = ClosedLoop(edited(scenario, "contact.unilateral", False))
+        table(loop)
+    compiled = ClosedLoop(loop.system.scenario)
     CompiledRun(compiled).advance(STEPS)
-    require_same_rows(loop, compiled, PRECISE)
+    require_same_rows(loop, compiled, PRECISE, precision=AMPLIFIED if massive else PRECISION)
     assert len(first) == STEPS
     promised = ("s_bound", "s_band", "V_band")  # no numbers where nothing is promised
     others = np.ones(first.shape[1], dtype=bool)

@@ -80,7 +80,7 @@ def test_noise_is_judged_behind_the_low_pass() -> None:
     """First-order low-pass of white noise, simulated as the sensor does it."""
     scenario = changed(Scenario(), {"sensor.noise": 1.0, "sensor.cutoff": 20.0})
     loop = ClosedLoop(scenario)
-    readings = np.array([loop.state.reader.read(np.zeros(3)) for _ in range(40_000)])[500:]
+    readings = np.array([loop.state.reader.read(np.zeros(6))[:3] for _ in range(40_000)])[500:]
     spread = 4.0 * float(readings.std())
     assert outside(edited(scenario, "declared.force_error", 1.1 * spread)) == ()
     assert len(outside(edited(scenario, "declared.force_error", 0.9 * spread))) == 1

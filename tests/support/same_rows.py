@@ -14,7 +14,9 @@ PRECISION = 5e-11  # of the largest number of each signal: contact, friction and
 PRECISION_OF_SUDDEN = 1e-8
 
 
-def require_same_rows(stepped: ClosedLoop, compiled: ClosedLoop, closer: Mapping[str, float] | None = None) -> None:
+def require_same_rows(
+    stepped: ClosedLoop, compiled: ClosedLoop, closer: Mapping[str, float] | None = None, precision: float = PRECISION
+) -> None:
     """Fail unless the two have stopped alike, and all their signals are the same to the precision.
     closer: precision of some signals, by name."""
     assert (compiled.state.steps, compiled.t, compiled.stopped) == (stepped.state.steps, stepped.t, stepped.stopped)
@@ -23,7 +25,7 @@ def require_same_rows(stepped: ClosedLoop, compiled: ClosedLoop, closer: Mapping
     assert [epoch.t for epoch in compiled.recording.epochs] == [epoch.t for epoch in stepped.recording.epochs]
     expected, found = stepped.recording.stretch(), compiled.recording.stretch()
     sudden = stepped.system.controller.switching is Switching.DISCONTINUOUS
-    precision = PRECISION_OF_SUDDEN if sudden else PRECISION
+    precision = PRECISION_OF_SUDDEN if sudden else precision
     for signal in expected:
         of_largest = (closer or {}).get(signal, precision)
         within = of_largest * np.nanmax(np.abs(expected[signal]), initial=1e-3)
