@@ -29,6 +29,7 @@ run: .venv/run.stamp
 # tests run at once, since those of the browser mostly wait for it.
 test:
 	@$(MAKE) --no-print-directory --jobs 2 browser kernels
+	@echo "Two parts run at once; each shows what it printed when it has ended"
 	@$(MAKE) --no-print-directory --jobs 2 --output-sync=line test-browser test-others
 
 test-browser:

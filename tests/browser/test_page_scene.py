@@ -202,6 +202,7 @@ TRIANGLES = """() => Object.entries(__viserMutable.nodeRefFromName).filter(([nam
   .reduce((sum, { geometry }) => sum + geometry.index.count / 3, 0)"""
 
 
+@pytest.mark.usefixtures("own_page")
 def test_arrows_stand_before_the_arm_which_is_coarse_without_a_graphics_card(
     scene: Scene, served: tuple[Dashboard, Runner]
 ):
@@ -216,9 +217,9 @@ def test_arrows_stand_before_the_arm_which_is_coarse_without_a_graphics_card(
         return red > 1.5 * green and blue > 1.5 * green
 
     scene.session.wait(pink)
-    few, many = f"({TRIANGLES})() < 10_000", f"({TRIANGLES})() > 30_000"
-    page.wait_for_function(few)
-    for wanted in (many, few):
+    page.locator(".vs-coarse-button[aria-pressed='true']").wait_for()
+    few = page.evaluate(TRIANGLES)
+    for wanted in (f"({TRIANGLES})() > {2 * few}", f"({TRIANGLES})() === {few}"):
         page.locator(".vs-coarse-button").click()
         page.wait_for_function(wanted)
     page.evaluate("window.undrawn = true")
