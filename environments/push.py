@@ -69,7 +69,8 @@ def _at_most(limit: float, pull: np.ndarray) -> np.ndarray:
 
 class TimedPush(NamedTuple):
     """A force (3,) N and a moment (3,) N m on the tool from `start` s on, for `duration` s, again `every` s where that
-    is not 0: constant, or the amplitudes of a sine that begins at zero, where `frequency` (Hz) is not 0."""
+    is not 0: constant, or the amplitudes of a sine that begins at zero, where `frequency` (Hz) is not 0. While it lasts
+    the sine sweeps to the frequency `sweep_to` (Hz), evenly in the logarithm, where that is not 0: a chirp."""
 
     force: np.ndarray
     start: float
@@ -77,6 +78,7 @@ class TimedPush(NamedTuple):
     every: float = 0.0
     frequency: float = 0.0
     moment: np.ndarray = NOTHING
+    sweep_to: float = 0.0
 
     @property
     def acts(self) -> bool:
@@ -98,7 +100,13 @@ def push_at(push, t, wrench):
         since = since % push.every if since >= 0.0 else since
     if not 0.0 <= since < push.duration:
         return False
-    share = np.sin(2 * np.pi * push.frequency * since) if push.frequency > 0.0 else 1.0
+    share = 1.0
+    if push.frequency > 0.0:
+        cycles = push.frequency * since
+        if push.sweep_to > 0.0 and push.sweep_to != push.frequency:
+            rate = np.log(push.sweep_to / push.frequency) / push.duration
+            cycles = push.frequency * (np.exp(rate * since) - 1.0) / rate
+        share = np.sin(2 * np.pi * cycles)
     for a in range(3):
         wrench[a], wrench[3 + a] = share * push.force[a], share * push.moment[a]
     return True

@@ -1,4 +1,5 @@
-"""Files of a response to a push: its figure, its numbers as a table, and what they say in a few lines."""
+"""Files of a response to a push and of the force loop: their figure, their numbers as tables, and what they say in a
+few lines."""
 
 from __future__ import annotations
 
@@ -10,6 +11,7 @@ import numpy as np
 
 from app.export.figures import FREQUENCY, Chart, Curve, Figure, Rgb
 from app.session.push_measurement import Measured
+from app.simulation.force_margin import ForceLoop
 from app.simulation.push_response import NOTHING, PushResponse, along_axes, largest_and_smallest, passive
 from app.simulation.sampled_stability import SampledLoop
 
@@ -20,7 +22,8 @@ STEP = 2.0  # s, of the response to a step
 
 
 def figure_of(loop: SampledLoop, response: PushResponse, points: Sequence[Measured], caption: str) -> Figure:
-    """Figure: the impedance along each axis and over all directions, the way under a step, and the poles."""
+    """Figure: the impedance along each axis and over all directions, the way under a step, the poles, and gain and
+    phase of the force loop where there is one."""
     frequency = response.frequencies()
     sampled, target = response.admittance(frequency), response.target(frequency)
     z_sampled, z_target = along_axes(sampled), along_axes(target)
@@ -63,7 +66,48 @@ def figure_of(loop: SampledLoop, response: PushResponse, points: Sequence[Measur
         Curve("sampled loop", BLUE, np.real(loop.sampled), np.imag(loop.sampled), width=0.0, dotted=True),
     )
     charts.append(Chart("poles, imaginary over real part", "1/s", poles, x_label="real part [1/s]"))
+    if loop.force_loop is not None:
+        charts += _of_force_loop(loop.force_loop)
     return Figure(tuple(charts), caption, one_column=1)
+
+
+def _of_force_loop(loop: ForceLoop) -> list[Chart]:
+    """Gain and phase of the opened force loop over frequency, with 1 and the phase at which it would not be stable."""
+    frequency = loop.frequencies()
+    gains = _opened(loop, frequency)
+    ends = frequency[[0, -1]]
+    gain, phase = [], []
+    for k, values in enumerate(gains.T):
+        name = "" if gains.shape[1] == 1 else f" {k + 1}"
+        gain.append(Curve(f"loop gain{name}", BLUE, frequency, np.abs(values)))
+        phase.append(Curve(f"phase{name}", BLUE, frequency, np.degrees(np.unwrap(np.angle(values)))))
+    gain.append(Curve("1", GREY, ends, np.ones(2), dashed=True))
+    phase.append(Curve("−180°", GREY, ends, np.full(2, -180.0), dashed=True))
+    return [
+        Chart("force loop, opened at its reading", "1", tuple(gain), x_label=FREQUENCY, logarithmic=True,
+              logarithmic_x=True),
+        Chart("phase of the force loop", "°", tuple(phase), x_label=FREQUENCY, logarithmic_x=True),
+    ]  # fmt: skip
+
+
+def _opened(loop: ForceLoop, frequency: np.ndarray) -> np.ndarray:
+    """Gains (N, p) of the opened loop as a text book has them: unstable at −1, not at 1."""
+    return -loop.gains(frequency)
+
+
+def force_table_of(loop: ForceLoop) -> str:
+    """CSV of gain and phase of the opened force loop."""
+    frequency = loop.frequencies()
+    gains = _opened(loop, frequency)
+    phases = np.degrees(np.unwrap(np.angle(gains), axis=0))
+    file = io.StringIO()
+    rows = csv.writer(file, lineterminator="\n")
+    names = [""] if gains.shape[1] == 1 else [f" {k + 1}" for k in range(gains.shape[1])]
+    rows.writerow(["frequency [Hz]", *(f"{what}{name}" for name in names for what in ("gain [1]", "phase [deg]"))])
+    for k, at in enumerate(frequency):
+        pairs = np.column_stack([np.abs(gains[k]), phases[k]]).ravel()
+        rows.writerow([f"{value:.6g}" for value in (at, *pairs)])
+    return file.getvalue()
 
 
 def _line(name: str, color: Rgb, frequency: np.ndarray, impedance: np.ndarray, *, dashed: bool = False) -> Curve:

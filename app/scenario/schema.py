@@ -153,6 +153,16 @@ class TruthSection(Section, frozen=True, forbid_unknown_fields=True):
             le=500,
         ),
     ] = 0.0
+    push_sweep_to: Annotated[
+        float,
+        field(
+            "frequency to which a sinusoidal push sweeps while it lasts (a chirp); 0 for one that stays",
+            "Hz",
+            decades("sweeps to", 0.1, 100, zero=True),
+            ge=0,
+            le=500,
+        ),
+    ] = 0.0
 
 
 StatedBound = Annotated[float, Meta(ge=0, le=1e6)] | Text | None

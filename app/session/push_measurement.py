@@ -1,69 +1,169 @@
-"""Measurement of the tool's admittance: whole runs under sinusoidal pushes, with everything that a linear system
-leaves out."""
+"""Measurement of the tool's admittance by pushes on it: runs with everything that a linear system leaves out, from a
+state of a run on.
+
+Each push is run beside the same run without it, and the differences count, so that what moves the tool besides (the end
+of a motion, a moving surface, the sensor's noise) cancels. The reference is held where it is.
+"""
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
+import msgspec
 import numpy as np
 
-from app.scenario.data import from_plain, to_plain
-from app.scenario.schema import Scenario, ScenarioError
+from app.scenario.schema import ScenarioError
+from app.session.headless_run import play
 from app.simulation.closed_loop import ClosedLoop
+from app.simulation.push_response import PushResponse
 from app.simulation.search_memory import Memory
+from app.simulation.state import State, blending
+from app.simulation.system import System, assemble
+from environments.push import TimedPush
 
 SETTLES = 0.5  # s, before the push begins
-LEAD, CYCLES = 1.5, 5  # s under the push before it counts, and whole cycles that count
+LEAD, CYCLES = 1.5, 5  # s under a sine before it counts, and whole cycles that count
+RESTS = 2.0  # s after a chirp, in which the tool comes to rest
 SHORTEST, LONGEST = 4, 60.0  # periods of control in a cycle, and s of a cycle
+NEWTONS = 2.0
 
 
 class Measured(NamedTuple):
-    """Measured admittance at one frequency (Hz), near the one that was asked for.
+    """Measured admittance at one frequency (Hz).
     admittance: (p, p) m/s per N, complex: of the speed along each axis by a push along each."""
 
     frequency: float
     admittance: np.ndarray
 
 
-def measured(
-    scenario: Scenario, directions: np.ndarray, frequency: float, newtons: float = 2.0, memory: Memory | None = None
-) -> Measured:
-    """Admittance along the unit vectors `directions` (p, 3), by a push of `newtons` N. The path is held, the
-    scenario's own push is left away.
+class Chirp(NamedTuple):
+    """A push of which the frequency goes from `low` to `high` (Hz) in so many seconds, and the number of frequencies at
+    which it is evaluated, evenly in the logarithm."""
 
-    Raises ScenarioError, also where a run stops.
-    """
-    h = scenario.controller.period
-    if not 1.0 / LONGEST <= frequency <= 1.0 / (SHORTEST * h):
-        raise ScenarioError(
-            f"--measure {frequency:g}: Hz; allowed: {1.0 / LONGEST:.3g} to {1.0 / (SHORTEST * h):g} Hz with this period"
-        )
-    counted = round(CYCLES / (frequency * h))
-    frequency = CYCLES / (counted * h)
-    lead = round((SETTLES + max(LEAD, 2.0 / frequency)) / h)
-    columns = []
-    for along in directions:
-        run = ClosedLoop(_pushed(scenario, newtons * along, frequency), lead + counted + 2, memory=memory)
-        for _ in range(lead + counted + 1):
-            run.step()
-        if run.stopped:
-            raise ScenarioError(f"--measure {frequency:g}: the run stops: {run.stopped}")
-        rows = run.recording.signals(("t", "tool", "F_push"))
-        last = slice(lead, lead + counted)
-        wave = np.exp(-2j * np.pi * frequency * rows["t"][last])
-        speeds = np.diff(rows["tool"] @ directions.T, axis=0)[last] / h
-        columns.append((speeds.T @ wave) / ((rows["F_push"][last] @ along) @ wave))
-    return Measured(frequency, np.column_stack(columns))
+    low: float = 0.3
+    high: float = 100.0
+    seconds: float = 10.0
+    points: int = 14
 
 
-def _pushed(scenario: Scenario, push: np.ndarray, frequency: float) -> Scenario:
-    data = to_plain(scenario)
-    data["truth"] |= {
-        "push": push.tolist(),
-        "push_start": SETTLES,
-        "push_duration": 36000.0,
-        "push_every": 0.0,
-        "push_frequency": frequency,
-    }
-    data["motion"], data["rotation"], data["shift"], data["blend"] = {"kind": "hold"}, {"kind": "hold"}, {}, {}
-    return from_plain(data)
+class PushExperiment:
+    """Runs from one state on, with a push of `newtons` N along each of the unit vectors `directions` (p, 3)."""
+
+    def __init__(
+        self, state: State, directions: np.ndarray, newtons: float = NEWTONS, memory: Memory | None = None
+    ) -> None:
+        self._state, self._directions, self._newtons = replace(state.copy(), grip=None), directions, newtons
+        self._system, self._h = _holding(state, memory), state.scenario.controller.period
+
+    def sine(self, frequency: float) -> Measured:
+        """Measurement with a sine near this frequency (Hz), of which whole cycles count once it has lasted. Raises
+        ScenarioError, also where a run stops."""
+        self._require("--measure", frequency)
+        counted = round(CYCLES / (frequency * self._h))
+        frequency = CYCLES / (counted * self._h)
+        lead = max(LEAD, 2.0 / frequency)
+        first = round((SETTLES + lead) / self._h)
+        push = TimedPush(np.zeros(3), self._begins, math.inf, frequency=frequency)
+        return self._measured(push, np.array([frequency]), slice(first, first + counted))[0]
+
+    def chirp(self, chirp: Chirp) -> list[Measured]:
+        """Measurement with a chirp, from before its beginning until the tool is at rest again. Raises ScenarioError,
+        also where a run stops."""
+        for frequency in (chirp.low, chirp.high):
+            self._require("--chirp", frequency)
+        if not chirp.low < chirp.high:
+            raise ScenarioError(f"--chirp {chirp.low:g} {chirp.high:g}: Hz; allowed: the lower one first")
+        push = TimedPush(np.zeros(3), self._begins, chirp.seconds, frequency=chirp.low, sweep_to=chirp.high)
+        frequencies = np.geomspace(chirp.low, chirp.high, chirp.points)
+        return self._measured(push, frequencies, slice(round((SETTLES + chirp.seconds + RESTS) / self._h)))
+
+    def _require(self, option: str, frequency: float) -> None:
+        if not 1.0 / LONGEST <= frequency <= 1.0 / (SHORTEST * self._h):
+            raise ScenarioError(
+                f"{option} {frequency:g}: Hz; allowed: {1.0 / LONGEST:.3g} to {1.0 / (SHORTEST * self._h):g} Hz with "
+                "this period"
+            )
+
+    @property
+    def _begins(self) -> float:
+        return self._state.t + SETTLES
+
+    def _measured(self, push: TimedPush, frequencies: np.ndarray, counted: slice) -> list[Measured]:
+        """Admittance at each frequency (N,) Hz, of the rows that count."""
+        still, _ = self._run(push, counted)
+        columns = []
+        for along in self._directions:
+            speeds, force = self._run(push._replace(force=self._newtons * along), counted)
+            wave = np.exp(-2j * np.pi * self._h * np.outer(frequencies, np.arange(len(force))))
+            columns.append((wave @ (speeds - still)) / (wave @ (force @ along))[:, None])
+        return [
+            Measured(float(f), admittance) for f, admittance in zip(frequencies, np.stack(columns, axis=2), strict=True)
+        ]
+
+    def _run(self, push: TimedPush, counted: slice) -> tuple[np.ndarray, np.ndarray]:
+        """Mean speeds along the axes (N, p) m/s in the periods that count, and force (N, 3) N."""
+        loop = ClosedLoop.continuing(replace(self._system, push=push), self._state, counted.stop + 1)
+        play(loop, counted.stop + 1)
+        if loop.stopped:
+            raise ScenarioError(f"the push of {np.linalg.norm(push.force):.3g} N: the run stops: {loop.stopped}")
+        rows = loop.recording.signals(("tool", "F_push"))
+        speeds = np.diff(rows["tool"] @ self._directions.T, axis=0) / self._h
+        return speeds[counted], rows["F_push"][:-1][counted]
+
+
+def _holding(state: State, memory: Memory | None) -> System:
+    """System of the state's scenario, with the model in force, whose reference stays as it is now."""
+    system, t = assemble(state.scenario, memory=memory).with_shift(state.shift), state.t
+    if system.blend is not None and blending(system.blend, t, state.scenario.controller.period):
+        system = replace(system, controller=system.controller.following(system.blend.at(t)))
+    now, forces = system.reference(t), np.zeros(3)
+    forces[: system.m] = now.F_cd[: system.m]
+    plan = system.plan.held(now.r_d, forces)._replace(compliance=system.plan.compliance)
+    return replace(system, plan=plan, blend=None)
+
+
+class _Point(msgspec.Struct, frozen=True):
+    """A `Measured` in a file: the admittance row by row, each entry as its real and its imaginary part."""
+
+    frequency: float
+    admittance: list[list[tuple[float, float]]]
+
+
+def encoded(state: State, directions: np.ndarray, chirp: Chirp) -> bytes:
+    """Measurement with a chirp, for another process; see `decoded`. Raises ScenarioError."""
+    from app.storage.constants_store import kept_memory
+
+    found = PushExperiment(state, directions, memory=kept_memory()).chirp(chirp)
+    points = [
+        _Point(each.frequency, [[(entry.real, entry.imag) for entry in row] for row in each.admittance.tolist()])
+        for each in found
+    ]
+    return msgspec.json.encode(points)
+
+
+def decoded(content: bytes) -> list[Measured]:
+    """Measurement that `encoded` made."""
+    points = msgspec.json.decode(content, type=list[_Point])
+    return [
+        Measured(p.frequency, np.array([[complex(*entry) for entry in row] for row in p.admittance])) for p in points
+    ]
+
+
+def chirp_for(state: State) -> Chirp:
+    """Chirp for the page: as far as this control period allows."""
+    return Chirp(high=min(Chirp().high, 0.2 / state.scenario.controller.period))
+
+
+def told(points: Sequence[Measured], response: PushResponse) -> str:
+    """How far the measured points are from what the sampled loop predicts, in words."""
+    found = np.array([point.admittance for point in points])
+    predicted = response.admittance(np.array([point.frequency for point in points]))
+    apart = np.abs(found - predicted).max(axis=(1, 2)) / np.maximum(np.abs(predicted).max(axis=(1, 2)), 1e-300)
+    worst = int(apart.argmax())
+    return (
+        f"measured: within {100 * apart[worst]:.2g} % of the sampled loop's largest entry at {len(points)} "
+        f"frequencies, farthest at {points[worst].frequency:.3g} Hz"
+    )

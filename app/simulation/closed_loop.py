@@ -153,8 +153,13 @@ class ClosedLoop:
 
         It shares the parts of `previous` that are the same, so the two must not step in different threads.
         """
+        return cls.continuing(assemble(state.scenario, previous, memory).with_shift(state.shift), state, history)
+
+    @classmethod
+    def continuing(cls, system: System, state: State, history: int = HISTORY) -> ClosedLoop:
+        """Run of a system that is built already from a copy of a state on: `resume`, also for a system that no scenario
+        says, such as one whose reference is held."""
         loop = object.__new__(cls)
-        system = assemble(state.scenario, previous, memory).with_shift(state.shift)
         loop.recording = Recording(system.layout.n, history)
         loop._bind(system, state.copy())
         loop.recording.epochs.append(state.epoch)

@@ -94,10 +94,15 @@ def _factors(path: str, given: float | tuple[float, ...], n: int, of: str) -> np
 
 
 def push_of(scenario: Scenario) -> TimedPush:
-    """The push by the clock."""
+    """The push by the clock. Raises ScenarioError."""
     t = scenario.truth
+    if t.push_sweep_to > 0.0 and t.push_frequency == 0.0:
+        raise ScenarioError(
+            f"truth.push_sweep_to: {t.push_sweep_to:g} Hz without a frequency to begin with; allowed: 0, or with a "
+            "truth.push_frequency above 0"
+        )
     times = t.push_start, t.push_duration, t.push_every, t.push_frequency
-    return TimedPush(np.array(t.push), *times, np.array(t.push_moment))
+    return TimedPush(np.array(t.push), *times, np.array(t.push_moment), t.push_sweep_to)
 
 
 def _torque_limit(given: float | tuple[float, ...], robot: robots.Robot) -> np.ndarray:

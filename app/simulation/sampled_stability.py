@@ -19,6 +19,7 @@ from scipy.optimize import linear_sum_assignment
 
 from app.simulation.controlled_arm import ControlledArm
 from app.simulation.environment_builder import SOFTEST, face_axes
+from app.simulation.force_margin import ForceLoop
 from app.simulation.push_response import PushResponse
 from app.simulation.signals import Row
 from app.simulation.state import State, observed
@@ -91,13 +92,16 @@ class SampledLoop:
     sampled: (k,) 1/s, the pole of the sampled loop for each of them, none where nothing is judged.
     force_factor: factor of one sample on an error in the force of a rigid or heavy surface, nan without one.
     premises: values of those about sampled loops, nan where one does not apply, none of them where J_q is singular.
-    response: of the tool to a push; None where nothing is judged."""
+    response: of the tool to a push; None where nothing is judged.
+    force_loop: the loop through the reading of the force; None where nothing is judged, or no force is read that the
+    arm's own motion or torque changes."""
 
     model: np.ndarray
     sampled: np.ndarray
     force_factor: float
     premises: Mapping[Premise, float]
     response: PushResponse | None = None
+    force_loop: ForceLoop | None = None
 
 
 @dataclass(frozen=True)
@@ -145,14 +149,16 @@ class SampledLoops:
         try:
             at = Posture.of(system, q, t)
             factor, (given_back, added) = force_factor(system, at), gain_by_force(system, at)
-            model, sampled, growth, response = NO_POLES, NO_POLES, math.nan, None
+            model, sampled, growth, response, force_loop = NO_POLES, NO_POLES, math.nan, None, None
             if _judged(system):
                 around_rest = self._map(at, touching=True)
-                A = around_rest.jacobian()
+                A, C = around_rest.linearised()
                 model, sampled, growth = _poles(system, at, A)
                 if not system.mode.on_surface and system.plant.kind.touches:  # where the arm may leave the surface
                     growth = max(growth, _growth(self._map(at, touching=False).jacobian()))
                 response = _push_response(system, at, A, around_rest.by_push())
+                if _reads_contact(system):
+                    force_loop = ForceLoop(system.scenario.controller.period, A, around_rest.by_reading(), C)
         except (ValueError, np.linalg.LinAlgError):  # J_q is singular: `Premise.REGULAR` says so
             return SampledLoop(NO_POLES, NO_POLES, math.nan, {})
         premises = {
@@ -160,7 +166,7 @@ class SampledLoops:
             Premise.GAIN_BY_FORCE: given_back,
             Premise.SAMPLED_LOOP: growth - ROUNDING,
         }
-        return SampledLoop(model, sampled, factor, premises, response)
+        return SampledLoop(model, sampled, factor, premises, response, force_loop)
 
     def _map(self, at: Posture, *, touching: bool) -> PeriodMap:
         known = self._maps.get(touching)
@@ -200,6 +206,12 @@ def _judged(system: System) -> bool:
     return not chatters and system.sensor.late <= LONGEST_LINE
 
 
+def _reads_contact(system: System) -> bool:
+    """Whether the law takes a reading of the contact's force that sampling has come between."""
+    kind, ideal = system.plant.kind, system.scenario.sensor.ideal
+    return kind.touches and system.controller.law.feels_force and not (kind.heavy and ideal)
+
+
 def period_matrix(system: System, at: Posture, *, touching: bool = True) -> np.ndarray:
     """Jacobian (k, k) of one control period at rest, by central differences of the period itself."""
     return PeriodMap(system, at, touching=touching).jacobian()
@@ -227,6 +239,7 @@ class PeriodMap:
         self._state = state = State.at(still, at.q, np.zeros_like(at.q), at.t)
         self._arm, self._row = ControlledArm(still, state), Record.zeros(Row, system.layout.n).data
         self._push[:] = 0.0
+        self._added, self._reading = np.zeros(6), np.zeros(6)
         self._blank, controller = state.evaluation.copy().data, system.controller
         self._parts = [state.arm.views.q, state.arm.views.q_dot]
         if controller.law.robust:
@@ -294,17 +307,37 @@ class PeriodMap:
         readings = vector.reshape(-1, self._felt)
         state.reader.recall(np.pad(readings, ((0, 0), (0, 6 - self._felt))))
         self._still.plant.find_load(state.arm, state.t)
-        arm.control(arm.measure(), self._row)
+        self._reading = arm.measure() + self._added
+        arm.control(self._reading, self._row)
         arm.move()
         arm.complete(self._row)
         return self._vector()
 
     def jacobian(self) -> np.ndarray:
         """Jacobian (k, k) of the period, by central differences."""
-        changes = []
+        return self.linearised()[0]
+
+    def linearised(self) -> tuple[np.ndarray, np.ndarray]:
+        """Jacobian (k, k) of the period, and that of the sensor's reading in it (r, k)."""
+        changes, readings = [], []
         for way, step in zip(self._ways, self._steps, strict=True):
             change = step * way
-            changes.append((self._after(self._base + change) - self._after(self._base - change)) / (2.0 * step))
+            ahead, read_ahead = self._after(self._base + change), self._reading
+            behind, read_behind = self._after(self._base - change), self._reading
+            changes.append((ahead - behind) / (2.0 * step))
+            readings.append((read_ahead - read_behind)[: self._felt] / (2.0 * step))
+        return self._gather @ np.column_stack(changes), np.column_stack(readings)
+
+    def by_reading(self) -> np.ndarray:
+        """Change (k, r) of the state after the period per N (N m) that is added to the reading."""
+        changes = []
+        for entry in range(self._felt):
+            after = []
+            for sign in (1.0, -1.0):
+                self._added[entry] = sign * FORCE_STEP
+                after.append(self._after(self._base))
+            self._added[entry] = 0.0
+            changes.append((after[0] - after[1]) / (2.0 * FORCE_STEP))
         return self._gather @ np.column_stack(changes)
 
     def by_push(self) -> np.ndarray:

@@ -200,3 +200,25 @@ def test_a_pole_dragged_on_the_map_is_previewed_then_applied_and_esc_leaves_it(s
     zeta = np.diag(now["B_m"])[changed] / (2.0 * np.sqrt(10.0 * np.diag(now["K_m"])[changed]))
     assert (zeta < 0.9).all()  # it was critically damped, and has left the real axis
     assert session.now.phase == "running"
+
+
+def test_a_push_measures_the_impedance_beside_the_running_loop(session: Session):
+    """Dots appear over the lines, and go with the next change of the scenario."""
+    session.tab("Model")
+    page = session.page
+    page.get_by_text("force loop, delay margin").wait_for()  # the force loop's margins
+    before = session.now
+    page.get_by_role("button", name="Measure with a push").click()
+    page.locator("circle.measured").first.wait_for()
+    page.get_by_text("dots: a chirp of 2 N").wait_for()
+    assert session.now.revision == before.revision
+    with page.expect_download() as download:
+        page.get_by_role("radio", name="CSV", exact=True).or_(
+            page.get_by_role("button", name="CSV", exact=True)
+        ).click()
+    with open(download.value.path(), encoding="utf-8") as file:
+        assert sum(line.startswith("measured,") for line in file) == 14
+    session.choose("Edit by", "ω and ζ per axis")
+    enter(session, "ω ψ₁", "30")
+    page.locator("circle.measured").first.wait_for(state="detached")
+    session.choose("Edit by", "diagonals")

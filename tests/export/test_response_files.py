@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import re
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +14,7 @@ from app.dashboard.widgets.impedance_map import impedance_html
 from app.export.figures import render
 from app.export.response_files import figure_of
 from app.scenario.data import from_plain, load, to_plain, to_toml
+from app.session.push_measurement import Measured
 from app.simulation.sampled_stability import sampled_loop
 from app.simulation.system import assemble
 
@@ -31,9 +33,11 @@ def known(tmp_path: Path) -> Path:
 def test_the_table_has_target_sampled_loop_and_measured_points(
     known: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert execute(["response", str(known), "--out", str(tmp_path / "out"), "--measure", "4"]) == 0
+    assert execute(["response", str(known), "--out", str(tmp_path / "out"), "--measure", "4", "--chirp", "1", "9"]) == 0
     said = capsys.readouterr().out
     assert "along x: within 10% of the target's impedance up to" in said
+    assert "measured: within " in said
+    assert "force loop" not in said
     assert "poles of the target model at 9.35 1/s, damping 0.802" in said  # sqrt(700 / 8), 120 / (2 sqrt(700 8))
     with (tmp_path / "out" / "response.csv").open(encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
@@ -45,10 +49,31 @@ def test_the_table_has_target_sampled_loop_and_measured_points(
             assert float(row["impedance [N·s/m] along x"]) == pytest.approx(abs(wanted), rel=near)
             assert float(row["phase [deg] along x"]) == pytest.approx(np.angle(wanted, deg=True), abs=90.0 * near)
     assert {row["kind"] for row in rows} == {"target", "sampled", "measured"}
+    assert sum(row["kind"] == "measured" for row in rows) == 15  # the sine's and 14 of the chirp
     assert [row["passive"] for row in rows if row["kind"] == "target"] == ["yes"] * 200
     svg = (tmp_path / "out" / "response.svg").read_text(encoding="utf-8")
     assert "impedance along" in svg
     assert "poles, imaginary over real part" in svg
+
+
+def test_the_force_loop_has_its_margins_and_a_table_of_gain_and_phase(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """At the crossing that is told the gain is 1, and the phase is the margin away from -180 degrees."""
+    assert execute(["response", "ur5-hybrid", "--out", str(tmp_path)]) == 0
+    said = r"gain margin (\S+), phase margin (\S+)°, delay margin (\S+) ms \(\S+ periods, at (\S+) Hz\)"
+    told = re.search(f"force loop: {said}", capsys.readouterr().out)
+    assert told is not None
+    gain, phase, late, crossing = map(float, told.groups())
+    assert phase == pytest.approx(0.36 * late * crossing, rel=0.01)
+    with (tmp_path / "force_loop.csv").open(encoding="utf-8") as file:
+        rows = np.array([[float(cell) for cell in row] for row in list(csv.reader(file))[1:]])
+    frequency, size, angle = rows.T
+    assert np.interp(crossing, frequency, size) == pytest.approx(1.0, rel=0.02)
+    assert np.interp(crossing, frequency, angle) == pytest.approx(phase - 180.0, abs=1.0)
+    at = np.flatnonzero((angle[1:] < -180.0) & (angle[:-1] >= -180.0))[0]
+    assert size[at + 1] < 1.0 / gain < size[at]
+    assert "phase of the force loop" in (tmp_path / "response.svg").read_text(encoding="utf-8")
 
 
 @pytest.mark.parametrize(
@@ -57,6 +82,11 @@ def test_the_table_has_target_sampled_loop_and_measured_points(
         (("ur5-motion", "--at", "-1"), "--at -1: allowed: 0 s or more"),
         (("ur5-motion", "--newtons", "0"), "--newtons 0: allowed: more than 0 N"),
         (("ur5-motion", "--measure", "400"), "--measure 400: Hz; allowed: 0.0167 to 250 Hz with this period"),
+        (("ur5-motion", "--chirp", "9", "2"), "--chirp 9 2: Hz; allowed: the lower one first"),
+        (
+            ("ur5-motion", "--set", "truth.push_sweep_to=9"),
+            "truth.push_sweep_to: 9 Hz without a frequency to begin with",
+        ),
         (("ur5-motion-discontinuous",), "response: ur5-motion-discontinuous has none: the law chatters"),
     ],
 )
@@ -79,8 +109,11 @@ def test_the_page_draws_a_line_for_each_axis_that_yields_and_says_where_the_mode
     loop = sampled_loop(system, system.q_0, 0.0)
     response = loop.response
     assert response is not None
-    html = impedance_html(response)
+    admittance = response.admittance(np.array([2.0]))[0]
+    html = impedance_html(response, [Measured(2.0, admittance)], "measured <here>")
     assert "nan" not in html
+    assert "measured &lt;here&gt;" in html
+    assert html.count("<title>measured along") == lines
     assert html.count("<title>sampled loop along") == lines
     assert ("<svg" in html) == (lines > 0)
     assert "the target model feels no force, and the arm " in html

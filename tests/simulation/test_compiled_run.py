@@ -18,6 +18,7 @@ from environments.push import Grip
 from tests.support.same_rows import require_same_rows
 
 PERIODS, MANY = (70, 20, 60), (700, 300, 7000)  # compiled, by steps, and compiled again
+CHIRP = {"truth.push_frequency": 30.0, "truth.push_sweep_to": 90.0}
 TWIST = {"truth.push_moment": [1.0, -2.0, 1.5]}
 PUSH = {"truth.push": [0.0, 30.0, 5.0], "truth.push_start": 0.03, "truth.push_duration": 0.02, "truth.push_every": 0.05}
 SENSOR = {"sensor.noise": 0.5, "sensor.bias": [1.0, 2.0, 3.0], "sensor.delay": 0.003, "sensor.cutoff": 100.0}
@@ -42,7 +43,7 @@ CHANGES: dict[str, dict[str, object]] = {
     "delay": {"sensor.delay": 0.003},
     "low-pass": {"sensor.cutoff": 100.0, "sensor.bias": [1.0, 2.0, 3.0]},
     "ur5-impedance: pushed, noisy, late": PUSH | SENSOR,
-    "ur5-impedance-6d: twisted, noisy, late": PUSH | TWIST | SENSOR | MOMENTS,
+    "ur5-impedance-6d: twisted, noisy, late": PUSH | CHIRP | TWIST | SENSOR | MOMENTS,
     "heavy, pushed and twisted": HEAVY | PUSH | TWIST | MOMENTS,
     "along the reference": {"controller.estimates": "along-reference", "controller.law": "vsmrc"},
     "computed torque": {"controller.law": "computed-torque"},

@@ -7,10 +7,13 @@ import pytest
 
 from app.scenario.data import edited, from_plain, load, to_plain
 from app.scenario.schema import Scenario
+from app.session.push_measurement import Chirp, PushExperiment
 from app.simulation.closed_loop import ClosedLoop
+from app.simulation.force_margin import ForceLoop
 from app.simulation.push_response import PushResponse, along_axes, largest_and_smallest, passive
-from app.simulation.sampled_stability import sampled_loop
-from app.simulation.system import assemble
+from app.simulation.sampled_stability import Posture, period_matrix, sampled_loop
+from app.simulation.system import System, assemble
+from environments.push import TimedPush
 
 
 def known_arm(**controller: object) -> Scenario:
@@ -60,31 +63,117 @@ def test_a_sinusoidal_push_on_the_whole_simulation_meets_the_predicted_admittanc
     data["truth"] |= {"push": [0.0, 0.0, 0.0], "coulomb": 0.0}
     data["contact"] |= {"friction_coulomb": 0.0, "unilateral": False}  # kinks, which no linear system has
     data["shift"] = {}
-    base = from_plain(data)
-    loop = ClosedLoop(base)
+    loop = ClosedLoop(from_plain(data))
     for _ in range(500):  # the force has settled
         loop.step()
     found = sampled_loop(loop.system, loop.state.arm.views.q.copy(), loop.t).response
     assert found is not None
-    frequency, h = 5.0, loop.period
     axes = found.directions
     assert axes @ axes.T == pytest.approx(np.eye(len(axes)))
-    predicted = found.admittance(np.array([frequency]))[0]
-    for column, along in enumerate(axes):
-        pushed = to_plain(base)
-        pushed["truth"] |= {
-            "push": (2.0 * along).tolist(), "push_start": 0.5, "push_duration": 60.0, "push_frequency": frequency,
-        }  # fmt: skip
-        run = ClosedLoop(from_plain(pushed))
-        for _ in range(2701):
-            run.step()
-        rows = run.recording.signals(("t", "tool", "F_push"))
-        last = slice(2700 - 1000, 2700)  # five whole cycles
-        wave = np.exp(-2j * np.pi * frequency * rows["t"][last])
-        force = (rows["F_push"][last] @ along) @ wave
-        speeds = np.diff(rows["tool"] @ axes.T, axis=0)[last] / h
-        measured = (speeds.T @ wave) / force
-        np.testing.assert_allclose(measured, predicted[:, column], atol=0.02 * np.abs(predicted).max())
+    measured = PushExperiment(loop.state, axes).sine(5.0)
+    predicted = found.admittance(np.array([measured.frequency]))[0]
+    np.testing.assert_allclose(measured.admittance, predicted, atol=0.02 * np.abs(predicted).max())
+
+
+def test_a_chirp_measures_mass_damper_and_spring_in_the_midst_of_a_motion() -> None:
+    """The tool is on its way when the push begins, and the sensor is noisy: both cancel."""
+    data = to_plain(known_arm())
+    data["motion"] = {"kind": "circle", "radius": 0.05, "period": 3.0}
+    data["sensor"] = {"noise": 0.2}
+    loop = ClosedLoop(from_plain(data))
+    for _ in range(300):
+        loop.step()
+    assert np.linalg.norm(loop.recording.at(loop.t)["r_dot"]) > 0.01
+    points = PushExperiment(loop.state, np.eye(3)).chirp(Chirp(low=0.3, high=40.0, seconds=6.0, points=9))
+    frequency = np.array([point.frequency for point in points])
+    assert frequency[[0, -1]] == pytest.approx([0.3, 40.0])
+    s = 2j * np.pi * frequency
+    expected = (s / (8.0 * s**2 + 120.0 * s + 700.0))[:, None, None] * np.eye(3)
+    admittance = np.array([point.admittance for point in points])
+    apart = np.abs(admittance - expected).max(axis=(1, 2)) / np.abs(s / (8.0 * s**2 + 120.0 * s + 700.0))
+    assert apart.max() < 0.01
+    sampled = sampled_loop(loop.system, loop.state.arm.views.q.copy(), loop.t).response
+    assert sampled is not None
+    predicted = sampled.admittance(frequency)
+    scale = np.abs(predicted).max(axis=(1, 2))[:, None, None]
+    np.testing.assert_allclose(admittance / scale, predicted / scale, atol=0.001)
+
+
+def test_a_chirp_goes_evenly_in_the_logarithm_from_one_frequency_to_the_other() -> None:
+    """Counted by its zeros: in every half of an octave as many seconds."""
+    push = TimedPush(np.array([2.0, 0.0, 0.0]), 1.0, 4.0, frequency=4.0, sweep_to=64.0)
+    t = np.arange(1.0, 5.0, 1e-5)
+    force = np.array([push.at(each)[0] for each in t])  # pyright: ignore[reportOptionalSubscript]
+    assert push.at(5.0) is None
+    assert np.abs(force).max() == pytest.approx(2.0, rel=1e-6)
+    zeros = t[:-1][np.diff(np.signbit(force).astype(int)) != 0]
+    frequency, middle = 0.5 / np.diff(zeros), 0.5 * (zeros[1:] + zeros[:-1])
+    assert np.log2(frequency) == pytest.approx(2.0 + (middle - 1.0), abs=0.01)
+
+
+def pressing(period: float, **sensor: float) -> Scenario:
+    """An arm that the controller knows exactly, pressing on an elastic plane, with a linear robust term."""
+    data = to_plain(edited(load("ur5-hybrid"), "motion", "hold"))
+    data["truth"], data["declared"] = {}, {}
+    data["contact"] |= {"friction_coulomb": 0.0, "friction_viscous": 0.0, "B_e": 0.0, "K_e": 9000.0}
+    data["controller"] |= {"period": period, "gain": "constant", "d": 5.0, "A": -3.0}
+    data["target_model"] = {
+        "M_m": [5.0] * 6,
+        "B_m": [400.0, *[200.0] * 5],
+        "K_m": [0.0, *[900.0] * 5],
+        "K_f": [1.0, *[0.0] * 5],
+    }
+    data["sensor"] = dict(sensor)
+    return from_plain(data)
+
+
+def force_loop_of(scenario: Scenario) -> tuple[ForceLoop, System, Posture]:
+    system = assemble(scenario)
+    found = sampled_loop(system, system.q_0, 0.0).force_loop
+    assert found is not None
+    return found, system, Posture.of(system, system.q_0, 0.0)
+
+
+def opened_in_continuous_time(system: System, at: Posture, s: complex) -> complex:
+    """Loop gain by (8), (10), (15) and (32): a reading u in place of the force K_e a^T e leaves a (u - K_e a^T e) to
+    the robust term, so that s is not zero, and M_m (s - A) s is left in (8)."""
+    controller, model = system.controller, system.controller.model
+    a, K_e = at.across, system.plant.contact.K_e
+    robust = controller.K_s + np.eye(len(at.q)) * controller.d / controller.layer
+    left = model.M_m @ (s * np.eye(len(at.q)) - controller.compensator.A) @ np.linalg.solve(s * at.H_hat + robust, a)
+    model_s = model.M_m * s**2 + model.B_m * s + model.K_m
+    e = np.linalg.solve(model_s + K_e * left @ a.T, left - model.K_f @ a)
+    return complex(K_e * (a.T @ e)[0, 0])
+
+
+def test_the_opened_force_loop_is_that_of_the_equations_as_sampling_becomes_fine() -> None:
+    frequency, apart = np.array([0.5, 2.0, 8.0, 20.0]), []
+    for period in (0.001, 0.0005):
+        loop, system, at = force_loop_of(pressing(period))
+        expected = np.array([opened_in_continuous_time(system, at, 2j * np.pi * f) for f in frequency])
+        found = loop.gains(frequency)
+        assert found.shape == (4, 1)  # along the normal only
+        apart.append(np.abs(found[:, 0] / expected - 1.0))
+    assert apart[1] / apart[0] == pytest.approx(0.5, abs=0.06)
+    assert apart[1].max() < 0.05
+
+
+def test_margins_of_the_force_loop_are_where_it_becomes_unstable() -> None:
+    """The delay margin against loops whose sensor is late, and phase against the crossing of the opened loop."""
+    loop, _, _ = force_loop_of(pressing(0.001))
+    margins = loop.margins
+    assert margins is not None
+    assert loop.growth(0.999 * margins.high) < 1.0 < loop.growth(1.001 * margins.high)
+    assert margins.low == 0.0
+    periods = margins.delay / 0.001
+    assert 3.0 < periods < 90.0
+    for late in (int(periods), int(periods) + 1):
+        system = assemble(pressing(0.001, delay=0.001 * late))
+        growth = np.abs(np.linalg.eigvals(period_matrix(system, Posture.of(system, system.q_0, 0.0)))).max()
+        assert (growth > 1.0 + 1e-6) == (late > periods)
+    value = loop.gains(np.array([margins.crossing]))[0, 0]
+    assert abs(value) == pytest.approx(1.0, abs=1e-6)
+    assert margins.phase == pytest.approx(2.0 * np.pi * margins.crossing * margins.delay, rel=1e-9)
 
 
 def test_the_tool_yields_to_a_steady_push_as_mass_damper_and_spring() -> None:

@@ -11,7 +11,7 @@ import viser
 
 from app.dashboard.widgets.controls import Desk, Number, Place, Scale, decades
 from app.dashboard.widgets.equation import is_fixed, symbol
-from app.dashboard.widgets.impedance_map import impedance_html
+from app.dashboard.widgets.impedance_view import ImpedanceView
 from app.dashboard.widgets.matrix_editor import MatrixEditor
 from app.dashboard.widgets.matrix_text import written
 from app.dashboard.widgets.model_checks import checks_html, loops_html
@@ -21,7 +21,6 @@ from app.scenario.schema import Scenario
 from app.scenario.units import JOINT
 from app.session.commands import Edit
 from app.session.snapshot import Snapshot
-from app.simulation.push_response import PushResponse
 
 
 @dataclass(frozen=True)
@@ -60,8 +59,7 @@ class ModelPanel:
             with self._folders[title]:
                 self._views[title] = view()
         self._checks, self._poles, self._loops = gui.add_html(""), PoleDrag(desk), gui.add_html("")
-        self._impedance = gui.add_html("")
-        self._response: PushResponse | None = None
+        self._impedance = ImpedanceView(desk)
         self._checked: tuple[Scenario, float | None, Edit | None] | None = None
 
     async def _on_choice(self, event: viser.GuiEvent) -> None:
@@ -80,9 +78,7 @@ class ModelPanel:
             self._checked = of
             self._checks.content = checks_html(snapshot, edit)
         self._loops.content = loops_html(snapshot)
-        if (response := snapshot.sampled.response) is not self._response:
-            self._response = response
-            self._impedance.content = "" if response is None else impedance_html(response)
+        self._impedance.show(snapshot)
 
     def _asked(self, snapshot: Snapshot) -> Edit | None:
         """Edit of the model that a held slider or a draft asks for."""

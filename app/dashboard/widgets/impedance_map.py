@@ -4,6 +4,7 @@ decades."""
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from html import escape
 
 import numpy as np
@@ -11,6 +12,7 @@ import numpy as np
 from app.dashboard.theme.colors import SERIES, css
 from app.dashboard.widgets.equation import symbol
 from app.export.response_files import told
+from app.session.push_measurement import Measured
 from app.simulation.push_response import LOWEST, PushResponse, along_axes, passive
 
 _SIZE = (336, 172)
@@ -19,13 +21,14 @@ _POINTS = 70
 _TALLEST = 6  # decades of impedance, upwards from the least
 
 
-def impedance_html(response: PushResponse) -> str:
-    """Picture with a dashed line for the target and a solid one for the sampled loop along each axis, hatched where the
-    loop is not passive; below it, what it says in words. Words alone where no push moves the tool."""
+def impedance_html(response: PushResponse, points: Sequence[Measured] = (), measured: str = "") -> str:
+    """Picture with a dashed line for the target and a solid one for the sampled loop along each axis, a dot for each
+    measured point, hatched where the loop is not passive; below it, what it says in words, also of the points. Words
+    alone where no push moves the tool."""
     frequency = response.frequencies(_POINTS)
     sampled, target = response.admittance(frequency), response.target(frequency)
     lines = [along_axes(sampled), along_axes(target)]
-    said = "<br>".join(escape(line) for line in told(response))
+    said = "<br>".join(escape(line) for line in (*told(response), *([measured] if measured else [])))
     known = np.concatenate([line[np.isfinite(line)] for line in lines])
     if not known.size:
         return f'<div class="vs-checks"><div class="vs-note">A push on the tool:<br>{said}</div></div>'
@@ -46,6 +49,7 @@ def impedance_html(response: PushResponse) -> str:
             for axis, name in enumerate(response.axes)
             if (path := _path(frequency, line[:, axis], low, high, response))
         ),
+        *_dots(points, low, high, response),
         f'<text x="{_LEFT}" y="11">impedance [N·s/m]</text>',
         f'<text x="{_RIGHT}" y="{_SIZE[1] - 4}" text-anchor="end">f [Hz]</text>',
     ]
@@ -78,6 +82,21 @@ def _path(frequency: np.ndarray, impedance: np.ndarray, low: int, high: int, res
             path.append(f"{pen} {_x(f, response):.1f} {_y(z, low, high):.1f}")
         pen = "L" if drawn else "M"
     return " ".join(path)
+
+
+def _dots(points: Sequence[Measured], low: int, high: int, response: PushResponse) -> list[str]:
+    """Dots of the measured points inside the frame."""
+    if not points:
+        return []
+    impedance = along_axes(np.array([point.admittance for point in points]))
+    inside = np.isfinite(impedance) & (impedance <= 10.0**high) & (impedance >= 10.0**low)
+    return [
+        f'<circle class="measured" cx="{_x(points[k].frequency, response):.1f}" '
+        f'cy="{_y(float(impedance[k, axis]), low, high):.1f}" r="2.6" fill="none" stroke="{css(SERIES[axis])}">'
+        f"<title>measured along {escape(response.axes[axis])}: {impedance[k, axis]:.3g} N·s/m at "
+        f"{points[k].frequency:.3g} Hz</title></circle>"
+        for k, axis in np.argwhere(inside)
+    ]
 
 
 def _hatched(frequency: np.ndarray, does: np.ndarray, response: PushResponse) -> list[str]:

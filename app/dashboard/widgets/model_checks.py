@@ -20,6 +20,7 @@ from app.scenario.schema import Scenario, ScenarioError
 from app.session.commands import Edit
 from app.session.snapshot import Snapshot
 from app.simulation.controller_builder import believed_stiffness, mode_of, surfaces_met, target_model
+from app.simulation.force_margin import ForceLoop, in_words
 from app.simulation.sampled_stability import oscillations
 from controllers.blend import BlendCertificate, certify
 from controllers.target_model import InvalidGain, TargetModel
@@ -145,8 +146,18 @@ def loops_html(snapshot: Snapshot) -> str:
         rows.append(("sampled force loop, |factor| &lt; 1", judged(factor, low=-1.0, high=1.0)))
     if math.isfinite(factor := live.get("layer_loop_factor", math.nan)):
         rows.append(("boundary layer, loop factor &lt; 2", judged(factor, high=2.0)))
+    rows += _margins(snapshot.sampled.force_loop)
     body = "".join(f"<tr><td>{what}</td><td>{value}</td></tr>" for what, value in rows)
     return (f'<table class="vs-facts">{body}</table>' if rows else "") + _sampled_poles(snapshot)
+
+
+def _margins(loop: ForceLoop | None) -> list[tuple[str, str]]:
+    """Rows of the force loop's margins, where there is one."""
+    if loop is None:
+        return []
+    if loop.margins is None:
+        return [("force loop", chip("not stable as it is, so without margins", "vs-bad"))]
+    return [(f"force loop, {name} margin", escape(words)) for name, words in in_words(loop.margins, loop.period)]
 
 
 def _sampled_poles(snapshot: Snapshot) -> str:

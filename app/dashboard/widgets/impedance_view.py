@@ -1,0 +1,127 @@
+"""Impedance on the page: its picture, the points that a push measures beside the loop, and both as files."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import viser
+
+from app.dashboard.transport.callback_errors import guarded
+from app.dashboard.widgets.controls import Desk
+from app.dashboard.widgets.file_delivery import FileDelivery
+from app.dashboard.widgets.impedance_map import impedance_html
+from app.export.export_jobs import ExportError, FigureJob, MadeJob, file_name
+from app.export.formats import Format
+from app.export.response_files import figure_of, force_table_of, table_of
+from app.scenario.caption import title_of
+from app.scenario.data import shipped
+from app.scenario.schema import Scenario
+from app.session import push_measurement
+from app.session.push_measurement import Measured, chirp_for, decoded, encoded
+from app.session.snapshot import Snapshot
+from app.simulation.push_response import PushResponse
+from app.simulation.sampled_stability import SampledLoop
+from app.storage.recording_files import Tell
+
+FIGURES: dict[str, Format] = {"SVG": "svg", "PDF": "pdf", "PNG": "png"}
+RESPONSE, FORCE_LOOP = "CSV", "CSV, force loop"
+
+
+@dataclass(frozen=True)
+class _Measurement:
+    """What a push has measured: the scenario and the instant (s) at which it began, and the loop and response that were
+    predicted there."""
+
+    scenario: Scenario
+    t: float
+    loop: SampledLoop
+    points: Sequence[Measured]
+
+    def told(self, response: PushResponse) -> str:
+        """Words below the picture."""
+        told = push_measurement.told(self.points, response)
+        return f"dots: a chirp of {push_measurement.NEWTONS:g} N from t = {self.t:.2f} s on; {told}"
+
+
+class ImpedanceView:
+    """Picture of the impedance with its buttons, in the current container."""
+
+    def __init__(self, desk: Desk) -> None:
+        self._desk, gui = desk, desk.gui
+        self._html = gui.add_html("")
+        hint = "A push of 2 N that sweeps over the frequencies, along each axis, on copies of this run beside it."
+        self._button = gui.add_button("Measure with a push", color="gray", visible=False, hint=hint)
+        self._files = gui.add_button_group(
+            "This response", (*FIGURES, RESPONSE, FORCE_LOOP), visible=False, hint="With measured points, if any."
+        )
+        self._busy, self._delivery = threading.Lock(), FileDelivery()
+        self._measurement: _Measurement | None = None
+        self._drawn: tuple[PushResponse | None, _Measurement | None] = (None, None)
+        self._button.on_click(guarded(self._on_button, desk.complain))
+        self._files.on_click(guarded(self._on_file, desk.complain))
+
+    def _on_button(self, _: object) -> None:
+        """In a thread of viser's pool that may wait for the measurement."""
+        snapshot = self._desk.snapshot()
+        loop, state = snapshot.sampled, snapshot.state
+        if loop.response is None or not self._busy.acquire(blocking=False):
+            return
+        try:
+            job = MadeJob(encoded, (state, loop.response.directions, chirp_for(state)))
+            points = decoded(self._desk.export_jobs.made(job, lambda _: None))
+            self._measurement = _Measurement(snapshot.scenario, state.t, loop, points)
+        except (ExportError, OSError) as error:
+            self._desk.complain(f"the impedance could not be measured: {error}")
+        finally:
+            self._busy.release()
+
+    def _on_file(self, event: viser.GuiEvent[viser.GuiButtonGroupHandle]) -> None:
+        """In a thread of viser's pool that may wait for the file."""
+        snapshot, chosen = self._desk.snapshot(), event.target.value
+        measurement = self._of(snapshot)
+        loop, t = (snapshot.sampled, snapshot.t) if measurement is None else (measurement.loop, measurement.t)
+        points = () if measurement is None else measurement.points
+        if loop.response is None:
+            return
+        title = title_of(snapshot.scenario, shipped().get(snapshot.scenario.name)).text
+        figure = figure_of(loop, loop.response, points, f"{title}, at t = {t:.3g} s.")
+        what, table = "response", table_of(loop.response, points)
+        if chosen == FORCE_LOOP:
+            if loop.force_loop is None:
+                self._desk.complain("CSV, force loop: the law reads no force that sampling comes between; allowed: CSV")
+                return
+            what, table = "force-loop", force_table_of(loop.force_loop)
+        name = file_name(f"{snapshot.scenario.name}-{what}", t, FIGURES.get(chosen, "csv"))
+
+        def make(tell: Tell) -> bytes:
+            if chosen in FIGURES:
+                return self._desk.export_jobs.made(FigureJob(figure, FIGURES[chosen]), tell)
+            return table.encode()
+
+        self._delivery.give(event, "Response", name, make)
+
+    def _of(self, snapshot: Snapshot) -> _Measurement | None:
+        """Measurement, as long as nothing has been changed since."""
+        found = self._measurement
+        return found if found is not None and found.scenario == snapshot.scenario else None
+
+    def show(self, snapshot: Snapshot) -> None:
+        measurement = self._of(snapshot)
+        response = snapshot.sampled.response if measurement is None else measurement.loop.response
+        for handle in (self._button, self._files):
+            if handle.visible != (response is not None):
+                handle.visible = response is not None
+        label = "Measuring …" if self._busy.locked() else "Measure with a push"
+        if self._button.label != label:
+            self._button.label = label
+        if self._drawn[0] is response and self._drawn[1] is measurement:
+            return
+        self._drawn = response, measurement
+        if response is None:
+            self._html.content = ""
+        elif measurement is None:
+            self._html.content = impedance_html(response)
+        else:
+            self._html.content = impedance_html(response, measurement.points, measurement.told(response))
