@@ -16,6 +16,7 @@ from environments.robots import CATALOGUE
 
 _LAW = ("A", "F_1", "F_2", "K_s")
 _MODEL_UNITS = {"M_m": " kg", "B_m": " N·s/m", "K_m": " N/m", "K_f": ""}
+_JOINT_UNITS = {"M_m": " kg·m²", "B_m": " N·m·s/rad", "K_m": " N·m/rad", "K_f": ""}
 _ELSEWHERE = ("name", "title", "mode", "robot", "target_model", "controller", "simulation")
 _IN_FULL = ("motion", "force")  # of these, and of springs, defaults that are not zero are listed, too
 
@@ -56,11 +57,10 @@ def caption(
     t_from, t_to: s."""
     arm = scenario.robot.urdf or scenario.robot.name
     title = title_of(scenario, shipped().get(scenario.name))
-    matrices = ", ".join(f"{name} = {_matrix(model[name])}{unit}" for name, unit in _MODEL_UNITS.items())
     sentences = [
         f"{title.text} ({scenario.name}{', edited' if title.edited else ''}): {scenario.mode} mode, {arm}, "
         f"t = {t_from:.4g} to {t_to:.4g} s",
-        f"Target model (8): {matrices}",
+        _model(scenario, model),
         _law(scenario, controller),
         *(_section(scenario, name) for name in scenario.__struct_fields__ if name not in _ELSEWHERE),
     ]
@@ -78,6 +78,15 @@ def promised(signals: Mapping[str, np.ndarray]) -> str:
         return "The promise of Theorem 1 is broken here."
     share = "throughout" if standing.all() else f"in {100 * standing.mean():.4g} % of the time, and nothing otherwise"
     return f"Theorem 1's promise for the sampled loop holds {share}."
+
+
+def _model(scenario: Scenario, model: Mapping[str, np.ndarray]) -> str:
+    """The target model with the units of its task coordinates, which hold angles times a length."""
+    joint, n = scenario.task_space.kind == "joint", len(model["M_m"])  # two coordinates are places
+    units = _JOINT_UNITS if joint else _MODEL_UNITS
+    matrices = ", ".join(f"{name} = {_matrix(model[name])}{unit}" for name, unit in units.items())
+    scaled = f", angles in r times ℓ = {scenario.task_space.characteristic_length:g} m" if not joint and n > 2 else ""
+    return f"Target model (8): {matrices}{scaled}"
 
 
 def _law(scenario: Scenario, controller: Controller) -> str:

@@ -222,6 +222,11 @@ def test_caption_says_the_scenario_in_numbers() -> None:
     assert caption(moving, assemble(scenario).controller, model, 1.0, 9.0).startswith(
         "Universal Robots UR5: motion, plane (ur5-hybrid, edited): "
     )
+    joint = edited(moving, "task_space.kind", "joint")
+    six = {name: 4.0 * np.eye(6) for name in model}
+    assert "B_m = 4 I N·m·s/rad, K_m = 4 I N·m/rad, K_f" in caption(joint, assemble(scenario).controller, six, 0.0, 1.0)
+    turning = caption(moving, assemble(scenario).controller, six, 0.0, 1.0)
+    assert "K_m = 4 I N/m, K_f = 4 I, angles in r times ℓ = 0.15 m." in turning
     assert "True arm: as believed" in caption(Scenario(), assemble(Scenario()).controller, model, 0.0, 1.0)
 
 

@@ -31,6 +31,7 @@ _SCRIPTS = (
     "symbols.js",
     "held.js",
     "scene.js",
+    "labels.js",
     "coarse.js",
     "docks.js",
     "whatif.js",
