@@ -8,35 +8,41 @@ const bySoftware = () => {
   const name = gl?.getParameter(gl.getExtension("WEBGL_debug_renderer_info")?.UNMASKED_RENDERER_WEBGL ?? gl.RENDERER) ?? "";
   return /swiftshader|llvmpipe|softpipe|software|basic render/i.test(name);
 };
-// Vertices in one cell that look the same way become the first of them; what has then no area is left out.
+// Vertices in one cell move to the first of them, each with its own normal: so there is no crack, and an edge stays one.
+// What has then no area is left out.
 const thinned = (geometry) => {
   const { position, normal } = geometry.attributes, of = new Map(), kept = [];
-  const same = Uint32Array.from({ length: position.count }, (_, i) => {
-    const at = [position.getX(i), position.getY(i), position.getZ(i)].map((x) => Math.round(x / CELL));
-    const key = [...at, ...[normal.getX(i), normal.getY(i), normal.getZ(i)].map(Math.round)].join();
+  const first = Uint32Array.from({ length: position.count }, (_, i) => {
+    const key = [position.getX(i), position.getY(i), position.getZ(i)].map((x) => Math.round(x / CELL)).join();
     if (!of.has(key)) of.set(key, i);
     return of.get(key);
   });
-  const all = geometry.index.array;
+  const all = geometry.index.array, moved = position.clone();
+  first.forEach((from, i) => moved.copyAt(i, position, from));
   for (let i = 0; i < all.length; i += 3) {
-    const [a, b, c] = [same[all[i]], same[all[i + 1]], same[all[i + 2]]];
-    if (a !== b && b !== c && c !== a) kept.push(a, b, c);
+    const [a, b, c] = [first[all[i]], first[all[i + 1]], first[all[i + 2]]];
+    if (a !== b && b !== c && c !== a) kept.push(all[i], all[i + 1], all[i + 2]);
   }
-  return new geometry.index.constructor(new Uint32Array(kept), 1);
+  const thin = new geometry.constructor();
+  thin.setIndex(new geometry.index.constructor(new Uint32Array(kept), 1));
+  thin.setAttribute("position", moved).setAttribute("normal", normal);
+  thin.boundingSphere = geometry.boundingSphere;
+  return thin;
 };
-const indices = new WeakMap(); // of a geometry, { whole, thin }
+const thins = new WeakMap(), wholes = new WeakMap(); // of a whole geometry its thin one, and the other way round
 const draw = (coarse) => {
   const scene = window.__viserMutable;
   for (const [name, node] of Object.entries(scene?.nodeRefFromName ?? {})) {
-    const mesh = /^\/robot_/.test(name) ? node?.children.find((each) => each.isMesh) : null, geometry = mesh?.geometry;
-    if (!geometry?.index || !geometry.attributes.normal) continue;
-    const known = indices.get(geometry);
-    const whole = known && geometry.index === known.thin ? known.whole : geometry.index;
-    if (whole.count < 3 * FEW || (!coarse && !known)) continue;
-    if (known?.whole !== whole) indices.set(geometry, { whole, thin: thinned(geometry) });
-    const wanted = coarse ? indices.get(geometry).thin : whole;
-    if (geometry.index === wanted) continue;
-    geometry.setIndex(wanted);
+    const mesh = /^\/robot_/.test(name) ? node?.children.find((each) => each.isMesh) : null;
+    const whole = wholes.get(mesh?.geometry) ?? mesh?.geometry;
+    if (!whole?.index || !whole.attributes.normal || whole.index.count < 3 * FEW) continue;
+    if (coarse && !thins.has(whole)) {
+      thins.set(whole, thinned(whole));
+      wholes.set(thins.get(whole), whole);
+    }
+    const wanted = coarse ? thins.get(whole) : whole;
+    if (mesh.geometry === wanted) continue;
+    mesh.geometry = wanted;
     scene.requestRender();
   }
 };

@@ -1,4 +1,5 @@
-// The edges of the docks by keyboard: viser's answer to a mouse only. An arrow key moves one as a mouse would.
+// The edges of the docks by keyboard: viser's answer to a mouse only. An arrow key moves one as a mouse would. And their
+// widths in small windows.
 const STEP = 24; // px
 const SIDES = { left: "width of the plots", right: "width of the controls" };
 const width = (edge) => Math.round(edge.parentElement.getBoundingClientRect().width);
@@ -11,14 +12,35 @@ setInterval(() => {
     for (const [name, value] of Object.entries(told)) if (edge.getAttribute(name) !== value) edge.setAttribute(name, value);
   }
 }, 500);
+// as a mouse does, by so many px to the right
+const pull = (edge, by) => {
+  const { left, right, top, height } = edge.getBoundingClientRect(), from = (left + right) / 2;
+  const at = (clientX) => ({ bubbles: true, cancelable: true, button: 0, buttons: 1, pointerId: 1, clientX, clientY: top + height / 2 });
+  edge.firstElementChild.dispatchEvent(new PointerEvent("pointerdown", at(from)));
+  window.dispatchEvent(new PointerEvent("pointermove", at(from + by)));
+  window.dispatchEvent(new PointerEvent("pointerup", { ...at(from + by), buttons: 0 }));
+};
+// In a small window both docks are narrower, unless the user has pulled them, so that the scene keeps room for the arm.
+// px: elsewhere, at least, and of the window, that are for the others
+const MOST = { left: 404, right: 400 }, LEAST = { left: 276, right: 340 }, REST = { left: 720, right: 676 };
+const pulled = new Set(); // sides that the user has pulled
+const edgeOf = (e) => (e.target instanceof Element ? e.target.closest("[data-dock-region-resize]") : null);
+document.addEventListener("pointerdown", (e) => { if (e.isTrusted && edgeOf(e)) pulled.add(edgeOf(e).dataset.dockRegionResize); }, true);
+const share = () => {
+  if (innerWidth <= 576 || document.documentElement.matches("[data-stage]")) return; // viser's layout for a phone
+  for (const edge of document.querySelectorAll("[data-dock-region-resize]")) {
+    const side = edge.dataset.dockRegionResize, is = width(edge);
+    if (is < 60 || pulled.has(side)) continue; // closed
+    const wanted = Math.min(MOST[side], Math.max(LEAST[side], innerWidth - REST[side]));
+    if (Math.abs(wanted - is) > 2) pull(edge, side === "left" ? wanted - is : is - wanted);
+  }
+};
+setInterval(share, 500);
 document.addEventListener("keydown", (e) => {
-  const edge = e.target instanceof Element && e.target.matches("[data-dock-region-resize]") ? e.target : null;
+  const edge = edgeOf(e);
   if (!edge || !/^Arrow(Left|Right)$/.test(e.key)) return;
   e.preventDefault();
   e.stopPropagation();
-  const { left, right, top, height } = edge.getBoundingClientRect(), from = (left + right) / 2, way = e.key === "ArrowLeft" ? -1 : 1;
-  const at = (clientX) => ({ bubbles: true, cancelable: true, button: 0, buttons: 1, pointerId: 1, clientX, clientY: top + height / 2 });
-  edge.firstElementChild.dispatchEvent(new PointerEvent("pointerdown", at(from)));
-  window.dispatchEvent(new PointerEvent("pointermove", at(from + way * STEP)));
-  window.dispatchEvent(new PointerEvent("pointerup", { ...at(from + way * STEP), buttons: 0 }));
+  pulled.add(edge.dataset.dockRegionResize);
+  pull(edge, e.key === "ArrowLeft" ? -STEP : STEP);
 }, true);

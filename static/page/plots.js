@@ -50,10 +50,12 @@ const relight = (chart) => {
   for (const marker of chart.root.querySelectorAll(".u-legend .u-marker"))
     marker.style.borderColor = onWhite(marker.style.borderColor);
 };
-// Of many decades only so many have a number as there is room for.
+// Of many decades only so many have a number as there is room for; of few also twos and fives.
 const decades = (plot, at) => {
   const apart = Math.abs(plot.valToPos(10, "y") - plot.valToPos(1, "y")), every = Math.max(1, Math.ceil(15 / apart));
-  return at.map((v) => (v === null || Math.round(Math.log10(v)) % every ? "" : `${v}`));
+  const tens = at.filter((v) => v !== null && Number.isInteger(+Math.log10(v).toFixed(9))).length;
+  const firsts = tens < 3 && apart > 45 ? /^[125]/ : /^1/;
+  return at.map((v) => (v === null || Math.floor(Math.log10(v) + 1e-9) % every || !firsts.test(v.toExponential()) ? "" : `${v}`));
 };
 // uPlot knows null for what does not exist, and data arrive as numbers. A gap begins at the last value before it: a
 // logarithmic axis would draw nan as a fall to its foot.
@@ -67,6 +69,18 @@ const gaps = (plot, number, from, to, found) => {
   }
   return found;
 };
+// Where a line begins with what does not exist, uPlot finds no least and no largest value, and draws nothing.
+const extremes = (plot) => {
+  const [from, to] = plot.series[0].idxs ?? [0, plot.data[0].length - 1];
+  const known = plot.series.flatMap(({ show, scale }, i) =>
+    i && show && scale === "y" ? Array.from(plot.data[i].slice(from, to + 1)).filter(Number.isFinite) : []);
+  return known.length ? [Math.min(...known), Math.max(...known)] : [null, null];
+};
+const ranged = (scale) => {
+  const own = scale?.range;
+  if (typeof own !== "function") return;
+  scale.range = (plot, least, most, key) => own(plot, ...(Number.isNaN(least) || Number.isNaN(most) ? extremes(plot) : [least, most]), key);
+};
 const listed = new WeakSet();
 const enlist = (entry) => {
   const { chart } = entry;
@@ -74,6 +88,8 @@ const enlist = (entry) => {
   listed.add(chart);
   (chart.hooks.draw ??= []).push(dim, follow);
   for (const series of chart.series) series.gaps = gaps;
+  ranged(chart.scales.y);
+  chart.axes[0].space = () => 40; // px: three numbers in a narrow dock, too
   // uPlot writes 0 for what is below 0.001
   // uPlot rounds to three decimals, which makes neighbours look alike far from zero
   const digits = (at) => (at.length > 1 ? Math.min(8, Math.max(0, Math.ceil(-Math.log10(at[1] - at[0])) + 1)) : 3);

@@ -18,6 +18,21 @@ window.addEventListener("click", (e) => {
   if (button) button.ariaExpanded = String(document.documentElement.toggleAttribute("data-legend"));
 });
 
+// A scene that is slender shows as much from left to right as one that is not: a camera's field is measured upwards.
+const SLENDER = 0.8; // width over height
+let upwards = null; // field of the camera elsewhere, degrees
+setInterval(() => {
+  const { camera, canvas, requestRender } = window.__viserMutable ?? {};
+  if (!camera?.isPerspectiveCamera || !canvas?.clientHeight) return;
+  upwards ??= camera.fov;
+  const wider = Math.max(1, (SLENDER * canvas.clientHeight) / canvas.clientWidth);
+  const fov = (360 / Math.PI) * Math.atan(wider * Math.tan((upwards * Math.PI) / 360));
+  if (Math.abs(fov - camera.fov) < 0.01) return;
+  camera.fov = fov;
+  camera.updateProjectionMatrix();
+  requestRender();
+}, 300);
+
 // Force arrows stand before all else, the arm too, for which viser has no option: they are drawn last but for labels, on
 // a depth that the first of them clears.
 const ARROWS = /^\/force\/\w+$/, LATE = 9000; // labels come at 10,000

@@ -6,7 +6,7 @@ import pytest
 
 from app.dashboard.plots.charts import Setup
 from app.dashboard.plots.plot_table import TABS
-from app.session.commands import Edit, Pause
+from app.session.commands import Edit, Pause, Reset
 from drivers.pages import Session
 
 CHARTS = "Object.values(__viserTestpoints.uplots).map((p) => p.chart)"
@@ -51,6 +51,19 @@ def test_the_chosen_window_moves_the_axes_and_builds_no_chart_anew(session: Sess
     assert page.evaluate(f"{SHOWN}.map((c) => c.scales.x.min)") == [-3, -4, -4, -4]  # a zoom stays
     assert page.evaluate(created) == before
     session.choose("window", "8 s")
+
+
+def test_a_line_that_begins_with_what_does_not_exist_has_an_axis(session: Session):
+    session.runner.post(Edit("controller.law", "computed-torque"))
+    session.runner.post(Reset())
+    session.wait(lambda now: now.scenario.controller.law == "computed-torque" and now.recording.first == 0.0)
+    session.wait(lambda now: now.t > 0.3)
+    session.runner.post(Edit("controller.law", "vsmrc"))
+    gain = f"{SHOWN}.find((c) => c.root.querySelector('.u-title').textContent.includes('(17)'))"
+    session.page.wait_for_function(f"""() => {{
+      const gain = {gain}, {{ min, max }} = gain?.scales.y ?? {{}};
+      return gain && Number.isNaN(gain.data[1][0]) && min === 0 && max >= gain.data[1].at(-1) && gain.axes[1]._splits;
+    }}""")
 
 
 def test_the_chosen_joint_is_drawn_and_a_paused_run_is_not_drawn_again(session: Session):

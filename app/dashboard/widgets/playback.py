@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Coroutine
 from dataclasses import dataclass
 from html import escape
@@ -17,6 +18,7 @@ from app.session.snapshot import Snapshot
 
 _SPEEDS = {"1/20×": 0.05, "1/5×": 0.2, "1/2×": 0.5, "1×": 1.0, "2×": 2.0, "5×": 5.0, "10×": 10.0}
 _STRIDE = 0.1  # s, of an arrow key with Shift
+APART = 0.025  # of the timeline, between two ticks of one kind
 _SAME = 1e-3  # s: an event as near as this is the one that is looked at
 
 
@@ -152,13 +154,25 @@ def _ticks_html(snapshot: Snapshot, events: tuple[Event, ...]) -> str:
     known = snapshot.end - snapshot.first
     if snapshot.phase == "stopped":
         events = (*events, Event(snapshot.end, "fault", f"stopped: {snapshot.reason}"))
+    places = ((event, (event.t - snapshot.first) / known) for event in events if known > 0.0)
     ticks = "".join(
         f'<i class="vs-tick vs-{event.kind}" data-seek="{event.t:.4f}" style="left:{share:.1%}" '
         f'title="{event.t:.2f} s: {escape(event.what)}"></i>'
-        for event in events
-        if known > 0.0 and 0.0 <= (share := (event.t - snapshot.first) / known) <= 1.0
+        for event, share in apart([place for place in places if 0.0 <= place[1] <= 1.0])
     )
     return f'<div class="vs-ticks">{ticks}</div>'
+
+
+def apart(places: list[tuple[Event, float]]) -> list[tuple[Event, float]]:
+    """Of events and their shares of the timeline, in order of time, those that stand `APART` from the next of their
+    kind: many pushes would be a bar, of which none can be pressed."""
+    following: dict[str, float] = {}
+    kept = []
+    for event, share in reversed(places):
+        if following.get(event.kind, math.inf) - share >= APART:
+            following[event.kind] = share
+            kept.append((event, share))
+    return kept[::-1]
 
 
 class _Time:
