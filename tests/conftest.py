@@ -7,8 +7,35 @@ import sys
 from collections.abc import Iterator
 
 import pytest
+import structlog
+from structlog.typing import EventDict, WrappedLogger
 
 import app  # noqa: F401  # says where kernels are cached, which must come before numba
+
+
+@pytest.fixture(scope="session")
+def logged_faults() -> list[EventDict]:
+    """Faults that the program has caught and logged in this process, oldest first."""
+    faults: list[EventDict] = []
+
+    def note(_: WrappedLogger, __: str, event: EventDict) -> EventDict:
+        if event["event"] in ("fault", "thread failed"):
+            faults.append(event)
+        return event
+
+    plainly = structlog.dev.ConsoleRenderer(colors=False, exception_formatter=structlog.dev.plain_traceback)
+    structlog.configure(processors=[note, plainly])
+    return faults
+
+
+@pytest.fixture(autouse=True)
+def no_fault(request: pytest.FixtureRequest, logged_faults: list[EventDict]) -> Iterator[None]:
+    """A fault that was only logged, as one in drawing a page is, fails the test in which it occurred, unless it has the
+    mark "faults"."""
+    logged_faults.clear()
+    yield
+    if request.node.get_closest_marker("faults") is None:
+        assert not logged_faults, "a fault was caught and logged: see the captured output"
 
 
 @pytest.fixture(scope="session")

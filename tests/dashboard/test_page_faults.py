@@ -151,6 +151,7 @@ def test_a_client_that_does_not_read_is_dropped_and_bounded_meanwhile(server: Se
     reading.vanish()
 
 
+@pytest.mark.faults
 def test_a_page_that_cannot_be_drawn_says_so_and_the_run_goes_on(
     server: Server, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -190,6 +191,7 @@ def test_drawing_that_hangs_for_seconds_costs_the_run_nothing(server: Server, mo
     client.vanish()
 
 
+@pytest.mark.faults
 def test_a_callback_that_fails_is_said_on_the_page(server: Server, monkeypatch: pytest.MonkeyPatch) -> None:
     before = begun(server.runner, load("ur5-hybrid"))
     view, client = server.dashboard._view, server.open()

@@ -47,6 +47,7 @@ def assert_kept_and_reset_works(runner: Runner, stopped: Snapshot) -> None:
         ("loop", "view", "the view of the loop"),
     ],
 )
+@pytest.mark.faults
 def test_an_exception_in_any_stage_ends_the_run_and_not_its_thread(
     runner: Runner, of: str, part: str, stage: str
 ) -> None:
@@ -60,6 +61,7 @@ def test_an_exception_in_any_stage_ends_the_run_and_not_its_thread(
     assert_kept_and_reset_works(runner, stopped)
 
 
+@pytest.mark.faults
 def test_a_plant_that_fails_ends_the_run(runner: Runner, monkeypatch: pytest.MonkeyPatch) -> None:
     begun(runner, load("ur5-hybrid"))
     with monkeypatch.context() as patched:
@@ -69,6 +71,7 @@ def test_a_plant_that_fails_ends_the_run(runner: Runner, monkeypatch: pytest.Mon
     assert_kept_and_reset_works(runner, stopped)
 
 
+@pytest.mark.faults
 def test_the_loop_itself_failing_ends_the_run_and_not_its_thread(
     runner: Runner, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -119,6 +122,7 @@ def test_what_nature_ends_ends_in_a_sentence(
     until(lambda: runner.snapshot.scenario == base and runner.snapshot.phase == "running")
 
 
+@pytest.mark.faults
 def test_a_command_that_fails_unexpectedly_is_refused_and_the_run_goes_on(runner: Runner) -> None:
     before = begun(runner, load("ur5-hybrid"))
     runner.post(Blend(5, 1.0))  # pyright: ignore[reportArgumentType]

@@ -72,7 +72,7 @@ def _control(desk: Desk, path: str, info: FieldInfo, shown: Widget, applies: _Ap
 
 def _own_parameter(desk: Desk, section: str, kind: str, p: Parameter) -> Number:
     def running(snapshot: Snapshot) -> float | None:
-        now = getattr(snapshot.scenario, section)
-        return now.parameters.get(p.name, p.value) if kind_of(now) == kind else None
+        now = Place(section).read(snapshot)
+        return now.parameters.get(p.name, p.value) if now is not None and kind_of(now) == kind else None
 
     return own_number(desk, f"{section}.parameters.{p.name}", p, running)
