@@ -164,6 +164,7 @@ document.addEventListener("pointerover", (e) => {
 document.addEventListener("pointerdown", () => { keyed = false; }, true);
 document.addEventListener("click", (e) => {
   const where = place(e.target);
+  if (e.pointerType === "touch") pointer = [e.clientX, e.clientY];
   if (where && (e.pointerType === "touch" || where.matches("label, .vs-set, [data-symbol]"))) show(where, "tap");
   else if (shown?.by !== "mouse") hide();
 }, true);
@@ -187,10 +188,11 @@ setInterval(() => {
   setLabels();
   if (!shown) return;
   if (!shown.where.isConnected) {
-    const now = shown.by === "mouse" ? place(document.elementFromPoint(...pointer)) : null;
+    const now = shown.by === "focus" ? null : place(document.elementFromPoint(...pointer));
     const { by, symbols } = shown;
     if (same(now) !== symbols.join()) return hide();
     shown = { where: now, symbols, by };
+    now.setAttribute("aria-describedby", tip.id);
   }
   write();
 }, 300);
