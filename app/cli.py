@@ -22,7 +22,7 @@ from app.access.given_token import given_token
 from app.access.rate_limits import Limits
 from app.dashboard.theme.colors import Theme
 from app.export.formats import ALL_PLOTS, Kind
-from app.gateway.server_settings import Look, ServerSettings, Token
+from app.gateway.server_settings import PageStyle, ServerSettings, Token
 from app.process import log, open_files
 from app.process.other_users import other_people
 from app.process.terminal_text import printable, say
@@ -122,7 +122,7 @@ def serve(
     """
     from app.dashboard.frame_rate import check_fps
 
-    look: Theme = one_of("--theme", theme, THEMES)
+    chosen_theme: Theme = one_of("--theme", theme, THEMES)
     asking: Token = one_of("--token", token, TOKENS)
     level: log.Level | None = None
     if log_level is not None:
@@ -164,13 +164,13 @@ def serve(
     if server_settings.open:
         from app.gateway.serve import serve as serve_others
 
-        serve_others(chosen, Look(look, fps), server_settings, None if stateless else state_dir)
+        serve_others(chosen, PageStyle(chosen_theme, fps), server_settings, None if stateless else state_dir)
         return DONE
     from app.dashboard import local_server
     from app.dashboard.page import Dashboard
 
     open_files.require(FILES, "for the session and its pages")
-    dashboard = Dashboard(host=host, port=port, theme=look, fps=fps, tokens=server_settings.tokens)
+    dashboard = Dashboard(host=host, port=port, theme=chosen_theme, fps=fps, tokens=server_settings.tokens)
     local_server.serve(chosen, dashboard, state_dir=state_dir, stateless=stateless)
     return DONE
 

@@ -49,7 +49,7 @@ BLUE, ORANGE, GREEN, GREY = (66, 135, 245), (230, 159, 0), (0, 158, 115), (120, 
 
 
 @dataclass(frozen=True)
-class Look:
+class Reading:
     """State at `minute`.
     resident: memory, bytes.
     threads, files: number of threads, and of open files.
@@ -124,23 +124,23 @@ def act(visitor: Visitor, chance: random.Random) -> None:
             visitor.press("P")
 
 
-def soak(minutes: float, clients: int, every: float, seed: int) -> tuple[list[Look], list[str]]:
+def soak(minutes: float, clients: int, every: float, seed: int) -> tuple[list[Reading], list[str]]:
     """States every so many minutes, and failures of visitors."""
-    looks = []
+    readings = []
     with served(SCENARIO) as dashboard:
         crowd = Crowd([dashboard.url], clients, seed)
-        for number in tqdm(range(1, math.ceil(minutes / every) + 1), desc="looks", disable=None):
+        for number in tqdm(range(1, math.ceil(minutes / every) + 1), desc="readings", disable=None):
             began = time.perf_counter()
             time.sleep(60.0 * every)
-            looks.append(_look(dashboard, number * every, began, crowd.visits))
+            readings.append(_read(dashboard, number * every, began, crowd.visits))
         crowd.dismiss()
-    return looks, crowd.failures
+    return readings, crowd.failures
 
 
-def _look(dashboard: Served, minute: float, since: float, visits: int) -> Look:
+def _read(dashboard: Served, minute: float, since: float, visits: int) -> Reading:
     state, late = dashboard.state(), dashboard.lateness(since)
     p50, p99 = np.percentile(late, (50, 99)) if len(late) else (math.nan, math.nan)
-    return Look(
+    return Reading(
         minute,
         state.resident,
         processes.threads(dashboard.pid),
@@ -152,43 +152,43 @@ def _look(dashboard: Served, minute: float, since: float, visits: int) -> Look:
     )
 
 
-def grown(looks: Sequence[object], names: Sequence[str] = ("resident", "threads", "files")) -> list[str]:
-    """Quantities that were clearly more at the end than in the middle, each at the quietest look."""
-    half = len(looks) // 2
-    middle, end = looks[half // 2 : half + 1], looks[half + (len(looks) - half) // 2 :]
+def grown(readings: Sequence[object], names: Sequence[str] = ("resident", "threads", "files")) -> list[str]:
+    """Quantities that were clearly more at the end than in the middle, each at the quietest reading."""
+    half = len(readings) // 2
+    middle, end = readings[half // 2 : half + 1], readings[half + (len(readings) - half) // 2 :]
     found = []
     for name in names:
-        before, after = (min(getattr(look, name) for look in part) for part in (middle, end))
+        before, after = (min(getattr(reading, name) for reading in part) for part in (middle, end))
         if after > GROWTH * before + 2:
             found.append(f"{name}: {before:g} in the middle, {after:g} at the end")
     return found
 
 
-def page(looks: list[Look], failures: list[str], clients: int, described: str) -> str:
+def page(readings: list[Reading], failures: list[str], clients: int, described: str) -> str:
     """Text of its part of docs/reliability.md."""
-    last = looks[-1]
+    last = readings[-1]
     rows = [
         (
-            f"{look.minute:g}",
-            f"{look.visits}",
-            f"{look.resident / 1e6:.0f}",
-            f"{look.threads}",
-            f"{look.files}",
-            f"{look.rate:.0f}",
-            *(f"{1e3 * late:.2f}" for late in look.late),
+            f"{reading.minute:g}",
+            f"{reading.visits}",
+            f"{reading.resident / 1e6:.0f}",
+            f"{reading.threads}",
+            f"{reading.files}",
+            f"{reading.rate:.0f}",
+            *(f"{1e3 * late:.2f}" for late in reading.late),
         )
-        for look in looks[:: max(1, len(looks) // 12)]
+        for reading in readings[:: max(1, len(readings) // 12)]
     ]
     latenesses = ("late p50, ms", "p99, ms", "max, ms")
     header = ("minute", "visits so far", "resident, MB", "threads", "files", "steps per s", *latenesses)
-    growth = "; ".join(grown(looks)) or "nothing grew"
+    growth = "; ".join(grown(readings)) or "nothing grew"
     broken = f"{len(failures)} visits were broken off" + (f" (first: {failures[0]})" if failures else "")
     return f"""## In company
 
 Written by `python -m benchmarks.soak --minutes {last.minute:g} --clients {clients}`. {described}
 
 {clients} visitors at a time, {last.visits} visits in {last.minute:g} minutes: they drag, type, change mode and arm,
-pause, reset, pin and leave, some in the middle of a drag without a word. Judged by the quietest looks of the second
+pause, reset, pin and leave, some in the middle of a drag without a word. Judged by the quietest readings of the second
 half: {growth}. {broken}. Steps are fewer than 1000 a second while somebody has paused or a run has ended; a change of
 arm or mode, which is built between two steps, makes the steps after it late, and they are made up for.
 
@@ -198,36 +198,36 @@ arm or mode, which is built between two steps, makes the steps after it late, an
 """
 
 
-def picture(looks: list[Look]) -> bytes:
+def picture(readings: list[Reading]) -> bytes:
     """Picture of the results (SVG)."""
-    minutes = np.array([look.minute for look in looks])
+    minutes = np.array([reading.minute for reading in readings])
 
     def curve(name: str, color: tuple[int, int, int], values: list[float]) -> Curve:
         return Curve(name, color, minutes, np.array(values))
 
     late = [
-        curve(name, color, [max(1e3 * look.late[i], 1e-3) for look in looks])
+        curve(name, color, [max(1e3 * reading.late[i], 1e-3) for reading in readings])
         for i, (name, color) in enumerate((("p50", GREEN), ("p99", ORANGE), ("largest", GREY)))
     ]
     charts = (
         Chart(
             "resident memory",
             "MB",
-            (curve("resident", BLUE, [look.resident / 1e6 for look in looks]),),
+            (curve("resident", BLUE, [reading.resident / 1e6 for reading in readings]),),
             x_label="minutes",
         ),
         Chart(
             "threads and files",
             "1",
             (
-                curve("threads", BLUE, [look.threads for look in looks]),
-                curve("files", ORANGE, [look.files for look in looks]),
+                curve("threads", BLUE, [reading.threads for reading in readings]),
+                curve("files", ORANGE, [reading.files for reading in readings]),
             ),
             x_label="minutes",
         ),
         Chart("lateness of the control steps", "ms", tuple(late), x_label="minutes", logarithmic=True),
     )
-    return render(Figure(charts, f"{looks[-1].visits} visits."), "svg")
+    return render(Figure(charts, f"{readings[-1].visits} visits."), "svg")
 
 
 def main(
@@ -239,15 +239,15 @@ def main(
 ) -> None:
     """Exit status 1 when memory, threads or files grew, or a visitor was thrown out."""
     described = machine.describe()
-    looks, failures = soak(minutes, clients, every, seed)
-    text = page(looks, failures, clients, described)
+    readings, failures = soak(minutes, clients, every, seed)
+    text = page(readings, failures, clients, described)
     print(text)
     if write:
         before = PAGE.read_text(encoding="utf-8").partition(PLACE)[0]
         PAGE.write_text(f"{before}{PLACE}\n\n{text}", encoding="utf-8")
-        (PAGE.parent / PICTURE).write_bytes(picture(looks))
+        (PAGE.parent / PICTURE).write_bytes(picture(readings))
         print(f"written to {PAGE}")
-    sys.exit(1 if grown(looks) or failures else 0)
+    sys.exit(1 if grown(readings) or failures else 0)
 
 
 if __name__ == "__main__":

@@ -35,7 +35,7 @@ HELD = ("gateway", "sessions", "threads", "files", "processes")
 
 
 @dataclass(frozen=True)
-class Look:
+class Reading:
     """State at `minute`.
     gateway, sessions: resident memory of the gateway and of all processes of sessions, bytes.
     threads, files, processes: number of all of them.
@@ -52,9 +52,9 @@ class Look:
     visits: int
 
 
-def soak(minutes: float, sessions: int, clients: int, every: float, seed: int) -> tuple[list[Look], list[str]]:
+def soak(minutes: float, sessions: int, clients: int, every: float, seed: int) -> tuple[list[Reading], list[str]]:
     """States every so many minutes, and failures of visitors."""
-    looks = []
+    readings = []
     with serving("--shared", "--max-sessions", str(sessions), lines=2, fps=30) as server, ExitStack() as stack:
         urls, watchers = [], list[Visitor]()
         for _ in range(sessions):
@@ -62,11 +62,11 @@ def soak(minutes: float, sessions: int, clients: int, every: float, seed: int) -
             watchers.append(watcher := stack.enter_context(visiting(_watched(url))))
             watcher.wait(lambda watcher=watcher: watcher.running)
         crowd = Crowd(urls, clients, seed)
-        for number in tqdm(range(1, math.ceil(minutes / every) + 1), desc="looks", disable=None):
+        for number in tqdm(range(1, math.ceil(minutes / every) + 1), desc="readings", disable=None):
             time.sleep(60.0 * every)
-            looks.append(_look(server.process.pid, watchers, number * every, crowd.visits))
+            readings.append(_read(server.process.pid, watchers, number * every, crowd.visits))
         crowd.dismiss()
-    return looks, crowd.failures
+    return readings, crowd.failures
 
 
 def _watched(url: str) -> str:
@@ -75,9 +75,9 @@ def _watched(url: str) -> str:
         return urljoin(url, json.load(about)["links"]["watch"])
 
 
-def _look(gateway: int, watchers: list[Visitor], minute: float, visits: int) -> Look:
+def _read(gateway: int, watchers: list[Visitor], minute: float, visits: int) -> Reading:
     held = [of_one for pid in (gateway, *processes.descendants(gateway)) if (of_one := _held(pid)) is not None]
-    return Look(
+    return Reading(
         minute,
         held[0][0],
         sum(memory for memory, _, _ in held[1:]),
@@ -97,25 +97,25 @@ def _held(pid: int) -> tuple[int, int, int] | None:
         return None
 
 
-def page(looks: list[Look], failures: list[str], sessions: int, clients: int, described: str) -> str:
+def page(readings: list[Reading], failures: list[str], sessions: int, clients: int, described: str) -> str:
     """Text of its part of docs/reliability.md."""
-    last = looks[-1]
+    last = readings[-1]
     rows = [
         (
-            f"{look.minute:g}",
-            f"{look.visits}",
-            f"{look.gateway / 1e6:.0f}",
-            f"{look.sessions / 1e6:.0f}",
-            f"{look.processes}",
-            f"{look.threads}",
-            f"{look.files}",
-            f"{1e3 * look.late:.2f}",
+            f"{reading.minute:g}",
+            f"{reading.visits}",
+            f"{reading.gateway / 1e6:.0f}",
+            f"{reading.sessions / 1e6:.0f}",
+            f"{reading.processes}",
+            f"{reading.threads}",
+            f"{reading.files}",
+            f"{1e3 * reading.late:.2f}",
         )
-        for look in looks[:: max(1, len(looks) // 12)]
+        for reading in readings[:: max(1, len(readings) // 12)]
     ]
     sizes = ("gateway, MB", "sessions, MB", "processes", "threads", "files")
     header = ("minute", "visits so far", *sizes, "late p50, ms, worst")
-    growth = "; ".join(grown(looks, HELD)) or "nothing grew"
+    growth = "; ".join(grown(readings, HELD)) or "nothing grew"
     broken = f"{len(failures)} visits were broken off" + (f" (first: {failures[0]})" if failures else "")
     return f"""## In company, through the gateway
 
@@ -124,8 +124,8 @@ Written by `python -m benchmarks.soak_shared --minutes {last.minute:g} --session
 
 {sessions} sessions of `vsmrc serve --shared`, each watched by a page that stays; {clients} visitors at a time,
 {last.visits} visits in {last.minute:g} minutes, each with one of the sessions: they do what those below do. Judged by
-the quietest looks of the second half: {growth}. {broken}. Memory is the proportional share of the processes, previews
-with their sessions. What a session has recorded grows for twenty simulated minutes and no further.
+the quietest readings of the second half: {growth}. {broken}. Memory is the proportional share of the processes,
+previews with their sessions. What a session has recorded grows for twenty simulated minutes and no further.
 
 {Table(header, rows).markdown()}
 """
@@ -141,14 +141,14 @@ def main(
 ) -> None:
     """Exit status 1 when memory, threads, files or processes grew, or a visitor was thrown out."""
     described = machine.describe()
-    looks, failures = soak(minutes, sessions, clients, every, seed)
-    text = page(looks, failures, sessions, clients, described)
+    readings, failures = soak(minutes, sessions, clients, every, seed)
+    text = page(readings, failures, sessions, clients, described)
     print(text)
     if write:
         before, _, rest = PAGE.read_text(encoding="utf-8").partition(SHARED)
         PAGE.write_text(f"{before}{SHARED}\n\n{text}\n{PLACE}{rest.partition(PLACE)[2]}", encoding="utf-8")
         print(f"written to {PAGE}")
-    sys.exit(1 if grown(looks, HELD) or failures else 0)
+    sys.exit(1 if grown(readings, HELD) or failures else 0)
 
 
 if __name__ == "__main__":

@@ -16,7 +16,7 @@ import structlog
 from app.access.admission import Names, OriginError, Tokens
 from app.gateway.connections import ARRIVING
 from app.gateway.server import AccessSettings, Gateway, serving
-from app.gateway.server_settings import Look, ServerSettings
+from app.gateway.server_settings import PageStyle, ServerSettings
 from app.gateway.session_pool import SessionPool
 from app.gateway.session_store import SessionStore
 from app.gateway.visitors import Shares
@@ -34,7 +34,7 @@ log = structlog.get_logger()
 SESSIONS_PER_CORE = 2.0  # at 1 kHz, each looked at by one page: docs/performance.md
 
 
-def serve(scenario: Scenario, look: Look, server_settings: ServerSettings, state_dir: Path | None) -> None:
+def serve(scenario: Scenario, style: PageStyle, server_settings: ServerSettings, state_dir: Path | None) -> None:
     """Serve until Ctrl-C or SIGTERM. state_dir: folder in which sessions are kept for the next start, None to keep
     none.
 
@@ -53,7 +53,7 @@ def serve(scenario: Scenario, look: Look, server_settings: ServerSettings, state
         # in separate folders, apart from that of a server for its own user
         store = SessionStore(state_dir / ("shared" if server_settings.shared else "everyone")) if state_dir else None
         with contextlib.closing(store) if store else contextlib.nullcontext():
-            asyncio.run(_serve(to_toml(scenario), look, server_settings, names, tokens, store))
+            asyncio.run(_serve(to_toml(scenario), style, server_settings, names, tokens, store))
     except StateError as error:
         raise ScenarioError(str(error)) from error
 
@@ -92,7 +92,7 @@ def _tokens(server_settings: ServerSettings) -> Tokens | None:
 
 async def _serve(
     scenario: str,
-    look: Look,
+    style: PageStyle,
     server_settings: ServerSettings,
     names: Names,
     tokens: Tokens | None,
@@ -104,7 +104,7 @@ async def _serve(
     start = started if forks is None else forks.start
     pool = SessionPool(
         scenario,
-        lambda toml: Worker.prepared(toml, look, shared=shared, start=start),
+        lambda toml: Worker.prepared(toml, style, shared=shared, start=start),
         (server_settings.places or places()) if shared else 1,
         60.0 * server_settings.idle_minutes if shared else None,
         store=store,

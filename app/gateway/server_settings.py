@@ -11,8 +11,8 @@ Token = Literal["auto", "always", "never"]
 
 
 @dataclass(frozen=True)
-class Look:
-    """Look of the pages of all sessions at first, and pictures of the scene per second."""
+class PageStyle:
+    """Style of the pages of all sessions at first: theme, and pictures of the scene per second."""
 
     theme: str = "dark"
     fps: float = 30.0

@@ -29,7 +29,7 @@ from app.access.session_messages import (
     from_session,
     line,
 )
-from app.gateway.server_settings import Look
+from app.gateway.server_settings import PageStyle
 from app.process import launcher
 from app.process.launcher import ChildProcess
 from app.process.redaction import new_secret
@@ -78,7 +78,7 @@ class Worker:
 
     @classmethod
     async def prepared(
-        cls, scenario: str, look: Look, *, shared: bool = False, silence: float = SILENCE, start: Start = started
+        cls, scenario: str, style: PageStyle, *, shared: bool = False, silence: float = SILENCE, start: Start = started
     ) -> Worker:
         """Process with its dashboard set up and this scenario (TOML) compiled. Raises WorkerError.
         shared: see `Prepare`. start: makes the process."""
@@ -97,7 +97,7 @@ class Worker:
         reader, writer = await asyncio.open_connection(sock=ours, limit=LONGEST)
         worker = cls(process, reader, writer, new_secret(), silence)
         try:
-            worker._tell(Prepare(scenario, look.theme, look.fps, worker.key, shared))
+            worker._tell(Prepare(scenario, style.theme, style.fps, worker.key, shared))
             await worker._ready()
         except BaseException:
             await worker.end()

@@ -10,7 +10,7 @@ import pinocchio as pin
 
 from app.scenario.schema import PathOutOfReach, ScenarioError
 from app.simulation.control_period import Observer, Planned
-from app.simulation.extremes import OUTSIDE, Effort, Look, Looker, Omega, Place, largest
+from app.simulation.extremes import OUTSIDE, Effort, Objectives, ObjectiveValue, Omega, Place, largest
 from app.simulation.search_memory import Memory, Numbers, key_of
 from controllers.bounds import InertiaRange, Uncertainty
 from controllers.control_law import Reference
@@ -110,11 +110,11 @@ def constants_over(
 
     Raises ScenarioError where J_q is singular.
     """
-    looker, steepness = _inertia_looker(sigma_min, uncertainty, observer), Steepness(nominal.model)
+    objectives, steepness = _inertia_objectives(sigma_min, uncertainty, observer), Steepness(nominal.model)
     arm, where = nominal.fingerprint, (omega.centres, omega.radius)
 
     def find_inertia() -> Numbers:
-        lightness, heaviness = largest(omega, looker, INERTIA)
+        lightness, heaviness = largest(omega, objectives, INERTIA)
         if not lightness > 0.0:
             raise ScenarioError(_nowhere(omega, sigma_min, uncertainty, observer))
         return 1.0 / (MARGIN * lightness), MARGIN * heaviness
@@ -122,10 +122,10 @@ def constants_over(
     def find_lipschitz() -> Numbers:
         each = (steepness.k_C, steepness.k_M, steepness.k_Cq, steepness.k_G)
         still = Omega(*where)
-        return tuple(MARGIN * largest(still, lambda p, k=k: (Look(k(p.q)),), OTHERS)[0] for k in each)
+        return tuple(MARGIN * largest(still, lambda p, k=k: (ObjectiveValue(k(p.q)),), OTHERS)[0] for k in each)
 
     def find_rates() -> Numbers:
-        found = largest(Omega(*where), lambda p: tuple(Look(k) for k in steepness.links(p.q)), OTHERS)
+        found = largest(Omega(*where), lambda p: tuple(ObjectiveValue(k) for k in steepness.links(p.q)), OTHERS)
         return tuple(MARGIN * k for k in found)
 
     seen = ("inertia", arm, observer.fingerprint, *where, omega.span, sigma_min, repr(uncertainty))
@@ -139,8 +139,8 @@ def constants_over(
 def _nowhere(omega: Omega, sigma_min: float, uncertainty: Uncertainty, observer: Observer) -> str:
     """Sentence on an Omega in which no place has the inertia that Property 1 needs."""
     certain = uncertainty._replace(rho=0.0, rho_rotor=0.0, rho_centre=0.0, rho_shape=0.0)
-    looks = _inertia_looker(sigma_min, certain, observer)
-    if any(looks(place)[0].room >= 0.0 for place in omega.places(INERTIA.draws)):
+    values = _inertia_objectives(sigma_min, certain, observer)
+    if any(values(place)[0].room >= 0.0 for place in omega.places(INERTIA.draws)):
         return (
             "declared.link_centre: with the other declared errors of the links, some arm would have no inertia left "
             "(k_r′ ≤ 0); allowed: a smaller link_centre, link_shape or link_scaling"
@@ -148,10 +148,10 @@ def _nowhere(omega: Omega, sigma_min: float, uncertainty: Uncertainty, observer:
     return "robot.posture: J_q is singular around it; allowed: a posture away from singularities"
 
 
-def _inertia_looker(sigma_min: float, uncertainty: Uncertainty, observer: Observer) -> Looker:
-    """Looker for 1/lambda_min(H_low) and lambda_max(H_high), for the whole declared set."""
+def _inertia_objectives(sigma_min: float, uncertainty: Uncertainty, observer: Observer) -> Objectives:
+    """Objectives for 1/lambda_min(H_low) and lambda_max(H_high), for the whole declared set."""
 
-    def looks(place: Place) -> tuple[Look, Look]:
+    def values(place: Place) -> tuple[ObjectiveValue, ObjectiveValue]:
         try:
             estimate, task = observer.at(place.q, np.zeros_like(place.q), place.t)
         except ValueError:
@@ -165,9 +165,9 @@ def _inertia_looker(sigma_min: float, uncertainty: Uncertainty, observer: Observ
         if not low > 0.0:
             return OUTSIDE, OUTSIDE
         room = sigma / sigma_min - 1.0 if sigma_min > 0.0 else np.inf
-        return Look(1.0 / low, room), Look(high, room)
+        return ObjectiveValue(1.0 / low, room), ObjectiveValue(high, room)
 
-    return looks
+    return values
 
 
 def mobility_over(
@@ -177,15 +177,15 @@ def mobility_over(
     singularities."""
     data = model.createData()
 
-    def looks(place: Place) -> tuple[Look, ...]:
+    def values(place: Place) -> tuple[ObjectiveValue, ...]:
         tool = nominal.evaluate(place.q, np.zeros_like(place.q))
         normals = np.array([each.chart(tool.p, place.t).G[0] for each in surfaces])
         M = pin.crba(model, data, place.q)
         mobility = Mobility.largest(M[None], tool.J_v[None], normals)
-        return tuple(Look(value) if np.isfinite(value) else OUTSIDE for value in mobility)
+        return tuple(ObjectiveValue(value) if np.isfinite(value) else OUTSIDE for value in mobility)
 
     def find() -> Numbers:
-        return tuple(MARGIN * value for value in largest(omega, looks, OTHERS))
+        return tuple(MARGIN * value for value in largest(omega, values, OTHERS))
 
     saved = nominal.saved if model is nominal.model else model.saveToString()
     known = (saved, nominal.fingerprint, *(each.fingerprint for each in surfaces))

@@ -31,8 +31,8 @@ class Place(NamedTuple):
     t: float
 
 
-class Look(NamedTuple):
-    """Value of a function at a place.
+class ObjectiveValue(NamedTuple):
+    """Value of an objective function at a place.
     value: to be maximized, > 0.
     room: margin to the cut of Omega, >= 0 within Omega."""
 
@@ -40,8 +40,9 @@ class Look(NamedTuple):
     room: float = np.inf
 
 
-OUTSIDE = Look(0.0, -1.0)  # also where nothing can be computed
-Looker = Callable[[Place], tuple[Look, ...]]
+OUTSIDE = ObjectiveValue(0.0, -1.0)  # also where nothing can be computed
+Objective = Callable[[Place], ObjectiveValue]
+Objectives = Callable[[Place], tuple[ObjectiveValue, ...]]
 
 
 @dataclass(frozen=True)
@@ -83,7 +84,7 @@ class Omega:
 
 class _Sample(NamedTuple):
     place: Place
-    look: Look
+    seen: ObjectiveValue
 
 
 class Effort(NamedTuple):
@@ -94,23 +95,23 @@ class Effort(NamedTuple):
     searches: int
 
 
-def largest(omega: Omega, looker: Looker, effort: Effort) -> tuple[float, ...]:
-    """Largest value within Omega of each value of the looker, 0 where no sample lies within Omega."""
-    seen = [(place, looker(place)) for place in omega.places(effort.draws)]
+def largest(omega: Omega, objectives: Objectives, effort: Effort) -> tuple[float, ...]:
+    """Largest value within Omega of each value of the objectives, 0 where no sample lies within Omega."""
+    seen = [(place, objectives(place)) for place in omega.places(effort.draws)]
     count = len(seen[0][1])
     found: list[float] = []
     for k in range(count):
-        samples = [_Sample(place, looks[k]) for place, looks in seen]
-        found.append(_climbed(omega, lambda place, k=k: looker(place)[k], samples, effort.searches))
+        samples = [_Sample(place, values[k]) for place, values in seen]
+        found.append(_climbed(omega, lambda place, k=k: objectives(place)[k], samples, effort.searches))
     return tuple(found)
 
 
-def _climbed(omega: Omega, look: Callable[[Place], Look], samples: list[_Sample], patience: int) -> float:
+def _climbed(omega: Omega, objective: Objective, samples: list[_Sample], patience: int) -> float:
     """Largest value found from one sample after the other, until as many in a row as `patience` have found nothing
     better."""
     best, idle = 0.0, 0
-    for start in _starts(omega, [s for s in samples if s.look.room >= 0.0 and s.look.value > 0.0]):
-        found = _Climb(omega, look, start).best
+    for start in _starts(omega, [s for s in samples if s.seen.room >= 0.0 and s.seen.value > 0.0]):
+        found = _Climb(omega, objective, start).best
         idle = 1 if found > best * (1.0 + GAIN) else idle + 1
         best = max(best, found)
         if idle >= patience:
@@ -120,11 +121,11 @@ def _climbed(omega: Omega, look: Callable[[Place], Look], samples: list[_Sample]
 
 def _starts(omega: Omega, samples: list[_Sample]) -> Iterator[_Sample]:
     """Samples to search from: the best ones, some way from each other, and one near the cut of Omega."""
-    edge = min(samples, key=lambda s: s.look.room, default=None)
-    if edge is not None and edge.look.room < NEAR - 1.0:
+    edge = min(samples, key=lambda s: s.seen.room, default=None)
+    if edge is not None and edge.seen.room < NEAR - 1.0:
         yield edge
     begun: list[_Sample] = []
-    for sample in sorted(samples, key=lambda s: -s.look.value):
+    for sample in sorted(samples, key=lambda s: -s.seen.value):
         if all(np.linalg.norm(sample.place.q - other.place.q) > APART * omega.radius for other in begun):
             begun.append(sample)
             yield sample
@@ -139,10 +140,10 @@ class _Climb:
     moves.
     """
 
-    def __init__(self, omega: Omega, look: Callable[[Place], Look], start: _Sample) -> None:
-        self._omega, self._look, self._start = omega, look, start.place
+    def __init__(self, omega: Omega, objective: Objective, start: _Sample) -> None:
+        self._omega, self._objective, self._start = omega, objective, start.place
         self._timed = omega.span > 0.0
-        self.best = start.look.value
+        self.best = start.seen.value
         self._at, self._rows, self._slopes = np.empty(0), np.empty(0), np.empty(0)
         self._run()
 
@@ -161,7 +162,7 @@ class _Climb:
         ).x
         # it may end a little outside: only places within Omega count, the farthest one on the way there
         for share in 1.0 - np.append(0.0, 0.5 ** np.arange(HALVINGS, 0, -1)):
-            value, room = self._look(self._omega.nearest(self._place(x_0 + share * (end - x_0))))
+            value, room = self._objective(self._omega.nearest(self._place(x_0 + share * (end - x_0))))
             if room >= 0.0:
                 self.best = max(self.best, value)
                 break
@@ -173,7 +174,7 @@ class _Climb:
     def _row(self, x: np.ndarray) -> np.ndarray:
         """Row (3,): -log(value), to be minimized, then room and depth, not to be negative."""
         place = self._place(x)
-        value, room = self._look(place)
+        value, room = self._objective(place)
         return np.array([-np.log(value) if value > 0.0 else 0.0, min(room, 1e3), self._omega.depth(place.q)])
 
     def _seen(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

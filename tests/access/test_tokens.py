@@ -14,7 +14,7 @@ from app.access.admission import Tokens
 from app.access.given_token import VARIABLE, given_token
 from app.dashboard.page import Dashboard
 from app.gateway.serve import serve
-from app.gateway.server_settings import Look, ServerSettings
+from app.gateway.server_settings import PageStyle, ServerSettings
 from app.process import other_users
 from app.scenario.data import load
 from app.scenario.schema import ScenarioError
@@ -66,7 +66,7 @@ def test_a_token_is_asked_for_wherever_others_can_come() -> None:
         server_settings.tokens for server_settings in (ServerSettings(), ServerSettings(crowded=True, token="never"))
     )
     with pytest.raises(ScenarioError, match="--token: never, with a token given; allowed: auto, always"):
-        serve(load("ur5-hybrid"), Look(), ServerSettings(token="never", given=OWN), None)
+        serve(load("ur5-hybrid"), PageStyle(), ServerSettings(token="never", given=OWN), None)
 
 
 def test_who_else_can_use_the_machine(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

@@ -22,7 +22,7 @@ from app.access.admission import PortTaken
 from app.access.rate_limits import Limits
 from app.dashboard.page import Dashboard
 from app.gateway.serve import serve
-from app.gateway.server_settings import Look, ServerSettings
+from app.gateway.server_settings import PageStyle, ServerSettings
 from app.scenario.data import load
 from app.scenario.schema import ScenarioError
 from app.storage.session_index import SESSION
@@ -306,11 +306,11 @@ def test_a_dashboard_alone_answers_its_own_pages_only() -> None:
 def test_settings_that_make_no_sense_are_refused(server_settings: ServerSettings, said: str) -> None:
     assert server_settings.open
     with pytest.raises(ScenarioError, match=re.escape(said)):
-        serve(load("ur5-hybrid"), Look(), server_settings, None)
+        serve(load("ur5-hybrid"), PageStyle(), server_settings, None)
 
 
 def test_an_address_in_use_is_said() -> None:
     with socket.create_server(("127.0.0.1", 0)) as busy:
         port = busy.getsockname()[1]
         with pytest.raises(PortTaken, match=f"port {port} of 127.0.0.1 cannot be used"):
-            serve(load("ur5-hybrid"), Look(), ServerSettings(shared=True, port=port), None)
+            serve(load("ur5-hybrid"), PageStyle(), ServerSettings(shared=True, port=port), None)

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from app.gateway.server_settings import Look
+from app.gateway.server_settings import PageStyle
 from app.gateway.session_pool import SessionPool
 from app.gateway.visitors import NOBODY, Viewer
 from app.gateway.worker import Worker
@@ -29,7 +29,7 @@ def test_a_session_that_hangs_is_killed_and_begun_again_and_it_is_said() -> None
     made = list[Worker]()
 
     async def launch(scenario: str) -> Worker:
-        made.append(await Worker.prepared(scenario, Look(), silence=6.0))
+        made.append(await Worker.prepared(scenario, PageStyle(), silence=6.0))
         return made[-1]
 
     async def check() -> None:

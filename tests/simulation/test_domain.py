@@ -20,7 +20,7 @@ from app.scenario.schema import Declared, ScenarioError
 from app.session.changes import on_robot
 from app.simulation.domain import MARGIN, mobility_over, span_of
 from app.simulation.environment_builder import truth_of
-from app.simulation.extremes import OUTSIDE, Effort, Look, Omega, Place, largest
+from app.simulation.extremes import OUTSIDE, Effort, ObjectiveValue, Omega, Place, largest
 from app.simulation.search_memory import Memory
 from app.simulation.system import System, assemble
 from app.storage.constants_store import KEPT, ConstantsStore
@@ -237,18 +237,20 @@ def test_search_finds_the_known_extreme_and_nothing_outside(span: float, cut: fl
     """exp(slope q) (1 + t (span - t)) over two balls that overlap, without the half-plane q_1 > cut."""
     omega = Omega(np.array([[0.0, 0.0], [0.1, 0.05]]), 0.2, span)
 
-    def looks(place: Place) -> tuple[Look, ...]:
+    def values(place: Place) -> tuple[ObjectiveValue, ...]:
         if place.q[0] < -0.15:
             return (OUTSIDE,)
         return (
-            Look(float(np.exp(SLOPE @ place.q)) * (1.0 + place.t * (span - place.t)), 1.0 - (place.q[0] / cut) ** 3),
+            ObjectiveValue(
+                float(np.exp(SLOPE @ place.q)) * (1.0 + place.t * (span - place.t)), 1.0 - (place.q[0] / cut) ** 3
+            ),
         )
 
     top = np.array([0.1, 0.05]) + 0.2 * SLOPE / np.linalg.norm(SLOPE)
     if top[0] > cut:
         top = np.array([cut, 0.05 + np.sqrt(0.2**2 - (cut - 0.1) ** 2)])
     highest = float(np.exp(SLOPE @ top)) * (1.0 + span**2 / 4)
-    found = largest(omega, looks, Effort(60, 3))[0]
+    found = largest(omega, values, Effort(60, 3))[0]
     assert highest * (1 - 1e-3) <= found <= highest * (1 + 1e-12)
 
 

@@ -7,11 +7,11 @@ from typing import Literal
 
 from app.simulation.verdict import Outcome
 
-Look = Literal["vs-good", "vs-bad", "vs-warn", "vs-mode"]
+ChipClass = Literal["vs-good", "vs-bad", "vs-warn", "vs-mode"]
 
-LOOK_OF: dict[Outcome, Look] = {"holds": "vs-good", "broken": "vs-bad", "nothing promised": "vs-warn"}
+CHIP_OF: dict[Outcome, ChipClass] = {"holds": "vs-good", "broken": "vs-bad", "nothing promised": "vs-warn"}
 
 
-def chip(text: str, look: Look) -> str:
+def chip(text: str, chip_class: ChipClass) -> str:
     """A chip as HTML."""
-    return f'<span class="vs-chip {look}">{escape(text)}</span>'
+    return f'<span class="vs-chip {chip_class}">{escape(text)}</span>'

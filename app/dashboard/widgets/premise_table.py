@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from html import escape
 
-from app.dashboard.widgets.chips import LOOK_OF, chip
+from app.dashboard.widgets.chips import CHIP_OF, chip
 from app.scenario.units import JOINT
 from app.session.snapshot import Snapshot
 from app.simulation.domain import MARGIN
@@ -16,10 +16,10 @@ def premises_html(snapshot: Snapshot) -> str:
     """Every premise that applies, and the verdict above them."""
     standing = snapshot.standing
     promise, run = standing.now, standing.run
-    head = f"<div>{chip(f'now: {promise.verdict}', LOOK_OF[promise.verdict])} {escape(promise.because)}</div>"
+    head = f"<div>{chip(f'now: {promise.verdict}', CHIP_OF[promise.verdict])} {escape(promise.because)}</div>"
     if run.verdict != promise.verdict:
         head += (
-            f"<div>{chip(f'this run: {run.verdict}', LOOK_OF[run.verdict])} {escape(run.because)}; "
+            f"<div>{chip(f'this run: {run.verdict}', CHIP_OF[run.verdict])} {escape(run.because)}; "
             f"all premises held in {100 * run.share:.4g} % of its periods</div>"
         )
     rows = "".join(_row(finding) for finding in standing.findings)

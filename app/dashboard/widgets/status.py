@@ -6,7 +6,7 @@ from html import escape
 
 import numpy as np
 
-from app.dashboard.widgets.chips import LOOK_OF, Look, chip
+from app.dashboard.widgets.chips import CHIP_OF, ChipClass, chip
 from app.scenario.caption import title_of
 from app.scenario.schema import Scenario
 from app.session.pacing import Pace
@@ -63,14 +63,14 @@ def splash_html(text: str) -> str:
 def _phase(snapshot: Snapshot) -> str:
     if snapshot.looking_back:
         return chip("shown again" if snapshot.phase == "running" else "looking back", "vs-warn")
-    looks: dict[str, Look] = {"running": "vs-good", "paused": "vs-warn", "stopped": "vs-bad"}
+    looks: dict[str, ChipClass] = {"running": "vs-good", "paused": "vs-warn", "stopped": "vs-bad"}
     return chip(snapshot.phase, looks[snapshot.phase])
 
 
 def _verdict(promise: PromiseVerdict) -> str:
     """Verdict on the theorem's promise."""
     text = {"holds": "promise holds", "broken": "promise broken"}.get(promise.verdict, promise.verdict)
-    return f'<span title="{escape(promise.because)}">{chip(text, LOOK_OF[promise.verdict])}</span>'
+    return f'<span title="{escape(promise.because)}">{chip(text, CHIP_OF[promise.verdict])}</span>'
 
 
 def _reason(snapshot: Snapshot) -> str:
@@ -106,5 +106,5 @@ def _slowed(snapshot: Snapshot) -> str:
     )
 
 
-def _message(look: str, text: str) -> str:
-    return f'<div class="vs-message {look}">{escape(text)}</div>'
+def _message(chip_class: str, text: str) -> str:
+    return f'<div class="vs-message {chip_class}">{escape(text)}</div>'
