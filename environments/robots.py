@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from functools import cache
 from importlib import metadata, resources
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -212,8 +212,7 @@ def load(
     """
     entry = None if urdf is not None else _entry(name)
     path = _file(entry) if entry is not None else _given(str(urdf))
-    root = description.read(path)
-    full = _model(root, path)
+    root, full = _described(path) if entry is None else _shipped(path)
     frames = _tool_frames(full)
     frame_name = tool_frame or (entry.tool_frame if entry else _farthest(frames, path))
     if not full.existFrame(frame_name, pin.BODY):
@@ -255,6 +254,23 @@ def load(
         shipped=entry is not None,
         locked=locked,
     )
+
+
+class _Described(NamedTuple):
+    """A URDF and Pinocchio's model of the whole of it."""
+
+    root: ElementTree.Element
+    full: pin.Model
+
+
+def _described(path: Path) -> _Described:
+    root = description.read(path)
+    return _Described(root, _model(root, path))
+
+
+@cache  # read at every change of a scenario; neither part is written to, and a file of the program does not change
+def _shipped(path: Path) -> _Described:
+    return _described(path)
 
 
 def _entry(name: str) -> RobotEntry:

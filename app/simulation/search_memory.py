@@ -8,7 +8,7 @@ from typing import Protocol
 
 import numpy as np
 
-MOST = 256  # answers in memory
+MOST = 4096  # answers in memory, each of a few numbers
 
 Numbers = tuple[float, ...]
 Part = str | bytes | float | np.ndarray

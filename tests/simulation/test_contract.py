@@ -54,7 +54,7 @@ def test_run_is_finite_repeats_bit_for_bit_and_is_the_same_compiled(case: tuple[
         # the tool begins where phi = 0: rounding would decide whether a one-sided surface's mass joins it at once
         loop = ClosedLoop(edited(scenario, "contact.unilateral", False))
         table(loop)
-    compiled = ClosedLoop(loop.system.scenario)
+    compiled = ClosedLoop(loop.system.scenario, previous=loop.system)
     CompiledRun(compiled).advance(STEPS)
     require_same_rows(loop, compiled, PRECISE, precision=AMPLIFIED if massive else PRECISION)
     assert len(first) == STEPS
