@@ -59,19 +59,55 @@ class Surface:
 
     def with_derivatives(self, p: np.ndarray, t: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """The coordinates (3,) of one point, their gradients (3, 3) in rows, and their partial derivatives in time."""
-        step = 1j * TINY * np.eye(4)
-        g = self.coordinates(p[:, None] + step[:3], t + step[3])
-        return np.real(g[:, 0]), np.imag(g[:, :3]) / TINY, np.imag(g[:, 3]) / TINY
+        return _differentiated(self.coordinates, p, t)
+
+
+@dataclass(frozen=True)
+class Corner:
+    """One, two or three surfaces, and the coordinates that they give together.
+    edge: beside two of them in space, a point (3,) m and the unit vector (3,) along which psi counts from there."""
+
+    surfaces: tuple[Surface, ...]
+    edge: tuple[np.ndarray, np.ndarray] | None = None
+
+    @classmethod
+    def at(cls, surfaces: tuple[Surface, ...], p: np.ndarray) -> Corner:
+        """Corner of surfaces that are met at the point p (3,) m at t = 0: beside two of them the straight line there
+        that is tangential to both."""
+        if len(surfaces) != 2:
+            return cls(surfaces)
+        along = np.cross(*(each.with_derivatives(p, 0.0)[1][0] for each in surfaces))
+        return cls(surfaces, (p, along / np.sqrt(along @ along)))
+
+    def coordinates(self, p: np.ndarray, t: np.ndarray) -> np.ndarray:
+        """Coordinates (3, k) m of the points p (3, k) m at the times t (k,), phi of each surface first, (31)."""
+        alone = [each.coordinates(p, t) for each in self.surfaces]
+        if self.edge is None:
+            return alone[0] if len(alone) == 1 else np.stack([g[0] for g in alone])
+        start, along = self.edge
+        return np.stack([alone[0][0], alone[1][0], along @ (p - start[:, None])])
+
+    def with_derivatives(self, p: np.ndarray, t: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """See `Surface.with_derivatives`."""
+        return _differentiated(self.coordinates, p, t)
+
+
+def _differentiated(
+    coordinates: Callable[[np.ndarray, np.ndarray], np.ndarray], p: np.ndarray, t: float
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    step = 1j * TINY * np.eye(4)
+    g = coordinates(p[:, None] + step[:3], t + step[3])
+    return np.real(g[:, 0]), np.imag(g[:, :3]) / TINY, np.imag(g[:, 3]) / TINY
 
 
 class Kinematics(NamedTuple):
-    """Kinematics (3): r (n,) m, J_q (n, n), v_t (n,) m/s; J_v (3, n) of the tool, gradient of phi (3,)."""
+    """Kinematics (3): r (n,) m, J_q (n, n), v_t (n,) m/s; J (6, n) of the tool, gradients of phi (m, 3)."""
 
     r: np.ndarray
     J_q: np.ndarray
     v_t: np.ndarray
-    J_v: np.ndarray
-    normal: np.ndarray
+    J: np.ndarray
+    normals: np.ndarray
 
 
 class Motion(NamedTuple):
@@ -83,8 +119,8 @@ class Motion(NamedTuple):
     J_q_dot: np.ndarray
     v_t: np.ndarray
     v_t_dot: np.ndarray
-    J_v: np.ndarray
-    normal: np.ndarray
+    J: np.ndarray
+    normals: np.ndarray
 
 
 class Answer(NamedTuple):
@@ -115,42 +151,45 @@ class Gains:
 @dataclass(frozen=True)
 class Wish:
     """Reference: r_d goes from its start to start + displacement (n,) m and back, once in 2 pi / omega s; f_nd = mean +
-    swing sin(f_omega t), N; r_fd = compliance (m/N) f_nd, (33)."""
+    swing sin(f_omega t), (m,) N; r_fd = compliance (m, m) (m/N) f_nd, (33)."""
 
     displacement: np.ndarray
     omega: float
-    mean: float
-    swing: float
+    mean: np.ndarray
+    swing: np.ndarray
     f_omega: float
-    compliance: float
+    compliance: np.ndarray
 
 
 @dataclass(frozen=True)
 class World:
-    """Environment: M_e kg, B_e N s/m, K_e N/m of the contact, or rigid; scaling: of every link's inertia; viscous N m
-    s/rad in the joints; all: F_c = F_r rather than its normal part."""
+    """Environment: M_e kg, B_e N s/m, K_e N/m (m, m) of the contacts with m surfaces, or rigid; scaling: of all links'
+    inertia; viscous N m s/rad in the joints; all: F_c = F_r rather than its normal part; push: a wrench (6,) on the
+    tool, force N and moment N m along the world's axes, that the sensor feels as the contact's."""
 
-    surface: Surface
+    surfaces: tuple[Surface, ...]
     rigid: bool
-    M_e: float
-    B_e: float
-    K_e: float
+    M_e: np.ndarray
+    B_e: np.ndarray
+    K_e: np.ndarray
     scaling: float
     viscous: float
     all: bool
+    push: np.ndarray
 
 
 class PaperLoop:
-    """An arm on a bilateral surface under the law of Theorem 1, from q_0 rad, q_dot_0 rad/s (n,) with s(0) = 0.
+    """An arm on bilateral surfaces under the law of Theorem 1, from q_0 rad, q_dot_0 rad/s (n,) with s(0) = 0.
 
-    r: phi, psi_1 (and psi_2), then l times the Euler angles of the tool, three, or one of an arm in the x-z plane.
+    r: phi of each of m surfaces, psi (psi_1, psi_2), then l times the Euler angles of the tool, three, or one of an arm
+    in the x-z plane.
     """
 
     def __init__(
         self, robot: Robot, q_0: np.ndarray, q_dot_0: np.ndarray, gains: Gains, wish: Wish, world: World, l: float
     ) -> None:
         self.q_0, self.q_dot_0, self.gains, self.wish, self.world, self.l = q_0, q_dot_0, gains, wish, world, l
-        self.planar, self.n = robot.geometry == "planar", robot.n
+        self.planar, self.n, self.m = robot.geometry == "planar", robot.n, len(world.surfaces)
         self.believed = robot.model.copy()
         tool = pin.Frame("tool of the paper", robot.tool_joint, 0, robot.tool_placement, pin.FrameType.OP_FRAME)
         self.frame = self.believed.addFrame(tool)
@@ -159,7 +198,8 @@ class PaperLoop:
             body = self.true.inertias[i]
             self.true.inertias[i] = pin.Inertia(world.scaling * body.mass, body.lever, world.scaling * body.inertia)
         self.data, self.true_data = self.believed.createData(), self.true.createData()
-        self.R_0 = self._tool(q_0)[1]
+        p_0, self.R_0, _ = self._tool(q_0)
+        self.corner = Corner.at(world.surfaces, p_0)
 
     def _tool(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         J = pin.computeFrameJacobian(self.believed, self.data, q, self.frame, pin.LOCAL_WORLD_ALIGNED).copy()
@@ -168,7 +208,7 @@ class PaperLoop:
     def kinematics(self, q: np.ndarray, t: float) -> Kinematics:
         """Kinematics (3) at rest: r, dr/dq and dr/dt."""
         p, R, J = self._tool(q)
-        g, G, g_t = self.world.surface.with_derivatives(p, t)
+        g, G, g_t = self.corner.with_derivatives(p, t)
         turned, spin = self.R_0.T @ R, self.R_0.T @ J[3:]
         if self.planar:
             k, angles, J_angles = 2, [np.arctan2(turned[0, 2], turned[0, 0])][: self.n - 2], spin[1:2][: self.n - 2]
@@ -181,8 +221,8 @@ class PaperLoop:
             np.concatenate([g[:k], self.l * np.array(angles)]),
             np.vstack([(G @ J[:3])[:k], self.l * J_angles]),
             np.concatenate([g_t[:k], np.zeros(len(angles))]),
-            J[:3],
-            G[0],
+            J,
+            G[: self.m],
         )
 
     def motion(self, q: np.ndarray, q_dot: np.ndarray, t: float) -> Motion:
@@ -193,32 +233,39 @@ class PaperLoop:
         J_q_dot = np.tensordot(weights, [k.J_q for k in around], 1)
         v_t_dot = np.tensordot(weights, [k.v_t for k in around], 1)
         r_dot = here.J_q @ q_dot + here.v_t
-        return Motion(here.r, r_dot, here.J_q, J_q_dot, here.v_t, v_t_dot, here.J_v, here.normal)
+        return Motion(here.r, r_dot, here.J_q, J_q_dot, here.v_t, v_t_dot, here.J, here.normals)
 
-    def reference(self, t: float) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
+    def reference(self, t: float) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """Reference: r_d m, its two derivatives, and f_nd N."""
         w = self.wish
         start, to, c, s = self._start, w.displacement, np.cos(w.omega * t), np.sin(w.omega * t)
         r_d = start + to * (1 - c) / 2
         rate, acceleration = to * w.omega * s / 2, to * w.omega**2 * c / 2
         fc, fs = np.cos(w.f_omega * t), np.sin(w.f_omega * t)
-        r_d[0] = w.compliance * (w.mean + w.swing * fs)
-        rate[0] = w.compliance * w.swing * w.f_omega * fc
-        acceleration[0] = -w.compliance * w.swing * w.f_omega**2 * fs
+        r_d[: self.m] = w.compliance @ (w.mean + w.swing * fs)
+        rate[: self.m] = w.compliance @ w.swing * w.f_omega * fc
+        acceleration[: self.m] = -w.compliance @ w.swing * w.f_omega**2 * fs
         return r_d, rate, acceleration, w.mean + w.swing * fs
 
     @cached_property
     def _start(self) -> np.ndarray:
         return self.kinematics(self.q_0, 0.0).r
 
-    def law(self, m: Motion, q: np.ndarray, q_dot: np.ndarray, z: np.ndarray, lam: float, t: float) -> Answer:
-        """Law (9), (10), (13), (15), (16) with the multiplier lam (N) as the measured force."""
+    def forces(self, m: Motion, lam: np.ndarray, f_nd: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """F_r and e_Fc (n,) N, where the sensor measures the force of the multipliers lam (m,) N and the push; (40)
+        leaves the multipliers whose force is nearest to the measured one."""
+        F = np.concatenate([m.normals.T @ lam, np.zeros(3)]) - self.world.push
+        F_r = np.linalg.solve(m.J_q.T, m.J.T @ F)
+        e_F = F_r.copy() if self.world.all else np.zeros(self.n)
+        e_F[: self.m] = np.linalg.lstsq(m.normals.T, F[:3])[0] - f_nd
+        return F_r, e_F
+
+    def law(self, m: Motion, q: np.ndarray, q_dot: np.ndarray, z: np.ndarray, lam: np.ndarray, t: float) -> Answer:
+        """Law (9), (10), (13), (15), (16) with the force of the multipliers lam (m,) N, see `forces`."""
         g = self.gains
         r_d, r_d_dot, r_d_ddot, f_nd = self.reference(t)
         e, e_dot = m.r - r_d, m.r_dot - r_d_dot
-        F_r = np.linalg.solve(m.J_q.T, m.J_v.T @ (lam * m.normal))
-        e_F = F_r.copy() if self.world.all else np.zeros(self.n)
-        e_F[0] = lam - f_nd
+        F_r, e_F = self.forces(m, lam, f_nd)
         by_M, by_F_2 = np.linalg.inv(g.M_m), np.linalg.inv(g.F_2)
         K_vz = by_F_2 @ (by_M @ g.B_m - g.F_1 + g.A)
         K_pz = by_F_2 @ (by_M @ g.K_m + g.A @ g.F_1)
@@ -243,20 +290,22 @@ class PaperLoop:
         return np.linalg.solve(pin.crba(self.true, self.true_data, q), torque - h)
 
     def contact(
-        self, m: Motion, q: np.ndarray, q_dot: np.ndarray, torque: Callable[[float], np.ndarray]
-    ) -> tuple[float, np.ndarray]:
-        """Contact: lambda N and q_ddot with lambda = M_e phi_ddot + B_e phi_dot + K_e phi, (28) and (32), or phi_ddot =
-        0, (39), the constraint differentiated twice; the torque may depend on lambda, all being affine in it."""
-        w = self.world
+        self, m: Motion, q: np.ndarray, q_dot: np.ndarray, torque: Callable[[np.ndarray], np.ndarray]
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Contact: lambda (m,) N and q_ddot with lambda = M_e phi_ddot + B_e phi_dot + K_e phi, (28) and (32), or
+        phi_ddot = 0, (39), the constraints differentiated twice; the torque may depend on lambda, all being affine in
+        it."""
+        w, k = self.world, self.m
 
-        def miss(lam: float) -> tuple[float, np.ndarray]:
-            q_ddot = self.acceleration(q, q_dot, torque(lam) - m.J_v.T @ m.normal * lam)
-            phi_ddot = float((m.J_q @ q_ddot + m.J_q_dot @ q_dot + m.v_t_dot)[0])
-            return (phi_ddot if w.rigid else w.M_e * phi_ddot + w.B_e * m.r_dot[0] + w.K_e * m.r[0] - lam), q_ddot
+        def miss(lam: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+            F = np.concatenate([m.normals.T @ lam, np.zeros(3)]) - w.push
+            q_ddot = self.acceleration(q, q_dot, torque(lam) - m.J.T @ F)
+            phi_ddot = (m.J_q @ q_ddot + m.J_q_dot @ q_dot + m.v_t_dot)[:k]
+            return (phi_ddot if w.rigid else w.M_e @ phi_ddot + w.B_e @ m.r_dot[:k] + w.K_e @ m.r[:k] - lam), q_ddot
 
-        (at_0, without), (at_1, with_one) = miss(0.0), miss(1.0)
-        lam = at_0 / (at_0 - at_1)
-        return lam, without + lam * (with_one - without)
+        (at_0, without), ones = miss(np.zeros(k)), [miss(one) for one in np.eye(k)]
+        lam = np.linalg.solve(np.column_stack([at_0 - at for at, _ in ones]), at_0)
+        return lam, without + np.column_stack([with_one - without for _, with_one in ones]) @ lam
 
     def slope(self, t: float, y: np.ndarray) -> np.ndarray:
         """Derivative d/dt of (q, q_dot, z) (3n,) under the law."""

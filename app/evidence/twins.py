@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from typing import Literal
 
@@ -22,6 +22,12 @@ TOWARDS = np.array([0.28, 0.0, 0.96])  # out of the surface, in the plane of the
 LAYER, D = 0.1, 6.0
 WAY, TURN = 0.03, 0.1  # m and rad, of the desired motion along the surface and of the tool's first angle
 DEPTH = 0.001  # m, of the tool in an elastic surface to begin with
+# directions out of a second and a third surface of an arm in space, and of a second one of an arm in a plane
+FURTHER = ((0.3, -0.9, 0.2), (-0.7, -0.2, 0.4))
+FURTHER_PLANAR = ((-0.9, 0.0, 0.3),)
+STIFFNESS, BELIEVED, DAMPING = (8000.0, 6000.0, 7000.0), (9000.0, 7000.0, 6000.0), (40.0, 30.0, 20.0)
+FORCES, SWINGS = (20.0, 15.0, 10.0), (5.0, 3.0, 2.0)  # N
+PUSH = np.array([3.0, -2.0, 4.0, 0.3, -0.5, 0.4])
 
 
 @cache
@@ -39,7 +45,8 @@ def random_spd(random: np.random.Generator, n: int, low: float, high: float) -> 
 @dataclass(frozen=True)
 class Twin:
     """An arm of the catalogue on a plane (radius 0) or a sphere, which has a mass M_e (kg) or none, or is rigid, and
-    may move.
+    may move; on so many surfaces, the others being oblique planes that move, too.
+    pushed: a constant wrench acts on the tool.
     unknown: its links are 15 % heavier than believed and its joints have friction.
     ideal: see `Scenario.sensor`."""
 
@@ -51,6 +58,8 @@ class Twin:
     unknown: bool = True
     integrator: Integrator = "semi-implicit-euler"  # which evaluates the acceleration at the state itself
     ideal: bool = False
+    surfaces: int = 1
+    pushed: bool = False
 
     @property
     def n(self) -> int:
@@ -61,40 +70,60 @@ class Twin:
         return self.mode == "constrained"
 
     @property
+    def moves(self) -> bool:
+        """Whether the tool moves along the surfaces: there is a position that none of them holds."""
+        return arm(self.robot).layout.positions > self.surfaces
+
+    @property
     def turns(self) -> bool:
         """Whether the tool turns on its way: there is an angle among the coordinates."""
         return arm(self.robot).layout.angles > 0
 
-    def surface(self) -> Surface:
+    def all_surfaces(self) -> tuple[Surface, ...]:
+        """The first surface and the planes beside it."""
         p = arm(self.robot).nominal.evaluate(arm(self.robot).q_0, np.zeros(self.n)).p
-        inside = p + (0.0 if self.rigid else DEPTH) * TOWARDS
-        amplitude = np.array([0.6, 0.0, 0.8]) * (0.004 if self.moving else 0.0)
-        if self.radius == 0.0:
-            return Surface(inside, -TOWARDS, 0.0, amplitude, 2 * np.pi * 2.0)
-        return Surface(inside - self.radius * TOWARDS, TOWARDS, self.radius, amplitude, 2 * np.pi * 2.0)
+        depth, amplitude = (0.0 if self.rigid else DEPTH), np.array([0.6, 0.0, 0.8]) * (0.004 if self.moving else 0.0)
+        inside, omega = p + depth * TOWARDS, 2 * np.pi * 2.0
+        first = Surface(inside, -TOWARDS, 0.0, amplitude, omega)
+        if self.radius > 0.0:
+            first = Surface(inside - self.radius * TOWARDS, TOWARDS, self.radius, amplitude, omega)
+        towards = FURTHER_PLANAR if arm(self.robot).robot.geometry == "planar" else FURTHER
+        units = [np.array(each) / np.linalg.norm(each) for each in towards[: self.surfaces - 1]]
+        return first, *(Surface(p + depth * each, -each, 0.0, 0.5 * amplitude, 1.5 * omega) for each in units)
 
     def gains(self) -> Gains:
         """Gains, as full matrices wherever the mode admits them."""
         random, n = np.random.default_rng(4), self.n
         M_m, B_m, K_m, K_f = (np.zeros((n, n)) for _ in range(4))
+        m = self.surfaces
         M_m[0, 0], B_m[0, 0], K_m[0, 0], K_f[0, 0] = (12.0, 200.0, 0.0 if self.rigid else 300.0, 0.8)
         for matrix, low, high in ((M_m, 6.0, 14.0), (B_m, 150.0, 300.0), (K_m, 1000.0, 4000.0)):
-            matrix[1:, 1:] = random_spd(random, n - 1, low, high)
+            matrix[m:, m:] = random_spd(random, n - m, low, high)
         if self.mode == "hybrid-impedance":
-            K_f[1:, 1:] = random_spd(random, n - 1, 0.5, 1.5)
+            K_f[m:, m:] = random_spd(random, n - m, 0.5, 1.5)
+        if m > 1:
+            for matrix, low, high in ((M_m, 8.0, 14.0), (B_m, 150.0, 250.0), (K_f, 0.7, 1.0)):
+                matrix[:m, :m] = random_spd(random, m, low, high)
+            if not self.rigid:
+                K_m[:m, :m] = random_spd(random, m, 200.0, 400.0)
         F_1, F_2, A = (np.diag(random.uniform(*edge, n)) for edge in ((8.0, 14.0), (0.7, 1.5), (-2.0, -0.2)))
         return Gains(M_m, B_m, K_m, K_f, A, F_1, F_2, random_spd(random, n, 20.0, 40.0), D, LAYER)
 
     def wish(self) -> Wish:
         displacement = np.zeros(self.n)
-        displacement[1] = WAY
+        if self.moves:
+            displacement[self.surfaces] = WAY
         if self.turns:
             system = arm(self.robot)
             displacement[system.layout.positions] = system.layout.l * TURN
-        return Wish(displacement, 2 * np.pi * 1.0, 20.0, 5.0, 2 * np.pi * 3.0, 0.0 if self.rigid else 1 / 9000.0)
+        m = self.surfaces
+        compliance = np.zeros((m, m)) if self.rigid else np.linalg.inv(np.diag(BELIEVED[:m]))
+        return Wish(
+            displacement, 2 * np.pi, np.array(FORCES[:m]), np.array(SWINGS[:m]), 2 * np.pi * 3.0, compliance
+        )  # fmt: skip
 
-    def scenario(self, period: float) -> Scenario:
-        gains, surface = self.gains(), self.surface()
+    def _met(self, number: int, surface: Surface) -> tuple[dict[str, object], dict[str, object], dict[str, object]]:
+        """Surface, contact and force of one surface, as a scenario has them."""
         motion = {
             "direction": [0.6, 0.0, 0.8],
             "amplitude": float(np.linalg.norm(surface.amplitude)),
@@ -103,32 +132,51 @@ class Twin:
         where = {"origin": surface.origin.tolist(), "motion": motion}
         normal = surface.normal.tolist()
         kind = "rigid" if self.rigid else "mass-damper-spring" if self.M_e else "elastic"
+        springs = {"B_e": DAMPING[number], "K_e": STIFFNESS[number]}
+        return (
+            {"kind": "sphere", "radius": surface.radius, "reference": normal, **where} if surface.radius
+            else {"kind": "plane", "normal": normal, **where},
+            {"kind": kind, "M_e": self.M_e, **springs, "unilateral": False},
+            {"kind": "sinusoid", "value": FORCES[number], "amplitude": SWINGS[number], "frequency": 3.0},
+        )  # fmt: skip
+
+    def scenario(self, period: float) -> Scenario:
+        gains, met = self.gains(), [self._met(i, each) for i, each in enumerate(self.all_surfaces())]
+        push = {"push": PUSH[:3].tolist(), "push_moment": PUSH[3:].tolist(), "push_start": 0.0, "push_duration": 3600.0}
+        further = {
+            name: {"surface": surface, "contact": contact, "force": force, "K_e_hat": K_e_hat}
+            for name, (surface, contact, force), K_e_hat in zip(
+                ("second", "third"), met[1:], BELIEVED[1:], strict=False
+            )
+        }
         return from_plain({
+            **further,
             "mode": self.mode,
             "robot": {"name": self.robot},
-            "truth": {"link_scaling": 1.15, "viscous": 0.4} if self.unknown else {},
+            "truth": ({"link_scaling": 1.15, "viscous": 0.4} if self.unknown else {}) | (push if self.pushed else {}),
             "target_model": {name: getattr(gains, name).tolist() for name in ("M_m", "B_m", "K_m", "K_f")},
             "controller": {
                 **{name: getattr(gains, name).tolist() for name in ("A", "F_1", "F_2", "K_s")},
-                "gain": "constant", "d": D, "layer": LAYER, "period": period, "K_e_hat": 9000.0,
+                "gain": "constant", "d": D, "layer": LAYER, "period": period, "K_e_hat": BELIEVED[0],
             },
-            "surface": {"kind": "sphere", "radius": self.radius, "reference": normal, **where} if self.radius
-            else {"kind": "plane", "normal": normal, **where},
-            "contact": {"kind": kind, "M_e": self.M_e, "B_e": 40.0, "K_e": 8000.0, "unilateral": False},
+            "surface": met[0][0],
+            "contact": met[0][1],
+            "force": met[0][2],
             "sensor": {"ideal": self.ideal},
-            "motion": {"kind": "line", "displacement": [WAY], "period": 1.0, "ramp": 0.0},
+            "motion": {"kind": "line", "displacement": [WAY], "period": 1.0, "ramp": 0.0}
+            if self.moves else {"kind": "hold"},
             "rotation": {"kind": "line", "displacement": [TURN], "period": 1.0, "ramp": 0.0}
             if self.turns else {"kind": "hold"},
-            "force": {"kind": "sinusoid", "value": 20.0, "amplitude": 5.0, "frequency": 3.0},
             "simulation": {"duration": 1.0, "integrator": self.integrator},
         })  # fmt: skip
 
     def paper(self) -> PaperLoop:
         scenario = self.scenario(0.001)
-        contact, truth = scenario.contact, scenario.truth
+        truth, m = scenario.truth, self.surfaces
+        M_e, B_e, K_e = self.M_e * np.eye(m), np.diag(DAMPING[:m]), np.diag(STIFFNESS[:m])
         world = World(
-            self.surface(), self.rigid, self.M_e, contact.B_e, contact.K_e, float(np.max(truth.link_scaling)),
-            truth.viscous, all=self.mode == "hybrid-impedance",
+            self.all_surfaces(), self.rigid, M_e, B_e, K_e, float(np.max(truth.link_scaling)), truth.viscous,
+            all=self.mode == "hybrid-impedance", push=PUSH if self.pushed else np.zeros(6),
         )  # fmt: skip
         system = assemble(scenario)
         start = system.plant.start(system.q_0, np.zeros(self.n), 0.0).views
@@ -164,7 +212,10 @@ def plant_errors(twin: Twin, substeps: Sequence[int], duration: float) -> np.nda
     scenario = twin.scenario(0.001)
     system, n = assemble(scenario), twin.n
     random = np.random.default_rng(5)
-    paper, start = twin.paper(), system.plant.start(system.q_0, random.uniform(-0.5, 0.5, n), 0.0)
+    paper, start = (
+        replace(twin, pushed=False).paper(),
+        system.plant.start(system.q_0, random.uniform(-0.5, 0.5, n), 0.0),
+    )
     tau = pin.computeGeneralizedGravity(paper.true, paper.true.createData(), system.q_0) + random.uniform(-3, 3, n)
     q, q_dot = start.views.q, start.views.q_dot
     y_0 = np.concatenate([q, q_dot])
