@@ -1,12 +1,14 @@
-"""Every mode, tab and theme as a picture: `python -m docs.make_screenshots [FOLDER]`, by default docs/screenshots.
+"""Every mode, tab and theme as a picture: `python -m docs.make_screenshots [FOLDER] [--only NAME ...]`, by default all
+of them in docs/screenshots.
 
-The titles of the tabs are read from the page. An index, README.md, is written beside the pictures; look at every one.
+A name is that of a picture, or its beginning (`tab-`): then only these are made anew, and the others stay. The titles
+of the tabs are read from the page. An index, README.md, is written beside the pictures; look at every one.
 """
 
 from __future__ import annotations
 
+import argparse
 import re
-import sys
 import threading
 import time
 from dataclasses import dataclass, field
@@ -21,7 +23,7 @@ from app.scenario.data import shipped
 from app.session.commands import Edit, Load, Pin, Play, Reset, Unpin
 from app.session.runner import Runner
 from drivers.browser import LAUNCH_ARGS, find_or_install
-from drivers.pages import NO_HINTS, PATIENCE, each_tab
+from drivers.pages import NO_HINTS, PATIENCE, Session, each_tab
 
 MODES = {
     "motion": "ur5-motion",
@@ -45,12 +47,24 @@ FREQUENT, RARE = 150, 100  # colours of a picture, together at most 256: a third
 
 @dataclass(frozen=True)
 class Album:
-    """A folder of pictures, and what is said of each."""
+    """A folder of pictures, and what is said of each.
+    only: names, or beginnings of names, of the pictures that are made; all of them where there is none."""
 
     folder: Path
+    only: tuple[str, ...] = ()
     captions: dict[str, str] = field(default_factory=dict)
 
+    def wants(self, *names: str) -> bool:
+        """Whether one of these pictures is made; of a name that ends in a hyphen, one that begins so."""
+        return not self.only or any(
+            name.startswith(only) or (name.endswith("-") and only.startswith(name))
+            for name in names
+            for only in self.only
+        )
+
     def add(self, page: Page, name: str, caption: str) -> None:
+        if not self.wants(name):
+            return
         path = self.folder / f"{name}.png"
         page.screenshot(path=path)
         with Image.open(path) as picture:
@@ -59,55 +73,80 @@ class Album:
         print(path)
 
     def close(self) -> None:
-        """Write the index; pictures of another time go."""
+        """Write the index; pictures of another time go, unless only some were made."""
+        if self.only:
+            self._describe()
+            return
         for path in self.folder.glob("*.png"):
             if path.name not in self.captions:
                 path.unlink()
+        self._write([(name, caption) for name, caption in self.captions.items()])
+
+    def _describe(self) -> None:
+        """The index with what is said of the pictures that were made, new ones behind the others."""
+        known = re.findall(r"!\[(.*)\]\((.*)\)", (self.folder / "README.md").read_text(encoding="utf-8"))
+        said = {name: caption for caption, name in known} | self.captions
+        self._write([(name, caption) for name, caption in said.items() if (self.folder / name).exists()])
+
+    def _write(self, said: list[tuple[str, str]]) -> None:
         parts = ["# Screenshots\n\nMade by `make screenshots`.\n"]
-        parts += [f"## {caption}\n\n![{caption}]({name})\n" for name, caption in self.captions.items()]
+        parts += [f"## {caption}\n\n![{caption}]({name})\n" for name, caption in said]
         (self.folder / "README.md").write_text("\n".join(parts), encoding="utf-8")
 
 
-def main(folder: Path) -> None:
+def main(folder: Path, only: tuple[str, ...]) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     dashboard = Dashboard(port=0)
     runner = Runner(shipped()["ur5-hybrid"])
     dashboard.attach(runner)
     runner.start()
     threading.Thread(target=dashboard.run_forever, daemon=True).start()
-    album = Album(folder)
+    album = Album(folder, only)
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=find_or_install(), args=LAUNCH_ARGS)
         page = opened(browser, dashboard.url, viewport={"width": 1600, "height": 900})
         for name, scenario in MODES.items():
-            load(runner, scenario, page)
-            shoot(page, album, name, shipped()[scenario].title)
+            if album.wants(name):
+                load(runner, scenario, page)
+                shoot(page, album, name, shipped()[scenario].title)
         load(runner, "ur5-hybrid", page)
-        for title in each_tab(page):
-            shoot(page, album, f"tab-{slug(title)}", f"Tab {title}")
-        refuse_and_hold(page, runner, album)
-        present(page, album)
-        compare(page, runner, album)
-        robustness_map(page, album)
-        guided_minute(page, runner, album)
-        lesson(page, album)
+        if album.wants("tab-"):
+            for title in each_tab(page):
+                shoot(page, album, f"tab-{slug(title)}", f"Tab {title}")
+        if album.wants("refused", "what-if"):
+            refuse_and_hold(page, runner, album)
+        if album.wants("cursors", "presentation"):
+            present(page, album)
+        if album.wants("compared", "past"):
+            compare(page, runner, album)
+        if album.wants("robustness-map"):
+            robustness_map(page, album)
+        if album.wants("minute-"):
+            guided_minute(page, runner, album)
+        if album.wants("lessons", "lesson-"):
+            lesson(page, album)
+        if album.wants("help", "light", "light-"):
+            load(runner, "ur5-hybrid", page)
+            show_help(page, album)
+            page.keyboard.press("t")
+            shoot(page, album, "light", "Light")
+            for title in each_tab(page) if album.wants("light-") else ():
+                shoot(page, album, f"light-{slug(title)}", f"Tab {title}, light")
+            page.keyboard.press("t")
         load(runner, "ur5-hybrid", page)
-        show_help(page, album)
-        page.keyboard.press("t")
-        shoot(page, album, "light", "Light")
-        for title in each_tab(page):
-            shoot(page, album, f"light-{slug(title)}", f"Tab {title}, light")
-        page.keyboard.press("t")
         page.close()
         for width, height in SIZES:
-            page = opened(browser, dashboard.url, viewport={"width": width, "height": height})
-            shoot(page, album, f"hybrid-{width}x{height}", f"{width} x {height}")
+            if album.wants(name := f"hybrid-{width}x{height}"):
+                page = opened(browser, dashboard.url, viewport={"width": width, "height": height})
+                shoot(page, album, name, f"{width} x {height}")
+                page.close()
+        if album.wants("phone"):
+            page = opened(browser, dashboard.url, **PHONE)
+            shoot(page, album, "phone", "A phone")
             page.close()
-        page = opened(browser, dashboard.url, **PHONE)
-        shoot(page, album, "phone", "A phone")
-        page.close()
-        page = opened(browser, dashboard.url, first_visit=True, viewport={"width": 1280, "height": 720})
-        shoot(page, album, "first-steps", "The first visit")
+        if album.wants("first-steps"):
+            page = opened(browser, dashboard.url, first_visit=True, viewport={"width": 1280, "height": 720})
+            shoot(page, album, "first-steps", "The first visit")
         browser.close()
     album.close()
     dashboard.close()
@@ -148,14 +187,11 @@ def refuse_and_hold(page: Page, runner: Runner, album: Album) -> None:
     """A value that is refused, and a slider that is held until its preview is whole."""
     runner.post(Edit("target_model.M_m", [0.0] * 6))
     shoot(page, album, "refused", "Refused, with the reason")
-    row = page.locator("form:visible", has=page.get_by_text("F_d [N]", exact=True))
-    box = row.locator(".mantine-Slider-root").bounding_box()
-    assert box is not None
-    y = box["y"] + box["height"] / 2
-    page.mouse.move(box["x"] + 0.33 * box["width"], y)
-    page.mouse.down()
-    page.mouse.move(box["x"] + 0.75 * box["width"], y, steps=20)
-    page.get_by_text("within the next 5.0 s").wait_for()
+    move, _ = Session(page, runner).grip("F_d [N]")
+    move(0.75)
+    # the band comes last, when the slider rests; the process that previews may still be starting
+    page.get_by_text("within the next 5.0 s").wait_for(timeout=240e3)
+    page.locator(".vs-held", has_text="true arms").wait_for(timeout=240e3)
     page.wait_for_timeout(1500)
     album.add(page, "what-if", "A slider held: what would come")
     page.keyboard.press("Escape")
@@ -277,4 +313,8 @@ def slug(title: str) -> str:
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]) if len(sys.argv) > 1 else Path(__file__).parent / "screenshots")
+    parser = argparse.ArgumentParser(prog="python -m docs.make_screenshots", description="Pictures of the page.")
+    parser.add_argument("folder", nargs="?", type=Path, default=Path(__file__).parent / "screenshots")
+    parser.add_argument("--only", nargs="+", default=(), metavar="NAME", help="these, or what begins so, and no others")
+    given = parser.parse_args()
+    main(given.folder, tuple(given.only))

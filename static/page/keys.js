@@ -29,9 +29,14 @@ document.addEventListener("click", (e) => {
   // What was pressed with a pointer does not keep the space key for itself: a button at once, because the next key may
   // come before the next picture; the others in a picture's time, because a menu gives its field the focus again.
   if (e.detail === 0) return;
-  if (near(e, "button")) near(e, "button").blur();
+  if (near(e, "button, [role=tab]")) near(e, "button, [role=tab]").blur();
   else if (near(e, "[role=option], [role=checkbox], input[type=checkbox]"))
     requestAnimationFrame(() => document.activeElement?.blur());
+}, true);
+// the timeline that was dragged leaves the arrow keys to the steps through the run
+document.addEventListener("mouseup", (e) => {
+  const within = document.activeElement?.closest("div:has(> .vs-ticks) + form .mantine-Slider-root");
+  if (e.isTrusted && within) setTimeout(() => document.activeElement?.blur());
 }, true);
 // these step through the run: viser's camera, which listens at the document, would turn with them
 document.documentElement.addEventListener("keydown", (e) => {

@@ -54,7 +54,7 @@ const relight = (chart) => {
 const decades = (plot, at) => {
   const apart = Math.abs(plot.valToPos(10, "y") - plot.valToPos(1, "y")), every = Math.max(1, Math.ceil(15 / apart));
   const tens = at.filter((v) => v !== null && Number.isInteger(+Math.log10(v).toFixed(9))).length;
-  const firsts = tens < 3 && apart > 45 ? /^[125]/ : /^1/;
+  const firsts = tens < 3 && apart > 40 ? /^[125]/ : /^1/;
   return at.map((v) => (v === null || Math.floor(Math.log10(v) + 1e-9) % every || !firsts.test(v.toExponential()) ? "" : `${v}`));
 };
 // uPlot knows null for what does not exist, and data arrive as numbers. A gap begins at the last value before it: a
@@ -80,6 +80,10 @@ const ranged = (scale) => {
   const own = scale?.range;
   if (typeof own !== "function") return;
   scale.range = (plot, least, most, key) => own(plot, ...(Number.isNaN(least) || Number.isNaN(most) ? extremes(plot) : [least, most]), key);
+};
+const crowded = ({ axes, scales: { y }, bbox }) => {
+  const [first, next] = axes[1]._splits ?? [];
+  return y?.distr === 1 && ((next - first) / (y.max - y.min)) * bbox.height < 10 * devicePixelRatio;
 };
 const listed = new WeakSet();
 const enlist = (entry) => {
@@ -111,8 +115,9 @@ watch();
 setInterval(() => {
   watch();
   for (const { chart } of Object.values(window.__viserTestpoints?.uplots ?? {})) {
-    // now and then uPlot does not lay out the time axis of a chart that is made with its data
-    if (!chart.axes[0]._splits && stands(chart)) chart.setSize({ width: chart.width, height: chart.height });
+    // now and then uPlot does not lay out the time axis of a chart that is made with its data, or keeps the numbers of a
+    // height that it no longer has
+    if (stands(chart) && (!chart.axes[0]._splits || crowded(chart))) chart.setSize({ width: chart.width, height: chart.height });
     follow(chart);
     const markers = chart.root.querySelectorAll(".u-legend .u-marker");
     chart.series.forEach(({ dash }, i) => markers[i]?.toggleAttribute("data-dashed", !!dash)); // as its line

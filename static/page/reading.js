@@ -25,6 +25,7 @@ const inLegend = (plot) => {
   if (!plot.root.isConnected || plot.over.matches(":hover")) return;
   const idx = now(plot);
   if (idx !== null) plot.setLegend({ idx }, false);
+  else for (const none of plot.root.querySelectorAll(".u-legend .u-value")) none.textContent = "";
 };
 const listed = (series) => series.label && !/vs-unlisted/.test(series.class ?? "");
 const valued = (plot) => {
@@ -187,6 +188,7 @@ setInterval(() => {
     (plot.hooks.setCursor ??= []).push(tell);
     (plot.hooks.setSize ??= []).push(fit);
     valued(plot);
+    setTimeout(() => inLegend(plot)); // a run that stands still is not drawn again
     const box = plot.root.closest(".uplot-container");
     if (plot.scales.x.distr !== 1 || !box || box.querySelector(".vs-measure")) continue;
     const button = document.createElement("button");

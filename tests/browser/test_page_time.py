@@ -40,13 +40,18 @@ def test_looking_back_shows_what_was_and_a_fork_goes_on_from_there(session: Sess
 
 def test_play_shows_the_past_again_and_then_goes_on(session: Session):
     session.wait(lambda now: now.t > 1.0)
-    move, _ = session.grip("time t [s]", at=0.9)
+    move, field = session.grip("time t [s]", at=0.9)
     move(0.3)
     session.page.mouse.up()
-    session.wait(lambda now: now.looking_back)
+    session.wait(lambda now: now.looking_back and field.input_value() == f"{now.t:.3f}")
     end, rows = session.now.end, session.now.recording.rows()
-    session.page.keyboard.press("Escape")
-    press(session, "play / pause")
+    # the time that was dragged, and a tab that was pressed, give the keys back
+    session.page.wait_for_function("!document.activeElement.closest('form')")
+    t = session.now.t
+    session.page.keyboard.press("ArrowLeft")
+    session.wait(lambda now: now.t == pytest.approx(t - 1e-3, abs=1e-9))
+    session.tab("Tracking")
+    session.page.keyboard.press("Space")
     session.wait(lambda now: not now.looking_back and now.t > end + 0.3)
     np.testing.assert_array_equal(session.now.recording.rows(t_to=end - 5e-4), rows)
 

@@ -137,7 +137,9 @@ def _row(figure: Figure, unit: str, accounts: tuple[Account | None, ...]) -> str
 
 
 def _number(value: float | None) -> str:
-    return "—" if value is None else f"{value:.3g}"
+    if value is None:
+        return "—"
+    return f"{value:.0f}" if 1e3 <= abs(value) < 1e6 else f"{value:.3g}"  # no power of ten for what has few digits
 
 
 def _against(value: float | None, now: float | None) -> str:
@@ -145,7 +147,7 @@ def _against(value: float | None, now: float | None) -> str:
     if value is None or now is None or abs(now) < 1e-12:
         return ""
     per_cent = 100.0 * (value - now) / abs(now)
-    told = f"{per_cent:+.0f} %" if abs(per_cent) < 1000 else f"{value / now:.0f} ×"
+    told = f"{per_cent:+z.0f} %" if abs(per_cent) < 1000 else f"{value / now:.0f} ×"
     return f' <span class="vs-dim vs-against">({told})</span>'
 
 
