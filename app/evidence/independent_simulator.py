@@ -23,12 +23,36 @@ TINY = 1e-30  # of complex steps
 STEP = 1e-3  # s, of differences along the motion, fourth order
 
 
+class Tilt(NamedTuple):
+    """Tilting of a plane by amplitude sin(omega t), rad, about an axis (3,) unit."""
+
+    axis: np.ndarray
+    amplitude: float
+    omega: float
+
+
+class Face(NamedTuple):
+    """Flat face of the tool, that is pressed on a plane as a whole.
+    axes: (2, 3) unit, in the tool's frame; level: (2, 3) unit, in the world, between which the first one's turn
+    counts."""
+
+    axes: np.ndarray
+    level: np.ndarray
+
+    def attitude(self, R: np.ndarray, n: np.ndarray) -> np.ndarray:
+        """Tilts n . e_1, n . e_2 and turn (3, k) of tools with orientations R (k, 3, 3) on planes with normals n
+        (3, k); analytic in both."""
+        first, second = np.einsum("kij,aj->aik", R, self.axes)
+        a, b = self.level @ first
+        return np.stack([np.sum(n * first, axis=0), np.sum(n * second, axis=0), np.arctan(b / a)])
+
+
 @dataclass(frozen=True)
 class Surface:
     """A plane (radius 0), or a sphere with the tool outside; it moves by a sinusoid.
 
     origin (3,) m: a point of the plane, the centre of the sphere; normal (3,) unit: into the plane, or from the centre
-    to where psi = 0; amplitude (3,) m, omega rad/s.
+    to where psi = 0; amplitude (3,) m, omega rad/s; tilt: of a plane about its origin, to and fro.
     """
 
     origin: np.ndarray
@@ -36,6 +60,17 @@ class Surface:
     radius: float
     amplitude: np.ndarray
     omega: float
+    tilt: Tilt | None = None
+
+    def normal_at(self, t: np.ndarray) -> np.ndarray:
+        """Unit normals (3, k) of a plane at the times t (k,), by Rodrigues; analytic in t."""
+        e = self.normal[:, None]
+        if self.tilt is None:
+            return np.broadcast_to(e, (3, len(t)))
+        about, angle = self.tilt.axis[:, None], self.tilt.amplitude * np.sin(self.tilt.omega * t)
+        aside = np.cross(self.tilt.axis, self.normal)[:, None]
+        along = about * (self.tilt.axis @ self.normal)
+        return along + (e - along) * np.cos(angle) + aside * np.sin(angle)
 
     @cached_property
     def axes(self) -> np.ndarray:
@@ -52,8 +87,8 @@ class Surface:
         t."""
         away = p - self.origin[:, None] - np.outer(self.amplitude, np.sin(self.omega * t))
         first, second, third = self.axes @ away
-        if self.radius == 0.0:
-            return np.stack([first, second, third])
+        if self.radius == 0.0:  # psi as at rest
+            return np.stack([np.sum(self.normal_at(t) * away, axis=0), second, third])
         R, rho = self.radius, np.sqrt(np.sum(away * away, axis=0))
         return np.stack([R - rho, R * np.arctan(second / first), R * np.arctan(third / first)])
 
@@ -101,13 +136,16 @@ def _differentiated(
 
 
 class Kinematics(NamedTuple):
-    """Kinematics (3): r (n,) m, J_q (n, n), v_t (n,) m/s; J (6, n) of the tool, gradients of phi (m, 3)."""
+    """Kinematics (3): r (n,) m, J_q (n, n), v_t (n,) m/s; J (6, n) of the tool, gradients of phi (k, 3) of k
+    surfaces, turning (2, 3) m, rates of l times the tilts of a flat face by the angular velocity, none of another
+    tool."""
 
     r: np.ndarray
     J_q: np.ndarray
     v_t: np.ndarray
     J: np.ndarray
     normals: np.ndarray
+    turning: np.ndarray
 
 
 class Motion(NamedTuple):
@@ -121,6 +159,12 @@ class Motion(NamedTuple):
     v_t_dot: np.ndarray
     J: np.ndarray
     normals: np.ndarray
+    turning: np.ndarray
+
+    def wrench(self, lam: np.ndarray) -> np.ndarray:
+        """Wrench (6,) of the tool on the environment for multipliers lam (m,), N, of a flat face moments over l too."""
+        k = len(self.normals)
+        return np.concatenate([self.normals.T @ lam[:k], self.turning.T @ lam[k:]])
 
 
 class Answer(NamedTuple):
@@ -176,13 +220,14 @@ class World:
     viscous: float
     all: bool
     push: np.ndarray
+    face: Face | None = None
 
 
 class PaperLoop:
     """An arm on bilateral surfaces under the law of Theorem 1, from q_0 rad, q_dot_0 rad/s (n,) with s(0) = 0.
 
     r: phi of each of m surfaces, psi (psi_1, psi_2), then l times the Euler angles of the tool, three, or one of an arm
-    in the x-z plane.
+    in the x-z plane. With a flat face on one plane: phi and l times two tilts, psi_1, psi_2, l times the turn.
     """
 
     def __init__(
@@ -190,6 +235,7 @@ class PaperLoop:
     ) -> None:
         self.q_0, self.q_dot_0, self.gains, self.wish, self.world, self.l = q_0, q_dot_0, gains, wish, world, l
         self.planar, self.n, self.m = robot.geometry == "planar", robot.n, len(world.surfaces)
+        self.m += 0 if world.face is None else len(world.face.axes)
         self.believed = robot.model.copy()
         tool = pin.Frame("tool of the paper", robot.tool_joint, 0, robot.tool_placement, pin.FrameType.OP_FRAME)
         self.frame = self.believed.addFrame(tool)
@@ -209,6 +255,9 @@ class PaperLoop:
         """Kinematics (3) at rest: r, dr/dq and dr/dt."""
         p, R, J = self._tool(q)
         g, G, g_t = self.corner.with_derivatives(p, t)
+        normals = G[: len(self.world.surfaces)]
+        if self.world.face is not None:
+            return self._on_face(self.world.face, R, J, (g, G, g_t), t)
         turned, spin = self.R_0.T @ R, self.R_0.T @ J[3:]
         if self.planar:
             k, angles, J_angles = 2, [np.arctan2(turned[0, 2], turned[0, 0])][: self.n - 2], spin[1:2][: self.n - 2]
@@ -222,7 +271,27 @@ class PaperLoop:
             np.vstack([(G @ J[:3])[:k], self.l * J_angles]),
             np.concatenate([g_t[:k], np.zeros(len(angles))]),
             J,
-            G[: self.m],
+            normals,
+            np.zeros((0, 3)),
+        )
+
+    def _on_face(
+        self, face: Face, R: np.ndarray, J: np.ndarray, place: tuple[np.ndarray, np.ndarray, np.ndarray], t: float
+    ) -> Kinematics:
+        """Kinematics of a flat face, from the coordinates of the tool's place with their derivatives."""
+        (g, G, g_t), l = place, self.l
+        turns = [R + 1j * TINY * np.cross(axis, R, axisb=0, axisc=0) for axis in np.eye(3)]
+        times = t + 1j * TINY * np.eye(4)[3]
+        angles = face.attitude(np.stack([*turns, R]), self.world.surfaces[0].normal_at(times))
+        by_turn, in_time = l * np.imag(angles[:, :3]) / TINY, l * np.imag(angles[:, 3]) / TINY
+        order = [0, 3, 4, 1, 2, 5]  # phi, tilts, psi, turn
+        return Kinematics(
+            np.concatenate([g, l * np.real(angles[:, 0])])[order],
+            np.vstack([G @ J[:3], by_turn @ J[3:]])[order],
+            np.concatenate([g_t, in_time])[order],
+            J,
+            G[:1],
+            by_turn[:2],
         )
 
     def motion(self, q: np.ndarray, q_dot: np.ndarray, t: float) -> Motion:
@@ -233,7 +302,7 @@ class PaperLoop:
         J_q_dot = np.tensordot(weights, [k.J_q for k in around], 1)
         v_t_dot = np.tensordot(weights, [k.v_t for k in around], 1)
         r_dot = here.J_q @ q_dot + here.v_t
-        return Motion(here.r, r_dot, here.J_q, J_q_dot, here.v_t, v_t_dot, here.J, here.normals)
+        return Motion(here.r, r_dot, here.J_q, J_q_dot, here.v_t, v_t_dot, here.J, here.normals, here.turning)
 
     def reference(self, t: float) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """Reference: r_d m, its two derivatives, and f_nd N."""
@@ -254,10 +323,10 @@ class PaperLoop:
     def forces(self, m: Motion, lam: np.ndarray, f_nd: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """F_r and e_Fc (n,) N, where the sensor measures the force of the multipliers lam (m,) N and the push; (40)
         leaves the multipliers whose force is nearest to the measured one."""
-        F = np.concatenate([m.normals.T @ lam, np.zeros(3)]) - self.world.push
+        F, k = m.wrench(lam) - self.world.push, len(m.normals)
         F_r = np.linalg.solve(m.J_q.T, m.J.T @ F)
         e_F = F_r.copy() if self.world.all else np.zeros(self.n)
-        e_F[: self.m] = np.linalg.lstsq(m.normals.T, F[:3])[0] - f_nd
+        e_F[: self.m] = np.concatenate([np.linalg.lstsq(m.normals.T, F[:3])[0], F_r[k : self.m]]) - f_nd
         return F_r, e_F
 
     def law(self, m: Motion, q: np.ndarray, q_dot: np.ndarray, z: np.ndarray, lam: np.ndarray, t: float) -> Answer:
@@ -298,8 +367,7 @@ class PaperLoop:
         w, k = self.world, self.m
 
         def miss(lam: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-            F = np.concatenate([m.normals.T @ lam, np.zeros(3)]) - w.push
-            q_ddot = self.acceleration(q, q_dot, torque(lam) - m.J.T @ F)
+            q_ddot = self.acceleration(q, q_dot, torque(lam) - m.J.T @ (m.wrench(lam) - w.push))
             phi_ddot = (m.J_q @ q_ddot + m.J_q_dot @ q_dot + m.v_t_dot)[:k]
             return (phi_ddot if w.rigid else w.M_e @ phi_ddot + w.B_e @ m.r_dot[:k] + w.K_e @ m.r[:k] - lam), q_ddot
 

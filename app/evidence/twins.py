@@ -10,11 +10,12 @@ from typing import Literal
 import numpy as np
 import pinocchio as pin
 
-from app.evidence.independent_simulator import Gains, PaperLoop, Surface, Wish, World, integrate
+from app.evidence.independent_simulator import Face, Gains, PaperLoop, Surface, Tilt, Wish, World, integrate
 from app.scenario.data import edited, from_plain
 from app.scenario.schema import Scenario
 from app.session.headless_run import simulate
 from app.simulation.closed_loop import ClosedLoop
+from app.simulation.environment_builder import face_axes
 from app.simulation.system import System, assemble
 from environments.plant import Integrator, Plant
 
@@ -27,6 +28,9 @@ FURTHER = ((0.3, -0.9, 0.2), (-0.7, -0.2, 0.4))
 FURTHER_PLANAR = ((-0.9, 0.0, 0.3),)
 STIFFNESS, BELIEVED, DAMPING = (8000.0, 6000.0, 7000.0), (9000.0, 7000.0, 6000.0), (40.0, 30.0, 20.0)
 FORCES, SWINGS = (20.0, 15.0, 10.0), (5.0, 3.0, 2.0)  # N
+K_T, K_T_HAT, MOMENTS = 15.0, 12.0, (0.06, -0.04)  # N m/rad and N m, of a flat face
+OFF = np.array([0.1, 0.0, -0.05])  # of the face's normal against the plane's, to begin with
+TILTING = Tilt(np.array([0.0, 0.8, 0.6]), 0.05, 2 * np.pi * 1.5)
 PUSH = np.array([3.0, -2.0, 4.0, 0.3, -0.5, 0.4])
 
 
@@ -46,6 +50,7 @@ def random_spd(random: np.random.Generator, n: int, low: float, high: float) -> 
 class Twin:
     """An arm of the catalogue on a plane (radius 0) or a sphere, which has a mass M_e (kg) or none, or is rigid, and
     may move; on so many surfaces, the others being oblique planes that move, too.
+    flat: it is a flat face that touches, and the plane tilts.
     pushed: a constant wrench acts on the tool.
     unknown: its links are 15 % heavier than believed and its joints have friction.
     ideal: see `Scenario.sensor`."""
@@ -60,10 +65,16 @@ class Twin:
     ideal: bool = False
     surfaces: int = 1
     pushed: bool = False
+    flat: bool = False
 
     @property
     def n(self) -> int:
         return arm(self.robot).robot.n
+
+    @property
+    def m(self) -> int:
+        """Number of controlled forces and moments."""
+        return 3 if self.flat else self.surfaces
 
     @property
     def rigid(self) -> bool:
@@ -84,7 +95,7 @@ class Twin:
         p = arm(self.robot).nominal.evaluate(arm(self.robot).q_0, np.zeros(self.n)).p
         depth, amplitude = (0.0 if self.rigid else DEPTH), np.array([0.6, 0.0, 0.8]) * (0.004 if self.moving else 0.0)
         inside, omega = p + depth * TOWARDS, 2 * np.pi * 2.0
-        first = Surface(inside, -TOWARDS, 0.0, amplitude, omega)
+        first = Surface(inside, -TOWARDS, 0.0, amplitude, omega, TILTING if self.flat else None)
         if self.radius > 0.0:
             first = Surface(inside - self.radius * TOWARDS, TOWARDS, self.radius, amplitude, omega)
         towards = FURTHER_PLANAR if arm(self.robot).robot.geometry == "planar" else FURTHER
@@ -95,7 +106,7 @@ class Twin:
         """Gains, as full matrices wherever the mode admits them."""
         random, n = np.random.default_rng(4), self.n
         M_m, B_m, K_m, K_f = (np.zeros((n, n)) for _ in range(4))
-        m = self.surfaces
+        m = self.m
         M_m[0, 0], B_m[0, 0], K_m[0, 0], K_f[0, 0] = (12.0, 200.0, 0.0 if self.rigid else 300.0, 0.8)
         for matrix, low, high in ((M_m, 6.0, 14.0), (B_m, 150.0, 300.0), (K_m, 1000.0, 4000.0)):
             matrix[m:, m:] = random_spd(random, n - m, low, high)
@@ -112,15 +123,16 @@ class Twin:
     def wish(self) -> Wish:
         displacement = np.zeros(self.n)
         if self.moves:
-            displacement[self.surfaces] = WAY
+            displacement[self.m] = WAY
         if self.turns:
             system = arm(self.robot)
-            displacement[system.layout.positions] = system.layout.l * TURN
-        m = self.surfaces
-        compliance = np.zeros((m, m)) if self.rigid else np.linalg.inv(np.diag(BELIEVED[:m]))
-        return Wish(
-            displacement, 2 * np.pi, np.array(FORCES[:m]), np.array(SWINGS[:m]), 2 * np.pi * 3.0, compliance
-        )  # fmt: skip
+            displacement[system.layout.positions + self.m - self.surfaces] = system.layout.l * TURN
+        k, l = self.surfaces, arm(self.robot).layout.l
+        moments = np.array(MOMENTS) / l if self.flat else np.zeros(0)
+        stiffness = np.concatenate([BELIEVED[:k], np.full(len(moments), K_T_HAT / l**2)])
+        compliance = np.zeros((k, k)) if self.rigid else np.diag(1.0 / stiffness)
+        forces, swings = np.concatenate([FORCES[:k], moments]), np.concatenate([SWINGS[:k], 0.0 * moments])
+        return Wish(displacement, 2 * np.pi, forces, swings, 2 * np.pi * 3.0, compliance)
 
     def _met(self, number: int, surface: Surface) -> tuple[dict[str, object], dict[str, object], dict[str, object]]:
         """Surface, contact and force of one surface, as a scenario has them."""
@@ -129,7 +141,10 @@ class Twin:
             "amplitude": float(np.linalg.norm(surface.amplitude)),
             "frequency": surface.omega / (2 * np.pi),
         }
-        where = {"origin": surface.origin.tolist(), "motion": motion}
+        where: dict[str, object] = {"origin": surface.origin.tolist(), "motion": motion}
+        if (tilt := surface.tilt) is not None:
+            frequency = tilt.omega / (2 * np.pi)
+            where["tilt"] = {"axis": tilt.axis.tolist(), "amplitude": tilt.amplitude, "frequency": frequency}
         normal = surface.normal.tolist()
         kind = "rigid" if self.rigid else "mass-damper-spring" if self.M_e else "elastic"
         springs = {"B_e": DAMPING[number], "K_e": STIFFNESS[number]}
@@ -149,8 +164,13 @@ class Twin:
                 ("second", "third"), met[1:], BELIEVED[1:], strict=False
             )
         }
+        R = arm(self.robot).nominal.evaluate(arm(self.robot).q_0, np.zeros(self.n)).R
         return from_plain({
             **further,
+            "face": {
+                "flat": self.flat, "normal": (R.T @ (OFF - TOWARDS)).tolist(), "K_t": K_T, "K_t_hat": K_T_HAT,
+                "moment": list(MOMENTS),
+            },
             "mode": self.mode,
             "robot": {"name": self.robot},
             "truth": ({"link_scaling": 1.15, "viscous": 0.4} if self.unknown else {}) | (push if self.pushed else {}),
@@ -172,11 +192,14 @@ class Twin:
 
     def paper(self) -> PaperLoop:
         scenario = self.scenario(0.001)
-        truth, m = scenario.truth, self.surfaces
-        M_e, B_e, K_e = self.M_e * np.eye(m), np.diag(DAMPING[:m]), np.diag(STIFFNESS[:m])
+        truth, k, l = scenario.truth, self.surfaces, scenario.task_space.characteristic_length
+        turning = np.full(self.m - k, K_T / l**2)
+        M_e, K_e = self.M_e * np.eye(self.m), np.diag(np.concatenate([STIFFNESS[:k], turning]))
+        B_e = np.diag(np.concatenate([DAMPING[:k], turning * DAMPING[0] / STIFFNESS[0]]))
         world = World(
             self.all_surfaces(), self.rigid, M_e, B_e, K_e, float(np.max(truth.link_scaling)), truth.viscous,
             all=self.mode == "hybrid-impedance", push=PUSH if self.pushed else np.zeros(6),
+            face=self.face(scenario) if self.flat else None,
         )  # fmt: skip
         system = assemble(scenario)
         start = system.plant.start(system.q_0, np.zeros(self.n), 0.0).views
@@ -187,8 +210,17 @@ class Twin:
             self.gains(),
             self.wish(),
             world,
-            scenario.task_space.characteristic_length,
+            l,
         )
+
+    def face(self, scenario: Scenario) -> Face:
+        """Face of the tool, its turn counted from where its first axis stands at the start, along the plane at rest."""
+        axes, system = face_axes(scenario), assemble(scenario)
+        first = system.nominal.evaluate(system.q_0, np.zeros(self.n)).R @ axes[0]
+        normal = -TOWARDS
+        along = first - (first @ normal) * normal
+        along = along / np.linalg.norm(along)
+        return Face(axes, np.stack([along, np.cross(normal, along)]))
 
 
 def loop_errors(twin: Twin, periods: Sequence[float], duration: float) -> np.ndarray:
@@ -224,7 +256,7 @@ def plant_errors(twin: Twin, substeps: Sequence[int], duration: float) -> np.nda
     for number in substeps:
         plant = Plant(
             system.robot, system.plant.truth, system.surfaces, scenario.contact.nature, system.plant.contacts,
-            twin.integrator, number,
+            twin.integrator, number, system.plant.face,
         )  # fmt: skip
         state = plant.start(q, q_dot, 0.0)
         plant.advance(state, tau, 0.0, duration)

@@ -33,6 +33,7 @@ TWINS = {
     "ur5 between a sphere and a plane, pushed and twisted": Twin(
         "ur5", "hybrid-impedance", SPHERE, surfaces=2, pushed=True
     ),
+    "ur5 with a flat tool on a tilting plane": Twin("ur5", "hybrid", flat=True),
     "ur5 in a corner with masses": Twin("ur5", "hybrid", M_e=3.0, ideal=True, surfaces=3),
     "ur5 in a rigid corner": Twin("ur5", "constrained", SPHERE, moving=False, ideal=True, surfaces=2),
 }
@@ -54,8 +55,8 @@ def test_each_term_at_random_states(twin: Twin) -> None:
         k = twin.surfaces
         np.testing.assert_allclose(task.normals[:k], m.normals, atol=1e-7)
 
-        lam = random.uniform(0.0, 30.0, k)
-        felt, F = FeedforwardModel.at(estimate), np.r_[m.normals.T @ lam, 0, 0, 0] - paper.world.push
+        lam = random.uniform(0.0, 30.0, twin.m)
+        felt, F = FeedforwardModel.at(estimate), m.wrench(lam) - paper.world.push
         out = system.controller.evaluate(z, system.reference(t), task, estimate, felt, q, q_dot, F)
         answer = paper.law(m, q, q_dot, z, lam, t)
         np.testing.assert_allclose(out.s, answer.s, atol=1e-9)
@@ -65,7 +66,7 @@ def test_each_term_at_random_states(twin: Twin) -> None:
         lam, q_ddot = paper.contact(m, q, q_dot, lambda _, tau=answer.tau: tau)
         applied = answer.tau + system.plant.torque_of_push(state, paper.world.push)
         found = system.plant.respond(state, applied, t, 1e-3).multiplier[:k]
-        np.testing.assert_allclose(found, lam, rtol=1e-6, atol=1e-6)
+        np.testing.assert_allclose(found, lam[:k], rtol=1e-6, atol=1e-6)
         system.plant.advance(state, applied, t, 1e-3)
         np.testing.assert_allclose(state.views.q_ddot, q_ddot, atol=1e-7 * np.abs(q_ddot).max())
 
@@ -77,7 +78,9 @@ PLANTS = ALONE | {name: TWINS[name] for name in ("ur5 in a corner with masses", 
 
 
 @pytest.mark.parametrize(
-    "twin", [t for t in TWINS.values() if t.ideal or not t.rigid], ids=lambda t: f"{t.robot} {t.mode} {t.surfaces}"
+    "twin",
+    [t for t in TWINS.values() if t.ideal or not t.rigid],
+    ids=lambda t: f"{t.robot} {t.mode} {t.surfaces} {t.flat}",
 )
 def test_recorded_residual_is_that_of_the_target_model(twin: Twin) -> None:
     """M_m e_ddot + B_m e_dot + K_m e + K_f e_Fc (8), with q_ddot under the recorded torque by (2)."""
