@@ -181,6 +181,35 @@ def test_steady_moment_is_that_of_37_with_a_matrix(K_m1: float) -> None:
     assert (np.abs(e_f[1:]).min() > 0.02) == (K_m1 > 0.0)
 
 
+def test_steady_moment_of_an_impedance_against_a_tilted_plane() -> None:
+    """F_ss = K_e K_m (x_d - x_e) / (K_m + K_e) along the normal, and with K_t, K_m l^2 and the tilt about an axis: a
+    tool that holds its place and its attitude in a plane that is 0.05 rad off its face."""
+    still = {"motion": "hold", "truth__link_scaling": 1.0, "contact__unilateral": False, "face__flat": True}
+    scenario, depth, tilt, K_t, K_e = changed(shipped()["ur5-impedance"], **still), 0.004, 0.05, 20.0, 8000.0
+    empty = assemble(edited(scenario, "face.flat", False))
+    at, l = empty.nominal.evaluate(empty.q_0, np.zeros(6)), empty.layout.l
+    into = np.array([np.sin(tilt), 0.0, -np.cos(tilt)])  # turned about y from where the face looks
+    scenario = changed(
+        scenario,
+        surface={"kind": "plane", "origin": (at.p - depth * into).tolist(), "normal": into.tolist()},
+        contact__K_e=K_e,
+        face__normal=(at.R.T @ np.array([0.0, 0.0, -1.0])).tolist(),
+        face__K_t=K_t,
+        target_model={"M_m": [8.0] * 6, "B_m": [150.0] * 6, "K_m": [900.0] * 6, "K_f": [1.0] * 6},
+    )
+    loop = ClosedLoop(scenario)
+    CompiledRun(loop).advance(3000)
+    assert loop.stopped is None
+    last, model = loop.recording.at(loop.t), loop.system.controller.model
+    pressed = model.steady_force(0, K_e, -depth, 0.0, 0.0)
+    turned = l * model.steady_force(3, K_t / l**2, -l * tilt, 0.0, 0.0)
+    in_series = 1.0 / (1.0 / K_t + 1.0 / (900.0 * l**2))
+    assert (turned, pressed) == pytest.approx((in_series * tilt, 900.0 * 8000.0 / 8900.0 * depth))
+    assert last["multiplier"][0] == pytest.approx(pressed, rel=2e-3)
+    # what the tool exerts turns the plane to where the face looks
+    np.testing.assert_allclose(last["moment_true"], [0.0, turned, 0.0], atol=2e-3 * abs(turned))
+
+
 def test_compiled_run_has_the_rows_of_the_steps() -> None:
     noise = {"sensor__moment_noise": 0.01, "sensor__delay": 0.002, "contact__B_e": 20.0}
     stepped, compiled = (ClosedLoop(changed(shipped()[ALIGN], **noise)) for _ in range(2))
