@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -49,18 +49,24 @@ def _about(scenario: Scenario) -> tuple[object, ...]:
 
 
 def caption(
-    scenario: Scenario, controller: Controller, model: Mapping[str, np.ndarray], t_from: float, t_to: float
+    scenario: Scenario,
+    controller: Controller,
+    model: Mapping[str, np.ndarray],
+    t_from: float,
+    t_to: float,
+    angles: Sequence[int] = (),
 ) -> str:
     """Sentences on the scenario that was run and the part of the run that is shown.
     controller: the scenario's.
     model: the matrices of (8) in force, each (n, n).
-    t_from, t_to: s."""
+    t_from, t_to: s.
+    angles: coordinates that are angles times l, counted from 0."""
     arm = scenario.robot.urdf or scenario.robot.name
     title = title_of(scenario, shipped().get(scenario.name))
     sentences = [
         f"{title.text} ({scenario.name}{', edited' if title.edited else ''}): {scenario.mode} mode, {arm}, "
         f"t = {t_from:.4g} to {t_to:.4g} s",
-        _model(scenario, model),
+        _model(scenario, model, angles),
         _law(scenario, controller),
         *(_section(scenario, name) for name in scenario.__struct_fields__ if name not in _ELSEWHERE),
     ]
@@ -80,12 +86,17 @@ def promised(signals: Mapping[str, np.ndarray]) -> str:
     return f"Theorem 1's promise for the sampled loop holds {share}."
 
 
-def _model(scenario: Scenario, model: Mapping[str, np.ndarray]) -> str:
-    """The target model with the units of its task coordinates, which hold angles times a length."""
+def _model(scenario: Scenario, model: Mapping[str, np.ndarray], angles: Sequence[int]) -> str:
+    """The target model with the units of its task coordinates, which hold angles times a length, and its torsional
+    stiffness."""
     joint, n = scenario.task_space.kind == "joint", len(model["M_m"])  # two coordinates are places
     units = _JOINT_UNITS if joint else _MODEL_UNITS
     matrices = ", ".join(f"{name} = {_matrix(model[name])}{unit}" for name, unit in units.items())
-    scaled = f", angles in r times ℓ = {scenario.task_space.characteristic_length:g} m" if not joint and n > 2 else ""
+    l = scenario.task_space.characteristic_length
+    scaled = f", angles in r times ℓ = {l:g} m" if not joint and n > 2 else ""
+    if scaled and len(angles):
+        turning = model["K_m"][np.ix_(angles, angles)] * l**2
+        scaled += f" (their K_m ℓ² = {_matrix(turning)} N·m/rad)"
     return f"Target model (8): {matrices}{scaled}"
 
 

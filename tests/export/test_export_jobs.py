@@ -227,6 +227,8 @@ def test_caption_says_the_scenario_in_numbers() -> None:
     assert "B_m = 4 I N·m·s/rad, K_m = 4 I N·m/rad, K_f" in caption(joint, assemble(scenario).controller, six, 0.0, 1.0)
     turning = caption(moving, assemble(scenario).controller, six, 0.0, 1.0)
     assert "K_m = 4 I N/m, K_f = 4 I, angles in r times ℓ = 0.15 m." in turning
+    twisted = caption(moving, assemble(scenario).controller, six, 0.0, 1.0, angles=[3, 4, 5])
+    assert "angles in r times ℓ = 0.15 m (their K_m ℓ² = 0.09 I N·m/rad)." in twisted
     assert "True arm: as believed" in caption(Scenario(), assemble(Scenario()).controller, model, 0.0, 1.0)
 
 

@@ -83,7 +83,8 @@ def figure_of(plots: Iterable[Plot], snapshot: Snapshot, setup: Setup, t_from: f
     known = PerturbationAnalysis(snapshot.system).recorded(rows, tuple(recording.epochs), openings)
     drawn = (_chart(plot, drawing, known) for plot in plots if (drawing := plot.draw(setup)) is not None)
     charts = (chart for chart in drawn if any(np.isfinite(curve.y).any() for curve in chart.curves if curve.listed))
-    told = caption(snapshot.scenario, snapshot.system.controller, snapshot.matrices, float(t[0]), float(t[-1]))
+    angles = [i for i, each in enumerate(snapshot.coordinates) if each.metres_per_radian is not None]
+    told = caption(snapshot.scenario, snapshot.system.controller, snapshot.matrices, float(t[0]), float(t[-1]), angles)
     return Figure(tuple(charts), f"{told} {promised(rows)}")
 
 

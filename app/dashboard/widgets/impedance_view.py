@@ -26,7 +26,7 @@ from app.simulation.sampled_stability import SampledLoop
 from app.storage.recording_files import Tell
 
 FIGURES: dict[str, Format] = {"SVG": "svg", "PDF": "pdf", "PNG": "png"}
-RESPONSE, FORCE_LOOP = "CSV", "CSV, force loop"
+RESPONSE, FORCE_LOOP = "CSV", "force loop"
 
 
 @dataclass(frozen=True)
@@ -90,7 +90,7 @@ class ImpedanceView:
         what, table = "response", table_of(loop.response, points)
         if chosen == FORCE_LOOP:
             if loop.force_loop is None:
-                self._desk.complain("CSV, force loop: the law reads no force that sampling comes between; allowed: CSV")
+                self._desk.complain("force loop: the law reads no force that sampling comes between; allowed: CSV")
                 return
             what, table = "force-loop", force_table_of(loop.force_loop)
         name = file_name(f"{snapshot.scenario.name}-{what}", t, FIGURES.get(chosen, "csv"))
