@@ -29,6 +29,7 @@ _SYMBOL = re.compile(
     r"(?:(?P<power>ᵀ|⁻¹)|(?![A-Za-z0-9_α-ωΑ-Ω\u0302\u0307\u0308$\\]))"
 )
 _UNIT_BEFORE = re.compile(r"[0-9)\]] $|·$")
+_BREAKS = re.compile(r"(?<![0-9)\]])\s+|\s+(?![A-Za-z]{1,2}\b)")
 _PANEL = re.compile(r"\([a-z]{1,2}\) ")
 _IN_BRACKETS = re.compile(r"\[[^\]]*\]")
 
@@ -105,9 +106,9 @@ def _gap(run: Run, number: int, size: float) -> float:
 
 
 def wrapped(text: str, width: float, size: float, weight: str = "normal") -> list[str]:
-    """Lines of a text that are at most so wide (in), broken between words."""
+    """Lines of a text that are at most so wide (in), broken between words, but not between a number and its unit."""
     lines: list[str] = []
-    for word in text.split():
+    for word in _BREAKS.split(text.strip()):
         longer = f"{lines[-1]} {word}" if lines else word
         if lines and width_of(longer, size, weight) <= width:
             lines[-1] = longer
@@ -121,7 +122,7 @@ def write(
 ) -> None:
     """Write a text whose first letter stands at x, y (in from the lower left corner) on its base line."""
     wide, high = canvas.get_size_inches()
-    for number, run in enumerate(runs(text)):
+    for number, run in enumerate(_single_words(text)):
         x += _gap(run, number, size)
         canvas.text(
             x / wide,
@@ -135,3 +136,12 @@ def write(
             math_fontfamily=MATHEMATICS,
         )
         x += _advance(run, size, weight)
+
+
+def _single_words(text: str) -> Iterator[Run]:
+    """The runs, each word by itself: in the pixels of a picture a long run is wider than its letters are, and would
+    close the gap behind it."""
+    for run in runs(text):
+        first, *rest = [run.text] if run.mathematics else run.text.split() or [""]
+        yield replace(run, text=first)
+        yield from (Run(word, False, True) for word in rest)

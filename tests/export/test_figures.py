@@ -31,7 +31,7 @@ from app.export.figures import (
     render,
 )
 from app.export.formats import ALL_PLOTS
-from app.export.lettering import runs
+from app.export.lettering import runs, wrapped
 from app.scenario.data import edited, load
 from app.scenario.schema import ScenarioError
 from app.session import headless_run
@@ -172,3 +172,11 @@ def test_the_page_on_exports_names_every_plot() -> None:
     assert {tab: names for tab, names in told.items() if tab != "tab"} == {
         title: ", ".join(plot.name for plot in tab.plots) for title, tab in TABS.items()
     }
+
+
+@pytest.mark.parametrize("width", np.arange(0.5, 2.5, 0.1))
+def test_a_unit_stays_with_its_number_and_is_no_symbol(width: float) -> None:
+    text = "origin (0, 0, 0.17) m. Contact: K_e = 10000 N/m. Motion: circle, radius 0.05 m, period 4 s, T = 1 ms."
+    lines = wrapped(text, width, 7.0)
+    assert " ".join(lines) == text
+    assert not [line for line in lines if line.startswith(("m.", "N/m", "m,", "s,", "ms"))]
