@@ -3,6 +3,7 @@ MuJoCo."""
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
 from statistics import median
 
 import numpy as np
@@ -23,6 +24,8 @@ OURS = "ur5-hybrid"  # the task that MuJoCo gets, too
 RK4 = f"{OURS}, rk4"
 FLOOR = "bare pin calls of "
 COMPILED = ", compiled"
+THREADS = 2  # that compute a run each, at the same time
+TOGETHER = f"{OURS}{COMPILED}, {THREADS} threads"
 HISTORY = 4096  # rows, whose memory is used again: a longer one would measure how the machine hands out memory
 WARM = 14_000  # steps before the first round, until no new memory is needed
 
@@ -70,6 +73,22 @@ def bare_calls(loop: ClosedLoop) -> Call:
     return rigid if kind.rigid else elastic if kind.touches else free
 
 
+class Together:
+    """Compiled runs of one scenario, each advanced by a thread of its own at the same time."""
+
+    def __init__(self, scenario: Scenario) -> None:
+        self._runs = [CompiledRun(ClosedLoop(scenario, HISTORY)) for _ in range(THREADS)]
+        self._pool = ThreadPoolExecutor(THREADS)
+
+    def advance(self, periods: int) -> None:
+        """Advance every run by so many control periods."""
+        list(self._pool.map(lambda run: run.advance(periods), self._runs))
+
+    def close(self) -> None:
+        """End the threads."""
+        self._pool.shutdown()
+
+
 def measure(effort: Effort) -> Table:
     """Table of steps. Raises RuntimeError when a run stopped or did not do its task."""
     loops, calls = dict[str, ClosedLoop](), dict[str, Call | Whole]()
@@ -84,7 +103,12 @@ def measure(effort: Effort) -> Table:
         if name != RK4:
             calls[FLOOR + name] = bare_calls(stepped)
     contenders = mujoco_osc.contenders(loops[OURS].system)
+    together = Together(load(OURS))
+    together.advance(WARM)
+    calls[TOGETHER] = Whole(together.advance)
     times = interleaved(calls | contenders, effort.rounds, effort.steps)
+    together.close()
+    times[TOGETHER] = [us / THREADS for us in times[TOGETHER]]
     for name, loop in loops.items():
         if loop.stopped:
             raise RuntimeError(f"{name}: {loop.stopped}")
@@ -98,7 +122,7 @@ def measure(effort: Effort) -> Table:
         f"× {OURS}{COMPILED}",
     )
     rows = []
-    for name in (*loops, *contenders):
+    for name in (*loops, TOGETHER, *contenders):
         us, floor = times[name], times.get(FLOOR + name)
         period = loops[name if name in loops else OURS].period
         rows.append(
