@@ -12,7 +12,7 @@ def main() -> None:
     ends with 0 on Ctrl-C, SIGTERM and SIGHUP."""
     try:
         # here: it takes a second, in which Ctrl-C must not end in a traceback
-        from app.cli import execute
+        from app.cli.commands import execute
         from app.process.deadline import end
 
         end(execute(sys.argv[1:]))

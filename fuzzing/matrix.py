@@ -4,7 +4,7 @@ from contextlib import suppress
 
 import numpy as np
 
-from app.cli import _setting
+from app.cli.options import setting
 from app.dashboard.widgets.matrix_text import read_back, read_matrix, written_rows
 from app.process.terminal_text import printable
 from app.scenario.schema import ScenarioError
@@ -30,4 +30,4 @@ def read_typed(text: str, n: int) -> None:
     with suppress(ValueError):
         read_back(text)
     with suppress(ScenarioError):
-        _setting(text)
+        setting(text)

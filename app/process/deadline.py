@@ -24,8 +24,7 @@ def end(status: int) -> NoReturn:
     """End the process now, after the functions that are registered for its end.
 
     All that it has started has ended, and the system frees the rest: the interpreter took three seconds on a busy
-    machine
-    to free itself and its libraries.
+    machine to free itself and its libraries.
     """
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, signal.SIG_IGN)
@@ -33,6 +32,8 @@ def end(status: int) -> NoReturn:
     try:
         sys.stdout.flush()
         sys.stderr.flush()
+    except BrokenPipeError:
+        os._exit(status)  # whoever read has read enough
     except OSError:
         sys.exit(status)  # the interpreter says that what was printed has not arrived
     os._exit(status)

@@ -14,7 +14,7 @@ from typing import get_args
 import numpy as np
 import pytest
 
-from app.cli import figures
+from app.cli.figures import figures
 from app.evidence.drawing import HeatMap, charts_in_columns, heat_maps
 from app.evidence.make import make
 from app.evidence.section import Findings, Job, Section

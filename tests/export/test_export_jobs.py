@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 import zstandard
 
-from app import cli
+from app.cli import commands
 from app.dashboard.plots.charts import Setup
 from app.dashboard.plots.paper_figures import figure_of, plots_of, title_and_unit
 from app.dashboard.plots.plot_table import TABS
@@ -365,7 +365,7 @@ def test_export_command_writes_every_kind_and_goes_on_from_a_recording(
         ((saved, "--to", "svg", "--series", "tau_9", "--out", str(again)), "series: 'tau_9'; allowed: φ, ψ₁"),
         ((saved, "--out", "/dev/null/x"), "--out /dev/null/x: cannot be written: Not a directory"),
     ):
-        assert cli.execute(["export", *arguments]) == 2
+        assert commands.execute(["export", *arguments]) == 2
         refusal = capfd.readouterr().err
         assert refusal.count("\n") == 1
         assert said in refusal

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from app.cli import execute
+from app.cli.commands import execute
 from app.dashboard.widgets.impedance_map import impedance_html
 from app.export.figures import render
 from app.export.response_files import figure_of

@@ -15,7 +15,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from app.cli import _setting
+from app.cli.options import setting
 from app.process.terminal_text import printable
 from app.scenario.data import LARGEST, edited, from_file, from_toml, load, shipped, to_toml
 from app.scenario.schema import Scenario, ScenarioError
@@ -146,8 +146,8 @@ def test_whatever_is_pasted_is_finite_numbers_or_is_refused(text: str, n: int) -
 
 
 def test_settings_of_the_command_line_never_end_in_a_traceback() -> None:
-    assert _setting("a=" + "[" * 5000)[1] == "[" * 5000
-    assert _setting("a=" + "9" * 5000)[1] == "9" * 5000
+    assert setting("a=" + "[" * 5000)[1] == "[" * 5000
+    assert setting("a=" + "9" * 5000)[1] == "9" * 5000
     assert printable("a\x1b[2J\n\u202eb\udcff") == "a\\x1b[2J\\n\\u202eb\\udcff"
 
 

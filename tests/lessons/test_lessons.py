@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from app.cli import execute
+from app.cli.commands import execute
 from app.lessons.checking import check
 from app.lessons.lesson import Lesson, LessonError, load, read, shipped_lessons
 from app.storage.constants_store import kept_memory

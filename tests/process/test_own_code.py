@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from app.cli import execute
+from app.cli.commands import execute
 from app.process.own_code import OwnCodeError, use
 from app.scenario.caption import caption
 from app.scenario.data import edited, from_toml, load, to_toml

@@ -16,9 +16,9 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from app import cli
 from app.analysis.metrics import FIGURES, METRICS
-from app.cli import run
+from app.cli import commands
+from app.cli.run import run
 from app.scenario.data import edited, from_toml, load, to_toml
 from app.scenario.schema import Scenario, ScenarioError
 from app.scenario.units import CARTESIAN, JOINT
@@ -42,7 +42,7 @@ def here(capfd: pytest.CaptureFixture[str]) -> Callable[..., Done]:
 
     def execute(*arguments: str) -> Done:
         try:
-            status = cli.execute([*arguments])
+            status = commands.execute([*arguments])
         except SystemExit as ended:
             status = int(ended.code or 0)
         return Done(status, *capfd.readouterr())
@@ -336,6 +336,19 @@ def test_what_cannot_be_printed_is_no_success() -> None:
         done = subprocess.run(listed, stdout=full, stderr=subprocess.PIPE, text=True, check=False)
     assert done.returncode != 0
     assert "No space left on device" in done.stderr
+
+
+@pytest.mark.parametrize("unbuffered", ["", "1"])
+def test_a_reader_that_has_read_enough_is_no_fault(unbuffered: str) -> None:
+    listed = [sys.executable, "-m", "app", "list"]
+    with subprocess.Popen(
+        listed, stdout=subprocess.PIPE, stderr=subprocess.PIPE, env=os.environ | {"PYTHONUNBUFFERED": unbuffered}
+    ) as listing:
+        assert listing.stdout is not None
+        assert listing.stderr is not None
+        listing.stdout.close()
+        assert listing.stderr.read() == b""
+    assert listing.returncode == 0
 
 
 def test_any_urdf_runs_and_a_truth_outside_its_declaration_is_said(tmp_path: Path, here: Callable[..., Done]) -> None:

@@ -6,7 +6,7 @@ import re
 
 import pytest
 
-from app import cli
+from app.cli import commands
 from app.scenario.schema import Scenario, types_of
 from tests.support.pages import PAGES, ROOT, Page
 
@@ -30,7 +30,7 @@ def options(capsys: pytest.CaptureFixture[str]) -> set[str]:
     """The options of the commands."""
     for name in COMMANDS:
         with pytest.raises(SystemExit):
-            cli.execute([name, "--help"])
+            commands.execute([name, "--help"])
     return set(re.findall(r"--[a-z-]+", capsys.readouterr().out))
 
 

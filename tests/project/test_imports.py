@@ -11,7 +11,7 @@ import pytest
 
 pytestmark = pytest.mark.slow  # processes of its own
 
-RUN = "from app.cli import execute; assert execute({}) == 0; "
+RUN = "from app.cli.commands import execute; assert execute({}) == 0; "
 REFUSED = RUN.replace("== 0", "== 2")
 HEAVY = ("viser", "trimesh", "matplotlib", "aiohttp")
 NUMERIC = ("pinocchio", "numba", "scipy")

@@ -17,13 +17,15 @@ from typing import Any, NamedTuple
 import pytest
 import tyro
 
-from app import cli
+from app.cli.commands import COMMANDS, execute
+from app.cli.export import KINDS_OF_FILES
+from app.cli.serve import LEVELS, THEMES, TOKENS
+from app.cli.status import DONE, UNPROMISED
 from app.evidence.sections import SECTIONS
 from app.scenario.data import load
 from fuzzing import TARGETS
 from tests.support.pages import PAGES, ROOT, Command, Page
 
-FUNCTIONS = ("serve", "run", "compare", "export", "response", "sweep", "tune", "figures", "lesson", "list_")
 RUN_HERE = ("run", "compare", "export", "list_")
 SHOWN = [(page, command) for page in PAGES for command in page.commands]
 SHORT = 0.05  # s of simulated time
@@ -61,12 +63,12 @@ def parse(monkeypatch: pytest.MonkeyPatch) -> Parse:
 
     tyro_cli = tyro.cli
     monkeypatch.setattr(tyro, "cli", lambda function: tyro_cli(recorded(function)))
-    for name in FUNCTIONS:
-        monkeypatch.setattr(cli, name, recorded(getattr(cli, name)))
+    for name, command in COMMANDS.items():
+        monkeypatch.setitem(COMMANDS, name, recorded(command))
 
     def parse(*words: str) -> Call:
         if words[0] == "vsmrc":
-            assert cli.execute([*words[1:]]) == 0
+            assert execute([*words[1:]]) == 0
         else:
             monkeypatch.setattr(sys, "argv", [*words[2:]])
             try:
@@ -96,17 +98,17 @@ def check(words: list[str], parse: Parse) -> None:
         case ["python", "-m", "app", *arguments]:
             check(["vsmrc", *arguments], parse)
         case ["vsmrc", name] | ["vsmrc", name, "--help"]:
-            assert {name, f"{name}_"} & {*FUNCTIONS}
+            assert name in COMMANDS
             with pytest.raises(SystemExit, match=r"^0$"):
-                cli.execute([name, "--help"])
+                execute([name, "--help"])
         case _:
             call = parse(*words)
             if call.function.__name__ == "serve":
                 load(call.arguments["scenario"])
-                for name, allowed in (("theme", cli.THEMES), ("token", cli.TOKENS), ("log_level", (None, *cli.LEVELS))):
+                for name, allowed in (("theme", THEMES), ("token", TOKENS), ("log_level", (None, *LEVELS))):
                     assert call.arguments[name] in allowed
             elif call.function.__name__ == "export":
-                assert {*call.arguments["to"]} <= {*cli.KINDS_OF_FILES}
+                assert {*call.arguments["to"]} <= {*KINDS_OF_FILES}
             elif call.function.__name__ == "figures":
                 assert {*call.arguments["only"]} <= {section.name for section in SECTIONS}
             elif call.function.__name__ == "fuzz":
@@ -174,7 +176,7 @@ def test_simulations_of_a_page_run_one_after_the_other(
             continue
         call = parse(*command.words)
         if call.function.__name__ in RUN_HERE and call.arguments.get("from_") is None:  # of a sweep, which takes longer
-            assert run_shortly(call) in (cli.DONE, cli.UNPROMISED), command
+            assert run_shortly(call) in (DONE, UNPROMISED), command
 
 
 def run_shortly(call: Call) -> int:
@@ -195,5 +197,5 @@ def test_shown_output_is_what_the_command_prints(
     command: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    cli.execute([*command.words[1:]])
+    execute([*command.words[1:]])
     assert "".join(capsys.readouterr()).split() == command.output.split()

@@ -9,7 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from app.cli import BROKEN, DONE, UNPROMISED, execute
+from app.cli.commands import execute
+from app.cli.status import BROKEN, DONE, UNPROMISED
 from app.dashboard.widgets.premise_table import premises_html
 from app.scenario.caption import promised
 from app.scenario.data import edited, shipped

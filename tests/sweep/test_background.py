@@ -14,7 +14,7 @@ from types import SimpleNamespace
 import msgspec
 import pytest
 
-from app.cli import execute
+from app.cli.commands import execute
 from app.process import slots
 from app.scenario.data import edited, shipped
 from app.scenario.schema import ScenarioError

@@ -15,7 +15,7 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from app.cli import execute
+from app.cli.commands import execute
 from app.scenario.data import edited, shipped
 from app.scenario.schema import ScenarioError
 from app.sweep import cluster_worker, running

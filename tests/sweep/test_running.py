@@ -13,7 +13,7 @@ import msgspec
 import numpy as np
 import pytest
 
-from app.cli import execute
+from app.cli.commands import execute
 from app.scenario.data import edited, shipped
 from app.session.headless_run import simulate
 from app.sweep import running

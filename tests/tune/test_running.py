@@ -12,7 +12,7 @@ import msgspec
 import pyarrow.parquet as pq
 import pytest
 
-from app.cli import execute
+from app.cli.commands import execute
 from app.process import worker_pool
 from app.process.worker_pool import BARRIER
 from app.scenario.data import load, shipped, with_values

@@ -1,0 +1,65 @@
+"""Table of the commands, and the one that is executed.
+
+Each command imports its own libraries where it runs: no other one waits for those of the page or of the simulation.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+
+import structlog
+import tyro
+
+from app.access.admission import PortTaken
+from app.cli.compare import compare
+from app.cli.export import export
+from app.cli.figures import figures
+from app.cli.lesson import lesson
+from app.cli.list import list_
+from app.cli.response import response
+from app.cli.run import run
+from app.cli.serve import serve
+from app.cli.status import BAD_INPUT, DONE, FAULT
+from app.cli.sweep import sweep
+from app.cli.tune import tune
+from app.process import log
+from app.process.terminal_text import printable, unread
+from app.scenario.schema import ScenarioError
+from parameters import allowed
+
+events = structlog.get_logger()
+
+COMMANDS: dict[str, Callable[..., int]] = {
+    "serve": serve,
+    "run": run,
+    "compare": compare,
+    "export": export,
+    "response": response,
+    "sweep": sweep,
+    "tune": tune,
+    "figures": figures,
+    "lesson": lesson,
+    "list": list_,
+}
+
+
+def execute(arguments: list[str]) -> int:
+    """Exit status of the command with these arguments, as `app.__main__` has it. Raises KeyboardInterrupt."""
+    log.configure_as_parent()
+    if not arguments or (arguments[0].startswith("-") and arguments[0] not in ("-h", "--help")):
+        arguments = ["serve", *arguments]
+    if arguments[0] not in (*COMMANDS, "-h", "--help"):
+        print(f"vsmrc: {printable(arguments[0])}: no such command; {allowed(arguments[0], COMMANDS)}", file=sys.stderr)
+        return BAD_INPUT
+    try:
+        return tyro.extras.subcommand_cli_from_dict(COMMANDS, args=arguments, prog="vsmrc")
+    except (ScenarioError, PortTaken) as error:
+        print(f"vsmrc: {printable(str(error))}", file=sys.stderr)
+        return BAD_INPUT
+    except Exception as error:
+        if isinstance(error, BrokenPipeError) and unread():
+            return DONE
+        events.info("fault", stage=arguments[0], exc_info=error)
+        print(f"vsmrc: internal error: {printable(f'{type(error).__name__}: {error}')}", file=sys.stderr)
+        return FAULT

@@ -1,0 +1,61 @@
+"""Command `vsmrc compare`: puts the figures of runs side by side."""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated
+
+import tyro
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+from app.cli.options import ENGINES, Files, Settings, braces, configured, one_of, shown, use_own
+from app.cli.status import DONE, STOPPED
+from app.scenario.schema import ScenarioError
+from app.simulation.engines import Engine
+
+
+def compare(
+    scenarios: Annotated[tuple[str, ...], tyro.conf.Positional],
+    /,
+    *,
+    last: float | None = None,
+    duration: float | None = None,
+    engine: Annotated[str, tyro.conf.arg(metavar=braces(ENGINES))] = "pinocchio",
+    use: Files = (),
+    settings: Settings = (),
+) -> int:
+    """Simulate scenarios and put their figures side by side, as the tab Runs does with pinned runs.
+
+    Args:
+        scenarios: shipped scenarios or .toml files
+        last: how much of the end counts, in s, instead of the whole run
+        duration: simulated time in s, instead of the scenarios'
+        engine: pinocchio; or compiled, faster, and its digits differ by rounding (docs/command-line.md)
+        use: a file with a control law of your own (docs/extending.md)
+    """
+    from app.analysis.metrics import FIGURES, account
+    from app.session import headless_run
+    from app.storage.constants_store import kept_memory
+
+    if last is not None and not last > 0:
+        raise ScenarioError(f"--last {last:g}: allowed: more than 0 s")
+    if not scenarios:
+        raise ScenarioError("compare: no scenario; allowed: one or more (see `vsmrc list`)")
+    by: Engine = one_of("--engine", engine, ENGINES)
+    use_own(use)
+    systems, accounts, stopped = [], [], False
+    for name, scenario in [(name, configured(name, settings, duration)) for name in scenarios]:
+        loop, _ = headless_run.simulate(scenario, engine=by, show_progress=True, memory=kept_memory())
+        since = -math.inf if last is None else loop.t - last
+        systems.append(loop.system)
+        accounts.append(account(loop.system, loop.recording, since, loop.t))
+        if loop.stopped:
+            stopped = True
+            print(f"{name} stopped: {loop.stopped}")
+    table = Table("", *(escape(name) for name in scenarios))
+    for figure in FIGURES:
+        table.add_row(escape(f"{figure.title} [{figure.units(systems)}]"), *(shown(figure.of(a)) for a in accounts))
+    Console().print(table)
+    return STOPPED if stopped else DONE

@@ -1,0 +1,98 @@
+"""Command `vsmrc export`: writes figures, data and playback of a run."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Annotated, get_args
+
+import tyro
+
+from app.cli.options import ENGINES, Files, Settings, braces, configured, one_of, use_own
+from app.cli.status import DONE, STOPPED
+from app.export.formats import ALL_PLOTS, Kind
+from app.scenario.schema import ScenarioError, scenario_errors
+from app.simulation.engines import Engine
+
+KINDS_OF_FILES: tuple[Kind, ...] = get_args(Kind)
+
+
+def export(
+    run: tyro.conf.Positional[str],
+    /,
+    *,
+    out: Path,
+    to: Annotated[tuple[str, ...], tyro.conf.arg(metavar=braces(KINDS_OF_FILES))] = ("pdf",),
+    plots: tuple[str, ...] = (ALL_PLOTS,),
+    series: tuple[str, ...] = (),
+    width: str | None = None,
+    height: str | None = None,
+    type_size: float = 7.0,
+    letters: bool = False,
+    caption: bool = True,
+    start: float = 0.0,
+    end: float = math.inf,
+    engine: Annotated[str, tyro.conf.arg(metavar=braces(ENGINES))] = "pinocchio",
+    use: Files = (),
+    settings: Settings = (),
+) -> int:
+    """Make what the page's Export tab makes, from a recording or a scenario, which is simulated first.
+
+    Args:
+        run: a recording.npz of `vsmrc run` or of the page, a shipped scenario or a .toml file
+        out: folder for the files
+        to: svg, pdf, png: figures; csv, npz: data; html: 3-D playback; toml: scenario
+        plots: what a figure shows: plots by their names, tabs of the page by their titles (docs/export.md), or all
+        series: only these lines, by their names in the legends; psi_1 is ψ₁
+        width: of a figure: single (85 mm) or double (180 mm) column, or a length such as 120mm or 5in
+        height: of a figure, such as 60mm, instead of what its plots need
+        type_size: of a figure's text, pt
+        letters: (a), (b), … before the titles of the plots
+        caption: the scenario's numbers below the figure
+        start: first instant, s
+        end: last instant, s
+        engine: pinocchio; or compiled, faster, and its digits differ by rounding (docs/command-line.md)
+        use: a file with a control law of your own (docs/extending.md)
+    """
+    from app.dashboard.export import FigureChoice, Stretch, write
+    from app.dashboard.plots.paper_figures import plots_of
+    from app.export.figures import FigureOptions
+    from app.session import headless_run
+    from app.storage.constants_store import kept_memory
+    from app.storage.recording_files import read_npz
+
+    by: Engine = one_of("--engine", engine, ENGINES)
+    kinds: list[Kind] = [one_of("--to", kind, KINDS_OF_FILES) for kind in to]
+    plots_of(plots)  # before the simulation, which would be in vain
+    with scenario_errors():
+        wide, high = _inches("--width", width), _inches("--height", height)
+        options = FigureOptions(wide, high, type_size, letters, caption)
+    use_own(use)
+    status = DONE
+    if run.endswith(".npz"):
+        if settings:
+            raise ScenarioError("--set: a recording cannot be changed any more; allowed: with a scenario")
+        scenario, recording = read_npz(Path(run))
+    else:
+        scenario = configured(run, settings)
+        loop, _ = headless_run.simulate(scenario, engine=by, show_progress=True, memory=kept_memory())
+        recording = loop.recording
+        if loop.stopped:
+            print(f"stopped: {loop.stopped}")
+            status = STOPPED
+    try:
+        for path in write(Stretch(scenario, recording, start, end), kinds, FigureChoice(plots, series, options), out):
+            print(f"written: {path}")
+    except OSError as error:
+        raise ScenarioError(f"--out {out}: cannot be written: {error.strerror}") from error
+    return status
+
+
+def _inches(flag: str, text: str | None) -> float | None:
+    """Length of a flag in inches, None without one. Raises ValueError."""
+    from app.export.figures import inches_of
+
+    try:
+        return None if text is None else inches_of(text)
+    except ValueError as error:
+        raise ValueError(f"{flag} {error}") from error

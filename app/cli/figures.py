@@ -1,0 +1,46 @@
+"""Command `vsmrc figures`: computes the evidence anew."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+
+from app.cli.options import ENGINES, braces, one_of
+from app.cli.status import DONE
+from app.scenario.schema import ScenarioError
+from app.simulation.engines import Engine
+from parameters import allowed
+
+
+def figures(
+    *,
+    out: Path,
+    only: tuple[str, ...] = (),
+    thin: int = 1,
+    engine: Annotated[str, tyro.conf.arg(metavar=braces(ENGINES))] = "pinocchio",
+) -> int:
+    """Compute the evidence anew: evidence.md with every figure and number of docs/evidence.md, on all cores.
+
+    Args:
+        out: folder for the files
+        only: sections, by name, instead of all
+        thin: one in so many of the cases, to look quickly
+        engine: pinocchio; or compiled, faster, and its digits differ by rounding (docs/command-line.md)
+    """
+    from app.evidence.make import make
+    from app.evidence.sections import SECTIONS
+
+    by: Engine = one_of("--engine", engine, ENGINES)
+    names = [section.name for section in SECTIONS]
+    if unknown := [name for name in only if name not in names]:
+        raise ScenarioError(f"--only {unknown[0]}: {allowed(unknown[0], names)}")
+    if thin < 1:
+        raise ScenarioError(f"--thin {thin}: allowed: 1 or more")
+    try:
+        page = make([section for section in SECTIONS if not only or section.name in only], thin, out, engine=by)
+    except OSError as error:
+        raise ScenarioError(f"--out {out}: cannot be written: {error.strerror}") from error
+    print(f"written: {page}")
+    return DONE

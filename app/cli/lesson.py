@@ -1,0 +1,78 @@
+"""Command `vsmrc lesson`: lists, checks and plays lessons."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+
+from app.cli.options import one_of
+from app.cli.status import BAD_INPUT, DONE
+from app.process.terminal_text import printable
+from app.scenario.schema import ScenarioError
+
+
+def lesson(
+    action: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="{list,check,run}")],
+    lessons: Annotated[tuple[str, ...], tyro.conf.Positional] = (),
+    /,
+    *,
+    figures: Path | None = None,
+) -> int:
+    """List the lessons, check them, or play one without a screen.
+
+    Args:
+        action: list; check: play the runs, score the reference answers and the planted wrong ones, read the texts; run:
+            play the runs and show what they measure
+        lessons: shipped lessons, by name, or lesson.md files; for check, all shipped ones without a name
+        figures: folder for an SVG of each run, for run
+    """
+    from app.dashboard.plots.lesson_figures import figure_of_run, name_of_figure
+    from app.export.figures import render
+    from app.lessons.answers import Notebook
+    from app.lessons.checking import check
+    from app.lessons.course import Course
+    from app.lessons.lesson import load as load_lesson
+    from app.lessons.lesson import shipped_lessons
+    from app.lessons.playing import play, runs
+    from app.process.atomic_write import write_whole
+    from app.storage.constants_store import kept_memory
+
+    actions = ("list", "check", "run")
+    doing = one_of("lesson", action, actions)
+    if doing == "list":
+        for name, each in shipped_lessons().items():
+            print(f"{name:24s} {each.head.minutes:3.0f} min  {each.head.title}")
+        return DONE
+    if not lessons and doing == "run":
+        raise ScenarioError("lesson run: no lesson; allowed: one or more (see `vsmrc lesson list`)")
+    if figures is not None and doing != "run":
+        raise ScenarioError(f"lesson {doing}: --figures {figures}; allowed: with `lesson run`")
+    memory, problems = kept_memory(), 0
+    for each in [load_lesson(name) for name in lessons or shipped_lessons()]:
+        print(f"{each.name}: {each.head.title}")
+        if doing == "check":
+            checked = check(each, memory)
+            problems += len(checked.problems)
+            for problem in checked.problems:
+                print(f"  {printable(problem)}")
+            print(f"  about {checked.minutes:.0f} minutes, {len(checked.told)} numbers measured")
+        else:
+            course = Course(each, Notebook())
+            for step in runs(each):
+                outcome = play(step, memory)
+                course.take(step, outcome)
+                told = ", ".join(f"{name} = {value}" for name, value in outcome.told.items())
+                ended = " ".join(filter(None, (outcome.refusal, outcome.stopped)))
+                print(f"  {printable(getattr(step.block, 'title', ''))}: {told}  {printable(ended)}".rstrip())
+                if figures is not None:
+                    drawn = figure_of_run(each, step, outcome, course.traces(step), ())
+                    path = figures / name_of_figure(each, step, "svg")
+                    try:
+                        figures.mkdir(parents=True, exist_ok=True)
+                        write_whole(path, lambda file, drawn=drawn: file.write(render(drawn, "svg")))
+                    except OSError as error:
+                        raise ScenarioError(f"--figures {figures}: cannot be written: {error.strerror}") from error
+                    print(f"  written: {path}")
+    return BAD_INPUT if problems else DONE

@@ -1,0 +1,86 @@
+"""Options that several commands have, and how they are read."""
+
+from __future__ import annotations
+
+import tomllib
+from pathlib import Path
+from typing import Annotated, TypeVar, get_args
+
+import tyro
+
+from app.scenario.data import edited, load
+from app.scenario.schema import Scenario, ScenarioError
+from app.simulation.engines import Engine
+from controllers.laws import KINDS
+from parameters import allowed
+
+Choice = TypeVar("Choice", bound=str)
+Files = Annotated[tyro.conf.UseAppendAction[tuple[Path, ...]], tyro.conf.arg(metavar="FILE.py")]
+Settings = Annotated[
+    tyro.conf.UseAppendAction[tuple[tuple[str, ...], ...]],
+    tyro.conf.arg(name="set", metavar="KEY=VALUE", help="change fields, e.g. --set force.value=30 contact.K_e=2e4"),
+]
+ENGINES: tuple[Engine, ...] = get_args(Engine)
+
+
+def one_of(flag: str, given: str, names: tuple[Choice, ...]) -> Choice:
+    """The one of these names that was given to a flag. Raises ScenarioError with the one that was probably meant."""
+    for name in names:
+        if name == given:
+            return name
+    raise ScenarioError(f"{flag} {given!r:.60}; {allowed(given, names)}")
+
+
+def braces(names: tuple[str, ...]) -> str:
+    """The names as a command's help shows what is allowed."""
+    return f"{{{','.join(names)}}}"
+
+
+def use_own(files: tuple[Path, ...]) -> None:
+    """Load the laws, surfaces and trajectories of a user's own files (`--use`). Raises ScenarioError."""
+    if files:
+        from app.process import own_code
+
+        own_code.use(files)
+
+
+def configured(name_or_file: str, settings: Settings, duration: float | None = None) -> Scenario:
+    """A shipped scenario or that of a file, with these settings and this duration, s. Raises ScenarioError."""
+    scenario = load(name_or_file)
+    changes = [setting(text) for group in settings for text in group]
+    # the arm first, all its fields at once: everything else may depend on it
+    if robot := {path.removeprefix("robot."): value for path, value in changes if path.startswith("robot.")}:
+        from app.session.changes import with_robot
+
+        scenario = with_robot(scenario, robot)
+    for path, value in changes:
+        if not path.startswith("robot."):
+            scenario = edited(scenario, path, value)
+    if scenario.controller.law not in KINDS:
+        from app.simulation.controller_builder import law_of
+
+        law_of(scenario)
+    return scenario if duration is None else edited(scenario, "simulation.duration", duration)
+
+
+def setting(text: str) -> tuple[str, object]:
+    """Path and value of a text KEY=VALUE. Raises ScenarioError."""
+    path, equals, value = text.partition("=")
+    if not equals:
+        raise ScenarioError(f"--set {text}: no '='; allowed: KEY=VALUE")
+    return path.strip(), _value(value.strip())
+
+
+def _value(text: str) -> object:
+    """TOML value of a text; a text that is no TOML value is taken as it is."""
+    try:
+        return tomllib.loads(f"value = {text}")["value"]
+    except (ValueError, RecursionError):
+        return text
+
+
+def shown(value: object) -> str:
+    """A figure's value as the terminal shows it."""
+    if isinstance(value, list):
+        return "  ".join(shown(v) for v in value)
+    return f"{value:.4g}" if isinstance(value, float) else "—" if value is None else str(value)

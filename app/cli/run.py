@@ -1,0 +1,121 @@
+"""Command `vsmrc run`: simulates a scenario without a screen."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import tyro
+
+from app.cli.options import ENGINES, Files, Settings, braces, configured, one_of, shown, use_own
+from app.cli.status import BROKEN, DONE, STOPPED, UNPROMISED
+from app.process.terminal_text import say
+from app.scenario.data import load
+from app.scenario.schema import Scenario, ScenarioError
+from app.simulation.engines import Engine
+
+if TYPE_CHECKING:
+    from app.analysis.metrics import Metrics
+    from app.simulation.system import System
+
+TITLE = 40  # letters of a figure's name, before its value
+
+
+def run(
+    scenario: tyro.conf.Positional[str | None] = None,
+    /,
+    *,
+    out: Path,
+    from_: Annotated[Path | None, tyro.conf.arg(name="from")] = None,
+    row: int | None = None,
+    duration: float | None = None,
+    blend_to: str | None = None,
+    blend_at: float = 0.0,
+    blend_over: float = 2.0,
+    strict: bool = False,
+    engine: Annotated[str, tyro.conf.arg(metavar=braces(ENGINES))] = "pinocchio",
+    use: Files = (),
+    settings: Settings = (),
+) -> int:
+    """Simulate a scenario without a screen; writes recording.npz, metrics.json and scenario.toml.
+
+    Args:
+        scenario: a shipped scenario (see `vsmrc list`) or a .toml file
+        out: folder for the files
+        from_: a folder of `vsmrc sweep`, in place of a scenario: the same run again
+        row: number of that run
+        duration: simulated time in s, instead of the scenario's
+        blend_to: go over to the target model of this scenario; see also the fields of `blend`
+        blend_at: when that begins, s
+        blend_over: how long it takes, s
+        strict: end with status 4 when what the theorem promises is broken, 5 when it promises nothing
+        engine: pinocchio; or compiled, faster, and its digits differ by rounding (docs/command-line.md)
+        use: a file with a control law of your own (docs/extending.md)
+    """
+    from app.session import headless_run
+    from app.session.changes import blending_to
+    from app.storage.constants_store import kept_memory
+
+    by: Engine = one_of("--engine", engine, ENGINES)
+    use_own(use)
+    if from_ is not None:
+        if scenario is not None or row is None or settings or duration is not None:
+            raise ScenarioError("--from: with a scenario or settings, or without --row; allowed: --from FOLDER --row N")
+        chosen, by = _of_sweep(from_, row)
+    elif scenario is None:
+        raise ScenarioError("run: no scenario; allowed: one (see `vsmrc list`), or --from FOLDER --row N")
+    else:
+        chosen = configured(scenario, settings, duration)
+    if blend_to is not None:
+        chosen = blending_to(chosen, load(blend_to), blend_at, blend_over)
+    loop, metrics = headless_run.simulate(chosen, engine=by, show_progress=True, memory=kept_memory())
+    try:
+        headless_run.write(loop, metrics, out)
+    except OSError as error:
+        raise ScenarioError(f"--out {out}: cannot be written: {error.strerror}") from error
+    _print_figures(metrics, loop.system)
+    _print_promise(metrics)
+    for violation in loop.standing.outsiders:
+        print(f"the truth is outside what was declared: {violation}")
+    if loop.warning:
+        print(f"flagged: {loop.warning}")
+    print(f"written to {out}")
+    if strict and metrics.promise.verdict != "holds":
+        return BROKEN if metrics.promise.verdict == "broken" else UNPROMISED
+    return STOPPED if loop.stopped else DONE
+
+
+def _of_sweep(folder: Path, row: int) -> tuple[Scenario, Engine]:
+    """Scenario and engine of a run of a sweep."""
+    from app.sweep import question
+
+    asked = question.read(folder / question.FILE)
+    if asked.program != question.fingerprint():
+        say("this sweep was computed by another version of the program: digits may differ")
+    whole = question.Question(asked)
+    return whole.scenario(whole.row(row)), asked.engine
+
+
+def _print_figures(metrics: Metrics, system: System) -> None:
+    from app.analysis.metrics import METRICS
+
+    for figure in METRICS:
+        value = figure.of(metrics)
+        unit = "" if value is None else figure.units([system])
+        print(f"{figure.title:{TITLE}s} {shown(value)} {unit}".rstrip())
+    print(f"{'variation of the torques, per joint':{TITLE}s} {shown(metrics.torque_total_variation)} N·m/s")
+    if metrics.stopped is not None:
+        print(f"{'stopped':{TITLE}s} {metrics.stopped}")
+
+
+def _print_promise(metrics: Metrics) -> None:
+    """The verdict on the theorem's promise, and each premise that failed."""
+    promise = metrics.promise
+    print(f"{'promise':{TITLE}s} {promise.verdict}: {promise.because}")
+    print(f"{'promised share of the run':{TITLE}s} {100 * promise.share:.4g} %")
+    for finding in metrics.premises:
+        if finding.failed is not None:
+            print(
+                f"premise failed at {finding.failed:.4g} s: {finding.title}, least margin {shown(finding.margin)} "
+                f"{finding.unit}".rstrip()
+            )

@@ -1,0 +1,164 @@
+"""Command `vsmrc sweep`: many runs over ranges of fields and drawn arms."""
+
+from __future__ import annotations
+
+from contextlib import nullcontext
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, get_args
+
+import tyro
+
+from app.cli.options import ENGINES, Settings, braces, configured, one_of
+from app.cli.status import DONE
+from app.scenario.schema import ScenarioError
+
+if TYPE_CHECKING:
+    from app.sweep.cluster import Cluster
+    from app.sweep.question import Sweep
+
+
+def sweep(
+    scenario: tyro.conf.Positional[str],
+    folder: tyro.conf.Positional[Path | None] = None,
+    /,
+    *,
+    vary: tyro.conf.UseAppendAction[tuple[str, ...]] = (),
+    design: Annotated[str, tyro.conf.arg(metavar="{grid,latin,sobol}")] = "grid",
+    points: int = 0,
+    draw: int = 0,
+    corners: bool = False,
+    seed: int = 0,
+    out: Path | None = None,
+    duration: float | None = None,
+    engine: Annotated[str, tyro.conf.arg(metavar=braces(ENGINES))] = "compiled",
+    workers: int | None = None,
+    scheduler: str | None = None,
+    dry_run: bool = False,
+    of: str = "motion_error",
+    within: float | None = None,
+    show: Annotated[str | None, tyro.conf.arg(metavar="{share,median,worst}")] = None,
+    over: tuple[str, ...] = (),
+    kind: Annotated[str | None, tyro.conf.arg(name="as", metavar="{map,slices,scatter,parallel}")] = None,
+    to: Annotated[str, tyro.conf.arg(metavar="{svg,pdf,png}")] = "svg",
+    settings: Settings = (),
+) -> int:
+    """Simulate a scenario with many settings and true arms, on all cores; the same command goes on where it was
+    stopped. `vsmrc sweep plot FOLDER` draws what was found.
+
+    Args:
+        scenario: a shipped scenario, a .toml file, or a sweep.toml; or the word plot
+        folder: of a sweep, for plot
+        vary: PATH=LOW:HIGH:COUNT, with :log behind for even steps of the logarithm, or PATH=VALUE,VALUE; PATH=LOW:HIGH
+            for a design other than the grid
+        design: the grid of all values, or so many points by a Latin hypercube or Sobol's sequence
+        points: of such a design
+        draw: true arms drawn inside the declared set, the same at every point
+        corners: draw them at its corners
+        seed: of arms and points
+        out: folder for the runs; for plot, the file
+        duration: simulated time of each run in s, instead of the scenario's
+        engine: compiled, or pinocchio, whose digits differ by rounding
+        workers: processes, instead of one for each core
+        scheduler: tcp://HOST:PORT of a Dask scheduler, whose workers compute the runs (docs/scale.md)
+        dry_run: only say what it would take
+        of: for plot, the metric (docs/sweeps.md)
+        within: for plot, a limit in SI units: the share of arms that keep it is shown
+        show: for plot, what is shown of the arms of a point
+        over: for plot, the fields that are the axes
+        kind: for plot, the chart
+        to: for plot, the form of the file
+    """
+    if scenario == "plot":
+        return _plot_sweep(folder, out, of, within, show, over, kind, to)
+    if folder is not None:
+        raise ScenarioError(f"sweep: {folder} behind a scenario; allowed: `vsmrc sweep plot FOLDER`")
+    from app.sweep import question, running
+    from app.sweep.cluster import Cluster
+
+    program = question.fingerprint()
+    if scenario.endswith(question.FILE):
+        if vary or draw or settings or points or duration is not None:
+            raise ScenarioError(f"sweep: {scenario} is the whole question; allowed: without --vary, --draw, --set, ...")
+        asked = question.read(Path(scenario))
+    else:
+        asked = question.Sweep(
+            scenario=configured(scenario, settings, duration),
+            vary=tuple(map(question.axis_of, vary)),
+            design=one_of("--design", design, get_args(question.Design)),
+            points=points,
+            draw=draw,
+            corners=corners,
+            seed=seed,
+            engine=one_of("--engine", engine, ENGINES),
+            program=program,
+        )
+    if asked.program != program:
+        raise ScenarioError(f"sweep: {scenario} was asked of another version of the program; allowed: ask it anew")
+    if min(points, draw, seed) < 0 or (workers is not None and workers < 1):
+        raise ScenarioError("--points, --draw, --seed: allowed: 0 or more; --workers: 1 or more")
+    if scheduler is not None and workers is not None:
+        raise ScenarioError("--workers beside --scheduler; allowed: one of them: a cluster has workers of its own")
+    count = question.Question(asked).count
+    if out is None and not dry_run:
+        raise ScenarioError("sweep: no folder for the runs; allowed: --out FOLDER, or --dry-run")
+    with Cluster(scheduler) if scheduler is not None else nullcontext(workers) as on:
+        if out is None or dry_run:
+            print(running.estimated(asked, count, on))
+            return DONE
+        return _sweep_into(out, asked, on)
+
+
+def _sweep_into(out: Path, asked: Sweep, on: int | Cluster | None) -> int:
+    from app.sweep import running
+    from app.sweep.run_store import RunStore
+
+    try:
+        with RunStore(out, asked) as store:
+            count, left = len(store.done), int((~store.done).sum())
+            if left < count:
+                print(f"{count - left} of {count} runs are there already")
+            print(running.estimated(asked, left, on))
+            try:
+                failed = running.run(store, asked, on, show_progress=True)
+            except KeyboardInterrupt:
+                print(f"stopped with {int(store.done.sum())} of {count} runs; the same command goes on")
+                raise
+    except OSError as error:
+        raise ScenarioError(f"--out {out}: cannot be written: {error.strerror}; what is there stays") from error
+    print(f"{count} runs in {out}" + (f", {failed} of the last {left} stopped or refused" if failed else ""))
+    return DONE
+
+
+def _plot_sweep(
+    folder: Path | None,
+    out: Path | None,
+    of: str,
+    within: float | None,
+    show: str | None,
+    over: tuple[str, ...],
+    kind: str | None,
+    to: str,
+) -> int:
+    from app.export.formats import Format
+    from app.process.atomic_write import write_whole
+    from app.sweep import charts, points
+    from app.sweep.run_store import table_of
+
+    if folder is None:
+        raise ScenarioError("sweep plot: no folder; allowed: the folder of a sweep")
+    form: Format = one_of("--to", to, get_args(Format))
+    view = points.View(
+        metric=of,
+        within=within,
+        statistic=None if show is None else one_of("--show", show, get_args(points.Statistic)),
+        over=over,
+        kind=None if kind is None else one_of("--as", kind, get_args(points.Kind)),
+    )
+    path, drawn = out or folder / f"{of}.{form}", charts.chart(*table_of(folder), view, form)
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        write_whole(path, lambda file: file.write(drawn))
+    except OSError as error:
+        raise ScenarioError(f"--out {path}: cannot be written: {error.strerror}") from error
+    print(f"written: {path}")
+    return DONE
