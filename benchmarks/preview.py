@@ -51,12 +51,14 @@ class PreviewFigures(NamedTuple):
     first: s from the first movement to the first drawing, with the process warm.
     redraws: per second while the slider moves.
     reach: median s ahead that these drew.
+    delay: median s from a movement to the drawing of its whole horizon.
     settled: s from the last movement to the whole horizon.
     alone, dragging: pace of the running loop before and during the drag."""
 
     first: float
     redraws: float
     reach: float
+    delay: float
     settled: float
     alone: Pace
     dragging: Pace
@@ -64,25 +66,27 @@ class PreviewFigures(NamedTuple):
 
 class BandFigures(NamedTuple):
     """Figures of previews with true arms behind them.
-    redraws: per second while the slider moves, and of these banded: with a band of all arms that were asked for.
+    redraws: per second while the slider moves, and of these banded: with a band of true arms.
     reach: median s ahead that these bands have.
-    rested: s from the last movement to the band of `MANY` arms over the whole horizon."""
+    rested: s from the last movement to the band of `MANY` arms over the whole horizon.
+    dragging: pace of the running loop during the drag."""
 
     redraws: float
     banded: float
     reach: float
     rested: float
+    dragging: Pace
 
 
 class Drawn(NamedTuple):
     """A preview that was drawn.
-    t: s after the begin. span: s ahead. arms: true arms behind it; all: whether these are all that were asked for.
-    band: s ahead that they have."""
+    t: s after the begin. span: s ahead. delay: s since the slider had that value.
+    arms: true arms behind it; band: s ahead that they have."""
 
     t: float
     span: float
+    delay: float
     arms: int
-    all: bool
     band: float
 
 
@@ -100,12 +104,13 @@ class _Page:
         recording, period = self.runner.snapshot.recording, self.runner.snapshot.scenario.controller.period
         began = time.perf_counter()
         moved = framed = refreshed = -math.inf
-        ages, previews = [], []
+        ages, previews, moves = [], [], dict[float, float]()
         while (now := time.perf_counter() - began) < seconds:
             ages.append(now - len(recording) * period)
             if drag and now - moved >= MOVEMENT:
                 moved = now
                 value = 30.0 + 10.0 * math.sin(2.0 * now)
+                moves[value] = now
                 self.whatif.hold(Held(Edit("force.value", value), "F_d", f"{value:.3g}", self, CLIENT))
             if now - framed >= 1.0 / FPS:
                 framed = now
@@ -117,18 +122,18 @@ class _Page:
                     shown = Shown(snapshot.t, self.viewing.window, outlook=outlook, horizon=horizon)
                     self.plots.show(snapshot, shown, ("Overview",))
                 if foreseen and self.whatif.outlook is not None:
-                    previews.append(_drawn(now, self.whatif.outlook))
+                    outlook = self.whatif.outlook
+                    previews.append(_drawn(now, outlook, now - moves.get(outlook.scenario.force.value, math.nan)))
             time.sleep(LOOK)
         late = 1e3 * (np.array(ages) - min(ages))
         rate = 1.0 - float(np.mean(ages[-20:]) - np.mean(ages[:20])) / seconds
         return Pace(rate, float(np.median(late)), float(np.quantile(late, 0.99)), float(late.max())), previews
 
 
-def _drawn(t: float, outlook: Outlook) -> Drawn:
+def _drawn(t: float, outlook: Outlook, delay: float) -> Drawn:
     band = outlook.band
-    if band is None:
-        return Drawn(t, outlook.figures.span, 0, False, 0.0)
-    return Drawn(t, outlook.figures.span, band.arms, band.arms == band.asked, float(band.ahead[-1]))
+    reach = (0, 0.0) if band is None else (band.arms, band.reach)
+    return Drawn(t, outlook.figures.span, delay, *reach)
 
 
 def measure(effort: Effort) -> Table:
@@ -138,6 +143,7 @@ def measure(effort: Effort) -> Table:
         ("redraws per s while dragging", *(f"{f.redraws:.1f}" for f in figures)),
         ("first drawing after the first movement, s", *(f"{f.first:.2f}" for f in figures)),
         ("median reach of these drawings, s", *(f"{f.reach:.1f}" for f in figures)),
+        ("from a movement to its whole horizon, median, ms", *(f"{1e3 * f.delay:.0f}" for f in figures)),
         ("whole horizon after the last movement, s", *(f"{f.settled:.2f}" for f in figures)),
         ("real-time factor, alone / dragging", *(f"{f.alone.rate:.3f} / {f.dragging.rate:.3f}" for f in figures)),
     ]
@@ -147,8 +153,9 @@ def measure(effort: Effort) -> Table:
     bands = [banded(scenario, effort.drag) for scenario in SCENARIOS]
     rows += [
         (f"with {FEW} true arms behind it: redraws per s", *(f"{b.redraws:.1f}" for b in bands)),
-        (f"of these with the band of all {FEW}, per s", *(f"{b.banded:.1f}" for b in bands)),
+        ("of these with their band, per s", *(f"{b.banded:.1f}" for b in bands)),
         ("median reach of that band, s", *(f"{b.reach:.1f}" for b in bands)),
+        ("real-time factor meanwhile", *(f"{b.dragging.rate:.3f}" for b in bands)),
         (f"band of {MANY} arms after the last movement, s", *(f"{b.rested:.2f}" for b in bands)),
     ]
     return Table(("a slider is dragged", *SCENARIOS), rows)
@@ -159,16 +166,17 @@ def banded(scenario: str, seconds: float) -> BandFigures:
     with _page(scenario) as page:
         page.whatif.arms = FEW
         page.watch(1.0, drag=True)  # the arms are built
-        _, drawn = page.watch(seconds, drag=True)
+        pace, drawn = page.watch(seconds, drag=True)
         page.whatif.arms = MANY
         page.watch(1.0, drag=True)
         _, still = page.watch(RESTS, drag=False)
-        whole = [each for each in drawn if each.all]
+        behind = [each for each in drawn if each.arms == FEW]
         return BandFigures(
             redraws=len(drawn) / seconds,
-            banded=len(whole) / seconds,
-            reach=float(np.median([each.band for each in whole])) if whole else 0.0,
-            rested=next((each.t for each in still if each.all and each.arms == MANY), math.inf),
+            banded=len(behind) / seconds,
+            reach=float(np.median([each.band for each in behind])) if behind else 0.0,
+            rested=next((each.t for each in still if each.arms == MANY and each.band >= HORIZON), math.inf),
+            dragging=pace,
         )
 
 
@@ -184,6 +192,7 @@ def dragged(scenario: str, seconds: float, horizon: float = HORIZON) -> PreviewF
             first=times[0],
             redraws=(len(times) - 1) / (times[-1] - times[0]),
             reach=float(np.median([each.span for each in drawn])),
+            delay=float(np.nanmedian([each.delay for each in drawn if each.span >= horizon - 1e-6] or [math.nan])),
             settled=next((each.t for each in still if each.span >= horizon - 1e-6), math.inf),
             alone=alone,
             dragging=dragging,

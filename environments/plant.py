@@ -439,7 +439,7 @@ class Plant:
         substeps: int = 1,
         face: Face | None = None,
     ) -> None:
-        self.truth, self.surfaces, self.contacts, self._robot = truth, surfaces, contacts, robot
+        self.truth, self.surfaces, self.contacts, self.robot = truth, surfaces, contacts, robot
         self.face = Face.point() if face is None else face
         self.kind = kind
         self.substeps = substeps
@@ -490,7 +490,7 @@ class Plant:
             nothing = Contact(0.0, 0.0, 0.0, unilateral=False, friction_coulomb=0.0, friction_viscous=0.0)
             contacts = (nothing,) * len(contacts)
         rest = (self._integrator, self.substeps, self.face)
-        return Plant(self._robot, truth, self.surfaces, self.kind, contacts, *rest)
+        return Plant(self.robot, truth, self.surfaces, self.kind, contacts, *rest)
 
     def _resolve_kernels(self, n: int) -> None:
         around, arm, tau = self._around, Record.zeros(Arm, n).data, np.zeros(n)
@@ -602,7 +602,7 @@ class Plant:
         """Tool point (3,) m and orientation (3, 3) of the tool in a state."""
         _, rotation, translation = self._tool
         pin.computeJointJacobians(self.model, self.data, state.views.q)
-        return translation + rotation @ self._lever, rotation @ self._robot.tool_placement.rotation
+        return translation + rotation @ self._lever, rotation @ self.robot.tool_placement.rotation
 
     # q_ddot under the torque tau (n,) N m at time t (s), and the load that goes with it, are found in place; in world
     # axes M comes with the tool's Jacobian and placement

@@ -12,7 +12,7 @@ import numpy as np
 
 T = TypeVar("T", bound=NamedTuple)
 Layout = tuple[tuple[Any, ...], ...]
-NUMBERS = {kind: np.dtype(kind).str for kind in (float, int, bool)}
+NUMBERS = {kind: np.dtype(kind) for kind in (float, int, bool, np.float64, np.int64, np.bool_)}
 
 
 class Record(Generic[T]):
@@ -99,11 +99,11 @@ def _layout(value: NamedTuple) -> Layout:
     layout: list[tuple[Any, ...]] = []
     for name, part in zip(value._fields, value, strict=True):
         if isinstance(part, np.ndarray):
-            layout.append((name, part.dtype.str, part.shape))
+            layout.append((name, part.dtype, part.shape))
         elif isinstance(part, tuple):
             layout.append((name, _layout(part)))  # pyright: ignore[reportArgumentType]
         else:
-            layout.append((name, NUMBERS.get(type(part)) or np.asarray(part).dtype.str, ()))
+            layout.append((name, NUMBERS.get(type(part)) or np.asarray(part).dtype, ()))
     return tuple(layout)
 
 

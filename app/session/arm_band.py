@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import threading
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from concurrent.futures import Future, ThreadPoolExecutor, wait
 from dataclasses import dataclass
 
@@ -15,13 +15,14 @@ from app.analysis.metrics import MULTIPLIERS
 from app.scenario.departures import Departure
 from app.scenario.schema import Declared
 from app.simulation.closed_loop import ClosedLoop
-from app.simulation.compiled_run import CompiledRun
+from app.simulation.compiled_run import CompiledRun, UnjudgedRun
 from app.simulation.search_memory import Memory
 from app.simulation.state import State
 from app.simulation.system import System
 
 SIGNALS = ("t", "e_r", "r", "F", "F_c", "F_cd", "s_norm", "d", *MULTIPLIERS)  # of which plots show a band
 LATER = 1.0  # s beyond the preview: the run goes on while arms are computed
+SLICE = 250  # control periods that an arm is run at once: about a millisecond
 NICENESS = 19  # of the threads
 SEED = 0  # the same arms in every preview: what moves in the picture is the slider's doing
 
@@ -30,28 +31,20 @@ SEED = 0  # the same arms in every preview: what moves in the picture is the sli
 class Band:
     """Signals of true arms over a stretch of time.
     since: s, the instant of the run from which they are computed.
-    ahead: (N,) s after that.
-    arms: number of them, so many of `asked`.
+    reach: s after that up to which all arms are known; ahead: (N,) s, of which these instants are kept.
+    arms: number of them.
     signals: (arms · N, ...), one arm after the other; nan beyond the end of an arm that stopped.
-    stopped: number of those, and `because`, the reason of the first one."""
+    stopped: number of those, and `because`, the reason of the first one.
+    whole: whether it reaches as far as it ever will."""
 
     since: float
+    reach: float
     ahead: np.ndarray
     arms: int
-    asked: int
     signals: Mapping[str, np.ndarray]
     stopped: int
     because: str
-
-
-@dataclass(frozen=True)
-class Course:
-    """Course of one true arm.
-    signals: at some instants, (N, ...), nan beyond its end.
-    stopped: why it stopped, None where it did not."""
-
-    signals: Mapping[str, np.ndarray]
-    stopped: str | None
+    whole: bool
 
 
 @dataclass(frozen=True)
@@ -59,37 +52,124 @@ class Stretch:
     """Stretch of time over which arms are run.
     since: s, the instant of the run that is looked ahead from.
     begins: the state from which all arms go on, of another instant where an edit begins the scenario anew.
-    rows: control periods.
+    rows: control periods; drawn: those of the preview, the first ones.
     points: (N,), numbers of the rows that are kept."""
 
     since: float
     begins: State
     rows: int
+    drawn: int
     points: np.ndarray
 
     @classmethod
     def beyond(cls, since: float, begins: State, rows: int, points: np.ndarray) -> Stretch:
         """Stretch of a preview with so many rows, of which these points are drawn, and of `LATER` s more."""
         more = round(LATER / begins.scenario.controller.period)
-        return cls(since, begins, rows + more, np.append(points, np.linspace(rows, rows + more - 1, 20).astype(int)))
-
-    def band(self, courses: list[Course], asked: int) -> Band:
-        """Band of the courses so far."""
-        reasons = [course.stopped for course in courses if course.stopped is not None]
-        return Band(
-            self.since,
-            self.points * self.begins.scenario.controller.period,
-            len(courses),
-            asked,
-            {name: np.concatenate([course.signals[name] for course in courses]) for name in SIGNALS},
-            len(reasons),
-            reasons[0] if reasons else "",
-        )
+        later = np.linspace(rows, rows + more - 1, 20).astype(int)
+        return cls(since, begins, rows + more, rows, np.append(points, later))
 
 
 def uncertain(declared: Declared) -> bool:
     """Whether true arms may differ from the believed one."""
     return msgspec.structs.replace(declared, force_error=0.0) != Declared()
+
+
+class _Arm:
+    """One true arm on its way.
+
+    signals: at the points of the stretch, (N, ...), nan where it has not been or will never be.
+    reached: rows that it has, all of the stretch's where it has stopped, at its row `ended`.
+    """
+
+    def __init__(self, loop: ClosedLoop, stretch: Stretch) -> None:
+        # the promise decides about the run only where breaking it stops the run
+        judged = loop.system.scenario.simulation.bound_violation == "stop"
+        self.loop, self._stretch = loop, stretch
+        self._run = (CompiledRun if judged else UnjudgedRun)(loop)
+        columns, count = loop.recording.columns, len(stretch.points)
+        widths = {name: columns[name].stop - columns[name].start for name in SIGNALS}
+        self.signals = {name: np.full((count, width) if width > 1 else count, np.nan) for name, width in widths.items()}
+        self.reached = self.ended = 0
+
+    def advance(self) -> None:
+        """Run it a slice further, and keep what the band needs of it."""
+        recording, points, begun = self.loop.recording, self._stretch.points, self.ended
+        done = self._run.advance(min(SLICE, self._stretch.rows - begun))
+        first, last = np.searchsorted(points, (begun, begun + done))
+        known = recording.picked(points[first:last] - begun)
+        for name, values in self.signals.items():
+            values[first:last] = known[name]
+        recording.forget()
+        self.ended = begun + done
+        self.reached = self._stretch.rows if self.loop.stopped else self.ended
+
+
+class ArmsAhead:
+    """True arms on their way over a stretch, all about as far, in threads of a pool."""
+
+    def __init__(self, loops: list[ClosedLoop], stretch: Stretch, pool: ThreadPoolExecutor, threads: int) -> None:
+        self._arms, self._stretch = [_Arm(loop, stretch) for loop in loops], stretch
+        self._waiting, self._lock, self._left = self._arms[:], threading.Lock(), threading.Event()
+        self._running: list[Future[None]] = [pool.submit(self._advance) for _ in range(threads)]
+
+    @property
+    def reached(self) -> int:
+        """Rows that all arms have."""
+        return min(arm.reached for arm in self._arms)
+
+    @property
+    def rows(self) -> int:
+        """Rows that they will have."""
+        return self._stretch.rows
+
+    @property
+    def going(self) -> bool:
+        """Whether any is under way."""
+        return not all(each.done() for each in self._running)
+
+    def leave(self) -> None:
+        """Let none go on; returns when none does."""
+        self._left.set()
+        wait(self._running)
+
+    def band(self) -> Band | None:
+        """Band as far as all arms are, None where that is nowhere. Raises what the run of an arm has raised."""
+        for running in self._running:
+            if running.done():
+                running.result()
+        reached, stretch = self.reached, self._stretch
+        count = int(np.searchsorted(stretch.points, reached))
+        if count == 0:
+            return None
+        ended = [arm.loop.stopped for arm in self._arms if arm.loop.stopped and arm.ended < reached]
+        period = stretch.begins.scenario.controller.period
+        return Band(
+            stretch.since,
+            reached * period,
+            stretch.points[:count] * period,
+            len(self._arms),
+            {name: np.concatenate([arm.signals[name][:count] for arm in self._arms]) for name in SIGNALS},
+            len(ended),
+            ended[0] if ended else "",
+            whole=reached == stretch.rows,
+        )
+
+    def _advance(self) -> None:
+        """Run the arm that is least far, again and again."""
+        while not self._left.is_set():
+            with self._lock:
+                behind = [arm for arm in self._waiting if arm.reached < self._stretch.rows]
+                if not behind:
+                    return
+                arm = min(behind, key=lambda each: each.reached)
+                self._waiting.remove(arm)
+            try:
+                arm.advance()
+            except BaseException:
+                self._left.set()
+                raise
+            with self._lock:
+                self._waiting.append(arm)
 
 
 class TrueArms:
@@ -102,45 +182,19 @@ class TrueArms:
         self._count = os.cpu_count() or 1
         self._pool = ThreadPoolExecutor(self._count, "arms", initializer=_yield_to_others)
 
-    def courses(self, stretch: Stretch, count: int) -> Iterator[list[Course]]:
-        """The courses so far, longer by one each time, of so many arms. The compiled run must be able to take them.
-        Raises ScenarioError where an arm cannot be built."""
+    def run(self, stretch: Stretch, count: int) -> ArmsAhead:
+        """Let so many arms run, until `leave` is called, which must be before others are let run. The compiled run must
+        be able to take them. Raises ScenarioError where an arm cannot be built."""
         begun = self._begun = ClosedLoop.resume(stretch.begins, 1, self._begun and self._begun.system, self._memory)
-        done: list[Course] = []
-        running: list[Future[Course]] = []
-        try:
-            for number in range(count):
-                loop = self._branch(begun, stretch.rows, number)
-                running.append(self._pool.submit(_course, loop, stretch))
-                while len(running) >= self._count:
-                    done.append(running.pop(0).result())
-                    yield done
-            while running:
-                done.append(running.pop(0).result())
-                yield done
-        finally:
-            wait(running)  # their systems are used again
-
-    def _branch(self, begun: ClosedLoop, rows: int, number: int) -> ClosedLoop:
         scenario, n = begun.system.scenario, begun.system.robot.n
-        departure = Departure.inside(np.random.default_rng([SEED, number, n]), n)
-        truth = departure.truth(scenario.declared, of=scenario.truth)
-        changed = msgspec.structs.replace(scenario, truth=truth)
-        loop = begun.branch(changed, rows, self._systems.get(number), self._memory)
-        self._systems[number] = loop.system
-        return loop
+        loops = []
+        for number in range(count):
+            departure = Departure.inside(np.random.default_rng([SEED, number, n]), n)
+            truth = departure.truth(scenario.declared, of=scenario.truth)
+            loops.append(begun.with_truth(truth, SLICE, self._systems.get(number)))
+            self._systems[number] = loops[-1].system
+        return ArmsAhead(loops, stretch, self._pool, self._count)
 
 
 def _yield_to_others() -> None:
     os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), NICENESS)
-
-
-def _course(loop: ClosedLoop, stretch: Stretch) -> Course:
-    CompiledRun(loop).advance(stretch.rows)
-    known = loop.recording.picked(stretch.points[stretch.points < len(loop.recording)])
-    signals = {}
-    for name in SIGNALS:
-        values = known[name]
-        signals[name] = np.full((len(stretch.points), *values.shape[1:]), np.nan)
-        signals[name][: len(values)] = values
-    return Course(signals, loop.stopped)

@@ -12,7 +12,7 @@ import structlog
 
 from app.process.own_code import OwnCodeError
 from app.scenario.declared_bounds import outside
-from app.scenario.schema import Scenario, ScenarioError, after_blend
+from app.scenario.schema import Scenario, ScenarioError, TruthSection, after_blend
 from app.simulation.control_period import Alarm, Evaluation
 from app.simulation.controlled_arm import ControlledArm, PeriodAddresses
 from app.simulation.premise_watch import PremiseWatch
@@ -225,16 +225,21 @@ class ClosedLoop:
         self._become(self._changed(new.after(self.system, self.t)))
         self.recording.epochs.append(self.state.epoch)
 
-    def branch(self, scenario: Scenario, history: int, previous: System | None, memory: Memory | None) -> ClosedLoop:
-        """Run that goes on from the present state as this one would after an edit, with a recording of its own. Raises
-        ScenarioError.
+    def with_truth(self, truth: TruthSection, history: int, previous: System | None) -> ClosedLoop:
+        """Run of another true arm from the present state on, with a recording of its own: law and reference, of which
+        the arm's masses are no part, go on. Raises ScenarioError.
 
-        previous: see `resume`. The change must not be one that begins the scenario anew.
+        previous: a system whose parts are used again where they are the same.
         """
-        branch = self._changed(assemble(scenario, previous, memory).after(self.system, self.t))
-        branch.recording = Recording(branch.system.layout.n, history)
-        branch.recording.epochs.append(branch.state.epoch)
-        return branch
+        twin = object.__new__(ClosedLoop)
+        system = self.system.with_truth(truth, previous)
+        twin.recording = Recording(system.layout.n, history)
+        twin.recording.epochs.append(self.state.epoch)
+        twin._bind(system, self.state.copy())
+        twin.state.evaluation.data["held"]["known"] = False  # the period before was another arm's
+        if system.scenario.simulation.bound_violation == "stop":  # the promise, which is made anew, decides when
+            twin._watch.begin()
+        return twin
 
     def _changed(self, system: System) -> ClosedLoop:
         """This run continued with another system; this object itself does not change."""

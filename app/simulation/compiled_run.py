@@ -432,11 +432,30 @@ class CompiledRun:
                 loop.heed_posture(engine.nearest)
         return ahead.periods - left
 
+    @property
+    def _station(self) -> int:
+        """Station where the sampled loops were judged last, -1 off the reference."""
+        station = self._loop.state.judged.station
+        return -1 if station is None else station
+
     def _call(self, ahead: ReadingsAhead, read: int, periods: int) -> None:
         """Call the compiled function for at most so many periods, before whose first so many readings were taken."""
         loop, engine = self._loop, self._engine.fields
         rows, begun, state = loop.recording.new_rows(periods), loop.state.steps, loop.state
         engine.steps, engine.read = begun, read
-        engine.station = -1 if state.judged.station is None else state.judged.station
+        engine.station = self._station
         t = state.epoch.t + np.arange(begun, begun + len(rows)) * loop.period
         self._run(*self._arguments(ahead), t, rows)
+
+
+class UnjudgedRun(CompiledRun):
+    """Compiled run that leaves the premises that depend on the posture as they are, which takes a third less time. What
+    moves is the same to the last bit, unless a broken promise stops the run."""
+
+    def __init__(self, loop: ClosedLoop) -> None:
+        super().__init__(loop)
+        self._engine.fields.close, self._stations = np.inf, np.zeros_like(self._stations)
+
+    @property
+    def _station(self) -> int:
+        return 0

@@ -148,6 +148,11 @@ class Recording:
         """Mark so many of the new rows as complete."""
         self._blocks[-1].filled += rows
 
+    def forget(self) -> None:
+        """Forget the rows of the newest block, and use its memory again. Nobody may be reading them."""
+        if self._blocks:
+            self._blocks[-1].filled = 0
+
     @property
     def first(self) -> float:
         """Time of the oldest row, s; 0 while there is none."""

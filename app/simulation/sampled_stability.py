@@ -304,8 +304,9 @@ class PeriodMap:
         state, arm = self._state, self._arm
         for part in self._parts:
             part[:], vector = vector[: len(part)], vector[len(part) :]
-        readings = vector.reshape(-1, self._felt)
-        state.reader.recall(np.pad(readings, ((0, 0), (0, 6 - self._felt))))
+        readings = np.zeros((len(vector) // self._felt, 6))
+        readings[:, : self._felt] = vector.reshape(-1, self._felt)
+        state.reader.recall(readings)
         self._still.plant.find_load(state.arm, state.t)
         self._reading = arm.measure() + self._added
         arm.control(self._reading, self._row)

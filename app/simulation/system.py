@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from functools import cached_property
 
+import msgspec
 import numpy as np
 
 from app.scenario.schema import (
@@ -15,6 +16,7 @@ from app.scenario.schema import (
     ScenarioError,
     SurfaceOutOfReach,
     TooStiff,
+    TruthSection,
     field_info,
     scenario_errors,
 )
@@ -185,6 +187,16 @@ class System:
         begun = self.with_shift(SmoothShift.fresh(shift.end, shift.duration))
         return begun if self.blend is None else replace(begun, controller=self.controller.following(self.blend.start))
 
+    def with_truth(self, truth: TruthSection, previous: System | None) -> System:
+        """The system with another true arm, of which the controller knows nothing. Raises ScenarioError.
+
+        previous: a system whose parts are used again where they are the same.
+        """
+        scenario = msgspec.structs.replace(self.scenario, truth=truth)
+        plant = _plant(scenario, self.robot, self.surfaces)
+        mobility = _mobility(scenario, plant, self.constants, self.nominal, self.memory, previous)
+        return replace(self, scenario=scenario, plant=plant, mobility=mobility, push=push_of(scenario))
+
     def with_shift(self, shift: SmoothShift) -> System:
         """The system with this shift in place of the scenario's, which begins at t = 0."""
         return replace(self, plan=self.plan._replace(shift=shift))
@@ -229,16 +241,7 @@ def _assemble(scenario: Scenario, previous: System | None, memory: Memory) -> Sy
     require_surfaces(scenario, mode, positions_of(robot), robot.n)
     require_face(scenario, mode, robot)
     surfaces = _surfaces_in_use(scenario, robot, nominal, previous)
-    plant = Plant(
-        robot,
-        truth_of(scenario, robot),
-        surfaces,
-        nature_of(tuple(each.contact.nature for each in scenario.surfaces)),
-        contacts_of(scenario),
-        scenario.simulation.integrator,
-        scenario.simulation.substeps,
-        face_of(scenario, robot),
-    )
+    plant = _plant(scenario, robot, surfaces)
     q_0 = _start(plant, robot)
     in_corner = mode.on_surface and len(surfaces) > 1
     layout = _layout(scenario, mode, robot, nominal, q_0, plant.surface)
@@ -280,16 +283,7 @@ def _assemble(scenario: Scenario, previous: System | None, memory: Memory) -> Sy
         omega = Omega(along, rules.domain_radius, span)
         uncertainty = uncertainty_of(scenario, robot, 0.0, NO_RATES)
         constants = constants_over(omega, rules.sigma_min, uncertainty, nominal, observer, memory)
-    if previous is not None and previous.constants is constants and previous.scenario.truth == scenario.truth:
-        mobility = previous.mobility
-    else:
-        touched = replace(constants.omega, span=span_of(surfaces, scenario.simulation.duration))
-        # the believed arm is the same in all runs of a sweep, and a search takes longer than a run
-        believed = mobility_over(touched, robot.model, surfaces, nominal, memory)
-        mobility = believed.at_most_for(plant.model, robot.model)
-        if mobility is None or _unresolved(scenario, plant, mobility):
-            mobility = mobility_over(touched, plant.model, surfaces, nominal, memory)
-    _require_resolved(scenario, plant, mobility)
+    mobility = _mobility(scenario, plant, constants, nominal, memory, previous)
     return System(
         scenario=scenario,
         robot=robot,
@@ -312,6 +306,41 @@ def _assemble(scenario: Scenario, previous: System | None, memory: Memory) -> Sy
         z_0=z_at_start(scenario, robot.n),
         memory=memory,
     )
+
+
+def _plant(scenario: Scenario, robot: robots.Robot, surfaces: tuple[Surface, ...]) -> Plant:
+    return Plant(
+        robot,
+        truth_of(scenario, robot),
+        surfaces,
+        nature_of(tuple(each.contact.nature for each in scenario.surfaces)),
+        contacts_of(scenario),
+        scenario.simulation.integrator,
+        scenario.simulation.substeps,
+        face_of(scenario, robot),
+    )
+
+
+def _mobility(
+    scenario: Scenario,
+    plant: Plant,
+    constants: Constants,
+    nominal: NominalModel,
+    memory: Memory,
+    previous: System | None,
+) -> Mobility:
+    """The true arm's largest mobility over Omega. Raises TooStiff where the plant's step cannot follow it."""
+    if previous is not None and previous.constants is constants and previous.scenario.truth == scenario.truth:
+        mobility = previous.mobility
+    else:
+        touched = replace(constants.omega, span=span_of(plant.surfaces, scenario.simulation.duration))
+        # the believed arm is the same in all runs of a sweep, and a search takes longer than a run
+        believed = mobility_over(touched, plant.robot.model, plant.surfaces, nominal, memory)
+        mobility = believed.at_most_for(plant.model, plant.robot.model)
+        if mobility is None or _unresolved(scenario, plant, mobility):
+            mobility = mobility_over(touched, plant.model, plant.surfaces, nominal, memory)
+    _require_resolved(scenario, plant, mobility)
+    return mobility
 
 
 def _stations(scenario: Scenario, constants: Constants, previous: System | None) -> Stations:

@@ -8,13 +8,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from app.export.figures import DOUBLE, SINGLE, file_of, plain_decades, plain_number
+from app.export.figures import DOUBLE, SINGLE, file_of, plain_decades
 from app.export.formats import Format
 from app.export.lettering import wrapped
-from app.scenario.schema import ScenarioError, field_info
+from app.scenario.schema import ScenarioError
 from app.sweep.figures_of_run import COLUMNS
 from app.sweep.points import Kind, Points, View, interval, points_of, statistic_of
 from app.sweep.question import Axis, Sweep
+from app.sweep.titles import named, said, title_of, unit_of
 from parameters import allowed
 
 if TYPE_CHECKING:
@@ -26,6 +27,7 @@ MOST_SLICES = 6
 WIDE = 100.0  # ratio of values from which on they are shown by their logarithm
 COLORS = "viridis"
 ASPECT = 0.75
+LABEL = 2.3  # in, longest line beside an axis
 
 
 def chart(sweep: Sweep, columns: Mapping[str, np.ndarray], view: View, form: Format) -> bytes:
@@ -105,7 +107,11 @@ def _slices(sweep: Sweep, axes: list[Axis], points: Points, view: View) -> Canva
         mine = np.array([k for k, each in enumerate(keys) if each == key])
         mine = mine[np.argsort(np.asarray(points.values[x.path][mine], dtype=float))]
         at = np.asarray(points.values[x.path][mine], dtype=float)
-        name = ", ".join(f"{path} {_told(value)}" for path, value in zip(rest, key, strict=True) if path in shown)
+        name = ", ".join(
+            f"{title_of(path)} {said(path, value)} {unit_of(path)}".rstrip()
+            for path, value in zip(rest, key, strict=True)
+            if path in shown
+        )
         plot.plot(at, points.number[mine], "-o", color=color, markersize=2.2, linewidth=1.0, label=name or None)
         if statistic_of(view) == "share":
             ends = np.array([interval(int(points.good[k]), int(points.arms[k])) for k in mine])
@@ -159,8 +165,8 @@ def _parallel(sweep: Sweep, axes: list[Axis], points: Points, view: View) -> Can
         plot.plot(range(len(axes)), [column[k] for column in columns], color=color, linewidth=0.6, alpha=0.8)
     for k, axis in enumerate(axes):
         low, high = axis.at(0.0), axis.at(1.0)
-        plot.text(k, -0.03, _told(low), ha="center", va="top", fontsize=6.0)
-        plot.text(k, 1.03, _told(high), ha="center", va="bottom", fontsize=6.0)
+        plot.text(k, -0.03, said(axis.path, low), ha="center", va="top", fontsize=6.0)
+        plot.text(k, 1.03, said(axis.path, high), ha="center", va="bottom", fontsize=6.0)
         plot.axvline(k, color="0.35", linewidth=0.5)
     from matplotlib.cm import ScalarMappable
 
@@ -241,12 +247,8 @@ def _label(points: Points, view: View) -> str:
 
 
 def _of_axis(axis: Axis) -> str:
-    field = axis.path.rpartition(".")[0] if axis.path.rpartition(".")[2].isdecimal() else axis.path
-    try:
-        unit = field_info(field).unit
-    except KeyError:
-        unit = ""
-    return f"{axis.path} [{unit}]" if unit not in ("", "1") else axis.path
+    """Title of an axis, in lines."""
+    return "\n".join(wrapped(named(axis.path), LABEL, 7.0))
 
 
 def _norm(points: Points, view: View) -> Any:
@@ -301,10 +303,6 @@ def _shares(axis: Axis, values: np.ndarray) -> np.ndarray:
     if logarithmic:
         at, low, high = np.log(at), math.log(low), math.log(high)
     return (at - low) / ((high - low) or 1.0)
-
-
-def _told(value: object) -> str:
-    return plain_number(float(f"{value:.3g}"), None) if isinstance(value, float) else str(value)
 
 
 def _colors(count: int) -> list[Any]:

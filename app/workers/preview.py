@@ -8,7 +8,7 @@ from __future__ import annotations
 import os
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from multiprocessing.connection import Connection
 
@@ -17,7 +17,7 @@ import structlog
 from app.process import precompile
 from app.process.log import configure_as_parent
 from app.scenario.schema import ScenarioError
-from app.session.arm_band import LATER, Band, Course, Stretch, TrueArms
+from app.session.arm_band import LATER, ArmsAhead, Band, Stretch, TrueArms
 from app.session.preview import Done, Figures, Foresight, Hurry, Outlook, Question, Refusal
 from app.simulation.closed_loop import ClosedLoop
 from app.simulation.engines import Engine
@@ -28,11 +28,14 @@ from app.storage.constants_store import kept_memory
 log = structlog.get_logger()
 
 DRAWING = 0.06  # s between two answers on the way: every one is drawn
-SHOWN_AT = (4, 8, 16, 32)  # arms: a band is drawn with so many already
-SLICE = 0.4  # s for the band, before a question that only time has changed is answered
+BANDED = 0.11  # s from a question to its answer where the slider moves and true arms stand behind it
+GROWN = 0.3  # s until a band that grows is drawn anew
+LOOK = 0.01  # s between two looks at how far it is
+REST = 0.5  # s for the band, before a question that only time has changed is answered
 OLD = 0.5 * LATER  # s of the run, after which a band is computed anew
 SOON = 0.06  # s of work left, for the sake of which an answer is not given up any more
 NICENESS = 10  # the running loop comes first
+TURN = 5e-4  # s that a thread keeps the interpreter while another one waits for it
 
 
 @dataclass
@@ -58,18 +61,17 @@ class _Known:
 
 
 class _GrowingBand:
-    """Band of true arms behind the answers about one scenario. It grows arm by arm while no question waits, and is
-    computed anew when it has become old; until that is whole, the old one stands."""
+    """Band of true arms behind the answers about one scenario. It grows, all arms together, and is computed anew when
+    it has become old; until that is as long as the preview, the old one stands."""
 
     def __init__(self, memory: Memory) -> None:
         self._arms = TrueArms(memory)
         self._of: object = None
         self._band: Band | None = None
         self._problem = ""
-        self._stretch: Stretch | None = None
-        self._asked = 0
-        self._coming: Iterator[list[Course]] = iter(())
-        self.going = False
+        self._horizon = 0.0
+        self._ahead: ArmsAhead | None = None
+        self._wanted = 0  # rows, with which it is drawn anew
 
     def follow(self, foresight: Foresight) -> None:
         """Stand behind the answer to this foresight's question."""
@@ -77,61 +79,97 @@ class _GrowingBand:
         of = (question.scenario, question.horizon, question.push, question.arms)
         if of != self._of or foresight.bandless or not question.arms:
             self.leave()
-            self._of = of
+            self._of, self._horizon = of, question.horizon
         if foresight.bandless or not question.arms or self._problem or self.going:
             return
         if self._band is None or not 0.0 <= question.state.t - self._band.since < OLD:
-            self._stretch, self._asked, self.going = foresight.stretch, question.arms, True
-            self._coming = self._arms.courses(self._stretch, self._asked)
+            self._heeding(lambda: self._begin(foresight.stretch, question.arms))
 
     def leave(self) -> None:
         """Forget it, and compute no more of it."""
-        self._of, self._band, self._problem, self.going, self._coming = None, None, "", False, iter(())
-
-    def grow(self) -> bool:
-        """Compute one arm more; whether there is something else to draw."""
-        assert self._stretch is not None
-        try:
-            courses = next(self._coming)
-        except (ScenarioError, ArithmeticError, ValueError) as error:
-            self._problem, self.going = str(error), False
-            return True
-        self.going = len(courses) < self._asked
-        if self.going and (len(courses) not in SHOWN_AT or self._full):
-            return False
-        self._band = self._stretch.band(courses, self._asked)
-        return True
+        self._stop()
+        self._of, self._band, self._problem = None, None, ""
 
     @property
-    def _full(self) -> bool:
-        return self._band is not None and self._band.arms == self._band.asked
+    def going(self) -> bool:
+        """Whether it grows."""
+        return self._ahead is not None
+
+    def grow(self, until: float, asker: Connection | None = None) -> bool:
+        """Let it grow until this instant of `time.perf_counter`, until it is as far as the preview, or until the asker
+        has something to say. Whether there is something else to draw."""
+        drawn = self._band
+        while self._ahead is not None and self._ahead.reached < self._wanted and self._ahead.going:
+            left = until - time.perf_counter()
+            if left <= 0.0 or (asker is not None and asker.poll(min(LOOK, left))):
+                break
+            if asker is None:
+                time.sleep(min(LOOK, left))
+        if self._ahead is not None:
+            self._heeding(self._take)
+        return self._band is not drawn
 
     def behind(self, outlook: Outlook) -> Outlook:
         """The outlook with the band as far as it is known."""
         return replace(outlook, band=self._band, bandless=outlook.bandless or self._problem)
+
+    def _begin(self, stretch: Stretch, arms: int) -> None:
+        self._ahead, self._wanted = self._arms.run(stretch, arms), stretch.drawn
+
+    def _take(self) -> None:
+        """Take up the band as far as it is, unless one that is as long as the preview stands and this one is not."""
+        assert self._ahead is not None
+        band = self._ahead.band()
+        if band is None:
+            return
+        far = band.reach > self._horizon - 1e-9
+        if far or self._band is None or self._band.reach < self._horizon - 1e-9:
+            self._band = band
+        if far:
+            self._wanted = self._ahead.rows
+        if band.whole:
+            self._stop()
+
+    def _stop(self) -> None:
+        if self._ahead is not None:
+            self._ahead.leave()
+            self._ahead = None
+
+    def _heeding(self, act: Callable[[], None]) -> None:
+        """Do this; what arithmetic or the scenario forbids is why there is no band."""
+        try:
+            act()
+        except (ScenarioError, ArithmeticError, ValueError) as error:
+            self._stop()
+            self._band, self._problem = None, str(error)
 
 
 def serve(asker: Connection) -> None:
     """Answer one question at a time. Raises EOFError when the asker has gone."""
     memory = kept_memory()
     known, newest = _Known(memory, _GrowingBand(memory)), None
-    while True:
-        while newest is not None and known.band.going and not asker.poll():
-            _grow(known.band, newest, asker)
-        question = asker.recv()
-        if isinstance(question, Hurry):  # nobody looks at the band any more; or it was meant for the question before
-            known.band.leave()
-            continue
-        until = time.perf_counter() + (0.0 if question.partial else SLICE)
-        while newest is not None and known.band.going and time.perf_counter() < until:
-            _grow(known.band, newest, asker)  # a loop that runs on asks without end
-        newest = _answer(question, asker, known)
-        asker.send(Done())
-
-
-def _grow(band: _GrowingBand, newest: Outlook, asker: Connection) -> None:
     try:
-        if band.grow():
+        while True:
+            while newest is not None and known.band.going and not asker.poll():
+                _grow(known.band, newest, asker, GROWN, asker)
+            question = asker.recv()
+            if isinstance(question, Hurry):  # nobody looks at the band any more; or it was meant for the one before
+                known.band.leave()
+                continue
+            if newest is not None and not question.partial:  # a loop that runs on asks without end
+                _grow(known.band, newest, asker, REST)
+            newest = _answer(question, asker, known)
+            asker.send(Done())
+    finally:
+        known.band.leave()
+
+
+def _grow(
+    band: _GrowingBand, newest: Outlook, asker: Connection, seconds: float, heard: Connection | None = None
+) -> None:
+    """Let the band behind the newest answer grow for so long; only to the asker's next message where it is heard."""
+    try:
+        if band.grow(time.perf_counter() + seconds, heard):
             asker.send(band.behind(newest))
     except (EOFError, ConnectionError):
         raise
@@ -169,9 +207,9 @@ def _engine() -> Engine:
 
 
 def _look_ahead(foresight: Foresight, asker: Connection, today: Figures | None, band: _GrowingBand) -> Outlook | None:
-    """Answer, and on the way where that is wanted. Returns the answer if it is whole: a newer question can overtake
-    it."""
-    owed = foresight.question.partial
+    """Answer, and on the way where that is wanted; with the band as far as it is by then, where there is one. Returns
+    the answer if it is whole: a newer question can overtake it."""
+    owed = moves = foresight.question.partial
     began = drawn = time.perf_counter()
     while foresight.share < 1.0:
         foresight.advance(foresight.batch)
@@ -179,9 +217,11 @@ def _look_ahead(foresight: Foresight, asker: Connection, today: Figures | None, 
         left = (now - began) * (1.0 - share) / share
         if left > SOON and not owed and asker.poll():
             return None
-        if foresight.question.partial and now - drawn > DRAWING:
+        if moves and now - drawn > (BANDED if band.going else DRAWING):
             _send(foresight.outlook(today), asker, band)
             owed, drawn = False, now
+    if moves:
+        band.grow(began + BANDED)
     return _send(foresight.outlook(today), asker, band)
 
 
@@ -218,6 +258,7 @@ def load_for(loop: ClosedLoop) -> None:
 def run(asker: Connection) -> None:
     """Answer questions at a lower priority than the asker's, until it has gone."""
     os.nice(NICENESS)
+    sys.setswitchinterval(TURN)
     with asker:
         try:
             serve(asker)

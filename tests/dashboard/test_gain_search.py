@@ -40,7 +40,7 @@ def test_a_slider_is_swept_around_its_value_and_over_its_length_where_it_is_line
     swept = field_of_row(Row(Place("truth.coulomb"), "Coulomb [N·m]", Scale(0, 10)), seen())
     assert (swept.low, swept.high, swept.logarithmic) == (0, 10, False)
     swept = field_of_row(Row(Place("declared.viscous"), "viscous [N·m·s]", Scale(0, 10)), seen())
-    assert swept.name == "viscous (declared)"
+    assert swept.name == "largest viscous friction per joint (declared)"
     near_the_end = field_of_row(Row(Place("controller.layer"), "layer", decades(0.9 * value, 2 * value)), seen())
     assert (near_the_end.low, near_the_end.high) == pytest.approx((0.9 * value, 2 * value))
     with pytest.raises(ScenarioError, match="K_m: it has no slider now"):

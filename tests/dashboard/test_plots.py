@@ -356,7 +356,7 @@ def test_a_band_is_drawn_ahead_only_as_quantiles_of_the_arms_that_still_run(hybr
     arms = np.outer(np.arange(5.0), np.ones(13)) + later  # arm i has i + t
     arms[4, 5:] = np.nan  # and the last one stops
     signals = {"t": np.tile(begun + later, 5), "s_norm": arms.ravel()}
-    band = Band(begun, later, 5, 5, signals, 1, "it left")
+    band = Band(begun, 1.3, later, 5, signals, 1, "it left", whole=True)
     foreseen = {"t": now + ahead, "s_norm": 2.0 + ahead}
     frame = Frame(now, 1.0, Grid.over(0.0, 1.0, 100), rows, (), ahead, foreseen, band, begun - now + later)
     line = Line("s", (0, 0, 0), column("s_norm"), band=(0.0, 0.5, 1.0))
@@ -368,7 +368,9 @@ def test_a_band_is_drawn_ahead_only_as_quantiles_of_the_arms_that_still_run(hybr
     np.testing.assert_allclose(least[~past], 0.1 + ahead)
     np.testing.assert_allclose((median[~past][:3], largest[~past][:3]), (2.1 + ahead[:3], 4.1 + ahead[:3]))
     np.testing.assert_allclose((median[~past][5:], largest[~past][5:]), (1.6 + ahead[5:], 3.1 + ahead[5:]))
-    old = replace(frame, band_ahead=-0.5 + later)  # it ends before the preview does
-    assert all((quantile == shown).all() for quantile in old.spread(x, [shown], [line]))
+    short = replace(frame, band_ahead=-0.7 + later)  # it ends before the preview does, half a second ahead
+    beyond = x > 0.55
+    assert all((quantile[beyond] == shown[beyond]).all() for quantile in short.spread(x, [shown], [line]))
+    assert (short.spread(x, [shown], [line])[0][~past & ~beyond] < shown[~past & ~beyond]).all()
     alone = replace(frame, band=None)
     assert all((quantile == shown).all() for quantile in alone.spread(x, [shown], [line]))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import msgspec
 import numpy as np
@@ -11,12 +12,13 @@ import pytest
 from app.scenario.data import edited, shipped
 from app.scenario.departures import Departure
 from app.scenario.schema import Scenario, TruthSection
-from app.session.arm_band import SEED, SIGNALS, Band, Course, Stretch, TrueArms
+from app.session.arm_band import SEED, SIGNALS, ArmsAhead, Band, Stretch, TrueArms
 from app.session.preview import Foresight, Outlook, Question
 from app.session.preview_client import Previewer
 from app.simulation.closed_loop import ClosedLoop
 from app.simulation.compiled_run import CompiledRun
 from app.simulation.search_memory import Memory
+from app.simulation.system import assemble
 from drivers.waiting import until
 
 pytestmark = pytest.mark.slow  # processes of its own
@@ -38,8 +40,15 @@ def truth_of(scenario: Scenario, number: int, n: int) -> TruthSection:
 
 
 def band_of(stretch: Stretch) -> Band:
-    *_, courses = TrueArms(Memory()).courses(stretch, COUNT)
-    return stretch.band(courses, COUNT)
+    return whole(TrueArms(Memory()).run(stretch, COUNT))
+
+
+def whole(ahead: ArmsAhead) -> Band:
+    until(lambda: not ahead.going)
+    band = ahead.band()
+    assert band is not None
+    assert band.whole
+    return band
 
 
 @pytest.mark.parametrize("name", ["ur5-hybrid", "ur5-impedance", "ur5-constrained", "ur5-corner"])
@@ -52,7 +61,10 @@ def test_each_arm_goes_on_as_a_loop_with_that_arm(name: str) -> None:
     assert band.stopped == 0
     for number in range(COUNT):
         own = ClosedLoop.resume(loop.state.copy())
-        own.edit(msgspec.structs.replace(scenario, truth=truth_of(scenario, number, own.recording.n)))
+        own.edit(scenario)
+        arm = assemble(msgspec.structs.replace(scenario, truth=truth_of(scenario, number, own.recording.n)))
+        # not all of it: a rigid surface moves the start, and so reference and layout, with the masses
+        own._become(own._changed(replace(own.system, scenario=arm.scenario, plant=arm.plant)))
         CompiledRun(own).advance(stretch.rows)
         ours = slice(number * len(band.ahead), (number + 1) * len(band.ahead))
         near = 1e-5 if name == "ur5-constrained" else 0.0  # a rigid surface's solver begins elsewhere
@@ -67,8 +79,7 @@ def test_arms_are_others_than_the_true_one_and_the_same_at_every_value() -> None
     arms, firsts = TrueArms(Memory()), []
     for K_s in (60.0, 90.0, 60.0):
         stretch = foresight_of(loop, edited(loop.system.scenario, "controller.K_s", K_s)).stretch
-        *_, courses = arms.courses(stretch, COUNT)
-        firsts.append(stretch.band(courses, COUNT))
+        firsts.append(whole(arms.run(stretch, COUNT)))
     np.testing.assert_array_equal(firsts[0].signals["e_r"], firsts[2].signals["e_r"])
     apart = firsts[0].signals["e_r"].reshape(COUNT, -1)
     assert np.abs(apart[0] - apart[1]).max() > 1e-9
@@ -76,11 +87,46 @@ def test_arms_are_others_than_the_true_one_and_the_same_at_every_value() -> None
 
 
 def test_an_arm_that_stops_is_counted_and_has_no_values_beyond_its_end() -> None:
-    stretch = Stretch(0.0, running(shipped()["ur5-hybrid"]).state, 10, np.arange(2))
-    ends = {name: np.array([1.0, np.nan]) for name in SIGNALS}
-    whole = {name: np.array([1.0, 2.0]) for name in SIGNALS}
-    band = stretch.band([Course(whole, None), Course(ends, "t = 1 s: it left")], 4)
-    assert (band.arms, band.asked, band.stopped, band.because) == (2, 4, 1, "t = 1 s: it left")
+    """A force loop too fast for a rigid surface: most arms lose it at once."""
+    loop = running(shipped()["ur5-constrained"])
+    scenario = edited(loop.system.scenario, "target_model.K_f", [0.2, *5 * [0.0]])
+    ahead = Foresight(Question(1, loop.state.copy(), scenario, 3.0, arms=COUNT), engine="compiled").stretch
+    band = band_of(ahead)
+    known = np.isfinite(band.signals["s_norm"].reshape(COUNT, -1))
+    ends = known.sum(axis=1)
+    assert band.stopped == (ends < len(band.ahead)).sum() > 0
+    assert "contact lost" in band.because
+    assert (known == (np.arange(len(band.ahead)) < ends[:, None])).all()
+
+
+def test_a_band_grows_with_all_its_arms_and_its_beginning_stays() -> None:
+    loop = running(shipped()["ur5-hybrid"])
+    stretch = Foresight(
+        Question(1, loop.state.copy(), loop.system.scenario, 5.0, arms=COUNT), engine="compiled"
+    ).stretch
+    ahead, seen = TrueArms(Memory()).run(stretch, COUNT), list[Band]()
+    while ahead.going:
+        if (band := ahead.band()) is not None:
+            seen.append(band)
+    last = whole(ahead)
+    assert not seen[0].whole
+    assert len({len(band.ahead) for band in seen}) > 2
+    for band in seen:
+        assert band.arms == COUNT
+        for signal in SIGNALS:
+            one, other = (each.signals[signal].reshape(COUNT, len(each.ahead), -1) for each in (band, last))
+            np.testing.assert_array_equal(one, other[:, : len(band.ahead)])
+
+
+def test_arms_that_are_left_run_no_farther() -> None:
+    loop = running(shipped()["ur5-hybrid"])
+    scenario = loop.system.scenario
+    stretch = Foresight(Question(1, loop.state.copy(), scenario, 1000.0, arms=COUNT), engine="compiled").stretch
+    ahead = TrueArms(Memory()).run(stretch, COUNT)
+    until(lambda: ahead.reached > 0)
+    ahead.leave()
+    assert not ahead.going
+    assert ahead.reached < ahead.rows
 
 
 def test_a_band_that_cannot_be_says_why() -> None:
@@ -109,9 +155,10 @@ def test_the_process_answers_first_and_then_with_the_whole_band_of_the_newest_qu
         newest = previewer.newest
         return newest if isinstance(newest, Outlook) and newest.band is not None and newest.number == 3 else None
 
-    answer = until(lambda: banded() if banded() and banded().band.arms == COUNT else None)  # pyright: ignore[reportOptionalMemberAccess]
+    answer = until(lambda: banded() if banded() and banded().band.whole else None)  # pyright: ignore[reportOptionalMemberAccess]
     assert answer.whole
     assert answer.band is not None
+    assert answer.band.arms == COUNT
     expected = band_of(foresight_of(loop, scenario).stretch)
     for signal in SIGNALS:
         np.testing.assert_array_equal(answer.band.signals[signal], expected.signals[signal])

@@ -76,7 +76,12 @@ def test_a_map_writes_counts_names_and_borders() -> None:
         "2/4",
         "2/4",
     ]  # one is a cross
-    for text in ("(17) ends", "declared ends", "contact.K_e [N/m]", "share of arms with force error ≤ 1.25 N"):
+    for text in (
+        "(17) ends",
+        "declared ends",
+        "stiffness of the surface [N/m]",
+        "share of arms with force error ≤ 1.25 N",
+    ):
         assert text in texts
     assert any("4 true arms each, inside the declared set" in text for text in texts)
     assert any("4 of 4 is a share of at least 0.51" in text for text in texts)
@@ -84,14 +89,14 @@ def test_a_map_writes_counts_names_and_borders() -> None:
 
 def test_other_charts_for_other_sweeps() -> None:
     slices = texts_of(chart(SWEEP, columns(), View("force_error", kind="slices"), "svg"))
-    assert "controller.K_s 20" in slices
+    assert "reaching gain K_s 20 N·s/m" in slices
     assert "force error, worst arm [N]" in slices
     scattered = msgspec.structs.replace(
         sweep_of("contact.K_e=1e3:1e5:log", "controller.K_s=20:80", design="sobol", points=8), draw=4
     )
-    assert "controller.K_s [N·s/m]" in texts_of(chart(scattered, columns(scattered), View("force_error"), "svg"))
+    assert "reaching gain K_s [N·s/m]" in texts_of(chart(scattered, columns(scattered), View("force_error"), "svg"))
     three = msgspec.structs.replace(SWEEP, vary=(*SWEEP.vary, axis_of("controller.law=vsmrc,pd-gravity")))
-    assert {"vsmrc", "pd-gravity", "contact.K_e [N/m]"} <= set(
+    assert {"robust (25)", "PD + gravity", "control law", "stiffness of the surface [N/m]"} <= set(
         texts_of(chart(three, columns(three), View("force_error"), "svg"))
     )
 

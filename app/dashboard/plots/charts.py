@@ -281,12 +281,12 @@ class Frame:
         return np.concatenate(x), *(column for block in (*behind, shown) for column in block.T)
 
     def spread(self, times: np.ndarray, shown: Sequence[np.ndarray], lines: Sequence[Line]) -> list[np.ndarray]:
-        """Quantiles (N,) of all lines' bands at these times (N,) s from now. Up to now, and where there is no band that
-        reaches as far as the preview, they are the line itself, of `shown`: its area has no width."""
+        """Quantiles (N,) of all lines' bands at these times (N,) s from now. Up to now, and farther ahead than the band
+        reaches, they are the line itself, of `shown`: its area has no width."""
         columns = [shown[k].copy() for k, line in enumerate(lines) for _ in line.band]
-        if self.band is None or self.foreseen is None or self.band_ahead[-1] < times[-1]:
+        if self.band is None or self.foreseen is None:
             return columns
-        ahead, first = times > 0.0, 0
+        ahead, first = (times > 0.0) & (times <= self.band_ahead[-1]), 0
         for line in lines:
             if line.band:
                 found = quantiles(line.values(self.band.signals).reshape(self.band.arms, -1), line.band)

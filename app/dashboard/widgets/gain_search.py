@@ -3,17 +3,14 @@ then applied."""
 
 from __future__ import annotations
 
-import time
 from html import escape
 
-import msgspec
 import viser
 
-from app.dashboard.theme.style import MARKS
 from app.dashboard.transport.callback_errors import guarded
+from app.dashboard.widgets.beside_loop import BesideLoop, lasting, typed
 from app.dashboard.widgets.candidate_chart import FIELD, candidates_html, said_of
 from app.dashboard.widgets.controls import Desk, Row
-from app.dashboard.widgets.file_delivery import FileDelivery
 from app.dashboard.widgets.robustness_map import ARMS
 from app.dashboard.widgets.swept_fields import (
     GAINS,
@@ -37,7 +34,6 @@ from app.tune.candidates import Candidate
 from app.tune.question import Tuning, require_sound
 from app.tune.running import most_runs
 
-EVERY = 0.7  # s, between two pictures
 MOST = 4  # gains that may move
 AIMS = {
     "force error": "force_error",
@@ -50,16 +46,15 @@ BUDGETS = {"32": 32, "64": 64, "128": 128}
 AGAIN = "click again: apply · Esc: leave it"
 
 
-class GainSearch:
+class GainSearch(BesideLoop[BackgroundTuning]):
     """Controls of the search and its picture, in the current container."""
 
     def __init__(self, desk: Desk) -> None:
-        self._desk, gui = desk, desk.gui
-        self._tuning: BackgroundTuning | None = None
+        super().__init__(desk, "Search", "Cancel the search")
+        gui = desk.gui
         self._names: dict[str, str] = {}
         self._fields: list[Field] = []
         self._chosen: int | None = None
-        self._delivery, self._due = FileDelivery(), 0.0
         gui.add_html(
             '<div class="vs-note vs-search-top">Which gains may move, within which ranges, and what is to be '
             "small? The answer is that of <code>vsmrc tune</code>. A candidate over a limit is never offered.</div>"
@@ -77,19 +72,15 @@ class GainSearch:
         )
         self._budget = gui.add_dropdown("Candidates", tuple(BUDGETS), initial_value="32")
         self._unseen = gui.add_text("arms not seen", "8", hint="What is found is tried on as many other arms: 1 to 64.")
-        self._seconds = gui.add_text("each run [s]", "2", hint="0.2 to 10 s.")
+        self._add_length()
         self._seed = gui.add_text("seed", "0", hint="The same seed has the same answer.")
-        self._button = gui.add_button("Search", color="green")
-        self._html = gui.add_html("")
+        self._add_button()
         self._told = gui.add_html("")
         self._file = gui.add_button("This search as a folder", color="gray", visible=False, hint="As `vsmrc tune` has.")
-        gui.add_html(f'<i class="{FIELD}"></i>')
-        self._tile = gui.add_text("", "")
-        for text in (self._unseen, self._seconds, self._seed):
+        self._add_mark(FIELD)
+        for text in (self._unseen, self._seed):
             text.on_update(unmarked)
-        self._button.on_click(self._on_button)
         self._file.on_click(guarded(self._on_file, desk.complain))
-        self._tile.on_update(self._on_candidate)
 
     def let_move(self, row: Row) -> None:
         """Let the search move the field of this row, around its present value. Raises ScenarioError."""
@@ -98,35 +89,26 @@ class GainSearch:
         free = [each for each in self._moves if each.field is None]
         (same or free or self._moves[-1:])[0].choose(field)
 
-    async def _on_button(self, _: object) -> None:
-        if self._tuning is not None and self._tuning.going:
-            self._tuning.cancel()
-            return
-        try:
-            fields, asked = self._asked(self._desk.snapshot())
-            self._tuning = self._desk.share.begin(
-                lambda allowance: BackgroundTuning(asked, allowance.workers, allowance.at_once), most_runs(asked)
-            )
-        except ScenarioError as error:
-            self._desk.complain(str(error))
-            return
+    def _begin(self, snapshot: Snapshot) -> BackgroundTuning:
+        fields, asked = self._asked(snapshot)
+        begun = self._desk.share.begin(
+            lambda allowance: BackgroundTuning(asked, allowance.workers, allowance.at_once), most_runs(asked)
+        )
         self._leave()
-        self._fields, self._names = fields, {field.path: field.name for field in fields}
+        self._fields, self._names = fields, self._names | {field.path: field.name for field in fields}
+        return begun
 
     def _asked(self, snapshot: Snapshot) -> tuple[list[Field], Tuning]:
         """Fields that may move, and the question of the present choices. Raises ScenarioError."""
-        seconds = number_of("each run", self._seconds.value)
-        if not 0.2 <= seconds <= 10.0:
-            raise ScenarioError(f"each run: {seconds:g} s; allowed: 0.2 to 10 s")
+        seconds = self._length()
         unseen, seed = self._whole("arms not seen", self._unseen, 1, 64), self._whole("seed", self._seed, 0, 2**31)
         moves = [each for each in self._moves if each.field is not None]
         fields = [each.field for each in moves if each.field is not None]
         if len({field.path for field in fields}) < len(fields):
             raise ScenarioError("the gains that may move: one is there twice; allowed: each once")
         scenario = prepared(snapshot, fields)
-        simulation = msgspec.structs.replace(scenario.simulation, duration=seconds)
         asked = Tuning(
-            msgspec.structs.replace(scenario, simulation=simulation),
+            lasting(scenario, seconds),
             tuple(each.range(scenario) for each in moves),
             points=BUDGETS[self._budget.value] + 1,
             draw=ARMS[self._arms.value],
@@ -140,14 +122,11 @@ class GainSearch:
     def _whole(self, name: str, text: viser.GuiInputHandle[str], least: int, most: int) -> int:
         value = number_of(name, text.value)
         if value != int(value) or not least <= value <= most:
-            raise ScenarioError(f"{name}: {text.value.strip(''.join(MARKS))!r:.40}; allowed: {least} to {most}")
+            raise ScenarioError(f"{name}: {typed(text)!r:.40}; allowed: {least} to {most}")
         return int(value)
 
-    async def _on_candidate(self, event: viser.GuiEvent) -> None:
-        text, tuning = self._tile.value.partition(" ")[0], self._tuning
-        if event.client is None or tuning is None:
-            return
-        candidate = next((each for each in tuning.candidates if str(each.number) == text), None)
+    def _choose(self, work: BackgroundTuning, number: str, client: int) -> None:
+        candidate = next((each for each in work.candidates if str(each.number) == number), None)
         if candidate is None:
             self._leave()
             return
@@ -164,12 +143,12 @@ class GainSearch:
             return
         self._chosen, self._due = candidate.number, 0.0
         name = "own gains" if candidate.number == 0 else f"candidate {candidate.number}"
-        told = said_of(tuning, candidate, self._names).partition(": ")[0]
-        self._desk.whatif.hold(Held(edit, name, told, self, event.client.client_id, AGAIN))
+        told = said_of(work, candidate, self._names).partition(": ")[0]
+        self._desk.whatif.hold(Held(edit, name, told, self, client, AGAIN))
 
     def _edit(self, snapshot: Snapshot, candidate: Candidate) -> EditAll:
         """Command that gives the running scenario the gains of a candidate. Raises ScenarioError."""
-        tuning = self._tuning
+        tuning = self._work
         assert tuning is not None
         now, asked = snapshot.scenario, tuning.tuning.scenario
         if candidate.number == 0:  # the gains at the start
@@ -187,7 +166,7 @@ class GainSearch:
 
     def _on_file(self, event: viser.GuiEvent) -> None:
         """In a thread of viser's pool that may wait for the file."""
-        tuning, jobs = self._tuning, self._desk.export_jobs
+        tuning, jobs = self._work, self._desk.export_jobs
         if tuning is None or tuning.found is None:
             return
         from app.tune import outcome  # here: pyarrow is large, and few sessions need it
@@ -202,33 +181,27 @@ class GainSearch:
 
     def show(self, snapshot: Snapshot) -> None:
         """Show what has come in."""
-        del snapshot
         count = sum(each.field is not None for each in self._moves)
         for k, each in enumerate(self._moves):
             each.show_whole(visible=each.field is not None or k <= count)
-        tuning, now = self._tuning, time.monotonic()
         if self._chosen is not None and not self._desk.whatif.holds(self):
             self._chosen, self._due = None, 0.0  # reverted, or a slider was taken
-        if tuning is None or now < self._due:
-            return
-        self._due = now + EVERY
-        label = "Cancel the search" if tuning.going else "Search"
-        if self._button.label != label:
-            self._button.label, self._button.color = label, "gray" if tuning.going else "green"
-        content = candidates_html(tuning, self._names, self._chosen)
-        if self._html.content != content:
-            self._html.content = content
-        if tuning.found is None:
-            self._told.content, self._file.visible = "", False
-            return
-        from app.tune import outcome  # see `_on_file`
+        super().show(snapshot)
 
-        told = outcome.verdict(tuning.tuning, tuning.found)
-        sentences = "".join(f"<div>{escape(sentence)}.</div>" for sentence in told)
-        if self._told.content != f'<div class="vs-note">{sentences}</div>':
-            self._told.content = f'<div class="vs-note">{sentences}</div>'
-        if not self._file.visible:
-            self._file.visible = True
+    def _drawn(self, work: BackgroundTuning, snapshot: Snapshot) -> str:
+        del snapshot
+        told = ""
+        if work.found is not None:
+            from app.tune import outcome  # see `_on_file`
+
+            verdict = outcome.verdict(work.tuning, work.found)
+            sentences = "".join(f"<div>{escape(sentence)}.</div>" for sentence in verdict)
+            told = f'<div class="vs-note">{sentences}</div>'
+        if self._told.content != told:
+            self._told.content = told
+        if self._file.visible != (work.found is not None):
+            self._file.visible = work.found is not None
+        return candidates_html(work, self._names, self._chosen)
 
 
 def _whole_fields(fields: list[Field]) -> set[str]:

@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Sequence
 
 import msgspec
 import numpy as np
 import viser
 
-from app.dashboard.theme.style import MARKS
 from app.dashboard.transport.callback_errors import guarded
+from app.dashboard.widgets.beside_loop import BesideLoop, lasting, typed
 from app.dashboard.widgets.controls import Desk, Row
-from app.dashboard.widgets.file_delivery import FileDelivery
 from app.dashboard.widgets.map_tiles import FIELD, Naming, map_html
 from app.dashboard.widgets.swept_fields import (
     FIELDS,
@@ -37,7 +35,6 @@ from app.sweep.figures_of_run import COLUMNS, Figures
 from app.sweep.points import Points, View, points_of
 from app.sweep.question import Question, Sweep
 
-EVERY = 0.7  # s, between two pictures
 SIZES = {"5": 5, "9": 9, "13": 13}
 ARMS = {"the scenario's own": 0, "4 of the declared set": 4, "8 of the declared set": 8, "16 of the declared set": 16}
 METRICS = {
@@ -52,16 +49,15 @@ FOLDER = "sweep folder"
 FORMATS: dict[str, Format] = {"SVG": "svg", "PDF": "pdf", "PNG": "png"}
 
 
-class RobustnessMap:
+class RobustnessMap(BesideLoop[BackgroundSweep]):
     """Controls of the map and its picture, in the current container.
 
     Its runs are those of the page's loop, by its engine, to the last bit: that is what a tile opens.
     """
 
     def __init__(self, desk: Desk) -> None:
-        self._desk, gui = desk, desk.gui
-        self._sweep: BackgroundSweep | None = None
-        self._delivery, self._due = FileDelivery(), 0.0
+        super().__init__(desk, "Compute the map", "Cancel")
+        gui = desk.gui
         gui.add_html(
             '<div class="vs-note vs-map-top">One figure for many settings, and for true arms drawn within what is '
             f"declared, computed beside the loop by {desk.share.allowance}. A click on a tile plays its worst arm's "
@@ -73,20 +69,15 @@ class RobustnessMap:
         self._size = gui.add_dropdown("Steps of each", tuple(SIZES), initial_value="9")
         self._arms = gui.add_dropdown("True arms", tuple(ARMS), hint="The same arms at every tile.")
         self._metric = gui.add_dropdown("Figure", tuple(METRICS), hint="Over the last fifth of each run.")
-        self._seconds = gui.add_text("each run [s]", "2", hint="0.2 to 10 s.")
+        self._add_length()
         self._within = gui.add_text("limit", "", hint="Share of the arms that keep it; empty: the worst arm.")
-        self._button = gui.add_button("Compute the map", color="green")
-        self._html = gui.add_html("")
+        self._add_button()
         self._files = gui.add_button_group(
             "This map", (*FORMATS, FOLDER), visible=False, hint="As a figure, or with all its runs for `vsmrc sweep`."
         )
-        gui.add_html(f'<i class="{FIELD}"></i>')
-        self._tile = gui.add_text("", "")
-        for text in (self._seconds, self._within):
-            text.on_update(unmarked)
-        self._button.on_click(self._on_button)
+        self._add_mark(FIELD)
+        self._within.on_update(unmarked)
         self._files.on_click(guarded(self._on_file, desk.complain))
-        self._tile.on_update(self._on_tile)
 
     def sweep(self, row: Row) -> None:
         """Choose the field of this row alone, around its present value. Raises ScenarioError."""
@@ -95,22 +86,15 @@ class RobustnessMap:
         self._across.choose(field)
         self._up.leave()
 
-    async def _on_button(self, _: object) -> None:
-        if self._sweep is not None and self._sweep.going:
-            self._sweep.cancel()
-            return
-        try:
-            asked = self._asked(self._desk.snapshot())
-            runs = Question(asked).count
-            self._sweep = self._desk.share.begin(
-                lambda allowance: BackgroundSweep(asked, allowance.workers, allowance.at_once), runs
-            )
-        except ScenarioError as error:
-            self._desk.complain(str(error))
+    def _begin(self, snapshot: Snapshot) -> BackgroundSweep:
+        asked = self._asked(snapshot)
+        return self._desk.share.begin(
+            lambda allowance: BackgroundSweep(asked, allowance.workers, allowance.at_once), Question(asked).count
+        )
 
     def _on_file(self, event: viser.GuiEvent[viser.GuiButtonGroupHandle]) -> None:
         """In a thread of viser's pool that may wait for the file."""
-        sweep, chosen = self._sweep, event.target.value
+        sweep, chosen = self._work, event.target.value
         if sweep is None or not sweep.rows:
             return
         asked, rows, view, jobs = sweep.question.sweep, list(sweep.rows), self._view, self._desk.export_jobs
@@ -130,10 +114,8 @@ class RobustnessMap:
 
     def _asked(self, snapshot: Snapshot) -> Sweep:
         """Sweep of the present choices. Raises ScenarioError."""
-        seconds = number_of("each run", self._seconds.value)
-        if not 0.2 <= seconds <= 10.0:
-            raise ScenarioError(f"each run: {seconds:g} s; allowed: 0.2 to 10 s")
-        if self._within.value.strip("".join(MARKS)).strip():
+        seconds = self._length()
+        if typed(self._within):
             number_of("limit", self._within.value)
         sides = [side for side in (self._across, self._up) if side.field is not None]
         fields = [side.field for side in sides if side.field is not None]
@@ -146,21 +128,17 @@ class RobustnessMap:
         scenario, count = prepared(snapshot, fields), SIZES[self._size.value]
         vary = tuple(side.axis(scenario, count) for side in sides)
         self._fields |= {field.path: field for field in fields}
-        simulation = msgspec.structs.replace(scenario.simulation, duration=seconds)
-        scenario = msgspec.structs.replace(scenario, simulation=simulation)
-        return Sweep(scenario, vary, draw=arms, engine="pinocchio")
+        return Sweep(lasting(scenario, seconds), vary, draw=arms, engine="pinocchio")
 
-    async def _on_tile(self, event: viser.GuiEvent) -> None:
-        text = self._tile.value.partition(" ")[0]
-        if event.client is None or self._sweep is None or not text.isdecimal():
-            return
-        rows = [row for row in self._sweep.rows if row["point"] == int(text)]
+    def _choose(self, work: BackgroundSweep, number: str, client: int) -> None:
+        del client
+        rows = [row for row in work.rows if number.isdecimal() and row["point"] == int(number)]
         if not rows:
             return
         if self._desk.lock.fields is not None:
             self._desk.complain("a tile: its run is locked by the goal of a lesson; allowed: leave the lesson")
             return
-        metric, question = self._view.metric, self._sweep.question
+        metric, question = self._view.metric, work.question
         worst = max(rows, key=lambda row: (bool(row.get("stopped")), row.get(metric) or -math.inf))
         try:
             scenario = question.scenario(question.row(worst["row"]))
@@ -174,7 +152,7 @@ class RobustnessMap:
     @property
     def _view(self) -> View:
         name, factor, _ = METRICS[self._metric.value]
-        limit = self._within.value.strip("".join(MARKS)).strip()
+        limit = typed(self._within)
         try:
             return View(name, within=number_of("limit", limit) / factor if limit else None)
         except ScenarioError:
@@ -190,21 +168,11 @@ class RobustnessMap:
         rows = sweep.rows
         return points_of(sweep.question.sweep, _columns(rows), self._view) if rows else None
 
-    def show(self, snapshot: Snapshot) -> None:
-        """Show what has come in."""
-        sweep, now = self._sweep, time.monotonic()
-        if sweep is None or now < self._due:
-            return
-        self._due = now + EVERY
-        label = "Cancel" if sweep.going else "Compute the map"
-        if self._button.label != label:
-            self._button.label, self._button.color = label, "gray" if sweep.going else "green"
-        if self._files.visible != bool(sweep.rows):
-            self._files.visible = bool(sweep.rows)
-        present = {axis.path: self._fields[axis.path].value(snapshot) for axis in sweep.question.sweep.vary}
-        content = map_html(sweep, self._points(sweep), self._naming, present)
-        if self._html.content != content:
-            self._html.content = content
+    def _drawn(self, work: BackgroundSweep, snapshot: Snapshot) -> str:
+        if self._files.visible != bool(work.rows):
+            self._files.visible = bool(work.rows)
+        present = {axis.path: self._fields[axis.path].value(snapshot) for axis in work.question.sweep.vary}
+        return map_html(work, self._points(work), self._naming, present)
 
 
 def _columns(rows: Sequence[Figures]) -> dict[str, np.ndarray]:

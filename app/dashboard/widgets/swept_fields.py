@@ -13,21 +13,13 @@ import viser
 from app.dashboard.theme.style import MARKS
 from app.dashboard.widgets.controls import Desk, Place, Row
 from app.scenario.data import with_values
-from app.scenario.schema import Scenario, ScenarioError, field_info
+from app.scenario.schema import Scenario, ScenarioError
 from app.session.snapshot import Snapshot
 from app.sweep.question import Axis
+from app.sweep.titles import title_of, unit_of
 
 NONE = "—"
 DECADE = 10.0  # a logarithmic slider's range reaches so far to both sides of the present value, at first
-SECTIONS = {
-    "truth": "true arm",
-    "declared": "declared",
-    "target_model": "target model",
-    "motion": "desired motion",
-    "force": "desired force",
-    "second": "second surface",
-    "third": "third surface",
-}
 
 
 @dataclass(frozen=True)
@@ -46,8 +38,7 @@ class Field:
     @property
     def unit(self) -> str:
         """Unit, "" for a plain number."""
-        info = field_info(self.path) if self.place is None else self.place.info
-        return "" if info is None or info.unit == "1" else info.unit
+        return unit_of(self.path)
 
     def needs(self, snapshot: Snapshot) -> Mapping[str, Any]:
         """Values that the scenario must have before this field can be set: a matrix that it leaves to the mode."""
@@ -76,21 +67,24 @@ class Field:
             raise ScenarioError(f"{self.name}: this scenario has none; allowed: another field")
 
 
-FIELDS = (
-    Field("stiffness of the surface", "contact.K_e", 1e3, 1e5, logarithmic=True),
-    Field("mass of the true links, factor", "truth.link_scaling", 0.7, 1.4),
-    Field("payload", "truth.payload_mass", 0.0, 2.0),
-    Field("friction in the joints", "truth.coulomb", 0.0, 4.0),
-    Field("friction of the surface", "contact.friction_coulomb", 0.0, 0.6),
-    Field("believed stiffness", "controller.K_e_hat", 1e3, 1e5, logarithmic=True),
-    Field("boundary layer", "controller.layer", 1e-3, 0.05, logarithmic=True),
-    Field("control period", "controller.period", 5e-4, 5e-3, logarithmic=True),
-    Field("reaching gain K_s", "controller.K_s", 20.0, 400.0, logarithmic=True),
-    Field("sliding gain F_1", "controller.F_1", 3.0, 40.0, logarithmic=True),
-    Field("noise of the sensor", "sensor.noise", 0.0, 1.0),
-    Field("delay of the sensor", "sensor.delay", 0.0, 0.02),
-    Field("desired force", "force.value", 5.0, 60.0),
-    Field("time of one turn", "motion.period", 1.0, 8.0),
+FIELDS = tuple(
+    Field(title_of(path), path, low, high, logarithmic)
+    for path, low, high, logarithmic in (
+        ("contact.K_e", 1e3, 1e5, True),
+        ("truth.link_scaling", 0.7, 1.4, False),
+        ("truth.payload_mass", 0.0, 2.0, False),
+        ("truth.coulomb", 0.0, 4.0, False),
+        ("contact.friction_coulomb", 0.0, 0.6, False),
+        ("controller.K_e_hat", 1e3, 1e5, True),
+        ("controller.layer", 1e-3, 0.05, True),
+        ("controller.period", 5e-4, 5e-3, True),
+        ("controller.K_s", 20.0, 400.0, True),
+        ("controller.F_1", 3.0, 40.0, True),
+        ("sensor.noise", 0.0, 1.0, False),
+        ("sensor.delay", 0.0, 0.02, False),
+        ("force.value", 5.0, 60.0, False),
+        ("motion.period", 1.0, 8.0, False),
+    )
 )
 GAINS = tuple(each for each in FIELDS if each.path.startswith("controller.") and each.path != "controller.period")
 
@@ -109,14 +103,7 @@ def field_of_row(row: Row, snapshot: Snapshot) -> Field:
         low, high = max(low, float(f"{value / DECADE:.3g}")), min(high, float(f"{value * DECADE:.3g}"))
         if not low < high:  # typed, beyond its slider
             low, high = scale.low, scale.high
-    known = next((each for each in FIELDS if each.path == path), None)
-    name = known.name if known else _named(row, path)
-    return Field(name, path, low, high, scale.logarithmic, row.place)
-
-
-def _named(row: Row, path: str) -> str:
-    label, section = row.label.partition(" [")[0], path.partition(".")[0]
-    return f"{label} ({SECTIONS[section]})" if section in SECTIONS else label
+    return Field(title_of(path), path, low, high, scale.logarithmic, row.place)
 
 
 class FieldChoice:

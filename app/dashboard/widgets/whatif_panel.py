@@ -111,8 +111,9 @@ def _of_band(outlook: Outlook) -> str:
         return f'<div class="vs-dim">No true arms behind it: {escape(outlook.bandless)}.</div>'
     if band is None:
         return ""
-    so_far = f"{band.arms} of {band.asked}" if band.arms < band.asked else f"{band.arms}"
-    told = f'<div class="vs-dim">shaded: {so_far} true arms of the declared set; darker: 5 % to 95 % of them</div>'
+    so_far = "" if band.reach >= outlook.figures.span else f", the next {band.reach:.1f} s"
+    arms = f"{band.arms} true arms of the declared set{so_far}"
+    told = f'<div class="vs-dim">shaded: {arms}; darker: 5 % to 95 % of them</div>'
     if band.stopped:
         told += f'<div class="vs-message vs-warn">{band.stopped} of them stop: {escape(band.because)}</div>'
     return told

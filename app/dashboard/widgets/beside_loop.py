@@ -1,0 +1,108 @@
+"""Computation beside the loop on the page, of a map or a search: its button, the length of its runs, its picture, in
+which a mark can be chosen, and its file."""
+
+from __future__ import annotations
+
+import time
+from abc import ABC, abstractmethod
+from typing import Generic, TypeVar
+
+import msgspec
+import viser
+
+from app.dashboard.theme.style import MARKS
+from app.dashboard.widgets.controls import Desk
+from app.dashboard.widgets.file_delivery import FileDelivery
+from app.dashboard.widgets.swept_fields import number_of, unmarked
+from app.scenario.schema import Scenario, ScenarioError
+from app.session.snapshot import Snapshot
+from app.sweep.background import Background
+
+EVERY = 0.7  # s, between two pictures
+W = TypeVar("W", bound=Background)
+
+
+class BesideLoop(ABC, Generic[W]):
+    """Base of the controls of a computation; a subclass adds them where they belong among its own.
+
+    start, cancel: words on the button.
+    """
+
+    def __init__(self, desk: Desk, start: str, cancel: str) -> None:
+        self._desk, self._words = desk, (start, cancel)
+        self._work: W | None = None
+        self._delivery, self._due = FileDelivery(), 0.0
+
+    def _add_length(self) -> None:
+        """Add the text of how long each run is."""
+        self._seconds = self._desk.gui.add_text("each run [s]", "2", hint="0.2 to 10 s.")
+        self._seconds.on_update(unmarked)
+
+    def _add_button(self) -> None:
+        """Add the button, and the picture below it."""
+        self._button = self._desk.gui.add_button(self._words[0], color="green")
+        self._html = self._desk.gui.add_html("")
+        self._button.on_click(self._on_button)
+
+    def _add_mark(self, field: str) -> None:
+        """Add the hidden text in which the page's script writes the number of the mark that was chosen; `field` is the
+        class by which it finds that."""
+        self._desk.gui.add_html(f'<i class="{field}"></i>')
+        self._mark = self._desk.gui.add_text("", "")
+        self._mark.on_update(self._on_mark)
+
+    def _length(self) -> float:
+        """Length of each run, s. Raises ScenarioError."""
+        seconds = number_of("each run", self._seconds.value)
+        if not 0.2 <= seconds <= 10.0:
+            raise ScenarioError(f"each run: {seconds:g} s; allowed: 0.2 to 10 s")
+        return seconds
+
+    async def _on_button(self, _: object) -> None:
+        if self._work is not None and self._work.going:
+            self._work.cancel()
+            return
+        try:
+            self._work = self._begin(self._desk.snapshot())
+        except ScenarioError as error:
+            self._desk.complain(str(error))
+
+    @abstractmethod
+    def _begin(self, snapshot: Snapshot) -> W:
+        """Begin what is asked for now. Raises ScenarioError."""
+
+    async def _on_mark(self, event: viser.GuiEvent) -> None:
+        if event.client is not None and self._work is not None:
+            self._choose(self._work, self._mark.value.partition(" ")[0], event.client.client_id)
+
+    @abstractmethod
+    def _choose(self, work: W, number: str, client: int) -> None:
+        """Heed that the mark of this number was chosen, "" for none, on the page of a client."""
+
+    def show(self, snapshot: Snapshot) -> None:
+        """Show what has come in, from time to time."""
+        work, now = self._work, time.monotonic()
+        if work is None or now < self._due:
+            return
+        self._due = now + EVERY
+        label = self._words[work.going]
+        if self._button.label != label:
+            self._button.label, self._button.color = label, "gray" if work.going else "green"
+        content = self._drawn(work, snapshot)
+        if self._html.content != content:
+            self._html.content = content
+
+    @abstractmethod
+    def _drawn(self, work: W, snapshot: Snapshot) -> str:
+        """Picture of what has come in, as HTML."""
+
+
+def lasting(scenario: Scenario, seconds: float) -> Scenario:
+    """The scenario with runs of this length."""
+    simulation = msgspec.structs.replace(scenario.simulation, duration=seconds)
+    return msgspec.structs.replace(scenario, simulation=simulation)
+
+
+def typed(text: viser.GuiInputHandle[str]) -> str:
+    """What the user has typed, without the page's marks."""
+    return text.value.strip("".join(MARKS)).strip()

@@ -1,0 +1,108 @@
+"""Titles of fields that a sweep varies and of their values, with units: the words of the page, for its maps and for
+figures."""
+
+from __future__ import annotations
+
+import re
+
+from app.export.figures import plain_number
+from app.scenario.schema import FieldInfo, field_info
+from app.simulation.controller_builder import laws
+
+# of the fields that are offered first, and of those whose meaning in the schema goes on from the field before
+TITLES = {
+    "contact.K_e": "stiffness of the surface",
+    "truth.link_scaling": "mass of the true links, factor",
+    "truth.payload_mass": "payload",
+    "truth.coulomb": "friction in the joints",
+    "contact.friction_coulomb": "friction of the surface",
+    "controller.K_e_hat": "believed stiffness",
+    "controller.layer": "boundary layer",
+    "controller.period": "control period",
+    "controller.K_s": "reaching gain K_s",
+    "controller.F_1": "sliding gain F_1",
+    "controller.law": "control law",
+    "sensor.noise": "noise of the sensor",
+    "sensor.delay": "delay of the sensor",
+    "force.value": "desired force",
+    "motion.period": "time of one turn",
+    "truth.disturbance_frequency": "frequency of the disturbance",
+    "truth.push_start": "begin of the push",
+    "truth.push_duration": "duration of the push",
+    "truth.push_every": "time until the push comes again",
+    "truth.push_frequency": "frequency of the push",
+    "declared.moment_error": "largest error of the sensor's moments (declared)",
+    "declared.payload_offset": "largest distance of the payload from the tool point (declared)",
+    "declared.least_inertia": "least share of M in M_hat (declared)",
+    "surface.motion.amplitude": "amplitude of the surface's motion",
+    "surface.motion.frequency": "frequency of the surface's motion",
+    "surface.tilt.amplitude": "amplitude of the surface's tilt",
+    "surface.tilt.frequency": "frequency of the surface's tilt",
+    "simulation.domain_radius": "radius of Ω",
+    "simulation.seed": "seed of the sensor's noise",
+}
+FURTHER = {"second": "second surface", "third": "third surface"}
+# words for the sections whose fields' meanings do not say of what they are
+SECTIONS = {
+    "truth": "true arm",
+    "declared": "declared",
+    "motion": "desired motion",
+    "rotation": "desired rotation",
+    "force": "desired force",
+    "surface": "surface",
+    "sensor": "sensor",
+    "shift": "shift",
+    "blend": "blend",
+}
+
+
+def title_of(path: str) -> str:
+    """Title of the field at a dotted path, a number at whose end is an entry of a list; the path itself of one that the
+    schema does not describe."""
+    field, entry = _parted(path)
+    first, _, rest = field.partition(".")
+    of_first = rest if first in FURTHER else field  # a further surface has the fields of the first one
+    info = _info(field)
+    if of_first in TITLES:
+        title = TITLES[of_first]
+    elif info is None or not info.doc:
+        return path
+    else:
+        title = re.split(r"[;:]|, or (?:one|N·m)\b", info.doc)[0].strip()
+        about = SECTIONS.get(of_first.partition(".")[0], "")
+        title += f" ({about})" if about and about not in title else ""
+    title += f" ({FURTHER[first]})" if first in FURTHER else ""
+    return f"{title}, entry {', '.join(entry)}" if entry else title
+
+
+def unit_of(path: str) -> str:
+    """Unit of the field at a dotted path, "" for a plain number and for one that the schema does not describe."""
+    info = _info(_parted(path)[0])
+    return "" if info is None or info.unit == "1" else info.unit
+
+
+def named(path: str) -> str:
+    """Title with the unit, as on an axis."""
+    unit = unit_of(path)
+    return f"{title_of(path)} [{unit}]" if unit else title_of(path)
+
+
+def said(path: str, value: object) -> str:
+    """Value of a field in words: of a law its title, of a number three digits."""
+    if path == "controller.law" and (law := laws().get(str(value))) is not None:
+        return law.title
+    return plain_number(float(f"{value:.3g}"), None) if isinstance(value, float) else str(value)
+
+
+def _parted(path: str) -> tuple[str, tuple[str, ...]]:
+    """Path of a field, and the numbers of an entry behind it."""
+    parts = path.split(".")
+    numbers = [part for part in parts if part.isdecimal()]
+    return ".".join(part for part in parts if not part.isdecimal()), tuple(numbers)
+
+
+def _info(field: str) -> FieldInfo | None:
+    try:
+        return field_info(field)
+    except KeyError:
+        return None
