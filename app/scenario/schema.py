@@ -456,7 +456,8 @@ def field_info(path: str) -> FieldInfo:
     metre = "m"
     for section in sections:
         held = [f.type for c in candidates for f in _schema(c).fields if f.name == section]
-        metre = next((t.extra["metre"] for t in held if isinstance(t, _Metadata) and "metre" in (t.extra or {})), metre)
+        known = [t.extra or {} for t in held if isinstance(t, _Metadata)]
+        metre = next((extra["metre"] for extra in known if "metre" in extra), metre)
         candidates = [t for c in candidates for t in types_of(c, section)]
     for candidate in candidates:
         for f in _schema(candidate).fields:
