@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from app.dashboard.widgets.candidate_chart import candidates_html
-from app.dashboard.widgets.controls import Place, Row, Scale, decades
+from app.dashboard.widgets.controls import Desk, Place, Row, Scale, decades
 from app.dashboard.widgets.model_fields import DiagonalPlace, OscillatorPlace
-from app.dashboard.widgets.swept_fields import field_of_row, prepared
+from app.dashboard.widgets.swept_fields import FIELDS, FieldChoice, field_of_row, prepared
 from app.dashboard.widgets.whatif import WhatIf
 from app.scenario.data import shipped, with_values
 from app.scenario.schema import ScenarioError
@@ -55,6 +55,27 @@ def test_an_entry_of_a_matrix_is_swept_also_where_the_mode_gives_the_matrix() ->
     place = SimpleNamespace(read=lambda _: 3.0, entry=OscillatorPlace("target_model", "omega", 1).entry)
     with pytest.raises(ScenarioError, match="ω ψ: it follows from several matrices; allowed: an entry of M_m"):
         field_of_row(Row(cast(Place, place), "ω ψ", decades(1, 100)), seen())
+
+
+@pytest.mark.parametrize(
+    ("text", "sentence"),
+    [
+        ("nan, 1", "boundary layer: 'nan'; allowed: a number"),
+        ("0.01, 1e400", "boundary layer: '1e400'; allowed: a number"),
+        ("0.01", "boundary layer: '0.01'; allowed: two numbers with a comma between"),
+        ("2, 1", "boundary layer: 2 to 1; allowed: low before high"),
+    ],
+)
+def test_a_range_that_makes_no_sense_is_one_sentence(text: str, sentence: str) -> None:
+    def handle(*_: object, **__: object) -> SimpleNamespace:
+        return SimpleNamespace(value="boundary layer", label="", visible=True, on_update=lambda _: None)
+
+    desk = cast(Desk, SimpleNamespace(gui=SimpleNamespace(add_dropdown=handle, add_text=handle)))
+    choice = FieldChoice(desk, "Across", FIELDS, "boundary layer", optional=False)
+    choice._range.value = text
+    with pytest.raises(ScenarioError) as refused:
+        choice.axis(BASE, 5)
+    assert str(refused.value) == sentence
 
 
 def test_what_a_candidate_sets_is_taken_back_together() -> None:

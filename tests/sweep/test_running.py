@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import signal
 import subprocess
@@ -14,12 +15,14 @@ import numpy as np
 import pytest
 
 from app.cli.commands import execute
+from app.process import worker_pool
 from app.scenario.data import edited, shipped
 from app.session.headless_run import simulate
 from app.sweep import running
 from app.sweep.figures_of_run import METRICS, Figures, Runner
 from app.sweep.question import Question, Sweep, axis_of, fingerprint
 from app.sweep.run_store import JOURNAL, RunStore, table_of
+from tests.tune.test_running import in_this_process
 
 SHORT = edited(shipped()["planar3r-hybrid"], "simulation.duration", 0.3)
 SWEEP = Sweep(
@@ -122,6 +125,30 @@ def test_the_command_runs_draws_and_repeats_a_row(tmp_path: Path, capsys: pytest
         (("run", "--from", folder, "--row", "12", "--out", folder), "row 12; allowed: 0 to 11"),
         (("run", "--out", folder), "no scenario"),
         (("sweep", "ur5-hybrid", "--vary", "contact.K_e=1:nan:3", "--dry-run"), "allowed: finite numbers"),
+        (("sweep", "ur5-hybrid", "--vary", "contact.K_e=1:2:1000000000", "--dry-run"), "allowed: 2 to 100000"),
+        (("sweep", "ur5-hybrid", "--vary", "contact.K=1:2:3", "--dry-run"), "contact.K: no such field"),
+        (
+            ("tune", "planar3r-hybrid", "--move", "controller.K_s=5:90", "--for", "residual", "--out", folder),
+            "holds another",
+        ),
     ):
         assert execute(list(arguments)) == 2, arguments
-        assert sentence in capsys.readouterr().err
+        assert sentence in (said := capsys.readouterr().err)
+        assert said.count("\n") == 1, said
+
+
+def test_a_full_disk_is_one_sentence_and_what_is_there_stays(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def none_left(*_: object) -> int:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    folder = tmp_path / "sweep"
+    with RunStore(folder, SWEEP) as store:
+        store.add(Runner(SWEEP).figures(0))
+    monkeypatch.setattr(RunStore, "add", none_left)
+    monkeypatch.setattr(worker_pool, "results", in_this_process)
+    assert execute(["sweep", str(folder / "sweep.toml"), "--out", str(folder), "--workers", "1"]) == 2
+    assert capsys.readouterr().err.endswith("cannot be written: No space left on device; what is there stays\n")
+    with RunStore(folder, SWEEP) as store:
+        assert np.flatnonzero(store.done).tolist() == [0]

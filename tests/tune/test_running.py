@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import io
 import math
+import zipfile
 from collections.abc import Callable, Iterable, Iterator
 from itertools import islice
 from pathlib import Path
@@ -18,7 +20,8 @@ from app.process.worker_pool import BARRIER
 from app.scenario.data import load, shipped, with_values
 from app.scenario.schema import ScenarioError
 from app.sweep.run_store import JOURNAL, RunStore
-from app.tune import outcome, running
+from app.tune import background, outcome, running
+from app.tune.candidates import Candidate
 from app.tune.question import Tuning, moved, program
 from app.tune.running import Found
 
@@ -111,6 +114,23 @@ def test_a_tuning_that_goes_on_has_the_same_answer_and_computes_nothing_twice(
     assert added == []
 
 
+def test_the_pages_search_has_the_answer_of_the_command(found: Found, tmp_path: Path) -> None:
+    results = list(background.results(TUNING, 2))
+    (theirs,) = (each for each in results if isinstance(each, Found))
+    assert theirs.candidates == found.candidates
+    assert theirs.tried == found.tried
+    assert [each for each in results if isinstance(each, Candidate)] == found.candidates
+    rows = [each for each in results if isinstance(each, dict)]
+    with zipfile.ZipFile(io.BytesIO(outcome.zipped(TUNING, rows, theirs))) as file:
+        file.extractall(tmp_path)
+    (taken_away,), commands = tmp_path.iterdir(), tmp_path / "command"
+    commands.mkdir()
+    outcome.write(TUNING, found, commands)
+    for name in (outcome.TABLE, outcome.FIGURE, *outcome.files_of(TUNING, found).values()):
+        assert (taken_away / name).read_bytes() == (commands / name).read_bytes(), name
+    assert tuned(taken_away).candidates == found.candidates  # the command goes on in that folder, with nothing to do
+
+
 def test_an_unusable_candidate_is_a_row_and_other_runs_there_are_refused(tmp_path: Path) -> None:
     axes = (moved("controller.layer=-0.05:0.05"),)
     tuning = msgspec.structs.replace(TUNING, vary=axes, points=5, draw=0, unseen=1, aims=("residual",))
@@ -145,6 +165,10 @@ def test_the_command_writes_scenarios_to_run_and_says_whether_the_own_gains_are_
         (("--workers", "0", "--dry-run"), "--workers 0; allowed: 1 or more"),
         (("--for", "beauty", "--dry-run"), "--for 'beauty'"),
         (("--seed", "1", "--out", str(out)), "holds another tuning (another seed)"),
+        (("--move", "controller.layer=nan:1", "--dry-run"), "nan to 1; allowed: finite numbers"),
+        (("--budget", "1000000000", "--dry-run"), "runs; allowed: at most 1e+07"),
+        (("--move", "controller.layr=1:2", "--dry-run"), "controller.layr: no such field"),
     ):
         assert execute([*asked, *more]) == 2
-        assert sentence in capsys.readouterr().err
+        assert sentence in (said := capsys.readouterr().err)
+        assert said.count("\n") == 1
