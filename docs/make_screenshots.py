@@ -189,9 +189,9 @@ def refuse_and_hold(page: Page, runner: Runner, album: Album) -> None:
     shoot(page, album, "refused", "Refused, with the reason")
     move, _ = Session(page, runner).grip("F_d [N]")
     move(0.75)
-    # the process that previews may still be starting; the band comes last, when the slider rests, and needs its kernels
+    # the process that previews may still be starting; the band comes last, or why there is none: no kernels yet
     page.get_by_text("within the next 5.0 s").wait_for(timeout=240e3)
-    page.locator(".vs-held", has_text="shaded:").wait_for(timeout=240e3)
+    page.locator(".vs-held", has_text="true arms").wait_for(timeout=240e3)
     page.wait_for_timeout(1500)
     album.add(page, "what-if", "A slider held: what would come")
     page.keyboard.press("Escape")
