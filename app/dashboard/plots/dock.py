@@ -70,9 +70,9 @@ class Plots:
         """Draw the visible tabs, unless they are drawn already."""
         setup = Setup.of(snapshot, self._viewing.coordinate, self._viewing.joint)
         pinned = tuple((p.name, p.color, id(p.recording), p.start) for p in shown.pinned)
-        outlook = (
-            None if shown.outlook is None else (shown.outlook.number, len(shown.outlook.ahead), id(shown.outlook.band))
-        )
+        ahead = shown.outlook
+        band = None if ahead is None or ahead.band is None else (ahead.band.since, ahead.band.reach)
+        outlook = None if ahead is None else (ahead.number, len(ahead.ahead), band)
         drawn = (snapshot.run, snapshot.revision, shown.now, shown.window, setup, pinned, outlook)
         reports = {title: self._visible_tabs.reports(title) for title in looked_at if title in self._tabs}
         stale = [t for t, number in reports.items() if self._drawn.get(t) != drawn or self._reports.get(t) != number]
