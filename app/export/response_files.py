@@ -6,6 +6,7 @@ from __future__ import annotations
 import csv
 import io
 from collections.abc import Iterator, Sequence
+from itertools import cycle
 
 import numpy as np
 
@@ -15,7 +16,7 @@ from app.simulation.force_margin import ForceLoop
 from app.simulation.push_response import NOTHING, PushResponse, along_axes, largest_and_smallest, passive
 from app.simulation.sampled_stability import SampledLoop
 
-BLUE, ORANGE, GREY = (86, 180, 233), (230, 159, 0), (140, 140, 140)
+BLUE, ORANGE, GREEN, GREY = (86, 180, 233), (230, 159, 0), (0, 158, 115), (140, 140, 140)
 NEAR = 0.1  # of the target's impedance: as near the sampled loop follows it
 NANOMETRE = 1e-9  # m per N: a way that nobody would call yielding
 STEP = 2.0  # s, of the response to a step
@@ -36,7 +37,7 @@ def figure_of(loop: SampledLoop, response: PushResponse, points: Sequence[Measur
             [
                 _line("target model (8)", ORANGE, frequency, z_target[:, axis], dashed=True),
                 _line("sampled loop", BLUE, frequency, z_sampled[:, axis]),
-                *([Curve("measured", GREY, at, dots[:, axis], width=0.0, dotted=True)] if points else []),
+                *_dots(at, dots[:, axis]),
             ],
         )
         for axis, name in enumerate(response.axes)
@@ -68,7 +69,7 @@ def figure_of(loop: SampledLoop, response: PushResponse, points: Sequence[Measur
     charts.append(Chart("poles, imaginary over real part", "1/s", poles, x_label="real part [1/s]"))
     if loop.force_loop is not None:
         charts += _of_force_loop(loop.force_loop)
-    return Figure(tuple(charts), caption, one_column=1)
+    return Figure(tuple(chart for chart in charts if chart.curves), caption, one_column=1)
 
 
 def _of_force_loop(loop: ForceLoop) -> list[Chart]:
@@ -77,10 +78,10 @@ def _of_force_loop(loop: ForceLoop) -> list[Chart]:
     gains = _opened(loop, frequency)
     ends = frequency[[0, -1]]
     gain, phase = [], []
-    for k, values in enumerate(gains.T):
+    for k, (values, color) in enumerate(zip(gains.T, cycle((BLUE, ORANGE, GREEN)), strict=False)):
         name = "" if gains.shape[1] == 1 else f" {k + 1}"
-        gain.append(Curve(f"loop gain{name}", BLUE, frequency, np.abs(values)))
-        phase.append(Curve(f"phase{name}", BLUE, frequency, np.degrees(np.unwrap(np.angle(values)))))
+        gain.append(Curve(f"loop gain{name}", color, frequency, np.abs(values)))
+        phase.append(Curve(f"phase{name}", color, frequency, np.degrees(np.unwrap(np.angle(values)))))
     gain.append(Curve("1", GREY, ends, np.ones(2), dashed=True))
     phase.append(Curve("−180°", GREY, ends, np.full(2, -180.0), dashed=True))
     return [
@@ -113,6 +114,14 @@ def force_table_of(loop: ForceLoop) -> str:
 def _line(name: str, color: Rgb, frequency: np.ndarray, impedance: np.ndarray, *, dashed: bool = False) -> Curve:
     finite = np.isfinite(impedance)
     return Curve(name, color, frequency[finite], impedance[finite], dashed=dashed, listed=bool(finite.any()))
+
+
+def _dots(frequency: np.ndarray, impedance: np.ndarray) -> list[Curve]:
+    """Measured points, where there are any that yield."""
+    finite = np.isfinite(impedance)
+    return (
+        [Curve("measured", GREY, frequency[finite], impedance[finite], width=0.0, dotted=True)] if finite.any() else []
+    )
 
 
 def _chart(title: str, unit: str, curves: list[Curve]) -> Chart:

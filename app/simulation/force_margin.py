@@ -54,7 +54,7 @@ class ForceLoop:
 
     def frequencies(self, count: int = 200) -> np.ndarray:
         """Frequencies (count,) Hz from 0.05 Hz on, as far as samples can tell, evenly in the logarithm."""
-        return np.geomspace(LOWEST, self.highest, count)
+        return np.geomspace(LOWEST, 0.98 * self.highest, count)
 
     def gains(self, frequency: np.ndarray) -> np.ndarray:
         """Eigenvalues (N, p) of L at frequencies (N,) Hz, largest first, without those that are nothing at all."""
@@ -106,7 +106,7 @@ class ForceLoop:
 
     def _crossings(self) -> list[tuple[float, complex]]:
         """Frequencies, Hz, at which an eigenvalue of L has size 1, and that eigenvalue."""
-        frequency = self.frequencies(FREQUENCIES)
+        frequency = np.geomspace(LOWEST, self.highest, FREQUENCIES)
         over = np.abs(self.gains(frequency)) > 1.0
         found = []
         for k, column in np.argwhere(over[1:] != over[:-1]):
