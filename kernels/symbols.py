@@ -1,11 +1,15 @@
-"""Compiler and types of numba, with names that are unique within a cache."""
+"""Compiler and types of numba, with names that are unique within a cache, and a cache that several processes fill."""
 
+import fcntl
 import hashlib
+from collections.abc import Iterator
+from contextlib import contextmanager
 from functools import cache
 from typing import Any
 
 import numpy as np
 from numba import from_dtype, jit, types
+from numba.core.caching import IndexDataCacheFile
 
 __all__ = ["jit", "type_of"]
 
@@ -36,3 +40,29 @@ def _record_symbol(record: types.Record) -> tuple[str, list[Any]]:
 # arms with 6 and with 7 joints, compiled by two processes and read from the cache into a third, called each other's
 types.NestedArray.mangling_args = property(_array_symbol)  # pyright: ignore[reportAttributeAccessIssue]
 types.Record.mangling_args = property(_record_symbol)  # pyright: ignore[reportAttributeAccessIssue]
+
+
+_save, _load = IndexDataCacheFile.save, IndexDataCacheFile.load
+
+
+@contextmanager
+def _locked(file: Any, how: int) -> Iterator[None]:
+    with open(f"{file._index_path}.lock", "ab") as lock:
+        fcntl.flock(lock, how)
+        yield
+
+
+def _save_alone(file: Any, key: object, data: object) -> None:
+    with _locked(file, fcntl.LOCK_EX):
+        _save(file, key, data)
+
+
+def _load_whole(file: Any, key: object) -> object:
+    with _locked(file, fcntl.LOCK_SH):
+        return _load(file, key)
+
+
+# numba reads a function's index, adds an entry, and writes it back: of two processes that compile it for two arms at
+# the same time, one entry was lost, and the code for one arm could be found under the types of the other
+IndexDataCacheFile.save = _save_alone
+IndexDataCacheFile.load = _load_whole  # pyright: ignore[reportAttributeAccessIssue]

@@ -42,6 +42,7 @@ def to_compile(joints: int | None) -> Iterator[Scenario]:
             yield base
             yield edited(base, "contact.kind", "mass-damper-spring")
             yield in_mode(base, "constrained")
+            yield in_mode(base, "motion")
 
 
 def main() -> None:

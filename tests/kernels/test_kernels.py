@@ -7,18 +7,20 @@ import subprocess
 import sys
 from collections import namedtuple
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 import pytest
 from numba import njit
+from numba.core.caching import IndexDataCacheFile
 
 from app.scenario.data import load
 from app.simulation.closed_loop import ClosedLoop
 from app.simulation.control_period import control_period
 from app.simulation.signals import Row
-from kernels import algebra
+from kernels import algebra, symbols
 from kernels.records import Record
 
 
@@ -225,6 +227,19 @@ def test_kernels_from_the_cache_of_two_processes(
 
     assert {asked: answers(asked) for asked in alone} == alone
     assert answers(together) == [number for part in together for number in alone[(part,)]]
+
+
+def test_a_cache_that_is_filled_by_many_at_once_loses_and_confuses_nothing(tmp_path: Path) -> None:
+    assert IndexDataCacheFile.save is symbols._save_alone
+    keys = [str(number) for number in range(200)]
+
+    def save(key: str) -> None:
+        IndexDataCacheFile(str(tmp_path), "function", "stamp").save(key, f"code for {key}")
+
+    with ThreadPoolExecutor(8) as pool:
+        list(pool.map(save, keys))
+    kept = IndexDataCacheFile(str(tmp_path), "function", "stamp")
+    assert {key: kept.load(key) for key in keys} == {key: f"code for {key}" for key in keys}
 
 
 @pytest.mark.parametrize("shape", [(1, 1), (2, 2), (3, 2), (3, 6), (6, 6), (7, 7)])
