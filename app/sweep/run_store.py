@@ -90,6 +90,9 @@ class RunStore:
     def _take_up(self, sweep: Sweep) -> None:
         path = self._folder / sweep.file
         if not path.exists():
+            if parts(self._folder) or (self._folder / JOURNAL).exists():
+                other = f"holds runs of something else (no {sweep.file})"
+                raise ScenarioError(f"--out {self._folder}: {other}; allowed: a folder of its own")
             text = to_toml(sweep).encode()
             write_whole(path, lambda file: file.write(text))
             return

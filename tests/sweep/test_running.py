@@ -129,7 +129,7 @@ def test_the_command_runs_draws_and_repeats_a_row(tmp_path: Path, capsys: pytest
         (("sweep", "ur5-hybrid", "--vary", "contact.K=1:2:3", "--dry-run"), "contact.K: no such field"),
         (
             ("tune", "planar3r-hybrid", "--move", "controller.K_s=5:90", "--for", "residual", "--out", folder),
-            "holds another",
+            "holds runs of something else (no tune.toml)",
         ),
     ):
         assert execute(list(arguments)) == 2, arguments
