@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import contextlib
 import math
+import threading
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -16,7 +17,7 @@ import numpy as np
 import viser
 
 from app.dashboard.frame_rate import FPS
-from app.dashboard.page import REFRESH
+from app.dashboard.page import REFRESH, SOONEST
 from app.dashboard.plots.dock import Plots, Shown
 from app.dashboard.transport.visible_tabs import VisibleTabs
 from app.dashboard.view_options import Viewing
@@ -98,6 +99,7 @@ class _Page:
     whatif: WhatIf
     plots: Plots
     viewing: Viewing
+    awake: threading.Event
 
     def watch(self, seconds: float, *, drag: bool) -> tuple[Pace, list[Drawn]]:
         """Draw for that long; returns the pace, and every preview that was drawn."""
@@ -112,8 +114,9 @@ class _Page:
                 value = 30.0 + 10.0 * math.sin(2.0 * now)
                 moves[value] = now
                 self.whatif.hold(Held(Edit("force.value", value), "F_d", f"{value:.3g}", self, CLIENT))
-            if now - framed >= 1.0 / FPS:
+            if now - framed >= 1.0 / FPS or (self.awake.is_set() and now - framed >= SOONEST):
                 framed = now
+                self.awake.clear()
                 snapshot = self.runner.snapshot
                 foreseen = self.whatif.look(snapshot, {CLIENT})
                 if foreseen or now - refreshed >= REFRESH:
@@ -204,10 +207,9 @@ def _page(scenario: str) -> Iterator[_Page]:
     """Page of a running scenario whose preview process is warm."""
     server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
     runner, previewer = Runner(load(scenario)), Previewer()
-    viewing = Viewing()
-    page = _Page(
-        runner, WhatIf(previewer), Plots(server.gui, VisibleTabs(), viewing, contextlib.nullcontext()), viewing
-    )
+    viewing, awake = Viewing(), threading.Event()
+    plots = Plots(server.gui, VisibleTabs(), viewing, contextlib.nullcontext())
+    page = _Page(runner, WhatIf(previewer, awake.set), plots, viewing, awake)
     try:
         runner.start()
         page.watch(1.0, drag=False)

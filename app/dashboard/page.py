@@ -71,6 +71,7 @@ CONTROLS = 1 / 2  # s, controls that nobody uses, of a run that nobody changes, 
 PLOTTING = 0.1  # share of the time for drawing plots: long windows are drawn less often
 COMPLAINT_SHOWN = 12.0  # s
 SLOW = 2.0  # s, a drawing that is worth a line in the log
+SOONEST = 0.01  # s, from one frame to the next, however soon there is something to draw
 UNWATCHED = 1.0  # s, between two looks for stalled connections while nothing is drawn
 ENDING = 0.7  # s to wait for the end of viser's server
 FRAME_ENDING = 0.7  # s to wait for the end of a frame
@@ -124,7 +125,9 @@ class Dashboard:
         self._appearance = Appearance(gui, self._scene, theme)
         self._help = Help(self._server)
         self._closed, self._drawing = threading.Event(), threading.RLock()
-        self._arrived = threading.Event()  # a page has been opened, or has told what it shows; or the end has come
+        # there is something to draw: a page has been opened or has told what it shows, a slider is held or its preview
+        # has come; or the end has come
+        self._awake = threading.Event()
         self.uploads, self.notebook, self.classroom = UploadedUrdfs(), Notebook(), ClassDesk()
         self._stalled_clients = StalledClients(self._server)
         watch(self._server.get_event_loop(), self.fail)
@@ -176,7 +179,7 @@ class Dashboard:
             self.notebook,
             self.classroom,
             Share(self._allowance),
-            self._arrived.set,
+            self._awake.set,
         )
 
     def offer(self, last_session: LastSession) -> None:
@@ -193,7 +196,7 @@ class Dashboard:
         """Draw until `close`; does next to nothing while no page is open and on its screen."""
         while not self._closed.is_set():
             started = time.monotonic()
-            self._arrived.clear()
+            self._awake.clear()
             with self._drawing:
                 self._stalled_clients.drop()
                 clients, view = self._server.get_clients(), self._view
@@ -201,14 +204,15 @@ class Dashboard:
                 if view is not None and drawn and not self._closed.is_set():
                     self._draw(view, started)
             if drawn:
-                self._closed.wait(max(self._frame - (time.monotonic() - started), 0.002))
+                self._closed.wait(max(SOONEST - (time.monotonic() - started), 0.002))
+                self._awake.wait(max(self._frame - (time.monotonic() - started), 0.0))
             elif not self._closed.is_set():
-                self._arrived.wait(UNWATCHED)
+                self._awake.wait(UNWATCHED)
 
     def close(self) -> None:
         """End `run_forever` and stop the server. The caller ends the runner."""
         self._closed.set()
-        self._arrived.set()
+        self._awake.set()
         # a server that has stopped accepts nothing of the frame that is being drawn
         drawn = self._drawing.acquire(timeout=FRAME_ENDING)
         try:
@@ -241,7 +245,7 @@ class Dashboard:
             log.info("slow drawing", seconds=round(took, 2))
 
     async def _on_connect(self, client: viser.ClientHandle) -> None:
-        self._arrived.set()
+        self._awake.set()
         log.info("client connected", client=client.client_id, clients=len(self.clients))
 
     async def _on_disconnect(self, client: viser.ClientHandle) -> None:
@@ -262,14 +266,14 @@ class _View:
         notebook: Notebook,
         classroom: ClassDesk,
         share: Share,
-        looked: Callable[[], None],
+        wake: Callable[[], None],
     ) -> None:
         self._server, self._status, self._scene, self._runner = server, status, scene, runner
         self._complaint, self._complaint_until, self._complaint_revision = "", 0.0, -1
         self._refusals = runner.snapshot.refusal_number
         self._shipped = shipped()
         self._previewer = previewer
-        self._whatif = WhatIf(previewer)
+        self._whatif = WhatIf(previewer, wake)
         self._viewing = Viewing()
         self._export_jobs = ExportJobs()
         lock = EditLock(runner.post, self.complain)
@@ -302,7 +306,7 @@ class _View:
         self._chosen_sliders = ChosenSliders(desk)
         self._widget_lock = WidgetLock(server)
         RepeatedInputs(server)
-        self._visible_tabs = VisibleTabs(looked)
+        self._visible_tabs = VisibleTabs(wake)
         self._visible_tabs.add_field(server.gui)
         self._plots = Plots(server.gui, self._visible_tabs, self._viewing, self._widget_lock.drawing)
         self._plots_due = 0.0

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import subprocess
 import threading
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from multiprocessing import Pipe
@@ -41,6 +42,8 @@ class Previewer:
     `newest` is the latest answer to the questions since `drop`, None before. `failure` is a sentence on the reason when
     there is no answer for lack of a process; the next question starts another one. May be used from any thread.
 
+    answered: called in another thread when an answer has come, or the process is lost.
+
     first: the process to begin with, and the connection to it; None to start one with the first question.
     """
 
@@ -53,6 +56,7 @@ class Previewer:
         self._starter = ThreadPoolExecutor(1, "starter")  # lives as long: the process ends with its thread
         self.newest: Outlook | Refusal | None = None
         self.failure: str | None = None
+        self.answered: Callable[[], None] = lambda: None
 
     @property
     def idle(self) -> bool:
@@ -158,6 +162,7 @@ class Previewer:
                 self._pass_on(worker)
             elif message.number > self._dropped:
                 self.failure, self.newest = None, message
+                self.answered()
 
     def _lost(self, worker: _Worker) -> None:
         with self._lock:
@@ -166,6 +171,7 @@ class Previewer:
             self._worker, self._waiting, self.newest = None, None, None
             status = _end(worker)
             self.failure = f"the preview's process has ended (exit status {status}); the next movement starts another"
+        self.answered()
         log.warning("preview lost", reason=self.failure)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Callable, Collection
 from dataclasses import dataclass, replace
 
 from app.scenario.data import edited, with_values
@@ -64,12 +64,14 @@ def _answers(snapshot: Snapshot) -> tuple[int, int]:
 class WhatIf:
     """Previews of one slider at a time, whoever holds it. Callbacks `hold` and `let_go`; the drawing loop calls `look`.
 
+    wake: called where the drawing loop should not wait for its next frame: a slider has moved, or an answer has come.
     push, arms: see `Question`.
     outlook: preview to draw, None for nothing; refusal: reason why there is nothing, in a sentence.
     """
 
-    def __init__(self, previewer: Previewer) -> None:
-        self._previewer = previewer
+    def __init__(self, previewer: Previewer, wake: Callable[[], None] = lambda: None) -> None:
+        self._previewer, self._wake = previewer, wake
+        previewer.answered = wake
         self.on = True
         self.horizon, self.push, self.arms = HORIZON, PUSH, ARMS
         self.held: Held | None = None
@@ -82,6 +84,7 @@ class WhatIf:
     def hold(self, held: Held) -> None:
         """Note that a slider has moved."""
         self.held, self._applied = held, None
+        self._wake()
 
     def holds(self, control: object) -> bool:
         """Whether this control's value is only previewed."""
