@@ -7,13 +7,14 @@ of the tabs are read from the page. An index, README.md, is written beside the p
 
 from __future__ import annotations
 
-import argparse
 import re
 import threading
 import time
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Annotated
 
+import tyro
 from PIL import Image
 from playwright.sync_api import Browser, Page, sync_playwright
 
@@ -25,6 +26,7 @@ from app.session.runner import Runner
 from drivers.browser import LAUNCH_ARGS, find_or_install
 from drivers.pages import NO_HINTS, PATIENCE, Session, each_tab
 
+SHOWN = Path(__file__).parent / "screenshots"
 MODES = {
     "motion": "ur5-motion",
     "impedance": "ur5-impedance",
@@ -94,7 +96,13 @@ class Album:
         (self.folder / "README.md").write_text("\n".join(parts), encoding="utf-8")
 
 
-def main(folder: Path, only: tuple[str, ...]) -> None:
+def main(folder: Annotated[Path, tyro.conf.Positional] = SHOWN, /, *, only: tuple[str, ...] = ()) -> None:
+    """Take pictures of the page.
+
+    Args:
+        folder: where they are written
+        only: these, or what begins so, and no others
+    """
     folder.mkdir(parents=True, exist_ok=True)
     dashboard = Dashboard(port=0)
     runner = Runner(shipped()["ur5-hybrid"])
@@ -313,8 +321,4 @@ def slug(title: str) -> str:
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(prog="python -m docs.make_screenshots", description="Pictures of the page.")
-    parser.add_argument("folder", nargs="?", type=Path, default=Path(__file__).parent / "screenshots")
-    parser.add_argument("--only", nargs="+", default=(), metavar="NAME", help="these, or what begins so, and no others")
-    given = parser.parse_args()
-    main(given.folder, tuple(given.only))
+    tyro.cli(main)

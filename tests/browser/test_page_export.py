@@ -12,6 +12,7 @@ from playwright.sync_api import Page
 
 from app.scenario.data import edited, from_toml, shipped, to_toml
 from drivers.pages import PATIENCE, VIEWPORT, Session
+from tests.support.svg import letters_of
 
 
 def taken(session: Session, button: str, folder: Path) -> Path:
@@ -27,7 +28,7 @@ def taken(session: Session, button: str, folder: Path) -> Path:
 def test_figures_data_and_scenario_are_handed_over_and_the_run_goes_on(session: Session, tmp_path: Path):
     session.wait(lambda now: now.t > 1.0)
     before = session.now
-    svg = taken(session, "SVG", tmp_path).read_text()
+    svg = letters_of(taken(session, "SVG", tmp_path).read_bytes())
     assert "tracking error" in svg
     assert "hybrid mode" in svg
     assert taken(session, "PDF", tmp_path).read_bytes().startswith(b"%PDF-")

@@ -15,7 +15,8 @@ _THEME = "document.documentElement.dataset.mantineColorScheme"
 WITHIN = """() => {
   const box = (part) => document.querySelector(part).getBoundingClientRect();
   const scene = box("canvas[data-engine]"), model = box("[data-floating-window]:has(.vs-equation)");
-  if (scene.width < 180) return !document.querySelector(".vs-equation").checkVisibility({ visibilityProperty: true });
+  const seen = document.querySelector(".vs-equation").checkVisibility({ visibilityProperty: true });
+  if (scene.width < 180 || innerHeight <= 560) return !seen; // no room for it
   return scene.left - 1 <= model.left && model.right <= scene.right + 1;
 }"""
 

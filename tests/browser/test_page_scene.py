@@ -13,7 +13,7 @@ from viser import transforms as tf
 from app.dashboard.page import Dashboard
 from app.dashboard.scene.arrows import ForceArrow
 from app.dashboard.scene.camera import viewpoint
-from app.scenario.data import edited, shipped
+from app.scenario.data import shipped, with_values
 from app.session.commands import Load, Reset
 from app.session.runner import Runner
 from app.session.snapshot import Snapshot
@@ -23,8 +23,9 @@ from tests.browser.test_page_stage import OVER
 
 @pytest.fixture
 def scene(session: Session, served: tuple[Dashboard, Runner]) -> Iterator[Scene]:
-    """A page whose arm yields to a push, looked at from the side."""
-    session.runner.post(Load(edited(edited(shipped()["ur5-impedance"], "contact.kind", "free"), "motion", "hold")))
+    """A page whose arm yields to a hand alone, looked at from the side."""
+    yielding = {"contact.kind": "free", "motion": "hold", "truth.push": (0.0, 0.0, 0.0)}
+    session.runner.post(Load(with_values(shipped()["ur5-impedance"], yielding)))
     session.wait(lambda now: now.scenario.mode == "impedance" and now.t > 0.1)
     session.tab("View")
     session.wait(lambda _: len(served[0].clients) == 1)  # those of other tests have gone
