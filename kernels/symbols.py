@@ -64,5 +64,5 @@ def _load_whole(file: Any, key: object) -> object:
 
 # numba reads a function's index, adds an entry, and writes it back: of two processes that compile it for two arms at
 # the same time, one entry was lost, and the code for one arm could be found under the types of the other
-IndexDataCacheFile.save = _save_alone
+IndexDataCacheFile.save = _save_alone  # pyright: ignore[reportAttributeAccessIssue]
 IndexDataCacheFile.load = _load_whole  # pyright: ignore[reportAttributeAccessIssue]
