@@ -42,7 +42,7 @@ def to_compile(joints: int | None) -> Iterator[Scenario]:
             yield base
             yield edited(base, "contact.kind", "mass-damper-spring")
             yield in_mode(base, "constrained")
-            yield in_mode(base, "motion")
+            yield edited(in_mode(base, "motion"), "contact.kind", "free")
 
 
 def main() -> None:
