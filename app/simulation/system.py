@@ -428,6 +428,8 @@ def _shaping(scenario: Scenario) -> tuple[object, ...]:
     names = ("robot", "task_space", "declared", "mode", "motion", "rotation", "shift", "simulation")
     where = (*(getattr(scenario, name) for name in names), scenario.face.flat, scenario.face.normal)
     where = (*where, *((each.form, each.pressed) for each in scenario.surfaces))
+    if mode_of(scenario).rigid:  # at the start the true arm's masses say which way it goes onto the surface
+        where = (*where, scenario.truth)
     if scenario.controller.estimates == "along-reference":
         return (*where, scenario.face, *((each.force, each.K_e_hat) for each in scenario.surfaces))
     return where

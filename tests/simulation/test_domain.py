@@ -334,3 +334,12 @@ def test_a_shelf_has_an_end(tmp_path: Path) -> None:
 def test_an_arm_that_is_singular_everywhere_is_refused() -> None:
     with pytest.raises(ScenarioError, match="J_q is singular"):
         assemble(from_plain({"robot": {"name": "ur5"}, "simulation": {"sigma_min": 0.9}}))
+
+
+@pytest.mark.parametrize("name", ["planar2r-semicircle", "planar3r-hybrid"])
+def test_constants_are_those_of_the_scenario_whatever_was_before(name: str) -> None:
+    before = shipped()[name]
+    heavier = edited(before, "truth.link_scaling", 1.1)
+    fresh, after = (assemble(heavier, previous).constants for previous in (None, assemble(before)))
+    np.testing.assert_array_equal(after.centres, fresh.centres)
+    assert (after.k_r_low, after.k_r_high, after.lipschitz) == (fresh.k_r_low, fresh.k_r_high, fresh.lipschitz)
