@@ -18,7 +18,7 @@ def test_every_number_of_joints_meets_every_contact_with_kernels_of_its_own() ->
     systems = [assemble(scenario) for scenario in to_compile(None)]
     compiled = {(system.robot.n, system.scenario.contact.kind) for system in systems}
     joints = {len(entry.rotor_inertia) for entry in CATALOGUE.values()}
-    assert compiled == {(n, kind) for n in joints for kind in ("elastic", "mass-damper-spring", "rigid")}
+    assert compiled == {(n, kind) for n in joints for kind in ("elastic", "mass-damper-spring", "rigid", "free")}
 
 
 def test_it_ends_with_the_program_that_began_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
