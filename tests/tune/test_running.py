@@ -70,10 +70,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def found(folder: Path) -> Found:
-    """What is found, without a pool: made before `alone` is."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(worker_pool, "results", in_this_process)
-        return tuned(folder, workers=2)
+    """What two processes have found."""
+    return tuned(folder, workers=2)
 
 
 def test_what_is_offered_beats_poor_gains_on_arms_that_were_not_seen(found: Found) -> None:
