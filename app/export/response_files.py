@@ -7,6 +7,7 @@ import csv
 import io
 from collections.abc import Iterator, Sequence
 from itertools import cycle
+from typing import NamedTuple
 
 import numpy as np
 
@@ -74,14 +75,14 @@ def figure_of(loop: SampledLoop, response: PushResponse, points: Sequence[Measur
 
 def _of_force_loop(loop: ForceLoop) -> list[Chart]:
     """Gain and phase of the opened force loop over frequency, with 1 and the phase at which it would not be stable."""
-    frequency = loop.frequencies()
-    gains = _opened(loop, frequency)
-    ends = frequency[[0, -1]]
+    opened = _opened(loop)
+    frequency, ends = opened.frequency, opened.frequency[[0, -1]]
     gain, phase = [], []
-    for k, (values, color) in enumerate(zip(gains.T, cycle((BLUE, ORANGE, GREEN)), strict=False)):
-        name = "" if gains.shape[1] == 1 else f" {k + 1}"
-        gain.append(Curve(f"loop gain{name}", color, frequency, np.abs(values)))
-        phase.append(Curve(f"phase{name}", color, frequency, np.degrees(np.unwrap(np.angle(values)))))
+    for name, size, angle, color in zip(
+        opened.names, opened.gain.T, opened.phase.T, cycle((BLUE, ORANGE, GREEN)), strict=False
+    ):
+        gain.append(Curve(f"loop gain{name}", color, frequency, size))
+        phase.append(Curve(f"phase{name}", color, frequency, angle))
     gain.append(Curve("1", GREY, ends, np.ones(2), dashed=True))
     phase.append(Curve("−180°", GREY, ends, np.full(2, -180.0), dashed=True))
     return [
@@ -91,23 +92,33 @@ def _of_force_loop(loop: ForceLoop) -> list[Chart]:
     ]  # fmt: skip
 
 
-def _opened(loop: ForceLoop, frequency: np.ndarray) -> np.ndarray:
-    """Gains (N, p) of the opened loop as a text book has them: unstable at −1, not at 1."""
-    return -loop.gains(frequency)
+class _Opened(NamedTuple):
+    """Opened force loop as a text book has it: unstable at −1, not at 1.
+    frequency: (N,) Hz. gain: (N, p). phase: (N, p) degrees. names: of each of the p, "" where there is one."""
+
+    frequency: np.ndarray
+    gain: np.ndarray
+    phase: np.ndarray
+    names: tuple[str, ...]
+
+
+def _opened(loop: ForceLoop) -> _Opened:
+    frequency = loop.frequencies()
+    gains = -loop.gains(frequency)
+    p = gains.shape[1]
+    names = ("",) if p == 1 else tuple(f" {k + 1}" for k in range(p))
+    return _Opened(frequency, np.abs(gains), np.degrees(np.unwrap(np.angle(gains), axis=0)), names)
 
 
 def force_table_of(loop: ForceLoop) -> str:
     """CSV of gain and phase of the opened force loop."""
-    frequency = loop.frequencies()
-    gains = _opened(loop, frequency)
-    phases = np.degrees(np.unwrap(np.angle(gains), axis=0))
+    opened = _opened(loop)
     file = io.StringIO()
     rows = csv.writer(file, lineterminator="\n")
-    names = [""] if gains.shape[1] == 1 else [f" {k + 1}" for k in range(gains.shape[1])]
-    rows.writerow(["frequency [Hz]", *(f"{what}{name}" for name in names for what in ("gain [1]", "phase [deg]"))])
-    for k, at in enumerate(frequency):
-        pairs = np.column_stack([np.abs(gains[k]), phases[k]]).ravel()
-        rows.writerow([f"{value:.6g}" for value in (at, *pairs)])
+    heads = (f"{what}{name}" for name in opened.names for what in ("gain [1]", "phase [deg]"))
+    rows.writerow(["frequency [Hz]", *heads])
+    for at, gain, phase in zip(opened.frequency, opened.gain, opened.phase, strict=True):
+        rows.writerow([f"{value:.6g}" for value in (at, *np.column_stack([gain, phase]).ravel())])
     return file.getvalue()
 
 

@@ -158,7 +158,7 @@ def chirp_for(state: State) -> Chirp:
 
 
 def told(points: Sequence[Measured], response: PushResponse) -> str:
-    """How far the measured points are from what the sampled loop predicts, in words."""
+    """Sentence on how far the measured points are from what the sampled loop predicts."""
     found = np.array([point.admittance for point in points])
     predicted = response.admittance(np.array([point.frequency for point in points]))
     apart = np.abs(found - predicted).max(axis=(1, 2)) / np.maximum(np.abs(predicted).max(axis=(1, 2)), 1e-300)

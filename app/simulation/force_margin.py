@@ -16,7 +16,8 @@ from itertools import pairwise
 import numpy as np
 from scipy.optimize import root_scalar
 
-LOWEST = 0.05  # Hz
+from app.simulation.sampled_frequencies import LOWEST, SampledFrequencies
+
 MOST = 1e3  # gain, beyond which there is no limit to speak of
 GAINS, FREQUENCIES = 121, 1500  # at which a margin is looked for, before it is found exactly
 ROUNDING = 1e-7  # of the spectral radius: a coordinate that is free to move without its force has a pole at 1
@@ -38,23 +39,13 @@ class Margins:
 
 
 @dataclass(frozen=True)
-class ForceLoop:
+class ForceLoop(SampledFrequencies):
     """The force loop at rest at one posture. period: s. A (k, k), B (k, r), C (r, k): see the module; readings N, and
     N m of a flat tool."""
 
-    period: float
     A: np.ndarray
     B: np.ndarray
     C: np.ndarray
-
-    @property
-    def highest(self) -> float:
-        """Frequency, Hz, beyond which samples cannot tell."""
-        return 0.5 / self.period
-
-    def frequencies(self, count: int = 200) -> np.ndarray:
-        """Frequencies (count,) Hz from 0.05 Hz on, as far as samples can tell, evenly in the logarithm."""
-        return np.geomspace(LOWEST, 0.98 * self.highest, count)
 
     def gains(self, frequency: np.ndarray) -> np.ndarray:
         """Eigenvalues (N, p) of L at frequencies (N,) Hz, largest first, without those that are nothing at all."""
@@ -120,7 +111,7 @@ class ForceLoop:
 
 
 def told(loop: ForceLoop) -> str:
-    """What the margins are, in a sentence."""
+    """Sentence on the margins."""
     if loop.margins is None:
         return "force loop: not stable as it is, so without margins"
     return "force loop: " + ", ".join(f"{name} margin {words}" for name, words in in_words(loop.margins, loop.period))

@@ -11,13 +11,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-LOWEST = 0.05  # Hz
+from app.simulation.sampled_frequencies import SampledFrequencies
+
 NOTHING = 1e-12  # m/s per N: a tool that does not yield, but for rounding
 ROUNDING = 1e-9  # of the admittance's largest entry: more than differences of the period leave of a zero
 
 
 @dataclass(frozen=True)
-class PushResponse:
+class PushResponse(SampledFrequencies):
     """Response at rest at one posture, along p axes through the tool.
 
     axes: their names; directions: (p, 3), unit vectors in the world.
@@ -31,7 +32,6 @@ class PushResponse:
 
     axes: tuple[str, ...]
     directions: np.ndarray
-    period: float
     A: np.ndarray
     B: np.ndarray
     C: np.ndarray
@@ -40,15 +40,6 @@ class PushResponse:
     K: np.ndarray
     pushed: np.ndarray
     place: np.ndarray
-
-    @property
-    def highest(self) -> float:
-        """Frequency, Hz, beyond which samples cannot tell."""
-        return 0.5 / self.period
-
-    def frequencies(self, count: int = 200) -> np.ndarray:
-        """Frequencies (count,) Hz from 0.05 Hz on, as far as samples can tell, evenly in the logarithm."""
-        return np.geomspace(LOWEST, 0.98 * self.highest, count)
 
     def step(self, seconds: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Way of the tool along each axis, m, under a push of 1 N along it from t = 0 on: times (N,) s, that of the

@@ -13,7 +13,8 @@ from app.dashboard.theme.colors import SERIES, css
 from app.dashboard.widgets.equation import symbol
 from app.export.response_files import told
 from app.session.push_measurement import Measured
-from app.simulation.push_response import LOWEST, PushResponse, along_axes, passive
+from app.simulation.push_response import PushResponse, along_axes, passive
+from app.simulation.sampled_frequencies import LOWEST
 
 _SIZE = (336, 172)
 _LEFT, _RIGHT, _TOP, _BOTTOM = 34, 330, 18, 150  # px, of the frame

@@ -51,7 +51,10 @@ class ImpedanceView:
     def __init__(self, desk: Desk) -> None:
         self._desk, gui = desk, desk.gui
         self._html = gui.add_html("")
-        hint = "A push of 2 N that sweeps over the frequencies, along each axis, on copies of this run beside it."
+        newtons = f"{push_measurement.NEWTONS:g} N"
+        hint = (
+            f"A push of {newtons} that sweeps over the frequencies, along each axis, on copies of this run beside it."
+        )
         self._button = gui.add_button("Measure with a push", color="gray", visible=False, hint=hint)
         self._files = gui.add_button_group(
             "This response", (*FIGURES, RESPONSE, FORCE_LOOP), visible=False, hint="With measured points, if any."
