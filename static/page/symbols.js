@@ -56,6 +56,18 @@ const typeset = (root) => {
     if (parts.length) text.replaceWith(...parts, text.data.normalize("NFC").slice(from));
   }
 };
+// at once, before it is painted: what a held slider does is sent again many times a second
+new MutationObserver((changes) => {
+  const roots = new Set();
+  for (const { target, addedNodes } of changes) {
+    const within = (target instanceof Element ? target : target.parentElement)?.closest(TEXTS);
+    if (within) roots.add(within);
+    else for (const node of addedNodes) if (node instanceof Element)
+      for (const root of [node, ...node.querySelectorAll(TEXTS)]) if (root.matches(TEXTS)) roots.add(root);
+  }
+  for (const root of roots) typeset(root);
+}).observe(document.body, { childList: true, characterData: true, subtree: true });
+for (const root of document.querySelectorAll(TEXTS)) typeset(root);
 
 // viser's labels are kept by its own program: beside each stands one that is set, and the label itself is only heard
 const setLabels = () => {
@@ -184,7 +196,6 @@ document.addEventListener("scroll", () => { if (shown) hide(); }, true);
 addEventListener("blur", hide);
 // What is sent again takes its elements with it: the tip goes over to the one that stands there now.
 setInterval(() => {
-  for (const root of document.querySelectorAll(TEXTS)) typeset(root);
   setLabels();
   if (!shown) return;
   if (!shown.where.isConnected) {

@@ -19,9 +19,9 @@ from tests.support.layout import lasting
 
 ONE_FONT = """<?xml version="1.0"?><!DOCTYPE fontconfig SYSTEM "fonts.dtd">
 <fontconfig><dir>{fonts}</dir><cachedir>{cache}</cachedir></fontconfig>"""
-# where every piece of text stands; numbers that go on changing are left out, labels of the scene, which move with the
-# arm, and legends, whose symbols are set later: how high they are is seen by what stands below
-PLACES = f"""() => {TEXTS}.filter((e) => !e.closest(".vs-status, .vs-facts, .u-legend, .vs-labels")).map((e) => {{
+# where every piece of text stands; numbers that go on changing are left out, and labels of the scene, which move with
+# the arm
+PLACES = f"""() => {TEXTS}.filter((e) => !e.closest(".vs-status, .vs-facts, .vs-labels")).map((e) => {{
   const {{ x, y, width, height }} = e.getBoundingClientRect();
   return [e.textContent, ...[x, y, width, height].map(Math.round)].join(" ");
 }})"""
