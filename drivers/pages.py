@@ -21,6 +21,9 @@ UNDRAWN = """
     WebGL2RenderingContext.prototype[name] = function (...what) { if (!window.undrawn) draw.apply(this, what); };
   }
 """
+# All plots of a page, and those on its screen: the plots of a tab that has been looked at stay where they are, hidden.
+CHARTS = "Object.values(__viserTestpoints.uplots).map((p) => p.chart)"
+SHOWN = f"{CHARTS}.filter((c) => c.root.checkVisibility())"
 # What the page has sent last, and what it was told by hand: for a wait that fails.
 SENT = """
   window.vsmrcSent = [];
@@ -125,8 +128,8 @@ class Session:
         return move, self.number(label)
 
     def ahead(self) -> float:
-        """Time from now to the right end of the first plot's lines, s."""
-        return self.page.evaluate("Object.values(__viserTestpoints.uplots)[0].chart.data[0].at(-1)")
+        """Time from now to the right end of the lines of the first plot on the screen, s."""
+        return self.page.evaluate(f"{SHOWN}[0].data[0].at(-1)")
 
     def wait(self, condition: Callable[[Snapshot], bool], seconds: float = PATIENCE) -> None:
         """Wait until the loop fulfils the condition; a failure shows its state, the numbers on the page, and

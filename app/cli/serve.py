@@ -17,6 +17,7 @@ from app.cli.status import DONE
 from app.dashboard.theme.colors import Theme
 from app.gateway.server_settings import PageStyle, ServerSettings, Token
 from app.process import log, open_files
+from app.process.interruption import Interruption
 from app.process.other_users import other_people
 from app.process.terminal_text import say
 from app.scenario.data import OPENING
@@ -91,10 +92,11 @@ def serve(
         log.configure(level, log_file)
     except OSError as error:
         raise ScenarioError(f"--log-file {log_file}: cannot be written: {error.strerror}") from error
-    signal.signal(signal.SIGINT, signal.default_int_handler)  # a script that begins us with & hands it on ignored
+    interruption = Interruption()
+    signal.signal(signal.SIGINT, interruption)  # a script that begins us with & hands it on ignored
     for ending in (signal.SIGTERM, signal.SIGHUP):
         if signal.getsignal(ending) is not signal.SIG_IGN:  # nohup
-            signal.signal(ending, signal.default_int_handler)
+            signal.signal(ending, interruption)
     if not 0 <= port <= 65535:
         raise ScenarioError(f"--port {port}; allowed: 0 to 65535")
     use_own(use)
@@ -130,5 +132,5 @@ def serve(
 
     open_files.require(FILES, "for the session and its pages")
     dashboard = Dashboard(host=host, port=port, theme=chosen_theme, fps=fps, tokens=server_settings.tokens)
-    local_server.serve(chosen, dashboard, state_dir=state_dir, stateless=stateless)
+    local_server.serve(chosen, dashboard, interruption, state_dir=state_dir, stateless=stateless)
     return DONE

@@ -16,6 +16,7 @@ from app.dashboard.page import Dashboard
 from app.dashboard.widgets.last_session import left_by
 from app.process import precompile
 from app.process.deadline import end_within
+from app.process.interruption import Interruption
 from app.process.own_code import own_code
 from app.process.terminal_text import say
 from app.scenario.schema import Scenario, ScenarioError
@@ -27,9 +28,12 @@ from app.storage.session_index import StateError
 events = structlog.get_logger()
 
 
-def serve(scenario: Scenario, dashboard: Dashboard, *, state_dir: Path | None, stateless: bool) -> None:
+def serve(
+    scenario: Scenario, dashboard: Dashboard, interruption: Interruption, *, state_dir: Path | None, stateless: bool
+) -> None:
     """Run this scenario on this page, which ends with it. Raises ScenarioError for a folder that cannot be used.
 
+    interruption: handles the signals that end it.
     state_dir: folder that keeps the session, None for the usual one; stateless: keep nothing.
     """
     runner: Runner | None = None
@@ -52,7 +56,8 @@ def serve(scenario: Scenario, dashboard: Dashboard, *, state_dir: Path | None, s
                     say(last_session.problem)
                 dashboard.offer(last_session)
         warming = precompile.start()
-        dashboard.run_forever()
+        dashboard.run_forever(until=lambda: interruption.asked)
+        say("\nended")
     except KeyboardInterrupt:
         say("\nended")
     finally:

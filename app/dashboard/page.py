@@ -28,6 +28,7 @@ from app.dashboard.transport.handshake import behind_doors
 from app.dashboard.transport.message_filter import MessageFilter
 from app.dashboard.transport.repeated_inputs import RepeatedInputs
 from app.dashboard.transport.stalled_clients import StalledClients
+from app.dashboard.transport.viser_private import let_any_thread_send
 from app.dashboard.transport.visible_tabs import VisibleTabs, panel_marker_html
 from app.dashboard.transport.widget_lock import WidgetLock
 from app.dashboard.view_options import Viewing
@@ -110,6 +111,7 @@ class Dashboard:
         self._view: _View | None = None
         with behind_doors(Names(host), key, tokens, self._fault):
             self._server = viser.ViserServer(host=host, port=port, label="VSMRC Lab", verbose=False)
+        let_any_thread_send(self._server)
         MessageFilter(self._server)
         self._tokens = tokens
         self.host, self.port = host, self._server.get_port()
@@ -192,9 +194,9 @@ class Dashboard:
         if self._view is not None:
             self._view.fail(sentence)
 
-    def run_forever(self) -> None:
-        """Draw until `close`; does next to nothing while no page is open and on its screen."""
-        while not self._closed.is_set():
+    def run_forever(self, until: Callable[[], bool] = lambda: False) -> None:
+        """Draw until `close`, or until this is so; does next to nothing while no page is open and on its screen."""
+        while not self._closed.is_set() and not until():
             started = time.monotonic()
             self._awake.clear()
             with self._drawing:

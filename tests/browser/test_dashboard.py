@@ -14,7 +14,7 @@ from app.dashboard.widgets.matrix_text import read_back, written
 from app.scenario.data import shipped
 from app.session.commands import Load
 from app.session.snapshot import Snapshot
-from drivers.pages import Session
+from drivers.pages import SHOWN, Session
 
 
 @pytest.mark.usefixtures("own_page")
@@ -70,7 +70,7 @@ def test_a_held_slider_previews_and_let_go_it_applies(session: Session):
     )
     asked = float(text.input_value())
     assert 40.0 < asked < 50.0
-    forces = "Object.values(__viserTestpoints.uplots)[1].chart"
+    forces = f"{SHOWN}[1]"
     foreseen = f"Math.abs({forces}.data[2].at(-1) - {asked}) < 0.1"  # once the last position has gone and come back
     session.page.wait_for_function(f"{foreseen} && {forces}.scales.x.min === -8 && {forces}.scales.x.max === 5")
     assert session.now.scenario == before.scenario
@@ -80,7 +80,7 @@ def test_a_held_slider_previews_and_let_go_it_applies(session: Session):
     assert session.now.revision == before.revision + 1
     session.page.get_by_role("button", name="Revert").click()
     session.wait(lambda now: now.scenario == before.scenario)
-    session.wait(lambda _: session.ahead() <= 0.0)
+    session.wait(lambda _: session.ahead() <= 1e-9)
     session.page.get_by_text("let go: apply").wait_for(state="hidden")
 
 
@@ -90,7 +90,7 @@ def test_escape_takes_a_held_slider_back(session: Session):
     move(0.9)
     session.wait(lambda _: session.ahead() > 0.0)
     session.page.keyboard.press("Escape")
-    session.wait(lambda _: session.ahead() <= 0.0)
+    session.wait(lambda _: session.ahead() <= 1e-9)
     move(0.6)
     session.page.mouse.up()
     session.page.wait_for_timeout(500)
@@ -124,10 +124,10 @@ def test_the_window_of_a_preview_can_be_moved_away_and_takes_the_value_back(sess
 
 
 # how far apart the least and the largest of the last line's band are at the right end of the first plot of a force
-_SPREAD = """() => {
-  const { chart } = Object.values(__viserTestpoints.uplots)[1], [upper, lower] = chart.bands[0].series;
+_SPREAD = f"""() => {{
+  const chart = {SHOWN}[1], [upper, lower] = chart.bands[0].series;
   return chart.data[upper].at(-1) - chart.data[lower].at(-1);
-}"""
+}}"""
 
 
 def test_true_arms_of_the_declared_set_stand_behind_a_preview(session: Session):
@@ -159,7 +159,7 @@ def test_a_preview_that_cannot_be_says_why_and_the_run_goes_on(session: Session)
     move, _ = session.grip("K_m ψ₁", at=0.7)
     move(-0.1)
     session.page.locator(".vs-held .vs-message", has_text="K_m2").wait_for()
-    session.wait(lambda _: session.ahead() <= 0.0)  # plots follow the message when their turn comes
+    session.wait(lambda _: session.ahead() <= 1e-9)  # plots follow the message when their turn comes
     session.page.keyboard.press("Escape")
     session.page.mouse.up()
     session.wait(lambda now: now.t > before.t + 0.5)
@@ -179,7 +179,7 @@ def test_without_previews_a_slider_acts_at_once(session: Session):
         move, text = session.grip("F_d [N]")
         move(0.75)
         session.wait(lambda now: 40.0 < now.scenario.force.value < 50.0)
-        assert session.ahead() <= 0.0
+        assert session.ahead() <= 1e-9
         session.page.mouse.up()
 
         def reached(now: Snapshot) -> bool:

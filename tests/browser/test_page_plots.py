@@ -7,10 +7,8 @@ import pytest
 from app.dashboard.plots.charts import Setup
 from app.dashboard.plots.plot_table import TABS
 from app.session.commands import Edit, Pause, Reset
-from drivers.pages import Session
+from drivers.pages import CHARTS, SHOWN, Session
 
-CHARTS = "Object.values(__viserTestpoints.uplots).map((p) => p.chart)"
-SHOWN = f"{CHARTS}.filter((c) => c.root.checkVisibility())"
 FULL = f"{SHOWN}.length && {SHOWN}.every((c) => c.data[0].length > 20 && c.data.length > 1)"
 # how many charts on the screen, and how many of the others, get data within a while
 DRAWN = f"""async (wait) => {{

@@ -9,7 +9,7 @@ from app.dashboard.widgets.chosen_sliders import MOST
 from app.dashboard.widgets.guided_minute import steps
 from app.session.commands import Edit, PushNow
 from controllers.modes import MODES
-from drivers.pages import Session
+from drivers.pages import SHOWN, Session
 
 OVER = """(parts) => {
   const boxes = parts.map((part) => [...document.querySelectorAll(part)].filter((e) => e.checkVisibility()));
@@ -80,7 +80,7 @@ def test_a_presentation_has_one_plot_the_chosen_sliders_and_large_type(session: 
     rows = page.locator("form:has(.mantine-Slider-root):visible")
     plots = page.locator(".uplot-container:visible")
     many, before = rows.count(), plots.count()
-    heights = "Object.values(__viserTestpoints.uplots).map((p) => p.chart.height)"
+    heights = f"{SHOWN}.map((c) => c.height)"
     own = page.evaluate(heights)
     session.row("F_d [N]").locator(".mantine-Slider-root").click(position={"x": 40, "y": 5})
     plots.nth(1).click(position={"x": 5, "y": 5})

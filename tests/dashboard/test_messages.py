@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import math
+import sys
 from collections.abc import Iterator
 from dataclasses import replace
 
@@ -120,3 +121,32 @@ def test_the_plots_have_a_window_of_their_own_until_the_reaching_phase_has_been_
     runner._obey([*runner._queued(), Reset()])
     runner._newest = runner._publish()
     assert shown() == usual
+
+
+def test_any_thread_may_send_while_others_wait_for_messages(dashboard: Dashboard) -> None:
+    """Without the mending of viser's events the sender fails with "deque mutated during iteration"."""
+    server = dashboard._server
+    buffer = server._websock_server.get_message_buffer()
+    woken = 0
+
+    async def wait() -> None:
+        nonlocal woken
+        while True:
+            await buffer.message_event.wait()
+            buffer.message_event.clear()
+            woken += 1
+
+    async def wait_together() -> None:
+        await asyncio.gather(*(wait() for _ in range(50)))
+
+    waiting = asyncio.run_coroutine_threadsafe(wait_together(), server.get_event_loop())
+    often = sys.getswitchinterval()
+    sys.setswitchinterval(1e-6)
+    try:
+        number = server.gui.add_number("sent", 0)
+        for value in range(1, 20_001):
+            number.value = value
+    finally:
+        sys.setswitchinterval(often)
+        waiting.cancel()
+    assert woken > 50

@@ -330,6 +330,31 @@ main()
         server.wait()
 
 
+def test_ctrl_c_is_not_lost_where_python_swallows_what_it_raises() -> None:
+    program = """
+import signal
+import app.process.precompile
+from app.__main__ import main
+
+class Finalized:
+    def __del__(self):
+        signal.raise_signal(signal.SIGINT)
+
+def start():
+    Finalized()
+
+app.process.precompile.start = start
+main()
+"""
+    arguments = ["serve", "planar2r-semicircle", "--port", "0", "--stateless", "--token", "never"]
+    ended = subprocess.run(
+        [sys.executable, "-c", program, *arguments], capture_output=True, text=True, check=False, timeout=120
+    )
+    assert "Exception ignored in" in ended.stderr
+    assert ended.returncode == 0
+    assert "ended" in ended.stdout.splitlines()
+
+
 def test_what_cannot_be_printed_is_no_success() -> None:
     with open("/dev/full", "w") as full:
         listed = [sys.executable, "-m", "app", "list"]

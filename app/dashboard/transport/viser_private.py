@@ -5,6 +5,7 @@ Each function says which public way is missing.
 
 from __future__ import annotations
 
+import asyncio
 from collections.abc import Callable
 from typing import Any, cast
 
@@ -12,7 +13,7 @@ import numpy as np
 import viser
 from viser._gui_handles import GuiFormHandle
 from viser._messages import GuiUpdateMessage, SetOrientationMessage, SetPositionMessage
-from viser.infra import WebsockClientConnection
+from viser.infra import WebsockClientConnection, WebsockMessageHandler
 from websockets.asyncio.server import ServerConnection
 
 Handler = Callable[..., Any]
@@ -39,6 +40,39 @@ def on_connection(server: viser.ViserServer, heed: Callable[[ServerConnection, i
     websock.on_client_connect(on_connect)
     for number, connection in list(websock._live_connections.items()):
         heed(connection, number)
+
+
+class _SetInLoop(asyncio.Event):
+    """Event that is set in its loop's thread only; `set` in another thread does nothing."""
+
+    def __init__(self, loop: asyncio.AbstractEventLoop) -> None:
+        super().__init__()
+        self._loop_of_waiters = loop
+
+    def set(self) -> None:
+        try:
+            here = asyncio.get_running_loop()
+        except RuntimeError:  # none in this thread
+            return
+        if here is self._loop_of_waiters:
+            super().set()
+
+
+def let_any_thread_send(server: viser.ViserServer) -> None:
+    """Let the events by which viser hears of new messages be set in viser's own thread only, where viser sets them too.
+
+    Missing: viser also sets them in the thread that sends a message, while its own may change who waits for them: then
+    the sender fails with "deque mutated during iteration".
+    """
+
+    def mend(messages: WebsockMessageHandler) -> None:
+        buffer = messages.get_message_buffer()
+        present = buffer.message_event
+        buffer.message_event = _SetInLoop(buffer.event_loop)
+        buffer.event_loop.call_soon_threadsafe(present.set)  # for those who wait already
+
+    mend(server._websock_server)
+    server._websock_server.on_client_connect(mend)
 
 
 def wrap_updates(server: viser.ViserServer, wrap: Callable[[Handler], Handler]) -> None:

@@ -1,0 +1,23 @@
+"""Ctrl-C that is not lost."""
+
+from __future__ import annotations
+
+from types import FrameType
+
+
+class Interruption:
+    """Handler of a signal that asks a program to end: raises KeyboardInterrupt, and remembers it.
+
+    Python swallows what is raised in a finalizer or in a callback of an import ("Exception ignored in"), where a signal
+    may find the program; a loop that runs until the end therefore looks at `asked`, too.
+
+    asked: whether a signal has come. A plain value: whoever waits for an event holds its lock, which a handler in the
+    same thread would wait for.
+    """
+
+    def __init__(self) -> None:
+        self.asked = False
+
+    def __call__(self, number: int, frame: FrameType | None) -> None:
+        self.asked = True
+        raise KeyboardInterrupt
