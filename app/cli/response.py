@@ -66,7 +66,7 @@ def response(
     for line in told(seen.response):
         print(line)
     if points:
-        print(push_measurement.told(points, seen.response))
+        print(push_measurement.told(points, seen.response, push_measurement.not_linear(loop.state)))
     for pole in oscillations(seen):
         print(
             f"poles of the target model at {pole.omega:.4g} 1/s, damping {pole.zeta:.3g}: in the sampled loop "

@@ -29,6 +29,7 @@ LEAD, CYCLES = 1.5, 5  # s under a sine before it counts, and whole cycles that 
 RESTS = 2.0  # s after a chirp, in which the tool comes to rest
 SHORTEST, LONGEST = 4, 60.0  # periods of control in a cycle, and s of a cycle
 NEWTONS = 2.0
+FAR = 0.05  # of the predicted admittance: farther away, a point needs an explanation
 
 
 class Measured(NamedTuple):
@@ -157,13 +158,30 @@ def chirp_for(state: State) -> Chirp:
     return Chirp(high=min(Chirp().high, 0.2 / state.scenario.controller.period))
 
 
-def told(points: Sequence[Measured], response: PushResponse) -> str:
-    """Sentence on how far the measured points are from what the sampled loop predicts."""
+def not_linear(state: State) -> tuple[str, ...]:
+    """What a run from this state has that a linear prediction has not, in words; empty where nothing is known."""
+    scenario = state.scenario
+    rough = any(each.contact.kind != "free" and each.contact.friction_coulomb > 0.0 for each in scenario.surfaces)
+    known = {
+        "the tool does not touch every surface that it should press": state.t > 0.0 and not state.evaluation.views.touching,
+        "dry friction on a surface": rough,
+        "dry friction in the joints": scenario.truth.coulomb > 0.0,
+        "a limit of the torques": scenario.truth.torque_limit > 0.0,
+    }
+    return tuple(what for what, so in known.items() if so)
+
+
+def told(points: Sequence[Measured], response: PushResponse, beside: Sequence[str]) -> str:
+    """Sentence on how far the measured points are from what the sampled loop predicts, and where that is far, on what
+    the prediction leaves out. beside: of `not_linear`."""
     found = np.array([point.admittance for point in points])
     predicted = response.admittance(np.array([point.frequency for point in points]))
     apart = np.abs(found - predicted).max(axis=(1, 2)) / np.maximum(np.abs(predicted).max(axis=(1, 2)), 1e-300)
     worst = int(apart.argmax())
+    far = apart[worst] > FAR
+    frequencies = "1 frequency" if len(points) == 1 else f"{len(points)} frequencies"
     return (
-        f"measured: within {100 * apart[worst]:.2g} % of the sampled loop's largest entry at {len(points)} "
-        f"frequencies, farthest at {points[worst].frequency:.3g} Hz"
+        f"measured: within {100 * apart[worst]:.2g} % of the sampled loop's largest entry at {frequencies}, "
+        f"farthest at {points[worst].frequency:.3g} Hz"
+        + (f"; the lines are those of a linear loop, which leaves out: {', '.join(beside) or 'more'}" if far else "")
     )

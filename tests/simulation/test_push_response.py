@@ -7,7 +7,7 @@ import pytest
 
 from app.scenario.data import edited, from_plain, load, to_plain
 from app.scenario.schema import Scenario
-from app.session.push_measurement import Chirp, PushExperiment
+from app.session.push_measurement import Chirp, PushExperiment, not_linear, told
 from app.simulation.closed_loop import ClosedLoop
 from app.simulation.force_margin import ForceLoop
 from app.simulation.push_response import PushResponse, along_axes, largest_and_smallest, passive
@@ -97,6 +97,17 @@ def test_a_chirp_measures_mass_damper_and_spring_in_the_midst_of_a_motion() -> N
     predicted = sampled.admittance(frequency)
     scale = np.abs(predicted).max(axis=(1, 2))[:, None, None]
     np.testing.assert_allclose(admittance / scale, predicted / scale, atol=0.001)
+    assert "leaves out" not in told(points, sampled, not_linear(loop.state))
+
+
+def test_a_measurement_far_from_its_prediction_says_what_that_leaves_out() -> None:
+    data = to_plain(known_arm())
+    data["truth"] |= {"coulomb": 5.0}
+    loop = ClosedLoop(from_plain(data))
+    found = sampled_loop(loop.system, loop.state.arm.views.q.copy(), loop.t).response
+    assert found is not None
+    sentence = told([PushExperiment(loop.state, found.directions).sine(2.0)], found, not_linear(loop.state))
+    assert sentence.endswith("leaves out: dry friction in the joints")
 
 
 def test_a_chirp_goes_evenly_in_the_logarithm_from_one_frequency_to_the_other() -> None:

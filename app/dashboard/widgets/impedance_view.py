@@ -19,7 +19,7 @@ from app.scenario.caption import title_of
 from app.scenario.data import shipped
 from app.scenario.schema import Scenario
 from app.session import push_measurement
-from app.session.push_measurement import Measured, chirp_for, decoded, encoded
+from app.session.push_measurement import Measured, chirp_for, decoded, encoded, not_linear
 from app.session.snapshot import Snapshot
 from app.simulation.push_response import PushResponse
 from app.simulation.sampled_stability import SampledLoop
@@ -32,16 +32,18 @@ RESPONSE, FORCE_LOOP = "CSV", "force loop"
 @dataclass(frozen=True)
 class _Measurement:
     """What a push has measured: the scenario and the instant (s) at which it began, and the loop and response that were
-    predicted there."""
+    predicted there.
+    beside: what the run has that they leave out."""
 
     scenario: Scenario
     t: float
     loop: SampledLoop
     points: Sequence[Measured]
+    beside: tuple[str, ...]
 
     def told(self, response: PushResponse) -> str:
         """Words below the picture."""
-        told = push_measurement.told(self.points, response)
+        told = push_measurement.told(self.points, response, self.beside)
         return f"dots: a chirp of {push_measurement.NEWTONS:g} N from t = {self.t:.2f} s on; {told}"
 
 
@@ -74,7 +76,7 @@ class ImpedanceView:
         try:
             job = MadeJob(encoded, (state, loop.response.directions, chirp_for(state)))
             points = decoded(self._desk.export_jobs.made(job, lambda _: None))
-            self._measurement = _Measurement(snapshot.scenario, state.t, loop, points)
+            self._measurement = _Measurement(snapshot.scenario, state.t, loop, points, not_linear(state))
         except (ExportError, OSError) as error:
             self._desk.complain(f"the impedance could not be measured: {error}")
         finally:
