@@ -161,9 +161,10 @@ def chirp_for(state: State) -> Chirp:
 def not_linear(state: State) -> tuple[str, ...]:
     """What a run from this state has that a linear prediction has not, in words; empty where nothing is known."""
     scenario = state.scenario
+    away = state.t > 0.0 and not state.evaluation.views.touching
     rough = any(each.contact.kind != "free" and each.contact.friction_coulomb > 0.0 for each in scenario.surfaces)
     known = {
-        "the tool does not touch every surface that it should press": state.t > 0.0 and not state.evaluation.views.touching,
+        "the tool does not touch every surface that it should press": away,
         "dry friction on a surface": rough,
         "dry friction in the joints": scenario.truth.coulomb > 0.0,
         "a limit of the torques": scenario.truth.torque_limit > 0.0,

@@ -110,7 +110,7 @@ def test_the_window_of_a_preview_can_be_moved_away_and_takes_the_value_back(sess
     handle = window.locator("[data-dock-griphandle]")
 
     def dragged(_: Snapshot) -> bool:
-        """Whether a drag has moved it: a notice on a slow loop, which comes by itself, may push it away from the mouse."""
+        """Whether a drag has moved it: a notice on a slow loop, which comes by itself, may push it from the mouse."""
         handle.hover()
         grip = handle.bounding_box()
         assert grip is not None
