@@ -167,7 +167,7 @@ def not_linear(state: State) -> tuple[str, ...]:
         "the tool does not touch every surface that it should press": away,
         "dry friction on a surface": rough,
         "dry friction in the joints": scenario.truth.coulomb > 0.0,
-        "a limit of the torques": scenario.truth.torque_limit > 0.0,
+        "a limit of the torques": bool(np.any(np.asarray(scenario.truth.torque_limit))),
     }
     return tuple(what for what, so in known.items() if so)
 

@@ -1,5 +1,5 @@
-// Names and roles for whoever hears the page or goes through it by keyboard: viser's fields and sliders have labels that
-// are tied to nothing, its icons have no words, a slider's value is a share of its track, and what folds or hides a line
+// Names and roles for whoever hears the page or goes through it by keyboard: many of viser's labels are tied
+// to nothing, its icons have no words, a slider's value is a share of its track, and what folds or hides a line
 // answers to a mouse only.
 const ICONS = { "tabler-icon-list-search": "search all commands", "tabler-icon-adjustments": "settings of viser" };
 const PLACES = {
@@ -25,10 +25,11 @@ const call = () => {
       for (const [name, value] of Object.entries(attributes)) set(place, name, value);
   for (const control of document.querySelectorAll("input:not([type=checkbox], [type=hidden]), [role=slider]")) {
     const row = control.closest("form") ?? control.closest(".mantine-Flex-root:has(label)");
-    const label = [...(row?.querySelectorAll("label") ?? [])].map((each) => each.textContent.trim()).find(Boolean);
-    if (!label || [...(control.labels ?? [])].some((each) => each.checkVisibility())) continue;
+    const tied = control.labels?.length ? control.labels : (row?.querySelectorAll("label") ?? []); // a form may have several
+    const label = [...tied].map((each) => each.textContent.trim()).find(Boolean);
+    if (!label) continue;
     set(control, "aria-label", label);
-    const shown = row.querySelector("input:not([type=hidden])")?.value, unit = /\[(.*)\]/.exec(label)?.[1] ?? "";
+    const shown = row?.querySelector("input:not([type=hidden])")?.value, unit = /\[(.*)\]/.exec(label)?.[1] ?? "";
     // the time has no number while the run goes on
     if (control.role === "slider") set(control, "aria-valuetext", shown ? `${shown} ${unit}`.trim() : "now");
   }

@@ -67,6 +67,11 @@ def test_a_line_that_begins_with_what_does_not_exist_has_an_axis(session: Sessio
 def test_the_chosen_joint_is_drawn_and_a_paused_run_is_not_drawn_again(session: Session):
     page = session.page
     session.tab("Torque")
+    page.get_by_label("joint", exact=True).wait_for()
+    session.tab("Overview")
+    # also while it is hidden, each of the two choices of a row has a name of its own
+    page.wait_for_function("document.querySelectorAll('input[aria-label=joint]').length > 0")
+    session.tab("Torque")
     page.get_by_label("joint", exact=True).click()
     page.get_by_role("option", name="2", exact=False).first.click()
     page.locator(".u-title", has_text="terms of τ₂ (25)").wait_for()
