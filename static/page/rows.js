@@ -12,7 +12,9 @@ const write = (input, text) => {
 };
 // viser sends no more than a message in 50 ms and drops those in between, so a mark may get lost. The server takes it off.
 // An odd number of marks and an even one in turn: by that the server knows what it has been told twice.
+const MARKS = /[\u200b-\u200d\u2060\u2061]/g;
 const tell = (input, text, mark) => {
+  const plain = text.replace(MARKS, ""); // a slow server has not taken off those of the turn before
   const turn = (input.vsmrcTold = { even: !input.vsmrcTold?.even });
   const say = (marked, again) => {
     write(input, marked);
@@ -20,7 +22,7 @@ const tell = (input, text, mark) => {
       if (again && input.vsmrcTold === turn && input.value === marked) say(marked + mark + mark, again - 1);
     }, 700);
   };
-  say(text + (turn.even ? mark + mark : mark), 3);
+  say(plain + (turn.even ? mark + mark : mark), 3);
 };
 const commit = (input, text) => {
   if (input.dataset.pending === undefined) return;

@@ -8,6 +8,7 @@ from playwright.sync_api import expect
 
 from app.access.admission import PortTaken
 from app.dashboard.page import Dashboard
+from app.dashboard.theme.style import RELEASED
 from app.dashboard.widgets.controls import Scale, decades
 from app.dashboard.widgets.equation import lines
 from app.dashboard.widgets.matrix_text import read_back, written
@@ -154,6 +155,18 @@ def test_arrow_keys_move_a_slider_and_not_the_run(session: Session):
     thumb.press("End")
     session.wait(lambda now: now.scenario.force.value == 60.0)
     assert session.now.phase == "running"
+
+
+def test_marks_that_a_slow_server_has_not_taken_off_do_not_count_for_the_next_turn(session: Session):
+    """The server tells one turn from the next by whether the number of marks is even or odd."""
+    turn = """(input, mark) => {
+      input.dispatchEvent(new CustomEvent("vsmrc-tell", { bubbles: true, detail: mark }));
+      return input.value.split(mark).length - 1;
+    }"""
+    three = f"(input, mark) => [0, 1, 2].map(() => ({turn})(input, mark))"
+    marks = session.number("F_d [N]").evaluate(three, RELEASED)
+    assert sorted(marks) in ([1, 1, 2], [1, 2, 2])
+    assert marks[0] != marks[1] != marks[2]
 
 
 def test_a_preview_that_cannot_be_says_why_and_the_run_goes_on(session: Session):
