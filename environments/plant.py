@@ -469,22 +469,15 @@ def semi_implicit_euler(arm, h):
         arm.q[i] += h * arm.q_dot[i]
 
 
-@inline
-def copy_holding(arm, twin):
-    """Copy to a twin what an acceleration may change in `Holding`."""
-    copy(arm.holding.held, twin.holding.held)
-    copy(arm.holding.lost, twin.holding.lost)
-    copy(arm.holding.pull, twin.holding.pull)
-
-
 @kernel
 def begin_stages(around, arm, stage):
-    """Begin the method of Runge and Kutta: the first stage has the state of the arm, and its acceleration."""
+    """Begin the method of Runge and Kutta: the first stage has the state of the arm, and its acceleration. A contact
+    that a later stage lets go is lost with the first one of the next step."""
     around, arm, stage = around[0], arm[0], stage[0]
     copy(arm.q, stage.q)
     copy(arm.q_dot, stage.q_dot)
     copy(arm.q_ddot, stage.q_ddot)
-    copy_holding(arm, stage)
+    copy(arm.holding.held, stage.holding.held)
     for i in range(arm.q.shape[0]):
         around.speeds[i] = around.accelerations[i] = 0.0
 
@@ -509,7 +502,6 @@ def end_stages(around, arm, stage, h):
     for i in range(arm.q.shape[0]):
         arm.q[i] += h / 6.0 * (around.speeds[i] + stage.q_dot[i])
         arm.q_dot[i] += h / 6.0 * (around.accelerations[i] + stage.q_ddot[i])
-    copy_holding(stage, arm)
 
 
 def out_of_reach(phi: float) -> ValueError:

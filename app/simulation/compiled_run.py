@@ -26,7 +26,6 @@ from environments.plant import (
     Integrator,
     PlantAddresses,
     begin_stages,
-    copy_holding,
     drift,
     end_stages,
     kick_and_drift,
@@ -204,7 +203,7 @@ def _evaluated_at(engine, arm, twin, t):
     """Copy the arm to the state at which a period from t (s) on evaluates the acceleration first; returns the time."""
     copy(arm[0].q, twin[0].q)
     copy(arm[0].q_dot, twin[0].q_dot)
-    copy_holding(arm[0], twin[0])
+    copy(arm[0].holding.held, twin[0].holding.held)
     if engine.integrator != LEAPFROG:
         return t
     half = 0.5 * engine.period / engine.substeps

@@ -24,7 +24,7 @@ PUSH = {"truth.push": [0.0, 30.0, 5.0], "truth.push_start": 0.03, "truth.push_du
 SENSOR = {"sensor.noise": 0.5, "sensor.bias": [1.0, 2.0, 3.0], "sensor.delay": 0.003, "sensor.cutoff": 100.0}
 MOMENTS = {"sensor.moment_noise": 0.02, "sensor.moment_bias": [0.1, 0.0, -0.2]}
 SHAKEN = {"truth.disturbance": 5.0, "truth.disturbance_frequency": 20.0, "truth.coulomb": 1.0, "truth.viscous": 0.5}
-OFF = PUSH | {"truth.push": [0.0, -60.0, 60.0], "simulation.leaving_domain": "flag"}
+OFF = PUSH | {"truth.push": [0.0, -40.0, 40.0], "truth.push_duration": 0.004, "simulation.leaving_domain": "flag"}
 HEAVY = {"contact.kind": "mass-damper-spring", "contact.M_e": 1.0}
 ROUGH = {"contact.unilateral": False, "contact.friction_coulomb": 0.2, "contact.friction_viscous": 5.0}
 # what a scenario gets beside its own fields, of `ur5-hybrid` or of the scenario before the colon
