@@ -60,10 +60,11 @@ class Premise(IntEnum):
     GAIN_BY_FORCE = 9
     FORCE_LOOP = 10
     SAMPLED_LOOP = 11
+    CONTACT = 12
 
 
 DECLARED, DOMAIN, REGULAR, DRIVES, GAIN, HELD = (int(p) for p in Premise if Premise.DECLARED <= p <= Premise.HELD)
-LAYER, GAIN_BY_CHATTER = int(Premise.LAYER), int(Premise.GAIN_BY_CHATTER)
+LAYER, GAIN_BY_CHATTER, CONTACT = int(Premise.LAYER), int(Premise.GAIN_BY_CHATTER), int(Premise.CONTACT)
 
 
 @dataclass(frozen=True)
@@ -158,6 +159,14 @@ STATEMENTS: dict[Premise, Statement] = {
         "the sampled loop swings up: a deviation grows {value} times each control period, allowed below 1",
         "largest growth of a small deviation over one control period with the torque held, for the model in force and "
         "the posture of now",
+    ),
+    Premise.CONTACT: Statement(
+        "held on the rigid surfaces",
+        "≤",
+        "",
+        "contact with a rigid surface is missing, on {value} of them",
+        "number of rigid surfaces that the tool was off in the period before; (39) takes contact with all of them for "
+        "granted, and an impact is a force without a bound",
     ),
 }
 

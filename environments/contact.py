@@ -24,6 +24,8 @@ from kernels import inline
 from kernels.algebra import cross, dot, solve_leading, torque_of_wrench, transposed_times
 
 FEET = 8  # points of a flat face: three would do for (32), more of them lift one after the other
+SETS = 8  # of up to three surfaces that may be let go
+LEAVES = 1e-9  # share of its terms by which an acceleration or speed away from a surface may miss zero, for rounding
 SLIP_SPEED = 1e-3  # m/s, where Coulomb friction has reached 0.7 of its value: the smooth transition through rest
 
 
@@ -152,6 +154,30 @@ class ContactForce(NamedTuple):
         return cls(np.zeros(6), np.zeros(n), np.zeros(3), np.zeros(3))
 
 
+class Holding(NamedTuple):
+    """Rigid surfaces that the tool is held on, and how it came off them; each field (3,).
+    held: 1 while the tool is held on the surface, 0 while it has left it, `MET` where it has just reached it.
+    absent: 1 where contact was missing at some instant since this was last set to 0.
+    lost, made: instants of the last loss and of the last impact, s, nan for none.
+    pull: N, the negative multiplier that the surface would have needed when it was lost, -inf at an impact on another
+    one."""
+
+    held: np.ndarray
+    absent: np.ndarray
+    lost: np.ndarray
+    made: np.ndarray
+    pull: np.ndarray
+
+    @classmethod
+    def none(cls) -> Holding:
+        """No surface is held, none was lost."""
+        never, no = np.full(3, np.nan), np.zeros(3, dtype=np.int64)
+        return cls(no, no, never, never, np.zeros(3))
+
+
+MET = 2  # in `Holding.held`
+
+
 class World(NamedTuple):
     """Environment of the tool: the lever (3,) m of the tool in the joint that carries it, its face, the shapes of the
     surfaces and the contacts with them, all of them rigid or none."""
@@ -255,9 +281,11 @@ def spring(contact, phi, phi_dot):
 
 
 @inline
-def touching(world, contact, met):
-    """Whether the tool touches this surface."""
-    return world.rigid or met.phi > 0.0 or not contact.unilateral
+def touching(world, contact, met, held):
+    """Whether the tool touches this surface; held: of a rigid one, see `Holding`."""
+    if world.rigid:
+        return held > 0
+    return met.phi > 0.0 or not contact.unilateral
 
 
 @inline
@@ -311,7 +339,8 @@ def _press_face(contact, touch, load):
 class MultiplierWork(NamedTuple):
     """Memory of `heavy_multipliers`: directions (3, n), M^-1 J_v^T of each unit multiplier's force, mobility (3, 3) of
     phi_ddot by the multipliers, free (3,) m/s^2, phi_ddot without them, S (3, 3) and b (3,) of the equations, side
-    (3,), the sign of each multiplier that its friction was computed for, whether it acts (1), and its value, N."""
+    (3,), the sign of each multiplier that its friction was computed for, whether the tool touches its surface (1),
+    whether it acts (1), its value, N, and that with every surface held."""
 
     directions: np.ndarray
     mobility: np.ndarray
@@ -319,27 +348,29 @@ class MultiplierWork(NamedTuple):
     S: np.ndarray
     b: np.ndarray
     side: np.ndarray
+    touches: np.ndarray
     acts: np.ndarray
     found: np.ndarray
+    whole: np.ndarray
 
     @classmethod
     def zeros(cls, n: int) -> MultiplierWork:
         """Memory for an arm with n joints."""
-        v, square = np.zeros(3), np.zeros((3, 3))
-        return cls(np.zeros((3, n)), square, v, square, v, v, np.zeros(3, dtype=np.int64), v)
+        v, square, no = np.zeros(3), np.zeros((3, 3)), np.zeros(3, dtype=np.int64)
+        return cls(np.zeros((3, n)), square, v, square, v, v, no, no, v, v)
 
 
 @inline
 def heavy_multipliers(world, touch, work, multiplier):
-    """Multipliers lambda (3,) N where they depend on the acceleration phi_ddot = free - mobility lambda: (28), (39).
+    """Multipliers lambda (3,) N where they depend on the acceleration phi_ddot = free - mobility lambda: (28), (39), of
+    the surfaces that the tool touches, `work.touches`.
 
     Of a unilateral surface that would have to pull only a rigid one keeps its negative multiplier: the caller decides
-    whether contact is lost.
+    which contacts are lost.
     """
     k = world.shapes.number
     for i in range(k):
-        contact, met = one_of(world.contacts, i), one_of(touch, i)
-        work.acts[i] = 1 if touching(world, contact, met) else 0
+        work.acts[i] = work.touches[i]
     while True:
         for i in range(k):
             contact, met = one_of(world.contacts, i), one_of(touch, i)
@@ -362,3 +393,39 @@ def heavy_multipliers(world, touch, work, multiplier):
         if pulls < 0:
             return
         work.acts[pulls] = 0
+
+
+@inline
+def let_go(world, held, trial, touches):
+    """Choose the surfaces to stay on (3,), all that are held but for those of a set: the trial's bits, or all that only
+    push for the last trial, `SETS`. False where the set has others than such surfaces."""
+    for i in range(3):
+        touches[i] = 1 if held[i] > 0 else 0
+    for i in range(world.shapes.number):
+        free = held[i] > 0 and one_of(world.contacts, i).unilateral
+        if trial == SETS:
+            touches[i] = 0 if free else touches[i]
+        elif trial >> i & 1:
+            if not free:
+                return False
+            touches[i] = 0
+    return trial == SETS or trial >> world.shapes.number == 0
+
+
+@inline
+def one_sided(world, held, work, before, push):
+    """Whether no surface of `work.touches` pulls, and none that is let go is entered: with pushes (3,), forces or
+    impulses, the motions along phi become before (3,) - mobility push."""
+    k = world.shapes.number
+    for i in range(k):
+        if work.touches[i]:
+            if push[i] < 0.0 and one_of(world.contacts, i).unilateral:
+                return False
+        elif held[i] > 0:
+            motion, size = before[i], abs(before[i])
+            for j in range(k):
+                part = work.mobility[i, j] * push[j]
+                motion, size = motion - part, size + abs(part)
+            if motion > LEAVES * size:
+                return False
+    return True

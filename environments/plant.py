@@ -10,10 +10,13 @@ import numpy as np
 import pinocchio as pin
 
 from environments.contact import (
+    MET,
+    SETS,
     Contact,
     ContactForce,
     Contacts,
     Face,
+    Holding,
     MultiplierWork,
     ToolContacts,
     World,
@@ -21,6 +24,8 @@ from environments.contact import (
     add_drift,
     elastic_load,
     heavy_multipliers,
+    let_go,
+    one_sided,
     place_tool,
     touch_at,
     touching,
@@ -113,17 +118,19 @@ class Arm(NamedTuple):
     q, q_dot: (n,).
     load: the contact's `ContactForce` in this state; with a rigid or heavy environment that of the last step, since it
     depends on the torque.
-    q_ddot: (n,), of the period before: that of its first integration step."""
+    q_ddot: (n,), of the period before: that of its first integration step.
+    holding: rigid surfaces that the tool is held on."""
 
     q: np.ndarray
     q_dot: np.ndarray
     load: ContactForce
     q_ddot: np.ndarray
+    holding: Holding
 
     @classmethod
     def zeros(cls, n: int) -> Arm:
         """State at rest, all joints at zero."""
-        return cls(np.zeros(n), np.zeros(n), ContactForce.zeros(n), np.zeros(n))
+        return cls(np.zeros(n), np.zeros(n), ContactForce.zeros(n), np.zeros(n), Holding.none())
 
 
 PlantState = Record[Arm]
@@ -235,19 +242,16 @@ def _find_multipliers(around, M):
     heavy_multipliers(world, touch, work, work.found)
 
 
-@kernel
-def accelerate_heavy(around, M, bias, J, J_dot, rotation, translation, arm, tau, t):
-    """Compute q_ddot under the torque tau, and the load, which depends on it."""
-    around, arm = around[0], arm[0]
+@inline
+def _accelerate_against(around, M, bias, arm, tau, t):
+    """Compute the multipliers of the surfaces that the tool touches, `work.touches`, under the torque tau, and q_ddot
+    without them."""
     world, touch, torque, n = around.world, around.touch, around.torque, arm.q.shape[0]
-    work, load = around.multipliers, arm.load
-    touch_at(world, J, rotation, translation, arm.q_dot, t, touch)
-    add_drift(world, J, J_dot, arm.q_dot, touch)
+    work = around.multipliers
     for a in range(3):
         around.push[a] = 0.0
     for i in range(world.shapes.number):
-        contact, met = one_of(world.contacts, i), one_of(touch, i)
-        add_contact_force(contact, 0.0, touching(world, contact, met), met, around.push)
+        add_contact_force(one_of(world.contacts, i), 0.0, work.touches[i] > 0, one_of(touch, i), around.push)
     transposed_times(touch.tool.J_v, around.push, around.pushed)
     resistance_torque(around.resistance, arm.q_dot, t, torque)
     for i in range(n):
@@ -264,6 +268,37 @@ def accelerate_heavy(around, M, bias, J, J_dot, rotation, translation, arm, tau,
             work.side[i], turned = -1.0, True
     if turned:
         _find_multipliers(around, M)
+
+
+@kernel
+def accelerate_heavy(around, M, bias, J, J_dot, rotation, translation, arm, tau, t):
+    """Compute q_ddot under the torque tau, and the load, which depends on it.
+
+    A rigid surface that only pushes, but would have to pull, is let go, each by itself: of the sets of surfaces to let
+    go, the first one is taken with which none that is held pulls, and none that is let go is entered. Without friction
+    there is just one. With much Coulomb friction there may be none; then all are let go.
+    """
+    around, arm = around[0], arm[0]
+    world, touch, n = around.world, around.touch, arm.q.shape[0]
+    work, load, holding = around.multipliers, arm.load, arm.holding
+    touch_at(world, J, rotation, translation, arm.q_dot, t, touch)
+    add_drift(world, J, J_dot, arm.q_dot, touch)
+    for trial in range(SETS + 1):
+        if not world.rigid:
+            for i in range(world.shapes.number):
+                touches = touching(world, one_of(world.contacts, i), one_of(touch, i), 0)
+                work.touches[i] = 1 if touches else 0
+        elif not let_go(world, holding.held, trial, work.touches):
+            continue
+        _accelerate_against(around, M, bias, arm, tau, t)
+        if trial == 0:
+            copy(work.found, work.whole)
+        if not world.rigid or one_sided(world, holding.held, work, work.free, work.found):
+            break
+    if world.rigid:
+        for i in range(world.shapes.number):
+            if holding.held[i] > 0 and work.touches[i] == 0:
+                holding.held[i], holding.lost[i], holding.pull[i] = 0, t, work.whole[i]
     for a in range(6):
         load.wrench[a] = 0.0
     for i in range(world.shapes.number):
@@ -271,7 +306,7 @@ def accelerate_heavy(around, M, bias, J, J_dot, rotation, translation, arm, tau,
         load.multiplier[i], load.phi[i] = multiplier, met.phi
         for j in range(n):
             arm.q_ddot[j] -= work.directions[i, j] * multiplier
-        add_contact_force(contact, multiplier, touching(world, contact, met), met, load.wrench)
+        add_contact_force(contact, multiplier, work.touches[i] > 0, met, load.wrench)
     transposed_times(touch.tool.J_v, load.wrench, load.torque)
 
 
@@ -299,7 +334,8 @@ def force_of(around, J, rotation, translation, arm, multiplier, t, force):
         force[a] = 0.0
     for i in range(world.shapes.number):
         contact, met = one_of(world.contacts, i), one_of(around.touch, i)
-        add_contact_force(contact, multiplier[i], touching(world, contact, met), met, force)
+        touches = touching(world, contact, met, arm[0].holding.held[i])
+        add_contact_force(contact, multiplier[i], touches, met, force)
 
 
 @kernel
@@ -324,42 +360,88 @@ def _pulls(around, J, rotation, translation, M, arm, t):
         solve_spd(M, one_of(around.touch, i).pull, around.factor, work.directions[i])
     for i in range(world.shapes.number):
         for j in range(world.shapes.number):
-            work.S[i, j] = dot(one_of(around.touch, i).pull, work.directions[j])
+            work.mobility[i, j] = dot(one_of(around.touch, i).pull, work.directions[j])
 
 
 @inline
-def _correct(work, k, moved):
-    """Move q or q_dot (n,) so that, to first order, `work.b` (k,) of the surfaces vanishes."""
-    solve_leading(work.S, work.b, k, work.free)
+def _solve_held(work, k, away, push):
+    """Solve for pushes (3,) of the k surfaces of `work.touches` with mobility push = away (3,)."""
+    for i in range(k):
+        work.b[i] = away[i] if work.touches[i] else 0.0
+        for j in range(k):
+            both = work.touches[i] and work.touches[j]
+            work.S[i, j] = work.mobility[i, j] if both else 1.0 if i == j else 0.0
+    solve_leading(work.S, work.b, k, push)
+
+
+@inline
+def _correct(work, k, push, moved):
+    """Move q or q_dot (n,) by the pushes (3,) of k surfaces."""
     for j in range(k):
         for i in range(moved.shape[0]):
-            moved[i] -= work.directions[j, i] * work.free[j]
+            moved[i] -= work.directions[j, i] * push[j]
 
 
 @kernel
 def onto_surface(around, J, rotation, translation, M, arm, t):
-    """Move q a step of Newton's method towards phi = 0; returns the largest phi (m) before it."""
+    """Move q a step of Newton's method towards phi = 0 of the surfaces that are held, and of those that the tool has
+    reached, moving into them or put into them by the step before; returns the largest phi (m) of them before it."""
     around, arm = around[0], arm[0]
-    work, k, away = around.multipliers, around.world.shapes.number, 0.0
+    work, k, away, held = around.multipliers, around.world.shapes.number, 0.0, arm.holding.held
     _pulls(around, J, rotation, translation, M, arm, t)
     for i in range(k):
-        work.b[i] = one_of(around.touch, i).phi
-        if not abs(work.b[i]) <= abs(away):
-            away = work.b[i]
-    _correct(work, k, arm.q)
+        met = one_of(around.touch, i)
+        if held[i] == 0 and (met.phi > NEAR_SURFACE or (met.phi >= 0.0 and met.phi_dot > 0.0)):
+            held[i] = MET
+        work.touches[i], work.whole[i] = held[i], met.phi
+        if held[i] > 0 and not abs(met.phi) <= abs(away):
+            away = met.phi
+    _solve_held(work, k, work.whole, work.found)
+    _correct(work, k, work.found, arm.q)
     return away
 
 
 @kernel
-def along_surface(around, J, rotation, translation, M, arm, t):
-    """Move q_dot so that phi_dot = 0, and record phi."""
+def along_surface(around, J, rotation, translation, M, arm, t, h):
+    """Move q_dot so that phi_dot = 0 on the surfaces that are held, and record phi, after a step of h s.
+
+    Where the tool meets a surface, that is an inelastic impact without friction: q_dot becomes the nearest one, in the
+    metric of M, that enters no surface. A surface that would have to pull for that is left: one that was held may take
+    as much from its push over the step, h lambda, as there was.
+    """
     around, arm = around[0], arm[0]
-    work, k = around.multipliers, around.world.shapes.number
+    world, work, k, holding = around.world, around.multipliers, around.world.shapes.number, arm.holding
     _pulls(around, J, rotation, translation, M, arm, t)
+    impact = False
     for i in range(k):
         met = one_of(around.touch, i)
-        arm.load.phi[i], work.b[i] = met.phi, met.phi_dot
-    _correct(work, k, arm.q_dot)
+        arm.load.phi[i], work.whole[i] = met.phi, met.phi_dot
+        work.free[i] = h * arm.load.multiplier[i]
+        impact = impact or holding.held[i] == MET
+    if not impact:
+        for i in range(k):
+            work.free[i] = 0.0
+    else:  # as if the step's push had not been yet
+        for i in range(k):
+            for j in range(k):
+                work.whole[i] += work.mobility[i, j] * work.free[j]
+    for trial in range(SETS + 1):
+        if not let_go(world, holding.held, trial, work.touches):
+            continue
+        _solve_held(work, k, work.whole, work.found)
+        if not impact or one_sided(world, holding.held, work, work.whole, work.found):
+            break
+    for i in range(k):
+        work.found[i] -= work.free[i]
+    _correct(work, k, work.found, arm.q_dot)
+    for i in range(k):
+        before, holding.held[i] = holding.held[i], work.touches[i]
+        if before == MET and holding.held[i] > 0:
+            holding.made[i] = t
+        if before == 1 and holding.held[i] == 0:
+            holding.lost[i], holding.pull[i] = t, -np.inf
+        if before != 1 or holding.held[i] == 0:
+            holding.absent[i] = 1
 
 
 @kernel
@@ -389,11 +471,13 @@ def semi_implicit_euler(arm, h):
 
 @kernel
 def begin_stages(around, arm, stage):
-    """Begin the method of Runge and Kutta: the first stage has the state of the arm, and its acceleration."""
+    """Begin the method of Runge and Kutta: the first stage has the state of the arm, and its acceleration. A contact
+    that a later stage lets go is lost with the first one of the next step."""
     around, arm, stage = around[0], arm[0], stage[0]
     copy(arm.q, stage.q)
     copy(arm.q_dot, stage.q_dot)
     copy(arm.q_ddot, stage.q_ddot)
+    copy(arm.holding.held, stage.holding.held)
     for i in range(arm.q.shape[0]):
         around.speeds[i] = around.accelerations[i] = 0.0
 
@@ -519,7 +603,7 @@ class Plant:
         if self.kind.heavy:
             kernels["accelerate"] = (accelerate_heavy, around, *inertia, *self._tool_moving, arm, tau, 0.0)
             kernels["onto"] = (onto_surface, around, *tool, self.data.M, arm, 0.0)
-            kernels["along"] = (along_surface, around, *tool, self.data.M, arm, 0.0)
+            kernels["along"] = (along_surface, around, *tool, self.data.M, arm, 0.0, 0.0)
             kernels["force"] = (force_of, around, *tool, arm, np.zeros(3), 0.0, np.zeros(6))
         elif self.kind.springs:
             kernels["accelerate"] = (accelerate_elastic, around, *inertia, *tool, arm, tau, 0.0)
@@ -543,7 +627,8 @@ class Plant:
         state = Record.zeros(Arm, len(q))
         state.views.q[:], state.views.q_dot[:] = q, q_dot
         if self.kind.rigid:
-            self._constrain(state, t)
+            state.views.holding.held[: len(self.surfaces)] = 1
+            self._constrain(state, t, 0.0)
         if self.kind.springs:
             pin.computeJointJacobians(self.model, self.data, state.views.q)
             load_at(self._around, *self._tool, state.data, t)
@@ -641,13 +726,13 @@ class Plant:
         self._accelerate(state, tau, t + 0.5 * h)
         self._kick_and_drift(state.data, h)
         if self.kind.rigid:
-            self._constrain(state, t + h)
+            self._constrain(state, t + h, h)
 
     def _euler(self, state: PlantState, tau: np.ndarray, t: float, h: float) -> None:
         self._accelerate(state, tau, t)
         self._step_of_euler(state.data, h)
         if self.kind.rigid:
-            self._constrain(state, t + h)
+            self._constrain(state, t + h, h)
 
     def _rk4(self, state: PlantState, tau: np.ndarray, t: float, h: float) -> None:
         stage, around, arm = self._stage, self._around, state.data
@@ -658,10 +743,11 @@ class Plant:
             self._accelerate(stage, tau, t + ahead * h)
         self._end_stages(around, arm, stage.data, h)
         if self.kind.rigid:
-            self._constrain(state, t + h)
+            self._constrain(state, t + h, h)
 
-    def _constrain(self, state: PlantState, t: float) -> None:
-        """Move the state, on a rigid surface, to the nearest one (in the metric of M) with phi = 0 and phi_dot = 0."""
+    def _constrain(self, state: PlantState, t: float, h: float) -> None:
+        """Move the state, after a step of h s, to the nearest one (in the metric of M) with phi = 0 and phi_dot = 0 on
+        the rigid surfaces that the tool is held on or meets."""
         q = state.views.q
         M = pin.crba(self.model, self.data, q, WORLD)
         phi = np.inf
@@ -669,5 +755,5 @@ class Plant:
             phi = self._onto_surface(self._around, *self._tool, M, state.data, t)
             pin.computeJointJacobians(self.model, self.data, q)
             if abs(phi) < NEAR_SURFACE:
-                return self._along_surface(self._around, *self._tool, M, state.data, t)
+                return self._along_surface(self._around, *self._tool, M, state.data, t, h)
         raise out_of_reach(phi)

@@ -15,7 +15,7 @@ from app.scenario.declared_bounds import outside
 from app.scenario.schema import Scenario, ScenarioError, TruthSection, after_blend
 from app.simulation.control_period import Alarm, Evaluation
 from app.simulation.controlled_arm import ControlledArm, PeriodAddresses
-from app.simulation.premise_watch import PremiseWatch
+from app.simulation.premise_watch import PremiseWatch, losses
 from app.simulation.recording import Recording
 from app.simulation.sampled_stability import SampledLoop
 from app.simulation.search_memory import Memory
@@ -112,7 +112,7 @@ def standing_of(system: System, state: State) -> Standing:
     table, kept = evaluation.part("table"), evaluation.part("kept")
     stated, errors = evaluation.part("seen").estimate.stated, evaluation.part("errors")
     outsiders = outside(system.scenario) + beyond(errors, stated, system.scenario.declared.least_inertia)
-    return Standing(table, kept, state.stopped, outsiders, system.units)
+    return Standing(table, kept, state.stopped, outsiders, system.units, losses(system, state.arm.views.holding))
 
 
 class ClosedLoop:
@@ -192,7 +192,8 @@ class ClosedLoop:
         if state.scenario.controller.law != controller.law:
             state.x = system.controller.law.at_rest(system.layout.n)
         pressed = arm.views.load.multiplier[: max(system.pressed, 1)] != 0.0
-        evaluation.data["touching"] = bool(pressed.all())
+        held = arm.views.holding.held[: len(system.surfaces)] > 0
+        evaluation.data["touching"] = bool((held if system.plant.kind.rigid else pressed).all())
         if controller.on_change == "remove":
             _, _, e_r, e_r_dot = observed(system, state.t, arm)
             evaluation.views.z[:] = system.controller.compensator.without_reaching(e_r, e_r_dot)

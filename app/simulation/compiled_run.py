@@ -203,6 +203,7 @@ def _evaluated_at(engine, arm, twin, t):
     """Copy the arm to the state at which a period from t (s) on evaluates the acceleration first; returns the time."""
     copy(arm[0].q, twin[0].q)
     copy(arm[0].q_dot, twin[0].q_dot)
+    copy(arm[0].holding.held, twin[0].holding.held)
     if engine.integrator != LEAPFROG:
         return t
     half = 0.5 * engine.period / engine.substeps
@@ -251,8 +252,8 @@ def _solve_for_force(engine, setting, evaluation, whole, spare, around, arm, twi
 
 
 @inline
-def _constrain(engine, around, arm, t):
-    """Move the arm onto the rigid surface at t (s), as `Plant` does."""
+def _constrain(engine, around, arm, t, h):
+    """Move the arm onto the rigid surfaces at t (s), after a step of h s, as `Plant` does."""
     J, R, p = _find_tool(engine, arm[0].q)
     weigh(engine.true, engine.moved)
     inertia(engine.true, engine.moved)
@@ -260,7 +261,7 @@ def _constrain(engine, around, arm, t):
         phi = ask_number(engine.plant_kernels.onto, (around, J, R, p, engine.moved.M.T, arm, t))
         _find_tool(engine, arm[0].q)
         if abs(phi) < NEAR_SURFACE:
-            ask(engine.plant_kernels.along, (around, J, R, p, engine.moved.M.T, arm, t))
+            ask(engine.plant_kernels.along, (around, J, R, p, engine.moved.M.T, arm, t, h))
             return
     engine.astray = True
     raise ValueError("out of reach")
@@ -289,7 +290,7 @@ def _move(engine, around, arm, twin, t):
         if i == 0:
             copy(arm[0].q_ddot, engine.first)
         if engine.rigid:
-            _constrain(engine, around, arm, now + h)
+            _constrain(engine, around, arm, now + h, h)
     copy(engine.first, arm[0].q_ddot)
     if engine.springs:
         J, R, p = _find_tool(engine, arm[0].q)

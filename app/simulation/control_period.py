@@ -16,6 +16,7 @@ from controllers.control_law import ControlOutput, Gains, Reference, Told, add_u
 from controllers.laws import table
 from controllers.nominal_model import ON_LINE, Estimate, LinkConstants, NominalModel, estimates
 from controllers.premises import (
+    CONTACT,
     DECLARED,
     DOMAIN,
     DRIVES,
@@ -123,16 +124,15 @@ class Alarm(IntFlag):
 
     ENTERED = 1  # ||s|| is within the boundary layer for the first time
     NOT_FINITE = 2  # the state is not finite
-    PULLING = 4  # a rigid unilateral surface would have to pull
-    SINGULAR = 8  # J_q is nearly singular
-    FAST = 16  # the joints are too fast
-    OVER_BOUND = 32  # ||s|| is over its bound, though all premises hold
-    SATURATED = 64  # a drive's limit begins to cut the torque
-    REACHED = 128  # ||s|| is within the band for the first time
-    AWAY = 256  # the tool has left a surface that it should press
+    SINGULAR = 4  # J_q is nearly singular
+    FAST = 8  # the joints are too fast
+    OVER_BOUND = 16  # ||s|| is over its bound, though all premises hold
+    SATURATED = 32  # a drive's limit begins to cut the torque
+    REACHED = 64  # ||s|| is within the band for the first time
+    AWAY = 128  # the tool has left a surface that it should press
 
 
-ENTERED, NOT_FINITE, PULLING, SINGULAR, FAST, OVER_BOUND, SATURATED, REACHED, AWAY = (int(alarm) for alarm in Alarm)
+ENTERED, NOT_FINITE, SINGULAR, FAST, OVER_BOUND, SATURATED, REACHED, AWAY = (int(alarm) for alarm in Alarm)
 
 
 class Limits(NamedTuple):
@@ -175,7 +175,7 @@ class Evaluation(NamedTuple):
     applied: (n,) N m, tau as the drives apply it.
     residual: (n,) N, complete once q_ddot is known.
     saturated, touching: of the period before, whether applied was not tau, whether there was a force on every surface
-    that the tool should press.
+    that the tool should press, and no rigid one was left.
     news: `Alarm` flags of the promise.
     errors: of the controller's model at this state, as far as bounds are stated for them.
     table, watched, held, kept: premises and quantities that the theorem's promise depends on, and how it was kept."""
@@ -449,16 +449,22 @@ def complete_row(setting, evaluation, arm, row):
     copy(residual, row[0].residual)
     if setting.heavy:
         _fill_load(row[0], arm.load)
-    left = _leaving(setting.limits, evaluation, arm.load.multiplier)
-    return left + _saturation(evaluation) + _alarms(setting.limits, evaluation, norm(arm.q_dot), arm.load.multiplier)
+    left = _leaving(setting.limits, evaluation, arm.load.multiplier, arm.holding.absent)
+    return left + _saturation(evaluation) + _alarms(setting.limits, evaluation, norm(arm.q_dot))
 
 
 @inline
-def _leaving(limits, evaluation, multiplier):
-    was, evaluation.touching = evaluation.touching, True
+def _leaving(limits, evaluation, multiplier, absent):
+    """Compare the contacts with those of the period before; `absent` (3,) is read, and set to 0 for the next one."""
+    was, evaluation.touching, missing = evaluation.touching, True, 0.0
     for i in range(3):
         if limits.pressed[i] and multiplier[i] == 0.0:
             evaluation.touching = False
+        if limits.pushes_only[i] and absent[i]:
+            evaluation.touching = False
+            missing += 1.0
+        absent[i] = 0
+    evaluation.table.value[CONTACT] = missing
     return AWAY if was and not evaluation.touching else 0
 
 
@@ -472,15 +478,10 @@ def _saturation(evaluation):
 
 
 @inline
-def _alarms(limits, evaluation, speed, multiplier):
+def _alarms(limits, evaluation, speed):
     s_norm, flags = evaluation.output.s_norm, evaluation.news
     if not np.isfinite(speed + s_norm):
         flags += NOT_FINITE
-    pulls = False
-    for i in range(3):
-        pulls = pulls or (limits.pushes_only[i] and multiplier[i] < 0.0)
-    if pulls:
-        flags += PULLING
     if limits.sigma_min * evaluation.seen.task.J_q_inv_norm > 1.0:
         flags += SINGULAR
     if speed > limits.speed:

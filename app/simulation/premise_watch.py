@@ -19,6 +19,7 @@ from app.simulation.system import System
 from app.simulation.verdict import sentence
 from controllers.premises import Kept, Premise
 from controllers.switching import Switching
+from environments.contact import Holding
 
 
 class PremiseWatch:
@@ -75,6 +76,9 @@ class PremiseWatch:
         self._state_premise(Premise.DECLARED, float(outsiders), 0.0)
         nearest, distance = system.constants.omega.centre_near(state.arm.views.q)
         self._state_premise(Premise.DOMAIN, distance, system.constants.radius)
+        if self._arm.settings.views.limits.pushes_only.any():
+            absent = state.arm.views.holding.held[: len(system.surfaces)] == 0
+            self._state_premise(Premise.CONTACT, float(absent.sum()), 0.0)
         state.judged = Judged(None, np.full(system.robot.n, np.nan), state.t)
         self.heed_posture(nearest)
 
@@ -177,19 +181,20 @@ class PremiseWatch:
         evaluation, arm = state.evaluation.read(), state.arm.read()
         if Alarm.ENTERED in alarms or Alarm.REACHED in alarms:
             state.epoch = replace(state.epoch, reached=self.reached, banded=self.banded)
-        if Alarm.AWAY in alarms:
+        rigid = self.system.plant.kind.rigid
+        if Alarm.AWAY in alarms and not rigid:
             left = _surface_named(self.system, int(np.argmin(arm.load.multiplier[: self.system.pressed] != 0.0)))
             self.left("flag", f"contact lost: the tool has left {left}, so no force is controlled")
         if Alarm.SATURATED in alarms and Alarm.NOT_FINITE not in alarms:
             self.left("flag", _saturation(evaluation.output.tau, evaluation.applied))
         if Alarm.NOT_FINITE in alarms:
             self.left("stop", _infinity(evaluation))
-        elif Alarm.PULLING in alarms and state.t > 0.0:
-            worst = int(arm.load.multiplier.argmin())
-            pulled = _surface_named(self.system, worst)
-            force = arm.load.multiplier[worst]
-            self.left("stop", f"contact lost, {pulled} would have to pull (λ = {force:.4g} N)")
-        elif Alarm.SINGULAR in alarms:
+            return
+        if Alarm.AWAY in alarms and rigid:
+            last = int(np.nanargmax(arm.holding.lost))
+            pulled, force = _surface_named(self.system, last), arm.holding.pull[last]
+            self.left(rules.leaving_domain, f"contact lost, {pulled} would have to pull (λ = {force:.4g} N)")
+        if Alarm.SINGULAR in alarms:
             sigma_min = 1.0 / evaluation.seen.task.J_q_inv_norm
             self.left(rules.leaving_domain, f"J_q is nearly singular (σ_min = {sigma_min:.4g} m)")
         elif Alarm.FAST in alarms:
@@ -216,6 +221,15 @@ class PremiseWatch:
 def _surface_named(system: System, number: int) -> str:
     """Words for a surface, counted from 0."""
     return "the surface" if len(system.surfaces) == 1 else f"the {('first', 'second', 'third')[number]} surface"
+
+
+def losses(system: System, holding: Holding) -> str:
+    """Words for the rigid surfaces that were lost, with the instants of the last loss and the last impact of each."""
+    said: list[str] = []
+    for i in np.flatnonzero(np.isfinite(holding.lost)):
+        again = f", made again at t = {holding.made[i]:.4g} s" if holding.held[i] else ""
+        said.append(f"{_surface_named(system, int(i))}, lost at t = {holding.lost[i]:.4g} s{again}")
+    return "; ".join(said)
 
 
 def _saturation(tau: np.ndarray, applied: np.ndarray) -> str:

@@ -47,13 +47,15 @@ class PromiseVerdict(Struct, frozen=True):
 
 @dataclass(frozen=True)
 class Standing:
-    """Data of a verdict on a run up to now; `stopped` and `outsiders` are sentences."""
+    """Data of a verdict on a run up to now; `stopped` and `outsiders` are sentences, `losses` says which rigid surfaces
+    were lost, and when."""
 
     table: PremiseTable
     kept: Kept
     stopped: str | None
     outsiders: Sequence[str]
     units: Units
+    losses: str
 
     @property
     def findings(self) -> tuple[Finding, ...]:
@@ -107,8 +109,9 @@ class Standing:
         failed = [p for p in Premise if not math.isnan(self.table.failed[p])]
         if failed:
             first = min(failed, key=lambda p: self.table.failed[p])
+            lost = f"; contact: {self.losses}" if self.losses else ""
             return self._promise(
-                "nothing promised", f"from t = {self.table.failed[first]:.4g} s: {STATEMENTS[first].title}"
+                "nothing promised", f"from t = {self.table.failed[first]:.4g} s: {STATEMENTS[first].title}{lost}"
             )
         if self.stopped is not None:
             return self._promise("nothing promised", f"the run has stopped: {self.stopped}")
@@ -120,6 +123,8 @@ class Standing:
     def _said(self, premise: Premise) -> str:
         if premise is Premise.DECLARED and self.outsiders:
             return f"the true arm is outside the declared set: {self.outsiders[0]}"
+        if premise is Premise.CONTACT and self.losses:
+            return f"contact with a rigid surface is missing: {self.losses}"
         return sentence(premise, self.table.value[premise], self.table.limit[premise], self.units)
 
     def _promise(self, verdict: Outcome, because: str) -> PromiseVerdict:

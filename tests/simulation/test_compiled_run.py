@@ -24,6 +24,7 @@ PUSH = {"truth.push": [0.0, 30.0, 5.0], "truth.push_start": 0.03, "truth.push_du
 SENSOR = {"sensor.noise": 0.5, "sensor.bias": [1.0, 2.0, 3.0], "sensor.delay": 0.003, "sensor.cutoff": 100.0}
 MOMENTS = {"sensor.moment_noise": 0.02, "sensor.moment_bias": [0.1, 0.0, -0.2]}
 SHAKEN = {"truth.disturbance": 5.0, "truth.disturbance_frequency": 20.0, "truth.coulomb": 1.0, "truth.viscous": 0.5}
+OFF = PUSH | {"truth.push": [0.0, -40.0, 40.0], "truth.push_duration": 0.004, "simulation.leaving_domain": "flag"}
 HEAVY = {"contact.kind": "mass-damper-spring", "contact.M_e": 1.0}
 ROUGH = {"contact.unilateral": False, "contact.friction_coulomb": 0.2, "contact.friction_viscous": 5.0}
 # what a scenario gets beside its own fields, of `ur5-hybrid` or of the scenario before the colon
@@ -51,6 +52,12 @@ CHANGES: dict[str, dict[str, object]] = {
     "drives at their limits": {"truth.torque_limit": [30.0] * 6},
     "ur5-hybrid-reaching: sudden": {"controller.switching": "discontinuous"},
     "shaken until it stops": {"truth.disturbance": 200.0, "truth.torque_limit": [1.0] * 6},
+    "ur5-constrained: let go and met again": {
+        "simulation.leaving_domain": "flag",
+        "target_model.K_f": [0.2, *[0.0] * 5],
+    },
+    "ur5-corner-rigid: pulled off, rk4": OFF | {"simulation.integrator": "rk4"},
+    "ur5-corner-rigid: pulled off, ideal sensor": OFF | {"sensor.ideal": True},
     "ur5-constrained: pulled off until it stops": PUSH | {"truth.push": [0.0, 0.0, 400.0]},
 }
 
