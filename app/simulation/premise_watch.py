@@ -190,10 +190,8 @@ class PremiseWatch:
         if Alarm.NOT_FINITE in alarms:
             self.left("stop", _infinity(evaluation))
             return
-        if Alarm.AWAY in alarms and rigid:
-            last = int(np.nanargmax(arm.holding.lost))
-            pulled, force = _surface_named(self.system, last), arm.holding.pull[last]
-            self.left(rules.leaving_domain, f"contact lost, {pulled} would have to pull (λ = {force:.4g} N)")
+        if Alarm.AWAY in alarms and rigid and evaluation.table.value[Premise.CONTACT] > 0.0:
+            self.left(rules.leaving_domain, f"contact lost, {_last_loss(self.system, arm.holding)}")
         if Alarm.SINGULAR in alarms:
             sigma_min = 1.0 / evaluation.seen.task.J_q_inv_norm
             self.left(rules.leaving_domain, f"J_q is nearly singular (σ_min = {sigma_min:.4g} m)")
@@ -221,6 +219,14 @@ class PremiseWatch:
 def _surface_named(system: System, number: int) -> str:
     """Words for a surface, counted from 0."""
     return "the surface" if len(system.surfaces) == 1 else f"the {('first', 'second', 'third')[number]} surface"
+
+
+def _last_loss(system: System, holding: Holding) -> str:
+    last = int(np.nanargmax(holding.lost))
+    name, force = _surface_named(system, last), holding.pull[last]
+    if np.isfinite(force):
+        return f"{name} would have to pull (λ = {force:.4g} N)"
+    return f"an impact has lifted the tool off {name}"
 
 
 def losses(system: System, holding: Holding) -> str:

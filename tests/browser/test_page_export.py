@@ -10,7 +10,10 @@ import pytest
 from PIL import Image
 from playwright.sync_api import Page
 
+from app.dashboard.page import Dashboard
 from app.scenario.data import edited, from_toml, shipped, to_toml
+from app.session.runner import Runner
+from app.session.snapshot import Snapshot
 from drivers.pages import PATIENCE, VIEWPORT, Session
 from tests.support.svg import letters_of
 
@@ -42,9 +45,21 @@ def test_figures_data_and_scenario_are_handed_over_and_the_run_goes_on(session: 
     assert (session.now.revision, session.now.run, session.now.phase) == (before.revision, before.run, "running")
 
 
-def test_picture_and_playback_show_the_scene(session: Session, tmp_path: Path, open_page: Callable[..., Page]):
+def test_picture_and_playback_show_the_scene(
+    session: Session, served: tuple[Dashboard, Runner], tmp_path: Path, open_page: Callable[..., Page]
+):
+    dashboard, _ = served
     session.wait(lambda now: now.t > 1.0)
     session.page.evaluate("window.undrawn = false")
+
+    def beside_docks(_: Snapshot) -> bool:
+        """Whether the docks have taken their room from the scene, and the server knows."""
+        canvas = session.page.locator("canvas[data-engine]").bounding_box()
+        assert canvas is not None
+        widths = {client.camera.image_width for client in dashboard.clients.values()}
+        return widths == {round(canvas["width"])} and canvas["width"] < VIEWPORT["width"]
+
+    session.wait(beside_docks)
     picture = Image.open(taken(session, "2×", tmp_path))
     canvas = session.page.locator("canvas[data-engine]").bounding_box()
     assert canvas is not None

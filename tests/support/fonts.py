@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from playwright.sync_api import Page
+import time
+
+from playwright.sync_api import Error, Page
 
 TEXTS = """[...document.querySelectorAll("body *")].filter((e) => e.checkVisibility() && !/STYLE|SCRIPT/.test(e.tagName)
   && [...e.childNodes].some((node) => node.nodeType === Node.TEXT_NODE && node.data.trim()))"""
@@ -20,8 +22,22 @@ _MARK = f"""() => {{
 }}"""
 
 
+SETTLED = 20.0  # s until what is sent again and again stands still
+
+
 def strangers(page: Page) -> list[str]:
     """One line for each text that was drawn with a font of the machine, not seen before; best an empty list."""
+    until = time.monotonic() + SETTLED
+    while True:
+        try:
+            return _strangers(page)
+        except Error as error:
+            if "Could not find node" not in error.message or time.monotonic() > until:
+                raise
+            page.evaluate("delete window.textKnown")  # a text was sent again meanwhile: all are looked at once more
+
+
+def _strangers(page: Page) -> list[str]:
     page.evaluate(_MARK)
     devtools = page.context.new_cdp_session(page)
     devtools.send("DOM.enable")
