@@ -271,7 +271,9 @@ class _View:
         wake: Callable[[], None],
     ) -> None:
         self._server, self._status, self._scene, self._runner = server, status, scene, runner
-        self._complaint, self._complaint_until, self._complaint_revision = "", 0.0, -1
+        self._complaint, self._complaint_until = "", 0.0
+        self._complaint_after = 0  # commands that had been posted before
+        self._complaint_revision: int | None = None  # of the run that they left, None until they have been heard
         self._refusals = runner.snapshot.refusal_number
         self._shipped = shipped()
         self._previewer = previewer
@@ -357,7 +359,7 @@ class _View:
         """Show a sentence in the strip over the scene."""
         now = time.monotonic()
         self._complaint, self._complaint_until = f"{title}: {sentence}", now + COMPLAINT_SHOWN
-        self._complaint_revision = self._runner.snapshot.revision
+        self._complaint_after, self._complaint_revision = self._runner.posted, None
 
     def offer(self, last_session: LastSession) -> None:
         above = self._status.order + 0.5
@@ -386,7 +388,9 @@ class _View:
         if snapshot.refusal_number != self._refusals:
             self._refusals = snapshot.refusal_number
             self._say("Refused", snapshot.refusal or "")
-        if now > self._complaint_until or snapshot.revision != self._complaint_revision:
+        if self._complaint_revision is None and snapshot.heard >= self._complaint_after:
+            self._complaint_revision = snapshot.revision
+        if now > self._complaint_until or self._complaint_revision not in (None, snapshot.revision):
             self._complaint = ""
         self._status.content = status_html(
             snapshot, self.hang or self._complaint, self._shipped.get(snapshot.scenario.name)

@@ -98,6 +98,7 @@ class Runner:
     loop.
 
     reach: files that commands may name, None for any.
+    posted: number of commands so far.
     """
 
     def __init__(self, scenario: Scenario, reach: Reach | None = None) -> None:
@@ -115,7 +116,8 @@ class Runner:
         self._speed = 1.0
         self._shown: _Stretch | None = None
         self._performed: _Performance | None = None
-        self._revision = self._runs = self._refusals = 0
+        self._revision = self._runs = self._refusals = self._heard = 0
+        self._posting, self.posted = threading.Lock(), 0
         self._refusal: str | None = None
         self._told = ""
         self._way_out: changes.WayOut | None = None
@@ -165,7 +167,9 @@ class Runner:
 
     def post(self, command: Command) -> None:
         """Queue a command; it takes effect between two control periods."""
-        self._commands.put(command)
+        with self._posting:
+            self.posted += 1
+            self._commands.put(command)
         self._wake.set()
 
     def _run(self) -> None:
@@ -329,6 +333,7 @@ class Runner:
             except Exception as error:  # a fault of ours: the command has failed, and the run goes on
                 log.error("fault", stage="a command", command=type(command).__name__, exc_info=error)
                 self._refuse(f"{type(command).__name__} failed ({type(error).__name__}: {error})", command)
+        self._heard += len(queued)
         return self._runs != runs or not all(
             isinstance(command, Edit | EditAll | Blend | PushNow | Push) for command in queued
         )
@@ -490,6 +495,7 @@ class Runner:
             speed=self._speed,
             refusal=self._refusal,
             refusal_number=self._refusals,
+            heard=self._heard,
             way_out=self._way_out,
             recording=line.recording,
             pinned=line.pinned,

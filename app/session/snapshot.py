@@ -27,8 +27,7 @@ class Snapshot:
     """View of the loop at one moment, for the screen. Its arrays are never changed afterwards.
 
     revision: number of accepted changes of the scenario; run: of beginnings at t = 0 and forks; refusal_number: of
-    refused
-    commands.
+    refused commands; heard: of commands that were carried out or refused.
     way_out: of that refusal, None where there is none.
     t: the instant looked at, between `first` and `end`, s.
     recording: of the whole run, up to its end.
@@ -52,6 +51,7 @@ class Snapshot:
     speed: float
     refusal: str | None
     refusal_number: int
+    heard: int
     way_out: WayOut | None
     notice: str
     system: System
@@ -124,6 +124,7 @@ def snapshot_of(loop: ClosedLoop) -> Snapshot:
         speed=1.0,
         refusal=None,
         refusal_number=0,
+        heard=0,
         way_out=None,
         notice=loop.warning or "",
         robot=system.robot,

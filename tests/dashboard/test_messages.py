@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import math
 import sys
+import time
 from collections.abc import Iterator
 from dataclasses import replace
 
@@ -16,7 +17,7 @@ from app.dashboard.page import Dashboard
 from app.dashboard.scene.trails import PIECE, PIECES, SPACING, Trail
 from app.dashboard.widgets.scene_buttons import reaching
 from app.scenario.data import load
-from app.session.commands import Reset, ToEnd
+from app.session.commands import Edit, Reset, ToEnd
 from app.session.runner import Runner
 from app.session.snapshot import snapshot_of
 
@@ -150,3 +151,26 @@ def test_any_thread_may_send_while_others_wait_for_messages(dashboard: Dashboard
         sys.setswitchinterval(often)
         waiting.cancel()
     assert woken > 50
+
+
+def test_a_complaint_stays_while_an_edit_from_before_it_is_carried_out(dashboard: Dashboard) -> None:
+    runner = Runner(load("ur5-hybrid"))
+    dashboard.attach(runner)
+    view = dashboard._view
+    assert view is not None
+    frames = iter(range(1000))
+
+    def shown(force: float) -> bool:
+        """Whether the complaint is shown once this edit has been carried out."""
+        view.draw(time.monotonic() + next(frames))
+        runner._obey(runner._queued())
+        runner._newest = runner._publish()
+        assert runner.snapshot.scenario.force.value == force
+        view.draw(time.monotonic() + next(frames))
+        return "no such thing" in view._status.content
+
+    runner.post(Edit("force.value", 30.0))
+    view.complain("no such thing")
+    assert shown(30.0)
+    runner.post(Edit("force.value", 40.0))
+    assert not shown(40.0)
