@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import signal
 import threading
 import time
@@ -40,25 +41,24 @@ def serve(
     warming: Popen[bytes] | None = None
     autosave: Autosave | None = None
     try:
-        say(f"VSMRC Lab: {dashboard.link}  (Ctrl-C ends it)")
-        events.info("listening", url=dashboard.url)
-        folder = None if stateless else _state_folder(state_dir)
-        runner = _prepared(scenario, dashboard)
-        runner.start()
-        events.info("session opened", scenario=scenario.name)
-        dashboard.attach(runner)
-        if folder is not None:
-            if problem := dashboard.notebook.keep_in(folder.path):
-                say(problem)
-            autosave = Autosave(folder, lambda: runner.latest, dashboard.fail)
-            if (last_session := left_by(folder, autosave, scenario)) is not None:
-                if last_session.problem:
-                    say(last_session.problem)
-                dashboard.offer(last_session)
-        warming = precompile.start()
-        dashboard.run_forever(until=lambda: interruption.asked)
-        say("\nended")
-    except KeyboardInterrupt:
+        with contextlib.suppress(KeyboardInterrupt):
+            say(f"VSMRC Lab: {dashboard.link}  (Ctrl-C ends it)")
+            events.info("listening", url=dashboard.url)
+            folder = None if stateless else _state_folder(state_dir)
+            runner = _prepared(scenario, dashboard)
+            runner.start()
+            events.info("session opened", scenario=scenario.name)
+            dashboard.attach(runner)
+            if folder is not None:
+                if problem := dashboard.notebook.keep_in(folder.path):
+                    say(problem)
+                autosave = Autosave(folder, lambda: runner.latest, dashboard.fail)
+                if (last_session := left_by(folder, autosave, scenario)) is not None:
+                    if last_session.problem:
+                        say(last_session.problem)
+                    dashboard.offer(last_session)
+            warming = precompile.start()
+            dashboard.run_forever(until=lambda: interruption.asked)
         say("\nended")
     finally:
         for ending in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):

@@ -15,7 +15,7 @@ from app.dashboard.widgets.matrix_text import read_back, written
 from app.scenario.data import shipped
 from app.session.commands import Load
 from app.session.snapshot import Snapshot
-from drivers.pages import SHOWN, Session
+from drivers.pages import CHARTS, SHOWN, Session
 
 
 @pytest.mark.usefixtures("own_page")
@@ -24,7 +24,7 @@ def test_the_page_comes_up_and_shows_the_running_loop(session: Session):
     page.locator("canvas[data-engine]").wait_for()
     page.get_by_text("promise holds").wait_for()
     assert page.locator("math mtr").count() == 1 + len(lines(session.now))
-    page.wait_for_function("Object.values(__viserTestpoints.uplots).some((p) => p.chart.data[0].length > 100)")
+    page.wait_for_function(f"{CHARTS}.some((c) => c.data[0].length > 100)")
     assert page.locator(".uplot-container:visible").count() == 4
 
 
@@ -66,9 +66,7 @@ def test_a_held_slider_previews_and_let_go_it_applies(session: Session):
     move, text = session.grip("F_d [N]")
     move(0.75)
     session.page.get_by_text("let go: apply").wait_for()
-    session.page.wait_for_function(
-        "Object.values(__viserTestpoints.uplots).some((p) => p.chart.data[0].at(-1) > 4.9)", timeout=60_000
-    )
+    session.page.wait_for_function(f"{CHARTS}.some((c) => c.data[0].at(-1) > 4.9)", timeout=60_000)
     asked = float(text.input_value())
     assert 40.0 < asked < 50.0
     forces = f"{SHOWN}[1]"

@@ -7,7 +7,7 @@ from playwright.sync_api import expect
 from app.dashboard.widgets.help import KEYS
 from app.scenario.data import shipped
 from app.session.commands import Edit, Pause, Play
-from drivers.pages import Session, wait_without_notice
+from drivers.pages import CHARTS, Session, wait_without_notice
 from tests.support.layout import faults, lasting_faults
 
 _THEME = "document.documentElement.dataset.mantineColorScheme"
@@ -114,7 +114,7 @@ def test_first_steps_come_once_and_a_reload_in_the_middle_of_a_run_is_harmless(s
     t = runner.snapshot.t
     page.reload()
     page.get_by_text("real time").wait_for()
-    page.wait_for_function("Object.values(__viserTestpoints.uplots).some((p) => p.chart.data[0].length > 100)")
+    page.wait_for_function(f"{CHARTS}.some((c) => c.data[0].length > 100)")
     assert not page.locator(".vs-hints").count()
     assert runner.snapshot.phase == "running"
     assert runner.snapshot.t > t

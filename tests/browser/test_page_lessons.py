@@ -5,11 +5,10 @@ import json
 from playwright.sync_api import expect
 
 from app.session.commands import SetSpeed
-from drivers.pages import Session
+from drivers.pages import SHOWN, Session
 from tests.support.layout import lasting_faults
 
-EMPTY = """() => Object.values(__viserTestpoints.uplots)
-  .filter((plot) => plot.chart.root.checkVisibility()).every((plot) => plot.chart.data[0].length <= 2)"""
+EMPTY = f"{SHOWN}.every((chart) => chart.data[0].length <= 2)"
 
 
 def at_step(session: Session, number: int) -> None:

@@ -8,10 +8,9 @@ from playwright.sync_api import Page, expect
 
 from app.dashboard.page import Dashboard
 from app.session.runner import Runner
-from drivers.pages import PATIENCE, Session
+from drivers.pages import CHARTS, PATIENCE, Session
 
-ALPHAS = """() => Object.values(__viserTestpoints.uplots).map((entry) => entry.chart)
-  .flatMap((plot) => plot.series.slice(1).map((series) => [series.label, series.alpha ?? 1]))"""
+ALPHAS = f"{CHARTS}.flatMap((plot) => plot.series.slice(1).map((series) => [series.label, series.alpha ?? 1]))"
 
 
 def alphas(page: Page) -> dict[str, float]:

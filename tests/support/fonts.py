@@ -6,6 +6,8 @@ import time
 
 from playwright.sync_api import Error, Page
 
+from tests.support.layout import SETTLED
+
 TEXTS = """[...document.querySelectorAll("body *")].filter((e) => e.checkVisibility() && !/STYLE|SCRIPT/.test(e.tagName)
   && [...e.childNodes].some((node) => node.nodeType === Node.TEXT_NODE && node.data.trim()))"""
 # the same text in the same style has the same fonts: it is looked at under the first tab that shows it
@@ -20,9 +22,6 @@ _MARK = f"""() => {{
     known.add(key);
   }}
 }}"""
-
-
-SETTLED = 20.0  # s until what is sent again and again stands still
 
 
 def strangers(page: Page) -> list[str]:
