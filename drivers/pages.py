@@ -45,7 +45,7 @@ ROWS = """
     form.querySelector("[role=slider]")?.ariaValueNow, "held" in form.dataset ? "held" : "",
   ].join(" | ")).concat(window.vsmrcSent ?? [])
 """
-PATIENCE = 90.0  # s: a busy machine may take long to start the process that previews
+PATIENCE = 240.0  # s: a busy machine may take long to start the process that previews
 
 
 def each_tab(page: Page) -> Iterator[str]:

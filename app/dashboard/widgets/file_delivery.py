@@ -29,12 +29,15 @@ class FileDelivery:
             client.add_notification(what, "Another file is being made: try again then.", auto_close_seconds=4.0)
             return
         try:
-            _give(client, what, name, make)
+            content = _made(client, what, name, make)
         finally:
-            self._busy.release()
+            self._busy.release()  # before the file is on its way: who has it may ask for the next one
+        if content is not None:
+            client.send_file_download(name, content, save_immediately=True)
 
 
-def _give(client: viser.ClientHandle, what: str, name: str, make: Callable[[Tell], bytes]) -> None:
+def _made(client: viser.ClientHandle, what: str, name: str, make: Callable[[Tell], bytes]) -> bytes | None:
+    """Content of the file; None where it could not be made, which the page has been told."""
     note = client.add_notification(what, f"{name} is being made …", loading=True, with_close_button=False)
 
     def tell(share: float) -> None:
@@ -42,7 +45,6 @@ def _give(client: viser.ClientHandle, what: str, name: str, make: Callable[[Tell
 
     try:
         content = make(tell)
-        client.send_file_download(name, content, save_immediately=True)
     except Exception as error:
         expected = isinstance(error, ExportError | OSError | RuntimeError | ValueError)
         reason = str(error) or type(error).__name__
@@ -51,5 +53,6 @@ def _give(client: viser.ClientHandle, what: str, name: str, make: Callable[[Tell
         log.warning("export failed", file=name, reason=reason, exc_info=None if expected else error)
         note.title, note.body, note.color = f"{what}: failed", reason, "red"
         note.loading, note.with_close_button = False, True
-    else:
-        note.remove()  # the page itself shows the download
+        return None
+    note.remove()  # the page itself shows the download
+    return content
