@@ -11,6 +11,7 @@ import pinocchio as pin
 from kernels import inline, kernel
 from kernels.algebra import cross
 from kernels.records import Record
+from kernels.rigid_body import Chain
 
 
 class Stated(NamedTuple):
@@ -104,6 +105,22 @@ class LinkConstants(NamedTuple):
     tool_joint: int
     tool_rotation: np.ndarray
     tool_lever: np.ndarray
+
+    @classmethod
+    def of(cls, model: pin.Model, tool_joint: int, tool_placement: pin.SE3) -> LinkConstants:
+        """Constants of a model, whose tool is at this place on the link after this joint."""
+        links = list(model.inertias)[1:]
+        return cls(
+            masses=np.array([link.mass for link in links]),
+            levers=np.array([link.lever for link in links]),
+            inertias=np.array([link.inertia for link in links]),
+            rotor=np.array(model.armature),
+            gravity=np.array(model.gravity.linear),
+            total_mass=float(pin.computeTotalMass(model)),
+            tool_joint=tool_joint,
+            tool_rotation=np.ascontiguousarray(tool_placement.rotation),
+            tool_lever=np.array(tool_placement.translation),
+        )
 
 
 class Terms(NamedTuple):
@@ -251,22 +268,16 @@ class NominalModel:
     def __init__(self, model: pin.Model, tool_joint: int, tool_placement: pin.SE3) -> None:
         self.model = model
         self.data = model.createData()
-        links = list(model.inertias)[1:]
-        self.constants = LinkConstants(
-            masses=np.array([link.mass for link in links]),
-            levers=np.array([link.lever for link in links]),
-            inertias=np.array([link.inertia for link in links]),
-            rotor=np.array(model.armature),
-            gravity=np.array(model.gravity.linear),
-            total_mass=float(pin.computeTotalMass(model)),
-            tool_joint=tool_joint,
-            tool_rotation=np.ascontiguousarray(tool_placement.rotation),
-            tool_lever=np.array(tool_placement.translation),
-        )
+        self.constants = LinkConstants.of(model, tool_joint, tool_placement)
         self._links = Record(self.constants)
         self._blank = Record.zeros(Estimate, model.nv)
         d = self.data
         self.terms = Terms(d.Ag, d.C, d.J, d.dJ, d.staticRegressor)
+
+    @cached_property
+    def chain(self) -> Chain:
+        """Constants of the arm for `kernels.rigid_body`. Raises ValueError where it is no serial chain."""
+        return Chain.of(self.model)
 
     @cached_property
     def saved(self) -> str:

@@ -4,6 +4,7 @@ controller."""
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
@@ -37,6 +38,7 @@ from environments.surfaces.table import Surface
 from kernels import address_for, compiled_for, inline, kernel
 from kernels.algebra import copy, cross, dot, solve_leading, solve_spd, transposed_times
 from kernels.records import Record
+from kernels.rigid_body import Chain
 
 Integrator = Literal["leapfrog", "semi-implicit-euler", "rk4"]
 WORLD = pin.Convention.WORLD
@@ -611,7 +613,12 @@ class Plant:
             kernels["accelerate"] = (accelerate_free, around, *inertia, arm, tau, 0.0)
         return kernels
 
-    @property
+    @cached_property
+    def chain(self) -> Chain:
+        """Constants of the true arm for `kernels.rigid_body`. Raises ValueError where it is no serial chain."""
+        return Chain.of(self.model)
+
+    @cached_property
     def addresses(self) -> PlantAddresses:
         """Addresses of the kernels of this contact."""
         arm = Record.zeros(Arm, self.model.nv)

@@ -135,7 +135,8 @@ def address_for(kernel: Kernel, *arguments: np.ndarray | float) -> int:
     from kernels.symbols import type_of
 
     types = tuple(type_of(argument) for argument in arguments)
-    kernel.dispatcher.compile(types)
+    if types not in kernel.dispatcher.overloads:  # as in `compiled_for`
+        kernel.dispatcher.compile(types)
     found = kernel.dispatcher.overloads[types]
     return found.library.get_pointer_to_function(found.fndesc.llvm_func_name)
 

@@ -13,7 +13,7 @@ import structlog
 from app.process.own_code import OwnCodeError
 from app.scenario.declared_bounds import outside
 from app.scenario.schema import Scenario, ScenarioError, TruthSection, after_blend
-from app.simulation.control_period import Alarm, Evaluation
+from app.simulation.control_period import Alarm, Evaluation, Setting
 from app.simulation.controlled_arm import ControlledArm, PeriodAddresses
 from app.simulation.premise_watch import PremiseWatch, losses
 from app.simulation.recording import Recording
@@ -172,11 +172,12 @@ class ClosedLoop:
         if system.plant.kind.rigid:
             self._arm.press()
 
-    def _bind(self, system: System, state: State) -> None:
-        """Make this system and this state the run's, with all objects of `step` that follow from them."""
+    def _bind(self, system: System, state: State, settings: Record[Setting] | None = None) -> None:
+        """Make this system and this state the run's, with all objects of `step` that follow from them. settings: where
+        they are known already."""
         state.scenario, state.shift = system.scenario, system.plan.shift
         self.system, self.state = system, state
-        self._arm = ControlledArm(system, state)
+        self._arm = ControlledArm(system, state, settings)
         self._watch = PremiseWatch(system, state, self._arm)
         self._h = system.scenario.controller.period
         self._stage, self._share = "the beginning", 0.0
@@ -236,7 +237,7 @@ class ClosedLoop:
         system = self.system.with_truth(truth, previous)
         twin.recording = Recording(system.layout.n, history)
         twin.recording.epochs.append(self.state.epoch)
-        twin._bind(system, self.state.copy())
+        twin._bind(system, self.state.copy(), self._arm.settings_with(system))
         twin.state.evaluation.data["held"]["known"] = False  # the period before was another arm's
         if system.scenario.simulation.bound_violation == "stop":  # the promise, which is made anew, decides when
             twin._watch.begin()
@@ -441,9 +442,8 @@ class ClosedLoop:
         if self.t > blend.begins + blend.over - half:
             system = self.system
             controller = system.controller.following(blend.end)
-            self._bind(
-                replace(system, scenario=after_blend(system.scenario), controller=controller, blend=None), self.state
-            )
+            after = replace(system.with_controller(controller), scenario=after_blend(system.scenario), blend=None)
+            self._bind(after, self.state)
             self._new_epoch()
         elif self.t > blend.begins - half:
             if self.state.epoch.t < blend.begins - half:
@@ -467,7 +467,7 @@ class ClosedLoop:
     def _follow(self, blend: ModelBlend) -> None:
         """Let the law follow the target model of the present instant."""
         self._share = blend.share(self.t)
-        self.system = replace(self.system, controller=self.system.controller.following(blend.at(self.t)))
+        self.system = self.system.with_controller(self.system.controller.following(blend.at(self.t)))
         self._watch.system = self.system
         self._arm.follow(self.system.controller.gains)
 

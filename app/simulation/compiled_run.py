@@ -347,7 +347,7 @@ class CompiledRun:
         system, n = loop.system, loop.system.robot.n
         plant = system.plant
         self._loop, rows = loop, loop.recording.new_rows(1)
-        known, true = Chain.of(system.nominal.model), Chain.of(plant.model)
+        known, true = system.nominal.chain, plant.chain
         self._engine = Record(
             Engine(
                 period_kernels=loop.addresses,

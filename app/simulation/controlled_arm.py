@@ -48,7 +48,7 @@ class ControlledArm:
     push: (6,), wrench of hand and script on the tool over this period; push_torque: (n,) N m, that in the joints.
     """
 
-    def __init__(self, system: System, state: State) -> None:
+    def __init__(self, system: System, state: State, settings: Record[Setting] | None = None) -> None:
         self._state, self._nominal, self._plant = state, system.nominal, system.plant
         self._centres, self._h = system.constants.centres, system.scenario.controller.period
         self.along = None
@@ -61,7 +61,9 @@ class ControlledArm:
         self._scripted = system.push if system.push.acts else None
         self._applied, self.push = evaluation.views.applied, evaluation.views.push
         self.push_torque, self._pushed = np.zeros(system.robot.n), True
-        self.settings = settings = Record(_setting_of(system, online=self.along is None))
+        if settings is None:
+            settings = Record(_setting_of(system, online=self.along is None))
+        self.settings = settings
         self._scratch = row = Record.zeros(Row, system.layout.n).data
         self._settings, self._evaluation, self._arm_data = settings.data, evaluation.data, arm.data
         data = self._settings, self._evaluation
@@ -86,6 +88,13 @@ class ControlledArm:
             watch=address_for(watch_posture, *data, self._centres),
             complete=address_for(complete_row, *data, arm, self._scratch),
         )
+
+    def settings_with(self, system: System) -> Record[Setting]:
+        """The settings for a system that differs in the true arm only: a copy takes a tenth of the time."""
+        twin = self.settings.copy()
+        twin.write("true_arm", TrueArm.of(system.scenario, system.plant, system.robot))
+        twin.data["torque_limit"] = system.plant.truth.torque_limit
+        return twin
 
     def follow(self, gains: Gains) -> None:
         """Continue with these gains, those of the target model that is in force now."""

@@ -13,7 +13,7 @@ from app.simulation.control_period import Alarm, Evaluation
 from app.simulation.controlled_arm import ControlledArm
 from app.simulation.recording import Epoch
 from app.simulation.sampled_stability import SampledLoop, SampledLoops
-from app.simulation.state import Flag, Judged, State, blending, epoch_at
+from app.simulation.state import Flag, Judged, State, epoch_at
 from app.simulation.stations import APART
 from app.simulation.system import System
 from app.simulation.verdict import sentence
@@ -34,7 +34,6 @@ class PremiseWatch:
         self._state, self._arm, self._h = state, arm, system.scenario.controller.period
         self._stations, self._centres = system.stations, system.constants.centres
         self._table = state.evaluation.views.table
-        self._known: dict[int, SampledLoop] = {}  # by station
         self._sampled: SampledLoop | None = None
         self._loops = SampledLoops(system)
 
@@ -121,13 +120,14 @@ class PremiseWatch:
         return self._sampled
 
     def _loop_at(self, judged: Judged) -> SampledLoop:
-        if judged.station in self._known and not blending(self.system.blend, self._state.t, self._h):
-            return self._known[judged.station]
+        known = self.system.sampled_loops
+        if judged.station in known:
+            return known[judged.station]
         if self._loops.system is not self.system:
             self._loops = SampledLoops(self.system)
         loop = self._loops.at(judged.q, judged.t)
         if judged.station is not None:
-            self._known[judged.station] = loop
+            known[judged.station] = loop
         return loop
 
     def require_bounded_gain(self) -> None:

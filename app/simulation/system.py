@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import msgspec
 import numpy as np
@@ -76,6 +77,9 @@ from environments.surfaces.corner import Corner
 from environments.surfaces.table import Surface
 from environments.urdf import RobotError
 
+if TYPE_CHECKING:
+    from app.simulation.sampled_stability import SampledLoop
+
 EASE = 1.5  # factor on the substeps that keep the plant from exploding, with which it also settles
 ON_SURFACE = 1e-6  # m, of where the tool begins
 
@@ -109,7 +113,9 @@ class System:
     controller: with the target model in force, from which `blend`, if there is one, leads to another.
     q_0: (n,) rad.
     z_0: (n,) m/s, of (9), where it is kept at the start.
-    memory: of the results of searches."""
+    memory: of the results of searches.
+    sampled_loops: at the stations, by number, as far as they have been judged; shared by systems in which they are the
+    same."""
 
     scenario: Scenario
     robot: robots.Robot
@@ -131,6 +137,7 @@ class System:
     q_0: np.ndarray
     z_0: np.ndarray
     memory: Memory
+    sampled_loops: dict[int, SampledLoop]
 
     @property
     def m(self) -> int:
@@ -185,17 +192,29 @@ class System:
         """The system at t = 0: its shift starts from rest, and a blend is still to come."""
         shift = self.plan.shift
         begun = self.with_shift(SmoothShift.fresh(shift.end, shift.duration))
-        return begun if self.blend is None else replace(begun, controller=self.controller.following(self.blend.start))
+        return begun if self.blend is None else begun.with_controller(self.controller.following(self.blend.start))
 
     def with_truth(self, truth: TruthSection, previous: System | None) -> System:
         """The system with another true arm, of which the controller knows nothing. Raises ScenarioError.
 
         previous: a system whose parts are used again where they are the same.
         """
-        scenario = msgspec.structs.replace(self.scenario, truth=truth)
-        plant = _plant(scenario, self.robot, self.surfaces)
+        scenario, robot = msgspec.structs.replace(self.scenario, truth=truth), self.robot
+        plant = _plant(scenario, robot, self.surfaces, previous)
         mobility = _mobility(scenario, plant, self.constants, self.nominal, self.memory, previous)
-        return replace(self, scenario=scenario, plant=plant, mobility=mobility, push=push_of(scenario))
+        return replace(
+            self,
+            scenario=scenario,
+            nominal=_nominal(robot, previous),
+            plant=plant,
+            mobility=mobility,
+            push=push_of(scenario),
+            sampled_loops=_sampled_loops(scenario, self.stations, previous),
+        )
+
+    def with_controller(self, controller: Controller) -> System:
+        """The system with this controller, for another target model in force."""
+        return replace(self, controller=controller, sampled_loops={})
 
     def with_shift(self, shift: SmoothShift) -> System:
         """The system with this shift in place of the scenario's, which begins at t = 0."""
@@ -233,15 +252,11 @@ def _assemble(scenario: Scenario, previous: System | None, memory: Memory) -> Sy
         )
     same_robot = previous is not None and previous.scenario.robot == scenario.robot
     robot = previous.robot if previous is not None and same_robot else robot_of(scenario)
-    nominal = (
-        previous.nominal
-        if previous is not None and same_robot
-        else NominalModel(robot.model, robot.tool_joint, robot.tool_placement)
-    )
+    nominal = _nominal(robot, previous)
     require_surfaces(scenario, mode, positions_of(robot), robot.n)
     require_face(scenario, mode, robot)
     surfaces = _surfaces_in_use(scenario, robot, nominal, previous)
-    plant = _plant(scenario, robot, surfaces)
+    plant = _plant(scenario, robot, surfaces, previous)
     q_0 = _start(plant, robot)
     in_corner = mode.on_surface and len(surfaces) > 1
     layout = _layout(scenario, mode, robot, nominal, q_0, plant.surface)
@@ -286,6 +301,7 @@ def _assemble(scenario: Scenario, previous: System | None, memory: Memory) -> Sy
         uncertainty = uncertainty_of(scenario, robot, 0.0, NO_RATES)
         constants = constants_over(omega, rules.sigma_min, uncertainty, nominal, observer, memory)
     mobility = _mobility(scenario, plant, constants, nominal, memory, previous)
+    stations = _stations(scenario, constants, previous)
     return System(
         scenario=scenario,
         robot=robot,
@@ -297,7 +313,7 @@ def _assemble(scenario: Scenario, previous: System | None, memory: Memory) -> Sy
         nominal=nominal,
         plant=plant,
         constants=constants,
-        stations=_stations(scenario, constants, previous),
+        stations=stations,
         mobility=mobility,
         controller=controller_of(scenario, robot, mode, layout, constants),
         blend=blend_of(scenario, mode, layout),
@@ -307,10 +323,21 @@ def _assemble(scenario: Scenario, previous: System | None, memory: Memory) -> Sy
         q_0=q_0,
         z_0=z_at_start(scenario, robot.n),
         memory=memory,
+        sampled_loops=_sampled_loops(scenario, stations, previous),
     )
 
 
-def _plant(scenario: Scenario, robot: robots.Robot, surfaces: tuple[Surface, ...]) -> Plant:
+def _nominal(robot: robots.Robot, previous: System | None) -> NominalModel:
+    if previous is not None and previous.robot is robot:
+        return previous.nominal
+    return NominalModel(robot.model, robot.tool_joint, robot.tool_placement)
+
+
+def _plant(scenario: Scenario, robot: robots.Robot, surfaces: tuple[Surface, ...], previous: System | None) -> Plant:
+    """Plant of a scenario, that of `previous` where it is the same."""
+    alike = previous is not None and previous.robot is robot and previous.surfaces is surfaces
+    if previous is not None and alike and _nature(previous.scenario) == _nature(scenario):
+        return previous.plant
     return Plant(
         robot,
         truth_of(scenario, robot),
@@ -321,6 +348,12 @@ def _plant(scenario: Scenario, robot: robots.Robot, surfaces: tuple[Surface, ...
         scenario.simulation.substeps,
         face_of(scenario, robot),
     )
+
+
+def _nature(scenario: Scenario) -> tuple[object, ...]:
+    """Parts of the scenario that the plant is made of, besides arm and surfaces."""
+    rules, met = scenario.simulation, tuple(each.contact for each in scenario.surfaces)
+    return scenario.truth, met, scenario.face, rules.integrator, rules.substeps
 
 
 def _mobility(
@@ -334,6 +367,8 @@ def _mobility(
     """The true arm's largest mobility over Omega. Raises TooStiff where the plant's step cannot follow it."""
     if previous is not None and previous.constants is constants and previous.scenario.truth == scenario.truth:
         mobility = previous.mobility
+        if previous.plant is plant and previous.scenario.controller.period == scenario.controller.period:
+            return mobility
     else:
         touched = replace(constants.omega, span=span_of(plant.surfaces, scenario.simulation.duration))
         # the believed arm is the same in all runs of a sweep, and a search takes longer than a run
@@ -350,6 +385,21 @@ def _stations(scenario: Scenario, constants: Constants, previous: System | None)
     if previous is not None and previous.constants is constants and previous.scenario.simulation.duration == duration:
         return previous.stations
     return Stations.along(constants.omega, duration)
+
+
+def _sampled_loops(scenario: Scenario, stations: Stations, previous: System | None) -> dict[int, SampledLoop]:
+    if previous is None or previous.stations is not stations or _looped(previous.scenario) != _looped(scenario):
+        return {}
+    return previous.sampled_loops
+
+
+def _looped(scenario: Scenario) -> Scenario:
+    """The scenario without what a sampled loop at rest at a station does not depend on: its names, and the forces that
+    are asked for."""
+    plain = Scenario()
+    second = msgspec.structs.replace(scenario.second, force=plain.second.force)
+    third = msgspec.structs.replace(scenario.third, force=plain.third.force)
+    return msgspec.structs.replace(scenario, name="", title="", force=plain.force, second=second, third=third)
 
 
 def _compliance(scenario: Scenario) -> np.ndarray:

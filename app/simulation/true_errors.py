@@ -9,7 +9,7 @@ import numpy as np
 
 from app.scenario.declared_bounds import outside
 from app.scenario.schema import STATED_IN, Scenario
-from controllers.nominal_model import Estimate, LinkConstants, NominalModel, Stated, estimates
+from controllers.nominal_model import Estimate, LinkConstants, Stated, estimates
 from environments.plant import Plant, Resistance, resistance_torque
 from environments.robots import Robot
 from kernels import inline
@@ -56,8 +56,8 @@ class TrueArm(NamedTuple):
             judged=any(getattr(declared, name) is not None for name in STATED_IN),
             outsiders=float(len(outside(scenario))),
             least_inertia=declared.least_inertia,
-            links=NominalModel(plant.model, robot.tool_joint, robot.tool_placement).constants,
-            chain=Chain.of(plant.model),
+            links=LinkConstants.of(plant.model, robot.tool_joint, robot.tool_placement),
+            chain=plant.chain,
             resistance=plant.truth.resistance,
             motion=Motion.zeros(n),
             estimate=Estimate.zeros(n),

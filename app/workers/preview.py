@@ -152,13 +152,13 @@ def serve(asker: Connection) -> None:
         while True:
             while newest is not None and known.band.going and not asker.poll():
                 _grow(known.band, newest, asker, GROWN, asker)
-            question = asker.recv()
+            question, asked = asker.recv(), time.perf_counter()
             if isinstance(question, Hurry):  # nobody looks at the band any more; or it was meant for the one before
                 known.band.leave()
                 continue
             if newest is not None and not question.partial:  # a loop that runs on asks without end
                 _grow(known.band, newest, asker, REST)
-            newest = _answer(question, asker, known)
+            newest = _answer(question, asked, asker, known)
             asker.send(Done())
     finally:
         known.band.leave()
@@ -178,14 +178,15 @@ def _grow(
         band.leave()
 
 
-def _answer(question: Question, asker: Connection, known: _Known) -> Outlook | None:
-    """Answer a question. Returns the answer if it is whole, and a band may stand behind it."""
+def _answer(question: Question, asked: float, asker: Connection, known: _Known) -> Outlook | None:
+    """Answer a question that came at this instant of `time.perf_counter`. Returns the answer if it is whole, and a band
+    may stand behind it."""
     try:
         foresight = Foresight(question, known.system, known.memory, _engine())
         known.system = foresight.base
         known.band.follow(foresight)
         today = known.figures_for(foresight.unchanged)
-        newest = _look_ahead(foresight, asker, today, known.band)
+        newest = _look_ahead(foresight, asked + BANDED, asker, today, known.band)
         if newest is not None and question.compared and today is None:
             newest = _compare(foresight, asker, known) or newest
         return newest
@@ -206,9 +207,12 @@ def _engine() -> Engine:
     return "compiled" if precompile.mark().exists() else "pinocchio"
 
 
-def _look_ahead(foresight: Foresight, asker: Connection, today: Figures | None, band: _GrowingBand) -> Outlook | None:
+def _look_ahead(
+    foresight: Foresight, banded: float, asker: Connection, today: Figures | None, band: _GrowingBand
+) -> Outlook | None:
     """Answer, and on the way where that is wanted; with the band as far as it is by then, where there is one. Returns
-    the answer if it is whole: a newer question can overtake it."""
+    the answer if it is whole: a newer question can overtake it.
+    banded: instant until which a band may grow."""
     owed = moves = foresight.question.partial
     began = drawn = time.perf_counter()
     while foresight.share < 1.0:
@@ -217,11 +221,11 @@ def _look_ahead(foresight: Foresight, asker: Connection, today: Figures | None, 
         left = (now - began) * (1.0 - share) / share
         if left > SOON and not owed and asker.poll():
             return None
-        if moves and now - drawn > (BANDED if band.going else DRAWING):
+        if moves and now > max(drawn + DRAWING, banded if band.going else 0.0):
             _send(foresight.outlook(today), asker, band)
             owed, drawn = False, now
     if moves:
-        band.grow(began + BANDED)
+        band.grow(banded)
     return _send(foresight.outlook(today), asker, band)
 
 

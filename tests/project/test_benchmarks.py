@@ -9,7 +9,7 @@ from typing import get_args
 import pytest
 
 from benchmarks import __main__ as command
-from benchmarks import report
+from benchmarks import mutations, report
 from benchmarks.rounds import Whole, interleaved, ratio
 
 TABLE = report.Table(("what", "µs"), [("a step", "14.5"), ("a longer name", "3")])
@@ -49,3 +49,7 @@ def test_rounds_are_interleaved_and_ratios_taken_round_by_round() -> None:
     interleaved({"whole": Whole(together.append)}, rounds=2, steps=3)
     assert together == [3, 3]
     assert ratio([1.0, 20.0, 3.0], [1.0, 10.0, 1.0]) == 2.0
+
+
+def test_every_planted_mistake_fits_the_sources() -> None:
+    assert mutations.misfits(mutations.table()) == []

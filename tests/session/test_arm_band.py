@@ -86,6 +86,22 @@ def test_arms_are_others_than_the_true_one_and_the_same_at_every_value() -> None
     assert np.abs(firsts[0].signals["e_r"] - firsts[1].signals["e_r"]).max() > 1e-9
 
 
+def test_arms_in_two_threads_share_no_model_of_the_arm() -> None:
+    """Estimates along the reference are taken from Pinocchio's memory while the other thread runs its arm."""
+    loop = running(edited(shipped()["ur5-hybrid"], "controller.estimates", "along-reference"))
+    arms, stretch = TrueArms(Memory()), foresight_of(loop, loop.system.scenario).stretch
+    whole(arms.run(stretch, COUNT))
+    models = {id(system.nominal.data) for system in (arms._begun.system, *arms._systems.values()) if arms._begun}
+    assert len(models) == COUNT + 1
+    band = whole(arms.run(stretch, COUNT))
+    for number in range(COUNT):
+        own = ClosedLoop.resume(loop.state.copy())
+        alone = own.with_truth(truth_of(own.system.scenario, number, own.recording.n), stretch.rows, None)
+        CompiledRun(alone).advance(stretch.rows)
+        its = alone.recording.signals(("e_r",))["e_r"][stretch.points]
+        np.testing.assert_array_equal(band.signals["e_r"].reshape(COUNT, *its.shape)[number], its)
+
+
 def test_an_arm_that_stops_is_counted_and_has_no_values_beyond_its_end() -> None:
     """A force loop too fast for a rigid surface: most arms lose it at once."""
     loop = running(shipped()["ur5-constrained"])

@@ -6,6 +6,7 @@ import json
 import math
 from pathlib import Path
 
+import msgspec
 import numpy as np
 import pytest
 
@@ -18,8 +19,10 @@ from app.scenario.schema import Scenario, ScenarioError
 from app.session.headless_run import simulate
 from app.session.snapshot import snapshot_of
 from app.simulation.closed_loop import ClosedLoop
+from app.simulation.controlled_arm import ControlledArm
 from app.simulation.sampled_stability import sampled_loop
 from app.simulation.stations import APART
+from app.simulation.system import assemble
 from controllers.premises import STATEMENTS, Premise
 from tests.support.arms import random_spd
 
@@ -256,6 +259,53 @@ def test_after_a_blend_the_sampled_loops_are_judged_anew() -> None:
     judged = loop.state.judged
     assert judged_value(loop) == sampled_loop(loop.system, judged.q, judged.t).premises[Premise.SAMPLED_LOOP]
     assert judged_value(loop) != before
+
+
+@pytest.mark.parametrize("name", ["ur5-hybrid", "ur5-corner", "ur5-constrained", "ur5-corner-rigid"])
+def test_sampled_loops_are_judged_anew_but_for_another_force(name: str) -> None:
+    """What is asked of the force changes no sampled loop, so that a slider that moves it need not wait for them."""
+    system = ClosedLoop(changed(name)).system
+    pressed = assemble(edited(edited(system.scenario, "force.value", 17.0), "second.force.value", 9.0), system)
+    assert pressed.sampled_loops is system.sampled_loops
+    known = system.sampled_loops[0]
+    for other in (pressed, assemble(pressed.scenario)):
+        found = sampled_loop(other, other.stations.q[0], float(other.stations.t[0]))
+        np.testing.assert_array_equal(found.sampled, known.sampled)
+        np.testing.assert_equal(dict(found.premises), dict(known.premises))
+    for path, value in (
+        ("controller.K_s", 70.0),
+        ("contact.B_e", 3.0),
+        ("truth.link_scaling", 1.1),
+        ("sensor.delay", 0.002),
+        ("simulation.substeps", 2),
+        ("declared.link_scaling", 0.1),
+    ):
+        assert assemble(edited(system.scenario, path, value), system).sampled_loops == {}, path
+
+
+def test_the_plant_stays_where_nothing_of_it_is_changed() -> None:
+    system = assemble(changed("ur5-hybrid"))
+    for path, value in (("controller.K_s", 70.0), ("force.value", 17.0), ("motion.radius", 0.03)):
+        assert assemble(edited(system.scenario, path, value), system).plant is system.plant, path
+    for path, value in (
+        ("truth.payload_mass", 0.3),
+        ("contact.K_e", 2e4),
+        ("contact.unilateral", False),
+        ("simulation.integrator", "rk4"),
+        ("simulation.substeps", 2),
+        ("surface.normal", [0.1, 0.0, 1.0]),
+    ):
+        other = edited(system.scenario, path, value)
+        assert assemble(other, system).plant is not system.plant, path
+
+
+@pytest.mark.parametrize("name", ["ur5-hybrid", "ur5-constrained"])
+def test_another_true_arm_has_the_settings_of_a_system_built_with_it(name: str) -> None:
+    loop = ClosedLoop(edited(changed(name), "declared.delta_G", 30.0))
+    truth = msgspec.structs.replace(loop.system.scenario.truth, payload_mass=0.4, viscous=2.0, torque_limit=80.0)
+    twin = loop.with_truth(truth, 10, None)
+    built = ControlledArm(twin.system, twin.state).settings
+    assert twin.memory[0].tobytes() == built.data.tobytes() != loop.memory[0].tobytes()
 
 
 def test_the_band_counts_with_d_on_the_sliding_surface_not_with_the_present_one() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import resource
 import signal
 import subprocess
 import sys
@@ -15,6 +16,7 @@ import msgspec
 import pytest
 
 from app.cli.commands import execute
+from app.export.export_jobs import ExportError, ExportJobs, MadeJob
 from app.process import slots
 from app.scenario.data import edited, shipped
 from app.scenario.schema import ScenarioError
@@ -143,6 +145,26 @@ def test_a_map_that_is_taken_away_is_the_folder_of_a_sweep(tmp_path: Path, capsy
     metrics = msgspec.json.decode((tmp_path / "row" / "metrics.json").read_bytes())
     assert metrics["force_error_tail"] == rows[0]["force_error"]
     assert execute(["sweep", "plot", str(folder), "--of", "force_error"]) == 0
+
+
+@pytest.mark.parametrize("most", [100, 600])
+def test_a_disk_that_is_full_while_a_sweep_is_packed_is_said_and_nothing_is_left(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, most: int
+) -> None:
+    """A file may not grow beyond so many bytes, in the process that packs: its first one, or a later one."""
+    monkeypatch.setenv("TMPDIR", str(tmp_path))
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    rows = [Runner(SWEEP).figures(number) for number in (1, 4)]
+    job, jobs = MadeJob(zipped, (SWEEP, rows)), ExportJobs()
+    allowed = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (most, allowed[1]))
+    try:
+        with pytest.raises(ExportError, match="File too large"):
+            jobs.made(job, lambda _: None)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, allowed)
+    assert zipfile.is_zipfile(io.BytesIO(jobs.made(job, lambda _: None)))
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_a_process_that_falls_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
