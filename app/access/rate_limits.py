@@ -15,7 +15,7 @@ from typing import Any, TypeVar
 import msgspec
 
 MEGABYTE = 2**20
-NARROW = 576  # px: pages up to this wide, phones, take no part in how high the plots are
+NARROW = 576  # px: phones are up to this wide
 
 
 @dataclass(frozen=True)
@@ -140,6 +140,12 @@ class Meter:
         return True
 
 
+def takes_part(width: int, height: int) -> bool:
+    """Whether a page with a scene of this size (px) takes part in how high the plots are. A phone does not: its scene
+    is narrow and low, while one between two docks may be narrow and is high."""
+    return width > NARROW or height > width
+
+
 def harmless(raw: bytes, looking: Collection[str]) -> bytes | None:
     """Part of a watcher's message that may reach the session, None for nothing: the watcher's camera, and the tabs of
     plots on the watcher's screen, so that they are drawn. The run depends on neither.
@@ -154,8 +160,9 @@ def harmless(raw: bytes, looking: Collection[str]) -> bytes | None:
             if not (0 < camera.image_height <= _LARGEST_PAGE and 0 < camera.image_width <= _LARGEST_PAGE):
                 return None
             # the plots of all are fitted to the lowest page, phones left out: a watcher's does not count either
-            narrow = min(camera.image_width, NARROW)
-            return msgspec.msgpack.encode(msgspec.structs.replace(camera, image_width=narrow))
+            width = min(camera.image_width, NARROW)
+            low = msgspec.structs.replace(camera, image_width=width, image_height=min(camera.image_height, width))
+            return msgspec.msgpack.encode(low)
         if kind == "GuiUpdateMessage":
             update = _update.decode(raw)
             tabs = update.updates.get("value")

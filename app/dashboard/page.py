@@ -12,7 +12,7 @@ import structlog
 import viser
 
 from app.access.admission import Names, PortTaken, Tokens
-from app.access.rate_limits import NARROW
+from app.access.rate_limits import takes_part
 from app.dashboard.frame_rate import FPS, check_fps
 from app.dashboard.panels import PANELS, Panel
 from app.dashboard.panels.robustness import RobustnessPanel
@@ -448,7 +448,7 @@ class _View:
 
     def _fit(self) -> None:
         cameras = [client.camera for client in self._server.get_clients().values()]
-        height = min((c.image_height for c in cameras if c.image_width > NARROW), default=0)
+        height = min((c.image_height for c in cameras if takes_part(c.image_width, c.image_height)), default=0)
         if height and height != self._page_height:
             self._page_height = height
             self._plots.fit(height)

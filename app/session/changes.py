@@ -135,10 +135,19 @@ def possible(scenario: Scenario, build: Callable[[Scenario], _Built]) -> _Built:
 class WayOut:
     """Way out of a refusal.
     title: of its button.
-    scenario: to be asked for instead, see `possible`; None where the page has to ask for a URDF."""
+    scenario: to be asked for instead, see `possible`.
+    fork_at: instant (s) of the run at which it can be forked.
+
+    There is at most one of the two; see `asks_for_file`."""
 
     title: str
-    scenario: Scenario | None
+    scenario: Scenario | None = None
+    fork_at: float | None = None
+
+    @property
+    def asks_for_file(self) -> bool:
+        """Whether the page has to ask for a URDF."""
+        return self.scenario is None and self.fork_at is None
 
 
 def way_out(asked: Scenario, error: ScenarioError) -> WayOut | None:
@@ -170,7 +179,7 @@ def nearest(scenario: Scenario, path: str, value: object) -> WayOut | None:
     """Way out where a number is out of its field's bounds: the bound; where a URDF cannot be used: another one; None
     for anything else."""
     if path == "robot.urdf":
-        return WayOut("Upload a URDF", None)
+        return WayOut("Upload a URDF")
     if not isinstance(value, float | int):
         return None
     least, largest = _bounds(scenario, path)

@@ -357,10 +357,21 @@ class Runner:
         """Carry out a command; where it is refused, keep the way out, if there is one."""
         way = self._way_out
         match command:
-            case TakeWayOut():
-                if way is None or way.scenario is None:
-                    raise ScenarioError("way out: there is none; allowed: after a refusal that names one")
+            case TakeWayOut() if way is not None and way.scenario is not None:
                 self._adapt(way.scenario, way.scenario)
+            case TakeWayOut() if way is not None and way.fork_at is not None:
+                self._way_out = None  # also where that instant is no longer known
+                self._carry_out(Seek(way.fork_at))
+                self._carry_out(Fork())
+            case TakeWayOut():
+                raise ScenarioError("way out: there is none; allowed: after a refusal that names one")
+            case Fork():
+                self._way_out = None
+                try:
+                    self._carry_out(command)
+                except ScenarioError:
+                    self._way_out = self._earlier_fork()
+                    raise
             case Edit(path, value):
                 self._way_out = None
                 try:
@@ -370,6 +381,13 @@ class Runner:
                     raise
             case _:
                 self._carry_out(command)
+
+    def _earlier_fork(self) -> changes.WayOut | None:
+        """Way out of a fork at the end: one where the run took its present course."""
+        t, first = self._line.last_change, self._line.first
+        if t is None:
+            return None
+        return changes.WayOut(f"Fork at the {'last change' if t > first else 'earliest instant'}, {t:.2f} s", fork_at=t)
 
     def _carry_out(self, command: Command) -> None:
         line, scenario_now = self._line, self._loop.system.scenario
@@ -386,6 +404,8 @@ class Runner:
             case Reset():
                 line.reset()
                 self._runs += 1
+                if self._way_out is not None and self._way_out.fork_at is not None:  # an instant of the run before
+                    self._way_out = None
             case Seek(t):
                 line.hold(None)
                 line.seek(t)

@@ -98,6 +98,14 @@ class Timeline:
         """The earliest instant that can be looked at, s."""
         return self._keys[0].state.t
 
+    @property
+    def last_change(self) -> float | None:
+        """Instant of the last change before the end, else the earliest that is known, s; None where the run stands
+        there."""
+        before = self.end - 0.5 * self.loop.period
+        known = [t for t in (self.first, *(epoch.t for epoch in self.recording.epochs)) if self.first <= t < before]
+        return max(known, default=None)
+
     def step(self) -> None:
         """Compute one control period; while looking back the run is only shown again, until its end is reached."""
         if self._back is None:

@@ -26,7 +26,7 @@ class SurfaceMotion(Section, frozen=True, forbid_unknown_fields=True):
     """Translation along a direction, amplitude * sin(2 pi frequency t)."""
 
     amplitude: Annotated[float, field("amplitude", "m", slider("moves by", 0, 0.05), ge=0, le=1)] = 0.0
-    frequency: Annotated[float, field("frequency", "Hz", slider("at", 0, 2), ge=0, le=20)] = 0.5
+    frequency: Annotated[float, field("frequency", "Hz", slider("moves at", 0, 2), ge=0, le=20)] = 0.5
     direction: Annotated[Vector3, field("direction", "1", Widget("direction"))] = (0.0, 0.0, 1.0)
 
     def offset(self, t: float) -> np.ndarray:

@@ -47,7 +47,7 @@ class Tilt(Section, frozen=True, forbid_unknown_fields=True):
     """Tilting about the origin, amplitude * sin(2 pi frequency t)."""
 
     amplitude: Annotated[float, field("amplitude", "rad", slider("tilts by", 0, 0.2), ge=0, le=0.5)] = 0.0
-    frequency: Annotated[float, field("frequency", "Hz", slider("at", 0, 2), ge=0, le=20)] = 0.25
+    frequency: Annotated[float, field("frequency", "Hz", slider("tilts at", 0, 2), ge=0, le=20)] = 0.25
     axis: Annotated[Vector3, field("axis", "1", Widget("about"))] = (0.0, 1.0, 0.0)
 
 

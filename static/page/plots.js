@@ -50,12 +50,32 @@ const relight = (chart) => {
   for (const marker of chart.root.querySelectorAll(".u-legend .u-marker"))
     marker.style.borderColor = onWhite(marker.style.borderColor);
 };
-// Of many decades only so many have a number as there is room for; of few also twos and fives.
+// Three numbers on an axis at least, also of a low plot, as far as they stand apart.
+const room = (plot) => (1.05 * plot.axes[1].font[1]) / devicePixelRatio; // px
+const STEPS = [1, 1.25, 1.5, 2, 2.5, 3, 4, 5, 6, 8, 10];
+const three = (splits) => (plot, i, min, max, incr, space, ...asked) => {
+  const at = splits(plot, i, min, max, incr, space, ...asked);
+  if (at.length > 2) return at;
+  const least = (room(plot) * incr) / space, ten = 10 ** Math.floor(Math.log10(least)), step = ten * STEPS.find((each) => each * ten >= least);
+  const first = Math.ceil(min / step - 1e-9), more = Array.from({ length: Math.floor(max / step + 1e-9) - first + 1 }, (_, k) => (first + k) * step);
+  return more.length > at.length ? more : at;
+};
+// On a logarithmic one of many decades every so many, of few also threes, or twos and fives, and where none of these are
+// three, the roundest. Of less than a decade, as from 8 to 20, also what lies between two neighbours.
+const NEAT = [/^[13]e/, /^[125]e/, /^[12357]e/], ROUND = [/^1e/, /^5e/, /^2e/, /^3e/, /^.e/, /./];
+const halved = (splits) => (...asked) => {
+  const at = splits(...asked), few = at.length === 2, short = at.at(-1) < 4 * at[0];
+  return at.flatMap((v, i) => (few || (short && at[i + 1] > 1.25 * v) ? [v, (v + at[i + 1]) / 2] : [v])).filter(Number.isFinite);
+};
 const decades = (plot, at) => {
-  const apart = Math.abs(plot.valToPos(10, "y") - plot.valToPos(1, "y")), every = Math.max(1, Math.ceil(15 / apart));
-  const tens = at.filter((v) => v !== null && Number.isInteger(+Math.log10(v).toFixed(9))).length;
-  const firsts = tens < 3 && apart > 40 ? /^[125]/ : /^1/;
-  return at.map((v) => (v === null || Math.floor(Math.log10(v) + 1e-9) % every || !firsts.test(v.toExponential()) ? "" : `${v}`));
+  const digits = new Map(at.map((v) => [v, (+v.toPrecision(9)).toExponential()])), place = new Map(at.map((v) => [v, plot.valToPos(v, "y")]));
+  const free = (v, others) => others.every((other) => Math.abs(place.get(v) - place.get(other)) >= room(plot));
+  const begun = (first) => at.filter((v) => first.test(digits.get(v)));
+  const every = Math.max(1, Math.ceil(room(plot) / Math.abs(plot.valToPos(10, "y") - plot.valToPos(1, "y"))));
+  const neat = [begun(ROUND[0]).filter((v) => Math.round(Math.log10(v)) % every === 0), ...NEAT.map(begun)];
+  const apart = neat.find((some) => some.length > 2 && some.every((v, i) => free(v, some.slice(0, i))));
+  const shown = apart ?? ROUND.flatMap(begun).reduce((some, v) => (free(v, some) ? [...some, v] : some), []);
+  return at.map((v) => (shown.includes(v) ? `${+v.toPrecision(9)}` : ""));
 };
 // uPlot knows null for what does not exist, and data arrive as numbers. A gap begins at the last value before it: a
 // logarithmic axis would draw nan as a fall to its foot.
@@ -97,9 +117,9 @@ const enlist = (entry) => {
   // uPlot writes 0 for what is below 0.001
   // uPlot rounds to three decimals, which makes neighbours look alike far from zero
   const digits = (at) => (at.length > 1 ? Math.min(8, Math.max(0, Math.ceil(-Math.log10(at[1] - at[0])) + 1)) : 3);
-  chart.axes[1].values = chart.scales.y?.distr === 3
-    ? decades
-    : (_, at) => at.map((v) => `${+v.toFixed(digits(at))}`);
+  const axis = chart.axes[1];
+  if (chart.scales.y?.distr === 3) Object.assign(axis, { values: decades, splits: halved(axis.splits), filter: (_, at) => at });
+  else Object.assign(axis, { values: (_, at) => at.map((v) => `${+v.toFixed(digits(at))}`), splits: three(axis.splits) });
   if (document.documentElement.dataset.mantineColorScheme === "light") relight(chart);
   return entry;
 };

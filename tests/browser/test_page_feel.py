@@ -20,6 +20,8 @@ WITHIN = """() => {
   return scene.left - 1 <= model.left && model.right <= scene.right + 1;
 }"""
 
+# the notice of a refusal
+MESSAGE = "[...document.querySelectorAll('.vs-strip .vs-message')].find((e) => e.innerText.includes('period: -1'))"
 # what has the focus when a click is over, before the next picture is drawn
 _NOTE_FOCUS = """() => addEventListener("click", () => { window.focusAfterClick = document.activeElement.tagName; },
   { once: true })"""
@@ -148,6 +150,27 @@ def test_a_message_moves_nothing(session: Session):
       const strip = box(".vs-strip"), scene = box("canvas[data-engine]");
       return strip.height > 10 && scene.left <= strip.left && strip.right <= scene.right;
     }""")
+
+
+def test_a_drag_over_a_message_selects_it_at_most_and_nothing_of_the_page(session: Session):
+    page = session.page
+    message = page.locator(".vs-strip .vs-message", has_text="controller.period: -1")
+    for held in (False, True):
+        session.runner.post(Pause() if held else Play())
+        page.locator(f".vs-status[data-phase={'paused' if held else 'running'}]").wait_for()
+        session.runner.post(Edit("controller.period", -1.0))
+        message.wait_for()
+        page.wait_for_timeout(500)  # of a run that holds it is not sent again from now on
+        text, box = message.inner_text(), page.evaluate(f"{MESSAGE}.getBoundingClientRect()")
+        page.mouse.move(box["x"] + 30, box["y"] + box["height"] / 2)
+        page.mouse.down()
+        page.mouse.move(1100, 300, steps=12)
+        page.wait_for_timeout(300)
+        selected = page.evaluate("getSelection().toString()")
+        page.mouse.up()
+        assert selected in text
+        assert bool(selected) == held  # while the run goes on the message is sent again and again
+        page.mouse.click(640, 250)
 
 
 def test_the_target_model_stays_within_the_scene_of_a_small_window(session: Session):

@@ -168,6 +168,50 @@ def test_linked_axes_move_together(session: Session):
     session.page.get_by_label("Link equal axes").first.uncheck()
 
 
+def test_linked_sliders_follow_the_one_that_is_held_and_go_back_with_it(session: Session):
+    page, before = session.page, session.now
+
+    def text(label: str) -> str:
+        return session.number(label).input_value().rstrip("".join(MARKS))
+
+    def at(label: str) -> float:
+        return float(session.row(label).get_by_role("slider").get_attribute("aria-valuenow") or "nan")
+
+    def together() -> bool:
+        # a text has three digits
+        return text("K_m ψ₁") == text("K_m ψ₂") != "4000" and abs(at("K_m ψ₁") - at("K_m ψ₂")) < 2e-3
+
+    session.tab("Model")
+    page.get_by_label("Link equal axes").first.check()
+    session.tab("K_m")
+    session.wait(lambda _: text("K_m ψ₂") == "4000")
+    alone = at("K_m φ"), at("K_m ℓ·α")
+    move, _ = session.grip("K_m ψ₁", at=0.7)
+    for share in (0.8, 0.55):
+        move(share)
+        session.wait(lambda _, share=share: together() and abs(at("K_m ψ₁") - share) < 0.03)
+        page.wait_for_timeout(400)
+        assert together()
+        assert abs(at("K_m ψ₁") - share) < 0.03  # it stays where it is held
+    assert (at("K_m φ"), at("K_m ℓ·α")) == alone
+    assert session.now.revision == before.revision
+    page.keyboard.press("Escape")
+    session.wait(lambda _: text("K_m ψ₂") == text("K_m ψ₁") == "4000")
+    page.mouse.up()
+    page.locator("form[data-held]").wait_for(state="detached")
+
+    move, _ = session.grip("K_m ψ₂", at=0.7)
+    move(0.6)
+    session.wait(lambda _: together())
+    page.mouse.up()
+    session.wait(lambda now: now.revision == before.revision + 1)
+    stiffness = session.now.matrices["K_m"].diagonal().tolist()
+    assert stiffness == [0.0, *[float(text("K_m ψ₂"))] * 2, 4000.0, 4000.0, 4000.0]
+    page.wait_for_timeout(1500)  # longer than a control waits for an answer
+    assert session.now.revision == before.revision + 1
+    page.get_by_label("Link equal axes").first.uncheck()
+
+
 def test_a_pole_dragged_on_the_map_is_previewed_then_applied_and_esc_leaves_it(session: Session):
     page = session.page
     session.tab("Model")

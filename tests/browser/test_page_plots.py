@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+from pathlib import Path
+
 import pytest
+from playwright.sync_api import Browser
 
 from app.dashboard.plots.charts import Setup
 from app.dashboard.plots.plot_table import TABS
@@ -190,3 +194,41 @@ def test_two_cursors_measure_a_step(session: Session):
     assert row[1] == "0 %"
     page.keyboard.press("Escape")
     table.wait_for(state="detached")
+
+
+# Numbers of an axis of a plot so many px high, with their places, for the splits that uPlot would give it.
+NUMBERS = """({ kind, low, high, tall }) => {
+  const logarithmic = kind === "decades", place = logarithmic
+    ? (v) => tall * (1 - Math.log10(v / low) / Math.log10(high / low)) : (v) => (tall * (high - v)) / (high - low);
+  const plot = { axes: [null, { font: ["", 12] }], valToPos: place }, size = 10 ** Math.floor(Math.log10(low));
+  const incr = [1, 2, 2.5, 5, 10, 20, 25, 50, 100, 200].find((each) => (tall * each) / (high - low) >= 14);
+  const splits = () => {
+    const at = [];
+    if (!logarithmic) for (let v = Math.ceil(low / incr) * incr; v <= high; v += incr) at.push(v);
+    else for (let v = low, step = size; v <= high * (1 + 1e-9); v = +(v + step).toPrecision(9)) {
+      at.push(v);
+      if (v + step >= 10 * step * (1 + 1e-9) && v >= 10 * step * (1 - 1e-9)) { at.pop(); step *= 10; at.push(v); }
+    }
+    return at;
+  };
+  const at = (logarithmic ? halved : three)(splits)(plot, 1, low, high, incr, (tall * incr) / (high - low));
+  const told = logarithmic ? decades(plot, at) : at.map(String);
+  return at.flatMap((v, i) => (told[i] === "" ? [] : [[Number(told[i]), place(v)]]));
+}"""
+
+
+def test_an_axis_has_three_numbers_that_stand_apart_however_low_its_plot(browser: Browser):
+    page = browser.new_page()
+    page.add_script_tag(content=Path("static/page/plots.js").read_text(encoding="utf-8"))
+    ends = [(6, 100), (4, 70), (30, 40), (3, 9), (0.004, 0.01), (0.1, 100), (0.001, 10), (1, 10), (2, 3), (8, 20)]
+    cases = [("decades", *pair) for pair in ends] + [("three", 0, high / 10) for high in range(11, 120)]
+    cases += [("three", -1.1, 3.0), ("three", 0, 3.95), ("three", 1.9, 5.85)]
+    for kind, low, high in cases:
+        for tall in (51, 77, 182):
+            asked = {"kind": kind, "low": low, "high": high, "tall": tall}
+            numbers = page.evaluate(NUMBERS, asked)
+            places = sorted(place for _, place in numbers)
+            assert len(numbers) >= 3, asked
+            assert min(b - a for a, b in pairwise(places)) > 12.0, (asked, numbers)
+            assert all(low - 1e-9 <= value <= high + 1e-9 for value, _ in numbers), (asked, numbers)
+    page.close()

@@ -9,7 +9,7 @@ import pytest
 from app.scenario.data import differences, edited, shipped
 from app.scenario.schema import Scenario, ScenarioError
 from app.session.changes import in_mode, on_robot, on_surface, possible, told
-from app.session.commands import Edit, Pause, TakeWayOut
+from app.session.commands import Edit, Fork, Pause, Reset, TakeWayOut
 from app.session.runner import Runner
 from app.simulation.closed_loop import ClosedLoop
 from app.simulation.system import assemble
@@ -146,3 +146,35 @@ def test_a_refusal_has_a_way_out_that_works(
     for _ in range(50):
         runner._step()
     assert runner._loop.stopped is None
+
+
+def test_a_fork_at_the_end_of_a_run_has_a_way_out_to_the_last_change() -> None:
+    runner = Runner(shipped()["ur5-hybrid"])
+
+    def step(times: int) -> None:
+        for _ in range(times):
+            runner._step()
+
+    runner._obey([Fork()])
+    assert runner._publish().way_out is None  # nothing has been yet
+    step(30)
+    runner._obey([Fork()])
+    begun = runner._publish().way_out
+    assert begun
+    assert begun.title == "Fork at the earliest instant, 0.00 s"
+    runner._obey([Edit("force.value", 25.0)])
+    step(30)
+    runner._obey([Fork()])
+    asked = runner._publish()
+    assert asked.way_out
+    assert asked.way_out.title == "Fork at the last change, 0.03 s"
+    runner._obey([TakeWayOut()])
+    forked = runner._publish()
+    assert (forked.phase, forked.way_out, forked.looking_back) == ("paused", None, False)
+    assert (forked.t, forked.scenario.force.value) == (pytest.approx(0.03), 25.0)
+    assert forked.forks == (pytest.approx(0.03),)
+    assert [pinned.t for pinned in forked.pinned] == [pytest.approx(0.06)]
+
+    step(10)
+    runner._obey([Fork(), Reset()])  # its instant is one of the run before
+    assert runner._publish().way_out is None

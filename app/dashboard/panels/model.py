@@ -115,12 +115,15 @@ class _PerCoordinate:
         if event.client is not None:
             self._linked = self._link.value
 
+    def _is_linked(self) -> bool:
+        return self._linked
+
     def show(self, snapshot: Snapshot) -> None:
         for name, quantity in self._quantities.items():
             rows = self._rows[name]
             for i in range(len(rows), len(snapshot.coordinates)):
                 with self._tabs[name]:
-                    place = quantity.place(i, lambda: self._linked)
+                    place = quantity.place(i, self._is_linked)
                     rows.append(Number(self._desk, place, f"{name} {i + 1}", quantity.scale))
             for i, row in enumerate(rows):
                 row.show(snapshot)

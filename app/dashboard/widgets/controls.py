@@ -102,6 +102,11 @@ class Place:
         del snapshot
         return Edit(self.path, value)
 
+    def moved(self, snapshot: Snapshot) -> tuple[Place, ...]:
+        """Places that an edit of this one sets, itself among them."""
+        del snapshot
+        return (self,)
+
     def entry(self, snapshot: Snapshot) -> tuple[str, Mapping[str, Any]]:
         """Path by which a sweep varies it (`app.scenario.data.with_value`), and values that the scenario must have
         before. Raises ValueError with a sentence where it is no number of a scenario by itself."""
@@ -249,7 +254,10 @@ class Number:
         self._desk.choose(self.row)
         edit = self._place.edit(snapshot, value)
         if self._desk.whatif.on:
-            self._desk.whatif.hold(Held(edit, self._label, written(value), self, event.client.client_id))
+            held = Held(
+                edit, self._label, written(value), self, event.client.client_id, moved=self._moved(snapshot, value)
+            )
+            self._desk.whatif.hold(held)
         else:
             self._ask(snapshot, edit, seconds=0.5)
 
@@ -264,11 +272,15 @@ class Number:
         changed = apply and written(value) != written(running)
         if changed:  # before the slider counts as let go, since the page may be drawn in between
             edit = self._place.edit(snapshot, value)
-            self._desk.whatif.remember(snapshot, edit)
+            self._desk.whatif.remember(snapshot, edit, self._moved(snapshot, value))
             self._ask(snapshot, edit, seconds=1.0)
         self._desk.whatif.let_go(self)
         if not changed:
             self._show_again(snapshot)
+
+    def _moved(self, snapshot: Snapshot, value: float) -> dict[object, float]:
+        """The value by each place that it is given to."""
+        return dict.fromkeys(self._place.moved(snapshot), value)
 
     def _show_again(self, snapshot: Snapshot) -> None:
         """Show the running value, without waiting for an answer."""
@@ -285,6 +297,7 @@ class Number:
             self._form.visible = value is not None
         if value is None or self._answer.awaited(snapshot) or self._desk.whatif.holds(self):
             return
+        value = self._desk.whatif.moved(snapshot).get(self._place, value)
         self._text.value = written(value)
         if self._slider is not None and self._scale is not None:
             slides = isinstance(value, float | int)  # several numbers do not fit on one slider

@@ -4,7 +4,7 @@ at once."""
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -87,11 +87,17 @@ class DiagonalPlace(Place):
 
     def edit(self, snapshot: Snapshot, value: Any) -> Edit:
         matrix = self._matrix(snapshot).copy()
-        places = alike(snapshot, self.index, np.diag(matrix)) if self.linked() else [self.index]
-        for i in places:
-            if i == self.index or not is_fixed(snapshot, self._name, i):
-                matrix[i, i] = _single(value)
+        for i in self._set(snapshot):
+            matrix[i, i] = _single(value)
         return Edit(self.path, plain(matrix))
+
+    def moved(self, snapshot: Snapshot) -> tuple[Place, ...]:
+        return tuple(replace(self, index=i) for i in self._set(snapshot))
+
+    def _set(self, snapshot: Snapshot) -> list[int]:
+        """Coordinates that an edit sets."""
+        places = alike(snapshot, self.index, np.diag(self._matrix(snapshot))) if self.linked() else [self.index]
+        return [i for i in places if i == self.index or not is_fixed(snapshot, self._name, i)]
 
     def entry(self, snapshot: Snapshot) -> tuple[str, Mapping[str, Any]]:
         held, place = plain(self._matrix(snapshot)), str(self.index + 1)
@@ -126,12 +132,20 @@ class OscillatorPlace(Place):
         if not value > 0.0:
             raise ValueError(f"{written(value)}; allowed: a number > 0")
         now = oscillators_of(snapshot)
-        places = alike(snapshot, self.index, getattr(now, self.kind)) if self.linked() else [self.index]
         wanted = {
             i: {"omega": float(now.omega[i]), "zeta": float(now.zeta[i]), self.kind: value}  # the other one stays
-            for i in places
+            for i in self._set(snapshot)
         }
         return reshaped(snapshot, wanted)
+
+    def moved(self, snapshot: Snapshot) -> tuple[Place, ...]:
+        return tuple(replace(self, index=i) for i in self._set(snapshot))
+
+    def _set(self, snapshot: Snapshot) -> list[int]:
+        """Coordinates that an edit sets."""
+        if not self.linked():
+            return [self.index]
+        return alike(snapshot, self.index, getattr(oscillators_of(snapshot), self.kind))
 
     def entry(self, snapshot: Snapshot) -> tuple[str, Mapping[str, Any]]:
         del snapshot

@@ -66,7 +66,7 @@ class SceneButtons:
             content += _button("n", "See s reach zero", "in slow motion")
         if way := snapshot.way_out:
             note = "a way out of what was refused"
-            content += _button("o", way.title, note, opens="" if way.scenario else ".urdf")
+            content += _button("o", way.title, note, opens=".urdf" if way.asks_for_file else "")
         content += "</div>"
         if self._html.content != content:
             self._html.content = content

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Collection, Mapping
+from dataclasses import dataclass, field, replace
+from types import MappingProxyType
 
 from app.scenario.data import edited, with_values
 from app.scenario.schema import Scenario, ScenarioError
@@ -19,7 +20,8 @@ HORIZON, PUSH, ARMS = 5.0, 30.0, 16  # s, N, and true arms of the band, until th
 class Held:
     """A slider that is held, or something else whose effect is previewed: the edit that it asks for, its control, and
     the client whose page it is on.
-    then: what the user can do, in words."""
+    then: what the user can do, in words.
+    moved: the value of every place that the edit sets, by place."""
 
     edit: Edit | EditAll
     label: str
@@ -27,6 +29,7 @@ class Held:
     control: object
     client: int
     then: str = "let go: apply · Esc: revert"
+    moved: Mapping[object, float] = field(default_factory=dict)
 
 
 def changed(scenario: Scenario, edit: Edit | EditAll) -> Scenario:
@@ -50,10 +53,12 @@ class _Asked:
 
 @dataclass(frozen=True)
 class _Applied:
-    """The scenario before and after the last edit by a slider, and the counts of the runner's answers at that time."""
+    """The scenario before and after the last edit by a slider, the places that it sets, and the counts of the runner's
+    answers at that time."""
 
     before: Scenario
     after: Scenario
+    moved: Mapping[object, float]
     asked_at: tuple[int, int]
 
 
@@ -96,14 +101,25 @@ class WhatIf:
         if self.holds(control):
             self.held = None
 
-    def remember(self, snapshot: Snapshot, edit: Edit | EditAll) -> None:
-        """Remember an edit that is being applied; `undo` takes it back."""
+    def moved(self, snapshot: Snapshot) -> Mapping[object, float]:
+        """Values by place that controls show: of the slider that is held, or, until the runner has answered, of the one
+        that was let go."""
+        if self.held is not None:
+            return self.held.moved
+        applied = self._applied
+        return {} if applied is None or applied.asked_at != _answers(snapshot) else applied.moved
+
+    def remember(
+        self, snapshot: Snapshot, edit: Edit | EditAll, moved: Mapping[object, float] = MappingProxyType({})
+    ) -> None:
+        """Remember an edit that is being applied; `undo` takes it back.
+        moved: see `Held`."""
         try:
             after = changed(snapshot.scenario, edit)
         except ScenarioError:  # the runner will refuse it, too, and say so
             self._applied = None
         else:
-            self._applied = _Applied(snapshot.scenario, after, _answers(snapshot))
+            self._applied = _Applied(snapshot.scenario, after, moved, _answers(snapshot))
 
     def undo(self, snapshot: Snapshot) -> Load | None:
         """Command that takes the last applied slider back, None when it was refused or something else has changed
