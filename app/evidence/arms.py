@@ -95,7 +95,7 @@ class Reaching(Plant):
 
     @property
     def known_ratio(self) -> float:
-        """Ratio of the time to the band to the one that hindsight would promise."""
+        """Ratio of the time to the band to the one that the true perturbation would promise."""
         return np.nan if self.band is None or not self.known > 0.0 else self.band.measured / self.known
 
 
@@ -172,7 +172,7 @@ def _reaching(loop: ClosedLoop, about: Plant) -> Reaching:
         layer=_deadline(epoch.reached_by, epoch.reached, until, loop.t),
         band=_deadline(epoch.banded_by, epoch.banded, until, loop.t),
     )
-    return _with_hindsight(found, loop, record, promised, early)
+    return _with_true_perturbation(found, loop, record, promised, early)
 
 
 def _before_band(record: Mapping[str, np.ndarray], promised: np.ndarray) -> np.ndarray:
@@ -194,7 +194,7 @@ def _deadline(promised: float | None, measured: float | None, until: float, end:
     return Deadline(promised, np.inf if measured is None else measured)
 
 
-def _with_hindsight(
+def _with_true_perturbation(
     found: Reaching, loop: ClosedLoop, record: Mapping[str, np.ndarray], promised: np.ndarray, early: np.ndarray
 ) -> Reaching:
     """The run with the quantities that only the simulation can know: V, and the perturbation that d outweighs."""
@@ -202,12 +202,12 @@ def _with_hindsight(
     known = PerturbationAnalysis(loop.system).recorded(record, tuple(loop.recording.epochs), looks)
     real, d, epsilon = known["perturbation"][looks], record["d"][looks], loop.system.controller.epsilon
     V, V_bound, reaching = known["V"][looks], known["V_bound"][looks], early[looks]
-    hindsight = np.nan
+    time = np.nan
     if found.band is not None and reaching.any():
         spare = max(float((d - real)[reaching].min()), epsilon)
         last = int(np.searchsorted(record["t"], min(found.band.measured, record["t"][-1])))
         begun = replace(loop.recording.epochs[0].certificate, epsilon=spare, V_0=float(V[0]))
-        hindsight = begun.time_to(float(np.nanmin(record["s_band"][: last + 1])))
+        time = begun.time_to(float(np.nanmin(record["s_band"][: last + 1])))
     needed = record["needed"][looks]
     parts = np.stack([known[name][looks] for name in PARTS])
     bounds = needed[:, list(PARTS.values())].T.copy()  # both are zero for Coriolis forces at rest
@@ -215,7 +215,7 @@ def _with_hindsight(
     return replace(
         found,
         V_tightness=float((V[reaching] / V_bound[reaching]).max(initial=0.0)) if reaching.any() else np.nan,
-        known=hindsight,
+        known=time,
         margin=float((d - real).min()),
         used=float((real / (d - epsilon)).max()),
         shares=(needed / needed.sum(axis=1, keepdims=True)).mean(axis=0),

@@ -193,6 +193,7 @@ def touch_of_point(world, J, J_dot, axes, p, p_dot, t, touch):
     add_drift(world[0], J, J_dot, p_dot, touch[0])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("chart", CHARTS[2:])
 def test_contact_acceleration_of_a_moving_surface(chart: str, random: np.random.Generator) -> None:
     """phi_ddot = grad(phi) p_ddot + bias, the mixed term twice in it, along a curve p(t)."""

@@ -74,6 +74,7 @@ def test_a_figure_has_the_size_letters_and_type_that_were_asked_for(snapshot: Sn
         render(figure, "svg", FigureOptions(height=inches_of("50")))
 
 
+@pytest.mark.slow
 def test_nothing_of_a_figure_leaves_the_paper_or_another_text(snapshot: Snapshot) -> None:
     figure = figure_of(plots_of([ALL_PLOTS]), snapshot, Setup.of(snapshot, 0, 0), 0.2, 0.9)
     for width, type_size in ((SINGLE, 6.0), (SINGLE, 10.0), (DOUBLE, 8.0)):

@@ -126,6 +126,7 @@ def test_a_lesson_with_every_kind_of_step_is_checked_without_a_problem() -> None
     assert checked.told["way"].unit == "mm"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("old", "new", "sentence"),
     [

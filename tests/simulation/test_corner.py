@@ -267,6 +267,7 @@ def test_a_third_surface_follows_a_second_one_whose_force_is_controlled() -> Non
         assemble(from_plain(data))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", [name for name, s in shipped().items() if s.contact.nature.touches])
 def test_a_further_surface_can_be_added_to_any_scenario_in_contact_and_taken_away_again(name: str) -> None:
     before = load(name)

@@ -102,6 +102,7 @@ BILATERAL = edited(load("ur5-constrained"), "contact.unilateral", False)
 YIELDING = edited(edited(load("ur5-impedance"), "target_model.K_m", [1.0] * 6), "simulation.leaving_domain", "stop")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("base", "path", "value", "said"),
     [
