@@ -20,7 +20,7 @@ from app.analysis.metrics import (
     steady_force_error,
     tail_of,
 )
-from app.scenario.schema import Scenario
+from app.scenario.schema import Scenario, TruthSection
 from app.session.arm_band import Band, Stretch, uncertain
 from app.simulation.closed_loop import ClosedLoop
 from app.simulation.compiled_run import CompiledRun, obstacle
@@ -252,8 +252,8 @@ class Foresight:
 def _pushed(system: System, t: float, newtons: float) -> Scenario:
     """The scenario with one push, sideways and within the plane of a planar arm, from t (s) on."""
     push = (newtons, 0.0, 0.0) if system.robot.geometry == "planar" else (0.0, newtons, 0.0)
-    once = {"push": push, "push_start": t, "push_duration": LASTS, "push_every": 0.0}
-    scenario = system.scenario
+    truth, scenario = TruthSection(push=push, push_start=t, push_duration=LASTS), system.scenario
+    once = {name: getattr(truth, name) for name in truth.__struct_fields__ if name.startswith("push")}
     return msgspec.structs.replace(scenario, truth=msgspec.structs.replace(scenario.truth, **once))
 
 

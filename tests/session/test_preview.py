@@ -214,6 +214,12 @@ def test_an_arm_at_rest_is_pushed_and_gives_way_as_its_stiffness_says() -> None:
     assert figures.motion_error < 2e-4
     assert figures.contact_largest is None
     assert figures_of(Question(1, state, scenario, 4.0)).motion_largest < 2e-4
+    # a sinusoidal push of no size, or a moment that is over, leaves nothing of itself to this one
+    for path, value in (("truth.push_frequency", 3.0), ("truth.push_moment", [0.0, 0.0, 0.1])):
+        left = edited(edited(edited(scenario, path, value), "truth.push_start", 0.0), "truth.push_every", 0.0)
+        left = running(edited(left, "truth.push_duration", 0.001)).state.copy()
+        again = figures_of(Question(1, left, left.scenario, 4.0, push=30.0))
+        assert (again.push, again.motion_largest) == (30.0, pytest.approx(figures.motion_largest, rel=1e-3))
     # what moves by itself is not pushed: by an edit, on its path, by a push of its own
     shifted = edited(scenario, "shift.by", [0.02])
     assert figures_of(Question(1, state, shifted, 1.0, push=30.0)).push == 0.0
