@@ -22,7 +22,7 @@ from websockets.sync.client import ClientConnection, connect
 from drivers.viser_protocol import CAMERA, PROTOCOL, messages
 
 _PANEL = re.compile(r'class="vs-panel" data-plots="([^"]*)"')
-PATIENCE = 90.0  # s, for what takes a fraction of a second on an idle machine
+PATIENCE = 180.0  # s, for what takes a fraction of a second on an idle machine
 
 
 class Visitor:

@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable
 from typing import TypeVar
 
-PATIENCE = 60.0  # s, for a machine that has other things to do
+PATIENCE = 180.0  # s, for a machine that has other things to do
 
 T = TypeVar("T")
 

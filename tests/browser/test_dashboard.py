@@ -66,7 +66,7 @@ def test_a_held_slider_previews_and_let_go_it_applies(session: Session):
     move, text = session.grip("F_d [N]")
     move(0.75)
     session.page.get_by_text("let go: apply").wait_for()
-    session.page.wait_for_function(f"{CHARTS}.some((c) => c.data[0].at(-1) > 4.9)", timeout=60_000)
+    session.page.wait_for_function(f"{CHARTS}.some((c) => c.data[0].at(-1) > 4.9)")
     asked = float(text.input_value())
     assert 40.0 < asked < 50.0
     forces = f"{SHOWN}[1]"

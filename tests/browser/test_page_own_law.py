@@ -29,7 +29,7 @@ def own(open_page: Callable[..., Page]) -> Iterator[Session]:
     with drawn(dashboard):
         page = open_page(dashboard.url, viewport=VIEWPORT)
         page.set_default_timeout(PATIENCE * 1e3)
-        page.get_by_text("real time").wait_for(timeout=60_000)
+        page.get_by_text("real time").wait_for()
         yield Session(page, runner)
     runner.close()
 
