@@ -273,7 +273,7 @@ class _View:
         self._server, self._status, self._scene, self._runner = server, status, scene, runner
         self._complaint, self._complaint_until = "", 0.0
         self._complaint_after = 0  # commands that had been posted before
-        self._complaint_revision: int | None = None  # of the run that they left, None until they have been heard
+        self._complaint_of: tuple[int, int] | None = None  # revision and run that they left, None until they are heard
         self._refusals = runner.snapshot.refusal_number
         self._shipped = shipped()
         self._previewer = previewer
@@ -346,7 +346,7 @@ class _View:
         return self._visible_tabs.all_away(clients)
 
     def complain(self, sentence: str) -> None:
-        """Show a refusal until another edit is accepted, or for some seconds."""
+        """Show a refusal until another edit is accepted or the run is another one, or for some seconds."""
         log.info("refused", sentence=sentence)
         self._say("Refused", sentence)
 
@@ -359,7 +359,7 @@ class _View:
         """Show a sentence in the strip over the scene."""
         now = time.monotonic()
         self._complaint, self._complaint_until = f"{title}: {sentence}", now + COMPLAINT_SHOWN
-        self._complaint_after, self._complaint_revision = self._runner.posted, None
+        self._complaint_after, self._complaint_of = self._runner.posted, None
 
     def offer(self, last_session: LastSession) -> None:
         above = self._status.order + 0.5
@@ -388,9 +388,10 @@ class _View:
         if snapshot.refusal_number != self._refusals:
             self._refusals = snapshot.refusal_number
             self._say("Refused", snapshot.refusal or "")
-        if self._complaint_revision is None and snapshot.heard >= self._complaint_after:
-            self._complaint_revision = snapshot.revision
-        if now > self._complaint_until or self._complaint_revision not in (None, snapshot.revision):
+        of = snapshot.revision, snapshot.run
+        if self._complaint_of is None and snapshot.heard >= self._complaint_after:
+            self._complaint_of = of
+        if now > self._complaint_until or self._complaint_of not in (None, of):
             self._complaint = ""
         self._status.content = status_html(
             snapshot, self.hang or self._complaint, self._shipped.get(snapshot.scenario.name)

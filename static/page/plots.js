@@ -62,6 +62,7 @@ const three = (splits) => (plot, i, min, max, incr, space, ...asked) => {
 };
 // On a logarithmic one of many decades every so many, of few also threes, or twos and fives, and where none of these are
 // three, the roundest. Of less than a decade, as from 8 to 20, also what lies between two neighbours.
+const AIRY = 1.2; // times the room that a number needs at least
 const NEAT = [/^[13]e/, /^[125]e/, /^[12357]e/], ROUND = [/^1e/, /^5e/, /^2e/, /^3e/, /^.e/, /./];
 const halved = (splits) => (...asked) => {
   const at = splits(...asked), few = at.length === 2, short = at.at(-1) < 4 * at[0];
@@ -71,8 +72,9 @@ const decades = (plot, at) => {
   const digits = new Map(at.map((v) => [v, (+v.toPrecision(9)).toExponential()])), place = new Map(at.map((v) => [v, plot.valToPos(v, "y")]));
   const free = (v, others) => others.every((other) => Math.abs(place.get(v) - place.get(other)) >= room(plot));
   const begun = (first) => at.filter((v) => first.test(digits.get(v)));
-  const every = Math.max(1, Math.ceil(room(plot) / Math.abs(plot.valToPos(10, "y") - plot.valToPos(1, "y"))));
-  const neat = [begun(ROUND[0]).filter((v) => Math.round(Math.log10(v)) % every === 0), ...NEAT.map(begun)];
+  const decade = Math.abs(plot.valToPos(10, "y") - plot.valToPos(1, "y")) / room(plot);
+  const everyFew = (least) => begun(ROUND[0]).filter((v) => Math.round(Math.log10(v)) % Math.max(1, Math.ceil(least / decade)) === 0);
+  const neat = [everyFew(AIRY), everyFew(1), ...NEAT.map(begun)];
   const apart = neat.find((some) => some.length > 2 && some.every((v, i) => free(v, some.slice(0, i))));
   const shown = apart ?? ROUND.flatMap(begun).reduce((some, v) => (free(v, some) ? [...some, v] : some), []);
   return at.map((v) => (shown.includes(v) ? `${+v.toPrecision(9)}` : ""));
@@ -99,7 +101,11 @@ const extremes = (plot) => {
 const ranged = (scale) => {
   const own = scale?.range;
   if (typeof own !== "function") return;
-  scale.range = (plot, least, most, key) => own(plot, ...(Number.isNaN(least) || Number.isNaN(most) ? extremes(plot) : [least, most]), key);
+  scale.range = (plot, least, most, key) => {
+    const [low, high] = Number.isNaN(least) || Number.isNaN(most) ? extremes(plot) : [least, most];
+    // without any line uPlot leaves out the whole axis, and the first number of the other one is cut
+    return low === null ? [scale.distr === 3 ? 0.01 : 0, 1] : own(plot, low, high, key);
+  };
 };
 const crowded = ({ axes, scales: { y }, bbox }) => {
   const [first, next] = axes[1]._splits ?? [];

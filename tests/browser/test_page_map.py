@@ -1,12 +1,12 @@
-"""The tab Robustness in a real browser: a slider swept from its menu, a map filled in beside the loop, a tile opened, a
-search for gains with a candidate previewed and applied, and both cancelled."""
+"""The tab Robustness in a real browser: a slider swept from its menu, a map filled in beside the loop, a tile opened,
+also by keyboard alone, a search for gains with a candidate previewed and applied, and both cancelled."""
 
 import io
 import re
 import zipfile
 
 import pytest
-from playwright.sync_api import expect
+from playwright.sync_api import Page, expect
 
 from app.sweep.question import FILE
 from drivers.pages import PATIENCE, Session
@@ -17,6 +17,35 @@ SAID = re.compile(
     r"boundary layer [\d.]+ m/s, stiffness of the surface [\d.]+ N/m: force error at the end .* worst of 4 arms"
 )
 PICKED = re.compile(r"boundary layer [\d.]+, reaching gain K_s [\d.]+: residual [\d.e−-]+ N, torque variation .*")
+
+
+FOCUSED = """() => {
+  const e = document.activeElement;
+  return e.ariaLabel || e.labels?.[0]?.textContent || e.textContent.trim();
+}"""
+OFFERED = "[...document.querySelectorAll('[data-combobox-selected]')].find((e) => e.checkVisibility())?.textContent"
+
+
+def reach(page: Page, name: str, key: str = "Tab") -> None:
+    """Go on by this key until what has this name has the focus."""
+    for _ in range(150):
+        page.keyboard.press(key)
+        if page.evaluate(FOCUSED) == name:
+            return
+    raise AssertionError(f"the keyboard does not reach {name}")
+
+
+def pick(page: Page, menu: str, option: str) -> None:
+    """Choose an option of a menu by keyboard."""
+    reach(page, menu)
+    for _ in range(20):
+        before = page.evaluate(OFFERED)
+        page.keyboard.press("ArrowDown")
+        page.wait_for_function(f"(before) => ({OFFERED} ?? null) !== before", arg=before)
+        if page.evaluate(OFFERED) == option:
+            break
+    page.keyboard.press("Enter")
+    expect(page.get_by_label(menu, exact=True).locator("visible=true")).to_have_value(option)
 
 
 def write(session: Session, label: str, text: str, number: int = 0) -> None:
@@ -69,6 +98,43 @@ def test_a_slider_is_swept_the_map_fills_in_while_the_loop_runs_and_a_tile_opens
     page.get_by_role("button", name="Cancel").click()
     page.get_by_text("runs, cancelled").wait_for(timeout=PATIENCE * 1e3)
     page.get_by_role("button", name="Compute the map").wait_for()
+
+
+@pytest.mark.usefixtures("own_page", "full_speed")
+@pytest.mark.parametrize(("width", "height"), [(1280, 720), (390, 844)])
+def test_the_keyboard_alone_computes_a_map_and_opens_the_run_of_a_tile(session: Session, width: int, height: int):
+    page = session.page
+    page.set_viewport_size({"width": width, "height": height})
+    page.locator("form:visible [role=slider][aria-valuetext]").first.wait_for()
+    reach(page, "Task")
+    reach(page, "Robustness", "ArrowRight")
+    pick(page, "Up", "boundary layer")
+    pick(page, "Steps of each", "5")
+    reach(page, "each run [s]")
+    page.keyboard.press("Control+A")
+    page.keyboard.type("0.2")
+    reach(page, "Compute the map")
+    page.keyboard.press("Enter")
+    session.wait(lambda _: page.locator(".vs-note:visible", has_text="25 of 25 runs").count() == 1)
+    session.wait(lambda _: page.evaluate(FOCUSED) == "Compute the map")  # the focus is not lost to the body
+    for _ in range(5):
+        page.keyboard.press("Tab")
+        if page.evaluate("document.activeElement.matches('.vs-tiles [data-point]')"):
+            break
+    page.keyboard.press("ArrowRight")
+    page.keyboard.press("ArrowUp")
+    told = page.evaluate(FOCUSED)
+    assert re.fullmatch(
+        r"stiffness of the surface 3160 N/m, boundary layer [\d.]+ m/s: force error at the end [\d.]+ N", told
+    )
+    expect(page.locator(".vs-said").first).to_have_text(told)
+    seen = "((box) => box.top >= 0 && box.bottom <= innerHeight)(document.activeElement.getBoundingClientRect())"
+    session.wait(lambda _: page.evaluate(seen))
+    page.keyboard.press("Enter")
+    session.wait(lambda now: now.phase == "paused" and now.t == pytest.approx(0.2))
+    assert session.now.scenario.contact.K_e == pytest.approx(3162.28, rel=1e-5)
+    assert session.now.scenario.controller.layer == pytest.approx(0.001 * 50**0.25, rel=1e-4)
+    session.wait(lambda _: page.evaluate(FOCUSED) == told)  # the next tile is an arrow away
 
 
 @pytest.mark.usefixtures("own_page", "full_speed")

@@ -68,6 +68,15 @@ def test_a_line_that_begins_with_what_does_not_exist_has_an_axis(session: Sessio
     }}""")
 
 
+def test_a_run_that_has_just_been_reset_keeps_the_axes_of_its_plots(session: Session):
+    session.page.wait_for_function(FULL)
+    for command in (Pause(), Reset()):
+        session.runner.post(command)
+    session.wait(lambda now: now.t == 0.0 and now.phase == "paused")
+    numbers = "c.axes[1]._values.filter((v) => v !== '').length"
+    session.page.wait_for_function(f"{SHOWN}.every((c) => c.data[0].length < 20 && c.bbox.left > 30 && {numbers} > 1)")
+
+
 def test_the_chosen_joint_is_drawn_and_a_paused_run_is_not_drawn_again(session: Session):
     page = session.page
     session.tab("Torque")

@@ -103,3 +103,13 @@ def test_a_presentation_has_one_plot_the_chosen_sliders_and_large_type(session: 
     expect(rows).to_have_count(many)
     page.wait_for_function(f"JSON.stringify({heights}) === '{own}'.replaceAll(' ', '')")
     assert page.evaluate(font) == small
+
+
+def test_large_buttons_of_a_presentation_in_a_small_window_stand_in_a_row(session: Session):
+    page = session.page
+    page.set_viewport_size({"width": 1024, "height": 768})
+    page.keyboard.press("v")
+    tops = "[...document.querySelectorAll('.vs-acts button')].map((e) => e.getBoundingClientRect().top)"
+    session.wait(lambda _: page.locator("html[data-stage]").count() == 1)
+    session.wait(lambda _: len(set(page.evaluate(tops)[:2])) == 1)  # else they cover the arm
+    page.keyboard.press("v")

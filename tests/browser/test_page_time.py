@@ -38,6 +38,23 @@ def test_looking_back_shows_what_was_and_a_fork_goes_on_from_there(session: Sess
     assert [(p.t, p.scenario.force.value) for p in session.now.pinned] == [(end, 35.0)]
 
 
+def test_a_fork_at_the_end_is_refused_with_a_button_that_forks_at_the_last_change(session: Session):
+    page = session.page
+    session.wait(lambda now: now.t > 0.5)
+    session.runner.post(Edit("force.value", 35.0))
+    session.wait(lambda now: now.scenario.force.value == 35.0)
+    changed = session.now.state.epoch.t
+    session.wait(lambda now: now.t > changed + 0.5)
+    press(session, "fork here")
+    page.locator(".vs-strip", has_text="fork: the run stands at its end").wait_for()
+    page.get_by_role("button", name="Fork at the last change").click()
+    session.wait(lambda now: bool(now.forks))
+    assert (session.now.phase, session.now.t, session.now.end) == ("paused", pytest.approx(changed), session.now.t)
+    assert len(session.now.pinned) == 1
+    page.get_by_role("button", name="Fork at the last change").wait_for(state="detached")
+    page.wait_for_function("!document.querySelector('.vs-strip').innerText.includes('fork')", timeout=1500)
+
+
 def test_play_shows_the_past_again_and_then_goes_on(session: Session):
     session.wait(lambda now: now.t > 1.0)
     move, field = session.grip("time t [s]", at=0.9)
