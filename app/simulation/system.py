@@ -357,8 +357,8 @@ def _plant(scenario: Scenario, robot: robots.Robot, surfaces: tuple[Surface, ...
 
 def _nature(scenario: Scenario) -> tuple[object, ...]:
     """Parts of the scenario that the plant is made of, besides arm and surfaces."""
-    rules, met = scenario.simulation, tuple(each.contact for each in scenario.surfaces)
-    return scenario.truth, met, scenario.face, rules.integrator, rules.substeps
+    rules, met = scenario.simulation, tuple((each.place, each.contact) for each in scenario.surfaces)
+    return scenario.truth, met, scenario.face, scenario.coupling, rules.integrator, rules.substeps
 
 
 def _mobility(

@@ -239,6 +239,23 @@ def test_refusals_name_the_matrix(edits: dict[str, object], told_so: str) -> Non
     assert told_so in str(refused.value)
 
 
+def test_an_edit_of_what_couples_the_surfaces_reaches_the_plant_and_the_law() -> None:
+    scenario = load("ur5-corner-coupled")
+    before = assemble(scenario)
+    after = assemble(edited(edited(scenario, "coupling.K_e", [-1000, 0, 0]), "coupling.K_e_hat", [500, 0, 0]), before)
+    assert after.plant.environment.K_e[0, 1] == after.plant.environment.K_e[1, 0] == -1000.0
+    assert np.linalg.inv(after.plan.compliance[:2, :2])[0, 1] == pytest.approx(500.0)
+    elsewhere = edited(to_third(scenario), "coupling.K_e", [2000.0, 700.0, 0.0])
+    assert assemble(elsewhere, before).plant.environment.K_e[0, 1] == 700.0
+
+
+def to_third(scenario: Scenario) -> Scenario:
+    """The scenario with its second surface as the third one."""
+    data = to_plain(scenario)
+    data["third"], data["second"] = data["second"], to_plain(Scenario())["second"]
+    return from_plain(data)
+
+
 def test_changes_of_a_coupled_corner_that_are_made_with_one_choice() -> None:
     scenario = load("ur5-corner-coupled")
     with pytest.raises(ScenarioError, match=r"second\.control: 'path' on a surface that `coupling` couples"):
