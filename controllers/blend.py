@@ -102,15 +102,15 @@ class BlendCertificate:
 def certify(
     start: TargetModel, end: TargetModel, K_e: np.ndarray, surfaces: SurfaceRange | None = None
 ) -> BlendCertificate:
-    """Certificate whether every blend between two stable models stays stable, on a surface of stiffness K_e (n,) N/m
-    per coordinate, and on all `surfaces` that the tool may touch otherwise.
+    """Certificate whether every blend between two stable models stays stable, in an environment of stiffness K_e
+    (n, n) N/m, and on all `surfaces` that the tool may touch otherwise.
 
-    Coordinates with infinite K_e are held (42) and take no part. Coordinates that neither model couples are judged
-    separately. One that is uncoupled and overdamped in both models can be certified by Theorem 4; for the others the
-    rightmost pole decides.
+    Coordinates with infinite K_e on its diagonal are held (42) and take no part. Coordinates that neither model couples
+    are judged separately. One that is uncoupled and overdamped in both models can be certified by Theorem 4; for the
+    others the rightmost pole decides.
     """
     sliding = np.full(start.n, np.nan)
-    moving = np.flatnonzero(np.isfinite(K_e))
+    moving = np.flatnonzero(np.isfinite(np.diag(K_e)))
     beta, kappa = zip(*(_normalised(model, K_e, moving) for model in (start, end)), strict=True)
     coupled = np.abs([*beta, *kappa]).sum(axis=0)
     _, groups = connected_components(coupled, directed=False)
@@ -138,7 +138,7 @@ def certify(
 def _normalised(model: TargetModel, K_e: np.ndarray, moving: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Matrices M_m^-1 B_m and M_m^-1 (K_m + K_f K_e) of the coordinates that move."""
     axes = np.ix_(moving, moving)
-    stiffness = model.K_m[axes] + model.K_f[axes] * K_e[moving]
+    stiffness = model.K_m[axes] + model.K_f[axes] @ K_e[axes]
     return np.linalg.solve(model.M_m[axes], model.B_m[axes]), np.linalg.solve(model.M_m[axes], stiffness)
 
 

@@ -20,7 +20,7 @@ def force_loop_factor(
 
     normal: (n, k), F_r per unit of each lambda, a, which is e_1 in the task coordinates of a surface.
     felt: (n, k), the part of it in F_c, a_F.
-    M_e: (k,) kg, infinite for rigid surfaces.
+    M_e: (k, k) kg, infinite on the diagonal for rigid surfaces.
     With r_ddot = ... + H^-1 [(a - H_hat M_m^-1 K_f a_F) lambda_measured - a lambda],
     phi_ddot = a^T r_ddot + ... and lambda = M_e phi_ddot + ... the factor is
     M_e a^T H^-1 (a - H_hat M_m^-1 K_f a_F) / (1 + M_e a^T H^-1 a). A rigid surface is M_e -> infinity, where for
@@ -29,10 +29,10 @@ def force_loop_factor(
     """
     Y = np.linalg.solve(H, normal)
     fed_back = Y.T @ (normal - H_hat @ np.linalg.solve(model.M_m, model.K_f @ felt))
-    if np.isinf(M_e).all():
+    if np.isinf(M_e).any():
         loop = np.linalg.solve(Y.T @ normal, fed_back)
     else:
-        loop = np.linalg.solve(np.eye(len(M_e)) + M_e[:, None] * (Y.T @ normal), M_e[:, None] * fed_back)
+        loop = np.linalg.solve(np.eye(len(M_e)) + M_e @ (Y.T @ normal), M_e @ fed_back)
     factors = np.linalg.eigvals(loop)
     worst = factors[np.argmax(np.abs(factors))]
     return float(worst.real) if worst.imag == 0.0 else float(abs(worst))

@@ -92,24 +92,29 @@ class Mode:
         return {"M_m": coupling, "B_m": coupling.copy(), "K_m": stiffness, "K_f": force}
 
     def environment(self, n: int, K_e_hat: np.ndarray | float) -> np.ndarray:
-        """Stiffness (n,) N/m that the model meets along each coordinate: K_e_hat (33), a number or (m,), or a rigid
-        surface (41) along the controlled normals, 0 elsewhere."""
-        stiffness = np.zeros(n)
-        stiffness[: self.m()] = np.inf if self.rigid else K_e_hat
+        """Stiffness (n, n) N/m that the model meets: K_e_hat (33), a number, (m,) or (m, m), or a rigid surface (41),
+        infinite on the diagonal, along the controlled normals, 0 elsewhere."""
+        m, stiffness = self.m(), np.zeros((n, n))
+        if self.rigid:
+            K_e_hat = np.inf
+        if np.ndim(K_e_hat) == 2:
+            stiffness[:m, :m] = K_e_hat
+        else:
+            stiffness[np.arange(m), np.arange(m)] = K_e_hat
         return stiffness
 
     def poles(self, model: TargetModel, K_e_hat: np.ndarray | float) -> np.ndarray:
         """Poles (1/s) of (8) in contact, two for each coordinate that can move: on a rigid surface r_f = 0 (42)."""
         stiffness = self.environment(model.n, K_e_hat)
-        free = np.isfinite(stiffness)
-        moving = TargetModel(*(X[np.ix_(free, free)] for X in (model.M_m, model.B_m, model.K_m, model.K_f)))
-        return moving.poles(np.diag(stiffness[free]))
+        free = np.ix_(*2 * (np.isfinite(np.diag(stiffness)),))
+        moving = TargetModel(*(X[free] for X in (model.M_m, model.B_m, model.K_m, model.K_f)))
+        return moving.poles(stiffness[free])
 
     def check(self, model: TargetModel, K_e_hat: np.ndarray | float, surfaces: SurfaceRange | None = None) -> None:
         """Raise InvalidGain, naming matrix and reason, unless the mode admits the model.
 
-        K_e_hat: estimated stiffness (N/m), a number or (m,), of the controlled normals, with which the model must be
-        stable.
+        K_e_hat: estimated stiffness (N/m), a number, (m,) or (m, m), of the controlled normals, with which the model
+        must be stable.
         surfaces: all surfaces that the tool may touch, on which the model must be stable, None for none.
         """
         m, n = self.m(), model.n

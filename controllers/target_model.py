@@ -96,10 +96,10 @@ class TargetModel:
         return K_e * (K_f * F_d + K_m * (x_d - x_e) + rest) / (K_m + K_f * K_e)
 
     def steady_forces(self, K_e: np.ndarray, r_d: np.ndarray, F_d: np.ndarray, rest: np.ndarray) -> np.ndarray:
-        """Steady forces (..., m) N on m surfaces of stiffness K_e (m,) N/m, or (m, m), with constant r_d (..., m) m
+        """Steady forces (..., m) N on m surfaces of stiffness K_e (m, m) N/m with constant r_d (..., m) m
         from them and F_d (..., m) N, (37): K_m1 (r - r_d) = -K_f1 (K_e r - F_d) + rest. rest: (..., m) N, see
         `left_by_layer`."""
-        m, K_e = len(K_e), np.diag(K_e) if K_e.ndim == 1 else K_e
+        m = len(K_e)
         K_m, K_f = self.K_m[:m, :m], self.K_f[:m, :m]
         pulled = r_d @ K_m.T + F_d @ K_f.T + rest
         return np.linalg.solve(K_m + K_f @ K_e, pulled[..., None])[..., 0] @ K_e.T

@@ -5,7 +5,8 @@ All of them are one law for the multiplier lambda along the gradient of phi,
     lambda = M_e phi_ddot + B_e phi_dot + K_e phi,
 
 an elastic surface having no mass and a rigid one an infinite mass; f = grad(phi) lambda is the force on the
-environment. Friction adds a part along the relative velocity.
+environment. Friction adds a part along the relative velocity. Of several surfaces M_e, B_e and K_e may be matrices
+(`environments.coupled_surfaces`).
 
 A tool touches with a point, or with a flat face on an elastic plane: springs K_e / k on a ring of k points of the face,
 each pushing by itself. While all of them press, the face has (32) with a matrix: the force K_e phi, and about two axes
@@ -18,6 +19,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from environments.coupled_surfaces import CoupledWork, EnvironmentMatrices, coupled_equations, find_pressed
 from environments.surfaces.chart import Chart, Shapes, one_of
 from environments.surfaces.table import surface_chart
 from kernels import inline
@@ -180,13 +182,14 @@ MET = 2  # in `Holding.held`
 
 class World(NamedTuple):
     """Environment of the tool: the lever (3,) m of the tool in the joint that carries it, its face, the shapes of the
-    surfaces and the contacts with them, all of them rigid or none."""
+    surfaces and the contacts with them, all of them rigid or none, and the matrices of (28)."""
 
     lever: np.ndarray
     face: Face
     shapes: Shapes
     contacts: Contacts
     rigid: bool
+    environment: EnvironmentMatrices
 
 
 @inline
@@ -281,11 +284,15 @@ def spring(contact, phi, phi_dot):
 
 
 @inline
-def touching(world, contact, met, held):
-    """Whether the tool touches this surface; held: of a rigid one, see `Holding`."""
-    if world.rigid:
-        return held > 0
-    return met.phi > 0.0 or not contact.unilateral
+def find_touched(world, touch, held, work):
+    """Find the surfaces that the tool touches, `work.touches` (3,); held (3,): of rigid ones, see `Holding`."""
+    if world.environment.coupled:
+        find_pressed(world, touch, work)
+        return
+    for i in range(world.shapes.number):
+        inside = one_of(touch, i).phi > 0.0 or not one_of(world.contacts, i).unilateral
+        touches = held[i] > 0 if world.rigid else inside
+        work.touches[i] = 1 if touches else 0
 
 
 @inline
@@ -299,7 +306,7 @@ def add_contact_force(contact, multiplier, touches, met, force):
 
 
 @inline
-def elastic_load(world, touch, load):
+def elastic_load(world, touch, work, load):
     """Compute the `ContactForce` of elastic surfaces: it does not depend on the torque."""
     for a in range(6):
         load.wrench[a] = 0.0
@@ -307,11 +314,26 @@ def elastic_load(world, touch, load):
         _press_face(world.contacts.first, touch, load)
         torque_of_wrench(touch.tool.J_v, touch.face.J_w, load.wrench, load.torque)
         return
+    if world.environment.coupled:
+        _press_coupled(world, touch, work, load.multiplier)
     for i in range(world.shapes.number):
         contact, met = one_of(world.contacts, i), one_of(touch, i)
-        load.multiplier[i], load.phi[i] = spring(contact, met.phi, met.phi_dot), met.phi
+        if not world.environment.coupled:
+            load.multiplier[i] = spring(contact, met.phi, met.phi_dot)
+        load.phi[i] = met.phi
         add_contact_force(contact, load.multiplier[i], load.multiplier[i] != 0.0, met, load.wrench)
     transposed_times(touch.tool.J_v, load.wrench, load.torque)
+
+
+@inline
+def _press_coupled(world, touch, work, multiplier):
+    """Compute the multipliers (3,) N of coupled surfaces without their mass."""
+    for i in range(world.shapes.number):
+        work.free[i] = 0.0
+        for j in range(world.shapes.number):
+            work.mobility[i, j] = 0.0
+    find_pressed(world, touch, work)
+    heavy_multipliers(world, touch, work, multiplier)
 
 
 @inline
@@ -340,7 +362,7 @@ class MultiplierWork(NamedTuple):
     """Memory of `heavy_multipliers`: directions (3, n), M^-1 J_v^T of each unit multiplier's force, mobility (3, 3) of
     phi_ddot by the multipliers, free (3,) m/s^2, phi_ddot without them, S (3, 3) and b (3,) of the equations, side
     (3,), the sign of each multiplier that its friction was computed for, whether the tool touches its surface (1),
-    whether it acts (1), its value, N, and that with every surface held."""
+    whether it acts (1), its value, N, and that with every surface held; and that of coupled surfaces."""
 
     directions: np.ndarray
     mobility: np.ndarray
@@ -352,12 +374,32 @@ class MultiplierWork(NamedTuple):
     acts: np.ndarray
     found: np.ndarray
     whole: np.ndarray
+    coupled: CoupledWork
 
     @classmethod
     def zeros(cls, n: int) -> MultiplierWork:
         """Memory for an arm with n joints."""
         v, square, no = np.zeros(3), np.zeros((3, 3)), np.zeros(3, dtype=np.int64)
-        return cls(np.zeros((3, n)), square, v, square, v, v, no, no, v, v)
+        return cls(np.zeros((3, n)), square, v, square, v, v, no, no, v, v, CoupledWork.zeros())
+
+
+@inline
+def _separate_equations(world, touch, work):
+    """Compute S and b of the equations S lambda = b of the surfaces that act, `work.acts`, with phi_ddot = free -
+    mobility lambda; of the others lambda = 0."""
+    k = world.shapes.number
+    for i in range(k):
+        contact, met = one_of(world.contacts, i), one_of(touch, i)
+        weight, own, pull = 1.0, 0.0, 0.0
+        if not world.rigid:
+            weight, own, pull = contact.M_e, 1.0, contact.B_e * met.phi_dot + contact.K_e * met.phi
+        work.b[i] = weight * work.free[i] + pull
+        for j in range(k):
+            work.S[i, j] = weight * work.mobility[i, j] + (own if i == j else 0.0)
+            if not (work.acts[i] and work.acts[j]):
+                work.S[i, j] = 1.0 if i == j else 0.0
+        if not work.acts[i]:
+            work.b[i] = 0.0
 
 
 @inline
@@ -372,18 +414,10 @@ def heavy_multipliers(world, touch, work, multiplier):
     for i in range(k):
         work.acts[i] = work.touches[i]
     while True:
-        for i in range(k):
-            contact, met = one_of(world.contacts, i), one_of(touch, i)
-            weight, own, pull = 1.0, 0.0, 0.0
-            if not world.rigid:
-                weight, own, pull = contact.M_e, 1.0, contact.B_e * met.phi_dot + contact.K_e * met.phi
-            work.b[i] = weight * work.free[i] + pull
-            for j in range(k):
-                work.S[i, j] = weight * work.mobility[i, j] + (own if i == j else 0.0)
-                if not (work.acts[i] and work.acts[j]):
-                    work.S[i, j] = 1.0 if i == j else 0.0
-            if not work.acts[i]:
-                work.b[i] = 0.0
+        if world.environment.coupled:
+            coupled_equations(world, touch, work)
+        else:
+            _separate_equations(world, touch, work)
         solve_leading(work.S, work.b, k, multiplier)
         most, pulls = 0.0, -1
         for i in range(k):

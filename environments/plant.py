@@ -24,14 +24,15 @@ from environments.contact import (
     add_contact_force,
     add_drift,
     elastic_load,
+    find_touched,
     heavy_multipliers,
     let_go,
     one_sided,
     place_tool,
     touch_at,
-    touching,
 )
 from environments.contact_kinds import ContactKind
+from environments.coupled_surfaces import EnvironmentMatrices
 from environments.robots import Robot
 from environments.surfaces.chart import Shapes, one_of
 from environments.surfaces.table import Surface
@@ -224,7 +225,7 @@ def accelerate_elastic(around, M, bias, J, rotation, translation, arm, tau, t):
     """Compute the load in the present state, and q_ddot under the torque tau against it."""
     around, arm = around[0], arm[0]
     touch_at(around.world, J, rotation, translation, arm.q_dot, t, around.touch)
-    elastic_load(around.world, around.touch, arm.load)
+    elastic_load(around.world, around.touch, around.multipliers, arm.load)
     _accelerate(around, M, bias, arm, tau, t)
 
 
@@ -287,9 +288,7 @@ def accelerate_heavy(around, M, bias, J, J_dot, rotation, translation, arm, tau,
     add_drift(world, J, J_dot, arm.q_dot, touch)
     for trial in range(SETS + 1):
         if not world.rigid:
-            for i in range(world.shapes.number):
-                touches = touching(world, one_of(world.contacts, i), one_of(touch, i), 0)
-                work.touches[i] = 1 if touches else 0
+            find_touched(world, touch, holding.held, work)
         elif not let_go(world, holding.held, trial, work.touches):
             continue
         _accelerate_against(around, M, bias, arm, tau, t)
@@ -317,7 +316,7 @@ def load_at(around, J, rotation, translation, arm, t):
     around, arm = around[0], arm[0]
     world = around.world
     touch_at(world, J, rotation, translation, arm.q_dot, t, around.touch)
-    elastic_load(world, around.touch, arm.load)
+    elastic_load(world, around.touch, around.multipliers, arm.load)
 
 
 @kernel
@@ -332,11 +331,11 @@ def force_of(around, J, rotation, translation, arm, multiplier, t, force):
     """Compute the wrench (6,) of the tool on the environment for multipliers (3,) N."""
     world, around = around[0].world, around[0]
     touch_at(world, J, rotation, translation, arm[0].q_dot, t, around.touch)
+    find_touched(world, around.touch, arm[0].holding.held, around.multipliers)
     for a in range(6):
         force[a] = 0.0
     for i in range(world.shapes.number):
-        contact, met = one_of(world.contacts, i), one_of(around.touch, i)
-        touches = touching(world, contact, met, arm[0].holding.held[i])
+        contact, met, touches = one_of(world.contacts, i), one_of(around.touch, i), around.multipliers.touches[i] > 0
         add_contact_force(contact, multiplier[i], touches, met, force)
 
 
@@ -512,7 +511,10 @@ def out_of_reach(phi: float) -> ValueError:
 
 
 class Plant:
-    """Plant M q_ddot + C q_dot + G + J^T F + f = tau, integrated with tau held over each control period."""
+    """Plant M q_ddot + C q_dot + G + J^T F + f = tau, integrated with tau held over each control period.
+
+    environment: matrices of (28) over the surfaces; by default the diagonals of the contacts' numbers.
+    """
 
     def __init__(
         self,
@@ -524,16 +526,20 @@ class Plant:
         integrator: Integrator = "leapfrog",
         substeps: int = 1,
         face: Face | None = None,
+        environment: EnvironmentMatrices | None = None,
     ) -> None:
         self.truth, self.surfaces, self.contacts, self.robot = truth, surfaces, contacts, robot
         self.face = Face.point() if face is None else face
+        if environment is None:
+            environment = EnvironmentMatrices.apart(*np.array([each[:3] for each in contacts]).T)
+        self.environment = environment
         self.kind = kind
         self.substeps = substeps
         self.model = truth.model(robot)
         self.data = self.model.createData()
         self._lever = np.array(robot.tool_placement.translation)
         shapes = Shapes.of(tuple(each.shape for each in surfaces))
-        world = World(self._lever, self.face, shapes, Contacts.of(contacts), kind.rigid)
+        world = World(self._lever, self.face, shapes, Contacts.of(contacts), kind.rigid, environment)
         around = Record(PlantWorkspace.of(world, truth.resistance, robot.n))
         self._around, self._torque = around.data, around.views.torque
         # live views: Pinocchio fills them at every call
@@ -572,10 +578,11 @@ class Plant:
         of the drives, no disturbance, and a surface that also pulls, or, not touching, a spring of zero stiffness."""
         truth = replace(self.truth, coulomb=0.0, disturbance=0.0, torque_limit=np.inf)
         contacts = tuple(each._replace(unilateral=False, friction_coulomb=0.0) for each in self.contacts)
+        environment = self.environment if touching else None
         if not touching:
             nothing = Contact(0.0, 0.0, 0.0, unilateral=False, friction_coulomb=0.0, friction_viscous=0.0)
             contacts = (nothing,) * len(contacts)
-        rest = (self._integrator, self.substeps, self.face)
+        rest = (self._integrator, self.substeps, self.face, environment)
         return Plant(self.robot, truth, self.surfaces, self.kind, contacts, *rest)
 
     def _resolve_kernels(self, n: int) -> None:

@@ -11,6 +11,7 @@ Coulomb friction is not judged: it is bounded, so that a step that is too long m
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from itertools import chain, combinations
 from typing import NamedTuple
 
 import numpy as np
@@ -18,6 +19,7 @@ import pinocchio as pin
 
 from environments.contact import Contact
 from environments.contact_kinds import ContactKind
+from environments.coupled_surfaces import EnvironmentMatrices
 from environments.plant import Integrator, Truth
 
 ROUNDING = 1e-7  # of the radius of an undamped oscillator, which is 1
@@ -77,18 +79,25 @@ class Oscillator(NamedTuple):
 
 
 def oscillators(
-    kind: ContactKind, contacts: Sequence[Contact], truth: Truth, mobility: Mobility, K_t: float = 0.0, joints: int = 0
+    kind: ContactKind,
+    contacts: Sequence[Contact],
+    environment: EnvironmentMatrices,
+    truth: Truth,
+    mobility: Mobility,
+    K_t: float = 0.0,
+    joints: int = 0,
 ) -> Iterator[Oscillator]:
     """Oscillators of the arm's springs and dampers, each cause by itself; of k surfaces each counts k times, which
     bounds what all of them do together, and of a flat face, with K_t N m/rad, force and moments each count twice. An
-    arm of so many joints turns the face by at most that times the mobility of a joint."""
+    arm of so many joints turns the face by at most that times the mobility of a joint. Coupled surfaces count with the
+    largest eigenvalues of their matrices, whichever of them are touched."""
     k = 2 if K_t else len(contacts)
     if K_t and kind.springs:
         turning, B_t = k * joints * mobility.joints, contacts[0].B_e * K_t / max(contacts[0].K_e, 1e-3)
         yield Oscillator("face.K_t", K_t, "N·m/rad", turning * K_t, turning * B_t)
     for path, c in zip(("", "second.", "third."), contacts, strict=False):
         Y = mobility.normal
-        if kind.springs:
+        if kind.springs and not environment.coupled:
             Y = k * Y / (1.0 + c.M_e * Y) if kind.massive else k * Y
             yield Oscillator(f"{path}contact.B_e", c.B_e, "N·s/m", 0.0, Y * c.B_e)
             yield Oscillator(f"{path}contact.K_e", c.K_e, "N/m", Y * c.K_e, Y * c.B_e)
@@ -96,7 +105,19 @@ def oscillators(
             viscous = c.friction_viscous
             across = k * mobility.tangential
             yield Oscillator(f"{path}contact.friction_viscous", viscous, "N·s/m", 0.0, across * viscous)
+    if environment.coupled:
+        yield from _coupled(environment, k, mobility.normal)
     yield Oscillator("truth.viscous", truth.viscous, "N·m·s/rad", 0.0, mobility.joints * truth.viscous)
+
+
+def _coupled(environment: EnvironmentMatrices, k: int, Y: float) -> Iterator[Oscillator]:
+    """Oscillators of k coupled surfaces on an arm with the mobility Y (1/kg), for each set of them that is touched."""
+    for touched in chain.from_iterable(combinations(range(k), number) for number in range(1, k + 1)):
+        M_e, B_e, K_e = (np.linalg.eigvalsh(matrix) for matrix in environment.acting(touched))
+        yielding = k * Y / (1.0 + M_e[0].clip(min=0.0) * Y)
+        stiffness, damping = float(yielding * K_e[-1]), float(yielding * B_e[-1])
+        yield Oscillator("coupling.B_e", float(B_e[-1]), "N·s/m", 0.0, damping)
+        yield Oscillator("coupling.K_e", float(K_e[-1]), "N/m", stiffness, damping)
 
 
 Acceleration = Callable[[np.ndarray, np.ndarray], np.ndarray]

@@ -166,7 +166,7 @@ def steady_force_error(system: System, f_nd: np.ndarray, s: np.ndarray) -> float
     if system.plant.kind.rigid:
         errors = np.linalg.solve(model.K_f[:m, :m], rest)
     else:
-        K_e, r_fd = true_stiffness(system.scenario), f_nd * system.plan.compliance[:m]
+        K_e, r_fd = true_stiffness(system.scenario), system.plan.compliance[:m, :m] @ f_nd
         errors = model.steady_forces(K_e, r_fd, f_nd, rest) - f_nd
     return float(errors[0]) if system.pressed == 1 else float(np.linalg.norm(errors[: system.pressed]))
 

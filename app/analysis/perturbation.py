@@ -11,7 +11,7 @@ import pinocchio as pin
 
 from app.scenario.schema import Scenario
 from app.simulation.control_period import Observer
-from app.simulation.controller_builder import believed_stiffness, compensation, law_of, true_stiffness
+from app.simulation.controller_builder import believed_compliance, compensation, law_of, true_stiffness
 from app.simulation.environment_builder import truth_of
 from app.simulation.recording import Epoch
 from app.simulation.system import System
@@ -207,7 +207,7 @@ class Known(Mapping[str, np.ndarray]):
         for number in np.unique(numbers):
             epoch, rows = self._epochs[number], np.flatnonzero(numbers == number)
             K_e = true_stiffness(epoch.scenario)
-            r_fd = f_nd / believed_stiffness(epoch.scenario)
+            r_fd = f_nd @ believed_compliance(epoch.scenario).T
             for piece in [rows] if epoch.blend is None else rows[:, None]:
                 model = epoch.model_at(float(self._rows["t"][piece[0]]))
                 rest = model.left_by_layer(compensation(epoch.scenario, model.n), s[piece].T)[:m].T

@@ -97,7 +97,7 @@ def _spd(rng: np.random.Generator, n: int, size: float) -> np.ndarray:
 
 def _certified(start: TargetModel, end: TargetModel, K_e: np.ndarray) -> Counter[str]:
     """Result of the certificate, compared with eigenvalues at `SHARES`: wrong, or not seen by them."""
-    certificate = certify(start, end, K_e)
+    certificate = certify(start, end, np.diag(K_e))
     worst = max(_abscissas(start, end, K_e))
     found = Counter({"refused" if not certificate.stable else certificate.by: 1})
     found["wrong"] += worst > certificate.rightmost.at_most
@@ -207,7 +207,7 @@ def conclude(results: Sequence[object]) -> Findings:
     models = {n: _of(Counter, next(found)) + _of(Counter, next(found)) for n in SIZES}
     certificates = {"single axes": axes} | {f"{n} coupled coordinates": counts for n, counts in models.items()}
     start, end = disturbing()
-    certificate = certify(start, end, np.zeros(2))
+    certificate = certify(start, end, np.zeros((2, 2)))
     (low_0, high_0), (low_1, high_1) = (diagonal_lyapunov(A) for A in NOTE)
     radii = [float(np.abs(np.linalg.eigvals(A)).max()) for A in NOTE]
     between = np.linalg.eigvals(NOTE[1] + SHARES[:, None, None] * (NOTE[0] - NOTE[1]))

@@ -14,7 +14,7 @@ from app.scenario.departures import Departure, Random
 from app.scenario.schema import Declared, Scenario, TruthSection
 from app.session.headless_run import play
 from app.simulation.closed_loop import ClosedLoop
-from app.simulation.environment_builder import contacts_of, truth_of
+from app.simulation.environment_builder import contacts_of, environment_of, truth_of
 from app.simulation.system import System, assemble
 from controllers.nominal_model import NominalModel
 from environments import robots
@@ -114,6 +114,7 @@ def with_arm_of(scenario: Scenario, system: System) -> System:
         contacts_of(scenario),
         scenario.simulation.integrator,
         scenario.simulation.substeps,
+        environment=environment_of(scenario),
     )
     return replace(system, plant=plant)
 

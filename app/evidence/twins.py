@@ -28,6 +28,11 @@ FURTHER = ((0.3, -0.9, 0.2), (-0.7, -0.2, 0.4))
 FURTHER_PLANAR = ((-0.9, 0.0, 0.3),)
 STIFFNESS, BELIEVED, DAMPING = (8000.0, 6000.0, 7000.0), (9000.0, 7000.0, 6000.0), (40.0, 30.0, 20.0)
 FORCES, SWINGS = (20.0, 15.0, 10.0), (5.0, 3.0, 2.0)  # N
+# between the surfaces 1 and 2, 1 and 3, 2 and 3
+COUPLING = {
+    "K_e": (2000.0, -1500.0, 1000.0), "K_e_hat": (2500.0, -900.0, 1400.0),
+    "B_e": (8.0, -5.0, 6.0), "M_e": (0.8, -0.5, 0.3),
+}  # fmt: skip
 K_T, K_T_HAT, MOMENTS = 15.0, 12.0, (0.06, -0.04)  # N m/rad and N m, of a flat face
 OFF = np.array([0.1, 0.0, -0.05])  # of the face's normal against the plane's, to begin with
 TILTING = Tilt(np.array([0.0, 0.8, 0.6]), 0.05, 2 * np.pi * 1.5)
@@ -50,6 +55,7 @@ def random_spd(random: np.random.Generator, n: int, low: float, high: float) -> 
 class Twin:
     """An arm of the catalogue on a plane (radius 0) or a sphere, which has a mass M_e (kg) or none, or is rigid, and
     may move; on so many surfaces, the others being oblique planes that move, too.
+    coupled: the surfaces belong to one elastic body.
     flat: it is a flat face that touches, and the plane tilts.
     pushed: a constant wrench acts on the tool.
     unknown: its links are 15 % heavier than believed and its joints have friction.
@@ -66,6 +72,7 @@ class Twin:
     surfaces: int = 1
     pushed: bool = False
     flat: bool = False
+    coupled: bool = False
 
     @property
     def n(self) -> int:
@@ -130,9 +137,19 @@ class Twin:
         k, l = self.surfaces, arm(self.robot).layout.l
         moments = np.array(MOMENTS) / l if self.flat else np.zeros(0)
         stiffness = np.concatenate([BELIEVED[:k], np.full(len(moments), K_T_HAT / l**2)])
-        compliance = np.zeros((k, k)) if self.rigid else np.diag(1.0 / stiffness)
+        believed = self._with_coupling(np.diag(stiffness), "K_e_hat")
+        compliance = np.zeros((k, k)) if self.rigid else np.linalg.inv(believed)
         forces, swings = np.concatenate([FORCES[:k], moments]), np.concatenate([SWINGS[:k], 0.0 * moments])
         return Wish(displacement, 2 * np.pi, forces, swings, 2 * np.pi * 3.0, compliance)
+
+    def _with_coupling(self, diagonal: np.ndarray, name: str) -> np.ndarray:
+        """The matrix (m, m) with the entries beside its diagonal of surfaces that belong to one body."""
+        matrix = diagonal.copy()
+        for (i, j), entry in zip(((0, 1), (0, 2), (1, 2)), COUPLING[name], strict=True):
+            if self.coupled and j < self.surfaces:
+                matrix[i, j] += entry
+                matrix[j, i] += entry
+        return matrix
 
     def _met(self, number: int, surface: Surface) -> tuple[dict[str, object], dict[str, object], dict[str, object]]:
         """Surface, contact and force of one surface, as a scenario has them."""
@@ -171,6 +188,7 @@ class Twin:
                 "flat": self.flat, "normal": (R.T @ (OFF - TOWARDS)).tolist(), "K_t": K_T, "K_t_hat": K_T_HAT,
                 "moment": list(MOMENTS),
             },
+            "coupling": {name: list(entries) for name, entries in COUPLING.items()} if self.coupled else {},
             "mode": self.mode,
             "robot": {"name": self.robot},
             "truth": ({"link_scaling": 1.15, "viscous": 0.4} if self.unknown else {}) | (push if self.pushed else {}),
@@ -196,8 +214,11 @@ class Twin:
         turning = np.full(self.m - k, K_T / l**2)
         M_e, K_e = self.M_e * np.eye(self.m), np.diag(np.concatenate([STIFFNESS[:k], turning]))
         B_e = np.diag(np.concatenate([DAMPING[:k], turning * DAMPING[0] / STIFFNESS[0]]))
+        if self.M_e:
+            M_e = self._with_coupling(M_e, "M_e")
         world = World(
-            self.all_surfaces(), self.rigid, M_e, B_e, K_e, float(np.max(truth.link_scaling)), truth.viscous,
+            self.all_surfaces(), self.rigid, M_e, self._with_coupling(B_e, "B_e"),
+            self._with_coupling(K_e, "K_e"), float(np.max(truth.link_scaling)), truth.viscous,
             all=self.mode == "hybrid-impedance", push=PUSH if self.pushed else np.zeros(6),
             face=self.face(scenario) if self.flat else None,
         )  # fmt: skip
@@ -256,7 +277,7 @@ def plant_errors(twin: Twin, substeps: Sequence[int], duration: float) -> np.nda
     for number in substeps:
         plant = Plant(
             system.robot, system.plant.truth, system.surfaces, scenario.contact.nature, system.plant.contacts,
-            twin.integrator, number, system.plant.face,
+            twin.integrator, number, system.plant.face, system.plant.environment,
         )  # fmt: skip
         state = plant.start(q, q_dot, 0.0)
         plant.advance(state, tau, 0.0, duration)

@@ -9,7 +9,7 @@ import numpy as np
 from msgspec import Struct
 
 from app.scenario.data import shipped
-from app.scenario.schema import FurtherSurface, Scenario, field_info
+from app.scenario.schema import CouplingSection, FurtherSurface, Scenario, field_info
 from controllers.controller import Controller
 from controllers.modes import MODES
 from environments.robots import CATALOGUE
@@ -121,6 +121,8 @@ def _section(scenario: Scenario, name: str) -> str:
         touch = _changed(section.contact, f"{name}.contact", in_full=section.contact.nature.springs)
         pressed = (f"{section.control} controlled", *_changed(section.force, f"{name}.force", in_full=True))
         return f"{name.capitalize()} surface: {', '.join((*shape, *touch, *pressed))}"
+    if isinstance(section, CouplingSection) and len(scenario.surfaces) == 1:
+        return ""
     tag = section.__struct_config__.tag
     in_full = name in _IN_FULL or (name == "contact" and scenario.contact.nature.springs)
     said = ", ".join([*([] if tag is None else [str(tag)]), *_changed(section, name, in_full=in_full)])

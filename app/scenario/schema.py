@@ -328,13 +328,26 @@ class FurtherSurface(Section, frozen=True, forbid_unknown_fields=True):
         return self.contact.nature.touches
 
 
+class CouplingSection(Section, frozen=True, forbid_unknown_fields=True):
+    """Entries beside the diagonals of the symmetric matrices K_e, B_e, M_e of (28) and K_e_hat of (33) over the
+    surfaces, whose diagonals are the numbers of each surface: between the first and the second one, the first and the
+    third, the second and the third. Those of a surface that there is not, or has no such number, are not read."""
+
+    K_e: Annotated[Vector3, field("stiffness between surfaces 1 and 2, 1 and 3, 2 and 3 (28)", "N/m")] = (0.0, 0.0, 0.0)
+    K_e_hat: Annotated[Vector3, field("estimate of the same stiffness (33)", "N/m")] = (0.0, 0.0, 0.0)
+    B_e: Annotated[Vector3, field("damping between surfaces 1 and 2, 1 and 3, 2 and 3 (28)", "N·s/m")] = (0.0, 0.0, 0.0)
+    M_e: Annotated[Vector3, field("mass between surfaces 1 and 2, 1 and 3, 2 and 3 (28)", "kg")] = (0.0, 0.0, 0.0)
+
+
 @dataclass(frozen=True)
 class SurfaceInWorld:
     """A surface that the tool may meet, as the scenario has it.
     path: of its fields in the scenario, before their names.
+    place: its place among first, second and third, from 0.
     pressed: whether its normal force is controlled in a mode on surfaces."""
 
     path: str
+    place: int
     form: Any
     contact: ContactSection
     K_e_hat: float
@@ -412,17 +425,20 @@ class Scenario(Struct, frozen=True, forbid_unknown_fields=True):
     force: AnyForceProfile = msgspec.field(default_factory=ConstantForce)
     second: FurtherSurface = msgspec.field(default_factory=FurtherSurface)
     third: FurtherSurface = msgspec.field(default_factory=FurtherSurface)
+    coupling: CouplingSection = msgspec.field(default_factory=CouplingSection)
     face: FaceSection = msgspec.field(default_factory=FaceSection)
     simulation: Simulation = msgspec.field(default_factory=Simulation)
 
     @property
     def surfaces(self) -> tuple[SurfaceInWorld, ...]:
         """The surfaces in the world, the first one first, whether or not the tool touches it."""
-        first = SurfaceInWorld("", self.surface, self.contact, self.controller.K_e_hat, self.force, pressed=True)
+        first = SurfaceInWorld("", 0, self.surface, self.contact, self.controller.K_e_hat, self.force, pressed=True)
         further = (("second.", self.second), ("third.", self.third))
         return first, *(
-            SurfaceInWorld(path, each.surface, each.contact, each.K_e_hat, each.force, pressed=each.control == "force")
-            for path, each in further
+            SurfaceInWorld(
+                path, place, each.surface, each.contact, each.K_e_hat, each.force, pressed=each.control == "force"
+            )
+            for place, (path, each) in enumerate(further, start=1)
             if each.present
         )
 

@@ -71,7 +71,7 @@ class Forces(NamedTuple):
 class ReferencePlan(NamedTuple):
     """Plan of the reference.
     start: (n,), r at t = 0, to which motion and shift add.
-    compliance: (3,) m/N, r_fd per f_nd on each surface, 1/K_e_hat in (33), 0 on a rigid surface (41).
+    compliance: (3, 3) m/N, r_fd per f_nd on the surfaces, K_e_hat^-1 in (33), 0 on rigid surfaces (41).
     m: number of force-controlled directions."""
 
     start: np.ndarray
@@ -85,7 +85,7 @@ class ReferencePlan(NamedTuple):
     def held(self, r: np.ndarray, f: np.ndarray) -> ReferencePlan:
         """Plan of staying at r (n,) with the present forces f (3,) N."""
         still = course_of("motion", Hold(), len(r), range(0))
-        here, stiff = SmoothShift.fresh(np.zeros_like(r), 1.0), np.zeros(3)
+        here, stiff = SmoothShift.fresh(np.zeros_like(r), 1.0), np.zeros((3, 3))
         forces = self.forces.held(f)
         return self._replace(start=r, compliance=stiff, motion=still, rotation=still, shift=here, forces=forces)
 
@@ -212,7 +212,7 @@ class Evaluation(NamedTuple):
 
 @inline
 def reference_at(plan, t, reference):
-    """r_d(t) = start + motion + rotation + shift; the first m coordinates: r_fd = f_nd / K_e_hat (33), F_cd = f_nd."""
+    """r_d(t) = start + motion + rotation + shift; the first m coordinates: r_fd = K_e_hat^-1 f_nd (33), F_cd = f_nd."""
     path_at(plan.motion, t, reference.r_d, reference.r_d_dot, reference.r_d_ddot)
     add_path(plan.rotation, t, reference.r_d, reference.r_d_dot, reference.r_d_ddot)
     add_shift(plan.shift, t, reference.r_d, reference.r_d_dot, reference.r_d_ddot)
@@ -220,10 +220,13 @@ def reference_at(plan, t, reference):
         reference.r_d[i] += plan.start[i]
         reference.F_cd[i] = 0.0
     for i in range(plan.m):
+        reference.r_d[i] = reference.r_d_dot[i] = reference.r_d_ddot[i] = 0.0
+    for i in range(plan.m):
         f, f_dot, f_ddot = force_at(one_of(plan.forces, i), t)
-        reference.r_d[i] = plan.compliance[i] * f
-        reference.r_d_dot[i] = plan.compliance[i] * f_dot
-        reference.r_d_ddot[i] = plan.compliance[i] * f_ddot
+        for j in range(plan.m):
+            reference.r_d[j] += plan.compliance[j, i] * f
+            reference.r_d_dot[j] += plan.compliance[j, i] * f_dot
+            reference.r_d_ddot[j] += plan.compliance[j, i] * f_ddot
         reference.F_cd[i] = f
 
 

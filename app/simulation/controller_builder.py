@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from app.process.own_code import own_code
 from app.scenario.schema import Matrix, Scenario, ScenarioError, TargetModelSection, after_blend, scenario_errors
 from app.simulation.domain import Constants
+from app.simulation.environment_builder import beside_diagonal, environment_of
 from controllers import modes
 from controllers.blend import ModelBlend, certify
 from controllers.bounds import Uncertainty
@@ -76,27 +78,37 @@ def mode_of(scenario: Scenario) -> Mode:
 
 
 def believed_stiffness(scenario: Scenario) -> np.ndarray:
-    """Estimated stiffness (m,) N/m of the surfaces whose force is controlled, and of a flat tool's tilts, the diagonal
-    of K_e_hat in (33)."""
+    """Estimated stiffness (m, m) N/m of the surfaces whose force is controlled, and of a flat tool's tilts, K_e_hat in
+    (33)."""
     pressed = mode_of(scenario).pressed
-    return _with_tilts(scenario, [each.K_e_hat for each in scenario.surfaces[:pressed]], scenario.face.K_t_hat)
+    diagonal = np.diag([each.K_e_hat for each in scenario.surfaces[:pressed]])
+    beside = beside_diagonal(scenario, "K_e_hat")[:pressed, :pressed]
+    return _with_tilts(scenario, diagonal.reshape(beside.shape) + beside, scenario.face.K_t_hat)
+
+
+def believed_compliance(scenario: Scenario) -> np.ndarray:
+    """Its inverse (m, m) m/N, by which (33) has r_fd."""
+    stiffness = believed_stiffness(scenario)
+    diagonal = np.diag(stiffness)
+    return np.diag(1.0 / diagonal) if (stiffness == np.diag(diagonal)).all() else np.linalg.inv(stiffness)
 
 
 def true_stiffness(scenario: Scenario) -> np.ndarray:
-    """True stiffness (m,) N/m in the same directions, the diagonal of K_e in (32)."""
+    """True stiffness (m, m) N/m in the same directions, K_e in (32)."""
     pressed = mode_of(scenario).pressed
-    return _with_tilts(scenario, [each.contact.K_e for each in scenario.surfaces[:pressed]], scenario.face.K_t)
+    return _with_tilts(scenario, environment_of(scenario).K_e[:pressed, :pressed], scenario.face.K_t)
 
 
-def _with_tilts(scenario: Scenario, stiffness: list[float], K_t: float) -> np.ndarray:
-    """The stiffness, with that of the tilts, K_t N m/rad, in N/m of the coordinates l t."""
+def _with_tilts(scenario: Scenario, stiffness: np.ndarray, K_t: float) -> np.ndarray:
+    """The stiffness (k, k), with that of the tilts, K_t N m/rad, in N/m of the coordinates l t."""
     mode, l = mode_of(scenario), scenario.task_space.characteristic_length
-    return np.array(stiffness + (mode.m() - mode.pressed) * [K_t / l**2])
+    return np.asarray(block_diag(stiffness, K_t / l**2 * np.eye(mode.m() - mode.pressed)))
 
 
 def default_target_model(mode: Mode, n: int, K_e_hat: np.ndarray) -> dict[str, np.ndarray]:
     """Default diagonals of (8) for a mode: critically damped at 20 rad/s; softer where it meets forces. K_m1 = 0 in all
-    modes that control a force, also where (38) has it s.p.d.: so (37) leaves no force error."""
+    modes that control a force, also where (38) has it s.p.d.: so (37) leaves no force error. K_e_hat: (m, m) N/m, of
+    whose diagonal each coordinate takes its damping."""
     M = np.full(n, 10.0)
     K = np.full(n, mode.stiffness)
     B = 2.0 * np.sqrt(K * M)
@@ -105,7 +117,7 @@ def default_target_model(mode: Mode, n: int, K_e_hat: np.ndarray) -> dict[str, n
     if mode.rigid:
         M[:m], B[:m] = 15.0, 100.0
     else:
-        B[:m] = 2.0 * np.sqrt(K_e_hat * M[:m])
+        B[:m] = 2.0 * np.sqrt(np.diag(K_e_hat) * M[:m])
     return {"M_m": M, "B_m": B, "K_m": K, "K_f": mode.controlled(n)}
 
 

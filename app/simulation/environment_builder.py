@@ -2,18 +2,30 @@
 
 from __future__ import annotations
 
+from itertools import combinations
+from typing import Literal
+
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from app.process.own_code import own_course, own_shape
 from app.scenario.data import kind_of
 from app.scenario.declared_bounds import link_rows, symmetric
-from app.scenario.schema import IrregularCorner, PullingForce, Scenario, ScenarioError, WrongFace, scenario_errors
+from app.scenario.schema import (
+    IrregularCorner,
+    PullingForce,
+    Scenario,
+    ScenarioError,
+    WrongFace,
+    field_info,
+    scenario_errors,
+)
 from controllers.modes import Mode
 from controllers.nominal_model import NominalModel
 from controllers.task_space import TaskLayout
 from environments import robots
 from environments.contact import Contact, Face, face_radius
+from environments.coupled_surfaces import EnvironmentMatrices
 from environments.force_profiles.force_profile import ForceCourse
 from environments.force_profiles.step import ConstantForce
 from environments.force_profiles.table import course_of as force_course
@@ -32,6 +44,7 @@ from parameters import Matrix
 
 SOFTEST = 1e-3  # N/m: of a surface without stiffness a face has no size
 FACING = 0.8  # least cosine between the face's normal and the surface's at the start
+ROUNDED = 1e-12  # of a matrix's largest eigenvalue, by which rounding moves the least one
 UNLIMITED = 1e6  # N m: an effort limit of a URDF beyond this means that there is none
 
 
@@ -161,6 +174,61 @@ def contacts_of(scenario: Scenario) -> tuple[Contact, ...]:
         given = Contact(*(getattr(each.contact, name) for name in Contact._fields))
         contacts.append(given if each.contact.nature.massive else given._replace(M_e=0.0))
     return tuple(contacts)
+
+
+def beside_diagonal(scenario: Scenario, name: str) -> np.ndarray:
+    """Entries (k, k) of a matrix of `coupling` over the k surfaces of the scenario, with zeros on its diagonal; only
+    massive surfaces have a mass, and rigid ones nothing of all this."""
+    natures = [each.contact.nature for each in scenario.surfaces]
+    has = np.array([nature.massive if name == "M_e" else nature.springs for nature in natures], dtype=float)
+    whole, there = np.zeros((3, 3)), [each.place for each in scenario.surfaces]
+    for pair, entry in zip(combinations(range(3), 2), getattr(scenario.coupling, name), strict=True):
+        whole[pair] = whole[pair[::-1]] = entry
+    return whole[np.ix_(there, there)] * np.outer(has, has)
+
+
+def environment_of(scenario: Scenario) -> EnvironmentMatrices:
+    """Matrices of (28) over all surfaces."""
+    contacts = contacts_of(scenario)
+    return EnvironmentMatrices.of(
+        **{
+            name: np.diag([getattr(contact, name) for contact in contacts]) + beside_diagonal(scenario, name)
+            for name in ("M_e", "B_e", "K_e")
+        }
+    )
+
+
+def require_coupling(scenario: Scenario, mode: Mode, K_e_hat: np.ndarray) -> None:
+    """Raise ScenarioError unless the matrices over coupled surfaces are what (28), (32) and (33) admit, and all of
+    these surfaces are pressed where the mode presses any. K_e_hat: (m, m) N/m, of those that are."""
+    environment, k = environment_of(scenario), len(scenario.surfaces)
+    if np.count_nonzero(K_e_hat - np.diag(np.diag(K_e_hat))):
+        _require_definite(scenario, "K_e_hat", K_e_hat, "definite")
+    if not environment.coupled:
+        return
+    _require_definite(scenario, "K_e", environment.K_e[:k, :k], "definite")
+    _require_definite(scenario, "B_e", environment.B_e[:k, :k], "semidefinite")
+    _require_definite(scenario, "M_e", environment.M_e[:k, :k], "semidefinite")
+    followed = next((each for each in scenario.surfaces if mode.on_surface and not each.pressed), None)
+    if followed is not None:
+        raise ScenarioError(
+            f"{followed.path}control: 'path' on a surface that `coupling` couples with others; allowed: 'force', or "
+            "coupling.K_e, coupling.B_e and coupling.M_e = [0, 0, 0]"
+        )
+
+
+def _require_definite(
+    scenario: Scenario, name: str, matrix: np.ndarray, wanted: Literal["definite", "semidefinite"]
+) -> None:
+    """Raise ScenarioError unless a symmetric matrix over the surfaces is positive definite, or semidefinite."""
+    eigenvalues = np.linalg.eigvalsh(matrix)
+    least = ROUNDED * eigenvalues[-1] * (1.0 if wanted == "definite" else -1.0)
+    if eigenvalues[0] < least or (wanted == "definite" and eigenvalues[0] <= 0.0):
+        unit, given = field_info(f"coupling.{name}").unit, getattr(scenario.coupling, name)
+        raise ScenarioError(
+            f"coupling.{name}: {list(given)} {unit} makes {name} = {matrix.tolist()} {unit}, with the eigenvalue "
+            f"{eigenvalues[0]:.4g}; allowed: entries with which it is symmetric positive {wanted}"
+        )
 
 
 def task_surface(surfaces: tuple[Surface, ...], near: np.ndarray) -> Surface | Corner:

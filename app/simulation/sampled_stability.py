@@ -367,11 +367,13 @@ def _in_contact(system: System, at: Posture) -> tuple[np.ndarray, np.ndarray, np
     """Inertia, damping and stiffness of (8) against the true contact, in the directions in which the arm can move."""
     model, kind, basis = system.controller.model, system.plant.kind, _free_directions(system, at)
     M, B, K = model.M_m, model.B_m, model.K_m
-    for contact, a in zip(system.plant.contacts, at.across.T, strict=True):
-        felt = model.K_f @ np.outer(system.controller.controlled * a, a)
-        M = M + felt * (contact.M_e if kind.massive else 0.0)
-        B = B + felt * (contact.B_e if kind.springs else 0.0)
-        K = K + felt * (contact.K_e if kind.springs else 0.0)
+    a, environment, k = at.across, system.plant.environment, len(system.surfaces)
+    felt = model.K_f @ (system.controller.controlled[:, None] * a)
+    if kind.massive:
+        M = M + felt @ environment.M_e[:k, :k] @ a.T
+    if kind.springs:
+        B = B + felt @ environment.B_e[:k, :k] @ a.T
+        K = K + felt @ environment.K_e[:k, :k] @ a.T
     first, K_t = system.plant.contacts[0], system.scenario.face.K_t
     for a in at.turning.T:
         felt = model.K_f @ np.outer(system.controller.controlled * a, a)
@@ -432,8 +434,9 @@ def force_factor(system: System, at: Posture) -> float:
 
 
 def _surface_mass(system: System) -> np.ndarray:
-    """Mass of each surface (k,) kg."""
-    return np.array([math.inf if system.plant.kind.rigid else each.M_e for each in system.plant.contacts])
+    """Mass of the surfaces (k, k) kg, infinite on the diagonal of rigid ones."""
+    k = len(system.surfaces)
+    return np.diag(np.full(k, math.inf)) if system.plant.kind.rigid else system.plant.environment.M_e[:k, :k]
 
 
 def gain_by_force(system: System, at: Posture) -> tuple[float, float]:
@@ -451,11 +454,11 @@ def gain_by_force(system: System, at: Posture) -> tuple[float, float]:
 
 
 def _by_acceleration(masses: np.ndarray, mobility: np.ndarray) -> np.ndarray:
-    """Multipliers (k, k) N per m/s^2 of phi_ddot of surfaces with these masses (k,) kg, all of them infinite or none,
-    which take `mobility` (k, k) m/s^2 per N from it."""
-    if np.isinf(masses).all():
+    """Multipliers (k, k) N per m/s^2 of phi_ddot of surfaces with these masses (k, k) kg, see `_surface_mass`, which
+    take `mobility` (k, k) m/s^2 per N from it."""
+    if np.isinf(masses).any():
         return np.linalg.inv(mobility)
-    return np.linalg.solve(np.eye(len(masses)) + masses[:, None] * mobility, np.diag(masses))
+    return np.linalg.solve(np.eye(len(masses)) + masses @ mobility, masses)
 
 
 def _largest(pull: np.ndarray, slopes: np.ndarray) -> float:

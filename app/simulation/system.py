@@ -24,6 +24,7 @@ from app.scenario.schema import (
 from app.scenario.units import CARTESIAN, JOINT, Units
 from app.simulation.control_period import Forces, Observer, Planned, ReferencePlan
 from app.simulation.controller_builder import (
+    believed_compliance,
     believed_stiffness,
     blend_of,
     controller_of,
@@ -34,6 +35,7 @@ from app.simulation.controller_builder import (
 from app.simulation.domain import Constants, centres, constants_over, mobility_over, posture_at, span_of
 from app.simulation.environment_builder import (
     contacts_of,
+    environment_of,
     face_axes,
     face_of,
     forces_of,
@@ -41,6 +43,7 @@ from app.simulation.environment_builder import (
     motion_of,
     positions_of,
     push_of,
+    require_coupling,
     require_face,
     require_pushing,
     require_surfaces,
@@ -254,6 +257,7 @@ def _assemble(scenario: Scenario, previous: System | None, memory: Memory) -> Sy
     robot = previous.robot if previous is not None and same_robot else robot_of(scenario)
     nominal = _nominal(robot, previous)
     require_surfaces(scenario, mode, positions_of(robot), robot.n)
+    require_coupling(scenario, mode, believed_stiffness(scenario))
     require_face(scenario, mode, robot)
     surfaces = _surfaces_in_use(scenario, robot, nominal, previous)
     plant = _plant(scenario, robot, surfaces, previous)
@@ -277,7 +281,7 @@ def _assemble(scenario: Scenario, previous: System | None, memory: Memory) -> Sy
         ) from error
     plan = ReferencePlan(
         start=start,
-        compliance=np.zeros(3) if mode.rigid else _compliance(scenario),
+        compliance=np.zeros((3, 3)) if mode.rigid else _compliance(scenario),
         m=mode.m(),
         motion=motion,
         rotation=rotation,
@@ -290,7 +294,7 @@ def _assemble(scenario: Scenario, previous: System | None, memory: Memory) -> Sy
         constants = previous.constants
     else:
         # the arm is on the surface, not at r_fd (33) within it; only estimates taken along r_d are needed there, too
-        compliance = plan.compliance if scenario.controller.estimates == "along-reference" else np.zeros(3)
+        compliance = plan.compliance if scenario.controller.estimates == "along-reference" else np.zeros((3, 3))
         unshifted = Planned(plan._replace(compliance=compliance, shift=SmoothShift.fresh(0.0 * shift, 1.0)))
         rules = scenario.simulation
         if mode.on_surface:
@@ -347,13 +351,14 @@ def _plant(scenario: Scenario, robot: robots.Robot, surfaces: tuple[Surface, ...
         scenario.simulation.integrator,
         scenario.simulation.substeps,
         face_of(scenario, robot),
+        environment_of(scenario),
     )
 
 
 def _nature(scenario: Scenario) -> tuple[object, ...]:
     """Parts of the scenario that the plant is made of, besides arm and surfaces."""
-    rules, met = scenario.simulation, tuple(each.contact for each in scenario.surfaces)
-    return scenario.truth, met, scenario.face, rules.integrator, rules.substeps
+    rules, met = scenario.simulation, tuple((each.place, each.contact) for each in scenario.surfaces)
+    return scenario.truth, met, scenario.face, scenario.coupling, rules.integrator, rules.substeps
 
 
 def _mobility(
@@ -403,9 +408,9 @@ def _looped(scenario: Scenario) -> Scenario:
 
 
 def _compliance(scenario: Scenario) -> np.ndarray:
-    """Compliance (3,) m/N of r_fd, (33): that of each surface whose force is controlled."""
-    compliance, stiffness = np.zeros(3), believed_stiffness(scenario)
-    compliance[: len(stiffness)] = 1.0 / stiffness
+    """Compliance (3, 3) m/N of r_fd, (33): that of the surfaces whose force is controlled."""
+    compliance, believed = np.zeros((3, 3)), believed_compliance(scenario)
+    compliance[: len(believed), : len(believed)] = believed
     return compliance
 
 
@@ -481,7 +486,12 @@ def _shaping(scenario: Scenario) -> tuple[object, ...]:
     where = (*(getattr(scenario, name) for name in names), scenario.face.flat, scenario.face.normal)
     where = (*where, *((each.form, each.pressed) for each in scenario.surfaces))
     if scenario.controller.estimates == "along-reference":
-        return (*where, scenario.face, *((each.force, each.K_e_hat) for each in scenario.surfaces))
+        return (
+            *where,
+            scenario.face,
+            scenario.coupling.K_e_hat,
+            *((each.force, each.K_e_hat) for each in scenario.surfaces),
+        )
     return where
 
 
@@ -521,5 +531,6 @@ def _unresolved(scenario: Scenario, plant: Plant, mobility: Mobility) -> list[Os
     """Oscillators of the plant that its step does not follow."""
     step = scenario.controller.period / plant.substeps
     K_t = scenario.face.K_t if scenario.face.flat else 0.0
-    known = oscillators(plant.kind, plant.contacts, plant.truth, mobility, K_t, plant.model.nv)
+    parts = (plant.kind, plant.contacts, plant.environment, plant.truth)
+    known = oscillators(*parts, mobility, K_t, plant.model.nv)
     return [o for o in known if not resolved(scenario.simulation.integrator, o, step)]

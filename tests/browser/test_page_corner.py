@@ -26,6 +26,15 @@ def test_a_second_surface_is_put_beside_the_tool_pressed_and_taken_away(session:
     expect(page.get_by_text("measured normal ₂").locator("visible=true").first).to_be_visible()
     expect(page.locator(".vs-equation").first).to_contain_text("φ₂")
     assert session.now.standing.run.verdict == "holds"
+    session.tab("World")
+    page.get_by_text("Coupling", exact=True).click()
+    session.number("K_e 12, 13, 23 [N/m]").fill("9000, 0, 0")
+    page.keyboard.press("Enter")
+    session.wait(lambda now: now.scenario.coupling.K_e == (9000.0, 0.0, 0.0))
+    session.number("K_e 12, 13, 23 [N/m]").fill("11000, 0, 0")
+    page.keyboard.press("Enter")
+    session.wait(lambda now: "symmetric positive definite" in (now.refusal or ""))
+    assert session.now.system.plant.environment.coupled
     touch("none")
     session.wait(lambda now: len(now.surfaces) == 1 and now.phase == "running")
     session.tab("Task")  # at its top: what is scrolled away lies below the status

@@ -161,14 +161,14 @@ def test_a_blend_is_one_of_what_acts() -> None:
 
 def test_the_environment_belongs_to_the_certificate() -> None:
     start, end = section.disturbing()
-    assert certify(start, end, np.zeros(2)).by == "nothing"
-    certificate = certify(start, end, np.array([np.inf, 0.0]))  # one of the two coordinates is held
+    assert certify(start, end, np.zeros((2, 2))).by == "nothing"
+    certificate = certify(start, end, np.diag([np.inf, 0.0]))  # one of the two coordinates is held
     assert certificate.stable
     rng = np.random.default_rng(2)
     M, B, K, K_f = (np.eye(3) + 0.3 * rng.random((3, 3)) for _ in range(4))
     model = TargetModel(M, 9.0 * B, 5.0 * K, K_f)
     pressing = np.array([30.0, 0.0, 7.0])
-    found = certify(model, model, pressing).rightmost
+    found = certify(model, model, np.diag(pressing)).rightmost
     assert found.eigenvalue.real == pytest.approx(model.poles(np.diag(pressing)).real.max())
 
 

@@ -19,6 +19,7 @@ from controllers.switching import Switching
 from controllers.target_model import InvalidGain, TargetModel, require_spd
 from controllers.task_space import TaskSpace
 from environments.contact import Contact, ContactKinematics, Contacts, Face, ToolContacts, World, add_drift, touch_at
+from environments.coupled_surfaces import EnvironmentMatrices
 from environments.force_profiles import table as forces
 from environments.force_profiles.sinusoid import ForceSinusoid
 from environments.force_profiles.step import ForceStep
@@ -201,7 +202,8 @@ def test_contact_acceleration_of_a_moving_surface(chart: str, random: np.random.
     middle, swing, t, h = charted("ur5", chart).nominal.evaluate(arm("ur5").q_0, np.zeros(6)).p, 0.05, 0.3, 1e-3
     u, v = random.standard_normal((2, 3))
     contacts = Contacts.of((Contact(0.0, 0.0, 1.0, False, 0.0, 0.0),))
-    world = Record(World(np.zeros(3), Face.point(), shapes, contacts, False)).data
+    environment = EnvironmentMatrices.apart(*np.zeros((3, shapes.number)))
+    world = Record(World(np.zeros(3), Face.point(), shapes, contacts, False, environment)).data
 
     def touch(time: float, p: np.ndarray, p_dot: np.ndarray, p_ddot: np.ndarray) -> ContactKinematics:
         """Of three orthogonal sliders whose directions turn just so that p_ddot follows without their acceleration."""

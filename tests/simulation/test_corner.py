@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from app.analysis.metrics import measure
+from app.analysis.metrics import measure, steady_force_error
 from app.scenario.data import edited, from_plain, load, shipped, to_plain
 from app.scenario.schema import IrregularCorner, Scenario, ScenarioError
 from app.session.changes import in_mode, possible, told, way_out, with_control, with_further
@@ -56,7 +56,7 @@ def test_surfaces_that_are_parallel_at_the_tool_make_no_corner() -> None:
         Corner((plane(NEAR, np.array([0.0, 0.0, -1.0])), plane(NEAR, np.array([0.02, 0.0, -1.0]))), NEAR)
 
 
-CORNERS = ("ur5-corner", "ur5-corner-rigid", "ur5-groove-moving", "planar3r-corner")
+CORNERS = ("ur5-corner", "ur5-corner-coupled", "ur5-corner-rigid", "ur5-groove-moving", "planar3r-corner")
 
 
 @pytest.mark.parametrize("name", CORNERS)
@@ -100,17 +100,22 @@ COUPLED = {
 OBLIQUE = {"kind": "plane", "origin": [0.021, 0.177, -0.035], "normal": [0.3, 0.8, -0.5]}
 
 
-def test_normal_errors_obey_35_with_full_matrices_and_settle_at_37() -> None:
+@pytest.mark.parametrize(("between", "believed_between"), [(0.0, 0.0), (2500.0, -1500.0), (-2000.0, 0.0)])
+def test_normal_errors_obey_35_with_full_matrices_and_settle_at_37(between: float, believed_between: float) -> None:
     """M_m1 e'' + B_m1 e' + (K_m1 + K_e) e = -(K_e - K_e_hat) r_fd, as (34) and (37) have it, for normals that are not
-    orthogonal, a stiffness that is believed wrongly, and matrices that couple both; the sampled loop comes nearer to it
-    as its period becomes shorter."""
-    apart = []
+    orthogonal, a stiffness that is believed wrongly, and matrices that couple both, those of the surfaces, too; the
+    sampled loop comes nearer to it as its period becomes shorter."""
+    apart, coupling = [], {"K_e": [between, 0.0, 0.0], "K_e_hat": [believed_between, 0.0, 0.0]}
     for period in (1e-3, 5e-4):
-        given = {"target_model": COUPLED, "second.surface": OBLIQUE, "controller.period": period}
+        given = {"target_model": COUPLED, "second.surface": OBLIQUE, "controller.period": period, "coupling": coupling}
         believed = {"controller.K_e_hat": 8000.0, "second.K_e_hat": 7000.0, "second.contact.K_e": 5000.0}
         loop = ClosedLoop(bilateral(**given, **believed))
         system, model = loop.system, loop.system.controller.model
-        K_e, K_e_hat, f_nd = np.diag([1e4, 5e3]), np.diag([8e3, 7e3]), np.array([20.0, 10.0])
+        K_e, K_e_hat = (
+            np.array([[first, beside], [beside, second]])
+            for first, second, beside in ((1e4, 5e3, between), (8e3, 7e3, believed_between))
+        )
+        f_nd = np.array([20.0, 10.0])
         r_fd = np.linalg.solve(K_e_hat, f_nd)
         M, B, K = (matrix[:2, :2] for matrix in (model.M_m, model.B_m, model.K_m))
         e_0 = system.observe(system.q_0, np.zeros(6), 0.0)[1].r[:2] - r_fd
@@ -128,11 +133,15 @@ def test_normal_errors_obey_35_with_full_matrices_and_settle_at_37() -> None:
     assert apart[0] < 5e-4
     assert apart[1] / apart[0] == pytest.approx(0.5, abs=0.15)
     error = (np.eye(2) - K_e @ np.linalg.inv(K + K_e)) @ (K_e - K_e_hat) @ r_fd  # (37)
-    settled = model.steady_forces(np.diag(K_e), r_fd, f_nd, np.zeros(2))
+    settled = model.steady_forces(K_e, r_fd, f_nd, np.zeros(2))
     np.testing.assert_allclose(settled - f_nd, error, rtol=1e-12)
     loop, _ = simulate(edited(loop.system.scenario, "simulation.duration", 3.0))
     last = loop.recording.at(loop.t)
     np.testing.assert_allclose([last["multiplier"][0], last["multiplier_2"][0]], settled, rtol=1e-3)
+    assert steady_force_error(loop.system, f_nd, last["s"]) == pytest.approx(np.linalg.norm(error), rel=1e-3)
+    in_contact = np.linalg.eigvals(A)
+    found = loop.sampled.model
+    assert max(np.abs(found - pole).min() / abs(pole) for pole in in_contact) < 1e-6
 
 
 def test_friction_along_the_edge_is_not_taken_for_a_normal_force() -> None:

@@ -141,7 +141,7 @@ def test_wholly_pressed_face_has_32_with_a_matrix(system: System) -> None:
     out = system.controller.evaluate(
         zero, system.reference(0.4), task, estimate, FeedforwardModel.at(estimate), q, zero, load.wrench
     )
-    np.testing.assert_allclose(out.F_c[:3], true_stiffness(system.scenario) * task.r[:3], rtol=1e-9)
+    np.testing.assert_allclose(out.F_c[:3], true_stiffness(system.scenario) @ task.r[:3], rtol=1e-9)
     assert np.abs(out.F_c[1:3]).min() > 1.0
     np.testing.assert_allclose(out.F_c[3:], 0.0, atol=1e-12)
 
@@ -174,7 +174,7 @@ def test_steady_moment_is_that_of_37_with_a_matrix(K_m1: float) -> None:
     CompiledRun(loop).advance(4000)
     assert loop.stopped is None
     last, l = loop.recording.at(loop.t), loop.system.layout.l
-    K_e, K_hat, f = np.diag(true_stiffness(scenario)), np.diag(believed_stiffness(scenario)), last["F_cd"][:3]
+    K_e, K_hat, f = true_stiffness(scenario), believed_stiffness(scenario), last["F_cd"][:3]
     np.testing.assert_allclose(f, [20.0, 0.05 / l, -0.03 / l])
     e_f = (np.eye(3) - K_e @ np.linalg.inv(K_m1 * np.eye(3) + K_e)) @ (K_e - K_hat) @ np.linalg.inv(K_hat) @ f
     np.testing.assert_allclose(last["F_c"][:3] - f, e_f, atol=5e-3)
@@ -227,7 +227,7 @@ def test_sampled_loop_has_the_poles_of_the_model_with_the_tilts(system: System) 
     q, _ = system.posture_at(system.q_0, 0.0)
     model = np.sort_complex(sampled_loop(system, q, 0.0).model)
     M_m, B_m = system.controller.model.M_m[1, 1], system.controller.model.B_m[1, 1]
-    tilt = np.roots([M_m, B_m, true_stiffness(system.scenario)[1]])
+    tilt = np.roots([M_m, B_m, true_stiffness(system.scenario)[1, 1]])
     for pole in tilt:
         assert np.abs(model - pole).min() < 1e-3 * abs(pole)
 

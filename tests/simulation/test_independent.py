@@ -35,6 +35,8 @@ TWINS = {
     ),
     "ur5 with a flat tool on a tilting plane": Twin("ur5", "hybrid", flat=True),
     "ur5 in a corner with masses": Twin("ur5", "hybrid", M_e=3.0, ideal=True, surfaces=3),
+    "ur5 in a coupled corner": Twin("ur5", "hybrid", surfaces=3, coupled=True),
+    "ur5 in a coupled corner with masses": Twin("ur5", "hybrid", M_e=3.0, ideal=True, surfaces=3, coupled=True),
     "ur5 in a rigid corner": Twin("ur5", "constrained", SPHERE, moving=False, ideal=True, surfaces=2),
 }
 
@@ -73,14 +75,20 @@ def test_each_term_at_random_states(twin: Twin) -> None:
 
 # each runs with what is its own
 ALONE = {name: twin for name, twin in TWINS.items() if twin.surfaces == 1}
-LOOPS = ALONE | {name: TWINS[name] for name in ("ur5 between a sphere and a plane, pushed and twisted",)}
-PLANTS = ALONE | {name: TWINS[name] for name in ("ur5 in a corner with masses", "ur5 in a rigid corner")}
+LOOPS = ALONE | {
+    name: TWINS[name]
+    for name in ("ur5 between a sphere and a plane, pushed and twisted", "ur5 in a coupled corner with masses")
+}
+PLANTS = ALONE | {
+    name: TWINS[name]
+    for name in ("ur5 in a corner with masses", "ur5 in a coupled corner with masses", "ur5 in a rigid corner")
+}
 
 
 @pytest.mark.parametrize(
     "twin",
     [t for t in TWINS.values() if t.ideal or not t.rigid],
-    ids=lambda t: f"{t.robot} {t.mode} {t.surfaces} {t.flat}",
+    ids=lambda t: f"{t.robot} {t.mode} {t.surfaces} {t.flat} {t.coupled}",
 )
 def test_recorded_residual_is_that_of_the_target_model(twin: Twin) -> None:
     """M_m e_ddot + B_m e_dot + K_m e + K_f e_Fc (8), with q_ddot under the recorded torque by (2)."""

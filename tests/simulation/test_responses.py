@@ -99,7 +99,7 @@ def test_sampled_force_loop_diverges_where_its_factor_says() -> None:
     assert H[0, 0] > 1.1 * h
     model, normal = system.controller.model, np.eye(6)[0]
     one = normal[:, None]
-    assert force_loop_factor(H, H, model, one, one, np.array([np.inf])) == pytest.approx(1 - h / model.M_m[0, 0])
+    assert force_loop_factor(H, H, model, one, one, np.array([[np.inf]])) == pytest.approx(1 - h / model.M_m[0, 0])
     stable, error = on_rigid(h / 1.9)
     assert stable.warning is None
     assert error < 1e-3

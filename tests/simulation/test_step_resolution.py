@@ -119,7 +119,8 @@ def test_plant_explodes_where_its_step_is_said_to(robot: str, cause: str, integr
 
     def settles(value: float) -> bool:
         plant = plant_with(value)
-        rows = oscillators(CONTACTS[kind], plant.contacts, plant.truth, mobility(system, plant))
+        parts = (plant.contacts, plant.environment, plant.truth)
+        rows = oscillators(CONTACTS[kind], *parts, mobility(system, plant))
         return resolved(integrator, next(o for o in rows if o.field == field), H)
 
     low, high = 0.0, 1e9

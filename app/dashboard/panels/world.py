@@ -19,6 +19,10 @@ from environments.surfaces.formula import FormulaSurface
 from environments.surfaces.plane import Plane
 from environments.surfaces.table import SURFACES
 
+_PAIRS = (
+    '<div class="vs-note vs-wide">Surfaces of one elastic body: the entries between 1 and 2, 1 and 3, 2 and 3 of the '
+    "symmetric matrices (28), (33), whose diagonals are the numbers of each surface.</div>"
+)
 _SYNTAX = (
     '<div class="vs-note vs-wide">The surface is where this is 0; x, y, z in m, t in s, numbers, pi, + - * / ^ ( ), '
     "sin cos tan exp log sqrt tanh atan hypot.</div>"
@@ -61,6 +65,19 @@ def _aligned(scenario: Scenario) -> bool:
     return scenario.face.flat and MODES[scenario.mode].on_surface
 
 
+def _coupled(scenario: Scenario) -> bool:
+    """Whether there are several surfaces with a stiffness, which may belong to one body."""
+    return _springy(scenario) and len(scenario.surfaces) > 1
+
+
+def _coupled_masses(scenario: Scenario) -> bool:
+    return sum(each.contact.nature.massive for each in scenario.surfaces) > 1
+
+
+def _coupled_estimates(scenario: Scenario) -> bool:
+    return _coupled(scenario) and _foreseen(scenario)
+
+
 class WorldPanel:
     """Controls of the surface and of the contact, and of the controller's estimate of the surface."""
 
@@ -98,6 +115,15 @@ class WorldPanel:
                 Number(desk, PlaceWhere("face.normal", _flat), "face normal"),
             ]
         self._further = [self._add_further(desk, "second"), self._add_further(desk, "third")]
+        self._coupling = gui.add_folder("Coupling", expand_by_default=False)
+        with self._coupling:
+            gui.add_html(_PAIRS)
+            self._controls += [
+                Number(desk, PlaceWhere("coupling.K_e", _coupled), "K_e 12, 13, 23 [N/m]"),
+                Number(desk, PlaceWhere("coupling.K_e_hat", _coupled_estimates), "K̂_e 12, 13, 23 [N/m]"),
+                Number(desk, PlaceWhere("coupling.B_e", _coupled), "B_e 12, 13, 23 [N·s/m]"),
+                Number(desk, PlaceWhere("coupling.M_e", _coupled_masses), "M_e 12, 13, 23 [kg]"),
+            ]
         with gui.add_folder("Force sensor"):
             self._controls += [
                 *field_controls(desk, "sensor", [Sensor], {}),
@@ -168,6 +194,8 @@ class WorldPanel:
         for folder in (self._surface, *self._further):
             if folder.visible != met:
                 folder.visible = met
+        if self._coupling.visible != (coupled := _coupled(snapshot.scenario)):
+            self._coupling.visible = coupled
         typed = isinstance(snapshot.scenario.surface, FormulaSurface)
         if self._syntax.visible != typed:
             self._syntax.visible = typed

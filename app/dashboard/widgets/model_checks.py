@@ -11,7 +11,7 @@ import numpy as np
 
 from app.dashboard.widgets.chips import chip
 from app.dashboard.widgets.matrix_text import short
-from app.dashboard.widgets.model_fields import pressed_on
+from app.dashboard.widgets.model_fields import environment_of
 from app.dashboard.widgets.pole_drag import draggable
 from app.dashboard.widgets.pole_map import grouped, pole_map_html
 from app.dashboard.widgets.theorem_table import judged
@@ -77,7 +77,7 @@ def judge_blend(snapshot: Snapshot, edit: Edit) -> BlendCertificate | None:
         return None
     scenario = snapshot.scenario
     surfaces = surfaces_met(scenario, snapshot.system.mode, snapshot.system.layout)
-    return certify(TargetModel(**snapshot.matrices), asked.model, pressed_on(snapshot), surfaces)
+    return certify(TargetModel(**snapshot.matrices), asked.model, environment_of(snapshot), surfaces)
 
 
 def blend_html(snapshot: Snapshot, edit: Edit | None) -> str:

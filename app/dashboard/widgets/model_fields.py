@@ -36,10 +36,14 @@ def applying(edit: Edit, over: float) -> Edit | Blend:
     return Blend(edit.value, over) if over else edit  # pyright: ignore[reportArgumentType]
 
 
+def environment_of(snapshot: Snapshot) -> np.ndarray:
+    """Stiffness (n, n) N/m that the controller assumes the model to meet; see `Mode.environment`."""
+    return snapshot.system.mode.environment(len(snapshot.coordinates), believed_stiffness(snapshot.scenario))
+
+
 def pressed_on(snapshot: Snapshot) -> np.ndarray:
-    """Stiffness (n,) N/m that the controller assumes each coordinate to press on; see `Mode.environment`."""
-    scenario = snapshot.scenario
-    return snapshot.system.mode.environment(len(snapshot.coordinates), believed_stiffness(scenario))
+    """Stiffness (n,) N/m that the controller assumes each coordinate to press on while the others are held."""
+    return np.diag(environment_of(snapshot))
 
 
 def oscillators_of(snapshot: Snapshot) -> Oscillators:
