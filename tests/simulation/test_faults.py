@@ -140,7 +140,7 @@ def test_an_edit_that_fails_half_way_leaves_the_loop_as_it_was(monkeypatch: pyte
     with monkeypatch.context() as patched:
         patched.setattr(premise_watch.SampledLoops, "at", boom)
         with pytest.raises(KeyError):
-            loop.edit(edited(load("ur5-hybrid"), "force.value", 30.0))
+            loop.edit(edited(load("ur5-hybrid"), "controller.K_s", 70.0))
     for _ in range(50):
         loop.step()
         twin.step()
