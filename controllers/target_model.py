@@ -71,6 +71,10 @@ class TargetModel:
     def n(self) -> int:
         return len(self.M_m)
 
+    def same(self, other: TargetModel) -> bool:
+        """Whether another model has the same matrices, to the last bit."""
+        return all(np.array_equal(getattr(self, name), getattr(other, name)) for name in ("M_m", "B_m", "K_m", "K_f"))
+
     def after(self, m: int) -> TargetModel:
         """Model of the coordinates after the first m, where it does not couple them with those."""
         return TargetModel(self.M_m[m:, m:], self.B_m[m:, m:], self.K_m[m:, m:], self.K_f[m:, m:])

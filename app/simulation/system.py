@@ -212,7 +212,7 @@ class System:
             plant=plant,
             mobility=mobility,
             push=push_of(scenario),
-            sampled_loops=_sampled_loops(scenario, self.stations, previous),
+            sampled_loops=_sampled_loops(scenario, self.stations, self.controller, previous),
         )
 
     def with_controller(self, controller: Controller) -> System:
@@ -306,6 +306,7 @@ def _assemble(scenario: Scenario, previous: System | None, memory: Memory) -> Sy
         constants = constants_over(omega, rules.sigma_min, uncertainty, nominal, observer, memory)
     mobility = _mobility(scenario, plant, constants, nominal, memory, previous)
     stations = _stations(scenario, constants, previous)
+    controller = controller_of(scenario, robot, mode, layout, constants)
     return System(
         scenario=scenario,
         robot=robot,
@@ -319,7 +320,7 @@ def _assemble(scenario: Scenario, previous: System | None, memory: Memory) -> Sy
         constants=constants,
         stations=stations,
         mobility=mobility,
-        controller=controller_of(scenario, robot, mode, layout, constants),
+        controller=controller,
         blend=blend_of(scenario, mode, layout),
         sensor=ForceSensor(scenario.sensor, scenario.controller.period),
         push=push_of(scenario),
@@ -327,7 +328,7 @@ def _assemble(scenario: Scenario, previous: System | None, memory: Memory) -> Sy
         q_0=q_0,
         z_0=z_at_start(scenario, robot.n),
         memory=memory,
-        sampled_loops=_sampled_loops(scenario, stations, previous),
+        sampled_loops=_sampled_loops(scenario, stations, controller, previous),
     )
 
 
@@ -392,10 +393,15 @@ def _stations(scenario: Scenario, constants: Constants, previous: System | None)
     return Stations.along(constants.omega, duration)
 
 
-def _sampled_loops(scenario: Scenario, stations: Stations, previous: System | None) -> dict[int, SampledLoop]:
-    if previous is None or previous.stations is not stations or _looped(previous.scenario) != _looped(scenario):
-        return {}
-    return previous.sampled_loops
+def _sampled_loops(
+    scenario: Scenario, stations: Stations, controller: Controller, previous: System | None
+) -> dict[int, SampledLoop]:
+    """Memory of the sampled loops at these stations, that of `previous` where they are the same: not within a blend,
+    whose model no scenario says."""
+    alike = previous is not None and previous.stations is stations and previous.controller.model.same(controller.model)
+    if previous is not None and alike and _looped(previous.scenario) == _looped(scenario):
+        return previous.sampled_loops
+    return {}
 
 
 def _looped(scenario: Scenario) -> Scenario:

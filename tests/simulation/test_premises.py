@@ -299,6 +299,21 @@ def test_the_plant_stays_where_nothing_of_it_is_changed() -> None:
         assert assemble(other, system).plant is not system.plant, path
 
 
+def test_a_run_taken_up_before_a_blend_knows_nothing_of_the_model_within_it() -> None:
+    """As a timeline takes it up, with the system of the instant that is left."""
+    still = edited(changed("ur5-impedance"), "motion", {"kind": "hold"})
+    loop = ClosedLoop(edited(still, "blend", {"to": {"B_m": [200.0] * 6}, "at": 0.05, "over": 0.1}))
+    begun, station = loop.state.copy(), loop.state.judged.station
+    while loop.t < 0.1:
+        loop.step()
+    assert station is not None
+    within = loop.system.sampled_loops[station] = sampled_loop(loop.system, begun.judged.q, begun.judged.t)
+    again = ClosedLoop.resume(begun, previous=loop.system)
+    alone = sampled_loop(assemble(begun.scenario), begun.judged.q, begun.judged.t)
+    np.testing.assert_array_equal(again.sampled.sampled, alone.sampled)
+    assert np.abs(within.sampled - alone.sampled).max() > 0.1
+
+
 @pytest.mark.parametrize("name", ["ur5-hybrid", "ur5-constrained"])
 def test_another_true_arm_has_the_settings_of_a_system_built_with_it(name: str) -> None:
     loop = ClosedLoop(edited(changed(name), "declared.delta_G", 30.0))
