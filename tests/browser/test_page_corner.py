@@ -28,10 +28,10 @@ def test_a_second_surface_is_put_beside_the_tool_pressed_and_taken_away(session:
     assert session.now.standing.run.verdict == "holds"
     session.tab("World")
     page.get_by_text("Coupling", exact=True).click()
-    session.number("K_e 12, 13, 23 [N/m]").fill("9000, 0, 0")
+    session.number("K_e 12,13,23 [N/m]").fill("9000, 0, 0")
     page.keyboard.press("Enter")
     session.wait(lambda now: now.scenario.coupling.K_e == (9000.0, 0.0, 0.0))
-    session.number("K_e 12, 13, 23 [N/m]").fill("11000, 0, 0")
+    session.number("K_e 12,13,23 [N/m]").fill("11000, 0, 0")
     page.keyboard.press("Enter")
     session.wait(lambda now: "symmetric positive definite" in (now.refusal or ""))
     assert session.now.system.plant.environment.coupled

@@ -20,7 +20,7 @@ from environments.surfaces.plane import Plane
 from environments.surfaces.table import SURFACES
 
 _PAIRS = (
-    '<div class="vs-note vs-wide">Surfaces of one elastic body: the entries between 1 and 2, 1 and 3, 2 and 3 of the '
+    '<div class="vs-note">Surfaces of one elastic body: the entries between 1 and 2, 1 and 3, 2 and 3 of the '
     "symmetric matrices (28), (33), whose diagonals are the numbers of each surface.</div>"
 )
 _SYNTAX = (
@@ -119,10 +119,10 @@ class WorldPanel:
         with self._coupling:
             gui.add_html(_PAIRS)
             self._controls += [
-                Number(desk, PlaceWhere("coupling.K_e", _coupled), "K_e 12, 13, 23 [N/m]"),
-                Number(desk, PlaceWhere("coupling.K_e_hat", _coupled_estimates), "K̂_e 12, 13, 23 [N/m]"),
-                Number(desk, PlaceWhere("coupling.B_e", _coupled), "B_e 12, 13, 23 [N·s/m]"),
-                Number(desk, PlaceWhere("coupling.M_e", _coupled_masses), "M_e 12, 13, 23 [kg]"),
+                Number(desk, PlaceWhere("coupling.K_e", _coupled), "K_e 12,13,23 [N/m]"),
+                Number(desk, PlaceWhere("coupling.K_e_hat", _coupled_estimates), "K̂_e 12,13,23 [N/m]"),
+                Number(desk, PlaceWhere("coupling.B_e", _coupled), "B_e 12,13,23 [N·s/m]"),
+                Number(desk, PlaceWhere("coupling.M_e", _coupled_masses), "M_e 12,13,23 [kg]"),
             ]
         with gui.add_folder("Force sensor"):
             self._controls += [

@@ -6,6 +6,15 @@ from collections.abc import Callable
 
 from app.session.commands import Blend, Command, Continue, Edit, EditAll, Load, PushNow, TakeWayOut
 
+# other changes of the run, and their names in a refusal
+_OTHERS = {
+    Blend: "a blend",
+    Load: "another scenario",
+    Continue: "the last session",
+    PushNow: "a push",
+    TakeWayOut: "the way out",
+}
+
 
 class EditLock:
     """Gate in front of the runner: it passes every command, or, while `fields` are given, no other change than theirs.
@@ -24,8 +33,8 @@ class EditLock:
                 self._refuse(path)
             case EditAll(values) if self.fields is not None and not self.fields >= values.keys():
                 self._refuse(", ".join(values))
-            case Blend() | Load() | Continue() | PushNow() | TakeWayOut() if self.fields is not None:
-                self._refuse(type(command).__name__)
+            case _ if self.fields is not None and type(command) in _OTHERS:
+                self._refuse(_OTHERS[type(command)])
             case _:
                 self._post(command)
 

@@ -114,9 +114,11 @@ class FieldChoice:
 
     def __init__(self, desk: Desk, label: str, fields: tuple[Field, ...], first: str, *, optional: bool) -> None:
         self._fields = {each.name: each for each in fields}
-        self._of, self._optional = first, optional
+        self._label, self._of, self._optional = label, first, optional
         self._field = desk.gui.add_dropdown(label, self._names, initial_value=first)
-        self._range = desk.gui.add_text("from, to", self._range_of(first), hint="Two numbers, in the unit beside it.")
+        self._range = desk.gui.add_text(
+            label, self._range_of(first), hint="From, to: two numbers, in the unit beside it."
+        )
         self._field.on_update(self._on_field)
         self._range.on_update(unmarked)
         self.show()
@@ -156,7 +158,7 @@ class FieldChoice:
     def show(self) -> None:
         """Show the unit, and the range where a field is chosen."""
         unit = self.field.unit if self.field else ""
-        label = f"from, to [{unit}]" if unit else "from, to"
+        label = f"{self._label} from, to [{unit}]" if unit else f"{self._label} from, to"
         if self._range.label != label:
             self._range.label = label
         if self._range.visible != (self.field is not None):
