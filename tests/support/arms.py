@@ -18,6 +18,7 @@ from controllers.controller import Controller
 from controllers.laws.table import LAWS
 from controllers.switching import Switching, unit_factor
 from controllers.target_model import TargetModel
+from environments.plant import PlantState
 from environments.robots import CATALOGUE
 from environments.surfaces.corner import Corner
 from environments.surfaces.form import SurfaceMotion
@@ -80,6 +81,13 @@ def random_state(system: System, random: np.random.Generator) -> State:
     return State(
         system.robot.posture + random.uniform(-0.3, 0.3, n), random.uniform(-1.0, 1.0, n), random.uniform(0.0, 2.0)
     )
+
+
+def answered(system: System, state: PlantState, tau: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Multipliers (3,) N of the contact and q_ddot (n,) rad/s^2 under the torque tau (n,) N m in a state at t = 0."""
+    multipliers, after = system.plant.respond(state, tau, 0.0, 1e-3).multiplier, state.copy()
+    system.plant.advance(after, tau, 0.0, 1e-3)
+    return multipliers, after.views.q_ddot
 
 
 def random_reference(r: np.ndarray, random: np.random.Generator) -> Reference:
