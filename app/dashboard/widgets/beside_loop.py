@@ -64,6 +64,7 @@ class BesideLoop(ABC, Generic[W]):
             return
         try:
             self._work = self._begin(self._desk.snapshot())
+            self._due = 0.0  # a mark of the picture before is none of this one
         except ScenarioError as error:
             self._desk.complain(str(error))
 
