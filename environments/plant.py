@@ -5,13 +5,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, Literal, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
 
 from environments.contact import (
-    MET,
     SETS,
     Contact,
     ContactForce,
@@ -33,19 +32,26 @@ from environments.contact import (
 )
 from environments.contact_kinds import ContactKind
 from environments.coupled_surfaces import EnvironmentMatrices
+from environments.integrators import (
+    STAGES,
+    Integrator,
+    begin_stages,
+    drift,
+    end_stages,
+    kick_and_drift,
+    next_stage,
+    semi_implicit_euler,
+)
+from environments.rigid_surfaces import CORRECTIONS, NEAR_SURFACE, along_surface, onto_surface, out_of_reach
 from environments.robots import Robot
 from environments.surfaces.chart import Shapes, one_of
 from environments.surfaces.table import Surface
 from kernels import address_for, compiled_for, inline, kernel
-from kernels.algebra import copy, cross, dot, solve_leading, solve_spd, transposed_times
+from kernels.algebra import copy, cross, dot, solve_spd, transposed_times
 from kernels.records import Record
 from kernels.rigid_body import Chain
 
-Integrator = Literal["leapfrog", "semi-implicit-euler", "rk4"]
 WORLD = pin.Convention.WORLD
-# m off a rigid surface from where one step of Newton's leads onto it, to rounding; at most so many steps lead there
-NEAR_SURFACE, CORRECTIONS = 1e-9, 20
-STAGES = ((1.0, 0.5), (2.0, 0.5), (2.0, 1.0))  # of Runge and Kutta: weight of each, and where in the step the next is
 SLIP_RATE = 0.01  # rad/s, the smooth transition of Coulomb friction in the joints
 
 
@@ -349,165 +355,6 @@ def torque_of_push(around, J, rotation, translation, push, torque):
         torque[j] = 0.0
         for a in range(3):
             torque[j] += (J[a, j] - about[a]) * push[a] + J[3 + a, j] * push[3 + a]
-
-
-@inline
-def _pulls(around, J, rotation, translation, M, arm, t):
-    """Find the touch, and for each surface what a unit force of it does to the arm, `work.directions`; `work.S` (k, k)
-    is what that does to the surfaces."""
-    world, work = around.world, around.multipliers
-    touch_at(world, J, rotation, translation, arm.q_dot, t, around.touch)
-    for i in range(world.shapes.number):
-        solve_spd(M, one_of(around.touch, i).pull, around.factor, work.directions[i])
-    for i in range(world.shapes.number):
-        for j in range(world.shapes.number):
-            work.mobility[i, j] = dot(one_of(around.touch, i).pull, work.directions[j])
-
-
-@inline
-def _solve_held(work, k, away, push):
-    """Solve for pushes (3,) of the k surfaces of `work.touches` with mobility push = away (3,)."""
-    for i in range(k):
-        work.b[i] = away[i] if work.touches[i] else 0.0
-        for j in range(k):
-            both = work.touches[i] and work.touches[j]
-            work.S[i, j] = work.mobility[i, j] if both else 1.0 if i == j else 0.0
-    solve_leading(work.S, work.b, k, push)
-
-
-@inline
-def _correct(work, k, push, moved):
-    """Move q or q_dot (n,) by the pushes (3,) of k surfaces."""
-    for j in range(k):
-        for i in range(moved.shape[0]):
-            moved[i] -= work.directions[j, i] * push[j]
-
-
-@kernel
-def onto_surface(around, J, rotation, translation, M, arm, t):
-    """Move q a step of Newton's method towards phi = 0 of the surfaces that are held, and of those that the tool has
-    reached, moving into them or put into them by the step before; returns the largest phi (m) of them before it."""
-    around, arm = around[0], arm[0]
-    work, k, away, held = around.multipliers, around.world.shapes.number, 0.0, arm.holding.held
-    _pulls(around, J, rotation, translation, M, arm, t)
-    for i in range(k):
-        met = one_of(around.touch, i)
-        if held[i] == 0 and (met.phi > NEAR_SURFACE or (met.phi >= 0.0 and met.phi_dot > 0.0)):
-            held[i] = MET
-        work.touches[i], work.whole[i] = held[i], met.phi
-        if held[i] > 0 and not abs(met.phi) <= abs(away):
-            away = met.phi
-    _solve_held(work, k, work.whole, work.found)
-    _correct(work, k, work.found, arm.q)
-    return away
-
-
-@kernel
-def along_surface(around, J, rotation, translation, M, arm, t, h):
-    """Move q_dot so that phi_dot = 0 on the surfaces that are held, and record phi, after a step of h s.
-
-    Where the tool meets a surface, that is an inelastic impact without friction: q_dot becomes the nearest one, in the
-    metric of M, that enters no surface. A surface that would have to pull for that is left: one that was held may take
-    as much from its push over the step, h lambda, as there was.
-    """
-    around, arm = around[0], arm[0]
-    world, work, k, holding = around.world, around.multipliers, around.world.shapes.number, arm.holding
-    _pulls(around, J, rotation, translation, M, arm, t)
-    impact = False
-    for i in range(k):
-        met = one_of(around.touch, i)
-        arm.load.phi[i], work.whole[i] = met.phi, met.phi_dot
-        work.free[i] = h * arm.load.multiplier[i]
-        impact = impact or holding.held[i] == MET
-    if not impact:
-        for i in range(k):
-            work.free[i] = 0.0
-    else:  # as if the step's push had not been yet
-        for i in range(k):
-            for j in range(k):
-                work.whole[i] += work.mobility[i, j] * work.free[j]
-    for trial in range(SETS + 1):
-        if not let_go(world, holding.held, trial, work.touches):
-            continue
-        _solve_held(work, k, work.whole, work.found)
-        if not impact or one_sided(world, holding.held, work, work.whole, work.found):
-            break
-    for i in range(k):
-        work.found[i] -= work.free[i]
-    _correct(work, k, work.found, arm.q_dot)
-    for i in range(k):
-        before, holding.held[i] = holding.held[i], work.touches[i]
-        if before == MET and holding.held[i] > 0:
-            holding.made[i] = t
-        if before == 1 and holding.held[i] == 0:
-            holding.lost[i], holding.pull[i] = t, -np.inf
-        if before != 1 or holding.held[i] == 0:
-            holding.absent[i] = 1
-
-
-@kernel
-def drift(arm, h):
-    """Move q along q_dot for h s."""
-    arm = arm[0]
-    for i in range(arm.q.shape[0]):
-        arm.q[i] += h * arm.q_dot[i]
-
-
-@kernel
-def kick_and_drift(arm, h):
-    """Change q_dot by h s of q_ddot, then move q along it for half as long."""
-    arm = arm[0]
-    for i in range(arm.q.shape[0]):
-        arm.q_dot[i] += h * arm.q_ddot[i]
-        arm.q[i] += 0.5 * h * arm.q_dot[i]
-
-
-@kernel
-def semi_implicit_euler(arm, h):
-    arm = arm[0]
-    for i in range(arm.q.shape[0]):
-        arm.q_dot[i] += h * arm.q_ddot[i]
-        arm.q[i] += h * arm.q_dot[i]
-
-
-@kernel
-def begin_stages(around, arm, stage):
-    """Begin the method of Runge and Kutta: the first stage has the state of the arm, and its acceleration. A contact
-    that a later stage lets go is lost with the first one of the next step."""
-    around, arm, stage = around[0], arm[0], stage[0]
-    copy(arm.q, stage.q)
-    copy(arm.q_dot, stage.q_dot)
-    copy(arm.q_ddot, stage.q_ddot)
-    copy(arm.holding.held, stage.holding.held)
-    for i in range(arm.q.shape[0]):
-        around.speeds[i] = around.accelerations[i] = 0.0
-
-
-@kernel
-def next_stage(around, arm, stage, weight, ahead):
-    """Add q_dot and q_ddot of the stage to the sums, with a weight, and make it the next one, `ahead` s from the arm's
-    state along them."""
-    around, arm, stage = around[0], arm[0], stage[0]
-    for i in range(arm.q.shape[0]):
-        speed, acceleration = stage.q_dot[i], stage.q_ddot[i]
-        around.speeds[i] += weight * speed
-        around.accelerations[i] += weight * acceleration
-        stage.q[i] = arm.q[i] + ahead * speed
-        stage.q_dot[i] = arm.q_dot[i] + ahead * acceleration
-
-
-@kernel
-def end_stages(around, arm, stage, h):
-    """Move the arm by h s along the mean of the stages, of which the last one is not in the sums yet."""
-    around, arm, stage = around[0], arm[0], stage[0]
-    for i in range(arm.q.shape[0]):
-        arm.q[i] += h / 6.0 * (around.speeds[i] + stage.q_dot[i])
-        arm.q_dot[i] += h / 6.0 * (around.accelerations[i] + stage.q_ddot[i])
-
-
-def out_of_reach(phi: float) -> ValueError:
-    """Error of a tool that cannot be brought onto the rigid surfaces, phi m away from the farthest."""
-    return ValueError(f"surface: the tool cannot be brought onto the rigid surface (phi = {phi:.2g} m)")
 
 
 class Plant:

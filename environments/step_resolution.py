@@ -20,7 +20,8 @@ import pinocchio as pin
 from environments.contact import Contact
 from environments.contact_kinds import ContactKind
 from environments.coupled_surfaces import EnvironmentMatrices
-from environments.plant import Integrator, Truth
+from environments.integrators import Integrator
+from environments.plant import Truth
 
 ROUNDING = 1e-7  # of the radius of an undamped oscillator, which is 1
 

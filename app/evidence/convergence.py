@@ -18,7 +18,7 @@ from app.evidence.twins import Twin, bands, loop_errors, plant_errors
 from app.export.figures import Chart, Curve
 from app.process.markdown import Table
 from app.scenario.data import edited, shipped
-from environments.plant import Integrator
+from environments.integrators import Integrator
 
 CONTACTS: Mapping[str, tuple[Mapping[str, Any], tuple[int, ...]]] = {  # of the twin; plant steps in SPAN
     "elastic, moving sphere": ({"mode": "hybrid"}, (16, 32, 64, 128)),

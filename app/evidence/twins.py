@@ -17,7 +17,8 @@ from app.session.headless_run import simulate
 from app.simulation.closed_loop import ClosedLoop
 from app.simulation.environment_builder import face_axes
 from app.simulation.system import System, assemble
-from environments.plant import Integrator, Plant
+from environments.integrators import Integrator
+from environments.plant import Plant
 
 TOWARDS = np.array([0.28, 0.0, 0.96])  # out of the surface, in the plane of the planar arms
 LAYER, D = 0.1, 6.0

@@ -19,22 +19,20 @@ from app.simulation.controlled_arm import PeriodAddresses
 from app.simulation.implicit_force import FORCE_ITERATIONS, better_guess, force_found, improve_inverse
 from app.simulation.stations import APART
 from controllers.premises import DOMAIN, WATCH
-from environments.plant import (
-    CORRECTIONS,
-    NEAR_SURFACE,
+from environments.integrators import (
     STAGES,
     Integrator,
-    PlantAddresses,
     begin_stages,
     drift,
     end_stages,
     kick_and_drift,
     next_stage,
-    out_of_reach,
     semi_implicit_euler,
 )
+from environments.plant import PlantAddresses
 from environments.push import TimedPush, push_at
 from environments.readings_ahead import ReadingsAhead, known, read_force
+from environments.rigid_surfaces import CORRECTIONS, NEAR_SURFACE, out_of_reach
 from kernels import Elsewhere, compiled_for, inline, without_lock
 from kernels.algebra import copy
 from kernels.records import Record

@@ -15,7 +15,7 @@ from app.scenario.schema import Scenario
 from app.simulation.closed_loop import ClosedLoop
 from app.simulation.system import assemble
 from controllers.reference_estimates import FeedforwardModel
-from environments.plant import Integrator
+from environments.integrators import Integrator
 
 pytestmark = pytest.mark.slow  # long or many simulations
 

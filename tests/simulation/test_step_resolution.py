@@ -20,7 +20,8 @@ from app.simulation.system import System, assemble
 from controllers.premises import Premise
 from environments.contact import Contact
 from environments.contact_kinds import CONTACTS
-from environments.plant import Integrator, Plant
+from environments.integrators import Integrator
+from environments.plant import Plant
 from environments.step_resolution import (
     STEPS,
     Mobility,

@@ -1,0 +1,71 @@
+"""Integrators of the plant: steps of an `Arm` whose q_ddot is known, for `Plant` and the compiled run."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from kernels import kernel
+from kernels.algebra import copy
+
+Integrator = Literal["leapfrog", "semi-implicit-euler", "rk4"]
+STAGES = ((1.0, 0.5), (2.0, 0.5), (2.0, 1.0))  # of Runge and Kutta: weight of each, and where in the step the next is
+
+
+@kernel
+def drift(arm, h):
+    """Move q along q_dot for h s."""
+    arm = arm[0]
+    for i in range(arm.q.shape[0]):
+        arm.q[i] += h * arm.q_dot[i]
+
+
+@kernel
+def kick_and_drift(arm, h):
+    """Change q_dot by h s of q_ddot, then move q along it for half as long."""
+    arm = arm[0]
+    for i in range(arm.q.shape[0]):
+        arm.q_dot[i] += h * arm.q_ddot[i]
+        arm.q[i] += 0.5 * h * arm.q_dot[i]
+
+
+@kernel
+def semi_implicit_euler(arm, h):
+    arm = arm[0]
+    for i in range(arm.q.shape[0]):
+        arm.q_dot[i] += h * arm.q_ddot[i]
+        arm.q[i] += h * arm.q_dot[i]
+
+
+@kernel
+def begin_stages(around, arm, stage):
+    """Begin the method of Runge and Kutta: the first stage has the state of the arm, and its acceleration. A contact
+    that a later stage lets go is lost with the first one of the next step."""
+    around, arm, stage = around[0], arm[0], stage[0]
+    copy(arm.q, stage.q)
+    copy(arm.q_dot, stage.q_dot)
+    copy(arm.q_ddot, stage.q_ddot)
+    copy(arm.holding.held, stage.holding.held)
+    for i in range(arm.q.shape[0]):
+        around.speeds[i] = around.accelerations[i] = 0.0
+
+
+@kernel
+def next_stage(around, arm, stage, weight, ahead):
+    """Add q_dot and q_ddot of the stage to the sums, with a weight, and make it the next one, `ahead` s from the arm's
+    state along them."""
+    around, arm, stage = around[0], arm[0], stage[0]
+    for i in range(arm.q.shape[0]):
+        speed, acceleration = stage.q_dot[i], stage.q_ddot[i]
+        around.speeds[i] += weight * speed
+        around.accelerations[i] += weight * acceleration
+        stage.q[i] = arm.q[i] + ahead * speed
+        stage.q_dot[i] = arm.q_dot[i] + ahead * acceleration
+
+
+@kernel
+def end_stages(around, arm, stage, h):
+    """Move the arm by h s along the mean of the stages, of which the last one is not in the sums yet."""
+    around, arm, stage = around[0], arm[0], stage[0]
+    for i in range(arm.q.shape[0]):
+        arm.q[i] += h / 6.0 * (around.speeds[i] + stage.q_dot[i])
+        arm.q_dot[i] += h / 6.0 * (around.accelerations[i] + stage.q_ddot[i])

@@ -1,0 +1,115 @@
+"""Rigid surfaces: the arm is put onto those that it holds, q by Newton's method and q_dot by an impact, (39).
+
+`around` is a `PlantWorkspace`, `arm` an `Arm`, M (n, n) kg m^2, each as `environments.plant` has them.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from environments.contact import MET, SETS, let_go, one_sided, touch_at
+from environments.surfaces.chart import one_of
+from kernels import inline, kernel
+from kernels.algebra import dot, solve_leading, solve_spd
+
+# m off a rigid surface from where one step of Newton's leads onto it, to rounding; at most so many steps lead there
+NEAR_SURFACE, CORRECTIONS = 1e-9, 20
+
+
+@inline
+def _pulls(around, J, rotation, translation, M, arm, t):
+    """Find the touch, and for each surface what a unit force of it does to the arm, `work.directions`; `work.S` (k, k)
+    is what that does to the surfaces."""
+    world, work = around.world, around.multipliers
+    touch_at(world, J, rotation, translation, arm.q_dot, t, around.touch)
+    for i in range(world.shapes.number):
+        solve_spd(M, one_of(around.touch, i).pull, around.factor, work.directions[i])
+    for i in range(world.shapes.number):
+        for j in range(world.shapes.number):
+            work.mobility[i, j] = dot(one_of(around.touch, i).pull, work.directions[j])
+
+
+@inline
+def _solve_held(work, k, away, push):
+    """Solve for pushes (3,) of the k surfaces of `work.touches` with mobility push = away (3,)."""
+    for i in range(k):
+        work.b[i] = away[i] if work.touches[i] else 0.0
+        for j in range(k):
+            both = work.touches[i] and work.touches[j]
+            work.S[i, j] = work.mobility[i, j] if both else 1.0 if i == j else 0.0
+    solve_leading(work.S, work.b, k, push)
+
+
+@inline
+def _correct(work, k, push, moved):
+    """Move q or q_dot (n,) by the pushes (3,) of k surfaces."""
+    for j in range(k):
+        for i in range(moved.shape[0]):
+            moved[i] -= work.directions[j, i] * push[j]
+
+
+@kernel
+def onto_surface(around, J, rotation, translation, M, arm, t):
+    """Move q a step of Newton's method towards phi = 0 of the surfaces that are held, and of those that the tool has
+    reached, moving into them or put into them by the step before; returns the largest phi (m) of them before it."""
+    around, arm = around[0], arm[0]
+    work, k, away, held = around.multipliers, around.world.shapes.number, 0.0, arm.holding.held
+    _pulls(around, J, rotation, translation, M, arm, t)
+    for i in range(k):
+        met = one_of(around.touch, i)
+        if held[i] == 0 and (met.phi > NEAR_SURFACE or (met.phi >= 0.0 and met.phi_dot > 0.0)):
+            held[i] = MET
+        work.touches[i], work.whole[i] = held[i], met.phi
+        if held[i] > 0 and not abs(met.phi) <= abs(away):
+            away = met.phi
+    _solve_held(work, k, work.whole, work.found)
+    _correct(work, k, work.found, arm.q)
+    return away
+
+
+@kernel
+def along_surface(around, J, rotation, translation, M, arm, t, h):
+    """Move q_dot so that phi_dot = 0 on the surfaces that are held, and record phi, after a step of h s.
+
+    Where the tool meets a surface, that is an inelastic impact without friction: q_dot becomes the nearest one, in the
+    metric of M, that enters no surface. A surface that would have to pull for that is left: one that was held may take
+    as much from its push over the step, h lambda, as there was.
+    """
+    around, arm = around[0], arm[0]
+    world, work, k, holding = around.world, around.multipliers, around.world.shapes.number, arm.holding
+    _pulls(around, J, rotation, translation, M, arm, t)
+    impact = False
+    for i in range(k):
+        met = one_of(around.touch, i)
+        arm.load.phi[i], work.whole[i] = met.phi, met.phi_dot
+        work.free[i] = h * arm.load.multiplier[i]
+        impact = impact or holding.held[i] == MET
+    if not impact:
+        for i in range(k):
+            work.free[i] = 0.0
+    else:  # as if the step's push had not been yet
+        for i in range(k):
+            for j in range(k):
+                work.whole[i] += work.mobility[i, j] * work.free[j]
+    for trial in range(SETS + 1):
+        if not let_go(world, holding.held, trial, work.touches):
+            continue
+        _solve_held(work, k, work.whole, work.found)
+        if not impact or one_sided(world, holding.held, work, work.whole, work.found):
+            break
+    for i in range(k):
+        work.found[i] -= work.free[i]
+    _correct(work, k, work.found, arm.q_dot)
+    for i in range(k):
+        before, holding.held[i] = holding.held[i], work.touches[i]
+        if before == MET and holding.held[i] > 0:
+            holding.made[i] = t
+        if before == 1 and holding.held[i] == 0:
+            holding.lost[i], holding.pull[i] = t, -np.inf
+        if before != 1 or holding.held[i] == 0:
+            holding.absent[i] = 1
+
+
+def out_of_reach(phi: float) -> ValueError:
+    """Error of a tool that cannot be brought onto the rigid surfaces, phi m away from the farthest."""
+    return ValueError(f"surface: the tool cannot be brought onto the rigid surface (phi = {phi:.2g} m)")
