@@ -93,8 +93,14 @@ class Session:
         return self.runner.snapshot
 
     def choose(self, label: str, option: str) -> None:
-        self.page.get_by_label(label, exact=True).locator("visible=true").click()
-        self.page.get_by_role("option", name=option, exact=True).click()
+        menu = self.page.get_by_label(label, exact=True).locator("visible=true")
+        chosen = self.page.get_by_role("option", name=option, exact=True)
+        for _ in range(5):  # of a row that moves out of sight, as in a folder that is being opened, the menu is hidden
+            menu.click()
+            self.page.wait_for_timeout(100)
+            if chosen.is_visible():
+                break
+        chosen.click()
 
     def tab(self, name: str) -> None:
         self.page.get_by_role("tab", name=name, exact=True).click()

@@ -74,7 +74,7 @@ def test_a_slider_is_swept_the_map_fills_in_while_the_loop_runs_and_a_tile_opens
     page.get_by_role("button", name="Compute the map").click()
     page.get_by_text("100 of 100 runs").wait_for(timeout=PATIENCE * 1e3)
     assert session.now.phase == "running"
-    tiles = page.locator(".vs-tiles [data-point]")
+    tiles = page.locator(".vs-tiles[data-field=vs-tile-field] [data-point]")
     expect(tiles).to_have_count(25)
     assert not lasting_faults(page)
     with page.expect_download() as download:
@@ -82,9 +82,9 @@ def test_a_slider_is_swept_the_map_fills_in_while_the_loop_runs_and_a_tile_opens
     with zipfile.ZipFile(io.BytesIO(download.value.path().read_bytes())) as file:
         assert {name.rpartition("/")[2] for name in file.namelist()} >= {FILE, "part-000001.parquet"}
 
-    page.locator(".vs-tiles [data-point='6']").focus()
+    page.locator(".vs-tiles[data-field=vs-tile-field] [data-point='6']").focus()
     page.keyboard.press("ArrowUp")
-    tile = page.locator(".vs-tiles [data-point='7']")
+    tile = page.locator(".vs-tiles[data-field=vs-tile-field] [data-point='7']")
     expect(tile).to_be_focused()
     expect(tile).to_have_attribute("aria-label", SAID)
     expect(page.locator(".vs-said").first).to_have_text(SAID)
@@ -113,6 +113,7 @@ def test_the_keyboard_alone_computes_a_map_and_opens_the_run_of_a_tile(session: 
     reach(page, "each run [s]")
     page.keyboard.press("Control+A")
     page.keyboard.type("0.2")
+    page.wait_for_function("window.vsmrcSent.some((sent) => sent.endsWith('\"0.2\"}'))")  # a moment after the last key
     reach(page, "Compute the map")
     # the map of a test before, which stays until this one is drawn
     page.evaluate("for (const note of document.querySelectorAll('.vs-note')) note.dataset.before = ''")
@@ -122,7 +123,7 @@ def test_the_keyboard_alone_computes_a_map_and_opens_the_run_of_a_tile(session: 
     session.wait(lambda _: page.evaluate(FOCUSED) == "Compute the map")  # the focus is not lost to the body
     for _ in range(5):
         page.keyboard.press("Tab")
-        if page.evaluate("document.activeElement.matches('.vs-tiles [data-point]')"):
+        if page.evaluate("document.activeElement.matches('.vs-tiles[data-field=vs-tile-field] [data-point]')"):
             break
     page.keyboard.press("ArrowRight")
     page.keyboard.press("ArrowUp")
