@@ -96,7 +96,7 @@ def test_a_slider_is_swept_the_map_fills_in_while_the_loop_runs_and_a_tile_opens
     session.choose("Steps of each", "13")
     page.get_by_role("button", name="Compute the map").click()
     page.get_by_role("button", name="Cancel").click()
-    page.get_by_text("runs, cancelled").wait_for(timeout=PATIENCE * 1e3)
+    page.locator(".vs-note:visible", has_text="runs, cancelled").wait_for(timeout=PATIENCE * 1e3)
     page.get_by_role("button", name="Compute the map").wait_for()
 
 
