@@ -22,7 +22,7 @@ from app.simulation.system import System
 
 SIGNALS = ("t", "e_r", "r", "F", "F_c", "F_cd", "s_norm", "d", *MULTIPLIERS)  # of which plots show a band
 LATER = 1.0  # s beyond the preview: the run goes on while arms are computed
-SLICE = 250  # control periods that an arm is run at once: about a millisecond
+SLICE = 500  # control periods that an arm is run at once: some two milliseconds
 NICENESS = 19  # of the threads
 SEED = 0  # the same arms in every preview: what moves in the picture is the slider's doing
 

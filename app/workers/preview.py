@@ -28,12 +28,12 @@ from app.storage.constants_store import kept_memory
 log = structlog.get_logger()
 
 DRAWING = 0.06  # s between two answers on the way: every one is drawn
-BANDED = 0.11  # s from a question to its answer where the slider moves and true arms stand behind it
+BANDED = 0.1  # s from a question to its answer where the slider moves and true arms stand behind it
 GROWN = 0.3  # s until a band that grows is drawn anew
 LOOK = 0.01  # s between two looks at how far it is
 REST = 0.5  # s for the band, before a question that only time has changed is answered
 OLD = 0.5 * LATER  # s of the run, after which a band is computed anew
-SOON = 0.06  # s of work left, for the sake of which an answer is not given up any more
+SOON = 0.06  # s of work left, for the sake of which an answer to what has moved is not given up any more
 NICENESS = 10  # the running loop comes first
 TURN = 5e-4  # s that a thread keeps the interpreter while another one waits for it
 
@@ -219,7 +219,7 @@ def _look_ahead(
         foresight.advance(foresight.batch)
         now, share = time.perf_counter(), foresight.share
         left = (now - began) * (1.0 - share) / share
-        if left > SOON and not owed and asker.poll():
+        if (left > SOON or not moves) and not owed and asker.poll():
             return None
         if moves and now > max(drawn + DRAWING, banded if band.going else 0.0):
             _send(foresight.outlook(today), asker, band)

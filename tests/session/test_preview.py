@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import signal
 import subprocess
 import sys
 import threading
 from collections.abc import Iterator
+from multiprocessing import Pipe
+from multiprocessing.connection import Connection
 from typing import TypeVar
 
 import msgspec
@@ -17,9 +20,10 @@ import pytest
 from app.analysis.metrics import BAND, settling_time, steady_force_error
 from app.scenario.data import edited, from_plain, shipped, to_plain
 from app.scenario.schema import Scenario
-from app.session.preview import LASTS, Figures, Foresight, Outlook, Question, Refusal
+from app.session.preview import LASTS, Done, Figures, Foresight, Hurry, Outlook, Question, Refusal
 from app.session.preview_client import Previewer
 from app.simulation.closed_loop import ClosedLoop
+from app.workers.preview import serve
 from drivers.waiting import until
 
 pytestmark = pytest.mark.slow  # processes of its own
@@ -266,6 +270,31 @@ def test_the_process_answers_the_newest_question_only(previewer: Previewer) -> N
     assert len(rows) > 100
     # by rounding where the process computes with the compiled engine
     np.testing.assert_allclose(answer.signals["F_c"], really["F_c"][rows], rtol=1e-9)
+
+
+def test_a_question_that_only_time_has_changed_gives_way_at_once() -> None:
+    state = running(shipped()["ur5-hybrid"]).state.copy()
+    ours, theirs = Pipe()
+    with ours, theirs:
+        for message in (
+            Question(1, state, state.scenario, 0.05, partial=False),
+            Hurry(),
+            Question(2, state, state.scenario, 0.05),
+        ):
+            ours.send(message)
+        answering = threading.Thread(target=answer_all, args=(theirs,))
+        answering.start()
+        heard = [ours.recv()]
+        while not (isinstance(heard[-1], Outlook) and heard[-1].whole):
+            heard.append(ours.recv())
+    answering.join()
+    assert isinstance(heard[0], Done)
+    assert {message.number for message in heard[1:] if isinstance(message, Outlook)} == {2}
+
+
+def answer_all(asker: Connection) -> None:
+    with contextlib.suppress(EOFError, OSError):
+        serve(asker)
 
 
 def test_the_running_scenario_is_computed_for_comparison_and_once(previewer: Previewer) -> None:
