@@ -105,12 +105,13 @@ class _Page:
         """Draw for that long; returns the pace, and every preview that was drawn."""
         recording, period = self.runner.snapshot.recording, self.runner.snapshot.scenario.controller.period
         began = time.perf_counter()
-        moved = framed = refreshed = -math.inf
+        framed = refreshed = -math.inf
+        moving = 0.0
         ages, previews, moves = [], [], dict[float, float]()
         while (now := time.perf_counter() - began) < seconds:
             ages.append(now - len(recording) * period)
-            if drag and now - moved >= MOVEMENT:
-                moved = now
+            if drag and now >= moving:
+                moving += MOVEMENT
                 value = 30.0 + 10.0 * math.sin(2.0 * now)
                 moves[value] = now
                 self.whatif.hold(Held(Edit("force.value", value), "F_d", f"{value:.3g}", self, CLIENT))

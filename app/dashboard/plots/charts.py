@@ -338,10 +338,12 @@ def _absent(column: np.ndarray) -> np.ndarray:
 
 def quantiles(values: np.ndarray, shares: Sequence[float]) -> np.ndarray:
     """Quantiles (k, N) of values (arms, N) at each instant, over the arms that have one; nan where none has."""
-    values = np.where(np.isfinite(values), values, np.nan)
+    known = np.isfinite(values)
+    ordered, counts = np.sort(np.where(known, values, np.nan), axis=0), known.sum(axis=0)  # nan comes last
     found = np.full((len(shares), values.shape[1]), np.nan)
-    some = ~np.isnan(values).all(axis=0)
-    found[:, some] = np.nanquantile(values[:, some], shares, axis=0)
+    for count in np.unique(counts[counts > 0]):  # np.nanquantile takes one instant at a time, and fifteen times as long
+        alike = counts == count
+        found[:, alike] = np.quantile(ordered[:count, alike], shares, axis=0)
     return found
 
 
