@@ -80,8 +80,7 @@ class MujocoPlant(Plant):
     A frictionless contact of MuJoCo's with constant impedance d (solimp) and direct stiffness and damping (negative
     solref) solves R f = phi_ddot + b phi_dot + k phi, f >= 0, with R = (1 - d) / d times the inverse inertia that it
     attributes to the tool's body: the mass-damper-spring (28) with M_e = 1/R, B_e = b/R, K_e = k/R. So MuJoCo's
-    parameters
-    follow from the scenario's. Contacts other than with a plane at rest raise ValueError.
+    parameters follow from the scenario's. Contacts other than with one plane at rest raise ValueError.
     """
 
     def __init__(self, system: System, substeps: int) -> None:
@@ -89,9 +88,11 @@ class MujocoPlant(Plant):
         super().__init__(
             system.robot, system.plant.truth, system.surfaces, scenario.contact.nature, contacts, substeps=substeps
         )
-        if (self.kind.touches and not self.kind.massive) or scenario.surface.motion.amplitude > 0.0:
+        alone = len(system.surfaces) == 1 and scenario.surface.motion.amplitude == 0.0
+        if self.kind.touches and not (self.kind.massive and alone):
             raise ValueError(
-                f"MuJoCo's plant: contact {scenario.contact.kind!r}; allowed: free, or a mass-damper-spring at rest"
+                f"MuJoCo's plant: {scenario.contact.kind!r}, surfaces: {len(system.surfaces)}; allowed: free, or one "
+                "plane that is a mass-damper-spring at rest"
             )
         spec = arm_spec(system)
         spec.option.timestep = scenario.controller.period / substeps
