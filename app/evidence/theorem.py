@@ -264,7 +264,7 @@ def _run_chart(shown: Example) -> Chart:
 def _spread_charts(plants: Sequence[Reaching]) -> Iterable[Chart]:
     quantities: dict[str, tuple[str, Callable[[Reaching], float], bool]] = {
         "time to the band": ("measured / promised", lambda one: one.band_ratio, True),
-        "time to the band, with hindsight": (
+        "time to the band, known afterwards": (
             "measured / promised by the true V(0) and the spare gain",
             lambda one: one.known_ratio,
             True,

@@ -57,7 +57,7 @@ def test_axe_finds_nothing_on_a_phone_and_every_target_is_as_large_as_a_finger(
 
 def test_the_keyboard_reaches_every_control_and_shows_where_it_is(session: Session):
     page = session.page
-    page.locator(".u-label[role=button]").first.wait_for()
+    page.get_by_role("button", name="ψ₁", exact=True).wait_for()
     page.locator("canvas[data-engine]").click(position={"x": 20, "y": 200})
     reached = []
     for _ in range(200):

@@ -16,6 +16,7 @@ from app.sweep.question import Axis, Question
 
 LEFT, RIGHT, TOP, BOTTOM, WIDTH, HEIGHT = 44, 330, 8, 196, 336, 248  # px, of the tiles and of all
 COURSE_HEIGHT = 224  # px, of all, without a bar of colours
+GAP = 0.8  # px, around a tile, so that its neighbours do not cover the outline that tells the focus
 STOPS = ((68, 1, 84), (59, 82, 139), (33, 145, 140), (94, 201, 98), (253, 231, 37))  # of viridis, evenly
 SHADES = 24  # of the colour bar
 NOTHING = "rgba(128, 128, 128, 0.18)"
@@ -118,8 +119,8 @@ def _tiles(
         tiles.append(
             f'<g data-point="{i * len(y.values) + j}" data-at="{i},{j}" tabindex="{-1 if tiles else 0}" role="button" '
             f'aria-label="{said}">'
-            f'<rect x="{LEFT + i * frame.wide:.1f}" y="{BOTTOM - (j + 1) * frame.tall:.1f}" '
-            f'width="{frame.wide - 0.6:.1f}" height="{frame.tall - 0.6:.1f}" fill="{color}"/>{cross}</g>'
+            f'<rect x="{LEFT + i * frame.wide + GAP:.1f}" y="{BOTTOM - (j + 1) * frame.tall + GAP:.1f}" '
+            f'width="{frame.wide - 2 * GAP:.1f}" height="{frame.tall - 2 * GAP:.1f}" fill="{color}"/>{cross}</g>'
         )
     red = _ends(declared, frame, 'class="vs-ends" stroke="#e84040" stroke-width="2"')
     dashed = _ends(
