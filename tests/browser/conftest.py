@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 
 import pytest
@@ -108,8 +109,8 @@ def open_page(browser: Browser) -> Iterator[Callable[..., Page]]:
     pages.require_no_errors()
 
 
-@pytest.fixture(scope="session")
-def served() -> Iterator[tuple[Dashboard, Runner]]:
+@contextmanager
+def serving() -> Iterator[tuple[Dashboard, Runner]]:
     """A dashboard on a free port, with the loop that it shows."""
     dashboard = Dashboard(port=0, fps=4.0)  # software draws these pages, on the cores that the tests need
     dashboard.show_progress("compiling the control law…")
@@ -121,20 +122,38 @@ def served() -> Iterator[tuple[Dashboard, Runner]]:
     runner.close()
 
 
+def opened(pages: Pages, dashboard: Dashboard) -> Page:
+    """A page of this dashboard that shows the running loop."""
+    page = pages.open(dashboard.url, viewport=VIEWPORT)
+    page.get_by_text("real time").wait_for()
+    wait_without_notice(page)
+    return page
+
+
+@pytest.fixture(scope="session")
+def served() -> Iterator[tuple[Dashboard, Runner]]:
+    """The dashboard of most tests, with the loop that it shows."""
+    with serving() as both:
+        yield both
+
+
 @pytest.fixture(scope="session")
 def shared(browser: Browser, served: tuple[Dashboard, Runner]) -> Iterator[tuple[SharedPage, Pages]]:
     """The page of the tests that ask for `session`, and its console."""
     dashboard, runner = served
     pages = Pages(browser)
-
-    def open_page() -> Page:
-        page = pages.open(dashboard.url, viewport=VIEWPORT)
-        page.get_by_text("real time").wait_for()
-        wait_without_notice(page)
-        return page
-
-    yield SharedPage(runner, open_page, pages.close), pages
+    yield SharedPage(runner, lambda: opened(pages, dashboard), pages.close), pages
     pages.close()
+
+
+@pytest.fixture
+def own_session(browser: Browser) -> Iterator[Session]:
+    """A page of a dashboard that no other test has used: what is chosen on it, as for a map, stays the dashboard's."""
+    pages = Pages(browser)
+    with serving() as (dashboard, runner):
+        yield Session(opened(pages, dashboard), runner)
+        pages.close()
+    pages.require_no_errors()
 
 
 @pytest.fixture
