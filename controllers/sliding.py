@@ -11,7 +11,7 @@ from kernels.algebra import cross, dot, norm, row_times, torque_of_wrench, trans
 
 @inline
 def measure(told, out):
-    """Compute all of them, from the input of the laws, into the output."""
+    """Compute all quantities of this module, from the input of the laws, `Told`, into their output, `ControlOutput`."""
     gains, task, estimate, eq = told.gains, told.task, told.estimate, out.equivalent
     errors(gains, told.reference, task, estimate, told.F, out)
     sliding(gains, told.z, told.reference, out)

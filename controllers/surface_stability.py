@@ -74,8 +74,8 @@ class Unstable:
 
 
 def require_stable_on(model: TargetModel, surfaces: SurfaceRange) -> None:
-    """Raise InvalidGain, with the worst surface, unless the model, which is stable by itself, is stable on all of
-    them."""
+    """Raise InvalidGain, with the worst surface, unless the model, which is stable by itself, is stable on all
+    surfaces."""
     worst = unstable_surface(model, model, surfaces)
     if worst is not None:
         raise InvalidGain(
