@@ -120,8 +120,8 @@ class Names:
         return name in self._known or (not self.local and _is_address(name))
 
     def _from_here(self, origin: str, host: str) -> bool:
-        """Origin check: whether scheme, name and port are those of the page itself, of a public name as --origin has
-        them, else http."""
+        """Whether `origin` is a page of this server: one that --origin names, or http and the `Host` of the request,
+        unless --origin names that host."""
         plain, own = _origin(origin), _origin(f"http://{host}")
         public = {_hostname(known) for known in self.public}
         return plain is not None and (plain in self.public or (plain == own and _hostname(plain) not in public))
@@ -136,8 +136,8 @@ class Tokens:
 
     @classmethod
     def given(cls, steer: str) -> Tokens:
-        """Tokens with this one to steer. The one to watch follows from it; the one to steer cannot be found from the
-        one to watch."""
+        """Tokens of which the one to steer is given. The one to watch is derived from it; nobody can compute the one to
+        steer from the one to watch."""
         return cls(steer, _following(steer, "watch"))
 
     def opens(self, shown: str) -> Pass | None:
@@ -172,7 +172,7 @@ def session_token_cookie(port: int) -> str:
 
 
 def _following(secret: str, purpose: str) -> str:
-    """Secret derived from this one by HMAC; this one cannot be found from it."""
+    """Secret for a purpose, derived from another secret by HMAC; nobody can compute the other one from it."""
     return base64.urlsafe_b64encode(hmac.digest(secret.encode(), purpose.encode(), "sha256")).decode().rstrip("=")
 
 

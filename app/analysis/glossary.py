@@ -38,7 +38,7 @@ class Symbol:
     field: str = ""
 
     def value(self, row: Mapping[str, np.ndarray], scenario: Scenario, model: Mapping[str, np.ndarray]) -> str:
-        """Its present value with its unit; "" where there is none.
+        """Present value of the symbol with its unit; "" where there is none.
         row: recorded signals of one instant.
         model: the matrices of (8) in force, each (n, n)."""
         joint = scenario.task_space.kind == "joint"

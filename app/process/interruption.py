@@ -1,4 +1,4 @@
-"""Ctrl-C that is not lost."""
+"""Interruption: a handler of Ctrl-C and other signals that loses none."""
 
 from __future__ import annotations
 

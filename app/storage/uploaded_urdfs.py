@@ -63,8 +63,7 @@ def keep(name: str, content: bytes, marks: tuple[str, ...] = ()) -> Path:
     """The file that holds this URDF from now on; the same one for the same name and contents.
 
     marks: of the visitor who uploads it; the number of files of each mark is limited. Raises ScenarioError for a file
-    that
-    is no usable URDF, which is not kept, for too many files, and for a disk that cannot be written.
+    that is no usable URDF, which is not kept, for too many files, and for a disk that cannot be written.
     """
     try:
         urdf.parse(content, name)
@@ -88,8 +87,8 @@ def keep(name: str, content: bytes, marks: tuple[str, ...] = ()) -> Path:
 
 @dataclass(frozen=True)
 class Reach:
-    """URDFs that a page may name: uploaded ones, and those that are `given`. Any other path is refused without a look
-    whether there is such a file, so that nobody learns it."""
+    """URDFs that a page may name: uploaded ones, and those that are `given`. Any other path is refused without looking
+    for the file, so that nobody learns whether it exists."""
 
     given: tuple[str, ...] = ()
 
