@@ -29,8 +29,8 @@ def _between(rows: np.ndarray, t_from: float, t_to: float) -> np.ndarray:
 
 @dataclass(frozen=True)
 class Epoch:
-    """Conditions of the rows from t (s) until the next epoch begins: scenario, target model or `blend`, and
-    certificate.
+    """Epoch: the conditions of the rows from t (s) until the next epoch begins.
+    scenario, model, certificate: in force; blend: instead of the model, None for no blend.
     reached: when ||s|| was first within the boundary layer, or the band of a law without one, s, None while it was not.
     banded: when ||s|| was first within the band, s, None while it was not.
     reached_by, banded_by: promised instants of these, s, None where nothing is promised."""
@@ -95,9 +95,8 @@ class _Block:
 class Recording:
     """A bounded table of rows. One thread adds; any thread reads whole rows.
 
-    history (rows): kept at full rate. Older rows are thinned to one in `THINNING`, for at most as long a time again,
-    and
-    still older ones are removed. So memory has a bound: with six joints 0.7 GB.
+    history: number of rows that are kept at full rate. Older rows are thinned to one in `THINNING`, for at most as long
+    a time again; still older ones are removed. So memory has a bound: with six joints 0.7 GB.
     epochs: the last ones, oldest first; readers take a copy.
     """
 
