@@ -31,8 +31,10 @@ def simulate(
     previous: System | None = None,
     memory: Memory | None = None,
 ) -> tuple[ClosedLoop, Metrics]:
-    """Run of the whole duration of a scenario, or until it stops; equal parts of `previous` are used again, and the
-    results that `memory` has. engine: None for the one in force, if it can take the scenario.
+    """Run of a scenario over its whole duration, or until it stops, and its metrics.
+
+    engine: None for the one in force, if it can take the scenario.
+    previous: a system whose equal parts are used again; memory: results of searches.
 
     Raises ScenarioError, also where the engine that is asked for cannot take the scenario.
     """

@@ -43,8 +43,8 @@ class Search:
         return asked
 
     def tell(self, candidate: Candidate) -> None:
-        """Tell how good a candidate is; one with a badge is only told to be further from what is allowed the more of
-        its arms break it."""
+        """Tell the estimator how good a candidate is; of one with a badge it is told only the share of arms that are
+        the reason."""
         trial = self._trials.pop(candidate.number)
         trial.set_constraint("broken", candidate.broken)
         self._study.tell(trial, candidate.aims)

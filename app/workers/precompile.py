@@ -1,4 +1,4 @@
-"""Precompilation, in a process of its own, of kernels for which a change of robot or contact would otherwise wait.
+"""Process that compiles kernels in advance, so that a change of robot or contact need not wait for them.
 
 Kernels are compiled once for each number of joints; they stay in the cache for every later start.
 """
