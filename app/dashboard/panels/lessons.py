@@ -125,7 +125,7 @@ class LessonsPanel:
         if step.number not in course.outcomes:
             self._work(lambda: course.take(step, play(step, self._memory)))
 
-    # synchronous on purpose: it waits for its file in a thread of viser's pool
+    # synchronous, unlike the other callbacks: it waits for a file in a thread of viser's pool
 
     def _on_figure(self, event: viser.GuiEvent[viser.GuiButtonGroupHandle]) -> None:
         course = self._course
