@@ -153,7 +153,7 @@ def serve(asker: Connection) -> None:
             while newest is not None and known.band.going and not asker.poll():
                 _grow(known.band, newest, asker, GROWN, asker)
             question, asked = asker.recv(), time.perf_counter()
-            if isinstance(question, Hurry):  # nobody looks at the band any more; or the message came too late for the question before
+            if isinstance(question, Hurry):  # the band is not needed any more; or the message came late
                 known.band.leave()
                 continue
             if newest is not None and not question.partial:  # a running loop asks again and again
