@@ -65,7 +65,7 @@ class Mode:
         return self.surfaces if self.on_surface else 0
 
     def among(self, surfaces: int, forces: int, tilts: int = 0) -> Mode:
-        """Mode in a world of so many surfaces, in which the force is controlled on the first `forces` of them, and the
+        """This mode in a world of `surfaces` surfaces: controls the force on the first `forces` of them, and the
         moments of `tilts` tilts of a flat tool."""
         return replace(self, surfaces=surfaces, forces=forces, tilts=tilts)
 

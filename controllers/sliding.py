@@ -32,7 +32,7 @@ def controlled_force(gains, task, tau_F, F, F_c):
 
 @inline
 def multipliers(normals, surfaces, F, found):
-    """Compute the multipliers lambda of so many surfaces (0 to 3) whose force grad(Phi)^T lambda is nearest to that of
+    """Compute the multipliers lambda of 0 to 3 surfaces whose force grad(Phi)^T lambda is nearest to that of
     the wrench F (6,), into the first entries of `found`: friction along the surfaces is not counted. normals: (3, 3),
     grad(Phi) in the first rows; they need not be orthogonal."""
     a, b, c = normals[0], normals[1], normals[2]

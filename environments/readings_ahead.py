@@ -78,7 +78,7 @@ class ReadingsAhead:
         self.line = np.concatenate([held, np.zeros((periods, 6))])
 
     def end(self, used: int) -> None:
-        """Let the reader continue after so many readings."""
+        """Let the reader continue after `used` readings."""
         if used == 0:
             return
         held = self._record.fields.held

@@ -228,7 +228,7 @@ class ForceReader:
 
     @property
     def stages(self) -> tuple[Stage, ...]:
-        """Its stages, in the order in which a reading passes them."""
+        """Stages of the sensor, in the order in which a reading passes them."""
         return tuple(self._stages)
 
     @property

@@ -90,10 +90,10 @@ def oscillators(
     K_t: float = 0.0,
     joints: int = 0,
 ) -> Iterator[Oscillator]:
-    """Oscillators of the arm's springs and dampers, each cause by itself; of k surfaces each counts k times, which
-    bounds what all of them do together, and of a flat face, with K_t N m/rad, force and moments each count twice. An
-    arm of so many joints turns the face by at most that times the mobility of a joint. Coupled surfaces count with the
-    largest eigenvalues of their matrices, whichever of them are touched."""
+    """Oscillators of the arm's springs and dampers, one for each cause. Each of k surfaces counts k times, which bounds
+    their joint effect; force and moments of a flat face, with K_t N m/rad, each count twice. An arm turns the face by
+    at most the number of its joints times the mobility of a joint. Coupled surfaces count with the largest eigenvalues
+    of their matrices, whichever of them are touched."""
     k = 2 if K_t else len(contacts)
     if K_t and kind.springs:
         turning, B_t = k * joints * mobility.joints, contacts[0].B_e * K_t / max(contacts[0].K_e, 1e-3)

@@ -1,4 +1,4 @@
-"""Access control of our servers, by the head of a request, before anything of the request is carried out.
+"""Access control of the program's servers, by the head of a request, before anything of the request is carried out.
 
 A browser sends requests for any page that it shows, also to 127.0.0.1. It names the host that it believes it speaks to
 in `Host`, and the site of the page that asks in `Origin`. A `Host` that is not ours means that a foreign name was made
@@ -141,7 +141,7 @@ class Tokens:
         return cls(steer, _following(steer, "watch"))
 
     def opens(self, shown: str) -> Pass | None:
-        """Pass that this token gives, None for a token that is not ours."""
+        """Pass that this token gives, None for an unknown token."""
         given = shown.encode(errors="surrogateescape")  # a header may hold any bytes
         if secrets.compare_digest(given, self.steer.encode()):
             return "steer"

@@ -24,7 +24,7 @@ class Symbol:
     written: as the page writes it.
     meaning: one sentence without its full stop.
     unit, joint_unit: of its value, where the task coordinates are lengths and where they are the joints' angles.
-    equation: of the paper, "" for a symbol of our own.
+    equation: of the paper, "" for a symbol that is not in the paper.
     also: other words for it in titles and legends.
     signal, field: of which it is the value, "" where none is."""
 

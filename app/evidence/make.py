@@ -28,7 +28,7 @@ def make(
 ) -> Path:
     """Write evidence.md and its figures into the folder `out`. Returns the path of evidence.md. Raises OSError.
 
-    thin: computes only one in so many of the cases.
+    thin: number of cases of which one is computed.
     engine: of the runs that do not name one, where it can take them. Of a section that cannot run on this machine, the
     file says what it needs.
     """

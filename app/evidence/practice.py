@@ -158,7 +158,7 @@ class Grid:
 
     def __init__(self, sweep: Sweep, rows: Sequence[Sequence[Cell]]) -> None:
         self._sweep, self._rows = sweep, rows
-        # of a thinned map, only one in so many values was computed
+        # of a thinned map, only some values were computed
         self.xs = sweep.xs[:: -(-len(sweep.xs) // len(rows[0]))]
         self.ys = sweep.ys[:: -(-len(sweep.ys) // len(rows))]
 

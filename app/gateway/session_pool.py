@@ -303,7 +303,7 @@ class SessionPool:
         except WorkerError as error:
             session.phase, session.told = "failed", str(error)
             log.warning("session given up", session=session.called, reason=str(error))
-        except Exception as error:  # a fault of ours ends this session, and is reported
+        except Exception as error:  # a fault of this program ends the session, and is reported
             session.phase, session.told = "failed", f"the server could not look after it ({type(error).__name__})"
             log.error("fault", stage="a session", session=session.called, exc_info=error)
             if session.process is not None:

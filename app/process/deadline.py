@@ -13,7 +13,7 @@ ENDING = 1.8  # s
 
 
 def end_within(seconds: float = ENDING) -> None:
-    """End the process after so many s if it has not ended by itself, whatever hangs."""
+    """End the process after `seconds` if it has not ended by itself, whatever hangs."""
     # while the interpreter is being taken down the timer does not fire any more: see `end`
     timer = threading.Timer(seconds, os._exit, (0,))
     timer.daemon = True

@@ -34,7 +34,7 @@ class ForkedProcess:
         return self._status
 
     def wait(self, timeout: float | None = None) -> int:
-        """Exit status, once there is one. Raises TimeoutExpired after so many s."""
+        """Exit status, once the process has ended. Raises TimeoutExpired after `timeout` s."""
         end = os.pidfd_open(self.pid)
         try:
             select.select([end], [], [], timeout)

@@ -206,7 +206,7 @@ def _exception(exc_info: object) -> BaseException | None:
 
 def _escaped(_: object, __: str, event: Event) -> Event:
     """The event with safe values: none can begin a line or reach the terminal as a command, none is long, and none is
-    secret. Keys are ours."""
+    secret. Its keys are words of this program."""
     return {key: _plain(value, LONGEST_TRACEBACK if key == "traceback" else LONGEST) for key, value in event.items()}
 
 

@@ -1,4 +1,4 @@
-"""Slots of a server: so many of its processes at once may compute something long, the others wait."""
+"""Slots of a server: each lets one of its processes compute something long; processes without a slot wait."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Pool of worker processes that compute a long row of tasks, and end with whoever asked for it."""
+"""Pool of worker processes that compute a long row of tasks, and end with the process that started them."""
 
 from __future__ import annotations
 

@@ -64,7 +64,8 @@ class Stretch:
 
     @classmethod
     def beyond(cls, since: float, begins: State, rows: int, points: np.ndarray) -> Stretch:
-        """Stretch of a preview with so many rows, of which these points are drawn, and of `LATER` s more."""
+        """Stretch of a preview and of `LATER` s more. rows: number of the preview's rows. points: numbers of
+        the drawn ones."""
         more = round(LATER / begins.scenario.controller.period)
         later = np.linspace(rows, rows + more - 1, 20).astype(int)
         return cls(since, begins, rows + more, rows, np.append(points, later))

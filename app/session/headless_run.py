@@ -54,8 +54,8 @@ def simulate(
 
 
 def play(loop: ClosedLoop, periods: int) -> None:
-    """Compute so many control periods of a loop, or fewer where it stops, by the engine in force, if it can take
-    them."""
+    """Compute `periods` control periods of a loop, or fewer where it stops, by the engine in force, if that can take
+    the loop."""
     if engine_for(loop) == "compiled":
         CompiledRun(loop).advance(periods)
     else:

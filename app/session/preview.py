@@ -261,12 +261,12 @@ def _pushed(system: System, t: float, newtons: float) -> Scenario:
 
 
 def _beyond(signal: np.ndarray, final: float) -> float:
-    """How far the signal (N,) goes beyond its final value, seen from its beginning."""
+    """Overshoot of a signal (N,): largest way beyond its final value, seen from its beginning."""
     return max(float((np.sign(final - signal[0]) * (signal - final)).max()), 0.0)
 
 
 def _other_side(errors: np.ndarray) -> float:
-    """How far errors (N, k) go to the side opposite of the largest one, after it."""
+    """Overshoot of errors (N, k): largest way to the side opposite of the largest error, after it."""
     top = int(np.linalg.norm(errors, axis=1).argmax())
     size = float(np.linalg.norm(errors[top]))
     return max(float((-errors[top:] @ errors[top]).max()) / size, 0.0) if size > 0.0 else 0.0

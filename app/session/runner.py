@@ -330,7 +330,7 @@ class Runner:
                 self._heed(command)
             except (ScenarioError, ArithmeticError, ValueError) as error:
                 self._refuse(str(error), command)
-            except Exception as error:  # a fault of ours: the command has failed, and the run goes on
+            except Exception as error:  # a fault of this program: the command has failed, and the run goes on
                 log.error("fault", stage="a command", command=type(command).__name__, exc_info=error)
                 self._refuse(f"{type(command).__name__} failed ({type(error).__name__}: {error})", command)
         self._heard += len(queued)

@@ -423,7 +423,8 @@ class ClosedLoop:
                 self.fail(self._stage, error)
 
     def fail(self, stage: str, error: Exception) -> None:
-        """Stop for an exception at this stage of the step; one that arithmetic does not explain is a fault of ours."""
+        """Stop for an exception at this stage of the step; one that arithmetic does not explain is reported as a fault
+        of the program."""
         known = isinstance(error, ArithmeticError | ValueError)
         what = f"{error}" if known and str(error) else f"{type(error).__name__}: {error}".rstrip(": ")
         self.state.stopped = f"t = {self.t:.3f} s: {stage} failed ({what})"

@@ -401,8 +401,8 @@ class CompiledRun:
         return self._engine.data, setting, evaluation, arm, around, *spare, *watched, *sensor
 
     def advance(self, periods: int) -> int:
-        """Compute so many control periods, or fewer when the run stops; an exception in one stops it, as in
-        `ClosedLoop.advance`. Returns how many were computed."""
+        """Compute `periods` control periods, or fewer when the run stops; an exception in one stops it, as in
+        `ClosedLoop.advance`. Returns their number."""
         left = periods
         while left > 0 and self._loop.stopped is None:
             ahead = ReadingsAhead(self._loop.state.reader, min(left, BATCH))

@@ -304,8 +304,8 @@ def rotation_of(scenario: Scenario, layout: TaskLayout) -> Course:
 
 
 def require_surfaces(scenario: Scenario, mode: Mode, positions: int, n: int) -> None:
-    """Raise ScenarioError unless an arm with n joints, and so many positions among its coordinates, can meet these
-    surfaces in this mode."""
+    """Raise ScenarioError unless an arm with n joints can meet the scenario's surfaces in this mode. positions: number
+    of coordinates that are positions."""
     first, *further = scenario.surfaces
     pressed = first.pressed
     for each in further:

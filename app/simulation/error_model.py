@@ -1,5 +1,5 @@
-"""Error model: what the controller knows of the errors of its own model at each state: whether the links' centres of
-mass and shapes are uncertain, and the bounds of (7) that a scenario states itself."""
+"""Error model, the controller's knowledge of its model's errors at each state: whether the links' centres of mass and
+shapes are uncertain, and the bounds of (7) that a scenario states itself."""
 
 from __future__ import annotations
 

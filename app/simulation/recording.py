@@ -112,7 +112,7 @@ class Recording:
 
     @classmethod
     def of(cls, n: int, length: int, signals: Iterable[tuple[slice, np.ndarray]]) -> Recording:
-        """Recording of so many rows. signals: the columns of each signal in a row, and its values, (length, width);
+        """Recording of `length` rows. signals: the columns of each signal in a row, and its values, (length, width);
         they are read one after the other."""
         recording = cls(n, history=length)
         starts = range(0, length, BLOCK)
@@ -130,7 +130,7 @@ class Recording:
         return self.new_rows(1)
 
     def new_rows(self, most: int) -> np.ndarray:
-        """The rows to be filled next, at least one and at most so many, the memory (N,) of `Row`s in one piece."""
+        """Rows to be filled next: memory (N,) of `Row`s in one piece, at least one and at most `most`."""
         if not self._blocks or self._blocks[-1].filled == BLOCK:
             self._blocks.append(self._new_block())
             if len(self._blocks) > self._most:
@@ -144,7 +144,7 @@ class Recording:
         return _Block(memory, memory.view(self._dtype)[:, 0], filled)
 
     def commit(self, rows: int = 1) -> None:
-        """Mark so many of the new rows as complete."""
+        """Mark the first `rows` of the new rows as complete."""
         self._blocks[-1].filled += rows
 
     def forget(self) -> None:

@@ -110,7 +110,7 @@ def hold(robot: Robot, path: str | None) -> None:
         file = open(path, "rb")  # noqa: SIM115  # closed with the arm
         os.utime(path)
         fcntl.flock(file, fcntl.LOCK_SH)
-    except OSError:  # it may have gone: whoever reads it will say so
+    except OSError:  # the file may have been removed, which its reader reports
         return
     weakref.finalize(robot, file.close)
 
@@ -118,7 +118,7 @@ def hold(robot: Robot, path: str | None) -> None:
 def note_use(path: str | None) -> None:
     """Note that an uploaded file is in use now; any other is left alone."""
     if path is not None and Path(path).parents[1:2] == (folder(),):
-        with contextlib.suppress(OSError):  # it may have gone: whoever reads it will say so
+        with contextlib.suppress(OSError):  # the file may have been removed, which its reader reports
             os.utime(path)
 
 

@@ -39,7 +39,7 @@ class Cluster:
             raise ScenarioError(
                 "--scheduler: Dask is not installed; allowed: after `pip install 'vsmrc-lab[cluster]'`"
             ) from error
-        for name in ("distributed", "distributed.client"):  # what is lost is told by us, in a sentence
+        for name in ("distributed", "distributed.client"):  # lost workers are reported by this program, in a sentence
             logging.getLogger(name).setLevel(logging.CRITICAL)
         self._address = address
         try:

@@ -55,8 +55,8 @@ class Share:
         self._last: Background | None = None
 
     def begin(self, start: Callable[[Allowance], B], runs: int) -> B:
-        """Start a computation of so many runs. Raises ScenarioError where there are too many, or another computation of
-        this session goes on."""
+        """Start a computation. Raises ScenarioError where it has too many runs, or another computation of this session
+        goes on. runs: their number."""
         most = self.allowance.runs
         if most is not None and runs > most:
             raise ScenarioError(

@@ -61,7 +61,7 @@ def most_runs(tuning: Tuning) -> int:
 
 
 def run(store: RunStore, tuning: Tuning, workers: int | None = None, *, show_progress: bool = False) -> Found:
-    """Compute the runs that are not done, on all cores or so many, and judge all candidates.
+    """Compute the runs that are not done, in `workers` processes (None: one for each core), and judge all candidates.
 
     Raises ScenarioError where the folder has other candidates, and OSError where a run cannot be written; what was
     written stays.

@@ -167,7 +167,7 @@ def serve(asker: Connection) -> None:
 def _grow(
     band: _GrowingBand, newest: Outlook, asker: Connection, seconds: float, heard: Connection | None = None
 ) -> None:
-    """Let the band for the newest answer grow for so many seconds. heard: a connection whose next message ends this."""
+    """Let the band for the newest answer grow for `seconds`. heard: connection whose next message ends this."""
     try:
         if band.grow(time.perf_counter() + seconds, heard):
             asker.send(band.behind(newest))

@@ -222,7 +222,7 @@ def run(file: int, previewer: Previewer) -> None:
         try:
             serve(gateway, previewer)
         except (EOFError, ConnectionError):
-            # at once: the gateway knows the scenario, processes of ours end with us, and nothing else is to be kept
+            # at once: the gateway knows the scenario, child processes end with this one, and nothing else is to be kept
             os._exit(0)
         except Exception as error:  # the process's last resort: let the gateway say it
             events.exception("fault", stage="a session")
