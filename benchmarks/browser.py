@@ -1,4 +1,4 @@
-"""Page in headless Chromium."""
+"""Page of the dashboard in headless Chromium."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def opened(browser: Browser, url: str, frames: list[bytes | str] | None = None) 
     """Page once it shows the running loop; `frames` receives the data of its web socket."""
     page = browser.new_page(viewport=VIEWPORT)
     if frames is not None:
-        # a function of ours: playwright sets attributes on it, which `frames.append` does not take
+        # not `frames.append` itself: playwright sets attributes on the function
         page.on("websocket", lambda socket: socket.on("framereceived", lambda frame: frames.append(frame)))
     page.goto(url)
     page.locator(RUNNING).wait_for(state="attached", timeout=60_000)

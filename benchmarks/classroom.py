@@ -1,4 +1,4 @@
-"""Class of a lecturer: how soon answers are shown, and whether the lecturer's loop keeps its pace meanwhile.
+"""Benchmark of a class: how soon its answers are shown, and whether the lecturer's loop keeps its pace meanwhile.
 
 `python -m benchmarks.classroom`: a server `vsmrc serve --shared --class`, a lecturer's page without a browser, and
 students that ask and answer as their pages do, once a second each.
@@ -23,7 +23,7 @@ ROUNDS = 5
 
 
 class Student(threading.Thread):
-    """One of a class: asks once a second, and answers each question once, a little later."""
+    """Student of a class: looks for a question once a second, and answers each question once, a little later."""
 
     def __init__(self, port: int, path: str) -> None:
         super().__init__(daemon=True)
@@ -51,7 +51,7 @@ class Student(threading.Thread):
         try:
             self._connection.request(method, self._path + path, body, headers)
             answer = self._connection.getresponse()
-        except ConnectionError:  # as a browser does where the server has closed what was idle
+        except ConnectionError:  # tries again as a browser does, since the server may have closed an idle connection
             self._connection.close()
             self._connection.request(method, self._path + path, body, headers)
             answer = self._connection.getresponse()
@@ -92,7 +92,7 @@ def main(*, students: int = 30) -> None:
 
 
 def _class_of(port: int, link: str) -> str:
-    """Path of the class of a session, from the links that its page shows."""
+    """Path of a session's class. link: of the session's page, which shows the class's link."""
     connection = http.client.HTTPConnection("127.0.0.1", port, timeout=PATIENCE)
     connection.request("GET", f"{urlsplit(link).path}about")
     links = json.loads(connection.getresponse().read())["links"]

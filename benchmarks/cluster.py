@@ -1,4 +1,4 @@
-"""Sweeps on a cluster: runs a second by the size of a task, and what Dask's scheduler bears, on this machine.
+"""Benchmark of sweeps on a cluster: runs per second by the size of a task, and the most that Dask's scheduler can do.
 
 `python -m benchmarks.cluster`: a scheduler and a worker for each core, with runs of a long and of a short simulation.
 """
@@ -17,7 +17,7 @@ from app.sweep.question import Sweep, axis_of, fingerprint
 from benchmarks.sweeps import rate
 from drivers import cluster as dask
 
-SCENARIOS = (("ur5-hybrid", 3.0, 240), ("planar3r-hybrid", 0.3, 2400))  # seconds of each, and runs
+SCENARIOS = (("ur5-hybrid", 3.0, 240), ("planar3r-hybrid", 0.3, 2400))  # name, length of a run in s, number of runs
 CHUNKS = (1, 2, 4, 8, 16, 32)
 EMPTY = 4000  # tasks without work
 
@@ -40,7 +40,7 @@ def main() -> None:
         with Cluster(scheduler.address) as cluster:
             for name, sweep in sweeps.items():
                 numbers = range(len(sweep.vary[0].values))
-                list(cluster.results(sweep, numbers[: 8 * workers], print))  # what all runs have in common
+                list(cluster.results(sweep, numbers[: 8 * workers], print))  # computes once what runs share
                 for chunk in CHUNKS:
                     started = time.perf_counter()
                     list(cluster.results(sweep, numbers, print, chunk))

@@ -1,4 +1,4 @@
-"""Effort of the measurements: full, or just enough to see that they work."""
+"""Effort of the benchmarks: full, or just enough to see that they work."""
 
 from __future__ import annotations
 
@@ -6,12 +6,15 @@ from typing import NamedTuple
 
 
 class Effort(NamedTuple):
-    """Effort of the measurements.
-    rounds, steps: rounds of `steps` steps.
-    traffic, pacing, drag: seconds of the page's traffic, of pacing and of dragging.
-    messages: of the slider.
+    """Effort of the benchmarks.
+    rounds: number of rounds.
+    steps: of a round.
+    traffic: seconds in which the page's traffic is measured.
+    pacing: seconds in which the pace is measured.
+    drag: seconds of a drag.
+    messages: number of a slider's messages.
     starts: of the program.
-    minutes: simulated, between two looks at the memory, of which there are six."""
+    minutes: simulated, between two of the six readings of the memory."""
 
     rounds: int
     steps: int

@@ -1,7 +1,7 @@
 """Latency from a slider's message to the first control step that uses it.
 
-A bare client sends the message as the page would, so that the moment of sending is known, while the page is open, too
-(or not). The server notes when the first step with the new value has been computed.
+A client without a browser sends the message, so that the time of sending is known; meanwhile a page is open in a
+browser, or none. The server notes when the first step with the new value has been computed.
 """
 
 from __future__ import annotations
@@ -19,9 +19,9 @@ from benchmarks.served import Served, served
 from benchmarks.visitor import Visitor, visit
 
 SCENARIO, LABEL, SCALE = "ur5-hybrid", "F_d [N]", 60.0  # the slider's right end, N
-LOWEST, STEP = 10.0, 0.1  # N: every message asks for a value of its own, one step above the one before
+LOWEST, STEP = 10.0, 0.1  # N: each message asks for another value, one STEP above that of the message before
 PAUSES = (0.04, 0.08)  # s between two messages: about as fast as the page sends them, at no fixed phase
-GRACE = 1.0  # s: the last message's step is computed by then
+GRACE = 1.0  # s, after which the last message's step has been computed
 
 
 def measure(effort: Effort) -> Table:
@@ -37,10 +37,8 @@ def measure(effort: Effort) -> Table:
 
 
 def _latencies(dashboard: Served, visitor: Visitor, count: int) -> np.ndarray:
-    """Latencies (count,) s. A message that a later one overtakes in the server's queue is used together with that one.
-
-    Raises RuntimeError when the last one was not used.
-    """
+    """Latencies (count,) s of the messages. A message that a later one overtakes in the server's queue takes effect
+    together with the later one. Raises RuntimeError where the last message had no effect."""
     slider = visitor.slider(LABEL)
     chance, began = random.Random(0), time.perf_counter()
     values, sent = LOWEST + STEP * np.arange(count), np.empty(count)

@@ -1,4 +1,4 @@
-"""Description of the machine on which the numbers were measured."""
+"""Description of the machine on which the benchmarks were measured."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ MEASURED = ("numpy", "numba", "pin", "viser", "mujoco")
 
 
 def describe() -> str:
-    """One paragraph: processor, memory, system, versions, and how busy the machine was when the run began."""
+    """Description of the machine in a paragraph: processor, memory, system, versions, and how busy it is now."""
     cpu = _after(Path("/proc/cpuinfo"), "model name") or platform.processor() or platform.machine()
     memory = _after(Path("/proc/meminfo"), "MemTotal")
     size = f", {int(memory.split()[0]) / 2**20:.0f} GiB" if memory else ""

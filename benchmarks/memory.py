@@ -1,4 +1,4 @@
-"""Resident memory of a fresh process through an hour of simulated time at full speed."""
+"""Benchmark of memory: resident memory of a fresh process through an hour of simulated time at full speed."""
 
 from __future__ import annotations
 

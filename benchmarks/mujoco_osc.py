@@ -3,11 +3,12 @@
 The arm is built from the same URDF, with the same rotor inertias and the same 15 % too heavy links as the scenario's
 true arm, and is compared with Pinocchio's mass matrix and bias forces before anything is measured. The elastic plane is
 an actuator that pushes the tool's site up with max(0, K_e phi): MuJoCo's own contacts are soft constraints whose
-stiffness depends on the inertia behind them and cannot be set in N/m. This is exact, and cheaper than a contact: no
-collision detection, no solver.
+stiffness depends on the inertia behind them and cannot be set in N/m. The actuator is exact, and cheaper than a
+contact: no collision detection, no solver.
 
 The controller is Khatib's: decoupled dynamics along the circle and about the tool's axes, a force with an integral
-along the normal. It knows the true arm, and neither bounds its error nor records anything, unlike ours.
+along the normal. Unlike the controller of this program, it knows the true arm, and neither bounds its error nor records
+anything.
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ from environments.trajectories.trajectory import Path
 
 K_P, K_D = 400.0, 40.0  # 1/s^2, 1/s: critically damped
 K_I = 10.0  # 1/s
-SETTLING = 6000  # steps before the task is looked at
+SETTLING = 6000  # steps before the task's errors are checked
 NORMAL = 2  # the plane is horizontal
 
 
@@ -44,7 +45,7 @@ Law = Callable[["Press"], Callable[[], np.ndarray]]
 
 
 class Press:
-    """The UR5 over the elastic plane, with the circle and the force of the scenario."""
+    """Press: the UR5 over the elastic plane in MuJoCo, with the circle and the force of the scenario."""
 
     def __init__(self, system: System) -> None:
         scenario = system.scenario
@@ -73,8 +74,8 @@ class Press:
 
 
 def contenders(system: System) -> dict[str, Call]:
-    """Functions that each make a step of their own arm, settled. Raises RuntimeError when one does not follow the
-    circle with the force."""
+    """Contenders by name: functions that make a step of an arm of their own, which has settled. Raises RuntimeError
+    where an arm does not follow the circle with the force."""
     laws: dict[str, Law] = {
         "MuJoCo + operational space, plain numpy": plain,
         "MuJoCo + operational space, LAPACK directly": tuned,
@@ -96,7 +97,7 @@ def physics(system: System) -> Call:
 
 
 def plain(press: Press) -> Callable[[], np.ndarray]:
-    """Law tau as MuJoCo's users write it: numpy, with the arrays that MuJoCo fills made once."""
+    """Law tau as MuJoCo's users write it: in numpy, with preallocated arrays for MuJoCo's functions."""
     model, data = press.model, press.data
     jacobian, M = np.zeros((6, press.n)), np.zeros((press.n, press.n))
     quat, conjugate, away, turn = np.zeros(4), np.zeros(4), np.zeros(4), np.zeros(3)
@@ -162,7 +163,7 @@ def tuned(press: Press) -> Callable[[], np.ndarray]:
 
 
 def compiled(press: Press) -> Callable[[], np.ndarray]:
-    """Law of `plain` in one numba function, as our own step is."""
+    """Law of `plain` in one function of numba, like the step of this program."""
     model, data = press.model, press.data
     jacobian, M = np.zeros((6, press.n)), np.zeros((press.n, press.n))
     linear, angular = jacobian[:3], jacobian[3:]
@@ -183,7 +184,8 @@ def compiled(press: Press) -> Callable[[], np.ndarray]:
 
 @njit(error_model="numpy")
 def _torque(J, M, q_dot, bias, position, R, start, R_d, wanted, push):
-    """The law of `plain`; the turn from R to R_d is half the sum of r_i x r_d,i, which for small turns is the same."""
+    """Torque by the law of `plain`. The rotation vector from R to R_d is half the sum of r_i x r_d,i, for small
+    turns."""
     twist = J @ q_dot
     a = np.zeros(6)
     a[:3] = wanted.acceleration + K_P * (start + wanted.value - position) + K_D * (wanted.rate - twist[:3])
@@ -211,7 +213,8 @@ def _settled(name: str, system: System, law: Law) -> Call:
 
 
 def _model(system: System) -> mujoco.MjModel:
-    """The scenario's true arm, its torques as the first controls, the elastic plane as one more actuator."""
+    """Model of MuJoCo: the scenario's true arm, its torques as the first controls, the elastic plane as the last
+    one."""
     scenario = system.scenario
     spec = arm_spec(system)
     spec.option.timestep = scenario.controller.period

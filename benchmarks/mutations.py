@@ -36,7 +36,7 @@ from app.process.markdown import Table
 ROOT = Path(__file__).parents[1]
 PACKAGES = ("app", "controllers", "environments", "kernels", "parameters")
 FOLDERS = (*PACKAGES, "static", "tests", "benchmarks", "drivers")
-# the quick ones, sharpest first: a row costs as much as the tests before the first one that fails
+# quick tests, those that detect most come first: a row takes as long as the tests up to the first that fails
 TESTS = (
     "tests/simulation/test_independent.py",
     "tests/controllers/test_paper.py",
@@ -60,8 +60,13 @@ CAUGHT, SURVIVED = "caught", "SURVIVED"
 
 
 class Mutation(NamedTuple):
-    """A mistake: in `file`, `old`, which occurs there exactly once, becomes `new`. `first` is the test file, without
-    "test_", that should detect it soonest and runs first; "" for the one with the name of `file`, if there is one."""
+    """Mutation: a planted mistake.
+    meaning: of the mistake, in words.
+    file: that is changed.
+    old: text that is replaced, which occurs in the file exactly once.
+    new: text in its place.
+    first: test file, without "test_", that should detect the mistake soonest and runs first; "" for the one with the
+    name of `file`, if there is one."""
 
     meaning: str
     file: str
@@ -71,7 +76,7 @@ class Mutation(NamedTuple):
 
     @property
     def named(self) -> list[str]:
-        """Test files of that name."""
+        """Paths of the test files that run first."""
         tests = (ROOT / "tests").rglob(f"test_{self.first or Path(self.file).stem}.py")
         return [str(file.relative_to(ROOT)) for file in tests]
 
@@ -84,11 +89,11 @@ def table() -> tuple[Mutation, ...]:
 
 @dataclass(frozen=True)
 class Verdict:
-    """Verdict on a row."""
+    """Verdict on a mutation."""
 
     mutation: Mutation
     result: str  # CAUGHT, SURVIVED
-    by: str  # the test that failed, or how it ended
+    by: str  # test that failed, or the end of the test run
 
     def __str__(self) -> str:
         m = self.mutation
@@ -96,14 +101,14 @@ class Verdict:
 
 
 def misfits(rows: tuple[Mutation, ...]) -> list[str]:
-    """Rows whose old text does not occur exactly once in the sources, or that name no test file."""
+    """Sentences on the rows whose old text does not occur exactly once in the sources, or that name no test file."""
     counts = {m: (ROOT / m.file).read_text(encoding="utf-8").count(m.old) for m in rows}
     unfit = [f"{m.file}: {m.old!r} ({m.meaning}) stands {n} times" for m, n in counts.items() if n != 1]
     return unfit + [f"{m.file}: no test_{m.first}.py ({m.meaning})" for m in rows if m.first and not m.named]
 
 
 def importers(root: Path, changed: str) -> set[str]:
-    """Modules ("app.simulation.system") that import the changed file, directly or not, and its own."""
+    """Modules ("app.simulation.system") that import the changed file, directly or not, and the file's own module."""
     imports: dict[str, set[str]] = {}
     for package in PACKAGES:
         for file in (root / package).rglob("*.py"):
@@ -119,7 +124,7 @@ def importers(root: Path, changed: str) -> set[str]:
 
 
 class Copy:
-    """The tree in a folder of its own, with its own cache of kernels that fits the unchanged sources."""
+    """Copy of the tree in a folder, with a cache of kernels that fits the unchanged sources."""
 
     def __init__(self, folder: Path, tests: tuple[str, ...]) -> None:
         self.tree, self._kernels, self._tests = folder / "tree", folder / "kernels", tests
@@ -132,7 +137,7 @@ class Copy:
         environment = os.environ | {
             "NUMBA_CACHE_DIR": str(kernels), "PYTHONDONTWRITEBYTECODE": "1", "PYTHONPATH": str(self.tree),
             "OMP_NUM_THREADS": "1",
-            "NUMBA_OPT": "0",  # compiled once and run for seconds
+            "NUMBA_OPT": "0",  # optimising would take longer than the runs, which last seconds
         }  # fmt: skip
         command = [sys.executable, "-m", "pytest", "-x", "-q", "--tb=no", "-p", "no:cacheprovider"]
         command += [*first, *(test for test in self._tests if test not in first)]
@@ -141,14 +146,14 @@ class Copy:
         )
 
     def prepare(self) -> Copy:
-        """Compile, and make sure that the tests pass. Raises RuntimeError."""
+        """Compile the kernels, and check that the tests pass. Raises RuntimeError where they fail."""
         done = self.run(self._kernels)
         if done.returncode != 0:
             raise RuntimeError(f"the tests fail without any mutation:\n{done.stdout[-2000:]}{done.stderr[-2000:]}")
         return self
 
     def judge(self, mutation: Mutation) -> Verdict:
-        """Plant the mistake, run the tests, take it back."""
+        """Verdict on a mutation: plants the mistake, runs the tests, and restores the file."""
         file, kernels = self.tree / mutation.file, self._kernels.with_name("kernels of this row")
         sound, time = file.read_text(encoding="utf-8"), file.stat().st_mtime_ns
         shutil.copytree(self._kernels, kernels)
@@ -166,7 +171,7 @@ class Copy:
             return Verdict(mutation, CAUGHT, f"not done within {PATIENCE:g} s")
         finally:
             file.write_text(sound, encoding="utf-8")
-            os.utime(file, ns=(time, time))  # numba compares it with the time that it noted beside a kernel
+            os.utime(file, ns=(time, time))  # numba compares the file's time with the one that it noted beside a kernel
             shutil.rmtree(kernels)
 
 

@@ -1,4 +1,4 @@
-"""Pacing at 1 kHz: rate and lateness of the control steps, with and without a page.
+"""Benchmark of pacing at 1 kHz: rate and lateness of the control steps, with and without a page.
 
 The lateness of a step is the wall time at which it has been computed minus the time at which it was due.
 """

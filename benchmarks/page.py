@@ -1,4 +1,4 @@
-"""Traffic and drawing of the page: frames, messages and bytes per second."""
+"""Benchmark of the page's traffic and drawing: frames, messages and bytes per second."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from benchmarks.served import served
 from drivers.viser_protocol import messages
 
 SCENARIO = "ur5-hybrid"
-SETTLE = 10.0  # s: the plots' window fills, and the page has loaded everything
+SETTLE = 10.0  # s, in which the plots' window fills and the page loads everything
 
 _COUNT_FRAMES = """
 (milliseconds) => new Promise((resolve) => {

@@ -1,6 +1,6 @@
-"""What-if previews on this machine: redraws a second while a slider is dragged, and their effect on the running loop.
+"""Benchmark of what-if previews: redraws per second while a slider is dragged, and their effect on the running loop.
 
-No browser: the page's controls, its plots and its drawing rate are there, and no page is open.
+No browser is open: the dashboard's controls, plots and drawing rate are those of a page, but their messages go nowhere.
 """
 
 from __future__ import annotations
@@ -33,13 +33,14 @@ from benchmarks.effort import Effort
 SCENARIOS = ("ur5-hybrid", "panda-hybrid", "ur5-constrained")
 CLIENT = 1
 MOVEMENT = 0.05  # s between two movements of the slider: the browser sends no faster
-LOOK = 0.001  # s between two looks at how far the loop is
+LOOK = 0.001  # s between two readings of the loop's time
 FEW, MANY = 16, 64  # true arms behind a preview
-RESTS = 5.0  # s for the band of the many
+RESTS = 5.0  # s at rest, for the band of MANY arms
 
 
 class Pace(NamedTuple):
-    """Pace of a running loop: simulated seconds per second, and lateness of its control periods in ms."""
+    """Pace of a running loop. rate: simulated seconds per second. late_median, late_p99, late_worst: lateness of its
+    control periods, ms."""
 
     rate: float
     late_median: float
@@ -49,11 +50,11 @@ class Pace(NamedTuple):
 
 class PreviewFigures(NamedTuple):
     """Figures of previews.
-    first: s from the first movement to the first drawing, with the process warm.
+    first: s from the first movement to the first drawing, with a warm process.
     redraws: per second while the slider moves.
-    reach: median s ahead that these drew.
+    reach: median length of the drawn previews, s.
     delay: median s from a movement to the drawing of its whole horizon.
-    settled: s from the last movement to the whole horizon.
+    settled: s from the last movement to the drawing of the whole horizon.
     alone, dragging: pace of the running loop before and during the drag."""
 
     first: float
@@ -67,8 +68,9 @@ class PreviewFigures(NamedTuple):
 
 class BandFigures(NamedTuple):
     """Figures of previews with true arms behind them.
-    redraws: per second while the slider moves, and of these banded: with a band of true arms.
-    reach: median s ahead that these bands have.
+    redraws: per second while the slider moves.
+    banded: redraws per second with a band of true arms.
+    reach: median length of these bands, s.
     rested: s from the last movement to the band of `MANY` arms over the whole horizon.
     dragging: pace of the running loop during the drag."""
 
@@ -80,9 +82,12 @@ class BandFigures(NamedTuple):
 
 
 class Drawn(NamedTuple):
-    """A preview that was drawn.
-    t: s after the begin. span: s ahead. delay: s since the slider had that value.
-    arms: true arms behind it; band: s ahead that they have."""
+    """Drawn preview.
+    t: s after the begin.
+    span: length of the preview, s.
+    delay: s since the slider had the preview's value.
+    arms: true arms behind the preview.
+    band: length of their band, s."""
 
     t: float
     span: float
@@ -93,7 +98,7 @@ class Drawn(NamedTuple):
 
 @dataclass
 class _Page:
-    """Work of the dashboard for a page, frame by frame, while the loop runs on."""
+    """Page of the benchmark: the work of the dashboard for a page, frame by frame, while the loop runs."""
 
     runner: Runner
     whatif: WhatIf
@@ -102,7 +107,8 @@ class _Page:
     awake: threading.Event
 
     def watch(self, seconds: float, *, drag: bool) -> tuple[Pace, list[Drawn]]:
-        """Draw for that long; returns the pace, and every preview that was drawn."""
+        """Draw frames for `seconds`. Returns the loop's pace, and the drawn previews. drag: whether the slider
+        moves."""
         recording, period = self.runner.snapshot.recording, self.runner.snapshot.scenario.controller.period
         began = time.perf_counter()
         framed = refreshed = -math.inf
@@ -166,10 +172,10 @@ def measure(effort: Effort) -> Table:
 
 
 def banded(scenario: str, seconds: float) -> BandFigures:
-    """Drag with few true arms behind the preview, then rest with many; no other process is watched."""
+    """Figures of previews with true arms: a drag with few of them, then a rest with many."""
     with _page(scenario) as page:
         page.whatif.arms = FEW
-        page.watch(1.0, drag=True)  # the arms are built
+        page.watch(1.0, drag=True)  # builds the arms
         pace, drawn = page.watch(seconds, drag=True)
         page.whatif.arms = MANY
         page.watch(1.0, drag=True)
@@ -185,7 +191,7 @@ def banded(scenario: str, seconds: float) -> BandFigures:
 
 
 def dragged(scenario: str, seconds: float, horizon: float = HORIZON) -> PreviewFigures:
-    """Run the scenario, watch it alone, then drag the desired force; both for so many seconds."""
+    """Figures of previews: the scenario runs alone, then with a drag of the desired force, both for `seconds`."""
     with _page(scenario) as page:
         page.whatif.horizon, page.whatif.arms = horizon, 0
         alone, _ = page.watch(seconds, drag=False)

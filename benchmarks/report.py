@@ -1,4 +1,4 @@
-"""Report docs/performance.md, written only from a complete run."""
+"""Report docs/performance.md, which is written only after all benchmarks."""
 
 from __future__ import annotations
 

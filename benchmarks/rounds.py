@@ -1,4 +1,4 @@
-"""Times of several things in interleaved rounds, so that a machine whose speed drifts treats them alike."""
+"""Rounds of measured calls, interleaved, so that a machine's drifting speed affects all calls alike."""
 
 from __future__ import annotations
 
@@ -14,13 +14,14 @@ Call = Callable[[], None]
 
 @dataclass(frozen=True)
 class Whole:
-    """A run that computes as many steps as it is told in one call."""
+    """Whole run, which computes several steps in one call. advance: takes the number of steps."""
 
     advance: Callable[[int], object]
 
 
 def interleaved(calls: Mapping[str, Call | Whole], rounds: int, steps: int) -> dict[str, list[float]]:
-    """Mean time of one step, in us, for every round of `steps` calls, or of that many steps in one call."""
+    """Mean times of one step, us, by name and round. steps: of a round, each by a call, or all in one call of a
+    `Whole`."""
     times: dict[str, list[float]] = {name: [] for name in calls}
     for _ in tqdm(range(rounds), desc="rounds", leave=False, disable=None):
         for name, call in calls.items():
@@ -29,7 +30,7 @@ def interleaved(calls: Mapping[str, Call | Whole], rounds: int, steps: int) -> d
 
 
 def microseconds(call: Call | Whole, steps: int) -> float:
-    """Mean time of one step."""
+    """Mean time of one step, us."""
     started = time.perf_counter()
     if isinstance(call, Whole):
         call.advance(steps)
@@ -40,5 +41,5 @@ def microseconds(call: Call | Whole, steps: int) -> float:
 
 
 def ratio(times: list[float], to: list[float]) -> float:
-    """Median of the ratios round by round: effects on both rounds, such as the machine's speed, cancel."""
+    """Median of the ratios of the rounds, in which effects on both rounds, such as the machine's speed, cancel."""
     return median(a / b for a, b in zip(times, to, strict=True))

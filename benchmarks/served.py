@@ -1,4 +1,4 @@
-"""Dashboard in a fresh process, as `vsmrc serve` makes it, that can be asked for its state."""
+"""Dashboard in a fresh process, as `vsmrc serve` makes it, which answers questions on its state."""
 
 from __future__ import annotations
 
@@ -26,11 +26,11 @@ from app.simulation.closed_loop import ClosedLoop
 
 class State(NamedTuple):
     """State of the dashboard.
-    t: simulated, s.
-    reason: why the loop stopped, if it did.
+    t: simulated time, s.
+    reason: for which the loop stopped, "" where it runs.
     resident: memory, bytes.
-    processor: time, s.
-    rows: recorded and still kept."""
+    processor: processor time, s.
+    rows: number of recorded rows that are still kept."""
 
     t: float
     reason: str
@@ -40,15 +40,16 @@ class State(NamedTuple):
 
 
 class Use(NamedTuple):
-    """A new desired force (N), and the wall time (s of `time.perf_counter`) at which the first step with it ended."""
+    """Use of a new desired force. value: N. computed: wall time, s of `time.perf_counter`, at which the first step with
+    this force ended."""
 
     value: float
     computed: float
 
 
 class Served:
-    """The parent's end of the connection. Times are those of `time.perf_counter`, one clock for all processes of a
-    Linux machine."""
+    """Served dashboard: the parent's end of the connection. Times are those of `time.perf_counter`, which is one clock
+    for all processes of a Linux machine."""
 
     def __init__(self, connection: Connection, pid: int) -> None:
         self._connection = connection
@@ -59,11 +60,11 @@ class Served:
         return State(*self._asked("state"))
 
     def lateness(self, since: float) -> np.ndarray:
-        """Lateness of every control step since that wall time, s."""
+        """Lateness of every control step since a wall time, both s."""
         return self._asked("lateness", since)
 
     def uses(self) -> list[Use]:
-        """Every change of the desired force so far."""
+        """Uses of new desired forces so far."""
         return [Use(*use) for use in self._asked("uses")]
 
     def _asked(self, *question: object):
@@ -78,12 +79,12 @@ class Served:
 
 @contextlib.contextmanager
 def served(scenario: str, speed: float = 1.0) -> Iterator[Served]:
-    """Context in which the dashboard runs."""
+    """Context in which the dashboard runs. speed: of the loop, times real time."""
     context = multiprocessing.get_context("spawn")
     ours, theirs = context.Pipe()
     process = context.Process(target=_serve, args=(theirs, scenario, speed), daemon=True)
     process.start()
-    theirs.close()  # so that the end of the process is seen as such
+    theirs.close()  # else the end of the process would not end the connection
     try:
         yield Served(ours, process.pid or 0)
     finally:
@@ -92,7 +93,7 @@ def served(scenario: str, speed: float = 1.0) -> Iterator[Served]:
 
 
 def _noting(uses: list[tuple[float, float]]) -> type[ClosedLoop]:
-    """Class of a loop that notes when the first step with another desired force has been computed."""
+    """Class of a loop that notes in `uses` when the first step with another desired force has been computed."""
 
     class Noting(ClosedLoop):
         seen = np.nan
@@ -121,7 +122,7 @@ def _serve(connection: Connection, scenario: str, speed: float) -> None:
 
 
 def _answer(connection: Connection, runner: Runner, uses: list[tuple[float, float]], close: Callable[[], None]) -> None:
-    """Answer questions until the parent is gone."""
+    """Answer the parent's questions until its end."""
     with contextlib.suppress(EOFError):
         while True:
             match connection.recv():

@@ -1,7 +1,8 @@
-"""Number of sessions that one machine can run at 1 kHz, the cost of each, and the time until a visitor has a page.
+"""Benchmark of sessions: how many one machine can run at 1 kHz, the cost of each, and the time until a visitor has a
+page.
 
-The server is `vsmrc serve --shared`; every session is looked at by one page, with a tab of plots, that receives
-everything but draws nothing; a browser would run on another machine.
+The server is `vsmrc serve --shared`. Every session has one page with a visible tab of plots, without a browser, which
+would run on another machine.
 """
 
 from __future__ import annotations
@@ -27,19 +28,20 @@ from benchmarks.processes import descendants, memory
 from drivers.visitors import PATIENCE, Server, Visitor, serving, visiting
 
 COUNTS = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32)
-HELD = 0.995  # of real time, by the slowest session
+HELD = 0.995  # share of real time that the slowest session must reach
 TAB = "Overview"
 _TICKS = os.sysconf("SC_CLK_TCK")
 
 
 class Fared(NamedTuple):
     """Result for a number of sessions.
-    realtime, late: share of real time and median lateness (ms) of the worst session.
-    session, gateway: processor's share of a session, with its what-if process and part of the fork server, and of the
-    gateway.
-    unseen: that of a session that runs on when its page has been closed, None where that is not measured.
-    memory: of a session, MB, with the same.
-    spared, started: seconds to the page with the spare process and without."""
+    realtime: share of real time of the slowest session.
+    late: median lateness of the latest session, ms.
+    session: share of a core that a session takes, with its what-if process and its part of the fork server.
+    gateway: share of a core that the gateway takes.
+    unseen: share of a core that a session takes after its page has been closed, None where it was not measured.
+    memory: of a session, MB, with the same parts as `session`.
+    spared, started: seconds until a visitor has a page, with a spare process and without; None where not measured."""
 
     realtime: float
     late: float
@@ -52,8 +54,8 @@ class Fared(NamedTuple):
 
 
 def measure(effort: Effort) -> Table:
-    """Table of sessions; for each number of cores up to the first number of sessions that the machine cannot run in
-    real time."""
+    """Table of sessions: for each number of cores, numbers of sessions up to the first one that the machine cannot run
+    in real time."""
     if (compiling := precompile.start()) is not None:  # else every server would compile in the background
         compiling.wait()
     rows = []
@@ -95,9 +97,9 @@ def measure(effort: Effort) -> Table:
 
 @contextmanager
 def _served(number: int, places: int) -> Iterator[Server]:
-    """Context of a server on so many cores; its pages may use all."""
+    """Context with a server on `number` cores; its pages may use all cores."""
     every = os.sched_getaffinity(0)
-    os.sched_setaffinity(0, sorted(every)[:number])  # which processes inherit
+    os.sched_setaffinity(0, sorted(every)[:number])  # child processes inherit it
     with ExitStack() as stack:
         try:
             server = stack.enter_context(serving("--shared", "--max-sessions", str(places), lines=2, fps=30))
@@ -141,7 +143,7 @@ def _fared(number: int, count: int, seconds: float) -> Fared:
 
 
 def _shares(processes: list[int], seconds: float) -> tuple[list[float], float]:
-    """Share of a core that each process takes over so many s, and the s that have passed."""
+    """Shares of a core that the processes take over `seconds`, and the time that has passed, s."""
     before, began = [_used(pid) for pid in processes], time.perf_counter()
     time.sleep(seconds)
     passed = time.perf_counter() - began
@@ -149,7 +151,7 @@ def _shares(processes: list[int], seconds: float) -> tuple[list[float], float]:
 
 
 def arrived(port: int) -> str:
-    """Link of a new session, once its page is there."""
+    """Link of a new session, once its page can be opened."""
     connection = http.client.HTTPConnection("127.0.0.1", port, timeout=PATIENCE)
     connection.request("GET", "/")
     (answer := connection.getresponse()).read()
@@ -169,7 +171,7 @@ def late(page: Visitor) -> float:
 
 
 def _spare(server: Server) -> int:
-    """The first session's process, once it is there."""
+    """Number of the first session's process, once it has started."""
     while True:
         for process in server.children():
             if Path(f"/proc/{process}/comm").read_text(encoding="ascii").strip() == SESSION:

@@ -1,12 +1,12 @@
-"""Soak test: visitors come, drag, switch and go for hours; measured are the resources of the server's process and the
-lateness of its loop.
+"""Soak test: visitors come, drag, switch and leave for hours, while the resources of the server's process and the
+lateness of its loop are measured.
 
     python -m benchmarks.soak                    an hour with eight visitors; writes docs/reliability.md's last part
     python -m benchmarks.soak --minutes 10       as in the weekly checks; exit status 1 when something grows
 
 A visitor is a headless client that speaks viser's protocol (`benchmarks.visitor`): it stays for a while, drags sliders,
-types numbers, changes mode and arm, pauses, resets, pins, and leaves, now and then in the middle of a drag and without
-a word. Its random choices come from a seed.
+types numbers, changes mode and arm, pauses, resets, pins, and leaves, now and then in the middle of a drag without
+closing the connection. Its random choices come from a seed.
 """
 
 from __future__ import annotations
@@ -36,26 +36,28 @@ from controllers.modes import MODES
 from environments.robots import CATALOGUE
 
 PAGE = Path(__file__).parents[1] / "docs" / "reliability.md"
-PICTURE = "soak.svg"  # beside it
+PICTURE = "soak.svg"  # in the same folder
 PLACE = "<!-- soak -->"
 SCENARIO = "ur5-hybrid"
 ARMS = tuple(CATALOGUE[name].title for name in ("ur5", "panda", "planar3r"))
 FORCE, STIFFNESS = "F_d [N]", "K_e [N/m]"
 LONGEST_VISIT = 90.0  # s
 OFTEN = {"drag": 8, "type": 4, "mode": 2, "arm": 1, "pause": 1, "reset": 2, "pin": 1}
-VANISHING = 0.04  # of the acts: gone in the middle of a drag
-GROWTH = 1.15  # of memory, threads and files over the second half: more is a leak
+VANISHING = 0.04  # share of the acts in which a visitor vanishes in the middle of a drag
+GROWTH = 1.15  # factor of memory, threads and files over the second half, above which they count as leaks
 BLUE, ORANGE, GREEN, GREY = (66, 135, 245), (230, 159, 0), (0, 158, 115), (120, 120, 120)
 
 
 @dataclass(frozen=True)
 class Reading:
-    """State at `minute`.
+    """Reading of the server's state at `minute`.
     resident: memory, bytes.
-    threads, files: number of threads, and of open files.
-    rate, late: in the interval before: control steps per second, and lateness p50, p99 and largest, s.
-    visits: number of visits begun.
-    reason: why the loop has stopped, if it has."""
+    threads: number of threads.
+    files: number of open files.
+    rate: control steps per second, in the interval before.
+    late: lateness of these steps, s: median, 99th percentile and largest.
+    visits: number of visits so far.
+    reason: for which the loop has stopped, "" where it runs."""
 
     minute: float
     resident: int
@@ -68,7 +70,7 @@ class Reading:
 
 
 class Crowd:
-    """Visitors in threads of their own, each coming again and again until the crowd is dismissed."""
+    """Crowd of visitors, each with a thread of its own, who come again and again until the crowd is dismissed."""
 
     def __init__(self, urls: Sequence[str], count: int, seed: int) -> None:
         self.visits = 0
@@ -104,7 +106,7 @@ class Crowd:
 
 
 def act(visitor: Visitor, chance: random.Random) -> None:
-    """Do one of the things that people do."""
+    """Do one random act of a visitor. chance: of the random choices."""
     match chance.choices(tuple(OFTEN), tuple(OFTEN.values()))[0]:
         case "drag":
             visitor.drag(chance.choice((FORCE, STIFFNESS)), chance)
@@ -125,7 +127,7 @@ def act(visitor: Visitor, chance: random.Random) -> None:
 
 
 def soak(minutes: float, clients: int, every: float, seed: int) -> tuple[list[Reading], list[str]]:
-    """States every so many minutes, and failures of visitors."""
+    """Readings of a soak test, and failures of visitors. every: minutes between two readings."""
     readings = []
     with served(SCENARIO) as dashboard:
         crowd = Crowd([dashboard.url], clients, seed)
@@ -153,7 +155,7 @@ def _read(dashboard: Served, minute: float, since: float, visits: int) -> Readin
 
 
 def grown(readings: Sequence[object], names: Sequence[str] = ("resident", "threads", "files")) -> list[str]:
-    """Quantities that were clearly more at the end than in the middle, each at the quietest reading."""
+    """Quantities that have grown by more than `GROWTH` from the middle to the end, each at its smallest readings."""
     half = len(readings) // 2
     middle, end = readings[half // 2 : half + 1], readings[half + (len(readings) - half) // 2 :]
     found = []
@@ -165,7 +167,7 @@ def grown(readings: Sequence[object], names: Sequence[str] = ("resident", "threa
 
 
 def page(readings: list[Reading], failures: list[str], clients: int, described: str) -> str:
-    """Text of its part of docs/reliability.md."""
+    """Text of the soak test's part of docs/reliability.md."""
     last = readings[-1]
     rows = [
         (

@@ -1,11 +1,11 @@
-"""Soak test of a server for an audience: visitors come and go for hours; measured are the resources of its gateway and
-its sessions.
+"""Soak test of a shared server: visitors come and leave for hours, while the resources of its gateway and its sessions
+are measured.
 
     python -m benchmarks.soak_shared                 an hour; writes its part of docs/reliability.md
     python -m benchmarks.soak_shared --minutes 10    as in the weekly checks; exit status 1 when something grows
 
-The server is `vsmrc serve --shared`, each session is watched by one page that stays, and the visitors are those of
-`benchmarks.soak`, each time with one of the sessions.
+The server is `vsmrc serve --shared`. Each session is watched by one page that stays; the visitors are those of
+`benchmarks.soak`, and each visit is to one of the sessions.
 """
 
 from __future__ import annotations
@@ -36,11 +36,12 @@ HELD = ("gateway", "sessions", "threads", "files", "processes")
 
 @dataclass(frozen=True)
 class Reading:
-    """State at `minute`.
-    gateway, sessions: resident memory of the gateway and of all processes of sessions, bytes.
-    threads, files, processes: number of all of them.
-    late: median lateness of control steps by the status lines, s, worst.
-    visits: number of visits begun."""
+    """Reading of the server's state at `minute`.
+    gateway: resident memory of the gateway, bytes.
+    sessions: resident memory of all processes of the sessions, bytes.
+    threads, files, processes: their numbers in the whole server.
+    late: median lateness of control steps, s, of the latest session, from its status line.
+    visits: number of visits so far."""
 
     minute: float
     gateway: int
@@ -53,7 +54,7 @@ class Reading:
 
 
 def soak(minutes: float, sessions: int, clients: int, every: float, seed: int) -> tuple[list[Reading], list[str]]:
-    """States every so many minutes, and failures of visitors."""
+    """Readings of a soak test, and failures of visitors. every: minutes between two readings."""
     readings = []
     with serving("--shared", "--max-sessions", str(sessions), lines=2, fps=30) as server, ExitStack() as stack:
         urls, watchers = [], list[Visitor]()
@@ -70,7 +71,7 @@ def soak(minutes: float, sessions: int, clients: int, every: float, seed: int) -
 
 
 def _watched(url: str) -> str:
-    """Link to watch a session, from the link to steer it."""
+    """Link to watch a session. url: link to steer it."""
     with urlopen(f"{url}about") as about:
         return urljoin(url, json.load(about)["links"]["watch"])
 
@@ -98,7 +99,7 @@ def _held(pid: int) -> tuple[int, int, int] | None:
 
 
 def page(readings: list[Reading], failures: list[str], sessions: int, clients: int, described: str) -> str:
-    """Text of its part of docs/reliability.md."""
+    """Text of this soak test's part of docs/reliability.md."""
     last = readings[-1]
     rows = [
         (

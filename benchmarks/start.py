@@ -1,4 +1,4 @@
-"""Time from the start of the command to the running loop on the page, with the kernels in the cache."""
+"""Benchmark of the start: time from the command to the running loop on the page, with the kernels in the cache."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ COMMAND = (sys.executable, "-m", "app", "serve", "ur5-hybrid", "--port", "0", "-
 
 
 def measure(effort: Effort) -> Table:
-    """Table of starts. The browser is already running; a first start, not counted, fills the cache."""
+    """Table of starts. The browser runs already; a first start, which does not count, fills the cache."""
     with chromium() as browser:
         starts = [_start(browser) for _ in tqdm(range(1 + effort.starts), desc="starts", leave=False, disable=None)][1:]
     listening, shown = zip(*starts, strict=True)

@@ -1,5 +1,5 @@
-"""Time of one control period of every scenario, beside that of the bare Pinocchio calls that it needs and that of
-MuJoCo."""
+"""Benchmark of a step: time of one control period of every scenario, beside the time of its bare Pinocchio calls and
+that of MuJoCo."""
 
 from __future__ import annotations
 
@@ -24,23 +24,23 @@ OURS = "ur5-hybrid"  # the task that MuJoCo gets, too
 RK4 = f"{OURS}, rk4"
 FLOOR = "bare pin calls of "
 COMPILED = ", compiled"
-THREADS = 2  # that compute a run each, at the same time
-LONGER = 8  # times as many periods for each of them: handing a run to a thread takes as long as a dozen
+THREADS = 2  # number of threads that compute a run each at the same time
+LONGER = 8  # factor of the periods of their runs: handing a run to a thread takes as long as a dozen periods
 TOGETHER = f"{OURS}{COMPILED}, {THREADS} threads"
-HISTORY = 4096  # rows, whose memory is used again: a longer one would measure how the machine hands out memory
+HISTORY = 4096  # rows of the recording, so that its memory is soon reused, and no allocation is measured
 WARM = 14_000  # steps before the first round, until no new memory is needed
 
 
 def scenarios() -> dict[str, Scenario]:
-    """The scenarios by the names of their rows."""
+    """Scenarios of the benchmark, by the names of their rows."""
     return {name: load(name) for name in SCENARIOS} | {RK4: edited(load(OURS), "simulation.integrator", "rk4")}
 
 
 def bare_calls(loop: ClosedLoop) -> Call:
-    """Function with all of Pinocchio's calls of one period of this loop: Coriolis, with which the mass comes, and
-    placements for the law; for the plant mass and bias, the tool's Jacobian where it touches something, and on a rigid
-    surface the Jacobian's rate, and mass and Jacobian once more at the next posture, which is moved onto the surface
-    and evaluated again."""
+    """Function with all of Pinocchio's calls of one period of a loop. For the law: the Coriolis matrix, which includes
+    the mass matrix, and placements. For the plant: mass matrix and bias; with a contact, the tool's Jacobian; on a
+    rigid surface also the Jacobian's rate, and mass matrix and Jacobian at the next posture before and after it is
+    moved onto the surface."""
     robot = loop.system.robot
     model, data = robot.model, robot.model.createData()
     true, true_data = loop.system.plant.model, loop.system.plant.model.createData()
@@ -75,14 +75,14 @@ def bare_calls(loop: ClosedLoop) -> Call:
 
 
 class Together:
-    """Compiled runs of one scenario, each advanced by a thread of its own at the same time."""
+    """Runs of one scenario together: compiled, each advanced by a thread of its own at the same time."""
 
     def __init__(self, scenario: Scenario) -> None:
         self._runs = [CompiledRun(ClosedLoop(scenario, HISTORY)) for _ in range(THREADS)]
         self._pool = ThreadPoolExecutor(THREADS)
 
     def advance(self, periods: int) -> None:
-        """Advance every run by so many control periods."""
+        """Advance every run by a number of control periods."""
         list(self._pool.map(lambda run: run.advance(periods), self._runs))
 
     def close(self) -> None:
@@ -91,7 +91,7 @@ class Together:
 
 
 def measure(effort: Effort) -> Table:
-    """Table of steps. Raises RuntimeError when a run stopped or did not do its task."""
+    """Table of steps. Raises RuntimeError where a run stopped early or did not follow its task."""
     loops, calls = dict[str, ClosedLoop](), dict[str, Call | Whole]()
     for name, scenario in tqdm(scenarios().items(), desc="compiling", leave=False, disable=None):
         stepped, whole = ClosedLoop(scenario, HISTORY), ClosedLoop(scenario, HISTORY)

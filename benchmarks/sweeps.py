@@ -1,4 +1,4 @@
-"""Sweeps: runs a second on one core and on all, and what a run takes on disk.
+"""Benchmark of sweeps: runs per second on one core and on all cores, and the bytes of a run on disk.
 
 `python -m benchmarks.sweeps`: ur5-hybrid for 3 s each, over stiffness and link scaling.
 """
@@ -53,7 +53,8 @@ def main(runs: int = 200, whole: bool = False) -> None:
 
 
 def rate(sweep: Sweep, runs: int, workers: int) -> float:
-    """Runs per second in these processes, from the instant when each of them has done its first ones."""
+    """Runs per second of a sweep, from the time on at which each process has done its first runs. workers: number of
+    processes."""
     question = Question(msgspec.structs.replace(sweep))
     ends: list[tuple[float, int]] = []
     tasks = tasks_of(range(min(question.count, runs)), workers)

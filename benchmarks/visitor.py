@@ -1,4 +1,4 @@
-"""Headless client that speaks viser's protocol itself: it reads the page's controls and acts as the page would."""
+"""Visitor without a browser, which speaks viser's protocol: it reads the page's controls and acts as a page would."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ from drivers.viser_protocol import CAMERA, PROTOCOL, messages
 
 WIDGETS = ("GuiTextMessage", "GuiSliderMessage", "GuiDropdownMessage", "GuiCheckboxMessage", "RegisterCommandMessage")
 DRAG, PAUSE = 20, 0.05  # messages of a drag, and s between two of them
-SEEN = 1.0  # s, after which the status line shows what has been done
+SEEN = 1.0  # s, after which the status line shows the effect of a command
 
 
 class Visitor:
-    """A visitor, connected while the context of `visit` lasts. Messages of the server are read all the time."""
+    """Visitor, connected while the context of `visit` lasts. The server's messages are read all the time."""
 
     def __init__(self, connection: Connection) -> None:
         self._connection = connection
@@ -34,12 +34,12 @@ class Visitor:
         self._send(CAMERA)
 
     def slider(self, label: str) -> str:
-        """Identifier of the slider in the row with this label: the two are in one form."""
+        """Identifier of the slider in the row with this label: both are in one form."""
         row = self._find("GuiTextMessage", label)["container_uuid"]
         return self._wait(lambda w: w["type"] == "GuiSliderMessage" and w["container_uuid"] == row, label)["uuid"]
 
     def move(self, slider: str, to: float) -> None:
-        """Move a slider to a place between 0 and 1."""
+        """Move a slider to a position between 0 and 1."""
         self._update(slider, to)
 
     def drag(self, label: str, chance: random.Random) -> None:
@@ -61,7 +61,7 @@ class Visitor:
         self._update(self._find("GuiCheckboxMessage", label)["uuid"], value)
 
     def press(self, key: str) -> None:
-        """Press a key that is a command of the page, as its button does."""
+        """Trigger the command of a key, as the page does when the key is pressed."""
         command = self._wait(
             lambda w: (
                 w["type"] == "RegisterCommandMessage" and (w["props"]["hotkey"], w["props"]["modifier"]) == (key, None)
@@ -71,20 +71,20 @@ class Visitor:
         self._send({"type": "CommandTriggerMessage", "uuid": command["uuid"]})
 
     def play(self) -> None:
-        """Play if the status line says that the run is paused: two visitors who pause at once may leave it so."""
+        """Play if the status line says that the run is paused, as when two visitors have paused at once."""
         time.sleep(SEEN)
         if any("vs-status" in html and ">paused<" in html for html in list(self._html.values())):
             self.press("space")
 
     def vanish(self) -> None:
-        """Disconnect without a word, as a machine does that is switched off."""
+        """Vanish without closing the connection, like a machine that is switched off."""
         self._connection.socket.shutdown(socket.SHUT_RDWR)
 
     def _find(self, kind: str, label: str) -> dict:
         return self._wait(lambda w: w["type"] == kind and w["props"].get("label") == label, label)
 
     def _wait(self, is_it: Callable[[dict], bool], what: str) -> dict:
-        """Widget, once the server has sent it. Raises TimeoutError."""
+        """Widget, once the server has sent it. Raises TimeoutError. what: name of the widget, for the error."""
         with self._received:
             found = self._received.wait_for(lambda: next(filter(is_it, self._widgets.values()), None), timeout=60.0)
         if found is None:

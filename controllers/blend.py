@@ -1,11 +1,12 @@
 """Blend from one target model (8) to another: the convex blend between them, and a certificate that it stays stable.
 
-Blended are M_m^-1, M_m^-1 B_m, M_m^-1 K_m and M_m^-1 K_f, since only the last three act in (13) and in the motion.
-M_m itself scales the residual of (8) and nothing else; with M_m^-1 blended, too, a K_f that both models share is kept.
+The blend is linear in M_m^-1, M_m^-1 B_m, M_m^-1 K_m and M_m^-1 K_f, since only the last three act in (13) and in the
+motion. M_m itself scales the residual of (8) and nothing else; as M_m^-1 is blended, too, a K_f that both models share
+is kept.
 
-The switching function s (10) does not depend on the model, only z_dot (9) does. So with F_1, F_2 and z kept, s is
-continuous whatever the model does, (12) and with it (14) hold at every instant with the model in force then, and
-Theorem 1 makes the same promise for ||s|| as without a blend. A blend can only spoil (8) itself: its errors obey
+The sliding variable s (10) does not depend on the model, only z_dot (9) does. So with F_1, F_2 and z kept, s is
+continuous whatever the model does, (12) and (14) hold at every instant with the model in force then, and Theorem 1
+makes the same promise for ||s|| as without a blend. A blend can only spoil (8) itself: its errors obey
 
     e_ddot + M_m^-1 B_m e_dot + M_m^-1 (K_m + K_f K_e) e = 0
 
@@ -30,8 +31,10 @@ PIECES = 500  # pieces of a blend, each with a constant model: alpha rises by at
 
 @dataclass(frozen=True)
 class ModelBlend:
-    """Blend of the target model over time: `start` until `begins` (s), `end` from `over` s later on, smoothly in
-    between in `PIECES`; with the certificate of the models on the way."""
+    """Blend of the target model over time, in `PIECES` steps.
+    start, end: the models before and after it.
+    begins, over: s, when it begins, and how long it takes.
+    certificate: of the models on the way."""
 
     start: TargetModel
     end: TargetModel

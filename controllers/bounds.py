@@ -38,7 +38,7 @@ class Uncertainty(NamedTuple):
     disturbance: N m, norm of the torque.
     force_error, moment_error: N and N m, norms of the sensor's errors.
     k_C: kg m^2/rad; the sum of the links' ||C_i(q, q_dot)|| is at most k_C ||q_dot|| over Omega.
-    rates: of the errors of the links, as k_C.
+    rates: bounds over Omega of what errors of the links add to C.
     mass: kg, of all links.
     least_inertia: 1, where delta_M is stated: M >= least_inertia M_hat.
     """
@@ -131,7 +131,7 @@ def inertia_spread(u, estimate, E):
 
 @inline
 def least_inertia(u, estimate, E, least):
-    """Compute what M of every declared arm is at least (n, n), kg m^2, from the E of `inertia_spread`."""
+    """Compute a lower bound `least` (n, n), kg m^2, of M of every declared arm, from the E of `inertia_spread`."""
     stated = not np.isnan(estimate.stated.delta_M)
     for i in range(E.shape[0]):
         for j in range(E.shape[0]):
@@ -140,7 +140,8 @@ def least_inertia(u, estimate, E, least):
 
 @inline
 def carried_mass(u, stated):
-    """Mass (kg) of the largest payload, where no stated bound has it in it."""
+    """Mass (kg) of the largest payload; 0 where a bound is stated, since that includes the payload. stated: the bound,
+    NaN for none."""
     return u.payload_mass if np.isnan(stated) else 0.0
 
 
@@ -204,7 +205,7 @@ def paper_bound(u, deviation, estimate, task, q_dot, eq, work, needed):
 
 @inline
 def tight_bound(u, deviation, estimate, task, q_dot, eq, work, needed):
-    """Compute the bound of the same perturbation in task space, term by term."""
+    """Compute each term of (17) with the "tight" bounds of the module, in task space; task_motion is 0."""
     J_inv, stated = task.J_q_inv_norm, estimate.stated
     carry = 0.0  # largest F_r per N of a force at the tool
     if u.payload_mass > 0.0 or u.force_error > 0.0:

@@ -1,4 +1,4 @@
-"""Dynamic compensator (9) and switching function (10) that make the sliding mode the target model."""
+"""Dynamic compensator (9) and sliding variable (10), with which the sliding mode is the target model."""
 
 from __future__ import annotations
 

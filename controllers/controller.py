@@ -45,9 +45,14 @@ def _answer(question, answer):
 class Controller:
     """A control law with its gains, for one target model.
 
-    K_s (n, n) s.p.d., N s/m; d N: a constant, or None for the theorem's (17); epsilon N > 0; switching with boundary
-    layer m/s; bounds: see `controllers.bounds`; controlled (n,) and surfaces, the number among the coordinates: see
-    `controllers.modes`; parameters: the law's own, by name. Raises InvalidGain.
+    K_s: (n, n) s.p.d., N s/m.
+    d: N, a constant, or None for the theorem's (17); epsilon: N, > 0.
+    bounds: those of the modelling errors, see `controllers.bounds`.
+    switching, layer: see `controllers.switching`; layer: m/s.
+    controlled, surfaces: mask (n,), and number of surfaces among the coordinates, see `controllers.modes`.
+    parameters: the law's own, by name.
+
+    Raises InvalidGain.
     """
 
     law: ControlLaw
@@ -75,7 +80,7 @@ class Controller:
 
     @cached_property
     def gains(self) -> Gains:
-        """The parameters in the form for kernels."""
+        """Gains and settings in the form for kernels."""
         c, model = self.compensator, self.model
         return Gains(
             law=table.number_of(self.law),
@@ -102,7 +107,7 @@ class Controller:
         )
 
     def following(self, model: TargetModel) -> Controller:
-        """The controller for another target model of as many coordinates: with (13) anew."""
+        """Controller for another target model with as many coordinates; the gains of (13) are computed anew."""
         c = self.compensator
         return replace(self, model=model, compensator=Compensator.design(model, c.A, c.F_1, c.F_2))
 

@@ -65,8 +65,8 @@ class Mode:
         return self.surfaces if self.on_surface else 0
 
     def among(self, surfaces: int, forces: int, tilts: int = 0) -> Mode:
-        """The mode in a world of so many surfaces, with the force controlled on so many of them, and so many moments of
-        a flat tool."""
+        """This mode in a world of `surfaces` surfaces: controls the force on the first `forces` of them, and the
+        moments of `tilts` tilts of a flat tool."""
         return replace(self, surfaces=surfaces, forces=forces, tilts=tilts)
 
     def controlled(self, n: int) -> np.ndarray:

@@ -281,7 +281,7 @@ class NominalModel:
 
     @cached_property
     def saved(self) -> str:
-        """All data of Pinocchio's model as text, of which it takes half a millisecond to make."""
+        """All data of Pinocchio's model as text; kept, since making it takes half a millisecond."""
         return self.model.saveToString()
 
     @cached_property
@@ -306,7 +306,7 @@ class Lipschitz(NamedTuple):
     """Lipschitz constants over Omega.
     k_C: as in `bounds.Uncertainty`.
     k_M, k_G: largest change of M_hat and G_hat per rad.
-    k_Cq: the same of C_hat / ||q_dot||."""
+    k_Cq: largest change of C_hat / ||q_dot|| per rad."""
 
     k_C: float
     k_M: float

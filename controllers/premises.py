@@ -196,8 +196,9 @@ class Watched(NamedTuple):
     low, high: bounds of H of every declared arm at the present posture, kg.
     d: on the sliding surface, N.
     width: of the boundary layer, m/s.
-    radius: m/s, V falls while ||s|| is beyond it; V_band: J, V stays below it once it is.
-    allowed: of `Premise.HELD`, N."""
+    radius: m/s, V falls while ||s|| is beyond it.
+    V_band: J, once V is below this it stays so.
+    allowed: limit of `Premise.HELD`, N."""
 
     low: float
     high: float

@@ -48,7 +48,7 @@ class ReferenceEstimates:
     """Estimates M_hat, C_hat, G_hat at (q_d, q_d_dot)(t), one entry per control period, a block at a time.
 
     posture: (q guess (n,), t) -> q_d, q_d_dot, solving r(q_d, t) = r_d(t).
-    start: that of the block in use: a table that begins there is the same to the last bit.
+    start: where the block in use begins; a table that is made from there is the same to the last bit.
     """
 
     def __init__(

@@ -59,9 +59,8 @@ def moved(pole: complex, other: complex) -> tuple[float, float]:
 def shaped(M_m: float, K_m: float, K_f: float, K_e: float, omega: float, zeta: float) -> Shaped:
     """Entries of one coordinate with this omega (rad/s) and zeta, on a surface of stiffness K_e (N/m).
 
-    Free: K_m = M_m omega^2. On an elastic surface K_m is kept, too, since K_m1 = 0 makes the force error vanish (37),
-    and
-    K_f = (M_m omega^2 - K_m) / K_e; (8) divided by it is (34) with M_m1 / K_f, B_m1 / K_f.
+    In free motion K_m = M_m omega^2. On an elastic surface K_m is kept, since K_m1 = 0 makes the force error vanish
+    (37), and K_f = (M_m omega^2 - K_m) / K_e; (8) divided by K_f is (34) with M_m1 / K_f, B_m1 / K_f.
     """
     stiffness = M_m * omega**2
     B_m = 2.0 * zeta * omega * M_m

@@ -11,7 +11,7 @@ from kernels.algebra import cross, dot, norm, row_times, torque_of_wrench, trans
 
 @inline
 def measure(told, out):
-    """Compute all of them, from the input of the laws, into the output."""
+    """Compute all quantities of this module, from the input of the laws, `Told`, into their output, `ControlOutput`."""
     gains, task, estimate, eq = told.gains, told.task, told.estimate, out.equivalent
     errors(gains, told.reference, task, estimate, told.F, out)
     sliding(gains, told.z, told.reference, out)
@@ -32,7 +32,7 @@ def controlled_force(gains, task, tau_F, F, F_c):
 
 @inline
 def multipliers(normals, surfaces, F, found):
-    """Compute the multipliers lambda of so many surfaces (0 to 3) whose force grad(Phi)^T lambda is nearest to that of
+    """Compute the multipliers lambda of 0 to 3 surfaces whose force grad(Phi)^T lambda is nearest to that of
     the wrench F (6,), into the first entries of `found`: friction along the surfaces is not counted. normals: (3, 3),
     grad(Phi) in the first rows; they need not be orthogonal."""
     a, b, c = normals[0], normals[1], normals[2]

@@ -30,7 +30,8 @@ SYMMETRIC = 1e-9  # of the largest entry
 class SurfaceRange(NamedTuple):
     """Range of surfaces that a model may touch.
     K_e, B_e, M_e, friction: N/m, N s/m, kg, and viscous along the surface N s/m, each anywhere from 0 to this.
-    first, directions: the forces lie in so many coordinates from the first one on.
+    first: number of the first coordinate in which forces lie.
+    directions: number of coordinates, from `first` on, in which forces lie.
     normal: the surface's normal is any one of these directions; otherwise they all lie along the surface."""
 
     K_e: float
@@ -74,8 +75,8 @@ class Unstable:
 
 
 def require_stable_on(model: TargetModel, surfaces: SurfaceRange) -> None:
-    """Raise InvalidGain, with the worst surface, unless the model, which is stable by itself, is stable on all of
-    them."""
+    """Raise InvalidGain, with the worst surface, unless the model, which is stable by itself, is stable on all
+    surfaces."""
     worst = unstable_surface(model, model, surfaces)
     if worst is not None:
         raise InvalidGain(

@@ -76,7 +76,7 @@ class TargetModel:
         return all(np.array_equal(getattr(self, name), getattr(other, name)) for name in ("M_m", "B_m", "K_m", "K_f"))
 
     def after(self, m: int) -> TargetModel:
-        """Model of the coordinates after the first m, where it does not couple them with those."""
+        """Model of the coordinates after the first m, if these are not coupled with the first m."""
         return TargetModel(self.M_m[m:, m:], self.B_m[m:, m:], self.K_m[m:, m:], self.K_f[m:, m:])
 
     def companion(self) -> np.ndarray:
@@ -92,9 +92,8 @@ class TargetModel:
     def steady_force(self, axis: int, K_e: float, x_e: float, x_d: float, F_d: float, rest: float = 0.0) -> float:
         """Steady force (N) of one decoupled axis pressing on a wall K_e (r - x_e), with constant x_d and F_d.
 
-        F_ss = K_e [K_f F_d + K_m (x_d - x_e) + rest] / (K_m + K_f K_e); both references act, as in (8). rest: further
-        terms on
-        the right of (8), N, see `left_by_layer`.
+        F_ss = K_e [K_f F_d + K_m (x_d - x_e) + rest] / (K_m + K_f K_e); both references act, as in (8).
+        rest: further terms on the right of (8), N, see `left_by_layer`.
         """
         K_m, K_f = self.K_m[axis, axis], self.K_f[axis, axis]
         return K_e * (K_f * F_d + K_m * (x_d - x_e) + rest) / (K_m + K_f * K_e)

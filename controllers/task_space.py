@@ -1,9 +1,11 @@
 """Task space r(x, t): r, r_dot, J_q, J_q_dot, v_t, v_t_dot of (3) and (31).
 
-r stacks, all in metres, positions (coordinates of the tool point, on a surface (phi, psi_1, psi_2), in a corner
-(phi_1, phi_2, psi) or (phi_1, phi_2, phi_3)), l times Euler
-angles of the tool in the task frame, and l times supplemental joint angles (Remark 5). The characteristic length l
-makes metres and radians comparable, so that a scalar d and a 2-norm make sense.
+r stacks, all in metres:
+- positions: coordinates of the tool point, on a surface (phi, psi_1, psi_2), in a corner (phi_1, phi_2, psi) or
+  (phi_1, phi_2, phi_3);
+- l times Euler angles of the tool in the task frame;
+- l times supplemental joint angles (Remark 5).
+The characteristic length l makes metres and radians comparable, so that a scalar d and a 2-norm make sense.
 
 A flat tool on a plane has (phi, l t_1, l t_2, psi_1, psi_2, l gamma): t_i = n . e_i, the sines of the tilts of two axes
 of its face against the plane, which belong to Phi of (30), and its turn gamma about the plane's normal at the start.
@@ -51,10 +53,10 @@ class TaskLayout(NamedTuple):
     count.
     l: characteristic length, m.
     R_ref: (3, 3), the tool's orientation at which the Euler angles vanish.
-    tilts: 2 for a flat tool on a plane, whose tilts then stand after phi and of whose three angles only the turn after
-    the positions, otherwise 0.
-    face: (2, 3), axes of the face in the tool's frame; level: (2, 3), directions in the world of the first of them, at
-    the start, along the plane, and across.
+    tilts: 2 for a flat tool on a plane, otherwise 0. The two tilts stand after phi, the turn after the positions; the
+    tool has no other angles then.
+    face: (2, 3), axes of the face in the tool's frame.
+    level: (2, 3), directions in the world: of the face's first axis along the plane at the start, and across it.
     """
 
     n: int
@@ -287,7 +289,7 @@ def _joint(q, q_dot, task):
 def task_space(layout, chart, estimate, q, q_dot, work, task):
     """Compute the `TaskSpace` at one instant, (3).
 
-    chart: g, G, G_p, g_t, G_t, g_tt of the tool point, as `environments.surfaces.Chart` has them; work: a `Scratch`.
+    chart: g, G, G_p, g_t, G_t, g_tt of the tool point, see `environments.surfaces.chart.Chart`; work: a `Scratch`.
     Raises ValueError where J_q is exactly singular.
     """
     copy_matrix(chart.G, task.normals)

@@ -1,6 +1,6 @@
-"""Chromium for the browser tests: an installed one, else Playwright's own, else Debian's.
+"""Chromium for the browser tests: an installed one, else Playwright's, else Debian's.
 
-`python -m drivers.browser` finds or installs it before the tests start, so that their workers need not race to.
+`python -m drivers.browser` finds or installs it before the tests start, so that no two workers install it at once.
 """
 
 import os
@@ -11,7 +11,7 @@ from pathlib import Path
 
 from playwright.sync_api import Error, sync_playwright
 
-# Software WebGL everywhere, and no calls home.
+# WebGL in software, as not every machine has a graphics card, and no requests to Google.
 LAUNCH_ARGS = (
     "--no-sandbox",
     "--disable-quic",
@@ -25,11 +25,12 @@ ON_PATH = ("chromium", "chromium-browser", "google-chrome")
 
 
 class NoBrowserError(RuntimeError):
-    """No Chromium is installed, and none could be installed."""
+    """Error of a machine on which no Chromium is installed, and none could be installed."""
 
 
 def find_or_install() -> Path | None:
-    """The browser's executable, or None for the one that Playwright finds itself."""
+    """Path of the browser's executable, installed where it is missing; None for the one that Playwright finds
+    itself."""
     if named := os.environ.get("VSMRC_CHROMIUM"):
         if not shutil.which(named):
             raise NoBrowserError(f"VSMRC_CHROMIUM is {named!r}, which cannot be executed.")
@@ -51,7 +52,7 @@ def _on_path() -> Path | None:
 
 
 def _playwright_starts() -> bool:
-    """Whether Playwright's browser starts: on a bare machine the libraries that it needs may be missing."""
+    """Whether Playwright's browser starts: on a bare machine its libraries may be missing."""
     with sync_playwright() as playwright:
         try:
             playwright.chromium.launch(args=LAUNCH_ARGS).close()
@@ -68,7 +69,7 @@ def _install_debians() -> bool:
     if os.geteuid() != 0 or not shutil.which("apt-get"):
         return False
     apt_get = ("apt-get", "-qq", "-o", "DPkg::Lock::Timeout=300")
-    _succeeds(*apt_get, "update")  # a stale or partly unreachable list may still hold the package
+    _succeeds(*apt_get, "update")  # a failure is ignored, since an old list may still hold the package
     return _succeeds(*apt_get, "install", "--yes", "--no-install-recommends", "chromium")
 
 

@@ -1,4 +1,4 @@
-"""Dask's scheduler and workers on this machine, as processes that end with whoever started them."""
+"""Dask cluster on this machine: a scheduler and workers, processes that end with the context that started them."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ import msgspec
 
 from drivers.waiting import until
 
-ALLOWED_FAILURES = {"DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES": "1"}  # so that what always falls is soon given up
+ALLOWED_FAILURES = {"DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES": "1"}  # a task that always fails is soon given up
 
 
 class Scheduler(NamedTuple):
-    """Scheduler of Dask: its address, and its process."""
+    """Scheduler of Dask."""
 
     address: str
     process: subprocess.Popen[bytes]
@@ -28,7 +28,7 @@ class Scheduler(NamedTuple):
 
 @contextmanager
 def scheduler() -> Iterator[Scheduler]:
-    """A scheduler on a free port."""
+    """Context with a scheduler on a free port."""
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "scheduler.json"
         options = ("--host", "127.0.0.1", "--port", "0", "--no-dashboard", "--scheduler-file", str(file))
@@ -39,7 +39,8 @@ def scheduler() -> Iterator[Scheduler]:
 
 @contextmanager
 def worker(address: str, *options: str) -> Iterator[subprocess.Popen[bytes]]:
-    """A worker of one thread, or several with `--nworkers`, in a process group of its own."""
+    """Context with a worker of one thread in a process group of its own. options: of Dask's command line; `--nworkers`
+    starts several workers."""
     with _started("worker", address, "--nthreads", "1", "--no-dashboard", *options) as process:
         yield process
 

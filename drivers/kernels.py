@@ -1,7 +1,7 @@
-"""Compiled kernels for the tests: `python -m drivers.kernels` compiles each once, before their workers need them.
+"""Compiled kernels for the tests: `python -m drivers.kernels` compiles each once, before the tests' workers need them.
 
-One process for each core takes one number of joints after the other. Nothing is done where all has been compiled: it
-is the mark of `app.process.precompile`, so that no server that a test starts begins to compile either.
+A process for each core takes one number of joints after the other. At the end it leaves the mark of
+`app.process.precompile`: with this mark nothing is compiled again, neither here nor by a server that a test starts.
 """
 
 from __future__ import annotations
@@ -17,15 +17,15 @@ from app.process.precompile import mark
 
 
 def joints() -> list[int]:
-    """Numbers of joints of the arms, the longest to compile first."""
+    """Numbers of joints of the arms; those that take longest to compile come first."""
     from environments.robots import CATALOGUE
 
     return sorted({len(entry.rotor_inertia) for entry in CATALOGUE.values()}, reverse=True)
 
 
 def compile_for(n: int) -> float:
-    """Compile the kernels that an arm of n joints uses, in every contact, and those that only tests call; returns the
-    time it took, s."""
+    """Compile the kernels for an arm of n joints in every contact, and those that only tests call. Returns the time
+    that it took, s."""
     import numpy as np
 
     from app.workers.precompile import compiled

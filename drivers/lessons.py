@@ -1,7 +1,8 @@
-"""Take every shipped lesson to its end in a real browser, by keyboard or by mouse: `python -m drivers.lessons`.
+"""Driver that takes every shipped lesson to its end in a real browser, by keyboard or by mouse:
+`python -m drivers.lessons`.
 
-It answers as the lesson's reference does, and prints what it had to wait for too long, what the page refused and what
-its looks lack. Pictures of each step are left in a folder on request.
+It gives the lesson's reference answers, and prints long waits, refusals by the page, and faults of its looks. On
+request it leaves pictures of each step in a folder.
 """
 
 from __future__ import annotations
@@ -31,8 +32,8 @@ from drivers.pages import NO_HINTS, PATIENCE, UNDRAWN, wait_without_notice
 
 Means = Literal["keyboard", "mouse", "phone"]
 SIZES = {"keyboard": (1280, 720), "mouse": (1280, 720), "phone": (390, 844)}
-POINTS = 25  # of a course that is drawn by mouse
-# Text of the lesson that sticks out of the panel, or is cut; the page is scrolled to it.
+POINTS = 25  # of a drawn curve
+# Script that returns the parts of the lesson's text that stick out of the panel or are cut.
 LOOKS = """() => {
   const faults = [];
   if (document.documentElement.scrollWidth > innerWidth) faults.push("the page is wider than its window");
@@ -49,13 +50,13 @@ LOOKS = """() => {
 
 @dataclass
 class Taker:
-    """A student: a page, and how it is used."""
+    """Taker of a lesson: a page, and the means by which it is used."""
 
     page: Page
     means: Means
 
     def press(self, name: str) -> None:
-        """Press the button whose name begins with this and a space, or ends there."""
+        """Press the button with this name, or whose name begins with it and a space."""
         begins = re.compile(rf"^{re.escape(name)}(\s|$)")
         button = self.page.get_by_role("button", name=begins).filter(visible=True).last
         if self.means == "keyboard":
@@ -83,7 +84,7 @@ class Taker:
             raise TimeoutError("there is no next step")
 
     def fill(self, label: str, text: str) -> None:
-        """Write into the field of this label."""
+        """Write into the field with this label."""
         row = self.page.locator("form:visible", has=self.page.get_by_text(label, exact=True))
         field = row.locator("input[type=text]:visible, .mantine-TextInput-input:visible").last
         if self.means != "keyboard":
@@ -92,12 +93,12 @@ class Taker:
         field.press("Enter")
 
     def draw(self, course: list[tuple[float, float]]) -> None:
-        """Draw a course of `POINTS` points, in shares of the axes from the left and from below."""
+        """Draw a curve of `POINTS` points. course: its points, shares of the axes from the left and from below."""
         pad = self.page.locator(".vs-pad svg")
         pad.scroll_into_view_if_needed()
         if self.means == "keyboard":
             pad.focus()
-            now = 0.5  # an arrow moves by 2 %, with Shift by 10 %; to the right the value is taken along
+            now = 0.5  # an arrow key moves by 2 %, with Shift by 10 %; to the right the value stays
             for number, (_, y) in enumerate(course):
                 for size, held in ((0.1, "Shift+"), (0.02, "")):
                     presses = round((y - now) / size)
@@ -120,7 +121,7 @@ class Taker:
 
 
 def take(taker: Taker, lesson: Lesson, memory: Memory, look: Callable[[Step], None]) -> list[str]:
-    """Take a lesson to its end. Returns what was wrong."""
+    """Take a lesson to its end. Returns the faults, a sentence each. look: called with each step."""
     page, faults = taker.page, list[str]()
     outcomes = {step.number: play(step, memory) for step in runs(lesson)}
     told = {name: value for outcome in outcomes.values() for name, value in outcome.told.items()}
@@ -128,7 +129,7 @@ def take(taker: Taker, lesson: Lesson, memory: Memory, look: Callable[[Step], No
         page.locator(f".vs-lesson[data-step='{step.number}']").wait_for()
         match step.block:
             case Choice() as question:
-                for _ in range(3):  # the step may still be moving to its place under the mouse
+                for _ in range(3):  # the widgets of the step may still be moving under the mouse
                     taker.press("ABCDE"[question.right - 1])
                     page.wait_for_timeout(1000)
                     if page.get_by_role("button", name=re.compile("^(Next|Finish|computing)")).count():

@@ -1,4 +1,4 @@
-"""Page in a real browser and the loop behind it, for tests that act as a person would."""
+"""Page in a real browser and the loop behind it, for tests that act like a person."""
 
 import time
 from collections.abc import Callable, Iterator, Sequence
@@ -10,10 +10,11 @@ from app.session.runner import Runner
 from app.session.snapshot import Snapshot
 
 VIEWPORT = {"width": 1280, "height": 720}
-# as in a browser that has opened the page before; a page without an address has no storage
+# Script that marks the first steps as seen, as in a browser that has opened the page before. A page without an address
+# has no storage.
 NO_HINTS = "try { localStorage.setItem('vsmrc.hints', 'dismissed'); } catch { }"
-# Drawing in software takes a whole core, and few tests look at the picture; these set `undrawn` to false. A canvas that
-# is neither drawn nor cleared is not put on the screen again.
+# Script that stops the drawing of the scene, which in software takes a whole core; the few tests that look at the
+# picture set `undrawn` to false. A canvas that is neither drawn nor cleared is not put on the screen again.
 UNDRAWN = """
   window.undrawn = true;
   for (const name of ["drawElements", "drawArrays", "drawElementsInstanced", "drawArraysInstanced", "clear"]) {
@@ -21,10 +22,10 @@ UNDRAWN = """
     WebGL2RenderingContext.prototype[name] = function (...what) { if (!window.undrawn) draw.apply(this, what); };
   }
 """
-# All plots of a page, and those on its screen: the plots of a tab that has been looked at stay where they are, hidden.
+# All plots of a page, and those on its screen: the plots of a tab that was opened before stay in the page, hidden.
 CHARTS = "Object.values(__viserTestpoints.uplots).map((p) => p.chart)"
 SHOWN = f"{CHARTS}.filter((c) => c.root.checkVisibility())"
-# What the page has sent last, and what it was told by hand: for a wait that fails.
+# Script that notes the page's last messages and the user's last inputs, for the report of a wait that fails.
 SENT = """
   window.vsmrcSent = [];
   const post = Worker.prototype.postMessage, note = (...what) => {
@@ -45,26 +46,26 @@ ROWS = """
     form.querySelector("[role=slider]")?.ariaValueNow, "held" in form.dataset ? "held" : "",
   ].join(" | ")).concat(window.vsmrcSent ?? [])
 """
-PATIENCE = 240.0  # s: a busy machine may take long to start the process that previews
+PATIENCE = 240.0  # s: a busy machine may take long to start the process for previews
 
 
 def each_tab(page: Page) -> Iterator[str]:
-    """Open every tab of every panel, also those within another tab, and yield its title; at the end the first ones are
-    open again."""
+    """Open every tab of every panel, also tabs within tabs, and yield its title; at the end the first tabs are open
+    again."""
     return _each(page, [page.locator("[role=tab]:visible")])
 
 
 def each_view(page: Page) -> Iterator[str]:
-    """As `each_tab`, with a tab of each dock at a time: what is looked for on the whole page is seen in half as many
-    views."""
+    """Open every tab as `each_tab` does, but a tab of both docks at a time, and yield their titles: half as many views
+    for checks of the whole page."""
     return _each(page, [page.locator(f"[data-dock-region={side}] [role=tab]:visible") for side in ("left", "right")])
 
 
 def _each(page: Page, rows: Sequence[Locator]) -> Iterator[str]:
-    """Open the tabs of all rows, one of each at a time, and yield their titles."""
+    """Open the tabs of all rows of tabs, one of each row at a time, and yield their titles."""
     first = page.locator("[role=tab][aria-selected=true]:visible").all_inner_texts()
     seen: set[str] = set()
-    # the last first: tabs within the tab that was just opened come behind the others
+    # the last one first, since the tabs within the tab that was just opened come behind the others
     while titles := [unseen[-1] for tabs in rows if (unseen := [t for t in tabs.all_inner_texts() if t not in seen])]:
         for title in titles:
             page.get_by_role("tab", name=title, exact=True).click()
@@ -83,7 +84,7 @@ def wait_without_notice(page: Page) -> None:
 
 @dataclass(frozen=True)
 class Session:
-    """A page, and the runner behind it."""
+    """Session of a test: a page, and the runner behind it."""
 
     page: Page
     runner: Runner
@@ -95,7 +96,7 @@ class Session:
     def choose(self, label: str, option: str) -> None:
         menu = self.page.get_by_label(label, exact=True).locator("visible=true")
         chosen = self.page.get_by_role("option", name=option, exact=True)
-        for _ in range(5):  # of a row that moves out of sight, as in a folder that is being opened, the menu is hidden
+        for _ in range(5):  # a row may move out of sight, as in a folder that is being opened, which closes the menu
             menu.click()
             self.page.wait_for_timeout(100)
             if chosen.is_visible():
@@ -112,7 +113,8 @@ class Session:
         return self.row(label).locator(".mantine-TextInput-input")
 
     def grip(self, label: str, at: float = 0.33) -> tuple[Callable[[float], None], Locator]:
-        """Press the mouse on a row's slider; returns a function that moves it (0 to 1), and the row's text field."""
+        """Press the mouse on a row's slider. Returns a function that moves the slider (0 to 1), and the row's text
+        field."""
         slider = self.row(label).locator(".mantine-Slider-root")
         held = self.page.locator("form[data-held]", has=self.page.get_by_text(label, exact=True))
         for _ in range(5):  # rows move while the page is being built, and a press may land beside one
@@ -138,8 +140,8 @@ class Session:
         return self.page.evaluate(f"{SHOWN}[0].data[0].at(-1)")
 
     def wait(self, condition: Callable[[Snapshot], bool], seconds: float = PATIENCE) -> None:
-        """Wait until the loop fulfils the condition; a failure shows its state, the numbers on the page, and
-        what was done there."""
+        """Wait until the loop fulfils the condition. A failure shows the loop's state, the numbers on the page and the
+        page's last inputs."""
         until = time.monotonic() + seconds
         while not condition(self.now):
             assert time.monotonic() < until, (

@@ -1,4 +1,4 @@
-"""Gateway whose sessions are no processes: messages to each are recorded, and a page finds a web socket there."""
+"""Gateway for tests whose sessions are no processes: each records its messages, and answers pages by a web socket."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ HELLO = b"hello"
 
 
 class Actor:
-    """Stand-in for the process of a session."""
+    """Actor: the stand-in for the process of a session."""
 
     key, looking, late = "key", frozenset[str](), None
 
@@ -60,7 +60,7 @@ class Actor:
 
 @dataclass
 class Town:
-    """A gateway that answers at `port`, its pool, and its sessions' processes in the order of their making."""
+    """Town: a gateway that answers at `port`, with its pool. actors: of its sessions, in the order of their start."""
 
     pool: SessionPool
     gateway: Gateway
@@ -81,7 +81,7 @@ class Town:
         return await (await self.ask(f"{path}about?wait", **headers)).json()
 
     async def looked_at(self, path: str, **headers: str) -> aiohttp.ClientWebSocketResponse:
-        """Page of the gateway, once it runs."""
+        """Web socket of the page at this path, once its session runs."""
         while (await self.about(path, **headers))["phase"] != "running":
             await asyncio.sleep(0.01)
         page = await self.let_in(path, **headers)
@@ -89,7 +89,7 @@ class Town:
         return page
 
     async def arrive(self, **headers: str) -> str:
-        """Link of a session of one's own, once it runs or waits."""
+        """Link of a visitor's own session, once it runs or waits."""
         path = "/" + (await self.ask("/", **headers)).headers["Location"]
         while (await self.about(path, **headers))["phase"] == "starting":
             await asyncio.sleep(0.01)
@@ -100,7 +100,7 @@ class Town:
         return await self.client.ws_connect(self.url(path), headers=named)
 
     async def let_in(self, path: str, **headers: str) -> aiohttp.ClientWebSocketResponse | None:
-        """Web socket of the page, None where it is refused."""
+        """Web socket of the page at this path, None where it is refused."""
         page = await self.open(path, **headers)
         return page if (await page.receive()).type is WSMsgType.BINARY else None
 
@@ -127,8 +127,10 @@ async def town(
     serves: dict[str, Any] | None = None,
     **more: Any,
 ) -> AsyncIterator[Town]:
-    """Context in which the gateway answers. state: the folder that keeps sessions; serves: see
-    `app.gateway.server.serving`; more: see `SessionPool`."""
+    """Context in which the gateway answers.
+    state: folder that keeps sessions.
+    serves: options of `app.gateway.server.serving`.
+    more: options of `SessionPool`."""
     inner = web.Application()
     inner.router.add_get("/", _session)
     runner = web.AppRunner(inner, access_log=None, shutdown_timeout=0.1)
@@ -145,7 +147,7 @@ async def town(
     with closing(store) if store is not None else nullcontext():
         pool = SessionPool("usual", launch, places, 600.0, store=store, spare=False, **more)
         gateway = Gateway(pool, AccessSettings(names or Names(), tokens, copies=copies))
-        # many cookies: a visitor's are said in each request
+        # no cookie jar, as a test has several visitors: each request names its visitor's cookies
         client = aiohttp.ClientSession(cookie_jar=aiohttp.DummyCookieJar(), connector=aiohttp.TCPConnector(limit=0))
         try:
             async with client, serving(gateway, "127.0.0.1", 0, **serves or {}) as port:

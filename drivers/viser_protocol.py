@@ -1,4 +1,4 @@
-"""Protocol between a page and viser's server, for clients without a browser."""
+"""Protocol between viser's pages and its server, for clients without a browser."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ CAMERA = {
     "image_width": 1280,
     "look_at": (0.0, 0.0, 0.0),
     "up_direction": (0.0, 0.0, 1.0),
-}  # viser counts a client as connected once it has sent its camera
+}  # viser counts a client as connected only when it has sent its camera
 
 
 def messages(frame: bytes) -> list[dict[str, Any]]:
-    """Messages in a frame of viser's: two lengths of 8 bytes, the messages packed, then the arrays that they name."""
+    """Messages of a frame, which has two lengths of 8 bytes, the packed messages, then the arrays that they name."""
     packed = int.from_bytes(frame[8:16], "little")
     return msgspec.msgpack.decode(zstandard.decompress(frame[16 : 16 + packed]))["messages"]

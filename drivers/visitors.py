@@ -1,4 +1,4 @@
-"""Visitors of a server of ours: pages without a browser, with the protocol of viser's client."""
+"""Visitors of a server of this program: pages without a browser, with the protocol of viser's client."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ from websockets.sync.client import ClientConnection, connect
 from drivers.viser_protocol import CAMERA, PROTOCOL, messages
 
 _PANEL = re.compile(r'class="vs-panel" data-plots="([^"]*)"')
-PATIENCE = 180.0  # s, for what takes a fraction of a second on an idle machine
+PATIENCE = 180.0  # s; on an idle machine, a wait takes a fraction of a second
 
 
 class Visitor:
-    """An open page: the content of the control panel that it received, and its actions."""
+    """Visitor: an open page, with the content of its control panel as received, and its actions."""
 
     def __init__(self, socket: ClientConnection) -> None:
         self._socket = socket
@@ -44,12 +44,12 @@ class Visitor:
         self._socket.send(message if isinstance(message, bytes) else msgspec.msgpack.encode(message))
 
     def trigger(self, command: str) -> None:
-        """Choose this command of the page. Raises AssertionError when the page has none of this title."""
+        """Choose the command with this title. Raises AssertionError where the page has none."""
         self.wait(lambda: command in self.commands, told=lambda: f"{command!r} is not among {sorted(self.commands)}")
         self.say({"type": "CommandTriggerMessage", "uuid": self.commands[command]})
 
     def press(self, button: str) -> None:
-        """Press the button that was made with this label. Raises AssertionError when the page has none."""
+        """Press the button that was created with this label. Raises AssertionError where the page has none."""
         self.wait(lambda: button in self.buttons, told=lambda: f"{button!r} is not among {sorted(self.buttons)}")
         self.say({"type": "GuiUpdateMessage", "uuid": self.buttons[button], "updates": {"value": True}})
 
@@ -89,8 +89,8 @@ class Visitor:
     def wait(
         self, condition: Callable[[], bool], seconds: float = PATIENCE, told: Callable[[], str] | None = None
     ) -> None:
-        """Wait until the condition holds. Raises ConnectionClosed, and AssertionError after so long, which says what
-        `told` returns, or else the status line."""
+        """Wait until the condition holds. Raises ConnectionClosed, and AssertionError when the time is over.
+        told: returns the text of the AssertionError, None for the status line."""
         with self._news:
             self._news.wait_for(lambda: condition() or self._ended is not None, seconds)
             if condition():
@@ -100,11 +100,11 @@ class Visitor:
         raise AssertionError(told() if told else self.status[-400:])
 
     def lose(self) -> None:
-        """Wait until the other side closes. Raises ConnectionClosed then."""
+        """Wait until the server closes the connection. Raises ConnectionClosed then."""
         self.wait(lambda: False)
 
     def _listen(self) -> None:
-        """Receive all the time, as a browser does: a client that does not answer a ping counts as gone."""
+        """Receive messages all the time, as a browser does: a client that does not answer a ping counts as gone."""
         try:
             while True:
                 frame = self._socket.recv()
@@ -134,7 +134,7 @@ class Visitor:
 
 @contextmanager
 def visiting(url: str, **options: Any) -> Iterator[Visitor]:
-    """Context of a page opened at this address, as viser's client does it."""
+    """Context with a page that is open at this address. options: of the web socket."""
     address = url.replace("http", "ws", 1).rstrip("/")
     usual = {"subprotocols": [PROTOCOL], "compression": None, "max_size": None, "open_timeout": PATIENCE}
     with connect(address, **usual | options) as socket:
@@ -143,14 +143,14 @@ def visiting(url: str, **options: Any) -> Iterator[Visitor]:
 
 
 class Server(NamedTuple):
-    """A running `vsmrc serve`: its process, and the lines that it has printed."""
+    """Server: a running `vsmrc serve`. lines: those that it has printed."""
 
     process: subprocess.Popen[str]
     lines: list[str]
 
     @property
     def url(self) -> str:
-        """Address as printed, with its token."""
+        """Printed address, with its token."""
         return self.lines[0].split()[2]
 
     @property
@@ -158,15 +158,15 @@ class Server(NamedTuple):
         return urlsplit(self.url).port or 0
 
     def children(self) -> list[int]:
-        """Processes that the server has started and that have not ended, in that order."""
+        """Numbers of the server's child processes that have not ended, in the order of their start."""
         pid = self.process.pid
         return [int(number) for number in Path(f"/proc/{pid}/task/{pid}/children").read_text().split()]
 
 
 @contextmanager
 def serving(*arguments: str, lines: int, fps: int = 8) -> Iterator[Server]:
-    """Context of `vsmrc serve` with these arguments at a free port, once it has printed so many lines; without a token,
-    whatever other users this machine has, unless the arguments name one."""
+    """Context with `vsmrc serve` at a free port, once it has printed `lines` lines. Without a token, unless the
+    arguments name one, even on a machine with other users."""
     asks = any(name in arguments for name in ("--token", "--token-file", "--origin", "--host"))
     command = [sys.executable, "-m", "app", "serve", "--port", "0", "--fps", str(fps), *arguments]
     command += [] if asks else ["--token", "never"]
@@ -187,7 +187,7 @@ def serving(*arguments: str, lines: int, fps: int = 8) -> Iterator[Server]:
 
 
 def gone(pid: int, seconds: float = PATIENCE) -> bool:
-    """Whether the process has ended, or ends within so many s."""
+    """Whether a process has ended, or ends within `seconds`."""
     try:
         file = os.pidfd_open(pid)
     except ProcessLookupError:

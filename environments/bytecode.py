@@ -91,7 +91,8 @@ class Function(NamedTuple):
 def _assembled(
     graph: Graph, wanted: list[int], most: int, size: int
 ) -> tuple[np.ndarray, int, int, np.ndarray, np.ndarray]:
-    """Code, its length, the first result's register, registers, and those of the wanted parts."""
+    """Code, its length, the first result's register, all registers, and the numbers of the registers that receive the
+    wanted parts."""
     needed = graph.below(wanted)
     constants = [a for a in needed if graph.parts[a].op is Op.CONSTANT]
     results = [a for a in needed if graph.parts[a].op not in (Op.CONSTANT, Op.VARIABLE)]

@@ -71,7 +71,7 @@ def face_radius(K_t: float, K_e: float) -> float:
 
 
 class Contacts(NamedTuple):
-    """Contacts of three surfaces, of which only those that there are are read."""
+    """Contacts with up to three surfaces; those beyond the number of surfaces are not read."""
 
     first: Contact
     second: Contact
@@ -141,9 +141,10 @@ class ToolContacts(NamedTuple):
 
 
 class ContactForce(NamedTuple):
-    """Force of all contacts together: wrench (6,) of the tool on the environment, force N and moment N m at the tool
-    point, torque (n,) N m, that of the wrench in the joints; of each of three surfaces, multiplier N and phi m, 0 for
-    those that there are not."""
+    """Force of all contacts together.
+    wrench: (6,), of the tool on the environment, force N and moment N m at the tool point.
+    torque: (n,) N m, of that wrench in the joints.
+    multiplier, phi: (3,) N and (3,) m, of each surface, 0 beyond the number of surfaces."""
 
     wrench: np.ndarray
     torque: np.ndarray
@@ -181,8 +182,11 @@ MET = 2  # in `Holding.held`
 
 
 class World(NamedTuple):
-    """Environment of the tool: the lever (3,) m of the tool in the joint that carries it, its face, the shapes of the
-    surfaces and the contacts with them, all of them rigid or none, and the matrices of (28)."""
+    """Environment of the tool.
+    lever: (3,) m, the tool point in the frame of the joint that carries the tool.
+    face: of the tool.
+    shapes, contacts: of the surfaces; all of them are rigid, or none.
+    environment: the matrices of (28)."""
 
     lever: np.ndarray
     face: Face
@@ -359,10 +363,14 @@ def _press_face(contact, touch, load):
 
 
 class MultiplierWork(NamedTuple):
-    """Memory of `heavy_multipliers`: directions (3, n), M^-1 J_v^T of each unit multiplier's force, mobility (3, 3) of
-    phi_ddot by the multipliers, free (3,) m/s^2, phi_ddot without them, S (3, 3) and b (3,) of the equations, side
-    (3,), the sign of each multiplier that its friction was computed for, whether the tool touches its surface (1),
-    whether it acts (1), its value, N, and that with every surface held; and that of coupled surfaces."""
+    """Memory of `heavy_multipliers`, one entry or row for each of three surfaces.
+    directions: (3, n), M^-1 J_v^T times the force of a unit multiplier.
+    mobility: (3, 3) 1/kg; free: (3,) m/s^2: phi_ddot = free - mobility lambda.
+    S, b: (3, 3) and (3,), the equations S lambda = b.
+    side: (3,), the sign of the multiplier for which friction was computed.
+    touches, acts: (3,), 1 where the tool touches the surface, and where the surface carries a force.
+    found, whole: (3,) N, the multipliers, and those with every surface held.
+    coupled: memory of coupled surfaces."""
 
     directions: np.ndarray
     mobility: np.ndarray
@@ -407,8 +415,8 @@ def heavy_multipliers(world, touch, work, multiplier):
     """Multipliers lambda (3,) N where they depend on the acceleration phi_ddot = free - mobility lambda: (28), (39), of
     the surfaces that the tool touches, `work.touches`.
 
-    Of a unilateral surface that would have to pull only a rigid one keeps its negative multiplier: the caller decides
-    which contacts are lost.
+    A unilateral surface that would have to pull carries no force, unless it is rigid: then its negative multiplier is
+    returned, and the caller decides which contacts are lost.
     """
     k = world.shapes.number
     for i in range(k):
@@ -431,8 +439,9 @@ def heavy_multipliers(world, touch, work, multiplier):
 
 @inline
 def let_go(world, held, trial, touches):
-    """Choose the surfaces to stay on (3,), all that are held but for those of a set: the trial's bits, or all that only
-    push for the last trial, `SETS`. False where the set has others than such surfaces."""
+    """Choose the surfaces that the tool stays on, `touches` (3,): all that are held, except a set that is let go. The
+    set is that of the trial's bits; in the last trial, `SETS`, it is all held surfaces that only push. Returns False
+    for a set with a surface that is not held or also pulls."""
     for i in range(3):
         touches[i] = 1 if held[i] > 0 else 0
     for i in range(world.shapes.number):
@@ -448,8 +457,8 @@ def let_go(world, held, trial, touches):
 
 @inline
 def one_sided(world, held, work, before, push):
-    """Whether no surface of `work.touches` pulls, and none that is let go is entered: with pushes (3,), forces or
-    impulses, the motions along phi become before (3,) - mobility push."""
+    """Whether no surface of `work.touches` pulls, and the tool enters no surface that is let go. push: (3,), forces or
+    impulses of the surfaces; before: (3,), motions along phi without them, which become before - mobility push."""
     k = world.shapes.number
     for i in range(k):
         if work.touches[i]:

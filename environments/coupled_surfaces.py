@@ -54,7 +54,7 @@ class EnvironmentMatrices(NamedTuple):
         return cls.of(np.diag(M_e), np.diag(B_e), np.diag(K_e))
 
     def acting(self, acts: Sequence[int]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """M_e, B_e, K_e (a, a) that are left for these surfaces, while no other one is touched: L^T X L."""
+        """Matrices L^T X L, (a, a), of M_e, B_e and K_e: those of the surfaces `acts` while no other one is touched."""
         free = [i for i in range(MOST) if i not in acts and self.K_e[i, i] > 0.0]
         L = np.zeros((MOST, len(acts)))
         L[acts, np.arange(len(acts))] = 1.0
@@ -63,8 +63,11 @@ class EnvironmentMatrices(NamedTuple):
 
 
 class CoupledWork(NamedTuple):
-    """Memory of coupled surfaces: L (3, 3) with u = L phi, where the columns of surfaces that do not act are 0; mass
-    (3, 3) kg, L^T M_e L; u (3,) m and u_dot (3,) m/s; column (3,) of L."""
+    """Memory of coupled surfaces.
+    L: (3, 3), with u = L phi; the columns of surfaces that do not act are 0.
+    mass: (3, 3) kg, L^T M_e L.
+    u, u_dot: (3,) m and m/s.
+    column: (3,), one column of L while it is computed."""
 
     L: np.ndarray
     mass: np.ndarray
@@ -103,8 +106,8 @@ def _yield(world, touch, work):
 
 @inline
 def _rests(world, touch, work):
-    """Whether a body at rest would have just the surfaces that act pressed, of those that only push: no force of theirs
-    pulls, and the tool is in none of the others where the body has given way to it."""
+    """Whether the surfaces that act are those that the tool presses on a body at rest. Of the surfaces that only push,
+    none that acts may pull, and the tool may be inside none of the others, where the body has left it."""
     K_e, k, u = world.environment.K_e, world.shapes.number, work.coupled.u
     for i in range(k):
         if not one_of(world.contacts, i).unilateral:

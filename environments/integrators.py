@@ -51,8 +51,8 @@ def begin_stages(around, arm, stage):
 
 @kernel
 def next_stage(around, arm, stage, weight, ahead):
-    """Add q_dot and q_ddot of the stage to the sums, with a weight, and make it the next one, `ahead` s from the arm's
-    state along them."""
+    """Add q_dot and q_ddot of the stage to the sums, with a weight; then make the stage the next one, `ahead` s from
+    the arm's state along them."""
     around, arm, stage = around[0], arm[0], stage[0]
     for i in range(arm.q.shape[0]):
         speed, acceleration = stage.q_dot[i], stage.q_ddot[i]

@@ -36,7 +36,7 @@ def own_function(
     function: Callable[..., None], users: Callable[..., None], parameters: dict[str, float], shapes: Shapes
 ) -> OwnFunction:
     """Form for kernels of `function(t, parameters, a, b, c)`, which writes into arrays of these shapes. users: the
-    function of the user's that it calls. Raises numba's errors."""
+    user's own function that it calls, whose file is digested. Raises numba's errors."""
     numbers = np.zeros(MOST)
     numbers[: len(parameters)] = list(parameters.values())
     kept = _kept(function, tuple(parameters), shapes)
@@ -45,7 +45,7 @@ def own_function(
     return OwnFunction(np.uint64(kept.address), np.uint64(digest), numbers)
 
 
-@cache  # compiled code must not be forgotten while an address of it is about
+@cache  # compiled code must be kept as long as somebody may call it by its address
 def _kept(function: Callable[..., None], names: tuple[str, ...], shapes: Shapes) -> Any:
     from kernels.pointers import compiled_alone
 

@@ -174,9 +174,13 @@ def _resistance_alone(resistance, q_dot, t, torque):
 
 
 class PlantWorkspace(NamedTuple):
-    """Workspace of the plant: the resistance of the arm's joints, and the data between two of Pinocchio's calls: the
-    contacts' geometry and multipliers, the torque (n,) N m that moves the arm, memory (3,), (n,), (n, n), and sums of
-    q_dot and q_ddot (n,) over the stages of Runge and Kutta."""
+    """Workspace of the plant, for what its kernels compute between two of Pinocchio's calls.
+    resistance: friction and disturbance of the arm's joints.
+    touch, multipliers: geometry of the contacts, and memory for their multipliers.
+    torque: (n,) N m, that moves the arm.
+    push, pushed: (3,) N, a force on the tool, and (n,) N m, its torque.
+    factor: (n, n), memory for Cholesky's factor.
+    speeds, accelerations: (n,), sums of q_dot and q_ddot over the stages of Runge and Kutta."""
 
     world: World
     resistance: Resistance
@@ -550,8 +554,8 @@ class Plant:
         pin.computeJointJacobians(self.model, self.data, state.views.q)
         return translation + rotation @ self._lever, rotation @ self.robot.tool_placement.rotation
 
-    # q_ddot under the torque tau (n,) N m at time t (s), and the load that goes with it, are found in place; in world
-    # axes M comes with the tool's Jacobian and placement
+    # The three methods below write q_ddot under the torque tau (n,) N m at time t (s), and the contact's load, into the
+    # state. With WORLD, `crba` also computes the joints' Jacobians and placements.
 
     def _accelerate_free(self, state: PlantState, tau: np.ndarray, t: float) -> None:
         arm = state.views
@@ -578,10 +582,9 @@ class Plant:
     def _leapfrog(self, state: PlantState, tau: np.ndarray, t: float, h: float) -> None:
         """Half a step of q, one evaluation of the acceleration there, the whole step of q_dot, half a step of q.
 
-        A held torque acts as if at the middle of its period, as it truly does: of second order in all terms that depend
-        on q and t, of first order in those that depend on q_dot (friction, damping, Coriolis), which are evaluated at
-        the
-        step's beginning.
+        The method is of second order in all terms that depend on q and t, since it takes the held torque in the middle
+        of the step. It is of first order in those that depend on q_dot (friction, damping, Coriolis), which are
+        evaluated at the step's beginning.
         """
         self._drift(state.data, 0.5 * h)
         self._accelerate(state, tau, t + 0.5 * h)

@@ -68,9 +68,11 @@ def _at_most(limit: float, pull: np.ndarray) -> np.ndarray:
 
 
 class TimedPush(NamedTuple):
-    """A force (3,) N and a moment (3,) N m on the tool from `start` s on, for `duration` s, again `every` s where that
-    is not 0: constant, or the amplitudes of a sine that begins at zero, where `frequency` (Hz) is not 0. While it lasts
-    the sine sweeps to the frequency `sweep_to` (Hz), evenly in the logarithm, where that is not 0: a chirp."""
+    """Push on the tool at fixed times.
+    force, moment: (3,) N and (3,) N m: constant, or the amplitudes of a sine that begins at zero.
+    start, duration: s; every: s after which the push begins again, 0 for never.
+    frequency: Hz, of the sine, 0 for a constant push.
+    sweep_to: Hz, to which a chirp goes while the push lasts, evenly in the logarithm; 0 for no chirp."""
 
     force: np.ndarray
     start: float
@@ -82,7 +84,7 @@ class TimedPush(NamedTuple):
 
     @property
     def acts(self) -> bool:
-        """Whether it is not zero."""
+        """Whether force or moment is not zero."""
         return bool(self.force.any() or self.moment.any())
 
     def at(self, t: float) -> np.ndarray | None:

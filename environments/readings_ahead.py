@@ -1,7 +1,7 @@
 """Readings ahead: the stages of the force sensor for many control periods of a compiled run.
 
-What does not depend on the force, the noise, is drawn beforehand, from the same stream; what does is computed by
-`read_force`. Afterwards the reader continues as if it had read those forces itself.
+The noise, which does not depend on the force, is drawn beforehand from the reader's random streams; `read_force`
+computes the rest. Afterwards the reader continues as if it had read those forces itself.
 """
 
 from __future__ import annotations
@@ -73,12 +73,12 @@ class ReadingsAhead:
             )
         )
         self.sensing = self._record.data
-        # a copy draws: how many readings there will be is not known yet
+        # a copy of the stage draws, since the number of readings that will be used is not known yet
         self.errors = np.zeros((periods, 6)) if self._noise is None else self._noise.copy().draw(periods)
         self.line = np.concatenate([held, np.zeros((periods, 6))])
 
     def end(self, used: int) -> None:
-        """Let the reader continue after so many readings."""
+        """Let the reader continue after `used` readings."""
         if used == 0:
             return
         held = self._record.fields.held

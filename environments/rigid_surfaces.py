@@ -1,4 +1,4 @@
-"""Rigid surfaces: the arm is put onto those that it holds, q by Newton's method and q_dot by an impact, (39).
+"""Rigid surfaces: steps that bring the arm onto those that hold it, q by Newton's method and q_dot by an impact, (39).
 
 `around` is a `PlantWorkspace`, `arm` an `Arm`, M (n, n) kg m^2, each as `environments.plant` has them.
 """
@@ -12,14 +12,14 @@ from environments.surfaces.chart import one_of
 from kernels import inline, kernel
 from kernels.algebra import dot, solve_leading, solve_spd
 
-# m off a rigid surface from where one step of Newton's leads onto it, to rounding; at most so many steps lead there
+# m: this near a rigid surface one step of Newton's method ends on it, to rounding; most steps that are tried
 NEAR_SURFACE, CORRECTIONS = 1e-9, 20
 
 
 @inline
 def _pulls(around, J, rotation, translation, M, arm, t):
-    """Find the touch, and for each surface what a unit force of it does to the arm, `work.directions`; `work.S` (k, k)
-    is what that does to the surfaces."""
+    """Compute the contacts' kinematics, the change of q_dot by a unit impulse of each surface, `work.directions`, and
+    the change of phi_dot of each surface by those, `work.mobility` (k, k)."""
     world, work = around.world, around.multipliers
     touch_at(world, J, rotation, translation, arm.q_dot, t, around.touch)
     for i in range(world.shapes.number):

@@ -158,8 +158,8 @@ class Robot:
     geometry: which square task space fits: "planar" (two positions, then an angle), "pose" (three positions, three
         angles), "position" (three positions); joints in `supplemental` complete it (Remark 5).
     tool_frame, tool_offset: the URDF's link and the tool point (3,) m in it; frames: the links that it may be.
-    urdf: for the meshes; joint_names tells which of its joints move, locked where the others are kept; shipped: it
-        comes with the program, not from a user.
+    urdf: for the meshes; its joints in `joint_names` move, the others stay where `locked` says, rad or m.
+    shipped: whether the arm comes with the program, not from a user.
     """
 
     name: str

@@ -109,8 +109,8 @@ class Bias(Stage):
 
 
 class Noise(Stage):
-    """White noise, with its random streams: one of the forces, one of the moments, so that either is the same whatever
-    the other."""
+    """White noise, with two random streams, one for forces and one for moments, so that a change of one noise leaves
+    the other one as it is."""
 
     def __init__(self, sensor: ForceSensor, seed: int) -> None:
         super().__init__(sensor, seed)
@@ -228,7 +228,7 @@ class ForceReader:
 
     @property
     def stages(self) -> tuple[Stage, ...]:
-        """Its stages, in the order in which a reading passes them."""
+        """Stages of the sensor, in the order in which a reading passes them."""
         return tuple(self._stages)
 
     @property

@@ -3,7 +3,7 @@
 Along one direction the arm is a mass on a spring and a damper, x_ddot = -Y (K x + B x_dot), with its mobility Y there
 (1/kg): Y = grad(phi) J_v M^-1 J_v^T grad(phi)^T along the normal, Y / (1 + M_e Y) where the contact has a mass (28).
 One step of an integrator is a matrix; deviations grow, whatever the controller does, where its spectral radius exceeds
-1. Undamped, that is h omega > 2 for semi-implicit Euler and h omega > 2.83 for RK4.
+1. Without damping that is so from h omega > 2 on for semi-implicit Euler, from h omega > 2.83 on for RK4.
 
 Coulomb friction is not judged: it is bounded, so that a step that is too long makes it chatter but nothing explode.
 """
@@ -47,9 +47,11 @@ class Mobility(NamedTuple):
         )
 
     def at_most_for(self, true: pin.Model, believed: pin.Model) -> Mobility | None:
-        """Bound on the mobility of the true arm, where this is that of the believed one; None where there is none. M is
-        a sum of J^T I J over the links' spatial inertias I (6, 6), and of rotors, so it is at least the least factor
-        among these times the believed M."""
+        """Upper bound of the true arm's mobility, where this is the believed arm's; None where there is none.
+
+        M is a sum of J^T I J over the links' spatial inertias I (6, 6), and of rotors. With f the least factor by which
+        one of these differs, the true M is at least f times the believed one.
+        """
         rotors = np.divide(true.armature, believed.armature, out=np.ones(true.nv), where=believed.armature > 0.0)
         least = float(rotors.min())
         for a, b in zip(list(true.inertias)[1:], list(believed.inertias)[1:], strict=True):
@@ -63,7 +65,7 @@ def _least_factor(I: np.ndarray, of: np.ndarray) -> float:
     squares, axes = np.linalg.eigh(I)
     held = squares > ROUNDING * squares[-1]
     if not np.abs(of @ axes[:, ~held]).max(initial=0.0) <= ROUNDING * squares[-1]:
-        return 0.0  # what has no inertia along one of these axes is no multiple of what has
+        return 0.0  # a body without inertia along an axis along which the other one has some is no multiple of it
     root = axes[:, held] / np.sqrt(squares[held])
     return 1.0 / float(np.linalg.eigvalsh(root.T @ of @ root)[-1])
 
@@ -88,10 +90,10 @@ def oscillators(
     K_t: float = 0.0,
     joints: int = 0,
 ) -> Iterator[Oscillator]:
-    """Oscillators of the arm's springs and dampers, each cause by itself; of k surfaces each counts k times, which
-    bounds what all of them do together, and of a flat face, with K_t N m/rad, force and moments each count twice. An
-    arm of so many joints turns the face by at most that times the mobility of a joint. Coupled surfaces count with the
-    largest eigenvalues of their matrices, whichever of them are touched."""
+    """Oscillators of the arm's springs and dampers, one for each cause. Each of k surfaces counts k times, which bounds
+    their joint effect; force and moments of a flat face, with K_t N m/rad, each count twice. An arm turns the face by
+    at most the number of its joints times the mobility of a joint. Coupled surfaces count with the largest eigenvalues
+    of their matrices, whichever of them are touched."""
     k = 2 if K_t else len(contacts)
     if K_t and kind.springs:
         turning, B_t = k * joints * mobility.joints, contacts[0].B_e * K_t / max(contacts[0].K_e, 1e-3)

@@ -31,7 +31,7 @@ DEFAULT_SIZES = {1: "1", 3: "1 1 1"}
 LONGEST_NAME = 200  # characters
 NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?", re.ASCII)  # numbers that C++ and Python read alike
 LARGEST_MESH = 60_000_000  # bytes
-ROUNDED = 1e-6  # kg m^2: rounding in a file of an eigenvalue that is zero
+ROUNDED = 1e-6  # kg m^2: a negative eigenvalue up to this size may be zero, rounded in the file
 FARTHEST = 1e6  # no number in SI units that describes an arm is larger
 
 

@@ -64,8 +64,8 @@ class Tool:
         return J[self._rows]
 
     def working_posture(self, file_name: str) -> np.ndarray:
-        """The one of `TRIES` seeded postures within the limits with the largest smallest singular value of the
-        Jacobian; one with the whole arm above its base's level where there is one. Raises RobotError."""
+        """Posture whose smallest singular value of the Jacobian is the largest, of `TRIES` drawn within the limits from
+        a fixed seed; of those with the whole arm above its base, if there are any. Raises RobotError."""
         model = self._model
         middle, half = (
             (model.upperPositionLimit + model.lowerPositionLimit) / 2,

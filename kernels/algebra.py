@@ -12,7 +12,7 @@ import numpy as np
 
 from kernels import Elsewhere, inline
 
-# of arrays within records
+# for arrays within records only: their shapes are known from their types
 multiply: Any = Elsewhere("kernels.rows", "multiply")
 transposed_multiply: Any = Elsewhere("kernels.rows", "transposed_multiply")
 transposed_times: Any = Elsewhere("kernels.rows", "transposed_times")
@@ -22,14 +22,14 @@ eliminate: Any = Elsewhere("kernels.rows", "eliminate")
 
 @inline
 def copy(a, out):
-    """out = a, vectors."""
+    """Copy a vector: out = a."""
     for i in range(out.shape[0]):
         out[i] = a[i]
 
 
 @inline
 def copy_matrix(A, out):
-    """out = A."""
+    """Copy a matrix: out = A."""
     for i in range(out.shape[0]):
         for j in range(out.shape[1]):
             out[i, j] = A[i, j]
@@ -37,13 +37,13 @@ def copy_matrix(A, out):
 
 @inline
 def cross(a, b):
-    """a x b of two vectors in space, as a tuple."""
+    """Cross product a x b of two vectors in space, as a tuple."""
     return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
 @inline
 def times(A, x, out):
-    """out = A x."""
+    """Matrix times vector: out = A x."""
     for i in range(out.shape[0]):
         total = 0.0
         for j in range(x.shape[0]):
@@ -53,7 +53,7 @@ def times(A, x, out):
 
 @inline
 def torque_of_wrench(J_v, J_w, wrench, out):
-    """out = J_v^T f + J_w^T m of a wrench (f, m), (6,)."""
+    """Joint torques of a wrench (f, m), (6,): out = J_v^T f + J_w^T m."""
     for j in range(out.shape[0]):
         total = 0.0
         for a in range(3):
@@ -63,7 +63,7 @@ def torque_of_wrench(J_v, J_w, wrench, out):
 
 @inline
 def row_times(A, i, x):
-    """(A x)_i."""
+    """Entry i of the product A x."""
     total = 0.0
     for j in range(x.shape[0]):
         total += A[i, j] * x[j]
@@ -72,14 +72,14 @@ def row_times(A, i, x):
 
 @inline
 def congruence(T, A, work, out):
-    """out = T^T A T, in records; work has the shape of A T."""
+    """Congruence out = T^T A T, of arrays in records; work has the shape of A T."""
     multiply(A, T, work)
     transposed_multiply(T, work, out)
 
 
 @inline
 def dot(a, b):
-    """a . b."""
+    """Scalar product a . b."""
     total = 0.0
     for i in range(a.shape[0]):
         total += a[i] * b[i]
@@ -94,7 +94,7 @@ def norm(v):
 
 @inline
 def quadratic(x, A):
-    """x . A x."""
+    """Quadratic form x . A x."""
     total = 0.0
     for i in range(x.shape[0]):
         total += x[i] * row_times(A, i, x)
@@ -103,7 +103,7 @@ def quadratic(x, A):
 
 @inline
 def norm_of_product(A, x):
-    """||A x||."""
+    """Euclidean norm ||A x|| of a product."""
     square = 0.0
     for i in range(A.shape[0]):
         square += row_times(A, i, x) ** 2
@@ -112,8 +112,8 @@ def norm_of_product(A, x):
 
 @inline
 def invert(A, work, out):
-    """out = A^-1 by Gauss and Jordan with row pivots, in records; work has its shape. Raises ValueError when A is
-    singular."""
+    """Inverse out = A^-1 by Gauss and Jordan with row pivots, of arrays in records; work has the shape of A. Raises
+    ValueError when A is singular."""
     n = out.shape[0]
     copy_matrix(A, out)
     for c in range(n):
@@ -128,7 +128,7 @@ def invert(A, work, out):
             for j in range(n):
                 out[c, j], out[pivot, j] = out[pivot, j], out[c, j]
         eliminate(out, c)
-    for back in range(n):  # a row that was moved is a column of the inverse that is to be moved back
+    for back in range(n):  # two rows of A that changed places are two columns of the inverse to be changed back
         c = n - 1 - back
         pivot = int(work[0, c])
         if pivot != c:
@@ -138,8 +138,8 @@ def invert(A, work, out):
 
 @inline
 def solve_spd(A, b, work, out):
-    """out = A^-1 b for a symmetric positive definite A, by Cholesky's factor, which stays in work, with the inverse of
-    each number of its diagonal."""
+    """Solution out = A^-1 b for a symmetric positive definite A. work: receives Cholesky's factor, with the reciprocal
+    of each diagonal entry in place of the entry."""
     n = out.shape[0]
     for i in range(n):
         for j in range(i):
@@ -165,8 +165,8 @@ def solve_spd(A, b, work, out):
 
 @inline
 def solve_leading(A, b, k, x):
-    """Solve A x = b of the leading (k, k) part by Gauss's method with pivots; A and b are overwritten. Where A is
-    singular there, x is not finite."""
+    """Solution x of A x = b with the leading (k, k) part of A, by Gauss's method with pivots; A and b are overwritten.
+    Where that part is singular, x is not finite."""
     for c in range(k):
         pivot = c
         for i in range(c + 1, k):

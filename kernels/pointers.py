@@ -17,11 +17,12 @@ from numba.np.unsafe import ndarray
 from kernels import ARITHMETIC, inline
 
 Shape = tuple[int, ...]
-_PLACES = 4  # of the parameters and of three arrays
+_PLACES = 4  # addresses of data that a call passes: of the parameters and of three arrays
 
 
 def _generate_jump(_typing, _address, _t, _places):
-    """Call the function at an address with a time (s) and the places of arrays."""
+    """Signature and instructions of a call of the function at an address, with a time (s) and the addresses of arrays,
+    as numba's `intrinsic` takes them."""
 
     def generate(context, builder, _signature, arguments):
         number = context.get_value_type(types.uintp)
@@ -34,7 +35,8 @@ def _generate_jump(_typing, _address, _t, _places):
 
 
 def _generate_numbers_at(_typing, _place):
-    """The pointer to numbers at a place."""
+    """Signature and instructions that make a pointer to numbers from their address, as numba's `intrinsic` takes
+    them."""
     signature = types.CPointer(types.float64)(types.uintp)
 
     def generate(context, builder, signature, arguments):
@@ -49,7 +51,8 @@ _fixed: Any = ndarray.to_fixed_tuple
 
 
 def _generate_ask(returns: types.Type) -> Any:
-    """Call of a kernel that returns a value of this type; its exceptions go on to the caller."""
+    """Function that calls the kernel at an address, which returns a value of this type; its exceptions go on to the
+    caller."""
 
     def generate_ask(_typing, address, arguments):
         kinds = tuple(arguments)
@@ -81,13 +84,13 @@ def ask(address, arguments):
 
 @inline
 def ask_integer(address, arguments):
-    """The same for a kernel that returns an integer."""
+    """Call the kernel at an address, which returns an integer; see `ask`."""
     return _ask_integer(address, arguments)
 
 
 @inline
 def ask_number(address, arguments):
-    """The same for a kernel that returns a number."""
+    """Call the kernel at an address, which returns a number; see `ask`."""
     return _ask_number(address, arguments)
 
 
@@ -100,8 +103,8 @@ def call(address, t, parameters, a, b, c):
 
 
 def compiled_alone(function: Callable[..., None], names: tuple[str, ...], shapes: tuple[Shape, Shape, Shape]) -> Any:
-    """Function `function(t, parameters, a, b, c)` compiled for `call`, with parameters of these names and arrays of
-    these shapes; it is at `.address` as long as this object lives. Raises numba's errors."""
+    """Compiled `function(t, parameters, a, b, c)` for `call`, with parameters of these names and arrays of these
+    shapes. Its `address` holds as long as the returned object lives. Raises numba's errors."""
     names = names or ("none",)  # an empty tuple cannot be compiled
     count, first, second, third = len(names), *shapes
     Parameters = namedtuple("Parameters", names)

@@ -33,24 +33,24 @@ class Record(Generic[T]):
 
     @cached_property
     def views(self) -> T:
-        """The named tuple, with arrays that are this memory; its numbers are those of the first call."""
+        """Named tuple whose arrays are views of the record's memory; its numbers are those of the first call."""
         return self.read()
 
     @cached_property
     def fields(self) -> Fields:
-        """The fields as attributes; their numbers are the present ones."""
+        """Fields of the record as attributes; numbers are read anew each time."""
         return Fields(self.data)
 
     def read(self) -> T:
-        """The named tuple with the present numbers; its arrays are this memory."""
+        """Named tuple with the present numbers; its arrays are views of the record's memory."""
         return _read(self.data, self._template)
 
     def part(self, name: str) -> Any:
-        """The named tuple of this name, with the present numbers; its arrays are this memory."""
+        """Inner named tuple of this name, with the present numbers; its arrays are views of the record's memory."""
         return _read(self.data[name], getattr(self._template, name))
 
     def write(self, name: str, value: NamedTuple) -> None:
-        """Give the named tuple of this name other values of the same shapes."""
+        """Write other values, of the same shapes, into the inner named tuple of this name."""
         self.data[name][0] = value
 
     def __reduce__(self) -> tuple[type[Record[T]], tuple[T]]:
@@ -70,8 +70,8 @@ def _zeros(kind: Any, n: int) -> Record[Any]:
 
 
 class Fields:
-    """The fields of a record as attributes, in the interpreter as they are in a kernel: arrays are its memory, numbers
-    are read and written there."""
+    """Fields of a record as attributes in the interpreter, as a kernel has them: arrays are views of the record's
+    memory, numbers are read and written there."""
 
     def __init__(self, data: np.ndarray) -> None:
         fields = data.dtype.fields or {}
@@ -95,7 +95,7 @@ class Fields:
 
 
 def _layout(value: NamedTuple) -> Layout:
-    """Layout of a dtype, in a form that can be compared."""
+    """Layout of a named tuple's memory, in a form that can be compared; `_dtype` makes the dtype."""
     layout: list[tuple[Any, ...]] = []
     for name, part in zip(value._fields, value, strict=True):
         if isinstance(part, np.ndarray):

@@ -1,7 +1,7 @@
 """Rigid bodies: the terms of a serial arm's equation of motion as compiled functions of records, without Pinocchio.
 
-All quantities are in the world frame, spatial ones about its origin, linear part first. The constants come from a
-`pin.Model` (`Chain.of`), the only source of an arm; Pinocchio judges every number (tests/kernels/test_rigid_body.py).
+All quantities are in the world frame, spatial ones about its origin, linear part first. The constants of an arm come
+from its `pin.Model` (`Chain.of`); tests/kernels/test_rigid_body.py compares every term with Pinocchio's.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 class Chain(NamedTuple):
-    """Constants of a serial arm on a fixed base, of n joints, each before the link of its number.
+    """Constants of a serial arm of n joints on a fixed base; joint i carries link i.
 
     axes: (n, 3), unit vectors in the joints' frames.
     slides: (n,), 1 for a prismatic joint, 0 for a revolute one.
@@ -81,11 +81,11 @@ def _subspace(joint: pin.JointModel) -> np.ndarray:
 class Motion(NamedTuple):
     """Terms of an arm at one state, and the memory to compute them.
 
-    Matrices are transposed: in memory they are as Pinocchio's are, for which kernels are compiled.
+    Matrices other than R are transposed, so that they lie in memory as Pinocchio's, for which kernels are compiled.
 
-    R, p: (n, 3, 3), (n, 3) m, of the links' frames, R itself.
+    R, p: (n, 3, 3), (n, 3) m, orientation and position of the links' frames.
     J, J_dot: (n, 6), Jacobian of the last link and its derivative.
-    velocity, acceleration, wrench: (n, 6), of the links; the acceleration without q_ddot, with that of gravity.
+    velocity, acceleration, wrench: (n, 6), of the links; acceleration: without q_ddot, and with gravity's.
     inertia: (n, 10), mass, first moment (3), second moment xx, xy, xz, yy, yz, zz about the origin; of each link, or,
     once added up, of all links from this one on.
     momentum: (n, 3), linear. turning: (n, 3, 3), the angular block of the Christoffel factor.
@@ -246,7 +246,7 @@ def _column(A, i):
 
 @inline
 def _along(A, j, x):
-    """Column j of A (6, n) times x (6)."""
+    """Scalar product of column j of A (6, n) and x (6,)."""
     return A[0, j] * x[0] + A[1, j] * x[1] + A[2, j] * x[2] + A[3, j] * x[3] + A[4, j] * x[4] + A[5, j] * x[5]
 
 
@@ -319,7 +319,7 @@ def estimated_terms(chain, motion):
 
 @inline
 def resist(chain, q_dot, motion):
-    """Compute bias, after `place`, `travel` and `weigh`."""
+    """Compute bias = C q_dot + G, after `place`, `travel` and `weigh`."""
     J, J_dot, Y, v = motion.J.T, motion.J_dot.T, motion.inertia, motion.velocity
     acceleration, wrench, n = motion.acceleration, motion.wrench, q_dot.shape[0]
     for i in range(n):

@@ -1,7 +1,8 @@
-"""Products of small matrices with whole rows as vectors of the processor, without loops.
+"""Products of small matrices in LLVM's instructions, without loops: each row is one vector of the processor.
 
-The compiler does not make these of loops: it must assume that a result may lie upon a factor. Here all factors are
-read before anything is written. Arguments are arrays within records, whose shapes are known from their types.
+The compiler does not make such instructions from loops, because it must assume that a result overlaps a factor in
+memory. Here all factors are read before anything is written. Arguments are arrays within records, whose shapes are
+known from their types.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from kernels import inline
 NUMBER, INDEX, PLACE = ir.DoubleType(), ir.IntType(32), ir.IntType(64)
 NUMBER_BYTES = 8
 CONTRACT = ("contract",)  # a b + c may be rounded once, as `kernels.ARITHMETIC` says
-SQUARINGS = 5  # of the spectral norm, which is that of order 2^6
+SQUARINGS = 5  # in `spectral_norm`, which is a Schatten norm of order 2^(SQUARINGS + 1)
 
 
 def _many(kind: Any, count: int) -> Any:
@@ -60,7 +61,7 @@ class _Writer:
         return self.builder.bitcast(place, _many(NUMBER, count).as_pointer())
 
     def repeated(self, value: Any, count: int) -> Any:
-        """Vector of so many times the same value."""
+        """Vector with the same value `count` times."""
         empty = ir.Constant(_many(value.type, count), ir.Undefined)
         first = self.builder.insert_element(empty, value, INDEX(0))
         return self.builder.shuffle_vector(first, empty, ir.Constant(_many(INDEX, count), [0] * count))
@@ -78,7 +79,7 @@ class _Writer:
         return total
 
     def product(self, left: Sequence[Any], right: Sequence[Any]) -> list[Any]:
-        """Rows of the product of two matrices. Each sum is made of two, which the processor computes side by side."""
+        """Rows of the product of two matrices. Each sum is split in two, which the processor computes side by side."""
         found = []
         for row in left:
             factors, half = [self.entry(row, k) for k in range(len(right))], len(right) // 2
@@ -97,7 +98,7 @@ class _Writer:
         return columns
 
     def trace(self, rows: Sequence[Any]) -> Any:
-        """Sum of the diagonal."""
+        """Trace of a matrix, from its rows."""
         total = self.entry(rows[0], 0)
         for i, row in enumerate(rows[1:], start=1):
             total = self.builder.fadd(total, self.entry(row, i))
@@ -109,7 +110,8 @@ class _Writer:
 
 
 def _written(returns: types.Type, arguments: tuple[types.Type, ...], write: Callable[[_Writer], Any]) -> Any:
-    """Signature of a call with these arguments, and the function by which numba has its instructions written."""
+    """Signature of a call with these arguments, and the function that writes its instructions, as numba's `intrinsic`
+    takes them."""
 
     def generate(context: Any, builder: Any, signature: Any, given: Any) -> Any:
         result = write(_Writer(context, builder, signature, given))
@@ -191,25 +193,25 @@ _spectral_norm: Any = intrinsic(_write_spectral_norm)
 
 @inline
 def multiply(A, B, out):
-    """out = A B; out may be one of them."""
+    """Product out = A B; out may be A or B."""
     _product(A, B, out)
 
 
 @inline
 def transposed_multiply(A, B, out):
-    """out = A^T B; out may be one of them."""
+    """Product out = A^T B; out may be A or B."""
     _transposed_product(A, B, out)
 
 
 @inline
 def transposed_times(A, x, out):
-    """out = A^T x; x and out need not be in records, but in one piece."""
+    """Product out = A^T x; x and out need not be in records, but must be contiguous."""
     _sum_of_rows(A, x, out)
 
 
 @inline
 def eliminate(A, c):
-    """Do step c of the inversion of A (n, n) in its place by Gauss and Jordan, whose pivot is on the diagonal."""
+    """Do step c of the inversion of A (n, n) in place by Gauss and Jordan, with the pivot on the diagonal."""
     _elimination(A, c)
 
 

@@ -15,7 +15,7 @@ __all__ = ["jit", "type_of"]
 
 
 def type_of(argument: np.ndarray | float) -> types.Type:
-    """The type of an argument."""
+    """numba's type of an argument of a kernel."""
     if isinstance(argument, np.ndarray):
         layout = "C" if argument.flags.c_contiguous else "F" if argument.flags.f_contiguous else "A"
         return _array_type(argument.dtype, argument.ndim, layout)

@@ -10,8 +10,8 @@ from typing import Annotated, Any
 
 from msgspec import Meta, Struct
 
-_ONE_LINE = r"^[^\x00-\x1f\x7f-\x9f\u2028\u2029\ufffe\uffff]*\Z"  # an SVG cannot hold the others; a terminal obeys them
-Name = Annotated[str, Meta(max_length=200, pattern=_ONE_LINE)]  # it stands on the page
+_ONE_LINE = r"^[^\x00-\x1f\x7f-\x9f\u2028\u2029\ufffe\uffff]*\Z"  # others do not fit into an SVG, or steer a terminal
+Name = Annotated[str, Meta(max_length=200, pattern=_ONE_LINE)]  # shown on the page
 Text = Annotated[str, Meta(max_length=1000, pattern=_ONE_LINE)]  # a path; a formula has at most 500 characters
 Vector = Annotated[tuple[float, ...], Meta(max_length=32)]  # an arm has at most eight joints
 Vector3 = tuple[float, float, float]

@@ -1,4 +1,4 @@
-"""Access control of our servers, by the head of a request, before anything of the request is carried out.
+"""Access control of the program's servers, by the head of a request, before anything of the request is carried out.
 
 A browser sends requests for any page that it shows, also to 127.0.0.1. It names the host that it believes it speaks to
 in `Host`, and the site of the page that asks in `Origin`. A `Host` that is not ours means that a foreign name was made
@@ -120,8 +120,8 @@ class Names:
         return name in self._known or (not self.local and _is_address(name))
 
     def _from_here(self, origin: str, host: str) -> bool:
-        """Origin check: whether scheme, name and port are those of the page itself, of a public name as --origin has
-        them, else http."""
+        """Whether `origin` is a page of this server: one that --origin names, or http and the `Host` of the request,
+        unless --origin names that host."""
         plain, own = _origin(origin), _origin(f"http://{host}")
         public = {_hostname(known) for known in self.public}
         return plain is not None and (plain in self.public or (plain == own and _hostname(plain) not in public))
@@ -136,12 +136,12 @@ class Tokens:
 
     @classmethod
     def given(cls, steer: str) -> Tokens:
-        """Tokens with this one to steer. The one to watch follows from it; the one to steer cannot be found from the
-        one to watch."""
+        """Tokens of which the one to steer is given. The one to watch is derived from it; nobody can compute the one to
+        steer from the one to watch."""
         return cls(steer, _following(steer, "watch"))
 
     def opens(self, shown: str) -> Pass | None:
-        """Pass that this token gives, None for a token that is not ours."""
+        """Pass that this token gives, None for an unknown token."""
         given = shown.encode(errors="surrogateescape")  # a header may hold any bytes
         if secrets.compare_digest(given, self.steer.encode()):
             return "steer"
@@ -172,7 +172,7 @@ def session_token_cookie(port: int) -> str:
 
 
 def _following(secret: str, purpose: str) -> str:
-    """Secret derived from this one by HMAC; this one cannot be found from it."""
+    """Secret for a purpose, derived from another secret by HMAC; nobody can compute the other one from it."""
     return base64.urlsafe_b64encode(hmac.digest(secret.encode(), purpose.encode(), "sha256")).decode().rstrip("=")
 
 

@@ -9,7 +9,7 @@ import msgspec
 from msgspec import Struct
 
 Given = int | float | list[float]
-POINTS = 25  # of a drawn course, evenly over its axis of time
+POINTS = 25  # of a drawn curve, evenly over its axis of time
 MOST, NEAR = 400, 200  # answers to a question in all, and from one address: a class may sit behind one
 
 
@@ -18,7 +18,7 @@ class ClassQuestion(Struct, frozen=True):
 
     number: a later one is larger.
     ask, options: HTML; unit: of a number.
-    start, end, low, high, axis: of the axes on which a course is drawn.
+    start, end, low, high, axis: of the axes on which a curve is drawn.
     open: whether answers are still taken.
     told: HTML of the answer, once it is revealed.
     """
@@ -49,7 +49,7 @@ class Classroom:
         self._answers: dict[str, tuple[str, Given]] = {}
 
     def ask(self, question: ClassQuestion | None) -> None:
-        """Ask a question, or no more; the answers to one that was asked already stay."""
+        """Ask a question, or None for no question; a question that is asked already keeps its answers."""
         if question is None or self.question is None or question.number != self.question.number:
             self._answers = {}
         self.question = question
@@ -85,7 +85,7 @@ class Classroom:
 
 
 def admitted(question: ClassQuestion, given: object) -> Given:
-    """The answer, if it is one to this question. Raises Refusal."""
+    """Answer that a page sent, checked against its question. Raises Refusal for one that does not fit."""
     number = not isinstance(given, bool) and isinstance(given, int | float) and math.isfinite(given)
     if question.kind == "choice":
         if not number or given not in range(1, len(question.options) + 1):

@@ -78,7 +78,7 @@ _part = msgspec.msgpack.Decoder(_Part)
 _camera = msgspec.msgpack.Decoder(_Camera, strict=False)
 _update = msgspec.msgpack.Decoder(_Update)
 
-# a page of ours never sends them: viser would make the server known to a public one
+# no page of this program sends them: viser would make the server known to a public one
 _NEVER = frozenset({"ShareUrlRequest", "ShareUrlDisconnect"})
 _TABS = re.compile(r"[\w ,+‖ℓ()/-]{0,200}#[0-9.e-]{0,30}")
 _LARGEST_PAGE = 16384  # px
@@ -174,7 +174,7 @@ def harmless(raw: bytes, looking: Collection[str]) -> bytes | None:
 
 
 def _opened(raw: bytes | str, decoder: msgspec.msgpack.Decoder[_T]) -> _T:
-    """Decoded message. Raises Overrun for one that no page of ours sends."""
+    """Decoded message. Raises Overrun for a message that no page of this program sends."""
     if isinstance(raw, bytes):
         try:
             return decoder.decode(raw)

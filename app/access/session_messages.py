@@ -23,8 +23,8 @@ class Prepare(msgspec.Struct, frozen=True, tag=True):
 
 class Kept(msgspec.Struct, frozen=True):
     """Folder in which a session is kept on disk.
-    earlier: use of the session that is in the folder: its pinned runs are shown again, because this is the same
-    session, or it is offered on the page."""
+    earlier: what becomes of a session that is already in the folder. "shown": this is the same session, and its pinned
+    runs are shown again; "offered": it is another one, and the page offers to continue it."""
 
     folder: str
     earlier: Literal["shown", "offered"]
@@ -36,7 +36,8 @@ class Begin(msgspec.Struct, frozen=True, tag=True):
     kept: folder of the session, None where it is not kept.
     marks: of the visitor of this session, see `Visitor.marks`.
     classes: whether its lessons may ask a class.
-    asked: number of the question that its class is asked still, since a process before; 0 without one."""
+    asked: number of the question that an earlier process of the session asked its class, and that is still open; 0
+    without one."""
 
     scenario: str | None
     kept: Kept | None
@@ -72,7 +73,7 @@ class Asks(msgspec.Struct, frozen=True, tag=True):
 
 
 class Ready(msgspec.Struct, frozen=True, tag=True):
-    """Message from the process: it can begin. looking: see `app.access.rate_limits.harmless`."""
+    """Message from the process: it is ready for `Begin`. looking: see `app.access.rate_limits.harmless`."""
 
     port: int
     looking: frozenset[str]

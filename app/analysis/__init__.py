@@ -1,1 +1,1 @@
-"""Figures and curves from recordings."""
+"""Analysis of recordings: metrics, spectra, events, and quantities that only the simulation knows."""

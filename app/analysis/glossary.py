@@ -24,7 +24,7 @@ class Symbol:
     written: as the page writes it.
     meaning: one sentence without its full stop.
     unit, joint_unit: of its value, where the task coordinates are lengths and where they are the joints' angles.
-    equation: of the paper, "" for a symbol of our own.
+    equation: of the paper, "" for a symbol that is not in the paper.
     also: other words for it in titles and legends.
     signal, field: of which it is the value, "" where none is."""
 
@@ -38,7 +38,7 @@ class Symbol:
     field: str = ""
 
     def value(self, row: Mapping[str, np.ndarray], scenario: Scenario, model: Mapping[str, np.ndarray]) -> str:
-        """Its present value with its unit; "" where there is none.
+        """Present value of the symbol with its unit; "" where there is none.
         row: recorded signals of one instant.
         model: the matrices of (8) in force, each (n, n)."""
         joint = scenario.task_space.kind == "joint"

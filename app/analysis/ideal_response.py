@@ -1,4 +1,4 @@
-"""Ideal response: the course of the error where the target model (8) holds exactly."""
+"""Ideal response: the error over time if the target model (8) held exactly."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class IdealResponse:
         return cls(step[:, : 2 * n], held - changing, changing)
 
     def onward(self, x: np.ndarray, e_Fc: np.ndarray) -> np.ndarray:
-        """x (2n,) after len(e_Fc) - 1 samples, e_Fc (N, n) N at each of them."""
+        """State x (2n,) after N - 1 further samples. e_Fc: (N, n) N, at this sample and at each further one."""
         driven = e_Fc[:-1] @ self.first.T + e_Fc[1:] @ self.second.T
         for step in driven:
             x = self.free @ x + step

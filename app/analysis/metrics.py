@@ -1,4 +1,4 @@
-"""Figures about a run, from its recording."""
+"""Metrics of a run, and accounts of stretches of runs, from recordings."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from app.simulation.verdict import Finding, PromiseVerdict
 
 # signals of each surface
 MULTIPLIERS, PHI = ("multiplier", "multiplier_2", "multiplier_3"), ("phi", "phi_2", "phi_3")
-TAIL = 0.2  # share of the run that "tail" figures look at
+TAIL = 0.2  # share of the run, at its end, over which metrics with "tail" in their names are taken
 PATH_POINTS = 300
 BAND = 0.02  # of the largest deviation, within which a signal counts as settled
 FORCE_RESOLUTION, MOTION_RESOLUTION = 0.1, 5e-5  # N, m: the ripple of a settled loop is no transient
@@ -56,7 +56,8 @@ class Metrics(Struct, frozen=True):
 
 
 def measure(loop: ClosedLoop, realtime_factor: float | None = None, engine: Engine = "pinocchio") -> Metrics:
-    """Metrics of everything recorded so far, by this engine. Raises ValueError for a run without a single step."""
+    """Metrics of everything recorded so far. engine: that has computed the run. Raises ValueError for a run without a
+    single step."""
     record = loop.recording.stretch()  # copies what is asked for only
     t = record["t"]
     if len(t) == 0:
@@ -185,7 +186,7 @@ def settling_time(t: np.ndarray, signal: np.ndarray, resolution: float) -> float
 
 
 class Account(Struct, frozen=True):
-    """Figures of a stretch of a run, for comparing runs; None where a figure has no meaning in the mode."""
+    """Account of a stretch of a run: numbers for comparing runs, None where one has no meaning in the mode."""
 
     path_rms: float  # of the position error that a motion target governs, m
     path_max: float  # m
@@ -200,8 +201,8 @@ class Account(Struct, frozen=True):
 
 @dataclass(frozen=True)
 class Figure:
-    """Display of a figure of an `Account` or of `Metrics`: in units of which `factor` make one SI unit, and which
-    depend on the task space."""
+    """Figure: a number of an `Account` or of `Metrics` as it is shown, in a unit that depends on the task space, and of
+    which `factor` make one SI unit."""
 
     title: str
     field: str

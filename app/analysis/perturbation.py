@@ -21,8 +21,8 @@ from environments.plant import Truth
 Signals = Mapping[str, np.ndarray]
 
 STEADY = ("steady_force", "steady_force_2", "steady_force_3")
-KEPT = 2000  # instants
-SAME = 1e-9  # s
+KEPT = 2000  # instants of which the results are kept
+SAME = 1e-9  # s: instants that are no farther apart are one
 
 
 class Instant(NamedTuple):
@@ -131,7 +131,7 @@ class PerturbationAnalysis:
 
 
 class Known(Mapping[str, np.ndarray]):
-    """Recorded signals, and further ones, (N,) each, by name:
+    """Signals by name: the recorded ones, and further ones, (N,) each, that are computed when they are first read:
     those of `Instant`;
     steady_force, steady_force_2, steady_force_3 N: where the target model would settle on each surface if the reference
     stood still;

@@ -29,7 +29,7 @@ class Event:
 
 
 class RunEvents:
-    """Events of a recording that grows: of its rows and changes only those are read that have come since."""
+    """Events of a growing recording; each call of `of` reads only the rows and changes that are new since the last."""
 
     def __init__(self) -> None:
         self._recording: Recording | None = None

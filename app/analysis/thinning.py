@@ -25,7 +25,8 @@ class Grid:
 
     @classmethod
     def up_to(cls, t_to: float, window: float, buckets: int) -> Grid:
-        """The same over so many s up to t_to; grids of one window have one width, to the last bit."""
+        """Grid of about this many buckets over the last `window` s up to t_to; grids of the same window have the same
+        width, to the last bit."""
         t_from, width = t_to - window, window / buckets
         first = math.ceil(t_from / width - 1e-9)
         return cls(first, max(math.floor(t_to / width + 1e-9) - first + 1, 1), width)

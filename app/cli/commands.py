@@ -1,6 +1,7 @@
-"""Table of the commands, and the one that is executed.
+"""Table of the commands of `vsmrc`, and the function that executes one.
 
-Each command imports its own libraries where it runs: no other one waits for those of the page or of the simulation.
+Each command imports its libraries when it runs, so that no other command waits for those of the page or of the
+simulation.
 """
 
 from __future__ import annotations
@@ -45,7 +46,8 @@ COMMANDS: dict[str, Callable[..., int]] = {
 
 
 def execute(arguments: list[str]) -> int:
-    """Exit status of the command with these arguments, as `app.__main__` has it. Raises KeyboardInterrupt."""
+    """Execute the command with these arguments; returns its exit status, see `app.__main__`. Raises
+    KeyboardInterrupt."""
     log.configure_as_parent()
     if not arguments or (arguments[0].startswith("-") and arguments[0] not in ("-h", "--help")):
         arguments = ["serve", *arguments]

@@ -32,7 +32,7 @@ def one_of(flag: str, given: str, names: tuple[Choice, ...]) -> Choice:
 
 
 def braces(names: tuple[str, ...]) -> str:
-    """The names as a command's help shows what is allowed."""
+    """Allowed names as a command's help shows them, in braces."""
     return f"{{{','.join(names)}}}"
 
 

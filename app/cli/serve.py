@@ -93,7 +93,7 @@ def serve(
     except OSError as error:
         raise ScenarioError(f"--log-file {log_file}: cannot be written: {error.strerror}") from error
     interruption = Interruption()
-    signal.signal(signal.SIGINT, interruption)  # a script that begins us with & hands it on ignored
+    signal.signal(signal.SIGINT, interruption)  # a script with & starts programs with it ignored
     for ending in (signal.SIGTERM, signal.SIGHUP):
         if signal.getsignal(ending) is not signal.SIG_IGN:  # nohup
             signal.signal(ending, interruption)

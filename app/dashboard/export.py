@@ -27,7 +27,7 @@ from app.storage.recording_files import TooLarge, table, write_csv, write_npz
 
 @dataclass(frozen=True)
 class Stretch:
-    """A run, and the stretch of its rows with start <= t <= end (s)."""
+    """Stretch of a run: the recorded rows with start <= t <= end (s)."""
 
     scenario: Scenario
     recording: Recording
@@ -37,9 +37,9 @@ class Stretch:
 
 @dataclass(frozen=True)
 class FigureChoice:
-    """Choice of what a figure shows, and its look.
-    plots: plots, or tabs of the page, by their names.
-    series: lines by their names in the legends, () for all."""
+    """Content and look of a figure.
+    plots: names of plots, or of tabs of the page.
+    series: names of lines in the legends, () for all."""
 
     plots: Sequence[str] = (ALL_PLOTS,)
     series: Sequence[str] = ()
@@ -47,8 +47,8 @@ class FigureChoice:
 
 
 def write(stretch: Stretch, kinds: Iterable[Kind], choice: FigureChoice, out: Path) -> Iterator[Path]:
-    """Write files of these kinds to the folder `out`, which is made; yields their paths, one after the other. Raises
-    ScenarioError, and OSError."""
+    """Write files of these kinds to the folder `out`, which is created; yields the path of each. Raises ScenarioError
+    and OSError."""
     rows = stretch.recording.signals(("t",), stretch.start, stretch.end)["t"]
     if len(rows) < 2:
         t = stretch.recording.signals(("t",))["t"]
@@ -98,7 +98,7 @@ def _write(stretch: Stretch, kind: Kind, choice: FigureChoice, path: Path) -> No
 
 
 def _figure(stretch: Stretch, choice: FigureChoice) -> Figure:
-    """Figure of the stretch. Raises ValueError when it is empty, and ScenarioError."""
+    """Figure of the stretch. Raises ScenarioError, and ValueError for an empty stretch."""
     snapshot = snapshot_of(ClosedLoop(stretch.scenario, history=1))
     if not stretch.recording.epochs:  # a file does not hold the changes during the run
         stretch.recording.epochs.extend(snapshot.recording.epochs)

@@ -32,10 +32,12 @@ events = structlog.get_logger()
 def serve(
     scenario: Scenario, dashboard: Dashboard, interruption: Interruption, *, state_dir: Path | None, stateless: bool
 ) -> None:
-    """Run this scenario on this page, which ends with it. Raises ScenarioError for a folder that cannot be used.
+    """Run a scenario on a page until the user ends it. Raises ScenarioError for a folder that cannot be used.
 
-    interruption: handles the signals that end it.
-    state_dir: folder that keeps the session, None for the usual one; stateless: keep nothing.
+    dashboard: closed at the end.
+    interruption: handles the signals that end the server.
+    state_dir: folder that keeps the session, None for the usual one.
+    stateless: keep nothing.
     """
     runner: Runner | None = None
     warming: Popen[bytes] | None = None
@@ -64,7 +66,7 @@ def serve(
         for ending in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
             signal.signal(ending, signal.SIG_IGN)  # an impatient second Ctrl-C must not interrupt the ending
         end_within()
-        if autosave is not None:  # first: anything that hangs may use up the time
+        if autosave is not None:  # first, since another part that hangs may use up the time
             autosave.close()
         dashboard.close()
         if warming is not None:
@@ -86,7 +88,7 @@ def _state_folder(chosen: Path | None) -> StateFolder | None:
 
 
 def _prepared(scenario: Scenario, dashboard: Dashboard) -> Runner:
-    """Runner whose kernels are compiled; meanwhile terminal and page show what is being done."""
+    """Runner with compiled kernels; terminal and page show the progress of the preparation."""
     ready: Future[Runner] = Future()
 
     def prepare() -> None:

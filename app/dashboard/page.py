@@ -68,25 +68,26 @@ def panel_name(title: str) -> str:
 
 _ACTING = frozenset(map(panel_name, ("Lessons", "Robustness")))  # panels that follow the run also when on no screen
 REFRESH = 1 / 10  # s, plots and numbers
-CONTROLS = 1 / 2  # s, controls that nobody uses, of a run that nobody changes, and the numbers among them
+CONTROLS = 1 / 2  # s, controls while nobody uses them and the run is not changed
 PLOTTING = 0.1  # share of the time for drawing plots: long windows are drawn less often
 COMPLAINT_SHOWN = 12.0  # s
-SLOW = 2.0  # s, a drawing that is worth a line in the log
-SOONEST = 0.005  # s, from one frame to the next, however soon there is something to draw
-UNWATCHED = 1.0  # s, between two looks for stalled connections while nothing is drawn
+SLOW = 2.0  # s, from which on the drawing of a frame is logged
+SOONEST = 0.005  # s, the least time from one frame to the next
+UNWATCHED = 1.0  # s, between two searches for stalled clients while no page is on a screen
 ENDING = 0.7  # s to wait for the end of viser's server
 FRAME_ENDING = 0.7  # s to wait for the end of a frame
 
 
 class Dashboard:
-    """Dashboard on a viser server: the page is reachable as soon as this is made, and shows a run once `attach` has
-    given it a runner.
+    """Dashboard on a viser server: its page can be opened as soon as the dashboard is made, and shows a run after
+    `attach`.
 
     port: 0 takes any free port.
     fps: pictures of the scene per second; for a machine without a graphics card, few are better.
     key: requests without it in the header KEY_HEADER are refused.
+    tokens: that visitors must show, None for a page without.
     previewer: answers what-if questions; ends with the dashboard.
-    allowance: what may be computed beside the loop; None: what a session alone on this machine may.
+    allowance: of computations beside the loop; None for that of a session alone on this machine.
     Raises PortTaken, and ValueError for an fps outside of the allowed range.
     """
 
@@ -127,8 +128,8 @@ class Dashboard:
         self._appearance = Appearance(gui, self._scene, theme)
         self._help = Help(self._server)
         self._closed, self._drawing = threading.Event(), threading.RLock()
-        # there is something to draw: a page has been opened or has told what it shows, a slider is held or its preview
-        # has come; or the end has come
+        # set where the drawing loop should not wait for its next frame: a page has been opened or has reported its
+        # visible tabs, a slider is held or its preview has come, the dashboard is closed
         self._awake = threading.Event()
         self.uploads, self.notebook, self.classroom = UploadedUrdfs(), Notebook(), ClassDesk()
         self._stalled_clients = StalledClients(self._server)
@@ -147,7 +148,7 @@ class Dashboard:
         return "" if self._view is None else self._view.hang
 
     def come_round(self) -> None:
-        """Wait until the page's web sockets have had their turn, which is soon unless they hang."""
+        """Wait until the event loop of the web sockets has had a turn, which is soon unless the loop hangs."""
         asyncio.run_coroutine_threadsafe(asyncio.sleep(0), self._server.get_event_loop()).result()
 
     @property
@@ -166,7 +167,7 @@ class Dashboard:
         return frozenset() if self._view is None else self._view.looking_fields
 
     def show_progress(self, text: str) -> None:
-        """Show what is being prepared, while there is no runner yet."""
+        """Show a text on the preparation of a run, while there is no runner yet."""
         self._status.content = splash_html(text)
 
     def attach(self, runner: Runner) -> None:
@@ -190,12 +191,12 @@ class Dashboard:
             self._view.offer(last_session)
 
     def fail(self, sentence: str) -> None:
-        """Show on every page that something of ours has failed."""
+        """Show a failure of this program on every page."""
         if self._view is not None:
             self._view.fail(sentence)
 
     def run_forever(self, until: Callable[[], bool] = lambda: False) -> None:
-        """Draw until `close`, or until this is so; does next to nothing while no page is open and on its screen."""
+        """Draw frames until `close`, or until `until` returns True. Draws nothing while no page is on a screen."""
         while not self._closed.is_set() and not until():
             started = time.monotonic()
             self._awake.clear()
@@ -215,7 +216,7 @@ class Dashboard:
         """End `run_forever` and stop the server. The caller ends the runner."""
         self._closed.set()
         self._awake.set()
-        # a server that has stopped accepts nothing of the frame that is being drawn
+        # a frame that is being drawn would fail at a stopped server
         drawn = self._drawing.acquire(timeout=FRAME_ENDING)
         try:
             if self._view is not None:
@@ -227,13 +228,13 @@ class Dashboard:
                 self._drawing.release()
 
     def _stop(self) -> None:
-        # viser may still wait for seconds for a client that does not answer; its threads then end without us
+        # viser may wait for seconds for a client that does not answer, which must not delay the end of this process
         stopping = threading.Thread(target=self._server.stop, name="stopping", daemon=True)
         stopping.start()
         stopping.join(ENDING)
 
     def _draw(self, view: _View, started: float) -> None:
-        """Draw one frame; a fault in it must not take the page down: it is shown and logged, and drawing goes on."""
+        """Draw one frame; a fault is shown and logged, and must not end the drawing."""
         try:
             with self._server.atomic():  # one wake of the server's thread for all messages of a frame
                 view.draw(started)
@@ -272,8 +273,9 @@ class _View:
     ) -> None:
         self._server, self._status, self._scene, self._runner = server, status, scene, runner
         self._complaint, self._complaint_until = "", 0.0
-        self._complaint_after = 0  # commands that had been posted before
-        self._complaint_of: tuple[int, int] | None = None  # revision and run that they left, None until they are heard
+        self._complaint_after = 0  # number of commands that had been posted before the complaint
+        # revision and run after these commands, None until the runner has heard them: later ones end the complaint
+        self._complaint_of: tuple[int, int] | None = None
         self._refusals = runner.snapshot.refusal_number
         self._shipped = shipped()
         self._previewer = previewer
@@ -327,7 +329,7 @@ class _View:
         equation.float(x=12, y=-92, width=440)
         self._refreshed = self._controls_due = 0.0
         self._controls_of: object = None
-        self._open_panels: frozenset[str] = frozenset()  # on a screen when the controls were shown last
+        self._open_panels: frozenset[str] = frozenset()  # panels on a screen when the controls were shown last
         self._outdated: frozenset[str] = frozenset()  # panels that do not show the last change yet
         self._equation_of: System | None = None
         self._drawn: Snapshot | None = None
@@ -342,16 +344,16 @@ class _View:
         return self._runner.hang
 
     def is_unseen(self, clients: Collection[int]) -> bool:
-        """Whether none of these pages is on its screen."""
+        """Whether none of these clients has its page on its screen."""
         return self._visible_tabs.all_away(clients)
 
     def complain(self, sentence: str) -> None:
-        """Show a refusal until another edit is accepted or the run is another one, or for some seconds."""
+        """Show a refusal, until another edit is accepted, another run begins or COMPLAINT_SHOWN is over."""
         log.info("refused", sentence=sentence)
         self._say("Refused", sentence)
 
     def fail(self, sentence: str) -> None:
-        """Show that something of ours has failed; once, while it keeps failing."""
+        """Show a failure of this program; not again while the same one is shown."""
         if f"Failed: {sentence}" != self._complaint:
             self._say("Failed", sentence)
 
@@ -421,7 +423,7 @@ class _View:
             *(self._whatif.held, self._widget_lock.used),
         )
         every = frozenset(self._panels)
-        # a page that tells of none may have a script that does not run
+        # the script of a page that reports no panel may not run at all
         on_screen = self._visible_tabs.tabs(self._server.get_clients()) & every or every
         shown = on_screen - self._open_panels
         if of != self._controls_of:

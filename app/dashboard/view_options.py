@@ -1,4 +1,4 @@
-"""Options for drawing the scene: state of the page, the same for all visitors, and never part of a run."""
+"""Options of the scene and the plots: state of the page, the same for all its visitors, and never part of a run."""
 
 from __future__ import annotations
 
@@ -15,12 +15,14 @@ Drag = Literal["push", "target", "turn"]
 @dataclass(frozen=True)
 class Look:
     """Look of the scene.
-    spring: the target model's spring and damper, so many `times` as long as the deflection.
-    newtons: force that an arrow of 100 mm stands for, None for one that suits the forces.
+    spring: whether the target model's spring and damper are drawn.
+    times: their length over the deflection.
+    newtons: force of an arrow of 100 mm, None for a scale that suits the forces.
     cell: m, see `FINE`.
-    drag: action of the mouse on the tool; with Shift held it pushes, or, where it pushes anyway, moves the target.
-    stiffness, limit: N/m and N, of the spring by which it pushes; torsion, moment_limit: N m/rad and N m, of that by
-    which it turns."""
+    drag: action of the mouse on the tool; with Shift held, a push, or, where it is a push already, a move of the
+    target.
+    stiffness, limit: N/m and N, of the spring by which the mouse pushes.
+    torsion, moment_limit: N m/rad and N m, of the torsional spring by which the mouse turns the tool."""
 
     ghost: bool = False
     pinned_arms: bool = True
@@ -44,8 +46,8 @@ class Look:
 
 @dataclass(frozen=True)
 class Legend:
-    """Present meaning of colours and lengths in the scene.
-    error: m, that of the last colour.
+    """Legend of the scene: the present meaning of its colours and lengths.
+    error: m, of the last colour.
     newtons: force per 100 mm of arrow.
     ghost: distance of arm and ghost, m, None where none is drawn."""
 
@@ -55,8 +57,11 @@ class Legend:
 
 
 class Viewing:
-    """Present choices of the page: the look, and the legend of the last drawing; for the plots, the length of the
-    window (s), and the shown coordinate and joint, counted from 0."""
+    """View options of the page.
+    look: of the scene.
+    legend: of the last drawing of the scene.
+    window: s, length of the plots.
+    coordinate, joint: numbers, from 0, of those that the plots show."""
 
     def __init__(self) -> None:
         self.look = Look()

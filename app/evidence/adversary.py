@@ -16,10 +16,10 @@ from app.scenario.schema import Scenario, ScenarioError
 from app.simulation.closed_loop import ClosedLoop
 from controllers.switching import Switching
 
-SEED = 1000  # of the situations, which differ from those of the other runs
-POPULATION, GENERATIONS = 25, 11  # of each hunt: 275 tries, unless the first 25 are all refused
+SEED = 1000  # of the situations, other ones than those of the random arms
+POPULATION, GENERATIONS = 25, 11  # of each hunt: 275 tries, or 25 where all of the first generation are refused
 DURATION = 0.15  # s
-START = 0.03  # rad, displacement of each joint from the start of the path; none on a rigid surface
+START = 0.03  # rad, largest displacement of each joint from the start of the path; 0 on a rigid surface
 SHARED = 18  # numbers of a try besides nine for each joint
 PAPER_FROM = 0.5  # on [-1, 1]: a quarter of the first tries have the bounds of (7)
 KINDS = tuple(kind.name.lower() for kind in Switching)
@@ -27,12 +27,14 @@ KINDS = tuple(kind.name.lower() for kind in Switching)
 
 @dataclass(frozen=True)
 class Hunt:
-    """All tries in one situation.
-    reaching: s(0) is not zero.
-    refused: number of tries whose gain (17) would feed itself.
-    promised, broken: number of tries with a promise, and of those in which it was not kept.
-    ratio: largest ||s|| over (20) with its band while promised, 0 without any promise.
-    worst: scenario of that try as TOML; off: displacement of its arm's start from the posture there, (n,) rad."""
+    """Hunt: all tries in one situation.
+    reaching: whether s(0) is not zero.
+    refused: number of tries that do not start, since the feedback of their gain (17) to itself is too large.
+    promised: number of tries with a promise.
+    broken: number of tries whose promise was not kept.
+    ratio: largest ||s|| over (20) with its band, in periods with a promise; 0 without any promise.
+    worst: scenario of the try with this ratio, as TOML.
+    off: displacement (n,) rad of the start of its arm from the scenario's posture."""
 
     robot: str
     mode: str
@@ -47,7 +49,7 @@ class Hunt:
 
 
 class Ground:
-    """One situation, built once: Omega and the constants over it do not depend on anything that a try changes."""
+    """Ground of a hunt: the system of a situation, built once, since a try changes neither Omega nor its constants."""
 
     def __init__(self, robot: str, mode: str, *, reaching: bool) -> None:
         here = edited(situation(robot, mode, SEED), "simulation.duration", DURATION)
@@ -57,7 +59,7 @@ class Ground:
         self.size = 9 * self.n + SHARED
 
     def scenario_of(self, x: np.ndarray) -> Scenario:
-        """Scenario of the numbers x (size,) within [-1, 1], without the start of the arm."""
+        """Scenario of a try, without its displacement of the start. x: numbers (size,) within [-1, 1]."""
         n, here = self.n, self.scenario
         links, shared, rotors = _edged(x[:n]), x[n : n + SHARED], _edged(x[2 * n + SHARED : 3 * n + SHARED])
         shifts, moments = np.split(_edged(x[3 * n + SHARED :]).reshape(2 * n, 3), 2)
@@ -90,18 +92,19 @@ class Ground:
         )
 
     def off(self, x: np.ndarray) -> np.ndarray:
-        """Displacement of the arm's start from its posture, (n,) rad."""
+        """Displacement (n,) rad of the arm's start from its posture, in a try. x: see `scenario_of`."""
         return START * x[self.n + SHARED : 2 * self.n + SHARED] * (not self.system.plant.kind.rigid)
 
     def attempt(self, x: np.ndarray) -> ClosedLoop:
-        """Run of one try. Raises ScenarioError."""
+        """Run of a try. x: see `scenario_of`. Raises ScenarioError for a refused try."""
         system = built(self.scenario_of(x), self.system)
         started = replace(system.robot, posture=self.posture + self.off(x))
         return run(replace(system, robot=started))
 
 
 def hunt(robot: str, mode: str, reaching: bool, generations: int = GENERATIONS) -> Hunt:
-    """Search by differential evolution from corners of the declared set and draws inside, half of each."""
+    """Hunt by differential evolution, which begins with corners of the declared set and draws from inside, half of
+    each."""
     ground, random = Ground(robot, mode, reaching=reaching), random_of(robot, mode, SEED, int(reaching))
     ratios: list[float | None] = []
     broken = 0
@@ -147,12 +150,12 @@ def largest_ratio(loop: ClosedLoop) -> float:
 
 
 def _edged(x: np.ndarray) -> np.ndarray:
-    """Numbers of [-1, 1], half of them moved to its ends."""
+    """Numbers of [-1, 1], with those of its outer halves moved to the ends."""
     return np.clip(2.0 * x, -1.0, 1.0)
 
 
 def _share(x: Any) -> Any:
-    """Share of the way from -1 to 1."""
+    """Position of x in [-1, 1] as a share, 0 to 1."""
     return 0.5 * (x + 1.0)
 
 

@@ -17,15 +17,15 @@ from app.simulation.closed_loop import ClosedLoop
 
 RIGID = "constrained"
 PLANTS = 5  # in each situation
-LOOKS = 12  # instants of each run before s is reached, and as many later, at which the true arm is examined
+LOOKS = 12  # instants of each run before the band is reached, and as many later, at which the true arm is examined
 SCALES = (1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 6.0)
 CAUSES = ("inertia", "Coriolis", "gravity", "moving task", "disturbance", "ε")  # of the signal `needed`
-PARTS = {"inertia": 0, "coriolis": 1, "gravity": 2, "disturbance": 4}  # of the perturbation, by their cause
+PARTS = {"inertia": 0, "coriolis": 1, "gravity": 2, "disturbance": 4}  # of the perturbation: index of their cause
 
 
 @dataclass(frozen=True)
 class Deadline:
-    """A promised time and the measured one, both in s after the beginning; measured: infinite for never."""
+    """Deadline: a promised time, s after the beginning of the run, and the measured one, infinite for never."""
 
     promised: float
     measured: float
@@ -38,10 +38,11 @@ class Deadline:
 
 @dataclass(frozen=True)
 class Plant:
-    """One of the plants, drawn inside the declared set.
+    """Plant of a run, drawn inside the declared set, and the verdict on its promise.
+    bounds: kind of the declared bounds.
+    lagging: whether the multiplier is read one period late.
     failed: title of the premise that failed first, "" for none.
-    stopped: why the run ended early, "" where it did not.
-    lagging: the multiplier is read one period late."""
+    stopped: reason for which the run ended early, "" for none."""
 
     robot: str
     mode: str
@@ -54,20 +55,22 @@ class Plant:
 
 @dataclass(frozen=True)
 class Refused(Plant):
-    """A plant that does not start: its gain by (17) would feed itself."""
+    """Plant that does not start, since the feedback of its gain (17) to itself is too large."""
 
 
 @dataclass(frozen=True)
 class Reaching(Plant):
-    """One run; all figures count only periods with a promise, and are nan where there are none.
+    """Reaching of one run; all figures count only periods with a promise, and are nan where there are none.
 
     s_0: ||s|| at the start, m/s.
-    share: of the periods.
-    excess: of ||s|| beyond (20) and the band, m/s.
-    early_excess: beyond (20) alone until the band is reached, nan where it began there.
-    tightness: largest ||s|| over (20) with band; V_tightness: largest V over (24) meanwhile.
-    layer, band: see `Deadline`, None where a premise failed before, or there was nothing to reach.
-    known: promise for the band from the true V(0), and the least that d had to spare in place of epsilon.
+    share: of the run's periods that have a promise.
+    excess: largest excess of ||s|| over (20) with the band, m/s.
+    early_excess: largest excess of ||s|| over (20) alone until the band is reached, m/s, nan where s began in the band.
+    tightness: largest ||s|| over (20) with the band.
+    V_tightness: largest V over (24) until the band is reached.
+    layer, band: deadlines for both, None where a premise failed before, or there was nothing to reach.
+    known: time to the band, s, that the theorem would promise with the true V(0), and with the least true margin of d
+    in place of epsilon.
     margin: least d - perturbation, N.
     used: largest perturbation over d - epsilon.
     shares: (6,), mean share of each cause in (17).
@@ -95,16 +98,18 @@ class Reaching(Plant):
 
     @property
     def known_ratio(self) -> float:
-        """Ratio of the time to the band to the one that the true perturbation would promise."""
+        """Ratio of the time to the band to the time `known`."""
         return np.nan if self.band is None or not self.known > 0.0 else self.band.measured / self.known
 
 
 @dataclass(frozen=True)
 class Outside:
-    """One run of an arm `scale` times as far away as declared, from s(0) = 0 on, judged as if it were inside.
-    over_band, over_rest: largest ||s|| over its band, and over the rest of the promise by (23), among the periods in
-    which all other premises hold, nan without any.
-    margin: least d - perturbation there, N."""
+    """Run of an arm outside of the declared set, from s(0) = 0 on, judged as if the arm were inside. All figures count
+    the periods in which all other premises hold, and are nan without any.
+    scale: distance of the true arm from the nominal one over the declared distance.
+    over_band: largest ||s|| over its band.
+    over_rest: largest ||s|| over its band plus the rest that (23) leaves with the margin.
+    margin: least d - perturbation, N."""
 
     scale: float
     over_band: float
@@ -115,7 +120,7 @@ class Outside:
 
 @dataclass(frozen=True)
 class Example:
-    """An example for a figure: ||s||, its bound (20) and the sampling band, (N,) m/s, over t (N,) s."""
+    """Example for a figure: t (N,) s; ||s||, its bound (20) and the sampling band, (N,) m/s each."""
 
     t: np.ndarray
     s: np.ndarray
@@ -185,8 +190,8 @@ def _before_band(record: Mapping[str, np.ndarray], promised: np.ndarray) -> np.n
 
 
 def _deadline(promised: float | None, measured: float | None, until: float, end: float) -> Deadline | None:
-    """Deadline of a promised and a measured time; None for one that was not promised, was met from the beginning, or
-    before which a premise failed (`until`, s), and for one that the run's end (s) left open."""
+    """Deadline of a promised and a measured time, s; None where there was no promise, where it was met from the
+    beginning, where a premise failed before it (`until`, s), or where the run ended before it (`end`, s)."""
     if promised is None or measured == 0.0 or promised <= 0.0 or promised >= until:
         return None
     if measured is None and promised > end:
@@ -197,7 +202,7 @@ def _deadline(promised: float | None, measured: float | None, until: float, end:
 def _with_true_perturbation(
     found: Reaching, loop: ClosedLoop, record: Mapping[str, np.ndarray], promised: np.ndarray, early: np.ndarray
 ) -> Reaching:
-    """The run with the quantities that only the simulation can know: V, and the perturbation that d outweighs."""
+    """Reaching with the figures that only the simulation can know: those from V and from the perturbation."""
     looks = np.unique(np.concatenate([_some(np.flatnonzero(early)), _some(np.flatnonzero(promised & ~early))]))
     known = PerturbationAnalysis(loop.system).recorded(record, tuple(loop.recording.epochs), looks)
     real, d, epsilon = known["perturbation"][looks], record["d"][looks], loop.system.controller.epsilon
@@ -210,7 +215,7 @@ def _with_true_perturbation(
         time = begun.time_to(float(np.nanmin(record["s_band"][: last + 1])))
     needed = record["needed"][looks]
     parts = np.stack([known[name][looks] for name in PARTS])
-    bounds = needed[:, list(PARTS.values())].T.copy()  # both are zero for Coriolis forces at rest
+    bounds = needed[:, list(PARTS.values())].T.copy()  # at rest, part and bound of the Coriolis forces are zero
     bounds[0] += needed[:, CAUSES.index("moving task")]  # (7) has two bounds for the one term M q_eq_ddot
     return replace(
         found,
@@ -229,7 +234,7 @@ def _some(rows: np.ndarray) -> np.ndarray:
 
 
 def outside(robot: str, mode: str, seed: int) -> list[Outside]:
-    """Runs of one corner of the declared set, moved away from the nominal arm step by step."""
+    """Runs of arms in the direction of one corner of the declared set, farther and farther from the nominal arm."""
     here = edited(situation(robot, mode, seed), "controller.on_change", "remove")
     random = random_of(robot, mode, seed, PLANTS)
     departure = Departure.edge(random, len(here.robot.posture or ()))
@@ -243,15 +248,15 @@ def outside(robot: str, mode: str, seed: int) -> list[Outside]:
 
 
 def _outside(loop: ClosedLoop, scenario: Scenario, scale: float) -> Outside:
-    """Figures of a loop that believes its arm to be inside, so that it goes on to judge the other premises and the
-    band."""
+    """Figures of a loop that takes its arm for one inside the declared set, so that it still judges the other premises
+    and the band."""
     record = loop.recording.signals(tuple(loop.recording.columns))
     limit = record["s_bound"] + record["s_band"]
     promised = np.flatnonzero(np.isfinite(limit))
     if not len(promised):
         return Outside(scale, np.nan, np.nan, np.nan, loop.stopped is not None)
     looks = promised[np.unique(np.linspace(0, len(promised) - 1, 4 * LOOKS).astype(int))]
-    epochs = [replace(epoch, scenario=scenario) for epoch in loop.recording.epochs]  # of the true arm
+    epochs = [replace(epoch, scenario=scenario) for epoch in loop.recording.epochs]  # with the true arm
     known = PerturbationAnalysis(loop.system).recorded(record, epochs, looks)
     margin = float((record["d"][looks] - known["perturbation"][looks]).min())
     s, limit, c = record["s_norm"][promised], limit[promised], loop.certificate
@@ -260,6 +265,6 @@ def _outside(loop: ClosedLoop, scenario: Scenario, scale: float) -> Outside:
 
 
 def example() -> Example:
-    """Example of one run."""
+    """Example of a run that reaches its band."""
     loop = run(built(drawn("ur5", "hybrid", 0, 0)))
     return Example(*loop.recording.signals(("t", "s_norm", "s_bound", "s_band")).values())

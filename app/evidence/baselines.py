@@ -1,4 +1,4 @@
-"""The unified law, computed torque and PD + gravity on the same uncertain arms."""
+"""Comparison of the unified law with computed torque and PD + gravity, on the same uncertain arms."""
 
 from __future__ import annotations
 
@@ -19,20 +19,21 @@ from app.session.headless_run import play
 from app.simulation.closed_loop import ClosedLoop
 from app.simulation.system import System, assemble
 
-PLANTS, LOT = 100, 10  # and how many of them a job takes
-DURATION, SETTLED = 4.0, 1.5  # s, of a run, and of the beginning of the figures
+PLANTS, LOT = 100, 10  # number of plants, and of those in a job
+DURATION, SETTLED = 4.0, 1.5  # s, length of a run, and instant from which on its figures count
 DECLARED = {
     "link_scaling": 0.15, "payload_mass": 1.0, "payload_offset": 0.05, "coulomb": 0.5, "viscous": 0.3,
     "disturbance": 2.0,
 }  # fmt: skip
-STIFFER = 5.0  # in frequency
+STIFFER = 5.0  # factor of the frequency
 NOISES = (0.0, 0.05, 0.2, 0.5, 1.0)  # N
 NOISY_PLANTS = 5
 
 
 @dataclass(frozen=True)
 class Contestant:
-    """A law and its target model: `stiffer` times as fast along the motion-controlled coordinates."""
+    """Contestant: a law with its target model. stiffer: factor of the frequency along the motion-controlled
+    coordinates."""
 
     title: str
     color: Rgb
@@ -41,7 +42,7 @@ class Contestant:
     stiffer: float = 1.0
 
     def scenario(self) -> Scenario:
-        """UR5 pressing with 20 N on 10 kN/m while it draws a circle in 2 s."""
+        """Scenario: a UR5 that presses with 20 N on 10 kN/m while it draws a circle in 2 s."""
         data = to_plain(shipped()["ur5-hybrid"])
         data["declared"] = dict(DECLARED)
         data["controller"] |= {"law": self.law, "switching": self.switching}
@@ -67,8 +68,10 @@ CONTESTANTS = (
 
 @dataclass(frozen=True)
 class Outcome:
-    """One run: figures from `SETTLED` on; over_bound: excess of ||s|| over (20) and its band, m/s; stopped: the
-    reason."""
+    """Outcome of a run.
+    figures: from `SETTLED` on.
+    over_bound: largest excess of ||s|| over (20) with its band, m/s.
+    stopped: reason for which the run ended early, None for none."""
 
     figures: Account
     over_bound: float
@@ -76,7 +79,7 @@ class Outcome:
 
 
 def uncertain(scenario: Scenario, seed: int) -> Scenario:
-    """The scenario with a true arm from inside the declared set, at its edge as often as within."""
+    """The scenario with a random true arm of the declared set, of its edge as often as of its inside."""
     random, n = np.random.default_rng(seed), 6
     offset = random.standard_normal(3)
     offset *= DECLARED["payload_offset"] * random.uniform() / np.linalg.norm(offset)
@@ -103,7 +106,7 @@ def _run(scenario: Scenario, previous: System | None) -> tuple[Outcome, System]:
 
 
 def on_uncertain(contestant: Contestant, seeds: Sequence[int], noise: float) -> list[Outcome]:
-    """Outcomes of each seed's plant, with the force sensor's noise in N per axis."""
+    """Outcomes with a random arm for each seed. noise: of the force sensor, N per axis."""
     base, outcomes, system = contestant.scenario(), [], None
     for seed in seeds:
         scenario = edited(edited(uncertain(base, seed), "sensor.noise", noise), "simulation.seed", seed)
@@ -115,7 +118,7 @@ def on_uncertain(contestant: Contestant, seeds: Sequence[int], noise: float) -> 
 
 
 def on_exact(contestant: Contestant) -> Outcome:
-    """Outcome of an arm that is exactly as believed, with the same declared bounds."""
+    """Outcome with a true arm that is exactly the nominal one, under the same declared bounds."""
     return _run(edited(contestant.scenario(), "truth.link_scaling", 1.0), None)[0]
 
 

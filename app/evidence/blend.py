@@ -24,14 +24,14 @@ from controllers.target_model import TargetModel
 NOTE = (np.array([[0.4, 0.4], [1.0, 0.2]]), np.array([[0.4, 0.4], [0.1, 0.9]]))
 SHARES = np.linspace(0.0, 1.0, 401)
 BLUE, ORANGE, GREEN, GREY = (66, 135, 245), (230, 159, 0), (60, 170, 110), (140, 140, 140)
-BEGIN, OVER, END, AT_ONCE = 2.0, 2.0, 6.0, 0.001  # s; the last one is a control period
+BEGIN, OVER, END, AT_ONCE = 2.0, 2.0, 6.0, 0.001  # s: begin and length of the blend, end of the run, a control period
 SOFT = {"M_m": [10.0] * 6, "B_m": [100.0] * 6, "K_m": [500.0] * 6}
 POINTS = 600
 
 
 def diagonal_lyapunov(A: np.ndarray) -> tuple[float, float]:
-    """Interval of x in which the function v = y_1^2 + x y_2^2 falls along y_next = A y, A (2, 2) Schur-stable: where
-    the determinant of A^T D A - D is positive, which is a quadratic in x."""
+    """Interval of x in which v = y_1^2 + x y_2^2 falls along y_next = A y, for a Schur-stable A (2, 2): there the
+    determinant of A^T D A - D, D = diag(1, x), a quadratic in x, is positive."""
     (a, b), (c, d) = A
     middle = (1.0 - a**2) * (1.0 - d**2) + (b * c) ** 2 - 2.0 * a * b * c * d
     low, high = np.sort(np.roots([c**2, -middle, b**2]).real)
@@ -39,10 +39,10 @@ def diagonal_lyapunov(A: np.ndarray) -> tuple[float, float]:
 
 
 def disturbing() -> tuple[TargetModel, TargetModel]:
-    """Two models of two coordinates, all matrices s.p.d., with an unstable blend.
+    """Two target models of two coordinates with an unstable blend, all their matrices s.p.d.
 
-    M_m^-1 K_m is 100 [[1, 8], [0, 9]] and its mirror image 100 [[1, 0], [8, 9]]: 10 and 30 rad/s in both, zeta 2 and
-    2/3, but of the mean the determinant is negative.
+    M_m^-1 K_m is 100 [[1, 8], [0, 9]] in one and its mirror image 100 [[1, 0], [8, 9]] in the other: both have 10 and
+    30 rad/s, zeta 2 and 2/3, but the determinant of the mean is negative.
     """
     M_0, M_1 = np.array([[10.0, -10.0], [-10.0, 20.0]]), np.array([[20.0, 10.0], [10.0, 10.0]])
     K_0, K_1 = np.array([[1e3, -1e3], [-1e3, 1e4]]), np.array([[1e4, 9e3], [9e3, 9e3]])
@@ -50,7 +50,8 @@ def disturbing() -> tuple[TargetModel, TargetModel]:
 
 
 def metzler(seed: int, n: int, count: int) -> Counter[str]:
-    """Theorem 4 on random pairs of Hurwitz-stable matrices (n, n), non-negative off the diagonal."""
+    """Count of the results of Theorem 4 for random pairs of Hurwitz-stable matrices (n, n), non-negative off the
+    diagonal."""
     rng, found = np.random.default_rng(seed), Counter[str]()
     while found.total() < count:
         pair = rng.exponential(0.6 / n, (2, n, n))
@@ -64,7 +65,7 @@ def metzler(seed: int, n: int, count: int) -> Counter[str]:
 
 
 def decoupled(seed: int, count: int) -> Counter[str]:
-    """The certificate of random single axes: omega 3 to 60 rad/s, zeta 0.3 to 5."""
+    """Count of the certificate's results for random single axes: omega 3 to 60 rad/s, zeta 0.3 to 5."""
     rng, found = np.random.default_rng(seed), Counter[str]()
     for _ in range(count):
         omega, zeta = 10.0 ** rng.uniform(0.5, 1.8, 2), 10.0 ** rng.uniform(-0.5, 0.7, 2)
@@ -77,8 +78,8 @@ def decoupled(seed: int, count: int) -> Counter[str]:
 
 
 def coupled(seed: int, n: int, count: int) -> Counter[str]:
-    """The certificate of random coupled models, M_m, B_m, K_m s.p.d. with condition numbers up to some hundred; every
-    second pair presses on 10 kN/m."""
+    """Count of the certificate's results for random coupled models, M_m, B_m, K_m s.p.d. with condition numbers up to
+    some hundred; every second pair presses on 10 kN/m."""
     rng, found = np.random.default_rng(seed), Counter[str]()
     for number in range(count):
         models = [
@@ -96,7 +97,7 @@ def _spd(rng: np.random.Generator, n: int, size: float) -> np.ndarray:
 
 
 def _certified(start: TargetModel, end: TargetModel, K_e: np.ndarray) -> Counter[str]:
-    """Result of the certificate, compared with eigenvalues at `SHARES`: wrong, or not seen by them."""
+    """Result of the certificate of one pair, compared with the eigenvalues at `SHARES`."""
     certificate = certify(start, end, np.diag(K_e))
     worst = max(_abscissas(start, end, K_e))
     found = Counter({"refused" if not certificate.stable else certificate.by: 1})
@@ -122,8 +123,8 @@ def _verdict(certified: bool, worst: float) -> str:
 
 
 def swung(zeta: float) -> float:
-    """Growth per cycle of an axis of damping zeta that goes back and forth between 10 and 20 rad/s, in the worst
-    rhythm."""
+    """Largest growth per cycle of an axis with damping zeta whose omega jumps back and forth between 10 and 20 rad/s,
+    over all rhythms."""
     axes = [(2.0 * zeta * omega, omega**2) for omega in (10.0, 20.0)]
     sliding = shared_sliding(*axes)
     A = [axis_matrix(*axis, 0.0 if np.isnan(sliding) else sliding) for axis in axes]
@@ -134,7 +135,7 @@ def swung(zeta: float) -> float:
 
 @dataclass(frozen=True)
 class Blended:
-    """A UR5 pushed with 20 N while its model changes: curves (x, y), and figures from `BEGIN` on."""
+    """Run of a UR5 that is pushed with 20 N while its model changes. curves: (x, y). Figures are from `BEGIN` on."""
 
     curves: dict[str, tuple[np.ndarray, np.ndarray]]
     s_before: float  # m/s, largest in the second before
@@ -145,7 +146,8 @@ class Blended:
 
 
 def pushed(over: float | None) -> Blended:
-    """Run with a blend over `over` s; None: no blend but an edit, at once, by which z is set anew as in Remark 2."""
+    """Run of the pushed UR5. over: length of the blend, s; None for an edit in place of the blend, at which z is set
+    anew as in Remark 2."""
     data = to_plain(shipped()["ur5-impedance"])
     data |= {"contact": {"kind": "free"}, "motion": {"kind": "hold"}}
     data["truth"] |= {"push": [0.0, 20.0, 0.0], "push_start": 0.0, "push_duration": 100.0}
@@ -189,7 +191,7 @@ SIZES = (2, 3, 4, 6)
 
 
 def jobs(thin: int) -> list[Job]:
-    """Jobs, the simulations first: they take longest."""
+    """Jobs of the section, the simulations first, since they take longest."""
     runs = [Job(pushed, (over,)) for over, _ in WAYS.values()]
     swings = [Job(swung, (zeta,)) for zeta in (SWINGING, CREEPING)]
     theorem = [Job(metzler, (seed, n, 4000 // thin)) for seed, n in enumerate((2, 3, 4))]

@@ -30,7 +30,7 @@ FORCES = (8.0, 25.0)  # f_nd, N
 
 PERIODS = (0.002, 0.001, 0.0005)  # s
 MASSES = (0.0, 3.0)  # M_e, kg
-DEPTH = 0.004  # m, of the tool to begin with
+DEPTH = 0.004  # m, of the tool in the surface at the start
 
 INERTIA = 10.0  # kg, M_m
 FREE = tuple(product((5.0, 10.0, 20.0), (0.1, 0.3, 0.7)))  # omega rad/s, zeta
@@ -48,7 +48,8 @@ BLUE, ORANGE, GREEN, PINK, BLACK = (66, 135, 245), (230, 159, 0), (0, 158, 115),
 
 
 def changed(scenario: Scenario, **sections: Mapping[str, Any]) -> Scenario:
-    """The scenario with fields of some sections replaced; trajectories and surfaces as wholes. Raises ScenarioError."""
+    """The scenario with fields of some sections replaced; trajectories and surfaces are replaced as a whole. Raises
+    ScenarioError."""
     data = to_plain(scenario)
     for name, fields in sections.items():
         data[name] = fields if name in ("motion", "force", "surface") else data[name] | fields
@@ -56,13 +57,17 @@ def changed(scenario: Scenario, **sections: Mapping[str, Any]) -> Scenario:
 
 
 def certain(scenario: Scenario) -> Scenario:
-    """The scenario with an arm that the controller knows exactly."""
+    """The scenario with a true arm that the controller knows exactly."""
     return changed(scenario, truth={"link_scaling": 1.0}, declared={"link_scaling": 0.0})
 
 
 @dataclass(frozen=True)
 class Steady:
-    """The end of a run, and the same by (37): normal errors e_rf m and e_fn N, with f_nd N."""
+    """Steady state at the end of a run, and its prediction by (37).
+    ratio: K_e_hat / K_e.
+    f_nd: N.
+    e_rf, e_fn: normal errors, m and N.
+    e_rf_expected, e_fn_expected: these errors by (37)."""
 
     robot: str
     K_m1: float
@@ -76,7 +81,10 @@ class Steady:
 
 @dataclass(frozen=True)
 class Response:
-    """Penetration phi (N,) m over t (N,) s of a tool on a mass M_e (kg), damper and spring, and by (29)."""
+    """Response of a tool on a mass M_e (kg), damper and spring.
+    period: of the control, s.
+    phi: penetration (N,) m over t (N,) s.
+    exact: this penetration by (29)."""
 
     M_e: float
     period: float
@@ -92,8 +100,11 @@ class Response:
 
 @dataclass(frozen=True)
 class Start:
-    """A shipped scenario from z(0) of Remark 2, or from z(0) = 0: ||s(0)|| (m/s), largest ||s|| over the sampling band,
-    and when the band was reached (s, nan for never)."""
+    """Start of a shipped scenario.
+    choice: of `CHOICES`: z(0) of Remark 2, or z(0) = 0.
+    s_0: ||s(0)||, m/s.
+    largest: largest ||s|| over the sampling band.
+    reached: instant at which the band was reached, s, nan for never."""
 
     name: str
     choice: str
@@ -104,8 +115,9 @@ class Start:
 
 @dataclass(frozen=True)
 class Oscillation:
-    """An oscillation with prescribed omega (rad/s) and zeta, and the error (N,) m over t (N,) s that shows them. share:
-    of the usual control period and boundary layer."""
+    """Oscillation with prescribed omega (rad/s) and zeta.
+    share: of the usual control period and boundary layer.
+    error: (N,) m over t (N,) s, in which the oscillation is seen."""
 
     kind: str
     share: float
@@ -116,14 +128,15 @@ class Oscillation:
 
     @property
     def found(self) -> tuple[float, float]:
-        """Measured omega (rad/s) and zeta."""
+        """Omega (rad/s) and zeta measured in the error."""
         return recovered(self.t, self.error)
 
 
 @dataclass(frozen=True)
 class ForceLoop:
-    """Force errors lambda - lambda_d (N,) N in successive control periods on a rigid surface, whose sampled loop has a
-    factor."""
+    """Force loop on a rigid surface.
+    factor: predicted, of the sampled loop from one control period to the next.
+    error: lambda - lambda_d (N,) N in successive periods."""
 
     M_m1: float
     factor: float
@@ -131,13 +144,16 @@ class ForceLoop:
 
     @property
     def found(self) -> float:
-        """The factor from one period to the next, by least squares."""
+        """Factor measured in the error, by least squares."""
         return float(self.error[1:] @ self.error[:-1] / (self.error[:-1] @ self.error[:-1]))
 
 
 @dataclass(frozen=True)
 class Multiplier:
-    """Largest |lambda - lambda_d| (N) and |phi| (m) after the start, under a sinusoid."""
+    """Errors of the multiplier under a sinusoidal lambda_d, after the start.
+    period: of the control, s.
+    error: largest |lambda - lambda_d|, N.
+    phi: largest |phi|, m."""
 
     reading: Reading
     period: float
@@ -146,7 +162,7 @@ class Multiplier:
 
 
 def steady(robot: str, K_m1: float, cases: Sequence[tuple[float, float]]) -> list[Steady]:
-    """Rests of an arm that is 15 % heavier than believed and presses with f_nd, for each (K_e_hat / K_e, f_nd)."""
+    """Steady states of a pressing arm that is 15 % heavier than believed. cases: (K_e_hat / K_e, f_nd) of each."""
     found: list[Steady] = []
     previous: System | None = None
     n = 3 if robot == "planar3r" else 6
@@ -171,7 +187,7 @@ def steady(robot: str, K_m1: float, cases: Sequence[tuple[float, float]]) -> lis
 
 
 def pressed(M_e: float, period: float) -> Response:
-    """Response of a tool on a bilateral mass-damper-spring, away from its equilibrium, by an arm that is known."""
+    """Response of a tool on a bilateral mass-damper-spring that starts away from its equilibrium, with a known arm."""
     base = certain(shipped()["ur5-impedance"])
     M_m, B_m, K_m, B_e, K_e = INERTIA, 60.0, 800.0, 30.0, 3000.0
     height = ClosedLoop(base).view().tool[2].item() + DEPTH
@@ -189,7 +205,7 @@ def pressed(M_e: float, period: float) -> Response:
     )  # fmt: skip
     loop, _ = simulate(scenario)
     record = loop.recording.signals(("t", "phi"))
-    # with y = phi: (M_m + M_e) y'' + (B_m + B_e) y' + (K_m + K_e) y = K_m y_d, the tool at rest at y_d to begin with
+    # with y = phi: (M_m + M_e) y'' + (B_m + B_e) y' + (K_m + K_e) y = K_m y_d, the tool starts at rest at y_d
     M, B, K = M_m + M_e, B_m + B_e, K_m + K_e
     A = np.array([[0.0, 1.0], [-K / M, -B / M]])
     rest = np.array([K_m * DEPTH / K, 0.0])
@@ -198,7 +214,7 @@ def pressed(M_e: float, period: float) -> Response:
 
 
 def start(name: str, choice: str) -> Start:
-    """The first second of a shipped scenario. choice: `controller.on_change`."""
+    """Start of a shipped scenario, its first second. choice: `controller.on_change`."""
     scenario = edited(edited(shipped()[name], "controller.on_change", choice), "simulation.duration", 1.0)
     loop, metrics = simulate(scenario)
     record = loop.recording.signals(("s_norm", "s_band"))
@@ -208,8 +224,8 @@ def start(name: str, choice: str) -> Start:
 
 
 def free(omega: float, zeta: float, share: float) -> Oscillation:
-    """Free response of (26): the error of a UR5 whose reference starts at full speed, with links 15 % heavier than
-    believed."""
+    """Free oscillation of (26): the error of a UR5 with links 15 % heavier than believed, whose reference starts at
+    full speed."""
     scenario = changed(
         shipped()["ur5-motion"],
         target_model=_oscillator(omega, zeta),
@@ -223,8 +239,8 @@ def free(omega: float, zeta: float, share: float) -> Oscillation:
 
 
 def pressing(K_e: float, zeta: float, share: float) -> Oscillation:
-    """Response of (35) with K_m1 = 0 and K_e known: a tool of the same arm that begins too deep in an elastic
-    surface."""
+    """Oscillation of (35) with K_m1 = 0 and K_e known: a tool that starts too deep in an elastic surface, on the arm of
+    `free`."""
     base = shipped()["ur5-hybrid"]
     height = ClosedLoop(base).view().tool[2].item() + 2.0 * DEPTH
     omega = float(np.sqrt(K_e / INERTIA))
@@ -255,12 +271,12 @@ def _oscillator(omega: float, zeta: float) -> dict[str, list[float]]:
 
 
 def _span(omega: float, zeta: float) -> float:
-    """Duration of a response until little is left of it, s."""
+    """Duration of an oscillation until little is left of it, s."""
     return min(5.0 / (zeta * omega), 4.0)
 
 
 def recovered(t: np.ndarray, error: np.ndarray) -> tuple[float, float]:
-    """Omega (rad/s) and zeta < 1 of a free oscillation (N,) over t (N,) s, at equal steps.
+    """Omega (rad/s) and zeta < 1 of a free oscillation. error: (N,). t: (N,) s, in equal steps.
 
     Prony's method on the whole response, x_(k+2) = a x_(k+1) + b x_k, gives the start of a fit by least squares.
     """
@@ -280,8 +296,8 @@ def recovered(t: np.ndarray, error: np.ndarray) -> tuple[float, float]:
 
 
 def force_loop(factor: float) -> ForceLoop:
-    """Force loop of a UR5 that is known and holds still on a rigid surface; M_m1 gives the loop through the multiplier
-    this factor."""
+    """Force loop of a known UR5 that holds still on a rigid surface. factor: of the loop through the multiplier, which
+    sets M_m1."""
     base = certain(shipped()["ur5-constrained"])
     system = assemble(base)
     estimate, task = system.observe(system.q_0, np.zeros(6), 0.0)
@@ -301,8 +317,8 @@ def force_loop(factor: float) -> ForceLoop:
 
 
 def multiplier(period: float, reading: Reading) -> Multiplier:
-    """Multiplier of a UR5 whose links are 15 % heavier than believed and that slides on a rigid surface; lambda_d
-    varies."""
+    """Errors of the multiplier of a UR5 that slides on a rigid surface while lambda_d varies, with links 15 % heavier
+    than believed. period: of the control, s."""
     scenario = changed(
         shipped()["ur5-constrained"],
         force={"kind": "sinusoid", "value": 20.0, "amplitude": 5.0, "frequency": 1.0},

@@ -1,6 +1,6 @@
 """Convergence of the plant's integrators, the sampled loop and the sliding band to the paper's differential equation.
 
-That equation is written a second time in `app/evidence/independent_simulator.py`, in plain numpy, and solved by DOP853.
+The equation is written a second time in `app/evidence/independent_simulator.py`, in plain numpy, and solved by DOP853.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from environments.integrators import Integrator
 CONTACTS: Mapping[str, tuple[Mapping[str, Any], tuple[int, ...]]] = {  # of the twin; plant steps in SPAN
     "elastic, moving sphere": ({"mode": "hybrid"}, (16, 32, 64, 128)),
     "mass of 3 kg, moving sphere": ({"mode": "hybrid", "M_e": 3.0, "ideal": True}, (16, 32, 64, 128)),
-    # smooth enough for fewer steps to meet the reference's error
+    # smooth, so that more steps would meet the reference's own error
     "rigid sphere": ({"mode": "constrained", "moving": False, "ideal": True}, (4, 8, 16)),
 }
 SPAN = 0.04  # s under a constant torque
@@ -55,8 +55,11 @@ THEORY = (120, 120, 120)
 
 @dataclass(frozen=True)
 class Decline:
-    """Decline of an error with the step (s), both (N,), from the longest step to the shortest. slope: of log(error)
-    over log(step); expected: by theory."""
+    """Decline of an error with the step.
+    steps: (N,) s, from the longest to the shortest.
+    errors: (N,), one for each step.
+    slope: of log(error) over log(step).
+    expected: slope by theory."""
 
     subject: Subject
     name: str
@@ -68,20 +71,21 @@ class Decline:
 
 
 def of_plant(contact: str, integrator: Integrator) -> Decline:
-    """Largest error of (q, q_dot) (rad, rad/s) after `SPAN` under a constant torque."""
+    """Decline of the largest error of (q, q_dot) (rad, rad/s) after `SPAN` under a constant torque."""
     substeps = CONTACTS[contact][1]
     errors = plant_errors(_twin(contact, integrator), substeps, SPAN)
     return _decline("plant", contact, integrator, SPAN / np.array(substeps), errors, ORDERS[integrator])
 
 
 def of_loop(contact: str, integrator: Integrator) -> Decline:
-    """Largest error of q (rad) within `LOOP_SPAN`: the torque is held over a period, and z takes Euler's steps."""
+    """Decline of the largest error of q (rad) within `LOOP_SPAN` in the sampled loop, which holds the torque over a
+    period and integrates z by Euler's method."""
     errors = loop_errors(_twin(contact, integrator), PERIODS, LOOP_SPAN)
     return _decline("loop", contact, integrator, np.array(PERIODS), errors, 1.0)
 
 
 def of_band(name: str, d: float) -> Decline:
-    """Largest ||s|| (m/s) under the discontinuous law with a constant gain d (N)."""
+    """Decline of the largest ||s|| (m/s) under the discontinuous law with a constant gain d (N)."""
     scenario = edited(edited(shipped()[name], "simulation.duration", UNTIL), "controller.gain", "constant")
     errors = bands(edited(scenario, "controller.d", d), PERIODS, since=SINCE)
     name = f"{name.removesuffix('-discontinuous')}, d = {d:g} N"

@@ -1,4 +1,4 @@
-"""The drawings of the evidence: charts in two columns, and maps of a figure over two parameters."""
+"""Drawings of the evidence: charts in two columns, and heat maps of a quantity over two parameters."""
 
 from __future__ import annotations
 
@@ -33,12 +33,12 @@ GOOD, THEORY = "white", "0.05"  # of a map's two lines
 
 @dataclass(frozen=True)
 class HeatMap:
-    """A figure over two parameters.
-    x (k,), y (l,): their values, as text where numbers do not suffice.
-    values (l, k): logarithmic in colour, nan where a run left the domain.
+    """Heat map of a quantity over two parameters.
+    x, y: values of the parameters, (k,) and (l,), as text.
+    values: of the quantity, (l, k), nan where a run left the domain; the colours follow the logarithm.
     ends: of the scale of colours.
-    good: the value that a line marks.
-    theory (l, k) and its value: another line, e.g. the predicted limit of a loop's stability."""
+    good: value that a line marks.
+    theory: another quantity (l, k), and its value that a second line marks, such as the limit of a loop's stability."""
 
     title: str
     unit: str
@@ -53,12 +53,12 @@ class HeatMap:
 
 
 def charts_in_columns(charts: Iterable[Chart], caption: str) -> bytes:
-    """Charts beside each other, as SVG."""
+    """Picture of charts in two columns, as SVG."""
     return render(Figure(tuple(charts), caption, one_column=1), "svg")
 
 
 def heat_maps(maps: Sequence[HeatMap], caption: str) -> bytes:
-    """Maps beside each other, as SVG; the same maps always make the same bytes."""
+    """Picture of maps beside each other, as SVG; the same maps always make the same bytes."""
     from matplotlib import rc_context
     from matplotlib.figure import Figure as Canvas
 

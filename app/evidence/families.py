@@ -24,7 +24,7 @@ from app.sweep.titles import said
 LAWS = ("vsmrc", "computed-torque")
 MAP_DURATION, MAP_AXES = 3.0, ("contact.K_e=1e3:1e5:13:log", "truth.link_scaling=0.7:1.4:15")
 ARMS, BAND_DURATION, INSTANTS = 1000, 1.0, 200
-CHUNK = 25  # runs of a job
+CHUNK = 25  # runs in a job
 SHARES = (0.0, 0.05, 0.5, 0.95, 1.0)
 BLUE, RED = (86, 180, 233), (235, 80, 80)
 MM = 1e3
@@ -32,7 +32,7 @@ MM = 1e3
 
 @dataclass(frozen=True)
 class Rows:
-    """Rows of the map of a law."""
+    """Rows of a law's map, one for each run."""
 
     law: str
     rows: list[Figures]
@@ -40,10 +40,12 @@ class Rows:
 
 @dataclass(frozen=True)
 class Arms:
-    """Some arms of the band of a law.
-    s, bound, error: (arms, instants), ||s|| and what (20) and its band allow in m/s, NaN where nothing is promised, and
-    the position error, m.
-    holds: how many kept what was promised throughout; broken: how many did not."""
+    """Arms of a law's band, or some of them.
+    s: ||s||, (arms, instants), m/s.
+    bound: (20) with its band, (arms, instants), m/s, NaN where nothing is promised.
+    error: of the position, (arms, instants), m.
+    holds: number of arms whose promise was made and kept throughout.
+    broken: number of arms whose promise was not kept."""
 
     law: str
     s: np.ndarray
@@ -54,25 +56,25 @@ class Arms:
 
 
 def map_of(law: str) -> Sweep:
-    """Sweep of the map."""
+    """Sweep of a law's map."""
     scenario = edited(edited(shipped()["ur5-hybrid"], "simulation.duration", MAP_DURATION), "controller.law", law)
     return Sweep(scenario, tuple(map(axis_of, MAP_AXES)))
 
 
 def band_of(law: str) -> Sweep:
-    """Sweep of the band: one point, many arms."""
+    """Sweep of a law's band: one point, many arms."""
     scenario = edited(shipped()["ur5-hybrid-reaching"], "simulation.duration", BAND_DURATION)
     return Sweep(edited(scenario, "controller.law", law), draw=ARMS)
 
 
 def map_rows(law: str, numbers: tuple[int, ...]) -> Rows:
-    """Rows of these numbers of the map."""
+    """Rows of a law's map. numbers: of the rows."""
     runner = Runner(map_of(law))
     return Rows(law, [runner.figures(number) for number in numbers])
 
 
 def arms(law: str, numbers: tuple[int, ...]) -> Arms:
-    """Arms of these numbers of the band."""
+    """Arms of a law's band. numbers: of the arms."""
     asked, memory = Question(band_of(law)), kept_memory()
     system: System | None = None
     kept, holds, broken = [], 0, 0

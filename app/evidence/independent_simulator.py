@@ -1,9 +1,10 @@
-"""The closed loop written once more as a differential equation, straight from the paper, in continuous time.
+"""Independent simulator: the closed loop as a differential equation, straight from the paper, in continuous time.
 
-Nothing of `controllers/` is used, and of `environments/` only the arm's description: (2), (3), (5), (9), (10), (13),
-(15), (16), (31), (32), (39) in plain numpy, the law in task space where the product has it in joint space (25).
+It uses nothing of `controllers/`, and of `environments/` only the arm's description: (2), (3), (5), (9), (10), (13),
+(15), (16), (31), (32), (39) in plain numpy, with the law in task space where the product has it in joint space (25).
 Pinocchio gives M, C, G and the tool's Jacobian. Coordinates are written as functions of the tool's position and time
-alone: their partial derivatives are complex steps, J_q_dot and v_t_dot central differences along the motion.
+alone: their partial derivatives are computed by complex steps, J_q_dot and v_t_dot by central differences along the
+motion.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ STEP = 1e-3  # s, of differences along the motion, fourth order
 
 
 class Tilt(NamedTuple):
-    """Tilting of a plane by amplitude sin(omega t), rad, about an axis (3,) unit."""
+    """Tilt of a plane by amplitude sin(omega t), rad, about an axis (3,) unit."""
 
     axis: np.ndarray
     amplitude: float
@@ -32,9 +33,9 @@ class Tilt(NamedTuple):
 
 
 class Face(NamedTuple):
-    """Flat face of the tool, that is pressed on a plane as a whole.
-    axes: (2, 3) unit, in the tool's frame; level: (2, 3) unit, in the world, between which the first one's turn
-    counts."""
+    """Flat face of the tool, which is pressed on a plane as a whole.
+    axes: (2, 3) unit, in the tool's frame.
+    level: (2, 3) unit, in the world: the turn is the angle of the first axis in their plane."""
 
     axes: np.ndarray
     level: np.ndarray
@@ -49,10 +50,13 @@ class Face(NamedTuple):
 
 @dataclass(frozen=True)
 class Surface:
-    """A plane (radius 0), or a sphere with the tool outside; it moves by a sinusoid.
+    """Surface: a plane, or a sphere with the tool outside; it moves by a sinusoid.
 
-    origin (3,) m: a point of the plane, the centre of the sphere; normal (3,) unit: into the plane, or from the centre
-    to where psi = 0; amplitude (3,) m, omega rad/s; tilt: of a plane about its origin, to and fro.
+    origin: (3,) m, a point of the plane, or the centre of the sphere.
+    normal: (3,) unit, into the plane, or from the centre to the point psi = 0.
+    radius: m, 0 for a plane.
+    amplitude, omega: (3,) m and rad/s, of the motion.
+    tilt: of a plane about its origin, to and fro; None for none.
     """
 
     origin: np.ndarray
@@ -93,22 +97,23 @@ class Surface:
         return np.stack([R - rho, R * np.arctan(second / first), R * np.arctan(third / first)])
 
     def with_derivatives(self, p: np.ndarray, t: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """The coordinates (3,) of one point, their gradients (3, 3) in rows, and their partial derivatives in time."""
+        """Coordinates (3,) m of the point p (3,) m, their gradients (3, 3) in rows, and their partial derivatives in
+        time (3,)."""
         return _differentiated(self.coordinates, p, t)
 
 
 @dataclass(frozen=True)
 class Corner:
-    """One, two or three surfaces, and the coordinates that they give together.
-    edge: beside two of them in space, a point (3,) m and the unit vector (3,) along which psi counts from there."""
+    """Corner of one, two or three surfaces, with the coordinates that they give together.
+    edge: for two surfaces in space, the point (3,) m at which psi is zero, and the unit vector (3,) along psi."""
 
     surfaces: tuple[Surface, ...]
     edge: tuple[np.ndarray, np.ndarray] | None = None
 
     @classmethod
     def at(cls, surfaces: tuple[Surface, ...], p: np.ndarray) -> Corner:
-        """Corner of surfaces that are met at the point p (3,) m at t = 0: beside two of them the straight line there
-        that is tangential to both."""
+        """Corner of surfaces that the tool meets at the point p (3,) m at t = 0; the edge of two surfaces in space is
+        the straight line through p that is tangential to both."""
         if len(surfaces) != 2:
             return cls(surfaces)
         along = np.cross(*(each.with_derivatives(p, 0.0)[1][0] for each in surfaces))
@@ -136,9 +141,14 @@ def _differentiated(
 
 
 class Kinematics(NamedTuple):
-    """Kinematics (3): r (n,) m, J_q (n, n), v_t (n,) m/s; J (6, n) of the tool, gradients of phi (k, 3) of k
-    surfaces, turning (2, 3) m, rates of l times the tilts of a flat face by the angular velocity, none of another
-    tool."""
+    """Kinematics (3).
+    r: (n,) m.
+    J_q: (n, n).
+    v_t: (n,) m/s.
+    J: (6, n), of the tool.
+    normals: (k, 3), gradients of phi of k surfaces.
+    turning: (2, 3) m, which gives the rates of l times a flat face's tilts from the angular velocity; (0, 3) for
+    another tool."""
 
     r: np.ndarray
     J_q: np.ndarray
@@ -149,7 +159,8 @@ class Kinematics(NamedTuple):
 
 
 class Motion(NamedTuple):
-    """Motion: r, r_dot, J_q, J_q_dot, v_t, v_t_dot of (3), and the fields of `Kinematics` for the tool."""
+    """Motion of the tool: r, r_dot, J_q, J_q_dot, v_t, v_t_dot of (3), and J, normals and turning as in
+    `Kinematics`."""
 
     r: np.ndarray
     r_dot: np.ndarray
@@ -162,13 +173,13 @@ class Motion(NamedTuple):
     turning: np.ndarray
 
     def wrench(self, lam: np.ndarray) -> np.ndarray:
-        """Wrench (6,) of the tool on the environment for multipliers lam (m,), N, of a flat face moments over l too."""
+        """Wrench (6,) of the tool on the environment. lam: multipliers (m,) N, of a flat face also moments over l."""
         k = len(self.normals)
         return np.concatenate([self.normals.T @ lam[:k], self.turning.T @ lam[k:]])
 
 
 class Answer(NamedTuple):
-    """Output of the law: tau (n,) N m, z_dot (n,) m/s^2 and s (n,) m/s."""
+    """Answer of the law: tau (n,) N m, z_dot (n,) m/s^2 and s (n,) m/s."""
 
     tau: np.ndarray
     z_dot: np.ndarray
@@ -177,8 +188,12 @@ class Answer(NamedTuple):
 
 @dataclass(frozen=True)
 class Gains:
-    """Gains: M_m, B_m, K_m, K_f of (8), A, F_1, F_2 of (9), (10), K_s of (15): (n, n); d N and the boundary layer
-    m/s."""
+    """Gains of the law, matrices (n, n).
+    M_m, B_m, K_m, K_f: of (8).
+    A, F_1, F_2: of (9), (10).
+    K_s: of (15).
+    d: N.
+    layer: boundary layer, m/s."""
 
     M_m: np.ndarray
     B_m: np.ndarray
@@ -194,8 +209,12 @@ class Gains:
 
 @dataclass(frozen=True)
 class Wish:
-    """Reference: r_d goes from its start to start + displacement (n,) m and back, once in 2 pi / omega s; f_nd = mean +
-    swing sin(f_omega t), (m,) N; r_fd = compliance (m, m) (m/N) f_nd, (33)."""
+    """Wish: the reference of the law.
+    displacement: (n,) m, of r_d, which goes there from its start and back, once in 2 pi / omega s.
+    omega: rad/s.
+    mean, swing: (m,) N, of f_nd = mean + swing sin(f_omega t).
+    f_omega: rad/s.
+    compliance: (m, m) m/N, of r_fd = compliance f_nd, (33)."""
 
     displacement: np.ndarray
     omega: float
@@ -207,9 +226,14 @@ class Wish:
 
 @dataclass(frozen=True)
 class World:
-    """Environment: M_e kg, B_e N s/m, K_e N/m (m, m) of the contacts with m surfaces, or rigid; scaling: of all links'
-    inertia; viscous N m s/rad in the joints; all: F_c = F_r rather than its normal part; push: a wrench (6,) on the
-    tool, force N and moment N m along the world's axes, that the sensor feels as the contact's."""
+    """World around the controller.
+    rigid: whether the surfaces are rigid.
+    M_e, B_e, K_e: (m, m) kg, N s/m, N/m, of the contacts with m elastic surfaces.
+    scaling: factor of all links' inertia.
+    viscous: friction in the joints, N m s/rad.
+    all: whether F_c = F_r rather than its normal part.
+    push: wrench (6,) on the tool, N and N m along the world's axes, which the sensor measures like the contact's.
+    face: of a flat tool, None for another tool."""
 
     surfaces: tuple[Surface, ...]
     rigid: bool
@@ -224,10 +248,10 @@ class World:
 
 
 class PaperLoop:
-    """An arm on bilateral surfaces under the law of Theorem 1, from q_0 rad, q_dot_0 rad/s (n,) with s(0) = 0.
+    """Loop of an arm on bilateral surfaces under the law of Theorem 1, from q_0 rad, q_dot_0 rad/s (n,) with s(0) = 0.
 
-    r: phi of each of m surfaces, psi (psi_1, psi_2), then l times the Euler angles of the tool, three, or one of an arm
-    in the x-z plane. With a flat face on one plane: phi and l times two tilts, psi_1, psi_2, l times the turn.
+    r: phi of each of m surfaces, psi (psi_1, psi_2), then l times the Euler angles of the tool: three, or one for an
+    arm in the x-z plane. With a flat face on one plane: phi, l times two tilts, psi_1, psi_2, l times the turn.
     """
 
     def __init__(
@@ -252,7 +276,7 @@ class PaperLoop:
         return self.data.oMf[self.frame].translation.copy(), self.data.oMf[self.frame].rotation.copy(), J
 
     def kinematics(self, q: np.ndarray, t: float) -> Kinematics:
-        """Kinematics (3) at rest: r, dr/dq and dr/dt."""
+        """Kinematics (3): r, dr/dq and dr/dt at the joint angles q (n,) rad and the time t (s)."""
         p, R, J = self._tool(q)
         g, G, g_t = self.corner.with_derivatives(p, t)
         normals = G[: len(self.world.surfaces)]
@@ -278,7 +302,7 @@ class PaperLoop:
     def _on_face(
         self, face: Face, R: np.ndarray, J: np.ndarray, place: tuple[np.ndarray, np.ndarray, np.ndarray], t: float
     ) -> Kinematics:
-        """Kinematics of a flat face, from the coordinates of the tool's place with their derivatives."""
+        """Kinematics of a flat face. place: coordinates of the tool's position with their derivatives."""
         (g, G, g_t), l = place, self.l
         turns = [R + 1j * TINY * np.cross(axis, R, axisb=0, axisc=0) for axis in np.eye(3)]
         times = t + 1j * TINY * np.eye(4)[3]
@@ -354,16 +378,15 @@ class PaperLoop:
         return Answer(m.J_q.T @ T_r, z_dot, s)
 
     def acceleration(self, q: np.ndarray, q_dot: np.ndarray, torque: np.ndarray) -> np.ndarray:
-        """Acceleration (2) of the true arm under the torque without the part that the contact takes."""
+        """Acceleration (n,) rad/s^2 of the true arm by (2), without the contact's part. torque: (n,) N m."""
         h = pin.nonLinearEffects(self.true, self.true_data, q, q_dot) + self.world.viscous * q_dot
         return np.linalg.solve(pin.crba(self.true, self.true_data, q), torque - h)
 
     def contact(
         self, m: Motion, q: np.ndarray, q_dot: np.ndarray, torque: Callable[[np.ndarray], np.ndarray]
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Contact: lambda (m,) N and q_ddot with lambda = M_e phi_ddot + B_e phi_dot + K_e phi, (28) and (32), or
-        phi_ddot = 0, (39), the constraints differentiated twice; the torque may depend on lambda, all being affine in
-        it."""
+        """Contact: lambda (m,) N and q_ddot (n,) rad/s^2, with lambda = M_e phi_ddot + B_e phi_dot + K_e phi, (28) and
+        (32), or with phi_ddot = 0, the constraints (39) differentiated twice. torque: function of lambda, affine."""
         w, k = self.world, self.m
 
         def miss(lam: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -392,7 +415,7 @@ class PaperLoop:
         return slope
 
     def without_reaching(self) -> np.ndarray:
-        """Initial z(0) of Remark 2."""
+        """Initial z(0) (n,) m/s of Remark 2."""
         start, (r_d, r_d_dot, _, _) = self.motion(self.q_0, self.q_dot_0, 0.0), self.reference(0.0)
         return -np.linalg.solve(self.gains.F_2, start.r_dot - r_d_dot + self.gains.F_1 @ (start.r - r_d))
 

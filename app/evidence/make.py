@@ -1,4 +1,4 @@
-"""Run of the sections' jobs on all cores, which writes evidence.md with its figures."""
+"""Maker of the evidence: runs the sections' jobs on all cores, and writes evidence.md with its figures."""
 
 from __future__ import annotations
 
@@ -26,10 +26,11 @@ by hand. Made with Python {python}, pin {pin}, numpy {numpy}, numba {numba}.{sha
 def make(
     sections: Sequence[Section], thin: int, out: Path, workers: int | None = None, engine: Engine = "pinocchio"
 ) -> Path:
-    """Write evidence.md and its figures into the folder `out`, from one in `thin` of the cases; returns the page.
+    """Write evidence.md and its figures into the folder `out`. Returns the path of evidence.md. Raises OSError.
 
-    engine: of all runs that it can take and that do not name one. A section that cannot run here says on the page what
-    it needs. Raises OSError.
+    thin: number of cases of which one is computed.
+    engine: of the runs that do not name one, where it can take them. Of a section that cannot run on this machine, the
+    file says what it needs.
     """
     pictures = out / PICTURES
     pictures.mkdir(parents=True, exist_ok=True)
@@ -50,8 +51,7 @@ def make(
 
 
 def _run(jobs: Mapping[str, Sequence[Job]], workers: int, engine: Engine) -> dict[str, list[Any]]:
-    """Results by section, in the order of its jobs, in whatever order they end. Raises RuntimeError where the process
-    of a job ends each time."""
+    """Results of each section, in the order of its jobs. Raises RuntimeError for a job whose process ends each time."""
     found: dict[str, dict[int, Any]] = {name: {} for name in jobs}
     tasks = [(name, number, job) for name, of in jobs.items() for number, job in enumerate(of)]
     with tqdm(total=len(tasks), unit=" jobs", desc="evidence") as bar:
@@ -64,7 +64,7 @@ def _run(jobs: Mapping[str, Sequence[Job]], workers: int, engine: Engine) -> dic
 
 
 def _doer(engine: Engine) -> Callable[[tuple[str, int, Job]], Any]:
-    in_force.set(engine)  # in this process, which has no other task
+    in_force.set(engine)  # for the whole process, which has no other task
     return lambda task: task[2].function(*task[2].arguments)
 
 

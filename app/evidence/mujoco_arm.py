@@ -28,7 +28,7 @@ def arm_spec(system: System) -> mujoco.MjSpec:
     for joint, rotor in zip(robot.joint_names, robot.model.armature, strict=True):
         hinge = spec.joint(joint)
         hinge.armature = rotor
-        hinge.damping, hinge.frictionloss = np.zeros(3), 0.0  # friction is the scenario's, not the URDF's
+        hinge.damping, hinge.frictionloss = np.zeros(3), 0.0  # the scenario's friction counts, not that of the URDF
         hinge.actfrclimited = False
         hinge.limited = False
         spec.add_actuator(name=joint, target=joint, trntype=mujoco.mjtTrn.mjTRN_JOINT)
@@ -75,12 +75,13 @@ def _hold_to_pinocchio(model: mujoco.MjModel, data: mujoco.MjData, system: Syste
 
 
 class MujocoPlant(Plant):
-    """Arm and plane of a system, computed by MuJoCo in every step; the loop drives it as it does a `Plant`.
+    """Plant computed by MuJoCo: the arm and the plane of a system; the loop drives it like a `Plant`. Raises ValueError
+    for a contact other than with one plane at rest.
 
-    A frictionless contact of MuJoCo's with constant impedance d (solimp) and direct stiffness and damping (negative
-    solref) solves R f = phi_ddot + b phi_dot + k phi, f >= 0, with R = (1 - d) / d times the inverse inertia that it
-    attributes to the tool's body: the mass-damper-spring (28) with M_e = 1/R, B_e = b/R, K_e = k/R. So MuJoCo's
-    parameters follow from the scenario's. Contacts other than with one plane at rest raise ValueError.
+    A frictionless contact of MuJoCo with constant impedance d (solimp) and direct stiffness and damping (negative
+    solref) solves R f = phi_ddot + b phi_dot + k phi, f >= 0, with R = (1 - d) / d times the inverse inertia that
+    MuJoCo attributes to the tool's body: the mass-damper-spring (28) with M_e = 1/R, B_e = b/R, K_e = k/R. MuJoCo's
+    parameters thus follow from the scenario's.
     """
 
     def __init__(self, system: System, substeps: int) -> None:
@@ -109,8 +110,7 @@ class MujocoPlant(Plant):
         self._site = self.engine.site("tool").id
 
     def advance(self, state: PlantState, tau: np.ndarray, t: float, period: float) -> None:
-        """Advance by one control period, all of it in MuJoCo: dynamics, integration, contact, and the tool's place
-        afterwards."""
+        """Advance `state` by one control period in MuJoCo: dynamics, integration, contact, and the tool's position."""
         del t, period
         arm, world = state.views, self.world
         world.qpos[:], world.qvel[:], world.ctrl[:] = arm.q, arm.q_dot, tau
@@ -141,7 +141,8 @@ def _add_contact(spec: mujoco.MjSpec, system: System, into: np.ndarray, depth: f
 
 
 def _set_contact(engine: mujoco.MjModel, contact: Contact) -> None:
-    """Set the solver's parameters for which its contact is (28). See MuJoCo's "Computation", on solref and solimp."""
+    """Set the parameters of MuJoCo's solver so that its contact is (28). See "Computation" in MuJoCo's manual, on
+    solref and solimp."""
     yielding = engine.body_invweight0[engine.geom("probe").bodyid[0], 0]  # 1/kg
     d = contact.M_e * yielding / (1.0 + contact.M_e * yielding)
     for geom in ("probe", "plane"):

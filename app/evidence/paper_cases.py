@@ -1,4 +1,4 @@
-"""The cases of the paper's conclusion, each under the discontinuous law (15) and with a boundary layer."""
+"""Cases of the paper's conclusion, each under the discontinuous law (15) and with a boundary layer."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ CASES = {
     "semicircle": ("planar 2R on a semicircle", "planar2r-semicircle"),
 }
 LAWS = {"discontinuous": (230, 159, 0), "saturation": (66, 135, 245)}
-SETTLED = 2.0  # s, after which the table looks
-POINTS = 600  # of a curve that is drawn
+SETTLED = 2.0  # s, instant from which on figures count
+POINTS = 600  # of a drawn curve
 
 
 @dataclass(frozen=True)
 class Run:
-    """One case under one law: curves (x, y) by the chart they belong to, and figures from `SETTLED` on."""
+    """Run of one case under one law. curves: (x, y), by their chart. Figures are from `SETTLED` on."""
 
     curves: dict[str, tuple[np.ndarray, np.ndarray]]
     account: Account
@@ -36,7 +36,7 @@ class Run:
 
 
 def run(scenario: str, law: str, duration: float | None) -> Run:
-    """Simulate one case. Raises RuntimeError when it leaves the theorem's domain."""
+    """Run of a case. Raises RuntimeError where it leaves the theorem's domain."""
     case = edited(shipped()[scenario], "controller.switching", law)
     if case.contact.kind == "rigid":
         case = edited(case, "contact.unilateral", False)
@@ -119,7 +119,7 @@ def _charts(of_law: dict[str, Run]) -> tuple[Chart, ...]:
 
 
 def _positive(xy: tuple[np.ndarray, np.ndarray], *, logarithmic: bool) -> tuple[np.ndarray, np.ndarray]:
-    """Curve with its smallest values raised above zero, if it is for a logarithmic axis."""
+    """Curve with its smallest values raised above zero for a logarithmic axis."""
     x, y = xy
     return (x, np.maximum(y, 1e-5 * float(y.max()))) if logarithmic else (x, y)
 

@@ -1,9 +1,9 @@
 """Arm on a rigid surface at rest, solved by Pinocchio, in two ways that use nothing from `environments/`.
 
-Pinocchio has no constraint to a surface. So (a) its solver for any constraint J q_ddot + drift = 0, with phi's gradient
-and curvature written down here from elementary geometry; and (b) its constraint dynamics of two bodies joined in a
-point: the tool and a slider of little mass, which two joints of its own keep on the surface. There Pinocchio computes
-the curvature itself; with the slider's mass m the answer differs from ours in proportion to m.
+Pinocchio has no constraint to a surface. Solution (a) uses its solver for any constraint J q_ddot + drift = 0, with
+phi's gradient and curvature written here from elementary geometry. Solution (b) uses its constraint dynamics of two
+bodies joined in a point: the tool, and a slider of little mass m, which two joints of its own keep on the surface; then
+Pinocchio computes the curvature itself. The difference of (b) from `environments/` is proportional to m.
 """
 
 from __future__ import annotations
@@ -19,7 +19,8 @@ Kind = Literal["plane", "cylinder", "sphere"]
 
 
 class Answer(NamedTuple):
-    """Solution: q_ddot (n,) rad/s^2; multipliers (k,) N, one for each surface: positive when the tool presses."""
+    """Answer of Pinocchio. q_ddot: (n,) rad/s^2. multipliers: (k,) N, of each surface, positive where the tool
+    presses."""
 
     q_ddot: np.ndarray
     multipliers: np.ndarray
@@ -27,8 +28,11 @@ class Answer(NamedTuple):
 
 @dataclass(frozen=True)
 class Ground:
-    """The surface: a plane through `origin` (3,) m, or a cylinder about `axis` (3,) unit through it, or a sphere around
-    it, of `radius` m with the tool outside; normal (3,) unit: into the plane."""
+    """Ground: a plane, or a cylinder or sphere with the tool outside.
+    origin: (3,) m, point of the plane or of the cylinder's axis, or centre of the sphere.
+    normal: (3,) unit, into the plane.
+    axis: (3,) unit, of the cylinder.
+    radius: m."""
 
     kind: Kind
     origin: np.ndarray
@@ -59,7 +63,7 @@ class Ground:
 def by_jacobian(
     model: pin.Model, tool: pin.Frame, grounds: Sequence[Ground], q: np.ndarray, q_dot: np.ndarray, tau: np.ndarray
 ) -> Answer:
-    """Solution (a) for the state q, q_dot (n,) on all these surfaces under the torque tau (n,) N m."""
+    """Solution (a) for the state q, q_dot (n,) on all surfaces at once, under the torque tau (n,) N m."""
     model = model.copy()
     frame = model.addFrame(tool)
     data = model.createData()
@@ -78,7 +82,7 @@ def by_jacobian(
 def by_slider(
     model: pin.Model, tool: pin.Frame, ground: Ground, q: np.ndarray, q_dot: np.ndarray, tau: np.ndarray, mass: float
 ) -> Answer:
-    """Solution (b) with a slider of this mass, kg."""
+    """Solution (b) for the state q, q_dot (n,) under the torque tau (n,) N m. mass: of the slider, kg."""
     n, model = len(q), model.copy()
     place, joints, end = ground.slider()
     first = model.addJoint(0, joints[0], place, "slider 1")
@@ -106,7 +110,7 @@ def by_slider(
 
 
 def _slider_at(ground: Ground, p: np.ndarray) -> tuple[float, float]:
-    """Positions of the slider's joints where its end is at p (3,) m, seen from its first joint."""
+    """Positions of the slider's joints that bring its end to p (3,) m, in the frame of its first joint."""
     match ground.kind:
         case "plane":
             return p[0], p[1]
@@ -117,5 +121,5 @@ def _slider_at(ground: Ground, p: np.ndarray) -> tuple[float, float]:
 
 
 def _rotation(z: np.ndarray) -> np.ndarray:
-    """Frame whose third axis is z (3,) unit."""
+    """Rotation (3, 3) whose third axis is z (3,) unit."""
     return pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), z).matrix()

@@ -24,23 +24,22 @@ KILOGRAM_ARMS = ("planar2r", "planar3r")  # textbook arms of about 1 kg a link
 LINKS = {"link_scaling": 0.15, "rotor_scaling": 0.15, "link_centre": 0.001, "link_shape": 0.02}
 HEAVY_LOAD = Declared(**LINKS, payload_mass=1.0, payload_offset=0.05, coulomb=0.5, viscous=0.3, disturbance=2.0)
 LIGHT_LOAD = Declared(**LINKS, payload_mass=0.2, payload_offset=0.02, coulomb=0.1, viscous=0.05, disturbance=0.3)
-PERIOD = 0.001  # s, as shipped
+PERIOD = 0.001  # s, the control period of the shipped scenarios
 BOUNDS = ("tight", "paper")
-LAYERS = (0.004, 0.03)  # m/s, around the 0.01 that is shipped
-DURATION, BRIEF = 0.4, 0.12  # s; where the loop through the multiplier is solved, each period takes long to compute
+LAYERS = (0.004, 0.03)  # m/s, around the 0.01 of the shipped scenarios
+DURATION, BRIEF = 0.4, 0.12  # s; brief where the loop through the multiplier is solved, which takes long
 
 
 def random_of(robot: str, mode: str, *numbers: int) -> Random:
-    """Random stream of its own for each robot, mode and numbers."""
+    """Random stream, another one for each robot, mode and numbers."""
     return np.random.default_rng([crc32(f"{robot} {mode}".encode()), *numbers])
 
 
 def situation(robot: str, mode: str, seed: int) -> Scenario:
-    """Scenario of a situation: a posture, a path, a surface and a force, such that s starts away from zero and is to be
-    reached.
+    """Scenario of a situation: a posture, a path, a surface and a force, such that s starts away from zero.
 
-    The path begins at full speed (or the surface does, where an arm has a single direction along it), and the surface
-    to be pressed is not at the place that r_fd assumes.
+    For this, the path begins at full speed (or the surface, where the arm has a single direction along it), and the
+    pressed surface is not at the place that r_fd assumes.
     """
     random = random_of(robot, mode, seed)
     entry = robots.load(robot)
@@ -65,7 +64,7 @@ def situation(robot: str, mode: str, seed: int) -> Scenario:
             "friction_coulomb": 0.0 if rigid else random.uniform(0.0, 0.2),
             "friction_viscous": random.uniform(0.0, 30.0),
         },
-        "sensor": {"ideal": rigid},  # the theorem assumes F to be known; `arms.lag` reads the multiplier a period late
+        "sensor": {"ideal": rigid},  # the theorem assumes F to be known; `arms.lag` tests a multiplier of a period ago
         "surface": {
             "kind": "plane",
             "origin": [x, y, z - (random.uniform(-0.002, 0.015) if pressed else 0.0)],
@@ -82,7 +81,7 @@ def situation(robot: str, mode: str, seed: int) -> Scenario:
 
 
 def with_gains(scenario: Scenario, random: Random) -> Scenario:
-    """The scenario with K_s, epsilon, F_1, the switching function and its layer drawn anew."""
+    """The scenario with random K_s, epsilon, F_1, switching function and boundary layer."""
     controller = msgspec.structs.replace(
         scenario.controller,
         K_s=float(10 ** random.uniform(1.3, 2.5)),
@@ -95,10 +94,10 @@ def with_gains(scenario: Scenario, random: Random) -> Scenario:
 
 
 def built(scenario: Scenario, previous: System | None = None) -> System:
-    """System of a scenario. The mobility over Omega, which decides whether the plant's substeps are short enough, is
-    that of the nominal arm: a search for each true arm would take ten times as long as its run.
+    """System of a scenario. Raises ScenarioError.
 
-    Raises ScenarioError.
+    The mobility over Omega, which decides whether the plant's substeps are short enough, is that of the nominal arm: a
+    search for each true arm would take ten times as long as its run.
     """
     nominal = assemble(msgspec.structs.replace(scenario, truth=TruthSection()), previous)
     return replace(with_arm_of(scenario, nominal), scenario=scenario)
@@ -129,8 +128,8 @@ def run(system: System) -> ClosedLoop:
 
 
 def drawn(robot: str, mode: str, seed: int, number: int) -> Scenario:
-    """Plant `number` of a situation, inside the declared set, with gains of its own; every other one, counted over the
-    situations, too, has the bounds of (7)."""
+    """Scenario of a random plant inside the declared set, with random gains; every second one, counted over plants and
+    situations, has the bounds of (7). number: of the plant in its situation."""
     here, random = situation(robot, mode, seed), random_of(robot, mode, seed, number)
     here = edited(here, "controller.bounds", BOUNDS[(seed + number) % 2])
     truth = Departure.inside(random, len(here.robot.posture or ())).truth(here.declared)

@@ -20,8 +20,8 @@ from app.simulation.sampled_stability import sampled_loop
 from app.simulation.system import System
 from controllers.premises import Premise
 
-DURATION, SETTLED = 4.0, 1.5  # s, of a run, and of the beginning of the figures
-STEP = 5e-4  # s, of the plant at most
+DURATION, SETTLED = 4.0, 1.5  # s, length of a run, and instant from which on its figures count
+STEP = 5e-4  # s, longest step of the plant
 FORCE_GOOD, PATH_GOOD, VARIATION_GOOD = 1.0, 1e-3, 1e3  # N, m, N m/s
 
 Changes = Mapping[str, Any]
@@ -29,13 +29,13 @@ Changes = Mapping[str, Any]
 
 @dataclass(frozen=True)
 class Cell:
-    """One run, figures from `SETTLED` on, nan when it stopped.
+    """Cell of a map: figures of one run from `SETTLED` on, nan where the run stopped early.
     force, path: RMS errors, N and m.
     variation: of the torques, N m/s.
-    saturated: share of control periods with a torque cut.
-    growth: per period, as `sampled_loop` predicts it, nan where it predicts nothing.
+    saturated: share of the control periods in which a torque was cut.
+    growth: of the sampled loop per period, predicted by `sampled_loop`, nan where it predicts nothing.
     layer_factor: of the sampled boundary layer.
-    load: the largest torque as a share of its joint's limit in the URDF."""
+    load: largest torque over its joint's limit in the URDF."""
 
     force: float
     path: float
@@ -48,8 +48,12 @@ class Cell:
 
 @dataclass(frozen=True)
 class Sweep:
-    """A scenario, changed, over the values of two fields; the labels of their ticks are in the unit of the axis' name.
+    """Sweep of a map: a scenario with changes, over the values of two fields.
 
+    x, y: paths of the fields.
+    xs, ys: their values.
+    x_label, y_label: names of the axes, with units.
+    x_tick, y_tick: return the label of a value, in the axis' unit.
     substeps: whether the plant's step is kept at `STEP` or below.
     """
 
@@ -65,7 +69,7 @@ class Sweep:
     y_tick: Callable[[float], str]
 
     def thinned(self, thin: int) -> tuple[tuple[float, ...], tuple[float, ...]]:
-        """Values of both fields that are run."""
+        """Values of both fields that are computed: one in `thin` of them."""
         return self.xs[::thin], self.ys[::thin]
 
 
@@ -109,7 +113,7 @@ SWEEPS: dict[str, Sweep] = {
 
 
 def row(name: str, y: float, xs: Sequence[float]) -> list[Cell]:
-    """Cells of one row of a map."""
+    """Cells of one row of a map. name: of the map. y: value of the row."""
     sweep, cells, system = SWEEPS[name], [], None
     base = edited(shipped()[sweep.scenario], "simulation.duration", DURATION)
     for path, value in {**sweep.changes, sweep.y: y}.items():
@@ -154,7 +158,7 @@ class Grid:
 
     def __init__(self, sweep: Sweep, rows: Sequence[Sequence[Cell]]) -> None:
         self._sweep, self._rows = sweep, rows
-        # where the map was thinned, only one in so many values was run
+        # of a thinned map, only some values were computed
         self.xs = sweep.xs[:: -(-len(sweep.xs) // len(rows[0]))]
         self.ys = sweep.ys[:: -(-len(sweep.ys) // len(rows))]
 

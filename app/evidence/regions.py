@@ -1,4 +1,4 @@
-"""Regions of a plane, in the style of `app.export.figures`."""
+"""Pictures of regions of a plane, in the style of `app.export.figures`."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from app.export.figures import SINGLE, STYLE, Rgb, printed
 
 @dataclass(frozen=True)
 class Region:
-    """A polygon, (N, 2) corners; filled, or only its outline."""
+    """Region: a polygon with corners (N, 2), filled, or only its outline."""
 
     name: str
     color: Rgb
@@ -23,7 +23,7 @@ class Region:
 
 @dataclass(frozen=True)
 class Spot:
-    """A named point of the plane."""
+    """Spot: a named point of the plane."""
 
     name: str
     x: float
@@ -31,7 +31,7 @@ class Spot:
 
 
 def render_regions(regions: tuple[Region, ...], spots: tuple[Spot, ...], x_label: str, y_label: str) -> bytes:
-    """Picture (SVG) of a column's width: regions one over the other, spots on top, a legend beneath."""
+    """Picture (SVG) of a column's width: regions over each other in their order, spots on top, a legend below."""
     from matplotlib import rc_context
     from matplotlib.figure import Figure
     from matplotlib.patches import Polygon

@@ -15,9 +15,9 @@ T = TypeVar("T")
 
 
 class Job(NamedTuple):
-    """A function of a module and its arguments: it runs in another process, so both can be pickled.
+    """Job: a function of a module and its arguments, both picklable, since the job runs in another process.
 
-    The same job always has the same result: random numbers come from a seed among its arguments.
+    The same job always has the same result: seeds of random numbers are among its arguments.
     """
 
     function: Callable[..., Any]
@@ -25,14 +25,15 @@ class Job(NamedTuple):
 
 
 def of_kind(kind: type[T], results: Sequence[object]) -> list[T]:
-    """Results of one class, among those of different jobs."""
+    """Results of one class, picked from the results of different jobs."""
     return [result for result in results if isinstance(result, kind)]
 
 
 @dataclass(frozen=True)
 class Findings:
-    """Findings of a section's jobs: numbers and tables by their name in the section's text, figures (SVG) by the end of
-    their file's name."""
+    """Findings of a section.
+    numbers, tables: by their names in the section's prose.
+    figures: SVG, by the end of their file's name."""
 
     numbers: Mapping[str, str] = field(default_factory=dict)
     tables: Mapping[str, Table] = field(default_factory=dict)
@@ -41,11 +42,11 @@ class Findings:
 
 @dataclass(frozen=True)
 class Section:
-    """Section on one claim, or a family of them. Its prose is beside its module, in `<name>.md`.
+    """Section of the evidence, on one claim or a family of claims. Its prose is in `<name>.md` beside its module.
 
-    jobs(thin): one in so many of the cases, 1 for all.
-    conclude: findings from their results, in the same order.
-    needs: modules without which it cannot run, and how to get them.
+    jobs: returns the jobs for one in `thin` of the cases.
+    conclude: returns the findings from the results, in the order of the jobs.
+    needs: commands that install the modules without which the section cannot run, by module.
     """
 
     name: str
@@ -58,15 +59,15 @@ class Section:
         return tuple(remedy for module, remedy in self.needs.items() if find_spec(module) is None)
 
     def text(self, findings: Findings, pictures: str) -> str:
-        """Text in Markdown, with the figures at `pictures`. Raises KeyError when the prose names a number that the
-        findings lack."""
+        """Text of the section in Markdown. pictures: folder of the figures. Raises KeyError where the prose names a
+        number that the findings lack."""
         tables = {name: table.markdown() for name, table in findings.tables.items()}
         figures = {f"{name}_figure": f"{pictures}/{self.name}-{name}.svg" for name in findings.figures}
         return Template(self._prose).substitute(findings.numbers, **tables, **figures)
 
     @property
     def heading(self) -> str:
-        """First line of its prose."""
+        """Heading: the first line of the prose."""
         return self._prose.splitlines()[0]
 
     @property

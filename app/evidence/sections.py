@@ -1,4 +1,4 @@
-"""The table of contents of docs/evidence.md: a new section is a module with a `SECTION`, its prose, and a row here."""
+"""Sections of docs/evidence.md in their order: a new one is a module with a `SECTION`, its prose, and a row here."""
 
 from __future__ import annotations
 

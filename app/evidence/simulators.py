@@ -1,5 +1,5 @@
-"""Comparison with two other simulators: the same controller in MuJoCo, and the rigid surface by Pinocchio's own
-constraint dynamics."""
+"""Comparison with two other simulators: the same controller in MuJoCo, and rigid surfaces by Pinocchio's constraint
+dynamics."""
 
 from __future__ import annotations
 
@@ -31,23 +31,25 @@ from environments.surfaces.table import Surface
 
 ROBOTS = ("ur5", "ur10", "xarm7")
 FREE, TOUCHING = 4.0, 3.0  # s
-LADDER = (1, 2, 4, 8, 16)  # of our Euler steps in a control period, against
-FINE = 4  # Runge-Kutta steps of MuJoCo's
+LADDER = (1, 2, 4, 8, 16)  # Euler steps of this program in a control period, which are compared with
+FINE = 4  # Runge-Kutta steps of MuJoCo
 STIFFNESSES = (1e3, 3e3, 1e4, 3e4, 1e5)  # N/m
 MASSES = (0.2, 0.02, 0.002)  # kg, of the surface in the circle's cases
 INTO = 0.03  # m, desired way of the impedance downwards, from 11.5 mm above the surface
 INTO_CORNER = np.array([[0.0, 0.0, -1.0], [0.0, 1.0, 0.0], [1.0, 0.0, 0.0]])  # directions into three surfaces
-STATES = 100  # of each surface
-SLIDERS = (1e-2, 1e-4, 1e-6)  # kg
+STATES = 100  # random states on each surface
+SLIDERS = (1e-2, 1e-4, 1e-6)  # kg, masses of sliders
 TINT = ((66, 135, 245), (230, 159, 0), (0, 158, 115), (213, 94, 0), (150, 100, 220))
 POINTS = 500
 
 
 @dataclass(frozen=True)
 class Free:
-    """Differences between two engines' joint angles, rad.
-    euler, rk4: largest with Euler in both, with Runge-Kutta in both.
-    t, rungs: (N,) s, and for each rung of the ladder (N,) of our Euler against MuJoCo's Runge-Kutta.
+    """Differences of the joint angles, rad, between this program and MuJoCo in free space.
+    euler: largest, with Euler's method in both.
+    rk4: largest, with Runge-Kutta in both.
+    t: (N,) s.
+    rungs: for each number of Euler steps in LADDER, differences (N,) from MuJoCo's Runge-Kutta.
     moved: range of the joints' motion, rad."""
 
     robot: str
@@ -60,7 +62,7 @@ class Free:
 
 @dataclass(frozen=True)
 class Steady:
-    """Force at the end, N: ours, MuJoCo's, and by the closed form."""
+    """Steady force on a stiffness (N/m), N: of this program, of MuJoCo, and by the closed form."""
 
     stiffness: float
     ours: float
@@ -70,11 +72,13 @@ class Steady:
 
 @dataclass(frozen=True)
 class ContactCourse:
-    """Course of a contact force in both engines.
-    t, ours, mujoco: (N,), s and N.
-    apart: their largest difference, N.
-    without, with_drift: residual of (28) in MuJoCo's run, left minus right side, N, if the tool's acceleration lacks
-    J_dot q_dot, and with it.
+    """Course of a contact force in this program and in MuJoCo.
+    mass: of the surface, kg.
+    t: (N,) s.
+    ours, mujoco: (N,) N.
+    apart: largest difference, N.
+    without, with_drift: residual of (28) in MuJoCo's run, left minus right side, N, without and with the term
+    J_dot q_dot of the tool's acceleration.
     drift: largest M_e n J_dot q_dot, N."""
 
     name: str
@@ -90,9 +94,12 @@ class ContactCourse:
 
 @dataclass(frozen=True)
 class Constraint:
-    """Largest differences over random states on these surfaces at once: of accelerations (rad/s^2) and multipliers (N),
-    by Pinocchio's solver for any constraint, and for each slider, on a single surface; largest: largest values of both,
-    for comparison."""
+    """Largest differences from Pinocchio over random states on some rigid surfaces at once.
+    kinds: of the surfaces.
+    states: number of states.
+    q_ddot, multiplier: differences from Pinocchio's solver for any constraint, rad/s^2 and N.
+    by_slider: both differences from each slider, for a single surface.
+    largest: largest acceleration and multiplier, for comparison."""
 
     kinds: tuple[Kind, ...]
     states: int
@@ -103,10 +110,10 @@ class Constraint:
 
 
 def run(scenario: Scenario, *, mujoco: bool) -> Mapping[str, np.ndarray]:
-    """Recorded signals under our plant, or MuJoCo's. Raises RuntimeError when the run stops."""
+    """Recorded signals of a run. mujoco: whether MuJoCo computes the plant. Raises RuntimeError when the run stops."""
     system = assemble(scenario)
     if mujoco:
-        from app.evidence.mujoco_arm import MujocoPlant  # here: the section is listed where MuJoCo is missing
+        from app.evidence.mujoco_arm import MujocoPlant  # here: the section is also listed where MuJoCo is missing
 
         system = replace(system, plant=MujocoPlant(system, scenario.simulation.substeps))
     loop = ClosedLoop.of(system)
@@ -143,7 +150,7 @@ def free(robot: str, duration: float) -> Free:
 
 
 def _by_euler(scenario: Scenario) -> Scenario:
-    """The scenario with the integrator that MuJoCo has, too."""
+    """The scenario with Euler's method, which MuJoCo has, too."""
     return edited(scenario, "simulation.integrator", "semi-implicit-euler")
 
 
@@ -169,7 +176,8 @@ def steady(stiffness: float, duration: float) -> Steady:
 
 
 def contact_course(name: str, motion: str, mass: float, duration: float) -> ContactCourse:
-    """Force control at 20 N, from the air, while the tool rests or draws its circle."""
+    """Course of the contact force under force control at 20 N, from free space on, while the tool rests or draws a
+    circle."""
     scenario = _touching(_by_euler(shipped()["ur5-hybrid"]), 1e4, mass, duration)
     if motion == "hold":
         scenario = edited(scenario, "motion", "hold")
@@ -180,8 +188,8 @@ def contact_course(name: str, motion: str, mass: float, duration: float) -> Cont
 
 
 def _balance(system: System, record: Mapping[str, np.ndarray]) -> tuple[float, float, float]:
-    """Residual of f = M_e phi_ddot + B_e phi_dot + K_e phi, see `ContactCourse`; q_ddot from the rates, by the steps of
-    Euler's method."""
+    """Residuals of f = M_e phi_ddot + B_e phi_dot + K_e phi without and with drift, and the drift, N, see
+    `ContactCourse`; q_ddot is the difference of the rates over the step, as in Euler's method."""
     contact, period = system.plant.contact, system.scenario.controller.period
     model, normal = system.robot.model, system.surface.chart(np.zeros(3), 0.0).G[0]
     model = model.copy()
@@ -203,8 +211,8 @@ def _balance(system: System, record: Mapping[str, np.ndarray]) -> tuple[float, f
 
 
 def constraint(kinds: tuple[Kind, ...], seed: int, states: int) -> Constraint:
-    """Accelerations and multipliers of our rigid surfaces, all met at once, with random states, torques and a heavy
-    tool, against Pinocchio's."""
+    """Differences of `environments.rigid_surfaces` from Pinocchio, on some surfaces at once, for random states and
+    torques and a heavy tool."""
     random = np.random.default_rng(seed)
     heavier = edited(_by_euler(shipped()["ur5-constrained"]), "truth.link_scaling", 1.1)
     scenario = edited(heavier, "truth.payload_mass", 2.0)
@@ -233,7 +241,8 @@ def constraint(kinds: tuple[Kind, ...], seed: int, states: int) -> Constraint:
 
 
 def _ground(kind: Kind, p: np.ndarray, into: np.ndarray, random: np.random.Generator) -> tuple[Ground, Surface]:
-    """Surface near the tool point p (3,) m, of random direction around `into` (3,), for both."""
+    """Random surface near the tool point p (3,) m, for Pinocchio and for this program. into: (3,) unit, from which its
+    normal differs at random."""
     normal = _unit(into + 0.4 * random.standard_normal(3))
     axis = _unit(np.array([into[1], -into[2], into[0]]) + 0.2 * random.standard_normal(3))
     radius = 0.3
@@ -306,7 +315,7 @@ def conclude(results: Sequence[Any]) -> Findings:
 
 
 def _order(found: Free) -> float:
-    """Power of the step with which the difference shrinks."""
+    """Order of the differences: the power of the step with which they shrink."""
     largest = [float(rung.max()) for rung in found.rungs]
     return float(-np.polyfit(np.log(LADDER), np.log(largest), 1)[0])
 

@@ -1,5 +1,5 @@
-"""Theorem 1 on random arms: the promise for them at the shipped period, whether it is kept, an adversary, and arms
-outside of the declared set."""
+"""Theorem 1 on random arms: whether its promise is made at the shipped control period and kept, an adversary's search,
+and arms outside of the declared set."""
 
 from __future__ import annotations
 
@@ -33,9 +33,9 @@ from app.process.markdown import Table
 
 ROBOTS = ("ur3", "ur5", "ur10", "panda", "xarm7", "z1", "planar2r", "planar3r")
 MODES = ("motion", "impedance", "hybrid", "hybrid-impedance", "constrained")
-SITUATIONS = 5  # of each robot in each mode; with `arms.PLANTS` in each, 1,000 plants in all
+SITUATIONS = 5  # of each robot in each mode; with `arms.PLANTS` plants in each, 1,000 in all
 OUTSIDE_ROBOTS = ("ur5", "planar3r")
-OUTSIDE = 3  # situations of each robot in each mode, with a plant each
+OUTSIDE = 3  # situations of each robot in each mode, each with an arm outside of the declared set
 VERDICTS = ("holds", "broken", "nothing promised")
 PALETTE = (
     (66, 135, 245), (230, 159, 0), (0, 158, 115), (204, 121, 167),
@@ -49,7 +49,7 @@ def jobs(thin: int) -> list[Job]:
     cells = [(robot, mode, seed) for seed in range(SITUATIONS) for robot in ROBOTS for mode in MODES]
     away = [(robot, mode, seed) for seed in range(OUTSIDE) for robot in OUTSIDE_ROBOTS for mode in MODES]
     hunts = [(robot, mode, (i + j) % 2 == 1) for i, robot in enumerate(ROBOTS) for j, mode in enumerate(MODES)]
-    mixed = np.random.default_rng(0)  # so that any few of the cells are of all kinds
+    mixed = np.random.default_rng(0)  # mixes the cells, so that a few of them are of all kinds
     mixed.shuffle(cells)
     mixed.shuffle(away)
     mixed.shuffle(hunts)
@@ -159,7 +159,7 @@ def _deadlines(runs: Sequence[Reaching], name: str) -> list[Deadline]:
 
 
 def _known_of(values: Iterable[float]) -> np.ndarray:
-    """The values that are finite numbers."""
+    """Finite ones among the values, (N,)."""
     every = np.array(list(values), dtype=float)
     return every[np.isfinite(every)]
 
@@ -180,7 +180,7 @@ def _first(scales: Iterable[float]) -> str:
 
 
 def _cells(plants: Sequence[Plant]) -> Table:
-    """Table with one row for each robot, each mode and both bounds."""
+    """Table with one row for each robot, each mode and each kind of bounds."""
     header = (
         "plants", "number", "holds", "broken", "nothing promised", "of these refused", "over (20) alone, early",
         "over (20) + band", "band late", "layer late", "time to the band / promised, median",
@@ -212,7 +212,7 @@ def _row(of: Sequence[Plant]) -> tuple[str, ...]:
 
 
 def _failures(plants: Sequence[Plant]) -> Table:
-    """Table of the reasons why nothing is promised of a run as a whole, by the first one."""
+    """Table of the runs without a promise throughout, by the premise that failed first."""
     nothing = [one for one in plants if one.verdict == "nothing promised"]
 
     def why(one: Plant) -> str:
@@ -225,7 +225,8 @@ def _failures(plants: Sequence[Plant]) -> Table:
 
 
 def _hunted(hunts: Sequence[Hunt]) -> Table:
-    """Table with one row for each robot: the number of the optimiser's tries, and the largest ratio that it found."""
+    """Table with one row for each robot: the number of the adversary's tries, and the largest ratio that they
+    reached."""
     rows = []
     for robot in ROBOTS:
         of = [one for one in hunts if one.robot == robot]
@@ -240,7 +241,7 @@ def _hunted(hunts: Sequence[Hunt]) -> Table:
 
 
 def _shares(plants: Sequence[Reaching]) -> Table:
-    """Table of the terms of (17), and the largest share of each that an arm really used."""
+    """Table of the terms of (17), and the largest share of each that an arm needed."""
     rows = []
     used = {cause: number for number, cause in enumerate(PARTS.values())}
     robots = [robot for robot in ROBOTS if any(one.robot == robot and one.share > 0.0 for one in plants)]

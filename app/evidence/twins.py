@@ -20,11 +20,11 @@ from app.simulation.system import System, assemble
 from environments.integrators import Integrator
 from environments.plant import Plant
 
-TOWARDS = np.array([0.28, 0.0, 0.96])  # out of the surface, in the plane of the planar arms
+TOWARDS = np.array([0.28, 0.0, 0.96])  # direction out of the first surface, in the plane of the planar arms
 LAYER, D = 0.1, 6.0
 WAY, TURN = 0.03, 0.1  # m and rad, of the desired motion along the surface and of the tool's first angle
-DEPTH = 0.001  # m, of the tool in an elastic surface to begin with
-# directions out of a second and a third surface of an arm in space, and of a second one of an arm in a plane
+DEPTH = 0.001  # m, of the tool in an elastic surface at the start
+# directions out of a second and a third surface for an arm in space, and out of a second one for a planar arm
 FURTHER = ((0.3, -0.9, 0.2), (-0.7, -0.2, 0.4))
 FURTHER_PLANAR = ((-0.9, 0.0, 0.3),)
 STIFFNESS, BELIEVED, DAMPING = (8000.0, 6000.0, 7000.0), (9000.0, 7000.0, 6000.0), (40.0, 30.0, 20.0)
@@ -35,14 +35,14 @@ COUPLING = {
     "B_e": (8.0, -5.0, 6.0), "M_e": (0.8, -0.5, 0.3),
 }  # fmt: skip
 K_T, K_T_HAT, MOMENTS = 15.0, 12.0, (0.06, -0.04)  # N m/rad and N m, of a flat face
-OFF = np.array([0.1, 0.0, -0.05])  # of the face's normal against the plane's, to begin with
+OFF = np.array([0.1, 0.0, -0.05])  # difference of the face's normal from the plane's at the start
 TILTING = Tilt(np.array([0.0, 0.8, 0.6]), 0.05, 2 * np.pi * 1.5)
 PUSH = np.array([3.0, -2.0, 4.0, 0.3, -0.5, 0.4])
 
 
 @cache
 def arm(robot: str) -> System:
-    """System of the arm in Cartesian coordinates, with nothing around it."""
+    """System of an arm in Cartesian coordinates, without surfaces."""
     return assemble(from_plain({"robot": {"name": robot}}))
 
 
@@ -54,13 +54,17 @@ def random_spd(random: np.random.Generator, n: int, low: float, high: float) -> 
 
 @dataclass(frozen=True)
 class Twin:
-    """An arm of the catalogue on a plane (radius 0) or a sphere, which has a mass M_e (kg) or none, or is rigid, and
-    may move; on so many surfaces, the others being oblique planes that move, too.
-    coupled: the surfaces belong to one elastic body.
-    flat: it is a flat face that touches, and the plane tilts.
-    pushed: a constant wrench acts on the tool.
-    unknown: its links are 15 % heavier than believed and its joints have friction.
-    ideal: see `Scenario.sensor`."""
+    """Twin of a run: an arm of the catalogue on one to three surfaces.
+    mode: "constrained" on rigid surfaces, the others on elastic ones.
+    radius: of the first surface, m: a sphere, or 0 for a plane. The others are oblique planes.
+    M_e: mass of the surfaces, kg.
+    moving: whether the surfaces move.
+    unknown: whether the links are 15 % heavier than believed and the joints have friction.
+    ideal: see `Scenario.sensor`.
+    surfaces: their number.
+    pushed: whether a constant wrench acts on the tool.
+    flat: whether the tool touches with a flat face, and the plane tilts.
+    coupled: whether the surfaces belong to one elastic body."""
 
     robot: str
     mode: Literal["hybrid", "hybrid-impedance", "constrained"]
@@ -90,12 +94,12 @@ class Twin:
 
     @property
     def moves(self) -> bool:
-        """Whether the tool moves along the surfaces: there is a position that none of them holds."""
+        """Whether the tool moves along the surfaces: more positions are coordinates than there are surfaces."""
         return arm(self.robot).layout.positions > self.surfaces
 
     @property
     def turns(self) -> bool:
-        """Whether the tool turns on its way: there is an angle among the coordinates."""
+        """Whether the tool turns: an angle is among the coordinates."""
         return arm(self.robot).layout.angles > 0
 
     def all_surfaces(self) -> tuple[Surface, ...]:
@@ -111,7 +115,7 @@ class Twin:
         return first, *(Surface(p + depth * each, -each, 0.0, 0.5 * amplitude, 1.5 * omega) for each in units)
 
     def gains(self) -> Gains:
-        """Gains, as full matrices wherever the mode admits them."""
+        """Gains of the law, full matrices where the mode admits them."""
         random, n = np.random.default_rng(4), self.n
         M_m, B_m, K_m, K_f = (np.zeros((n, n)) for _ in range(4))
         m = self.m
@@ -144,7 +148,7 @@ class Twin:
         return Wish(displacement, 2 * np.pi, forces, swings, 2 * np.pi * 3.0, compliance)
 
     def _with_coupling(self, diagonal: np.ndarray, name: str) -> np.ndarray:
-        """The matrix (m, m) with the entries beside its diagonal of surfaces that belong to one body."""
+        """Matrix (m, m) with the entries off its diagonal that couple the surfaces of one body. name: in COUPLING."""
         matrix = diagonal.copy()
         for (i, j), entry in zip(((0, 1), (0, 2), (1, 2)), COUPLING[name], strict=True):
             if self.coupled and j < self.surfaces:
@@ -153,7 +157,7 @@ class Twin:
         return matrix
 
     def _met(self, number: int, surface: Surface) -> tuple[dict[str, object], dict[str, object], dict[str, object]]:
-        """Surface, contact and force of one surface, as a scenario has them."""
+        """Sections surface, contact and force of a scenario, for one surface. number: of the surface, from 0."""
         motion = {
             "direction": [0.6, 0.0, 0.8],
             "amplitude": float(np.linalg.norm(surface.amplitude)),
@@ -236,7 +240,8 @@ class Twin:
         )
 
     def face(self, scenario: Scenario) -> Face:
-        """Face of the tool, its turn counted from where its first axis stands at the start, along the plane at rest."""
+        """Face of a flat tool; its turn counts from the direction of its first axis at the start, along the plane at
+        rest."""
         axes, system = face_axes(scenario), assemble(scenario)
         first = system.nominal.evaluate(system.q_0, np.zeros(self.n)).R @ axes[0]
         normal = -TOWARDS
@@ -246,8 +251,8 @@ class Twin:
 
 
 def loop_errors(twin: Twin, periods: Sequence[float], duration: float) -> np.ndarray:
-    """Largest difference of q (rad) between the sampled loop and the paper's, for each control period (s); each is the
-    first one over a whole number."""
+    """Largest differences (N,) of q (rad) between the sampled loop and the paper's, for control periods (N,) s, of
+    which each is the first one over a whole number."""
     times = np.arange(0.0, duration, periods[0])
     exact = twin.paper().solve(times)[:, 0]
     errors = []
@@ -261,8 +266,8 @@ def loop_errors(twin: Twin, periods: Sequence[float], duration: float) -> np.nda
 
 
 def plant_errors(twin: Twin, substeps: Sequence[int], duration: float) -> np.ndarray:
-    """Largest error of (q, q_dot) (rad, rad/s) after `duration` s under a constant torque, for each number of plant
-    steps in it."""
+    """Largest errors (N,) of (q, q_dot) (rad, rad/s) after `duration` s under a constant torque. substeps: numbers (N,)
+    of the plant's steps in this time."""
     scenario = twin.scenario(0.001)
     system, n = assemble(scenario), twin.n
     random = np.random.default_rng(5)
@@ -287,7 +292,7 @@ def plant_errors(twin: Twin, substeps: Sequence[int], duration: float) -> np.nda
 
 
 def bands(scenario: Scenario, periods: Sequence[float], since: float) -> np.ndarray:
-    """Largest ||s|| (m/s) from the time `since` (s) on, for each control period (s)."""
+    """Largest ||s|| (N,) m/s from the time `since` (s) on, for control periods (N,) s."""
     found = []
     for period in periods:
         loop, metrics = simulate(edited(scenario, "controller.period", period))

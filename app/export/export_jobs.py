@@ -1,6 +1,6 @@
-"""Export jobs, which make files in a process of their own: the loop's thread must not share its interpreter with them.
+"""Export jobs: files are made in another process, since the loop's thread must not share its interpreter with them.
 
-A job says what to make; `ExportJobs.made` starts `app.workers.export` for it and waits.
+A job describes a file; `ExportJobs.made` starts `app.workers.export` for it and waits.
 """
 
 from __future__ import annotations
@@ -25,18 +25,18 @@ from app.export.playback_frames import PlaybackFrames
 from app.process import launcher
 from app.storage.recording_files import Table, Tell
 
-PATIENCE = 2.0  # s that the process has to end by itself
+PATIENCE = 2.0  # s in which the process may end by itself
 LONGEST_NAME = 60
 PLAYBACK_LIMIT = 25e6  # bytes
 
 
 class ExportError(RuntimeError):
-    """A file that could not be made: one sentence with the reason."""
+    """Error of a file that could not be made: one sentence with the reason."""
 
 
 @dataclass(frozen=True)
 class FigureJob:
-    """Job for a figure as a file of this form."""
+    """Job for a file of a figure."""
 
     figure: Figure
     form: Format
@@ -45,7 +45,7 @@ class FigureJob:
 
 @dataclass(frozen=True)
 class DataJob:
-    """Job for a stretch of a recording, whose rows follow the job; at most `limit` bytes of file."""
+    """Job for a file of a recording's stretch, whose rows are sent after the job. limit: largest file, bytes."""
 
     data: Table
     form: DataFormat
@@ -54,7 +54,7 @@ class DataJob:
 
 @dataclass(frozen=True)
 class PlaybackJob:
-    """Job for playback frames as a page of its own with this figure beside it, at most `limit` bytes."""
+    """Job for an HTML page that plays frames. limit: largest page, bytes. figure: beside the scene, None for none."""
 
     frames: PlaybackFrames
     limit: float
@@ -63,7 +63,7 @@ class PlaybackJob:
 
 @dataclass(frozen=True)
 class MadeJob:
-    """Job for a file that a function makes of these arguments; it is known by its name, in the process too."""
+    """Job for a file that a function makes of some arguments. make: function of a module, which is sent by its name."""
 
     make: Callable[..., bytes]
     arguments: tuple[Any, ...]
@@ -81,7 +81,7 @@ class Progress:
 
 @dataclass(frozen=True)
 class Done:
-    """Message that the file is there."""
+    """Message that the file is complete."""
 
 
 @dataclass(frozen=True)
@@ -92,18 +92,17 @@ class Failure:
 
 
 def file_name(scenario_name: str, t: float, extension: str) -> str:
-    """File name such as "vsmrc-ur5-hybrid-12.34s.svg": letters, digits, dots and dashes only, whatever the scenario's
-    name."""
+    """File name such as "vsmrc-ur5-hybrid-12.34s.svg", with letters, digits, dots and dashes only. t: instant, s."""
     return f"vsmrc-{plain_name(scenario_name) or 'run'}-{t:.2f}s.{extension}"
 
 
 def plain_name(text: str) -> str:
-    """The text with letters, digits and dashes only, not too long for the name of a file."""
+    """Part of a file name from a text: letters, digits and dashes only, and not too long."""
     return re.sub(r"[^A-Za-z0-9_-]+", "-", text)[:LONGEST_NAME].strip("-")
 
 
 class ExportJobs:
-    """Export jobs, done one after the other: they make files. May be used from any thread."""
+    """Maker of files: does each export job in a process of its own. Safe to use from any thread."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
@@ -111,9 +110,10 @@ class ExportJobs:
         self._closed = False
 
     def made(self, job: Job, tell: Tell) -> bytes:
-        """Content of the file. Raises ExportError, and OSError when no process or folder can be had.
+        """Content of the file of a job, made in another process. Raises ExportError, and OSError where no process or
+        folder can be created.
 
-        tell: called with the progress. The work is done in another process.
+        tell: called with the progress, 0 to 1.
         """
         with tempfile.TemporaryDirectory(prefix="vsmrc-") as folder:
             path = Path(folder) / "file"
@@ -134,8 +134,7 @@ class ExportJobs:
                         self._working.discard(process)
 
     def close(self) -> None:
-        """End the job in progress, and start no other one: a caller that waits for it is told that its process has
-        ended."""
+        """End the jobs in progress, and start no others. A caller that waits for a job gets an ExportError."""
         with self._lock:
             self._closed = True
             for process in self._working:
@@ -157,7 +156,7 @@ def _converse(worker: Connection, job: Job, tell: Tell) -> None:
     if isinstance(job, DataJob):
         rows, job = job.data.pieces, replace(job, data=replace(job.data, pieces=()))
     worker.send(job)
-    with contextlib.suppress(BrokenPipeError, ConnectionResetError):  # it needs no more data: the reason is read below
+    with contextlib.suppress(BrokenPipeError, ConnectionResetError):  # it takes no more rows; the reason is read below
         for piece in rows:
             worker.send_bytes(piece.data.cast("B"))
             if worker.poll() and not _going_on(worker.recv(), tell):

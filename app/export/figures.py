@@ -1,8 +1,7 @@
-"""Figures on paper: charts on white ground, with type that is readable at a column's width, vectors and text kept as
-such.
+"""Figures on paper: charts on white ground, with type that is readable at a column's width, as vectors and text.
 
-`Figure` says what to draw in numbers and words alone, `FigureOptions` how it looks; nothing here depends on the page.
-The same figure always makes the same bytes.
+`Figure` is the content in numbers and words, `FigureOptions` the look; nothing here depends on the page. The same
+figure always makes the same bytes.
 """
 
 from __future__ import annotations
@@ -28,19 +27,19 @@ Rgb = tuple[int, int, int]
 Ink = tuple[float, float, float]  # a colour on paper, each part within 0 to 1
 TIME, FREQUENCY = "t [s]", "frequency [Hz]"
 MM = 1.0 / 25.4  # in
-SINGLE, DOUBLE = 85.0 * MM, 180.0 * MM  # in, a journal's column and its page
-TWO_COLUMNS = 130.0 * MM  # in, from which on charts stand in two columns
-ONE_COLUMN = 4  # charts, more of which stand in two columns on paper
-TYPE = 7.0  # pt, of the running text; the lengths of letters below belong to it
+SINGLE, DOUBLE = 85.0 * MM, 180.0 * MM  # in, widths of a journal's column and of its page
+TWO_COLUMNS = 130.0 * MM  # in, width from which on charts may stand in two columns
+ONE_COLUMN = 4  # number of charts up to which they stand in one column
+TYPE = 7.0  # pt, size of the running text; the lengths below are for this size
 AXES_HEIGHT, LOWEST_AXES = 0.95, 0.35  # in
 LEFT, RIGHT, BELOW, GAP, MARGIN = 0.52, 0.08, 0.2, 0.05, 0.06  # in
 X_LABEL = 0.16  # in
 ROW = 0.125  # in, of a title, of a row of the legend, of a line of the caption
-HANDLE, APART = 0.2, 0.1  # in, an entry of the legend: its line, and its distance from the next one
-SMALL, TITLE = 6.5 / TYPE, 7.5 / TYPE  # of the type
-BINS = 600  # of a curve, each with its smallest and its largest value
-CONTRAST = 3.0  # with white, at least: WCAG 2, for graphics
-DARKEST, LIGHTEST, STEP = 15.0, 60.7, 14.0  # of a chart's lines, in lightness; the lightest has that contrast
+HANDLE, APART = 0.2, 0.1  # in, of an entry of the legend: its line, and the space to the next entry
+SMALL, TITLE = 6.5 / TYPE, 7.5 / TYPE  # factors of the type's size
+BINS = 600  # of a curve, of which each keeps its smallest and its largest value
+CONTRAST = 3.0  # least contrast with white, by WCAG 2 for graphics
+DARKEST, LIGHTEST, STEP = 15.0, 60.7, 14.0  # lightness of a chart's lines; LIGHTEST has CONTRAST with white
 FEW = 3  # lines that differ in grey well enough without different dashes
 DASHES: tuple[Any, ...] = (
     "-",
@@ -56,12 +55,12 @@ PNG_DPI = 300
 RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 STYLE: dict[Any, Any] = {
-    "svg.fonttype": "none",  # text stays text
+    "svg.fonttype": "none",  # text stays text, not outlines
     "svg.hashsalt": "vsmrc",
     "pdf.fonttype": 42,
     "font.family": "DejaVu Sans",
     "font.size": TYPE,
-    "text.parse_math": False,  # a title with dollars in it is text, too
+    "text.parse_math": False,  # a text with dollars is no mathematics
     "axes.linewidth": 0.5,
     "axes.edgecolor": "0.35",
     "axes.grid": True,
@@ -80,8 +79,12 @@ STYLE: dict[Any, Any] = {
 
 @dataclass(frozen=True)
 class Curve:
-    """One line. color as on the dark page; x, y (N,) in the units of the chart's labels; width in points, 0 for dots
-    alone; dotted: a dot at each point; listed: in the legend."""
+    """Curve of a chart.
+    color: of the dark page.
+    x, y: (N,) in the units of the chart's labels.
+    width: of the line, pt; 0 for dots alone.
+    listed: whether the curve is in the legend.
+    dotted: whether each point has a dot."""
 
     name: str
     color: Rgb
@@ -104,8 +107,10 @@ class Area:
 
 @dataclass(frozen=True)
 class Chart:
-    """Axes with curves, the legend naming those that are listed. logarithmic: the vertical axis, logarithmic_x: the
-    horizontal one; at_least: this range of y is in view whatever the curves do."""
+    """Chart: axes with curves and a legend.
+    logarithmic: whether the vertical axis is logarithmic.
+    at_least: range of y that is always in view.
+    logarithmic_x: whether the horizontal axis is logarithmic."""
 
     title: str
     unit: str
@@ -119,8 +124,7 @@ class Chart:
 
 @dataclass(frozen=True)
 class Figure:
-    """Charts one below the other, in two columns when there are more of them than `one_column`, and the caption under
-    them."""
+    """Figure: charts, and the caption below them. one_column: number of charts up to which they stand in one column."""
 
     charts: tuple[Chart, ...]
     caption: str
@@ -130,7 +134,7 @@ class Figure:
 @dataclass(frozen=True)
 class FigureOptions:
     """Look of a figure on paper.
-    width, height: in; None for what its charts need, a journal's column or its page wide.
+    width, height: in; None for a journal's column or page, and for the height that the charts need.
     type_size: of the running text, pt.
     letters: whether (a), (b), … stand before the titles.
     caption: whether the figure's caption stands below."""
@@ -163,9 +167,9 @@ def inches_of(text: str) -> float:
 
 
 def render(figure: Figure, form: Format, options: FigureOptions | None = None) -> bytes:
-    """File of the figure in this form. Raises ValueError when it has no chart, or no room for its charts.
+    """File of a figure. Raises ValueError where the figure has no chart, or no room for its charts.
 
-    It takes a second, and matplotlib is not made for threads: to be called in a process that has nothing else to do.
+    To be called in a process without other tasks, as drawing takes a second and matplotlib is not made for threads.
     """
     if not figure.charts:
         raise ValueError("figure: no chart to draw")
@@ -174,8 +178,9 @@ def render(figure: Figure, form: Format, options: FigureOptions | None = None) -
 
 
 def file_of(draw: Callable[[], Canvas], form: Format, type_size: float = TYPE) -> bytes:
-    """File of what a function draws with matplotlib, in the type and style of all figures. Raises what that raises."""
-    from matplotlib import rc_context  # here: it takes 0.3 s to import, which starting the dashboard need not wait for
+    """File of a drawing, in the type and style of all figures. draw: makes the drawing with matplotlib; its exceptions
+    are passed on."""
+    from matplotlib import rc_context  # here: the import takes 0.3 s, for which the dashboard's start need not wait
 
     factor = type_size / TYPE
     sizes: dict[Any, Any] = {name: factor * STYLE[name] for name in ("font.size", "xtick.labelsize", "ytick.labelsize")}
@@ -188,7 +193,9 @@ def file_of(draw: Callable[[], Canvas], form: Format, type_size: float = TYPE) -
 
 @dataclass(frozen=True)
 class Panel:
-    """Place of a chart's axes over time, in shares of the figure from its upper left corner, and their ends (s)."""
+    """Panel: place of a chart's axes over time in a figure.
+    left, right, top, bottom: shares of the figure, from its upper left corner.
+    first, last: ends of the time axis, s."""
 
     left: float
     right: float
@@ -200,14 +207,14 @@ class Panel:
 
 @dataclass(frozen=True)
 class DrawnFigure:
-    """SVG of a figure, and its charts over time, on which a cursor can stand."""
+    """Drawn figure: SVG, and the panels, on which the page's script draws a cursor."""
 
     svg: bytes
     panels: tuple[Panel, ...]
 
 
 def svg_with_panels(figure: Figure, options: FigureOptions) -> DrawnFigure:
-    """The figure as SVG, with the places of its charts. Raises ValueError, as `render` does."""
+    """Figure as SVG, with the places of its charts. Raises ValueError as `render` does."""
     from matplotlib import rc_context
 
     svg = render(figure, "svg", options)
@@ -222,21 +229,21 @@ def svg_with_panels(figure: Figure, options: FigureOptions) -> DrawnFigure:
 
 
 def drawn(figure: Figure, options: FigureOptions) -> Canvas:
-    """The figure as matplotlib has it, in its present settings. Raises ValueError when it has no room for its
-    charts."""
+    """Figure of matplotlib, drawn with matplotlib's present settings. Raises ValueError where the charts have no
+    room."""
     return _Sheet(figure, options).drawn()
 
 
 def with_fallbacks(svg: bytes) -> bytes:
-    """The SVG with other fonts of the same widths for machines without matplotlib's, and without the comments in which
-    matplotlib repeats each text with its markup."""
+    """The SVG with fonts of the same widths for machines without matplotlib's fonts, and without the comments in which
+    matplotlib repeats each text."""
     for name, others in FALLBACKS.items():
         svg = svg.replace(f"'{name}'".encode(), f"'{name}', {others}".encode())
     return re.sub(rb"\s*<!--.*?-->", b"", svg, flags=re.DOTALL)
 
 
 def printed(color: Rgb) -> Ink:
-    """A colour of the dark page, darkened until it has `CONTRAST` with white paper."""
+    """Ink for a colour of the dark page, darkened until it has `CONTRAST` with white paper."""
     parts = np.array(color) / 255
     while 1.05 / (_luminance(parts) + 0.05) < CONTRAST:
         parts = parts * 0.98
@@ -244,8 +251,8 @@ def printed(color: Rgb) -> Ink:
 
 
 def inks_of(chart: Chart) -> dict[Rgb, Ink]:
-    """Colours of a chart on paper by those of the page: of the same hues, and so far apart in lightness that they
-    differ in grey, too."""
+    """Inks of a chart by the colours of the page: of the same hues, and so different in lightness that they can be told
+    apart in grey, too."""
     colors = list(dict.fromkeys(curve.color for curve in chart.curves if curve.width > 0 or curve.dotted))
     if len(colors) < 2:
         return {color: printed(color) for color in colors}
@@ -263,7 +270,7 @@ def _luminance_of(lightness: float) -> float:
 
 
 def _with_luminance(color: Rgb, luminance: float) -> Ink:
-    """The colour darkened, or mixed with white, to this luminance."""
+    """Ink of a colour that is darkened, or mixed with white, to a luminance, 0 to 1."""
     linear = _linear(np.array(color) / 255)
     scaled = linear * luminance / max(float(linear @ _WEIGHTS), 1e-9)
     clipped = scaled / max(float(scaled.max()), 1.0)
@@ -298,13 +305,16 @@ def _linear(parts: np.ndarray) -> np.ndarray:
 
 
 def _luminance(parts: np.ndarray) -> float:
-    """Relative luminance of sRGB, as WCAG 2 has it."""
+    """Relative luminance, 0 to 1, of a colour's sRGB parts, by WCAG 2."""
     return float(_linear(parts) @ _WEIGHTS)
 
 
 @dataclass(frozen=True)
 class _Entry:
-    """Entry of a legend. number: of its curve; row: counted from the top; x: in from the legend's left."""
+    """Entry of a legend.
+    number: of its curve.
+    row: from the top, from 0.
+    x: position from the legend's left, in."""
 
     number: int
     row: int
@@ -312,7 +322,7 @@ class _Entry:
 
 
 class _Sheet:
-    """Sheet of paper with a figure; lengths in inches, from the lower left corner."""
+    """Sheet of paper on which a figure is laid out; lengths are in inches, from the lower left corner."""
 
     def __init__(self, figure: Figure, options: FigureOptions) -> None:
         self._options = options
@@ -364,11 +374,11 @@ class _Sheet:
         return self._factor * SMALL * TYPE
 
     def _around(self, chart: Chart, following: Chart | None) -> float:
-        """Height of what stands above and below the axes."""
+        """Height of the parts above and below a chart's axes, in."""
         return self._header(chart) + self._footer(chart, following)
 
     def _header(self, chart: Chart) -> float:
-        """Height of the title and the legend."""
+        """Height of a chart's title and legend, in."""
         rows = max((entry.row + 1 for entry in self._legend(chart)), default=0)
         return self._factor * ROW * (len(self._title(chart)) + rows) + 0.06
 
@@ -379,7 +389,7 @@ class _Sheet:
         return wrapped(chart.title, self._inside, self._factor * TITLE * TYPE, "bold")
 
     def _legend(self, chart: Chart) -> list[_Entry]:
-        """Entries beside one another, in as many rows as they need."""
+        """Entries of a chart's legend, beside each other in as many rows as they need."""
         entries, row, x = [], 0, 0.0
         for number, curve in enumerate(chart.curves):
             if not curve.listed:
@@ -407,7 +417,7 @@ class _Sheet:
         self._head(canvas, chart, left, bottom + self._axes_height, looks)
 
     def _head(self, canvas: Canvas, chart: Chart, left: float, top: float, looks: list[dict[str, Any]]) -> None:
-        """Write the title, and the legend below it."""
+        """Write a chart's title, and its legend below."""
         from matplotlib.lines import Line2D
 
         row, entries = self._factor * ROW, self._legend(chart)
@@ -443,7 +453,8 @@ def _labelled(chart: Chart, following: Chart | None) -> bool:
 
 
 def looks_of(chart: Chart) -> list[dict[str, Any]]:
-    """Look of each curve as matplotlib has it. Where many lines are solid on the page, their dashes differ, too."""
+    """Look of each curve, as keyword arguments of matplotlib. Where many lines are solid on the page, their dashes
+    differ on paper."""
     inks = inks_of(chart)
     solid = dict.fromkeys(curve.color for curve in chart.curves if curve.width > 0 and not curve.dashed)
     dashes = dict(zip(solid if len(solid) > FEW and not chart.areas else (), cycle(DASHES), strict=False))
@@ -461,7 +472,7 @@ def looks_of(chart: Chart) -> list[dict[str, Any]]:
 
 
 def _stretches(curve: Curve) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-    """The curve's points between its gaps."""
+    """Stretches x, y of a curve between its gaps."""
     y = np.asarray(curve.y, dtype=float)
     for known in np.ma.clump_unmasked(np.ma.masked_invalid(y)) if len(y) else ():
         yield thinned(np.asarray(curve.x, dtype=float)[known], y[known], BINS)
@@ -515,7 +526,7 @@ def plain_decades(axis: Axis) -> None:
 
 
 def plain_number(value: float, _: object) -> str:
-    """Number of a tick without markup, such as 2·10⁻³."""
+    """Label of a tick as plain text, such as 2·10⁻³."""
     mantissa, _, exponent = f"{value:.6g}".partition("e")
     power = "10" + str(int(exponent)).translate(RAISED) if exponent else ""
     return "·".join(part for part in (mantissa, power) if part and (part, bool(power)) != ("1", True)).replace("-", "−")

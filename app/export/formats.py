@@ -1,8 +1,8 @@
-"""Kinds of files that can be exported."""
+"""Formats of files that can be exported."""
 
 from typing import Literal
 
 Format = Literal["svg", "pdf", "png"]  # of figures
 DataFormat = Literal["csv", "npz"]
 Kind = Literal["svg", "pdf", "png", "csv", "npz", "html", "toml"]
-ALL_PLOTS = "all plots"  # instead of the title of a tab of the page
+ALL_PLOTS = "all plots"  # stands for the titles of all tabs of plots

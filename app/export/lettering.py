@@ -1,7 +1,7 @@
-"""Lettering of a figure: words as they are, and the symbols among them as mathematics, with matplotlib's mathtext.
+"""Lettering of a figure: words are set as they are, symbols among them as mathematics, with matplotlib's mathtext.
 
-A text such as "gain d against what (17) needs" is cut into runs: `d` is a symbol, the rest are words. Nothing else of
-the text is markup: a title with dollars and backslashes in it stays what it is.
+A text such as "gain d against what (17) needs" is cut into runs of letters: `d` is a symbol, the others are words. A
+text has no markup: dollars and backslashes in a title are set as they are.
 """
 
 from __future__ import annotations
@@ -18,10 +18,10 @@ if TYPE_CHECKING:
 
 POINTS = 72.0  # per inch
 SPACE = 0.32  # em, between words
-MATHEMATICS = "dejavusans"  # of the same family as the words, and so at hand where these are
+MATHEMATICS = "dejavusans"  # the words' family, so that a machine with the one has the other
 _ACCENTS = {"\u0302": "hat", "\u0307": "dot", "\u0308": "ddot"}
 _LOWERED = str.maketrans("₀₁₂₃₄₅₆₇₈₉", "0123456789")
-# A letter, maybe with an accent, an index and an exponent. A letter alone after a number or within a unit is a unit.
+# A letter with or without accent, index and exponent. A single letter after a number or within a unit is a unit.
 _SYMBOL = re.compile(
     r"(?<![A-Za-z0-9_α-ωΑ-Ω/'’\\$])"
     r"(?P<letter>[A-Za-zα-ωΑ-Ωℓ][\u0302\u0307\u0308]?)"
@@ -36,8 +36,10 @@ _IN_BRACKETS = re.compile(r"\[[^\]]*\]")
 
 @dataclass(frozen=True)
 class Run:
-    """Run of letters that are set alike. text: as it is, or between dollars as mathtext has it where it is
-    mathematics; spaced: a space stands before it."""
+    """Run of letters that are set in the same way.
+    text: mathematics between dollars, in the notation of mathtext.
+    mathematics: whether the letters are a symbol.
+    spaced: whether a space stands before the run."""
 
     text: str
     mathematics: bool
@@ -45,7 +47,8 @@ class Run:
 
 
 def runs(text: str) -> list[Run]:
-    """Runs of a text in one line; what stands in brackets is a unit, and "(a) " at its beginning the panel's letter."""
+    """Runs of letters of a text in one line. Brackets contain a unit, and "(a) " at the beginning is a panel's
+    letter."""
     if panel := _PANEL.match(text):
         first, *rest = runs(text[panel.end() :]) or [Run("", False, False)]
         return [Run(panel[0].strip(), False, False), replace(first, spaced=True), *rest]
@@ -69,7 +72,7 @@ def _words(text: str, before: str) -> Iterator[Run]:
 
 
 def _is_symbol(found: re.Match[str], text: str) -> bool:
-    """Whether a letter is a symbol, and neither a unit nor the word "a"."""
+    """Whether a found letter is a symbol, and not a unit or the word "a"."""
     if found["index"] or found["hat"] or found["power"] or not found["letter"].isascii():
         return True
     if found[0] == "a" or text[found.end() :].startswith(("·", "/")):
@@ -88,7 +91,7 @@ def _mathtext(symbol: re.Match[str]) -> str:
 
 
 def width_of(text: str, size: float, weight: str = "normal") -> float:
-    """Width in inches of a text in type of this size (pt)."""
+    """Width, in, of a text in type of a size (pt)."""
     return sum(_advance(run, size, weight) + _gap(run, number, size) for number, run in enumerate(runs(text)))
 
 
@@ -106,7 +109,7 @@ def _gap(run: Run, number: int, size: float) -> float:
 
 
 def wrapped(text: str, width: float, size: float, weight: str = "normal") -> list[str]:
-    """Lines of a text that are at most so wide (in), broken between words, but not between a number and its unit."""
+    """Lines of a text, broken between words, but not between a number and its unit. width: of a line at most, in."""
     lines: list[str] = []
     for word in _BREAKS.split(text.strip()):
         longer = f"{lines[-1]} {word}" if lines else word
@@ -120,7 +123,7 @@ def wrapped(text: str, width: float, size: float, weight: str = "normal") -> lis
 def write(
     canvas: Figure, x: float, y: float, text: str, size: float, weight: str = "normal", color: str = "0.0"
 ) -> None:
-    """Write a text whose first letter stands at x, y (in from the lower left corner) on its base line."""
+    """Write a text in one line. x, y: left end of its base line, in, from the lower left corner."""
     wide, high = canvas.get_size_inches()
     for number, run in enumerate(_single_words(text)):
         x += _gap(run, number, size)
@@ -139,8 +142,8 @@ def write(
 
 
 def _single_words(text: str) -> Iterator[Run]:
-    """The runs, each word by itself: in the pixels of a picture a long run is wider than its letters are, and would
-    close the gap behind it."""
+    """Runs of letters of a text, cut into words, since a long run is set wider in the pixels of a PNG than its width
+    says, and would close the gap behind it."""
     for run in runs(text):
         first, *rest = [run.text] if run.mathematics else run.text.split() or [""]
         yield replace(run, text=first)

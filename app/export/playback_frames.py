@@ -16,7 +16,8 @@ DRAWN = ("t", "q", "q_dot", "r_d", "F_cd", "tool", "F_true")
 
 @dataclass(frozen=True)
 class PlaybackFrames:
-    """One recorded row per frame, oldest first: `DRAWN` by name, (N,) or (N, width), SI units."""
+    """Playback frames, oldest first. signals: those of `DRAWN` by name, (N,) or (N, width), SI units, a recorded row
+    for each frame."""
 
     scenario: Scenario
     signals: dict[str, np.ndarray]
@@ -28,10 +29,10 @@ class PlaybackFrames:
 def playback_frames(
     scenario: Scenario, recording: Recording, t_from: float = -math.inf, t_to: float = math.inf
 ) -> PlaybackFrames:
-    """Frames from the first row of each thirtieth of a second, of t_from <= t <= t_to (s)."""
+    """Playback frames of a recording over t_from <= t <= t_to (s): the first row of each thirtieth of a second."""
     rows, frame = [np.empty((0, recording.width))], -math.inf
     for piece in recording.pieces(t_from, t_to):
-        frames = np.floor(piece[:, 0] * FRAMES_PER_SECOND + 1e-6)  # a row at the edge counts as beyond it
+        frames = np.floor(piece[:, 0] * FRAMES_PER_SECOND + 1e-6)  # a row at the end of a frame belongs to the next one
         rows.append(piece[np.diff(frames, prepend=frame) > 0])
         frame = frames[-1]
     kept = np.concatenate(rows)

@@ -1,5 +1,4 @@
-"""Files of a response to a push and of the force loop: their figure, their numbers as tables, and what they say in a
-few lines."""
+"""Files of a response to a push and of the force loop: their figure, their tables, and a summary in a few lines."""
 
 from __future__ import annotations
 
@@ -18,14 +17,14 @@ from app.simulation.push_response import NOTHING, PushResponse, along_axes, larg
 from app.simulation.sampled_stability import SampledLoop
 
 BLUE, ORANGE, GREEN, GREY = (86, 180, 233), (230, 159, 0), (0, 158, 115), (140, 140, 140)
-NEAR = 0.1  # of the target's impedance: as near the sampled loop follows it
-NANOMETRE = 1e-9  # m per N: a way that nobody would call yielding
-STEP = 2.0  # s, of the response to a step
+NEAR = 0.1  # share of the target's impedance within which the sampled loop counts as following it
+NANOMETRE = 1e-9  # m per N: a compliance below this counts as none
+STEP = 2.0  # s, length of the response to a step
 
 
 def figure_of(loop: SampledLoop, response: PushResponse, points: Sequence[Measured], caption: str) -> Figure:
-    """Figure: the impedance along each axis and over all directions, the way under a step, the poles, and gain and
-    phase of the force loop where there is one."""
+    """Figure of a response: the impedance along each axis and over all directions, the way under a step, the poles, and
+    gain and phase of the force loop where there is one. points: measured ones."""
     frequency = response.frequencies()
     sampled, target = response.admittance(frequency), response.target(frequency)
     z_sampled, z_target = along_axes(sampled), along_axes(target)
@@ -74,7 +73,7 @@ def figure_of(loop: SampledLoop, response: PushResponse, points: Sequence[Measur
 
 
 def _of_force_loop(loop: ForceLoop) -> list[Chart]:
-    """Gain and phase of the opened force loop over frequency, with 1 and the phase at which it would not be stable."""
+    """Charts of gain and phase of the opened force loop over frequency, with lines at the limits of stability."""
     opened = _opened(loop)
     frequency, ends = opened.frequency, opened.frequency[[0, -1]]
     gain, phase = [], []
@@ -93,8 +92,11 @@ def _of_force_loop(loop: ForceLoop) -> list[Chart]:
 
 
 class _Opened(NamedTuple):
-    """Opened force loop as a text book has it: unstable at −1, not at 1.
-    frequency: (N,) Hz. gain: (N, p). phase: (N, p) degrees. names: of each of the p, "" where there is one."""
+    """Opened force loop with the sign of text books: its limit of stability is −1, not 1.
+    frequency: (N,) Hz.
+    gain: (N, p).
+    phase: (N, p) degrees.
+    names: of the p curves, "" where p = 1."""
 
     frequency: np.ndarray
     gain: np.ndarray
@@ -128,7 +130,7 @@ def _line(name: str, color: Rgb, frequency: np.ndarray, impedance: np.ndarray, *
 
 
 def _dots(frequency: np.ndarray, impedance: np.ndarray) -> list[Curve]:
-    """Measured points, where there are any that yield."""
+    """Curves of dots for measured points, none where the tool does not yield."""
     finite = np.isfinite(impedance)
     return (
         [Curve("measured", GREY, frequency[finite], impedance[finite], width=0.0, dotted=True)] if finite.any() else []
@@ -141,8 +143,8 @@ def _chart(title: str, unit: str, curves: list[Curve]) -> Chart:
 
 
 def table_of(response: PushResponse, points: Sequence[Measured]) -> str:
-    """CSV of the impedance and its phase along each axis, of its extremes over all directions, and of passivity; then
-    of the measured points."""
+    """CSV of a response: the impedance and its phase along each axis, its extremes over all directions, and passivity;
+    then the measured points."""
     frequency = response.frequencies()
     file = io.StringIO()
     rows = csv.writer(file, lineterminator="\n")
@@ -168,7 +170,7 @@ def _lines(frequency: np.ndarray, admittance: np.ndarray) -> Iterator[list[str]]
 
 
 def told(response: PushResponse) -> list[str]:
-    """What the response says, line by line: how far it follows the target, and where it is passive."""
+    """Summary of a response in lines: how far it follows the target model, and where it is passive."""
     frequency = response.frequencies()
     sampled, target = response.admittance(frequency), response.target(frequency)
     axes = [_followed(name, frequency, sampled[:, k, k], target[:, k, k]) for k, name in enumerate(response.axes)]
@@ -186,7 +188,7 @@ def _followed(name: str, frequency: np.ndarray, sampled: np.ndarray, target: np.
 
 
 def _ranges(frequency: np.ndarray, does: np.ndarray) -> str:
-    """Ranges of the frequency where something holds, in words."""
+    """Ranges of the frequency in which a property holds, in words. frequency: (N,) Hz. does: (N,), whether it holds."""
     if does.all():
         return "at all frequencies that samples can tell"
     edges = np.flatnonzero(np.diff(np.concatenate([[False], does, [False]]).astype(int)))

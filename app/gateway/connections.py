@@ -13,9 +13,9 @@ ARRIVING = 128  # connections on which nothing is being answered, or not yet
 
 class Door:
     """Factory of the protocols of a server's connections, at most `most` at once. When there are more, the oldest one
-    that is not being answered is closed, so that silent connections keep nobody out.
-    answered: the transports of requests and web sockets that are being answered; where all are, the new connection is
-    closed."""
+    that is not being answered is closed, so that silent connections keep nobody out; where all are being answered, the
+    new one is closed.
+    answered: the transports of requests and web sockets that are being answered."""
 
     def __init__(self, server: web.Server, answered: Container[asyncio.BaseTransport], most: int) -> None:
         self._server, self._answered, self._most = server, answered, most

@@ -23,7 +23,7 @@ class _Family(NamedTuple):
 
 
 def metrics(pool: SessionPool, refusals: Counter[str]) -> str:
-    """Text of the metrics endpoint. refusals: their number by reason; the reasons are ours, none comes from a
+    """Text of the metrics endpoint. refusals: their number by reason; the reasons are words of this program, never of a
     visitor."""
     sessions = pool.sessions
     phases = Counter(session.phase for session in sessions)

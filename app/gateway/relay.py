@@ -33,7 +33,7 @@ async def relay(
     judge: Judge,
     taken_back: asyncio.Event,
 ) -> web.WebSocketResponse:
-    """Relay until either side ends, the page sends more than `meter` allows, or the link by which it came is taken
+    """Relay a page's web socket until either side ends, the page sends more than `meter` allows, or its link is taken
     back.
     judge: returns the part of a page's message to pass on, None for nothing.
     Where there is no process, the page is closed with code 1012 and will reconnect."""

@@ -64,7 +64,7 @@ class AccessSettings:
     names: names of the server.
     tokens: tokens that visitors have to show, None for none.
     everyone: the session that all who may steer share, None when each has one of their own.
-    limits: see there.
+    limits: of each connection, and of the pages of a session.
     copies: whether visitors who watch may take a private copy."""
 
     names: Names
@@ -75,7 +75,7 @@ class AccessSettings:
 
 
 class Gateway:
-    """Web application for `aiohttp.web`. answered: the connections whose request is being answered."""
+    """Gateway: the web application for `aiohttp.web`. answered: the connections whose request is being answered."""
 
     def __init__(self, pool: SessionPool, access_settings: AccessSettings) -> None:
         self._pool, self._access_settings = pool, access_settings
@@ -242,7 +242,7 @@ class Gateway:
         secure = request.secure or self._access_settings.names.encrypted(request.host)
         response.set_cookie(cookie, value, max_age=YEAR, httponly=True, samesite="Lax", secure=secure, path=path)
 
-    # what there is
+    # the handlers
 
     async def _front(self, request: web.Request) -> web.StreamResponse:
         """Redirect to the visitor's session; a new one takes no place before its page is loaded."""
@@ -352,7 +352,7 @@ class Gateway:
         return _html(pages.classroom())
 
     async def _question(self, request: web.Request) -> web.StreamResponse:
-        """The present question of a class, and the visitor's own answer to it."""
+        """Response with the present question of a class, and the visitor's own answer to it."""
         session = self._of_class(request)
         own = session.room.own(self._greeted(request).browser)
         return web.json_response({"question": msgspec.to_builtins(session.room.question), "own": own})

@@ -20,10 +20,10 @@ class PageStyle:
 
 @dataclass(frozen=True)
 class ServerSettings:
-    """Settings of a server: to whom it is open.
+    """Settings of a server: to whom it is open, and how much it serves.
 
     shared: a session for each visitor, else one for all.
-    token: "auto" asks for one where other programs than this user's can connect.
+    token: whether a token is asked for; "auto": where other programs than this user's can connect.
     given: the token to steer, None for a fresh one.
     crowded: other people are on this machine.
     origins: public addresses behind a proxy.

@@ -36,19 +36,22 @@ class Process(Protocol):
 
 @dataclass(eq=False)
 class Session:
-    """A run that has a link, whether or not a process runs it now.
+    """Session: a run that has links, whether or not a process runs it now.
 
-    name, watch: parts of the links to steer and to watch; neither can be guessed, nor found from the other.
-    folder: its name on disk, the first one of `watch`.
-    taken_back: set when the links are renewed; the session has a new event then.
+    name, watch: parts of the links to steer and to watch; neither can be guessed, nor computed from the other.
+    folder: name of its folder on disk, the first value of `watch`.
+    taken_back: event that is set when the links are renewed; the session has a new event then.
     scenario: TOML, the last one known; pinned: number of runs that were pinned then.
-    offers: the session kept on disk is another one, to be offered on the page.
+    offers: whether the folder has another session, to be offered on the page.
     owner: the visitor that it was made for; original: the session that it is a copy of.
     pages: the open ones.
-    told: what happened to its process last, "" while nothing did; crashes: how often that happened.
-    looked_at: a page has been open once.
-    kept: it has a folder.
+    told: how its process ended last, or why none could be started, "" for neither.
+    crashes: number of its processes that ended unexpectedly.
+    looked_at: whether a page has been open once.
+    kept: whether it has a folder.
     room: the class that its lecturer asks.
+    asked: when a visitor last requested it; seen: when it was last requested, started, or left by a page; s of the
+    pool's clock.
     """
 
     scenario: str

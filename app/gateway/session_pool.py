@@ -20,18 +20,18 @@ from app.process.redaction import new_secret
 
 log = structlog.get_logger()
 
-SILENT = 15.0  # s: a session that waits for a place and has not been asked for so long is passed over
-FORGOTTEN = 120.0  # s: and leaves the queue after so long; a locked phone asks for nothing
+SILENT = 15.0  # s: a waiting session that nobody has asked for in that time gets no place
+FORGOTTEN = 120.0  # s: it leaves the queue if nobody asks for it in that time; a locked phone asks for nothing
 UNSEEN = 60.0  # s: a process that nobody ever looked at is closed
 HURRIED = 120.0  # s: while others wait, a session that nobody looks at loses its place after so long
-CRASHES, WITHIN = 3, 60.0  # after so many crashes of its process within so many s, a session is not begun again
-SPARE_AFTER = 2.0  # s after a start: the page that is being loaded needs the processor first
+CRASHES, WITHIN = 3, 60.0  # after that many crashes of its process within that many s a session is given up
+SPARE_AFTER = 2.0  # s from the start of a process to that of the spare: a page that is being loaded comes first
 MOST_KEPT = 2000  # sessions without a folder; see `SessionPool._has_room`
 UNKEPT = f"this session is not kept on disk: {MOST} others are, and none of them may go for it"
 
 
 class Excess(Exception):
-    """More than a visitor may have: one sentence."""
+    """Refusal of what is more than a visitor may have: one sentence."""
 
 
 class SessionPool:
@@ -44,7 +44,7 @@ class SessionPool:
     spare: have a process ready in advance.
     classes: whether lessons may ask a class.
     shares: limits of one visitor.
-    of_one_address: places, see `places_share`.
+    of_one_address: places that one address may have, see `places_share`.
     """
 
     def __init__(
@@ -180,9 +180,8 @@ class SessionPool:
     async def renew(self, session: Session) -> None:
         """Renew the links: the old ones lead nowhere, and the pages that they have opened are closed.
 
-        Raises OSError where the new links cannot be kept on disk; the links stay as they were then, because the old
-        ones would
-        open the session again after the next start.
+        Raises OSError where the new links cannot be kept on disk. Then the links stay as they were, because the old
+        ones would open the session again after the next start.
         """
         await asyncio.shield(self._do(self._renewed(session)))  # as a whole, also where the caller stops waiting
 
@@ -304,7 +303,7 @@ class SessionPool:
         except WorkerError as error:
             session.phase, session.told = "failed", str(error)
             log.warning("session given up", session=session.called, reason=str(error))
-        except Exception as error:  # a fault of ours ends this session, and is reported
+        except Exception as error:  # a fault of this program ends the session, and is reported
             session.phase, session.told = "failed", f"the server could not look after it ({type(error).__name__})"
             log.error("fault", stage="a session", session=session.called, exc_info=error)
             if session.process is not None:
@@ -352,7 +351,7 @@ class SessionPool:
         return Kept(str(folder), "offered" if session.offers else "shown")
 
     async def _keep(self, session: Session) -> None:
-        """Have the process keep the session, which somebody looks at, from now on, where there is room."""
+        """Let the process of a session that somebody looks at keep it in a folder from now on, if there is room."""
         if self._store is None or session.kept or (process := session.process) is None:
             return
         if not self._has_room(session, MOST, kept=True):

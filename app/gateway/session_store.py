@@ -47,9 +47,8 @@ class SessionStore:
     """Sessions kept on disk, in a folder that only this gateway uses, until it ends or `close` is called.
 
     A session's own folder is named after its first link to watch: the pages show this name, and it lets nobody steer.
-    The
-    session's process keeps scenario and pinned runs there, see `app.session.autosave`. Raises StateError when another
-    process uses the folder or it cannot be written.
+    The session's process keeps scenario and pinned runs there, see `app.session.autosave`. Raises StateError when
+    another process uses the folder or it cannot be written.
     """
 
     def __init__(self, path: Path) -> None:
@@ -71,8 +70,8 @@ class SessionStore:
         return [known for _, link in sorted(links) if (known := _known(link)) is not None]
 
     def entered(self, known: Known) -> Path:
-        """Folder of the session, which is entered in the store. Where this fails, its process will say so on the
-        page."""
+        """Folder of the session, which is entered in the store. Where the folder cannot be written, the session's
+        process will say so on the page."""
         try:
             self.enter(known)
         except OSError as error:

@@ -71,7 +71,7 @@ class Shares(NamedTuple):
 
 
 def places_share(places: int, of_one_address: int | None) -> Share:
-    """Share of so many places: one browser may have half of them at most, but always two; one address leaves a quarter
-    to others, unless `of_one_address` says how many it may have."""
+    """Shares of the places for running sessions: a browser may have half of them, but always two; an address may have
+    three quarters, or `of_one_address` where this is given."""
     address = of_one_address or max(1, places - max(1, places // 4))
     return Share("sessions that run", max(2, places // 2), address, places)

@@ -37,8 +37,8 @@ from app.process.redaction import new_secret
 log = structlog.get_logger()
 
 PATIENCE = 1.0  # s that a process has to end by itself
-STARTING = 120.0  # s until its first sign of life: it imports, on a machine that may be busy
-SILENCE = 10.0  # s without a sign of life afterwards: it hangs
+STARTING = 120.0  # s until the first sign of life of a process, whose imports take long on a busy machine
+SILENCE = 10.0  # s without a sign of life, after which a process counts as hanging
 
 
 class WorkerError(RuntimeError):
@@ -54,7 +54,7 @@ async def started(file: int) -> ChildProcess:
 
 
 class Worker:
-    """A process that is ready, or runs. One that gives no sign of life for `silence` s is killed.
+    """Worker: the process of a session, or a spare one. It is killed when it gives no sign of life for `silence` s.
     port, key: of its dashboard, which answers only requests with this key.
     looking: see `app.access.rate_limits.harmless`.
     late: see `Alive`."""
@@ -118,11 +118,11 @@ class Worker:
         self._tell(begin)
 
     def keep(self, kept: Kept) -> None:
-        """Have the process keep the session, which it has begun without a folder."""
+        """Let the process keep the session in a folder from now on; it has begun without one."""
         self._tell(Keep(kept))
 
     def remark(self, sentence: str) -> None:
-        """Have the process show a sentence on the page."""
+        """Let the process show a sentence on the page."""
         self._tell(Remark(sentence))
 
     def answer(self, answers: Answers) -> None:

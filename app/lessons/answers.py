@@ -1,4 +1,4 @@
-"""Answers to a lesson's questions: scored against what was measured, kept, and told as CSV and JSON."""
+"""Answers to a lesson's questions: their scores, the file that keeps them, and their CSV and JSON."""
 
 from __future__ import annotations
 
@@ -25,9 +25,9 @@ FILE = "lessons.json"
 
 class Answer(Struct, frozen=True):
     """Answer to the question of a step.
-    given: number of an option from 1, a number, or a course as (t, value) points.
-    score: 1 for a right one, 0 for another; None while it is not known.
-    verdict: how far it was off, in words."""
+    given: number of the chosen option, from 1; a number; or a curve as (t, value) points.
+    score: 1 for a right answer, 0 for a wrong one; None until it is scored.
+    verdict: how far the answer was off, in words."""
 
     given: Given
     score: float | None = None
@@ -35,7 +35,11 @@ class Answer(Struct, frozen=True):
 
 
 class Progress(Struct, frozen=True):
-    """Progress in one lesson: step that is shown, answers by step, goals that were reached."""
+    """Progress in one lesson.
+    step: number of the shown step.
+    answers: by number of their step.
+    goals: numbers of the steps whose goals were reached.
+    finished: whether the last step has been shown."""
 
     step: int = 1
     answers: dict[int, Answer] = {}
@@ -45,14 +49,14 @@ class Progress(Struct, frozen=True):
 
 @dataclass(frozen=True)
 class Score:
-    """Score of an answer: 1 or 0, and how far it was off, in words."""
+    """Score of an answer: points, 1 or 0, and verdict, how far the answer was off, in words."""
 
     points: float
     verdict: str
 
 
 def score_choice(question: Choice, given: int) -> Score:
-    """Score of a chosen option, from 1."""
+    """Score of a chosen option. given: its number, from 1."""
     right = question.options[question.right - 1]
     return Score(1.0, "right") if given == question.right else Score(0.0, f"what happens: {right}")
 
@@ -71,7 +75,7 @@ def score_number(question: Number, given: float, told: Mapping[str, Told]) -> Sc
 
 
 def score_curve(question: Curve, given: list[tuple[float, float]], trace: Trace) -> Score:
-    """Score of a drawn course against the measured one."""
+    """Score of a drawn curve, by its RMS distance to the measured one."""
     t = np.linspace(question.start, question.end, 200)
     drawn = np.interp(t, *np.array(given).T)
     off = float(np.sqrt(np.mean((drawn - np.interp(t, trace.t, trace.values)) ** 2)))
@@ -82,7 +86,7 @@ def score_curve(question: Curve, given: list[tuple[float, float]], trace: Trace)
 
 
 def admitted(question: Choice | Number | Curve, given: object) -> Given:
-    """Answer that a page sent, if it is one to this question. Raises ScenarioError."""
+    """Answer that a page sent, checked against its question. Raises ScenarioError where it does not fit."""
     match question:
         case Choice():
             if not isinstance(given, int) or not 1 <= given <= len(question.options):
@@ -133,7 +137,8 @@ class Notebook:
         self.progress: dict[str, Progress] = {}
 
     def keep_in(self, folder: Path) -> str:
-        """Read what a folder has, and write there from now on. Returns a sentence where it cannot be read, else ""."""
+        """Read the progress that a folder holds, and write it there from now on. Returns a sentence where the file
+        cannot be read, else ""."""
         self._file = KeptFile(folder / FILE, dict[str, Progress], "the progress in lessons")
         kept, problem = self._file.read()
         self.progress = (kept or {}) | self.progress
@@ -144,7 +149,8 @@ class Notebook:
         return self.progress.get(lesson, Progress())
 
     def note(self, lesson: str, progress: Progress) -> None:
-        """Take progress down. Raises OSError where it cannot be written; it counts all the same."""
+        """Replace the progress in a lesson. Raises OSError where it cannot be written; in memory it is replaced all the
+        same."""
         self.progress = {**self.progress, lesson: progress}
         if self._file is not None:
             self._file.write(self.progress)

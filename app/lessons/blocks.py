@@ -1,4 +1,4 @@
-"""Blocks of a lesson: what its fenced TOML says, kind by kind."""
+"""Blocks of a lesson, which its file holds as fenced TOML: a class for each kind."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ Statistic = Literal["mean", "largest", "least", "peak", "rms", "last", "span", "
 
 
 class Block(Struct, frozen=True, forbid_unknown_fields=True):
-    """Block of a lesson."""
+    """Block of a lesson; fields that no block has are refused."""
 
 
 class Head(Block, frozen=True):
-    """First block of a lesson.
-    minutes: that it takes.
-    knows: what one will know afterwards, a sentence each.
-    language: as in HTML, such as en or de."""
+    """Head of a lesson, its first block.
+    minutes: time for the lesson.
+    knows: things that one knows after the lesson, a sentence each.
+    language: code as in HTML, such as en or de."""
 
     title: Text
     minutes: Annotated[float, Meta(gt=0, le=120)]
@@ -38,15 +38,17 @@ class Setting(Block, frozen=True):
 
 
 class Measure(Block, frozen=True):
-    """Number that is measured in a run: a statistic of a signal, or a figure of the whole run.
+    """Measure of a run: a statistic of a signal, or a metric of the whole run.
 
-    signal: of the recording, "e_r.1" for its first number, or "force_error", "path_error" or "contact_force".
+    unit: of the number, a key of `measures.FACTORS`.
+    signal: field of the recording, "e_r.1" for its first entry; or "force_error", "path_error" or "contact_force".
     metric: field of metrics.json, in place of a signal.
     statistic: of the signal. peak: largest size. span: largest minus least. variation: sum of sizes of changes, per s.
-    settles: s until it stays within 2 % of its largest deviation from its end. below: s until its size stays below
-    `level`.
-    start, end: s, of the run; last: so many s before its end, in place of start.
-    unit: in which it is told, one that `measures.FACTORS` knows.
+    settles: s until the signal stays within 2 % of its largest deviation from its end. below: s until the signal's
+    size stays below `level`.
+    start, end: of the interval that is measured, s of the run.
+    last: length of this interval, s, in place of start.
+    level: for the statistic below, in SI units.
     """
 
     unit: str
@@ -60,7 +62,10 @@ class Measure(Block, frozen=True):
 
 
 class Condition(Block, frozen=True):
-    """Comparison of a measure with a number in its unit, or with another measure `times` a factor."""
+    """Condition on a measure.
+    measure: its name.
+    above, below: limits, a number in the measure's unit or the name of another measure.
+    times: factor of the limits."""
 
     measure: Name
     above: float | Name | None = None
@@ -77,26 +82,32 @@ class TimedEdit(Block, frozen=True):
 
 
 class Line(Block, frozen=True):
-    """Signal of the picture of a run, told in a unit; title: what it is called there."""
+    """Line of a run's picture.
+    signal: as in `Measure`.
+    unit: of the drawn values, a key of `measures.FACTORS`.
+    title: of the line in the picture."""
 
     signal: str
     unit: str
     title: Text
 
     def shows(self, other: Line) -> bool:
-        """Whether it shows the same, whatever it is called."""
+        """Whether both lines show the same signal in the same unit, under any title."""
         return (self.signal, self.unit) == (other.signal, other.unit)
 
 
 class Run(Block, frozen=True):
-    """Run of so many seconds from the lesson's scenario.
+    """Run of the lesson's scenario.
 
-    title: what its lines are called.
-    set: other values of fields from the start on; edits: later ones.
-    show: what the picture of the run shows; beside: titles of earlier runs whose lines are drawn there, too.
-    measures: by names that later texts, predictions and conditions use.
+    title: of the run, in pictures.
+    seconds: length of the run.
+    show: lines of the run's picture.
+    measures: by the names that later texts, predictions and conditions use.
+    set: other values of the scenario's fields, by dotted path, from the start on.
+    edits: of fields during the run.
+    beside: titles of earlier runs whose lines are drawn in the picture, too.
     refused: part of the sentence with which the last edit must be refused.
-    stops: part of the reason for which it must stop before its end.
+    stops: part of the reason for which the run must stop early.
     """
 
     title: Text
@@ -111,8 +122,10 @@ class Run(Block, frozen=True):
 
 
 class Choice(Block, frozen=True, tag_field="kind", tag="choice"):
-    """Question with options, of which number `right`, from 1, is right.
-    because: what is measured if that is so."""
+    """Question with options.
+    ask: text of the question.
+    right: number of the right option, from 1.
+    because: conditions that hold for the measured numbers if this option is right."""
 
     ask: Text
     options: Annotated[tuple[Text, ...], Meta(min_length=2, max_length=5)]
@@ -125,8 +138,11 @@ class Choice(Block, frozen=True, tag_field="kind", tag="choice"):
 
 
 class Number(Block, frozen=True, tag_field="kind", tag="number"):
-    """Question for a number in the unit of a measure, which is right within the tolerance.
-    wrong: answers that must not count."""
+    """Question for a number.
+    ask: text of the question.
+    measure: name of the measure that is asked for; answers are in its unit.
+    tolerance: largest error of a right answer.
+    wrong: answers that must be scored as wrong."""
 
     ask: Text
     measure: Name
@@ -135,12 +151,14 @@ class Number(Block, frozen=True, tag_field="kind", tag="number"):
 
 
 class Curve(Block, frozen=True, tag_field="kind", tag="curve"):
-    """Question for a signal's course, drawn on the axes of its picture.
+    """Question for a signal's curve over time, which the student draws.
 
-    run: title of the run that follows.
-    start, end: s; low, high: in the unit of the line.
-    tolerance: RMS of what is drawn minus what is measured, in that unit.
-    wrong: courses that must not count, each as [t, value] points.
+    ask: text of the question.
+    line: signal and unit that are asked for.
+    start, end: of the time axis, s of the run.
+    low, high: of the value axis, in the line's unit.
+    tolerance: largest RMS error of a right curve, in the line's unit.
+    wrong: curves that must be scored as wrong, each as [t, value] points.
     """
 
     ask: Text
@@ -161,15 +179,18 @@ Question = Choice | Number | Curve
 
 
 class Explain(Block, frozen=True):
-    """Explanation: the text above it, shown after the run.
-    equation: the paper's number."""
+    """Explanation: shows the text above this block, and scores the predictions.
+    equation: its number in the paper."""
 
     equation: str = ""
 
 
 class Control(Block, frozen=True):
-    """Slider of a goal: its field by dotted path, its label and range.
-    reference: a value with which the goal is reached; wrong: one with which it is not."""
+    """Control of a goal, a slider.
+    path: dotted path of the scenario's field that it changes.
+    low, high: range of the slider.
+    reference: value with which the goal is reached.
+    wrong: value with which the goal is not reached."""
 
     path: str
     label: Text
@@ -185,8 +206,11 @@ class Control(Block, frozen=True):
 
 
 class Goal(Block, frozen=True):
-    """Goal: conditions on measures of the last seconds, to be reached with these controls while others are locked.
-    seconds: of a run after which the reference reaches it."""
+    """Goal: conditions that the student fulfils with some controls, while all others are locked.
+    ask: text of the task.
+    seconds: length of the run in which the controls' reference values reach the goal.
+    measures: by the names that the conditions use.
+    set: other values of the scenario's fields, by dotted path."""
 
     ask: Text
     seconds: Annotated[float, Meta(gt=0, le=60)]

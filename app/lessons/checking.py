@@ -1,4 +1,4 @@
-"""Check of a lesson: its runs are played, its reference answers and the planted wrong ones scored, its texts read."""
+"""Check of a lesson: plays its runs, scores its reference answers and planted wrong ones, and reads its texts."""
 
 from __future__ import annotations
 
@@ -19,18 +19,18 @@ from app.scenario.schema import ScenarioError
 from app.simulation.closed_loop import ClosedLoop
 from app.simulation.search_memory import Memory
 
-WORDS = 130.0  # that a student reads in a minute, with formulas between them
+WORDS = 130.0  # read by a student per minute, with formulas between them
 QUESTION, GOAL, LOOKING = 0.5, 2.0, 0.4  # minutes for an answer, for a goal, and for looking at the picture of a run
-NEAR = 0.35  # share by which the time may differ from what the lesson says
+NEAR = 0.35  # share by which the estimated time may differ from the time that the lesson states
 
 
 @dataclass
 class Checked:
     """Result of the check of a lesson.
-    told: all numbers that were measured.
+    told: all measured numbers, by name.
     outcomes: of the runs, by number of their step.
-    minutes: that it takes, estimated.
-    problems: sentences, none where all is well."""
+    minutes: estimated time for the lesson.
+    problems: a sentence each."""
 
     lesson: Lesson
     told: dict[str, Told] = field(default_factory=dict)
@@ -40,7 +40,7 @@ class Checked:
 
 
 def check(lesson: Lesson, memory: Memory | None = None) -> Checked:
-    """Check of a lesson: it is fit to be given unless there are problems."""
+    """Result of the check of a lesson, which is fit for a class where it has no problems."""
     checked = Checked(lesson)
     memory = memory or Memory()
     waiting: list[Step] = []
@@ -69,7 +69,7 @@ def _at(lesson: Lesson, step: Step, problem: str) -> str:
 
 
 def _problems(step: Step, checked: Checked, memory: Memory) -> Iterator[str]:
-    """Problems of a step, but for the answers to a prediction, which the next run gives."""
+    """Problems of a step, except those of a prediction's answers: they can be scored only after its run."""
     block = step.block
     for name in NAMED.findall(" ".join([step.text, getattr(block, "ask", ""), *getattr(block, "options", ())])):
         if name not in checked.told:
@@ -145,7 +145,7 @@ def _scored(step: Step, checked: Checked) -> Iterator[str]:
 
 
 def trace_for(step: Step, outcomes: dict[int, Outcome]) -> Trace | None:
-    """Line of the first run after a question for a course that shows its signal."""
+    """Measured line for a question with a drawn curve: the first line of a later run that shows its signal."""
     question = step.block
     assert isinstance(question, Curve)
     for number, outcome in sorted(outcomes.items()):

@@ -1,4 +1,4 @@
-"""The lecturer's desk: which question of a lesson a class is asked, and what it has answered."""
+"""Class desk: the questions of lessons that a lecturer has asked the class, and its answers."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ FILE = "class.json"
 
 @dataclass(frozen=True)
 class Asked:
-    """A question as it was asked: lesson, step, and the answers to it so far."""
+    """Question that a class was asked: name of its lesson, number of its step, and the answers so far."""
 
     lesson: str
     step: int
@@ -34,14 +34,16 @@ class Asked:
 
 @dataclass(frozen=True)
 class KeptClass:
-    """Class as it is kept: all questions with their answers, and whether the last one is asked now."""
+    """Content of a class's file.
+    asked: all questions with their answers, in the order in which they were asked.
+    asks: whether the class is asked the last of them now."""
 
     asked: tuple[Asked, ...]
     asks: bool
 
 
 class ClassDesk:
-    """Desk of one session. Closed, unless the session's gateway has a class; used by several threads."""
+    """Class desk of one session; open where the session's gateway has a class. Safe to use from several threads."""
 
     def __init__(self) -> None:
         self._send: Send | None = None
@@ -57,8 +59,9 @@ class ClassDesk:
         return self._send is not None
 
     def keep_in(self, folder: Path, complain: Complain) -> str:
-        """Take up the class that a folder has, if there is none yet, and keep it there from now on. Returns a sentence
-        where it cannot be read, else "". complain: told where it cannot be written."""
+        """Read the questions and answers that a folder holds, unless some were asked already, and write them there
+        from now on. Returns a sentence where the file cannot be read, else "".
+        complain: gets a sentence where the file cannot be written."""
         self._file, self._complain = KeptFile(folder / FILE, KeptClass, "the class's answers"), complain
         kept, problem = self._file.read()
         with self._lock:
@@ -68,8 +71,10 @@ class ClassDesk:
         return problem
 
     def open(self, send: Send, asked: int = 0) -> None:
-        """Have questions sent to the class by this function; the kept one goes on if it is that of this number, which
-        is asked there still, and is over otherwise."""
+        """Open the desk.
+        send: sends a question to the class, or None to end the last one.
+        asked: number of the question that the gateway still asks, 0 for none; a question that was read from the file
+        goes on if it has this number."""
         self._send = send
         with self._lock:
             self._asks = self._asks and self.asked[-1].question.number == asked
@@ -79,11 +84,11 @@ class ClassDesk:
 
     @property
     def present(self) -> Asked | None:
-        """The question that the class is asked now."""
+        """Question that the class is asked now, None for none."""
         return self.asked[-1] if self.asked and self._asks else None
 
     def ask(self, lesson: str, step: Step, unit: str, measured: Mapping[str, str]) -> None:
-        """Ask the class the question of a step, also again."""
+        """Ask the class the question of a step; a step may be asked several times."""
         question = question_of(step, len(self.asked) + 1, unit, measured)
         with self._lock:
             self.asked, self._asks = (*self.asked, Asked(lesson, step.number, question)), True
@@ -91,7 +96,7 @@ class ClassDesk:
         self._tell(question)
 
     def reveal(self, told: str) -> None:
-        """End the answers to the present question, and show everybody what is told (HTML)."""
+        """Accept no more answers to the present question, and show the class its result. told: the result, HTML."""
         with self._lock:
             if (present := self.present) is None:
                 return
@@ -109,7 +114,7 @@ class ClassDesk:
             self._tell(None)
 
     def take(self, number: int, answers: tuple[Given, ...]) -> None:
-        """Take up all answers to the question of this number."""
+        """Replace the answers to the question of this number."""
         with self._lock:
             self.asked = tuple(
                 replace(each, answers=answers) if each.question.number == number else each for each in self.asked
@@ -141,11 +146,12 @@ class ClassDesk:
 
 
 def _silent(_: str) -> None:
-    """Nobody to complain to: no folder, so nothing can fail."""
+    """Complaint of a desk without a folder: there is none, as nothing is written."""
 
 
 def question_of(step: Step, number: int, unit: str, measured: Mapping[str, str]) -> ClassQuestion:
-    """Question to a class of a lesson's step. Raises ValueError where it has none."""
+    """Question of a lesson's step as a class is asked it. Raises ValueError for a step without a question.
+    number: of the question. unit: of a number that is asked for. measured: numbers as text, for the question's text."""
     block = step.block
     if not isinstance(block, Choice | Number | Curve):
         raise ValueError(f"step {step.number} asks nothing")

@@ -1,4 +1,4 @@
-"""Course through a lesson: the step that is shown, what was answered, and what the runs have shown so far."""
+"""Course of a session through a lesson: the step that is shown, the answers, and the outcomes of its runs so far."""
 
 from __future__ import annotations
 
@@ -26,9 +26,9 @@ from app.simulation.search_memory import Memory
 
 
 class Course:
-    """Course of one session through one lesson. It may be used by several threads.
+    """Course of one session through one lesson. Safe to use from several threads.
 
-    A prediction counts once, before the run; its score is known from the next explanation on.
+    A prediction can be given once, before its run; it is scored at the next explanation.
     """
 
     def __init__(self, lesson: Lesson, notebook: Notebook) -> None:
@@ -44,7 +44,7 @@ class Course:
 
     @property
     def step(self) -> Step:
-        """Step that is shown."""
+        """Step that the page shows."""
         return self.lesson.steps[self.progress.step - 1]
 
     @property
@@ -54,7 +54,7 @@ class Course:
 
     @property
     def told(self) -> dict[str, Told]:
-        """Numbers that the runs up to the shown step have measured."""
+        """Measured numbers of the runs up to the shown step, by name."""
         known: dict[str, Told] = {}
         for number, outcome in sorted(self.outcomes.items()):
             if number <= self.step.number:
@@ -63,12 +63,12 @@ class Course:
 
     @property
     def measured(self) -> dict[str, str]:
-        """Those numbers as text."""
+        """Measured numbers of the runs up to the shown step as text, by name."""
         return {name: str(told) for name, told in self.told.items()}
 
     @property
     def last_run(self) -> Step | None:
-        """The last run up to the shown step since the last explanation."""
+        """Step of the last run up to the shown step, None where an explanation came after it."""
         for step in reversed(self.lesson.steps[: self.step.number]):
             if isinstance(step.block, Run):
                 return step
@@ -78,7 +78,7 @@ class Course:
 
     @property
     def missing(self) -> list[Step]:
-        """Runs before the shown step that have no outcome, such as after a restart."""
+        """Steps of the runs before the shown step that have no outcome, such as after a restart."""
         earlier = self.lesson.steps[: self.step.number - 1]
         return [step for step in earlier if isinstance(step.block, Run) and step.number not in self.outcomes]
 
@@ -101,7 +101,7 @@ class Course:
         return self.answer is None and not any(number > self.step.number for number in self.outcomes)
 
     def traces(self, run: Step) -> list[Trace]:
-        """Lines of a run's picture, those beside it first."""
+        """Lines of a run's picture, those of the earlier runs that it is compared with first."""
         block = run.block
         assert isinstance(block, Run)
         if run.number not in self.outcomes:
@@ -121,7 +121,7 @@ class Course:
         return [*beside, *self.outcomes[run.number].traces]
 
     def predictions(self, run: Step) -> list[tuple[Step, Answer]]:
-        """Answered questions that a run answers: those since the run or explanation before it."""
+        """Predictions for a run: answered questions since the run or explanation before it."""
         found = []
         for step in reversed(self.lesson.steps[: run.number - 1]):
             if isinstance(step.block, Run | Explain):
@@ -151,7 +151,7 @@ class Course:
             self._answer(self.step, Answer(admitted(question, given)))
 
     def take(self, run: Step, outcome: Outcome) -> None:
-        """Take up the outcome of a run."""
+        """Keep the outcome of a run."""
         with self._lock:
             self.outcomes = {**self.outcomes, run.number: outcome}
 
@@ -167,7 +167,7 @@ class Course:
                 self._note(goals=(*self.progress.goals, self.step.number))
 
     def go(self, by: int) -> None:
-        """Show another step, so many further on, or back."""
+        """Show another step. by: steps further on, negative for back."""
         with self._lock:
             number = min(max(self.progress.step + by, 1), len(self.lesson.steps))
             self._note(step=number, finished=self.progress.finished or number == len(self.lesson.steps))
@@ -175,7 +175,7 @@ class Course:
                 self._score()
 
     def _score(self) -> None:
-        """Score what was answered before the shown step, as far as it was measured."""
+        """Score the answers up to the shown step whose runs have been measured."""
         for step in self.lesson.steps[: self.step.number]:
             answer = self.progress.answers.get(step.number)
             if answer is not None and answer.score is None and (score := self._score_of(step, answer)) is not None:

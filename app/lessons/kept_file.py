@@ -1,4 +1,4 @@
-"""File of a session's folder in which lessons keep something as JSON."""
+"""JSON file of a session's folder for the progress in lessons or for the answers of a class."""
 
 from __future__ import annotations
 
@@ -16,14 +16,16 @@ T = TypeVar("T")
 
 
 class KeptFile(Generic[T]):
-    """File that keeps one value of a type. path: of the file; what: of it, in a sentence."""
+    """JSON file that keeps one value.
+    kind: type of the value.
+    what: name of the value in sentences to the user."""
 
     def __init__(self, path: Path, kind: type[T], what: str) -> None:
         self._path, self._kind, self._what = path, kind, what
 
     def read(self) -> tuple[T | None, str]:
-        """What was kept, None without it; and a sentence where it cannot be read, else "". A file that makes no sense
-        is set aside. Raises OSError where that cannot be done."""
+        """Value of the file, None where there is none, and a sentence where the file cannot be read, else "". A file
+        with faults is renamed, so that it is not overwritten. Raises OSError where it cannot be renamed."""
         try:
             with self._path.open("rb") as file:
                 return msgspec.json.decode(file.read(LARGEST), type=self._kind), ""
@@ -37,6 +39,6 @@ class KeptFile(Generic[T]):
             return None, f"{self._what} cannot be read: {error}; it is kept as {aside}"
 
     def write(self, value: T) -> None:
-        """Keep this value. Raises OSError where it cannot be written."""
+        """Write the value to the file. Raises OSError where it cannot be written."""
         text = msgspec.json.format(msgspec.json.encode(value)) + b"\n"
         write_whole(self._path, lambda file: file.write(text), _PRIVATE)

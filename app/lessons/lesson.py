@@ -23,17 +23,17 @@ MOST_STEPS = 60
 
 
 class LessonError(ScenarioError):
-    """A lesson that cannot be used: one sentence with its file, line and reason."""
+    """Error of a lesson that cannot be used: one sentence with its file, line and reason."""
 
 
 @dataclass(frozen=True)
 class Step:
     """Step of a lesson.
     number: from 1.
-    line: of its block in the file.
+    line: number of the block's first line in the file.
     kind: of the block, such as "predict".
-    text: Markdown above it.
-    scenario: from which it begins; None before the first scenario."""
+    text: Markdown above the block.
+    scenario: in which the step takes place; None before the first scenario."""
 
     number: int
     line: int
@@ -44,16 +44,15 @@ class Step:
 
     @property
     def question(self) -> Choice | Number | Curve | None:
-        """Question that it asks."""
+        """Question of the step, None for none."""
         return self.block if isinstance(self.block, Choice | Number | Curve) else None
 
 
 @dataclass(frozen=True)
 class Lesson:
-    """Lesson.
-    name: of its folder.
-    source: of its file, for messages.
-    opening: Markdown above the first step."""
+    """Lesson: its head and its steps.
+    name: of its folder, followed by the language of a translation.
+    source: name of its file, for messages."""
 
     name: str
     source: str
@@ -66,7 +65,7 @@ class Lesson:
 
 
 def read(text: str, name: str, source: str) -> Lesson:
-    """Lesson from its file's text. Raises LessonError with line and reason."""
+    """Lesson from its file's text. Raises LessonError. name, source: as in `Lesson`."""
     head: Head | None = None
     steps: list[Step] = []
     setting: Scenario | None = None

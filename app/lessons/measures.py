@@ -1,4 +1,4 @@
-"""Measures of a run: numbers that a lesson names, taken from its recording, and conditions on them."""
+"""Measures of a run: numbers that a lesson takes from the run's recording, and its conditions on them."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from app.simulation.recording import Recording
 from app.simulation.system import System
 from parameters import allowed
 
-# units in which a lesson may tell a number, and how many of them make one SI unit
+# factor from the SI unit, by unit of a lesson
 FACTORS = {
     "": 1.0,
     "1": 1.0,
@@ -48,7 +48,7 @@ DIGITS = 3
 
 @dataclass(frozen=True)
 class Told:
-    """A measured number in its unit."""
+    """Measured number with its unit."""
 
     value: float
     unit: str
@@ -72,7 +72,7 @@ def factor_of(unit: str) -> float:
 def signal_of(
     system: System, recording: Recording, name: str, t_from: float, t_to: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Times (N,) s and values (N,), SI units, of a signal by a lesson's name. Raises ScenarioError."""
+    """Times (N,) s and values (N,), SI units, of a signal. name: as in `blocks.Measure`. Raises ScenarioError."""
     field, _, index = name.partition(".")
     stretch = recording.stretch(t_from, t_to)
     if field in DERIVED and not index:
@@ -91,7 +91,7 @@ def signal_of(
 
 
 def measured(loop: ClosedLoop, each: Measure) -> Told:
-    """Number of a measure in a run that has ended. Raises ScenarioError."""
+    """Measured number of a run that has ended. Raises ScenarioError."""
     factor = factor_of(each.unit)
     if (each.metric is None) == (each.signal is None):
         raise ScenarioError("measure: allowed: either a signal or a metric")
@@ -108,7 +108,7 @@ def measured(loop: ClosedLoop, each: Measure) -> Told:
 
 
 def taken(system: System, recording: Recording, now: float, each: Measure) -> Told:
-    """Number of a measure of a signal, in a run as far as it has come, now s. Raises ScenarioError."""
+    """Measured number of a signal, in a run that goes on. now: time of the run, s. Raises ScenarioError."""
     factor, half = factor_of(each.unit), 0.5 * system.scenario.controller.period
     end = now if each.end is None else min(each.end, now)
     start = each.start if each.last is None else max(end - each.last, 0.0)

@@ -1,4 +1,4 @@
-"""Playing of a lesson's runs without a screen; on the page the runner makes the same edits at the same instants."""
+"""Player of a lesson's runs without a page; on a page, the runner makes the same edits at the same instants."""
 
 from __future__ import annotations
 
@@ -23,7 +23,10 @@ POINTS = 400  # of a line
 
 @dataclass(frozen=True)
 class Trace:
-    """Line of a picture: t (N,) s, values (N,) in the unit of its line, of the run with that title."""
+    """Points of a line of a run's picture.
+    run: title of the run.
+    t: (N,) s.
+    values: (N,) in the unit of the line."""
 
     run: str
     line: Line
@@ -33,12 +36,12 @@ class Trace:
 
 @dataclass(frozen=True)
 class Outcome:
-    """Outcome of a run.
-    told: its measures by name.
-    traces: the lines of its picture.
-    q: (n,) rad, joint angles in its last control period.
-    refusal: the sentence with which an edit was refused, "" without one.
-    stopped: why it ended early, "" if it did not."""
+    """Outcome of a lesson's run.
+    told: measured numbers by name.
+    traces: lines of the run's picture.
+    q: (n,) rad, joint angles in the last control period.
+    refusal: sentence with which an edit was refused, "" for none.
+    stopped: reason for which the run ended early, "" for none."""
 
     told: dict[str, Told]
     traces: tuple[Trace, ...]
@@ -81,13 +84,13 @@ def play(step: Step, memory: Memory | None = None) -> Outcome:
 
 
 def last_q(recording: Recording) -> np.ndarray:
-    """Joint angles (n,) rad of a recording's last row, none of an empty one."""
+    """Joint angles (n,) rad of a recording's last row; an empty array for an empty recording."""
     pieces = recording.pieces()
     return pieces[-1][-1, recording.columns["q"]].copy() if pieces else np.empty(0)
 
 
 def _trace(system: System, recording: Recording, line: Line, title: str) -> Trace:
-    """Line of a picture; of many points, the extremes stay. Raises ScenarioError."""
+    """Points of a line of a picture, thinned so that the extremes stay. Raises ScenarioError."""
     t, values = signal_of(system, recording, line.signal, -np.inf, np.inf)
     values = factor_of(line.unit) * values
     if len(t) > POINTS:
@@ -99,7 +102,8 @@ def _trace(system: System, recording: Recording, line: Line, title: str) -> Trac
 
 
 def reached(step: Step, values: dict[str, float], memory: Memory | None = None) -> dict[str, Told]:
-    """Measures of a goal after its seconds, with these values of its controls. Raises ScenarioError."""
+    """Measured numbers of a goal, by name, at the end of its run with these values of its controls, by path. Raises
+    ScenarioError."""
     goal = step.block
     assert isinstance(goal, Goal)
     assert step.scenario is not None

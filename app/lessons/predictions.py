@@ -1,4 +1,4 @@
-"""Predictions as they lie over a line of a run's picture."""
+"""Predictions to be drawn over a line of a run's picture."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ OVER_TIME = ("settles", "below")
 @dataclass(frozen=True)
 class Predicted:
     """Predictions for one line.
-    courses: (N, 2) each, of t and value, as drawn.
-    levels: values, in the line's unit.
-    instants: of the run, s."""
+    courses: drawn curves, (N, 2) each, of t, s, and value, in the line's unit.
+    levels: predicted values, in the line's unit.
+    instants: predicted times of the run, s."""
 
     courses: tuple[np.ndarray, ...] = ()
     levels: tuple[float, ...] = ()
@@ -30,7 +30,7 @@ class Predicted:
 
 
 def predicted(run: Run, line: Line, answers: Sequence[tuple[Step, Answer]]) -> Predicted:
-    """What was predicted of a line of a run: courses of the same signal, and numbers measured on it."""
+    """Predictions for a line of a run: curves drawn for its signal, and numbers that are measured on its signal."""
     courses, levels, instants = [], [], []
     for step, answer in answers:
         question, given = step.block, answer.given

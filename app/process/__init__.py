@@ -1,1 +1,1 @@
-"""Log, launcher, files, folders and terminal text of our processes; nothing here is about robots."""
+"""Log, launcher, files, folders and terminal text of the program's processes; nothing here is about robots."""

@@ -13,7 +13,7 @@ ENDING = 1.8  # s
 
 
 def end_within(seconds: float = ENDING) -> None:
-    """End the process after so many s, if it has not ended by itself: nothing that hangs may keep it."""
+    """End the process after `seconds` if it has not ended by itself, whatever hangs."""
     # while the interpreter is being taken down the timer does not fire any more: see `end`
     timer = threading.Timer(seconds, os._exit, (0,))
     timer.daemon = True
@@ -21,10 +21,10 @@ def end_within(seconds: float = ENDING) -> None:
 
 
 def end(status: int) -> NoReturn:
-    """End the process now, after the functions that are registered for its end.
+    """End the process now, after the functions that are registered with `atexit`.
 
-    All that it has started has ended, and the system frees the rest: the interpreter took three seconds on a busy
-    machine to free itself and its libraries.
+    To be called when all threads and processes have ended. The system frees the memory: the interpreter took three
+    seconds on a busy machine to free itself and its libraries.
     """
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, signal.SIG_IGN)
@@ -33,7 +33,7 @@ def end(status: int) -> NoReturn:
         sys.stdout.flush()
         sys.stderr.flush()
     except BrokenPipeError:
-        os._exit(status)  # whoever read has read enough
+        os._exit(status)  # the reader of the pipe has closed it, as `head` does
     except OSError:
-        sys.exit(status)  # the interpreter says that what was printed has not arrived
+        sys.exit(status)  # the interpreter reports that the output was not written
     os._exit(status)

@@ -34,7 +34,7 @@ class ForkedProcess:
         return self._status
 
     def wait(self, timeout: float | None = None) -> int:
-        """Exit status, once there is one. Raises TimeoutExpired after so many s."""
+        """Exit status, once the process has ended. Raises TimeoutExpired after `timeout` s."""
         end = os.pidfd_open(self.pid)
         try:
             select.select([end], [], [], timeout)
@@ -56,8 +56,8 @@ class ForkedProcess:
 
 
 class ForkServer:
-    """Fork server for sessions, whose processes then know the kernels of this scenario (TOML). It begins with the first
-    `start`, and anew where it has ended."""
+    """Fork server for sessions; the processes have the kernels of this scenario (TOML) loaded. The server is started by
+    the first `start`, and again where it has ended."""
 
     def __init__(self, scenario: str) -> None:
         self._scenario = scenario
@@ -101,7 +101,7 @@ class ForkServer:
         return ours
 
     def close(self) -> None:
-        """End it; the processes that it has made go on."""
+        """End the fork server; the processes that it has made go on."""
         if self._control is not None:
             self._control.close()
             self._control = None

@@ -1,4 +1,4 @@
-"""Ctrl-C that is not lost."""
+"""Interruption: a handler of Ctrl-C and other signals that loses none."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ class Interruption:
     Python swallows what is raised in a finalizer or in a callback of an import ("Exception ignored in"), where a signal
     may find the program; a loop that runs until the end therefore looks at `asked`, too.
 
-    asked: whether a signal has come. A plain value: whoever waits for an event holds its lock, which a handler in the
-    same thread would wait for.
+    asked: whether a signal has come. Not an event: a thread that waits for an event holds the event's lock, for which a
+    handler in the same thread would wait.
     """
 
     def __init__(self) -> None:

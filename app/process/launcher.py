@@ -31,13 +31,13 @@ class ChildProcess(Protocol):
 
 
 def start(module: str, *arguments: str, stdin: int, pass_fds: tuple[int, ...] = ()) -> subprocess.Popen[bytes]:
-    """Start `python -m module arguments` in a process group of its own: Ctrl-C concerns only the dashboard. Raises
-    OSError.
+    """Start `python -m module arguments` in a process group of its own, so that Ctrl-C reaches only the dashboard.
+    Raises OSError.
 
-    It stays in this session: to another one Linux would give as large a share of the processor as to this, however nice
-    its processes are (autogroup). On Linux it is killed when the thread that calls this ends. stdin: as in
-    `subprocess`;
-    pass_fds: files that it inherits.
+    The process stays in this session of the system: Linux gives every session the same share of the processor, however
+    nice its processes are (autogroup). On Linux the process is killed when the thread that calls this function ends.
+
+    stdin: as in `subprocess`; pass_fds: files that the process inherits.
     """
     # -P and the path: this program, whatever lies in the user's folder
     path = os.pathsep.join([str(Path(__file__).parents[2]), os.environ.get("PYTHONPATH", "")]).rstrip(os.pathsep)

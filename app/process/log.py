@@ -44,9 +44,8 @@ def configure(level: Level | None = None, file: Path | None = None) -> None:
     to the file also the events that are of interest afterwards.
 
     Processes started from now on log to the same places. Tracebacks go to the file only: those of our own faults
-    always,
-    those that libraries caught with level "debug". Raises OSError when the file cannot be opened; a disk that is full
-    later is reported once, and logging goes on.
+    always, those that libraries caught with level "debug". Raises OSError when the file cannot be opened; a disk that
+    is full later is reported once, and logging goes on.
     """
     structlog.configure(
         processors=[structlog.stdlib.filter_by_level, structlog.stdlib.ProcessorFormatter.wrap_for_formatter],
@@ -207,7 +206,7 @@ def _exception(exc_info: object) -> BaseException | None:
 
 def _escaped(_: object, __: str, event: Event) -> Event:
     """The event with safe values: none can begin a line or reach the terminal as a command, none is long, and none is
-    secret. Keys are ours."""
+    secret. Its keys are words of this program."""
     return {key: _plain(value, LONGEST_TRACEBACK if key == "traceback" else LONGEST) for key, value in event.items()}
 
 

@@ -15,9 +15,8 @@ class LogFile:
     """Log file to which lines are appended: each by one call of the system, so that those of several processes do not
     mix.
 
-    The process that finds the file too large moves it, and the others follow; they also follow another program that
-    moves
-    it. Raises OSError where it cannot be opened.
+    The process that finds the file too large renames it and opens a new one; the other processes follow, also when
+    another program renames the file. Raises OSError where the file cannot be opened.
     """
 
     def __init__(self, path: Path) -> None:
@@ -49,7 +48,7 @@ class LogFile:
             self._descriptor = another
 
     def _move_on(self) -> None:
-        """Move the file, by one process: those that come too late find another file at the path."""
+        """Rename the file, unless another process has done so: then another file is at the path."""
         fcntl.flock(self._descriptor, fcntl.LOCK_EX)
         try:
             if os.path.samestat(os.stat(self._path), os.fstat(self._descriptor)):

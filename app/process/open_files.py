@@ -8,7 +8,8 @@ from app.scenario.schema import ScenarioError
 
 
 def require(files: int, reason: str) -> None:
-    """Raise the limit to so many files, as far as this process may. Raises ScenarioError where it may not."""
+    """Raise the limit of open files to `files`. Raises ScenarioError where this process may not. reason: for its
+    sentence."""
     soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
     if soft == resource.RLIM_INFINITY or soft >= files:
         return

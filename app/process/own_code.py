@@ -161,7 +161,7 @@ def _loaded(path: Path) -> ModuleType:
 
 
 def _check(own: _Own, ours: Mapping[str, str], path: Path) -> None:
-    """Check an object of the user's own. Raises OwnCodeError. ours: titles of the program's own ones, by kind."""
+    """Check an object of the user's own code. Raises OwnCodeError. ours: titles of the program's objects, by kind."""
     if not _KIND.fullmatch(own.kind) or own.kind in ours:
         raise OwnCodeError(
             f"--use {path}: kind {own.kind!r:.60}; allowed: lower-case words joined by '-', but {', '.join(ours)}"

@@ -54,9 +54,8 @@ def private(path: Path) -> Path:
 def passing(prefix: str) -> Path:
     """Temporary folder with a name that nobody can foresee, only for this process and those that it starts.
 
-    It is removed when this process ends. Where the process is killed, the folder is removed when another process asks
-    for
-    a folder of this prefix: the lock on it has ended with its holder.
+    The folder is removed when this process ends. After a process that was killed, its folder is removed when another
+    process asks for a folder of this prefix, since the lock on it has ended with its holder.
     """
     _remove_left(prefix)
     maker = os.getpid()

@@ -1,4 +1,4 @@
-"""Slots of a server: so many of its processes at once may compute something long, the others wait."""
+"""Slots of a server: each lets one of its processes compute something long; processes without a slot wait."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ EVERY = 0.2  # s, between two looks for a free slot
 
 @contextmanager
 def held(count: int | None, while_waiting: Callable[[], object]) -> Iterator[None]:
-    """Hold one of so many slots that all processes with this cache share; None: without any. Waits for a free one, and
-    calls `while_waiting` now and then meanwhile. A process that ends, however it does, has given its slot back. Raises
-    OSError where there is no room for their files."""
+    """Context in which this process holds one of `count` slots, which all processes with the same cache folder share;
+    no slot is needed where count is None. Waits for a free slot, and calls `while_waiting` now and then meanwhile. A
+    process that ends in any way gives its slot back. Raises OSError where the slots' files cannot be made."""
     if count is None:
         yield
         return

@@ -1,4 +1,4 @@
-"""Pool of worker processes that compute a long row of tasks, and end with whoever asked for it."""
+"""Pool of worker processes that compute a long row of tasks, and end with the process that started them."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ Task = TypeVar("Task")
 
 
 class Fallen:
-    """Result of a task whose process has ended, each time."""
+    """Result of a task whose process has ended at each of `TRIES` tries."""
 
 
 class Barrier:
-    """In place of a task: no later one is taken before all earlier ones are done, as where it follows from them."""
+    """Barrier among tasks: no later task is taken before all earlier ones are done, since it may depend on them."""
 
 
 FALLEN, BARRIER = Fallen(), Barrier()
@@ -34,11 +34,11 @@ def results(
     tasks: Iterable[Task | Barrier],
     workers: int,
 ) -> Iterator[tuple[Task, Any]]:
-    """Tasks with their results, in the order in which they are done; `FALLEN` where the process of a task has ended
-    twice. Only a few tasks are taken ahead, so a row of them may be of any length.
+    """Tasks with their results, in the order in which they are done; `FALLEN` for a task whose process has ended twice.
+    Only a few tasks are taken ahead, so there may be any number of them.
 
     make: called in each process, with the arguments; the function that it returns computes the tasks there. Raises what
-    that raises.
+    that function raises.
     """
     waiting: Iterator[_Handed[Any]] = (_Handed(task) for task in tasks)
     again: list[_Handed[Any]] = []
@@ -84,8 +84,8 @@ class _Pool:
         return list(self._futures.values())
 
     def done(self, tasks: Iterator[_Handed[Any]], first: list[_Handed[Any]]) -> Iterator[tuple[Any, Any]]:
-        """Tasks with their results; `first` before the others and one by one, so that of these only the one whose
-        process ends falls again. Raises BrokenProcessPool where a process has ended."""
+        """Tasks with their results. Those of `first` come before the others and one by one, so that a process that ends
+        takes only one of them with it. Raises BrokenProcessPool where a process has ended."""
         while first:
             self._hand(first.pop(0))
             yield self._taken(next(iter(self._futures)))
@@ -131,7 +131,7 @@ class _Process:
 
 
 def _end_with_parent() -> None:
-    """End a worker of the pool with its owner: it would wait for ever for one that was killed."""
+    """End a worker of the pool when its owner ends: it would wait for ever for an owner that was killed."""
 
     def watch() -> None:
         if owner := multiprocessing.parent_process():

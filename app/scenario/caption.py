@@ -29,7 +29,8 @@ class Title(NamedTuple):
 
 
 def title_of(scenario: Scenario, begun_from: Scenario | None) -> Title:
-    """Title of a scenario: that of its file; of what runs now, where an edit has made that one false.
+    """Title of a scenario: that of its file, or one made from arm, mode and surfaces where an edit made the file's
+    false.
     begun_from: the shipped scenario of this name, None where there is none."""
     own = scenario.title or scenario.name
     if begun_from is None or begun_from == scenario:
@@ -44,7 +45,8 @@ def title_of(scenario: Scenario, begun_from: Scenario | None) -> Title:
 
 
 def _about(scenario: Scenario) -> tuple[object, ...]:
-    """What the title of a scenario is about; with another arm a scenario has no longer its name."""
+    """Parts of a scenario that its title describes. The arm is not among them: with another arm a scenario loses its
+    name, and so its title."""
     return scenario.mode, *((each.form.title, each.contact.kind) for each in scenario.surfaces)
 
 

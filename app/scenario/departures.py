@@ -56,7 +56,7 @@ class Departure(NamedTuple):
         return cls(links, rotors, shifts, shapes, 1.0, 1.0, towards, 1.0, 1.0, 1.0, frequency)
 
     def truth(self, declared: Declared, scale: float = 1.0, of: TruthSection | None = None) -> TruthSection:
-        """True arm of this departure, or one `scale` times as far away; what it does not name is as in `of`."""
+        """True arm of this departure, or one `scale` times as far away. of: gives the fields that are not drawn."""
         d = declared
         return msgspec.structs.replace(
             of or TruthSection(),

@@ -46,7 +46,7 @@ class SurfaceOutOfReach(ScenarioError):
 
 class TooStiff(ScenarioError):
     """A scenario with a contact or friction that the plant's steps cannot follow.
-    substeps: number of them with which they could; None where no allowed number suffices."""
+    substeps: number of steps in a control period that would suffice; None where no allowed number does."""
 
     def __init__(self, sentence: str, substeps: int | None) -> None:
         super().__init__(sentence)
@@ -66,7 +66,7 @@ class IrregularCorner(ScenarioError):
 
 
 class WrongFace(ScenarioError):
-    """A scenario with a flat tool where it cannot be one."""
+    """A scenario with a flat tool where the tool cannot be flat."""
 
 
 class IrregularSurface(ScenarioError):
@@ -330,8 +330,8 @@ class FurtherSurface(Section, frozen=True, forbid_unknown_fields=True):
 
 class CouplingSection(Section, frozen=True, forbid_unknown_fields=True):
     """Entries beside the diagonals of the symmetric matrices K_e, B_e, M_e of (28) and K_e_hat of (33) over the
-    surfaces, whose diagonals are the numbers of each surface: between the first and the second one, the first and the
-    third, the second and the third. Those of a surface that there is not, or has no such number, are not read."""
+    surfaces: between the first and the second surface, the first and the third, the second and the third. The diagonals
+    are the numbers of each surface. Entries of surfaces that are missing, or have no such number, are not read."""
 
     K_e: Annotated[Vector3, field("stiffness between surfaces 1 and 2, 1 and 3, 2 and 3 (28)", "N/m")] = (0.0, 0.0, 0.0)
     K_e_hat: Annotated[Vector3, field("estimate of the same stiffness (33)", "N/m")] = (0.0, 0.0, 0.0)
@@ -342,7 +342,7 @@ class CouplingSection(Section, frozen=True, forbid_unknown_fields=True):
 @dataclass(frozen=True)
 class SurfaceInWorld:
     """A surface that the tool may meet, as the scenario has it.
-    path: of its fields in the scenario, before their names.
+    path: beginning of the dotted paths of its fields in the scenario, such as "second.".
     place: its place among first, second and third, from 0.
     pressed: whether its normal force is controlled in a mode on surfaces."""
 

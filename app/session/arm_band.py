@@ -1,4 +1,4 @@
-"""Band of a preview: the same next seconds with other true arms, drawn within what the scenario declares."""
+"""Band of a preview: the same seconds ahead with other true arms, drawn from the scenario's declared set."""
 
 from __future__ import annotations
 
@@ -22,20 +22,21 @@ from app.simulation.system import System
 
 SIGNALS = ("t", "e_r", "r", "F", "F_c", "F_cd", "s_norm", "d", *MULTIPLIERS)  # of which plots show a band
 LATER = 1.0  # s beyond the preview: the run goes on while arms are computed
-SLICE = 500  # control periods that an arm is run at once: some two milliseconds
+SLICE = 500  # control periods that an arm is run at once, in some two milliseconds
 NICENESS = 19  # of the threads
 SEED = 0  # the same arms in every preview: what moves in the picture is the slider's doing
 
 
 @dataclass(frozen=True)
 class Band:
-    """Signals of true arms over a stretch of time.
+    """Band: signals of several true arms over a stretch of time.
     since: s, the instant of the run from which they are computed.
-    reach: s after that up to which all arms are known; ahead: (N,) s, of which these instants are kept.
-    arms: number of them.
+    reach: s after `since` up to which all arms are known.
+    ahead: (N,) s after `since`, the instants whose signals are kept.
+    arms: number of arms.
     signals: (arms · N, ...), one arm after the other; nan beyond the end of an arm that stopped.
-    stopped: number of those, and `because`, the reason of the first one.
-    whole: whether it reaches as far as it ever will."""
+    stopped: number of arms that stopped; because: why the first of them did.
+    whole: whether the stretch is complete."""
 
     since: float
     reach: float
@@ -50,9 +51,9 @@ class Band:
 @dataclass(frozen=True)
 class Stretch:
     """Stretch of time over which arms are run.
-    since: s, the instant of the run that is looked ahead from.
-    begins: the state from which all arms go on, of another instant where an edit begins the scenario anew.
-    rows: control periods; drawn: those of the preview, the first ones.
+    since: s, the present instant of the run.
+    begins: the state from which all arms go on: that of `since`, or the start where an edit begins the scenario anew.
+    rows: number of control periods; drawn: number of those that the preview has, the first ones.
     points: (N,), numbers of the rows that are kept."""
 
     since: float
@@ -63,7 +64,8 @@ class Stretch:
 
     @classmethod
     def beyond(cls, since: float, begins: State, rows: int, points: np.ndarray) -> Stretch:
-        """Stretch of a preview with so many rows, of which these points are drawn, and of `LATER` s more."""
+        """Stretch of a preview and of `LATER` s more. rows: number of the preview's rows. points: numbers of
+        the drawn ones."""
         more = round(LATER / begins.scenario.controller.period)
         later = np.linspace(rows, rows + more - 1, 20).astype(int)
         return cls(since, begins, rows + more, rows, np.append(points, later))
@@ -75,10 +77,11 @@ def uncertain(declared: Declared) -> bool:
 
 
 class _Arm:
-    """One true arm on its way.
+    """One true arm, run over a stretch a slice at a time.
 
-    signals: at the points of the stretch, (N, ...), nan where it has not been or will never be.
-    reached: rows that it has, all of the stretch's where it has stopped, at its row `ended`.
+    signals: at the points of the stretch, (N, ...), nan beyond the rows that are computed.
+    ended: number of computed rows.
+    reached: the same, or the number of all rows where the arm has stopped.
     """
 
     def __init__(self, loop: ClosedLoop, stretch: Stretch) -> None:
@@ -92,7 +95,7 @@ class _Arm:
         self.reached = self.ended = 0
 
     def advance(self) -> None:
-        """Run it a slice further, and keep what the band needs of it."""
+        """Run the arm a slice further, and keep the signals that the band needs."""
         recording, points, begun = self.loop.recording, self._stretch.points, self.ended
         done = self._run.advance(min(SLICE, self._stretch.rows - begun))
         first, last = np.searchsorted(points, (begun, begun + done))
@@ -105,7 +108,7 @@ class _Arm:
 
 
 class ArmsAhead:
-    """True arms on their way over a stretch, all about as far, in threads of a pool."""
+    """True arms that are run over a stretch in threads of a pool, each at most a slice ahead of the others."""
 
     def __init__(self, loops: list[ClosedLoop], stretch: Stretch, pool: ThreadPoolExecutor, threads: int) -> None:
         self._arms, self._stretch = [_Arm(loop, stretch) for loop in loops], stretch
@@ -114,26 +117,26 @@ class ArmsAhead:
 
     @property
     def reached(self) -> int:
-        """Rows that all arms have."""
+        """Number of rows that all arms have computed."""
         return min(arm.reached for arm in self._arms)
 
     @property
     def rows(self) -> int:
-        """Rows that they will have."""
+        """Number of rows of the stretch."""
         return self._stretch.rows
 
     @property
     def going(self) -> bool:
-        """Whether any is under way."""
+        """Whether any thread still runs arms."""
         return not all(each.done() for each in self._running)
 
     def leave(self) -> None:
-        """Let none go on; returns when none does."""
+        """Stop running arms; returns when all threads have stopped."""
         self._left.set()
         wait(self._running)
 
     def band(self) -> Band | None:
-        """Band as far as all arms are, None where that is nowhere. Raises what the run of an arm has raised."""
+        """Band of the rows that all arms have computed, None for no row. Raises what the run of an arm has raised."""
         for running in self._running:
             if running.done():
                 running.result()
@@ -155,7 +158,7 @@ class ArmsAhead:
         )
 
     def _advance(self) -> None:
-        """Run the arm that is least far, again and again."""
+        """Run slices, each of the arm that has fewest rows, until all rows are computed."""
         while not self._left.is_set():
             with self._lock:
                 behind = [arm for arm in self._waiting if arm.reached < self._stretch.rows]
@@ -183,8 +186,8 @@ class TrueArms:
         self._pool = ThreadPoolExecutor(self._count, "arms", initializer=_yield_to_others)
 
     def run(self, stretch: Stretch, count: int) -> ArmsAhead:
-        """Let so many arms run, until `leave` is called, which must be before others are let run. The compiled run must
-        be able to take them. Raises ScenarioError where an arm cannot be built."""
+        """Start running `count` arms over a stretch. `ArmsAhead.leave` has to be called before the next start. Raises
+        ScenarioError where an arm cannot be built, and ValueError where the compiled run has an `obstacle`."""
         begun = self._begun = ClosedLoop.resume(stretch.begins, 1, self._begun and self._begun.system, self._memory)
         scenario, n = begun.system.scenario, begun.system.robot.n
         loops = []

@@ -33,8 +33,8 @@ from app.storage.session_index import OFFER, SESSION, Index, SavedRun, StateErro
 log = structlog.get_logger()
 
 ASIDE = "set-aside-"
-EVERY = 0.5  # s, between two looks at the run; a state that keeps changing is saved after that long without a change,
-LATEST = 5.0  # s, or at the latest after this
+EVERY = 0.5  # s, between two looks at the run; a change is saved when no other one follows within that time,
+LATEST = 5.0  # s, or else this long after the first unsaved change
 _PRIVATE = 0o600
 _RUN_FILE = re.compile(r"run-[0-9a-f]{32}\.npz")
 
@@ -82,9 +82,8 @@ class StateFolder:
         """Pinned runs of an offer that is restored, and a sentence about those that cannot be read, which are set
         aside.
 
-        It takes seconds. The offer is removed when something is saved; it stays when its scenario cannot run now:
-        raises
-        ScenarioError.
+        It takes seconds. The offer is removed when something is saved. Raises ScenarioError where the offer's scenario
+        cannot run now; then the offer stays.
         """
         ClosedLoop(offer.scenario, history=1)
         self._answered = True

@@ -63,7 +63,7 @@ BESIDE = 0.01  # m, of a further surface from the tool
 # directions into further surfaces, the usual one first
 _ACROSS = ((0.0, 1.0, 0.0), (1.0, 0.0, 0.0), (0.0, 0.0, -1.0))
 PUSH, PUSH_LASTS = (0.0, 30.0, 0.0), 0.5  # N, s: sideways, which every mode shows
-HALVINGS = 3  # of a path that is too long for an arm, before it holds
+HALVINGS = 3  # times that a path is halved that is too long for an arm, before it becomes `Hold`
 _WORDS = {
     "motion": "path",
     "rotation": "rotation",
@@ -138,7 +138,7 @@ class WayOut:
     scenario: to be asked for instead, see `possible`.
     fork_at: instant (s) of the run at which it can be forked.
 
-    There is at most one of the two; see `asks_for_file`."""
+    At most one of scenario and fork_at is given; see `asks_for_file`."""
 
     title: str
     scenario: Scenario | None = None

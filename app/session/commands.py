@@ -152,13 +152,13 @@ class TakeWayOut:
 
 @dataclass(frozen=True)
 class PushNow:
-    """The scenario's push begins now; where it has none, one of `changes.PUSH`."""
+    """Begin the scenario's push now; where it has none, a push by `changes.PUSH`."""
 
 
 @dataclass(frozen=True)
 class Push:
-    """Push the tool by hand: take hold of it, move on, or let go (None). Pause, and every command that begins a run,
-    let go, too."""
+    """Push the tool by hand: take hold of it, move the hand, or let go (None). `Pause` and every command that begins a
+    run let go, too."""
 
     grip: Grip | None
 

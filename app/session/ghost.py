@@ -20,15 +20,15 @@ from controllers.nominal_model import NominalModel
 
 DRAWN = ("t", "q", "r_d", "e_r", "e_r_dot", "F_c", "F_cd", "tool")
 REACH_BACK = 5.0  # s: a ghost that is switched on later begins at most so long ago
-BLENDED = 0.02  # s: during a blend, one model is used for so long
+BLENDED = 0.02  # s, for which one model is used during a blend
 NEWTON_STEPS, CLOSE = 8, 1e-9  # m
 FAR = 1.0  # rad: a posture farther than this from the last one is another solution
 
 
 @dataclass(frozen=True)
 class Shade:
-    """The ghost at time t (s): q (n,) rad, its tool point (3,) m, and the distance of the arm's own tool point from it,
-    m."""
+    """Shade: the ghost at time t (s), with its posture q (n,) rad, its tool point (3,) m, and the distance (m) of the
+    arm's own tool point from that."""
 
     t: float
     q: np.ndarray
@@ -38,8 +38,8 @@ class Shade:
 
 @dataclass
 class _Run:
-    """The ghost of the run since one change: its response, of one model or of those of a blend, sampled with the period
-    (s), its arm, and its state. x as in `IdealResponse`."""
+    """Ghost since the last change of the scenario: its response to the force error, of one model or of the models of a
+    blend, for a sampling period (s), its arm, and its state x, see `IdealResponse`."""
 
     key: object
     response: IdealResponse

@@ -31,8 +31,10 @@ def simulate(
     previous: System | None = None,
     memory: Memory | None = None,
 ) -> tuple[ClosedLoop, Metrics]:
-    """Run of the whole duration of a scenario, or until it stops; equal parts of `previous` are used again, and the
-    results that `memory` has. engine: None for the one in force, if it can take the scenario.
+    """Run of a scenario over its whole duration, or until it stops, and its metrics.
+
+    engine: None for the one in force, if it can take the scenario.
+    previous: a system whose equal parts are used again; memory: results of searches.
 
     Raises ScenarioError, also where the engine that is asked for cannot take the scenario.
     """
@@ -52,8 +54,8 @@ def simulate(
 
 
 def play(loop: ClosedLoop, periods: int) -> None:
-    """Compute so many control periods of a loop, or fewer where it stops, by the engine in force, if it can take
-    them."""
+    """Compute `periods` control periods of a loop, or fewer where it stops, by the engine in force, if that can take
+    the loop."""
     if engine_for(loop) == "compiled":
         CompiledRun(loop).advance(periods)
     else:

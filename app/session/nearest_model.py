@@ -13,8 +13,8 @@ from app.simulation.system import System
 from controllers.target_model import InvalidGain, TargetModel
 
 _HALVINGS = 20  # of the interval in which the first refused model lies
-_KEPT = 0.8  # of the way to the first refused one: at that one itself a pole lies on the axis, or a mass vanishes
-_LEAST = 0.01  # of the way to the asked one, below which there is none
+_KEPT = 0.8  # of the way to the first refused model, where a pole reaches the imaginary axis or a mass vanishes
+_LEAST = 0.01  # least share of the way to the asked model that is offered
 
 
 def way_to_model(running: System, asked: Scenario) -> WayOut | None:

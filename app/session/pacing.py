@@ -29,10 +29,9 @@ class Schedule(NamedTuple):
 
 
 class Pace(NamedTuple):
-    """Pace of the loop.
-    asked, achieved: control steps per second of wall time, over so many `seconds`.
-    late_median, late_most: lateness of a step, when it was computed minus when it was due: its median and largest
-    value, s."""
+    """Pace of the loop over the last `seconds` s.
+    asked, achieved: control steps per second of wall time.
+    late_median, late_most: median and largest lateness of a step, s: when it was computed minus when it was due."""
 
     asked: float
     achieved: float

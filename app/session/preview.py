@@ -31,18 +31,19 @@ from app.simulation.state import State
 from app.simulation.system import System
 
 POINTS = 200  # about the number of pixels that a plot has ahead of now
-STEADY = 1e-6  # N, by which a constant desired force may vary in the tail
-BEGINS, LASTS = 0.1, 1.0  # s after now, s: the push where nothing else would move the arm
+STEADY = 1e-6  # N, by which a desired force may vary in the tail and still count as constant
+BEGINS, LASTS = 0.1, 1.0  # s after now, and s, of the push on an arm that nothing else would move
 LOOKS = 50  # instants at which the reference is compared with the present one
 
 
 @dataclass(frozen=True)
 class Question:
-    """Request for a preview: the next `horizon` s from `state` on under `scenario`. Numbers grow.
-    partial: an intermediate answer is wanted, too, and given even when a newer question is waiting.
-    push: N, of the push on the tool where nothing else would move the arm; 0 for none.
-    compared: the figures of the running scenario are wanted, too.
-    arms: number of true arms, drawn from the declared set, whose band is wanted behind it."""
+    """Question to the preview process: what are the next `horizon` s from `state` on under `scenario`?
+    number: larger than that of every earlier question.
+    partial: whether an intermediate answer is wanted, too; it is given even when a newer question is waiting.
+    push: N, of a push on the tool where nothing else would move the arm; 0 for none.
+    compared: whether the figures of the running scenario are wanted, too.
+    arms: number of true arms, drawn from the declared set, whose band is wanted."""
 
     number: int
     state: State
@@ -55,37 +56,38 @@ class Question:
 
 
 class Figures(Struct, frozen=True):
-    """Figures of a preview: final values, as far as it reaches; None where a figure has no meaning in the mode, inf for
+    """Figures of a preview, over the time that it reaches; None where a figure has no meaning in the mode, inf for
     never."""
 
     span: float  # s ahead of now that these figures look at
     push: float  # of the push where nothing else moves the arm, N; 0 where there is none
     force_error: float | None  # mean of f_n - f_nd over the tail, N
-    force_error_predicted: float | None  # the same by (37), for a constant desired force, N
+    force_error_predicted: float | None  # that error by (37), for a constant desired force, N
     force_settling: float | None  # s, see `metrics.settling_time`
-    force_overshoot: float | None  # farthest from its beginning beyond its final value, N
+    force_overshoot: float | None  # how far the force goes beyond its final value, seen from its beginning, N
     contact_largest: float | None  # force on the surface where it is not controlled, N
-    contact_final: float | None  # its mean over the tail, N
-    motion_largest: float  # error, m
-    motion_error: float  # largest in the tail, m
-    motion_settling: float  # s
-    motion_overshoot: float | None  # farthest to the other side after the push, m
-    torque_largest: float  # of one joint, as applied, N m
-    reaching_time: float | None  # of s, s; None under a law without the gain d
+    contact_final: float | None  # mean of that force over the tail, N
+    motion_largest: float  # largest position error, m
+    motion_error: float  # largest position error in the tail, m
+    motion_settling: float  # of the position error, s
+    motion_overshoot: float | None  # how far the position error goes to the other side after its largest value, m
+    torque_largest: float  # largest torque of any joint, as applied, N m
+    reaching_time: float | None  # s, until s is reached; None under a law without the gain d
     reaching_time_promised: float  # (18), s
     gain_margin: float | None  # smallest d minus what (17) needs, N; None under such a law
-    left: str | None  # how and when it leaves the theorem's domain
+    left: str | None  # how and when the run leaves the theorem's domain
 
 
 @dataclass(frozen=True)
 class Outlook:
-    """Answer to a question, or the beginning of one unless `whole`.
+    """Outlook: the answer to a question, or the beginning of one.
+    number: of the question.
     ahead: (N,) s after now.
-    signals: those of a recording, at these instants.
-    epochs: those that the signals were computed under.
-    restarts: the edit begins the scenario anew.
+    signals: those of a recording, at these instants; epochs: of those rows.
+    whole: whether the answer reaches as far as the question.
+    restarts: whether the edit begins the scenario anew.
     today: figures of the running scenario; None until they are known.
-    band: of true arms, as far as it is known; None while none is. bandless: why there will be none, "" otherwise."""
+    band: of true arms, as far as it is known; None while nothing is. bandless: why there will be none, else ""."""
 
     number: int
     scenario: Scenario
@@ -119,11 +121,12 @@ class Done:
 
 
 class Foresight:
-    """A run of its own that answers a question, piece by piece.
+    """Foresight: a run of its own that answers a question, piece by piece.
 
-    Takes over what is the same from `previous`, and what `memory` knows. Raises ScenarioError when the edited scenario
-    cannot be built.
-    engine: the compiled one where it can take the scenario; without its kernels in the cache it compiles for seconds.
+    previous: a system whose equal parts are used again; memory: results of searches.
+    engine: "compiled" is used only where it can take the scenario; without its kernels in the cache it takes seconds.
+
+    Raises ScenarioError when the edited scenario cannot be built.
     """
 
     def __init__(
@@ -149,14 +152,14 @@ class Foresight:
 
     @property
     def bandless(self) -> str:
-        """Why no band of true arms can be computed beside it, "" where one can."""
+        """Why no band of true arms can be computed for this question, "" where one can."""
         if self._obstacle is not None:
             return self._obstacle
         return "" if uncertain(self._loop.system.scenario.declared) else "nothing is declared to be uncertain"
 
     @property
     def unchanged(self) -> Question:
-        """The same question about the scenario that runs, with a push where this one has it."""
+        """The same question about the scenario that runs, with a push where the asked one has a push."""
         return replace(self.question, scenario=self.question.state.scenario, push=self._push)
 
     @property
@@ -258,12 +261,12 @@ def _pushed(system: System, t: float, newtons: float) -> Scenario:
 
 
 def _beyond(signal: np.ndarray, final: float) -> float:
-    """How far the signal (N,) goes beyond its final value, seen from its beginning."""
+    """Overshoot of a signal (N,): largest way beyond its final value, seen from its beginning."""
     return max(float((np.sign(final - signal[0]) * (signal - final)).max()), 0.0)
 
 
 def _other_side(errors: np.ndarray) -> float:
-    """How far errors (N, k) go to the side opposite of the largest one, after it."""
+    """Overshoot of errors (N, k): largest way to the side opposite of the largest error, after it."""
     top = int(np.linalg.norm(errors, axis=1).argmax())
     size = float(np.linalg.norm(errors[top]))
     return max(float((-errors[top:] @ errors[top]).max()) / size, 0.0) if size > 0.0 else 0.0
@@ -283,9 +286,9 @@ def _path_error(system: System, record: dict[str, np.ndarray]) -> np.ndarray:
 
 
 def _points(rows: int) -> np.ndarray:
-    """Indices of the drawn rows, of so many rows: half of the points evenly spaced, half ever closer towards now, where
-    the response to an edit is fast. Without the very first row, where "no reaching transient" makes s exactly 0, which
-    no logarithmic axis can show."""
+    """Indices of the drawn ones among `rows` rows: half of the points evenly spaced, half closer and closer towards
+    now, where the response to an edit is fast. The first row is left out: there `controller.on_change` may make s
+    exactly 0, which no logarithmic axis can show."""
     if rows < 3:
         return np.arange(rows)
     even, close = np.linspace(1, rows - 1, POINTS // 2), np.geomspace(1, rows - 1, POINTS // 2)

@@ -26,9 +26,9 @@ PATIENCE = 2.0  # s that the process has to end by itself
 
 @dataclass
 class _Worker:
-    """A running process.
-    busy: it has not yet answered.
-    hurried: it knows that nobody waits for that answer."""
+    """Worker: the preview process and the connection to it.
+    busy: whether it has a question that it has not answered yet.
+    hurried: whether it knows that nobody waits for that answer."""
 
     process: ChildProcess
     connection: Connection
@@ -37,13 +37,13 @@ class _Worker:
 
 
 class Previewer:
-    """Client for previews that never waits. A question that a newer one overtakes is dropped, not queued.
+    """Client for previews that never waits. A question that a newer one overtakes is dropped, not queued. May be used
+    from any thread.
 
-    `newest` is the latest answer to the questions since `drop`, None before. `failure` is a sentence on the reason when
-    there is no answer for lack of a process; the next question starts another one. May be used from any thread.
-
+    newest: the latest answer to the questions since `drop`, None before.
+    failure: sentence why the process could not be started or has ended, None while there is no such reason; the next
+    question starts another process.
     answered: called in another thread when an answer has come, or the process is lost.
-
     first: the process to begin with, and the connection to it; None to start one with the first question.
     """
 
@@ -53,7 +53,7 @@ class Previewer:
         self._waiting: Question | None = None
         self._number = self._dropped = 0
         self._closed = False
-        self._starter = ThreadPoolExecutor(1, "starter")  # lives as long: the process ends with its thread
+        self._starter = ThreadPoolExecutor(1, "starter")  # the process ends with this thread
         self.newest: Outlook | Refusal | None = None
         self.failure: str | None = None
         self.answered: Callable[[], None] = lambda: None

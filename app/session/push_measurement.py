@@ -1,8 +1,8 @@
-"""Measurement of the tool's admittance by pushes on it: runs with everything that a linear system leaves out, from a
-state of a run on.
+"""Measurement of the tool's admittance by pushes: from a state of a run on, runs with all that a linear prediction
+leaves out.
 
-Each push is run beside the same run without it, and the differences count, so that what moves the tool besides (the end
-of a motion, a moving surface, the sensor's noise) cancels. The reference is held where it is.
+Each push is simulated, and the same run without it. Only the differences count, so that other causes of motion (the end
+of a path, a moving surface, the sensor's noise) cancel. The reference is held where it is.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from environments.push import TimedPush
 SETTLES = 0.5  # s, before the push begins
 LEAD, CYCLES = 1.5, 5  # s under a sine before it counts, and whole cycles that count
 RESTS = 2.0  # s after a chirp, in which the tool comes to rest
-SHORTEST, LONGEST = 4, 60.0  # periods of control in a cycle, and s of a cycle
+SHORTEST, LONGEST = 4, 60.0  # control periods in the shortest cycle, and s of the longest one
 NEWTONS = 2.0
 FAR = 0.05  # of the predicted admittance: farther away, a point needs an explanation
 
@@ -41,8 +41,8 @@ class Measured(NamedTuple):
 
 
 class Chirp(NamedTuple):
-    """A push of which the frequency goes from `low` to `high` (Hz) in so many seconds, and the number of frequencies at
-    which it is evaluated, evenly in the logarithm."""
+    """Chirp: a push whose frequency goes from `low` to `high` (Hz) in `seconds` s, evenly in the logarithm. points:
+    number of frequencies at which it is evaluated."""
 
     low: float = 0.3
     high: float = 100.0
@@ -60,8 +60,8 @@ class PushExperiment:
         self._system, self._h = _holding(state, memory), state.scenario.controller.period
 
     def sine(self, frequency: float) -> Measured:
-        """Measurement with a sine near this frequency (Hz), of which whole cycles count once it has lasted. Raises
-        ScenarioError, also where a run stops."""
+        """Measurement with a sine near this frequency (Hz), over whole cycles after `LEAD` s. Raises ScenarioError,
+        also where a run stops."""
         self._require("--measure", frequency)
         counted = round(CYCLES / (frequency * self._h))
         frequency = CYCLES / (counted * self._h)
@@ -116,7 +116,7 @@ class PushExperiment:
 
 
 def _holding(state: State, memory: Memory | None) -> System:
-    """System of the state's scenario, with the model in force, whose reference stays as it is now."""
+    """System of the state's scenario with the target model in force; its reference stays where it is now."""
     system, t = assemble(state.scenario, memory=memory).with_shift(state.shift), state.t
     if system.blend is not None and blending(system.blend, t, state.scenario.controller.period):
         system = replace(system, controller=system.controller.following(system.blend.at(t)))
@@ -159,7 +159,7 @@ def chirp_for(state: State) -> Chirp:
 
 
 def not_linear(state: State) -> tuple[str, ...]:
-    """What a run from this state has that a linear prediction has not, in words; empty where nothing is known."""
+    """Properties of a run from this state that a linear prediction leaves out, in words; empty where none is known."""
     scenario = state.scenario
     away = state.t > 0.0 and not state.evaluation.views.touching
     rough = any(each.contact.kind != "free" and each.contact.friction_coulomb > 0.0 for each in scenario.surfaces)

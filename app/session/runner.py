@@ -54,7 +54,7 @@ from app.storage.uploaded_urdfs import Reach, hold
 
 log = structlog.get_logger()
 
-BATCH = 0.01  # s of wall time: the steps of so long are computed together, unless a hand holds the tool
+BATCH = 0.01  # s of wall time whose steps are computed together, unless a hand holds the tool
 UNWATCHED = 0.05  # s, the same while nobody has read a snapshot for `FORGOTTEN` s
 FORGOTTEN = 1.0
 LEAST_REST = 0.0002  # s, the shortest rest of the thread: at high speeds several steps share it, also with a hand
@@ -71,10 +71,10 @@ SLOWEST, FASTEST = 0.01, 100.0
 
 @dataclass(frozen=True)
 class _Stretch:
-    """A stretch of a run that is shown at a speed of its own.
+    """Stretch of a run that is shown at a speed of its own, see `ShowAgain`.
     run: number of the run.
     end: s, its last instant.
-    usual: the speed that holds afterwards."""
+    usual: the speed afterwards."""
 
     run: int
     end: float
@@ -83,10 +83,10 @@ class _Stretch:
 
 @dataclass(frozen=True)
 class _Performance:
-    """A run that is performed.
+    """Performance: a run with changes at fixed instants, see `Perform`.
     run: number of the run.
-    changes: that are still to come.
-    end: s."""
+    changes: those that are still to come.
+    end: s, the last instant."""
 
     run: int
     changes: tuple[TimedChange, ...]
@@ -218,7 +218,7 @@ class Runner:
             self._wake.wait(self._rest(schedule))
 
     def _rest(self, schedule: Schedule) -> float:
-        """Longest time (s) until there is something to do but commands.
+        """Longest time (s) that the thread may rest if no command comes.
 
         Steps are computed in batches: to wake for each step at 1 kHz took 18 % of a core, of which the steps were 3.
         A hand on the tool is answered step by step.
@@ -286,8 +286,8 @@ class Runner:
             self._revision += 1
 
     def _perform(self) -> None:
-        """Make the changes of a performance that are due, and pause where the next period is its last one; over when
-        another run has begun. While looking back, nothing is due."""
+        """Make the changes of a performance that are due, and pause where the next period is its last one. The
+        performance is over when another run has begun; while looking back, no change is due."""
         performed, line = self._performed, self._line
         if performed is None or line.loop.t < line.end - 0.5 * self._period:
             return
@@ -314,9 +314,9 @@ class Runner:
         return queued
 
     def _obey(self, queued: list[Command]) -> bool:
-        """Carry out commands; True when simulated time must be paced anew.
+        """Carry out commands; returns whether simulated time must be paced anew.
 
-        That is not so after a push, nor after an edit within a run: the loop makes up for the time that it took.
+        After a push, or an edit within a run, it need not: the loop makes up for the time that these took.
         """
         runs = self._runs
         for command, following in itertools.zip_longest(queued, queued[1:]):
@@ -330,7 +330,7 @@ class Runner:
                 self._heed(command)
             except (ScenarioError, ArithmeticError, ValueError) as error:
                 self._refuse(str(error), command)
-            except Exception as error:  # a fault of ours: the command has failed, and the run goes on
+            except Exception as error:  # a fault of this program: the command has failed, and the run goes on
                 log.error("fault", stage="a command", command=type(command).__name__, exc_info=error)
                 self._refuse(f"{type(command).__name__} failed ({type(error).__name__}: {error})", command)
         self._heard += len(queued)
@@ -354,7 +354,7 @@ class Runner:
         log.info("refused", command=type(command).__name__, sentence=sentence)
 
     def _heed(self, command: Command) -> None:
-        """Carry out a command; where it is refused, keep the way out, if there is one."""
+        """Carry out a command; where it is refused, note the way out, if there is one."""
         way = self._way_out
         match command:
             case TakeWayOut() if way is not None and way.scenario is not None:
@@ -383,7 +383,7 @@ class Runner:
                 self._carry_out(command)
 
     def _earlier_fork(self) -> changes.WayOut | None:
-        """Way out of a fork at the end: one where the run took its present course."""
+        """Way out of a refused fork at the run's end: a fork at the last change, or at the earliest known instant."""
         t, first = self._line.last_change, self._line.first
         if t is None:
             return None
@@ -531,8 +531,7 @@ def _admitted(speed: float) -> float:
 
 
 def _overtaken(command: Command, following: Command | None) -> bool:
-    """Whether the next command replaces this one, as a slider or a hand has moved on: only its present position
-    matters."""
+    """Whether the next command replaces this one: only the last position of a slider or a hand matters."""
     if isinstance(command, Edit) and isinstance(following, Edit):
         return command.path == following.path
     return type(command) is type(following) and isinstance(command, Push | Seek)

@@ -1,7 +1,7 @@
-"""Timeline of a run: the run can be looked at as it was at any instant, and continued from there in another way.
+"""Timeline of a run: shows the run as it was at any instant, and continues it from there in another way.
 
-Of the past only a small state is stored every so often and after every change; the rest is computed again, and comes
-out the same to the last bit.
+Only states are kept, one every `SPACING` s and one after every change; the rest of the past is computed again, the same
+to the last bit.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ class Pinned:
 
     @property
     def title(self) -> str:
-        """Its name, or one from its number."""
+        """Name of the pinned run, by default made from its number."""
         return self.name or f"run {self.number}"
 
     @property
@@ -58,8 +58,8 @@ class Pinned:
 
 
 class Timeline:
-    """Timeline of one run: `loop` stands where the run is looked at, which is its end unless one looks back. One thread
-    at a time.
+    """Timeline of one run; `loop` stands at the instant looked at, the run's end unless somebody looks back. For one
+    thread at a time.
 
     pinned: runs kept for comparison, oldest first.
     forks: instants at which the run went on in another way, s.
@@ -100,8 +100,8 @@ class Timeline:
 
     @property
     def last_change(self) -> float | None:
-        """Instant of the last change before the end, else the earliest that is known, s; None where the run stands
-        there."""
+        """Instant of the last change before the run's end, s, else the earliest known instant; None where there is
+        nothing before the end."""
         before = self.end - 0.5 * self.loop.period
         known = [t for t in (self.first, *(epoch.t for epoch in self.recording.epochs)) if self.first <= t < before]
         return max(known, default=None)
@@ -197,15 +197,15 @@ class Timeline:
         self.pinned = (*others, replace(pinned, place=free))
 
     def unpin(self, number: int) -> None:
-        """Forget that pinned run. Raises ScenarioError when there is none."""
+        """Forget the pinned run of this number. Raises ScenarioError when there is none."""
         if all(pinned.number != number for pinned in self.pinned):
             known = ", ".join(str(pinned.number) for pinned in self.pinned) or "none is pinned"
             raise ScenarioError(f"unpin: {number}; allowed: {known}")
         self.pinned = tuple(pinned for pinned in self.pinned if pinned.number != number)
 
     def rename(self, number: int, name: str) -> None:
-        """Call that pinned run by a name, "" for none. Raises ScenarioError when there is none, or the name is too
-        long."""
+        """Give the pinned run of this number a name, "" for none. Raises ScenarioError when there is no such run, or
+        the name is too long."""
         if len(name) > NAME:
             raise ScenarioError(f"name of run {number}: {len(name)} letters; allowed: at most {NAME}")
         if all(pinned.number != number for pinned in self.pinned):
@@ -218,7 +218,7 @@ class Timeline:
         self._pins = max((run.number for run in self.pinned), default=self._pins)
 
     def _so_far(self, loop: ClosedLoop) -> Recording:
-        """The run's recording up to the instant of that loop, with the epoch of that loop."""
+        """The run's recording up to the instant of a loop that looks back, with the epoch of that loop."""
         recording, now = self.recording.branch(-np.inf, loop.t - 0.5 * loop.period), loop.state.epoch
         if not recording.epochs or recording.epochs[-1].t < now.t:  # the epoch begins at this instant
             recording.epochs.append(now)

@@ -43,8 +43,9 @@ class View:
     """Present state of a loop for drawing and reading.
     q: (n,) rad.
     tool, tool_desired: (3,) m, the latter None in joint space.
-    force, force_desired, push: (3,) N, on the surface, and a hand's on the tool; push_moment: (3,) N m, of the hand.
-    figures: the numbers beside them."""
+    force, force_desired: (3,) N, of the tool on the surface.
+    push, push_moment: (3,) N and (3,) N m, of a push on the tool.
+    figures: numbers of this instant."""
 
     q: np.ndarray
     tool: np.ndarray
@@ -63,7 +64,7 @@ class View:
 
 @dataclass(frozen=True)
 class LiveFigures:
-    """Figures of one instant, found when they are first read: a picture of the arm needs none of them.
+    """Figures of one instant, computed when they are first read: a picture of the arm needs none of them.
     evaluation: of the control period that begins then, in memory of its own.
     residual: (n,).
     t_r, reaching_time: promised and measured, s, nan for none.
@@ -100,14 +101,14 @@ class LiveFigures:
 
 
 def _begun_with(scenario: Scenario) -> tuple[object, ...]:
-    """Fields of other sections that a run keeps from its start on."""
+    """Fields, besides the sections in `RESTARTING`, of which a change begins a new run."""
     met = tuple((each.path, each.contact.kind, each.pressed) for each in scenario.surfaces)
     face = scenario.face.flat, scenario.face.normal
     return met, face, scenario.controller.period, scenario.controller.z_0
 
 
 def standing_of(system: System, state: State) -> Standing:
-    """The premises of the theorem and the verdict on a run in this state, which does not go on."""
+    """The premises of the theorem and the verdict on a run in this state."""
     evaluation = state.evaluation
     table, kept = evaluation.part("table"), evaluation.part("kept")
     stated, errors = evaluation.part("seen").estimate.stated, evaluation.part("errors")
@@ -205,9 +206,8 @@ class ClosedLoop:
     def edit(self, scenario: Scenario) -> None:
         """Continue with a changed scenario, or begin anew where the change does not allow it.
 
-        A blend is only planned by an edit: `step` carries it out. Raises ScenarioError, and then the running scenario
-        stays;
-        also where the scenario would change the end of a blend that is going on, and for any other failure.
+        A blend is only planned by an edit: `step` carries it out. Raises ScenarioError, also where the scenario would
+        change the end of a blend that is going on; after this and any other exception the running scenario stays.
         """
         old, new = self.system.scenario, assemble(scenario, self.system)
         replanned = scenario.blend.planned and scenario.blend != old.blend
@@ -228,8 +228,8 @@ class ClosedLoop:
         self.recording.epochs.append(self.state.epoch)
 
     def with_truth(self, truth: TruthSection, history: int, previous: System | None) -> ClosedLoop:
-        """Run of another true arm from the present state on, with a recording of its own: law and reference, of which
-        the arm's masses are no part, go on. Raises ScenarioError.
+        """Run of another true arm from the present state on, with a recording of its own. Law and reference do not
+        depend on the true arm and continue as they are. Raises ScenarioError.
 
         previous: a system whose parts are used again where they are the same.
         """
@@ -238,8 +238,8 @@ class ClosedLoop:
         twin.recording = Recording(system.layout.n, history)
         twin.recording.epochs.append(self.state.epoch)
         twin._bind(system, self.state.copy(), self._arm.settings_with(system))
-        twin.state.evaluation.data["held"]["known"] = False  # the period before was another arm's
-        if system.scenario.simulation.bound_violation == "stop":  # the promise, which is made anew, decides when
+        twin.state.evaluation.data["held"]["known"] = False  # the period before was computed for another arm
+        if system.scenario.simulation.bound_violation == "stop":  # so the promise for this arm counts
             twin._watch.begin()
         return twin
 
@@ -366,12 +366,14 @@ class ClosedLoop:
 
     @property
     def memory(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """Data that the compiled functions of a period work in: setting, period, arm and plant, each (1,)."""
+        """Data that the compiled functions of a period work in: setting, evaluation, arm and the plant's workspace,
+        each (1,)."""
         return self._arm.settings.data, self.state.evaluation.data, self.state.arm.data, self.system.plant.workspace
 
     def prepare(self, most: int) -> int:
-        """Do what comes before the law in the present period, and return for how many periods from this one on, at
-        most so many, that is all: for the parts of a run that `app.simulation.compiled_run` does not compute."""
+        """Do what `step` does before the law in the present period, for `app.simulation.compiled_run`, which cannot:
+        blends, and estimates taken beforehand. Returns for how many periods from this one on, at most `most`, there is
+        nothing more of that to do."""
         blend = self.system.blend
         if blend is not None:
             self._blend(blend)
@@ -389,12 +391,13 @@ class ClosedLoop:
         self._watch.left("stop", "the loop through the multiplier has no solution")
 
     def heed_posture(self, nearest: int) -> None:
-        """Judge the premises that depend on the posture, in the middle of the present period, which is nearest to the
-        centre of Omega with this number."""
+        """Judge the premises that depend on the posture, in the middle of the present period. nearest: number of the
+        centre of Omega that is nearest to the posture."""
         self._watch.heed_posture(nearest)
 
     def take(self, periods: int, alarms: Alarm) -> None:
-        """Take up periods that `app.simulation.compiled_run` has computed in the loop's memory; alarms: of the last."""
+        """Take up periods that `app.simulation.compiled_run` has computed in the loop's memory. alarms: of the last
+        period."""
         self.recording.commit(periods)
         self._arm.resume()
         if alarms:
@@ -420,7 +423,8 @@ class ClosedLoop:
                 self.fail(self._stage, error)
 
     def fail(self, stage: str, error: Exception) -> None:
-        """Stop for an exception at this stage of the step; one that arithmetic does not explain is a fault of ours."""
+        """Stop for an exception at this stage of the step; one that arithmetic does not explain is reported as a fault
+        of the program."""
         known = isinstance(error, ArithmeticError | ValueError)
         what = f"{error}" if known and str(error) else f"{type(error).__name__}: {error}".rstrip(": ")
         self.state.stopped = f"t = {self.t:.3f} s: {stage} failed ({what})"
@@ -434,9 +438,8 @@ class ClosedLoop:
     def _blend(self, blend: ModelBlend) -> None:
         """Carry out a blend: the law of this control period follows the target model that is in force now.
 
-        Nothing else changes, above all not z: s does not depend on the model (see `controllers.blend`). A blend begins
-        and ends
-        with an epoch; whether it was planned long ago or just now, it is the same to the last bit.
+        Nothing else changes, above all not z: s does not depend on the model (see `controllers.blend`). An epoch begins
+        with a blend, and another one with its end. A blend is the same to the last bit whenever it was planned.
         """
         half = 0.5 * self._h
         if self.t > blend.begins + blend.over - half:
@@ -472,7 +475,7 @@ class ClosedLoop:
         self._arm.follow(self.system.controller.gains)
 
     def _evaluated(self) -> Record[Evaluation]:
-        """The period that begins now; the previous one where the user's own law fails."""
+        """Evaluation of the period that begins now; that of the period before where the user's own law fails."""
         try:
             return self._arm.evaluated()
         except OwnCodeError:

@@ -1,10 +1,10 @@
 """Compiled run: many control periods of a closed loop in one compiled call, without the interpreter lock.
 
-`CompiledRun.advance` does what `ClosedLoop.step` does, in its order and with its parts; only the order of the calls
-stands twice, here and in `ControlledArm` and `Plant`. Where a period needs the interpreter (the watch looks at the
-posture, an alarm), the compiled function returns, and its caller does there what `step` does. Terms of the arm come
-from `kernels.rigid_body`, not from Pinocchio, so the two differ by rounding; a discontinuous law makes jumps of it, and
-then rows differ visibly.
+`CompiledRun.advance` does what `ClosedLoop.step` does, in the same order and with the same parts; only the order of the
+calls is written twice, here and in `ControlledArm` and `Plant`. Where a period needs the interpreter (the watch looks
+at the posture, an alarm), the compiled function returns, and its caller does what `step` does there. Terms of the arm
+come from `kernels.rigid_body`, not from Pinocchio, so the two differ by rounding; a discontinuous law turns rounding
+into jumps, and then rows differ visibly.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ from kernels.rigid_body import (
     weigh,
 )
 
-# kernels that stand below are called by their address: compiled for the step, they are not compiled once more
+# kernels that `step` uses, too, are called by their address, so that they are not compiled once more for this module
 ask: Any = Elsewhere("kernels.pointers", "ask")
 ask_integer: Any = Elsewhere("kernels.pointers", "ask_integer")
 ask_number: Any = Elsewhere("kernels.pointers", "ask_number")
@@ -59,24 +59,27 @@ BATCH = 4096  # periods whose readings are prepared together
 
 class Engine(NamedTuple):
     """Data of a compiled run.
-    period_kernels, plant_kernels: to be called by their addresses.
-    known, true: the arm as the controller knows it, and as it is; seen, moved: their terms, with the memory for them;
-    alike: whether the two have the same geometry.
+    period_kernels, plant_kernels: addresses of kernels.
+    known, true: the arm as the controller knows it, and the true arm.
+    seen, moved: terms of these two arms, with the memory to compute them.
+    alike: whether these two arms have the same geometry.
     period: s; substeps: of the plant in each; integrator: its place in `Integrator`.
     springs, massive, rigid: see `ContactKind`; ideal: see `ControlledArm`.
     carrier, turned: the link that carries the tool, counted from 0, and its transposed rotation.
-    push, pushed: by the clock, and its torque (n,) N m in the present period.
-    F: (6,), the wrench as the law reads it. tau: (n,) N m, of drives and push.
+    push: at fixed times; pushed: (n,) N m, its torque in the present period.
+    F: (6,), the wrench as the law reads it.
+    tau: (n,) N m, of drives and push.
     first: (n,), q_ddot of the first substep.
     guess, change, error, before: (3,) N, of the multipliers that an ideal sensor reads, and inverse (3, 3), see
     `implicit_force`.
-    station, close: where the sampled loops were judged last, -1 off the reference; within this distance of Omega's
-    centres (rad) they need not be judged while the arm is at that station.
-    nearest: centre of Omega at which they are to be judged now, -1 while they need not be.
+    station: where the sampled loops were judged last, -1 off the reference.
+    close: rad; nearer than this to a centre of Omega of that station, the sampled loops need not be judged again.
+    nearest: centre of Omega at which the sampled loops have to be judged now, -1 for none.
     steps: periods since the epoch began, at the call.
     read: readings that were taken before the call.
-    done, moving: where a call is: completed periods, and whether the law of the next one is done.
-    unsolved, astray: the ideal sensor has no reading; the tool cannot be brought onto the rigid surface.
+    done, moving: periods that the call has completed, and whether the law of the next one is evaluated.
+    unsolved, astray: whether the ideal sensor has no reading, and whether the tool cannot be brought onto the rigid
+    surface.
     alarms: `Alarm` flags of the last completed period, not heeded yet."""
 
     period_kernels: PeriodAddresses
@@ -228,7 +231,7 @@ def _missed(engine, setting, evaluation, around, arm, twin, guess, t, row):
 @inline
 def _solve_for_force(engine, setting, evaluation, whole, spare, around, arm, twin, t, row):
     """Evaluate the law with the force that its own torque causes, as `ControlledArm` does; returns whether that force
-    was found. whole, spare: the bytes of the period, and memory for them; twin: memory for an arm."""
+    was found. whole, spare: the bytes of the evaluation, and memory for a copy; twin: memory for an arm."""
     guess, change, error, before, inverse = engine.guess, engine.change, engine.error, engine.before, engine.inverse
     copy(arm[0].load.multiplier, guess)
     copy(whole, spare)
@@ -325,7 +328,7 @@ def _run(
             if data.unsolved or data.nearest >= 0:
                 return
         _move(data, around, arm, twin, t[k])
-        placed = data.springs or data.rigid  # the tool was looked for where the arm is now
+        placed = data.springs or data.rigid  # the tool's placement is known at the present q
         data.alarms = ask_integer(data.period_kernels.complete, (setting, evaluation, arm, row))
         data.done, data.moving = k + 1, False
         if data.alarms != 0:
@@ -333,7 +336,7 @@ def _run(
 
 
 class CompiledRun:
-    """Compiled run of a loop, until it is edited: then it is to be made anew.
+    """Compiled run of a loop; after an edit of the loop another one has to be made.
 
     Raises ValueError where there is an `obstacle`.
     """
@@ -398,8 +401,8 @@ class CompiledRun:
         return self._engine.data, setting, evaluation, arm, around, *spare, *watched, *sensor
 
     def advance(self, periods: int) -> int:
-        """Compute so many control periods, or fewer when the run stops; an exception in one stops it, as in
-        `ClosedLoop.advance`. Returns how many were computed."""
+        """Compute `periods` control periods, or fewer when the run stops; an exception in one stops it, as in
+        `ClosedLoop.advance`. Returns their number."""
         left = periods
         while left > 0 and self._loop.stopped is None:
             ahead = ReadingsAhead(self._loop.state.reader, min(left, BATCH))
@@ -438,7 +441,8 @@ class CompiledRun:
         return -1 if station is None else station
 
     def _call(self, ahead: ReadingsAhead, read: int, periods: int) -> None:
-        """Call the compiled function for at most so many periods, before whose first so many readings were taken."""
+        """Call the compiled function for at most `periods` periods. read: number of readings of `ahead` that earlier
+        calls have used."""
         loop, engine = self._loop, self._engine.fields
         rows, begun, state = loop.recording.new_rows(periods), loop.state.steps, loop.state
         engine.steps, engine.read = begun, read
@@ -448,8 +452,8 @@ class CompiledRun:
 
 
 class UnjudgedRun(CompiledRun):
-    """Compiled run that leaves the premises that depend on the posture as they are, which takes a third less time. What
-    moves is the same to the last bit, unless a broken promise stops the run."""
+    """Compiled run that does not judge the premises that depend on the posture, which takes a third less time. The
+    arm's motion is the same to the last bit, unless a broken promise stops the run."""
 
     def __init__(self, loop: ClosedLoop) -> None:
         super().__init__(loop)

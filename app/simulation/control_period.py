@@ -1,5 +1,5 @@
-"""Control period: all that the controller does in one, as one compiled function, the paper from (3) to (25) in its
-order."""
+"""Control period: all that the controller does in one period, as one compiled function, the paper from (3) to (25) in
+its order."""
 
 from __future__ import annotations
 
@@ -171,11 +171,12 @@ class Evaluation(NamedTuple):
     """Evaluation of the law in one control period: inputs and results.
     z: (n,) m/s, at the period's beginning.
     F: (6,), the wrench as measured, N and N m.
-    push: (6,), the wrench of a hand on the tool.
+    push: (6,), the wrench of a push on the tool.
     applied: (n,) N m, tau as the drives apply it.
-    residual: (n,) N, complete once q_ddot is known.
-    saturated, touching: of the period before, whether applied was not tau, whether there was a force on every surface
-    that the tool should press, and no rigid one was left.
+    residual: (n,) N, of (8), complete once q_ddot is known.
+    saturated: whether a drive's limit cut the torque in the period before.
+    touching: whether in the period before there was a force on every surface that the tool should press, and no rigid
+    one was left.
     news: `Alarm` flags of the promise.
     errors: of the controller's model at this state, as far as bounds are stated for them.
     table, watched, held, kept: premises and quantities that the theorem's promise depends on, and how it was kept."""
@@ -212,7 +213,8 @@ class Evaluation(NamedTuple):
 
 @inline
 def reference_at(plan, t, reference):
-    """r_d(t) = start + motion + rotation + shift; the first m coordinates: r_fd = K_e_hat^-1 f_nd (33), F_cd = f_nd."""
+    """Compute the `Reference` at t (s): r_d = start + motion + rotation + shift; in the first m coordinates r_d is
+    r_fd = K_e_hat^-1 f_nd (33), and F_cd = f_nd."""
     path_at(plan.motion, t, reference.r_d, reference.r_d_dot, reference.r_d_ddot)
     add_path(plan.rotation, t, reference.r_d, reference.r_d_dot, reference.r_d_ddot)
     add_shift(plan.shift, t, reference.r_d, reference.r_d_dot, reference.r_d_ddot)
@@ -507,8 +509,8 @@ def _nearest(rows, x):
 
 @kernel
 def watch_posture(setting, evaluation, centres):
-    """Watch the posture of the last evaluation: its inertia, see `premises.Watched`, and its distance
-    from the centres (N, n) rad of Omega. Returns the nearest centre's number."""
+    """Watch the posture of the last evaluation: its inertia, see `premises.Watched`, and its distance from the centres
+    (N, n) rad of Omega. Returns the nearest centre's number."""
     setting, evaluation = setting[0], evaluation[0]
     nearest, evaluation.table.value[DOMAIN] = _nearest(centres, evaluation.seen.q)
     watch(
@@ -540,7 +542,7 @@ def _reference_alone(plan, t, reference):
 
 
 class Observer:
-    """`observe` for use outside kernels."""
+    """Observer of the arm: `observe` for use outside kernels."""
 
     def __init__(
         self, model: NominalModel, shapes: Shapes, layout: TaskLayout, errors: ErrorModel | None = None
@@ -567,7 +569,7 @@ class Observer:
 
 
 class Planned:
-    """`reference_at` for use outside kernels."""
+    """Planned reference: `reference_at` for use outside kernels."""
 
     def __init__(self, plan: ReferencePlan) -> None:
         self._plan = Record(plan)

@@ -44,8 +44,8 @@ class ControlledArm:
 
     settings: the data of the system that the compiled functions read.
     along: the estimates taken beforehand (Remark 3), None where they are taken on-line.
-    ideal: whether the force sensor is ideal, and that makes a difference.
-    push: (6,), wrench of hand and script on the tool over this period; push_torque: (n,) N m, that in the joints.
+    ideal: whether the force sensor is ideal on a rigid or heavy surface; on others that makes no difference.
+    push: (6,), wrench of hand and timed push on the tool over this period; push_torque: (n,) N m, its joint torques.
     """
 
     def __init__(self, system: System, state: State, settings: Record[Setting] | None = None) -> None:
@@ -106,8 +106,8 @@ class ControlledArm:
         return self._state.reader.read(force - self.push if self._push_tool() else force)
 
     def _push_tool(self) -> bool:
-        """Compute the wrench of hand and script on the tool over this period; False, as fast as possible, when there is
-        none."""
+        """Compute the wrench of hand and timed push on the tool over this period; returns whether there is one. The
+        usual period has none and takes no time."""
         grip, script = self._state.grip, self._scripted
         force = None if script is None else script.at(self._state.t)
         pushed = force is not None or grip is not None
@@ -153,7 +153,7 @@ class ControlledArm:
         return self._complete(self._settings, self._evaluation, self._arm_data, row)
 
     def evaluated(self) -> Record[Evaluation]:
-        """Period that begins now, evaluated in a copy, without consequences."""
+        """Evaluation of the period that begins now, in a copy: the run does not change."""
         twin = self._state.evaluation.copy()
         self._evaluate(twin, self._state.arm.views.load.wrench - self.push, self._scratch)
         return twin

@@ -87,7 +87,7 @@ def believed_stiffness(scenario: Scenario) -> np.ndarray:
 
 
 def believed_compliance(scenario: Scenario) -> np.ndarray:
-    """Its inverse (m, m) m/N, by which (33) has r_fd."""
+    """Inverse (m, m) m/N of `believed_stiffness`, with which (33) gives r_fd."""
     stiffness = believed_stiffness(scenario)
     diagonal = np.diag(stiffness)
     return np.diag(1.0 / diagonal) if (stiffness == np.diag(diagonal)).all() else np.linalg.inv(stiffness)
@@ -100,7 +100,7 @@ def true_stiffness(scenario: Scenario) -> np.ndarray:
 
 
 def _with_tilts(scenario: Scenario, stiffness: np.ndarray, K_t: float) -> np.ndarray:
-    """The stiffness (k, k), with that of the tilts, K_t N m/rad, in N/m of the coordinates l t."""
+    """The stiffness (k, k) with that of a flat tool's tilts, K_t N m/rad, converted to N/m of the coordinates l t."""
     mode, l = mode_of(scenario), scenario.task_space.characteristic_length
     return np.asarray(block_diag(stiffness, K_t / l**2 * np.eye(mode.m() - mode.pressed)))
 

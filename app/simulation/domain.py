@@ -22,7 +22,7 @@ from environments.surfaces.table import Surface
 CENTRES = 192  # postures along the reference, around which Omega lies
 SWEEPS = 4  # number of times that the centres go from the reference to the shifted one and back
 INERTIA, OTHERS = Effort(120, 3), Effort(40, 2)  # of the search; the other functions change less over Omega
-MARGIN = 1.02  # factor on all results of searches: a longer search by another method finds no more than that
+MARGIN = 1.02  # factor on all results of searches; longer searches by another method find less than this above them
 SLOWEST = 1e-3  # Hz: for a surface that moves more slowly, only the first 1000 s count
 
 Observe = Callable[[np.ndarray, np.ndarray, float], tuple[Estimate, TaskSpace]]
@@ -30,9 +30,10 @@ Observe = Callable[[np.ndarray, np.ndarray, float], tuple[Estimate, TaskSpace]]
 
 @dataclass(frozen=True)
 class Constants:
-    """Constants over Omega, as far as J_q is regular there: Property 1's k_r_low and k_r_high (kg) for every arm inside
-    the declared set, the Lipschitz constants of the estimates, and the rates of the links' errors, zero where none are
-    declared."""
+    """Constants over Omega, as far as J_q is regular there.
+    k_r_low, k_r_high: kg, of Property 1, for every arm inside the declared set.
+    lipschitz: constants of the estimates.
+    rates: of the links' errors, zero where none are declared."""
 
     k_r_low: float
     k_r_high: float
@@ -56,7 +57,7 @@ class Constants:
 
 
 def posture_at(observe: Observe, q: np.ndarray, reference: Reference, t: float) -> tuple[np.ndarray, np.ndarray]:
-    """q_d, q_d_dot with r(q_d, t) = r_d and its rate, by Newton's method from q (n,) rad."""
+    """Posture and its rate, q_d and q_d_dot, with r(q_d, t) = r_d and its rate, by Newton's method from q (n,) rad."""
     _, task = observe(q, np.zeros_like(q), t)
     for _ in range(8):
         away = task.J_q_inv @ (reference.r_d - task.r)

@@ -4,4 +4,4 @@ from contextvars import ContextVar
 from typing import Literal
 
 Engine = Literal["pinocchio", "compiled"]  # `ClosedLoop.step` with Pinocchio; many periods in one call, `compiled_run`
-in_force: ContextVar[Engine] = ContextVar("in_force", default="pinocchio")  # where the caller of a run names none
+in_force: ContextVar[Engine] = ContextVar("in_force", default="pinocchio")  # engine of a run whose caller names none

@@ -107,7 +107,7 @@ def _factors(path: str, given: float | tuple[float, ...], n: int, of: str) -> np
 
 
 def push_of(scenario: Scenario) -> TimedPush:
-    """The push by the clock. Raises ScenarioError."""
+    """The push at fixed times. Raises ScenarioError."""
     t = scenario.truth
     if t.push_sweep_to > 0.0 and t.push_frequency == 0.0:
         raise ScenarioError(
@@ -177,8 +177,8 @@ def contacts_of(scenario: Scenario) -> tuple[Contact, ...]:
 
 
 def beside_diagonal(scenario: Scenario, name: str) -> np.ndarray:
-    """Entries (k, k) of a matrix of `coupling` over the k surfaces of the scenario, with zeros on its diagonal; only
-    massive surfaces have a mass, and rigid ones nothing of all this."""
+    """Entries (k, k) of a matrix of `coupling` over the k surfaces of the scenario, with zeros on its diagonal; all
+    zero for a mass where the surfaces have none, and for every matrix of rigid surfaces."""
     natures = [each.contact.nature for each in scenario.surfaces]
     has = np.array([nature.massive if name == "M_e" else nature.springs for nature in natures], dtype=float)
     whole, there = np.zeros((3, 3)), [each.place for each in scenario.surfaces]
@@ -304,8 +304,8 @@ def rotation_of(scenario: Scenario, layout: TaskLayout) -> Course:
 
 
 def require_surfaces(scenario: Scenario, mode: Mode, positions: int, n: int) -> None:
-    """Raise ScenarioError unless an arm with n joints, and so many positions among its coordinates, can meet these
-    surfaces in this mode."""
+    """Raise ScenarioError unless an arm with n joints can meet the scenario's surfaces in this mode. positions: number
+    of coordinates that are positions."""
     first, *further = scenario.surfaces
     pressed = first.pressed
     for each in further:
@@ -393,7 +393,7 @@ def require_face(scenario: Scenario, mode: Mode, robot: robots.Robot) -> None:
 
 
 def level_of(scenario: Scenario, R: np.ndarray, normal: np.ndarray) -> np.ndarray:
-    """Directions (2, 3) in the world of the face's first axis along the plane with this unit normal (3,), and across.
+    """Directions (2, 3) in the world along the plane with this unit normal (3,): of the face's first axis, and across.
     R: (3, 3), of the tool at the start. Raises WrongFace where the face does not look at the plane."""
     first, second = face_axes(scenario) @ R.T
     facing = float(np.cross(first, second) @ normal)

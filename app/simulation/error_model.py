@@ -1,5 +1,5 @@
-"""Error model: what the controller has to know at each state of the errors of its own model, besides the model: whether
-the links' centres of mass and shapes are in doubt, and the bounds of (7) that a scenario states itself."""
+"""Error model, the controller's knowledge of its model's errors at each state: whether the links' centres of mass and
+shapes are uncertain, and the bounds of (7) that a scenario states itself."""
 
 from __future__ import annotations
 
@@ -14,14 +14,15 @@ from environments.formula import FormulaError, parse
 from kernels import inline, kernel
 from kernels.records import Record
 
-LOOKS, FASTEST, FARTHEST = 25, 20.0, 4.0  # at which a formula is tried: number, rad/s, rad
+LOOKS, FASTEST, FARTHEST = 25, 20.0, 4.0  # states at which a formula is tried: their number, rad/s, rad
 UNSTATED = Function.constant(np.nan)
 
 
 class ErrorModel(NamedTuple):
     """Errors of a model.
     turning: whether `nominal_model.turning` is needed.
-    stated: whether any of the four bounds is stated; M, C, G, f: those, of away (rad), speed (rad/s), t (s).
+    stated: whether any of the four bounds is stated.
+    M, C, G, f: the stated bounds, as functions of away (rad), speed (rad/s), t (s).
     q_0: (n,) rad, from which `away` counts."""
 
     turning: bool
@@ -86,7 +87,7 @@ def _value_alone(function, x, y, z, t):
 
 @inline
 def doubt(model, links, placements, q, q_dot, t, estimate):
-    """Compute what `estimate` holds of the errors of the rest of it, after `estimates`."""
+    """Compute the fields of `estimate` about errors: M_turning, spin and stated. To be called after `estimates`."""
     if model.turning:
         turning(links, placements, estimate)
     stated, away, speed = estimate.stated, 0.0, 0.0

@@ -88,8 +88,9 @@ class _Sample(NamedTuple):
 
 
 class Effort(NamedTuple):
-    """Effort of a search: number of places drawn from Omega, and number of searches in a row without gain after which
-    it ends."""
+    """Effort of a search.
+    draws: number of places drawn from Omega.
+    searches: the search ends when that many climbs in a row, the best one first, have ended no higher."""
 
     draws: int
     searches: int
@@ -107,8 +108,7 @@ def largest(omega: Omega, objectives: Objectives, effort: Effort) -> tuple[float
 
 
 def _climbed(omega: Omega, objective: Objective, samples: list[_Sample], patience: int) -> float:
-    """Largest value found from one sample after the other, until as many in a row as `patience` have found nothing
-    better."""
+    """Largest value found by climbs from one sample after the other. patience: see `Effort.searches`."""
     best, idle = 0.0, 0
     for start in _starts(omega, [s for s in samples if s.seen.room >= 0.0 and s.seen.value > 0.0]):
         found = _Climb(omega, objective, start).best
@@ -134,7 +134,7 @@ def _starts(omega: Omega, samples: list[_Sample]) -> Iterator[_Sample]:
 
 
 class _Climb:
-    """One search: `best` is the largest value that it has found within Omega.
+    """Climb: one search by SLSQP; `best` is the largest value that it has found within Omega.
 
     Its variable x is the displacement from the start, in radii, followed by the time, in spans, where the surface
     moves.

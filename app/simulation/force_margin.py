@@ -1,4 +1,4 @@
-"""Margins of the force loop: what may be wrong with the reading of the force before the sampled loop becomes unstable.
+"""Margins of the force loop: how wrong or late the reading of the force may be while the sampled loop stays stable.
 
 The loop is opened where the law takes the reading: y, what the sensor gives, answers to u, what the law is given, by
 y = L(z) u, in one control period the change x -> A x + B (u - y) with y = C x. With u = y it is closed. It stays stable
@@ -21,12 +21,12 @@ from app.simulation.sampled_frequencies import LOWEST, SampledFrequencies
 MOST = 1e3  # gain, beyond which there is no limit to speak of
 GAINS, FREQUENCIES = 121, 1500  # at which a margin is looked for, before it is found exactly
 ROUNDING = 1e-7  # of the spectral radius: a coordinate that is free to move without its force has a pole at 1
-NOTHING = 1e-6  # of a loop gain
+NOTHING = 1e-6  # a loop gain below which an eigenvalue counts as zero
 
 
 @dataclass(frozen=True)
 class Margins:
-    """Margins of a stable loop, infinite (and `low` 0) where nothing is too much.
+    """Margins of a stable loop; infinite, and `low` 0, where there is no limit.
     low, high: factors on the reading, between which the loop is stable.
     phase: rad, by which the reading may be shifted at every frequency; delay: s, by which it may come later.
     crossing: Hz, at which the delay margin is found, nan where there is none."""
@@ -48,7 +48,7 @@ class ForceLoop(SampledFrequencies):
     C: np.ndarray
 
     def gains(self, frequency: np.ndarray) -> np.ndarray:
-        """Eigenvalues (N, p) of L at frequencies (N,) Hz, largest first, without those that are nothing at all."""
+        """Eigenvalues (N, p) of L at frequencies (N,) Hz, largest first, without those that are zero everywhere."""
         values = self._eigenvalues(frequency)
         return values[:, : self._count]
 
@@ -61,7 +61,7 @@ class ForceLoop(SampledFrequencies):
 
     @cached_property
     def _count(self) -> int:
-        """Number of eigenvalues of L that are not nothing."""
+        """Number of eigenvalues of L that are not zero everywhere."""
         largest = np.abs(self._eigenvalues(self.frequencies(40))).max(axis=0)
         return max(1, int((largest > NOTHING).sum()))
 

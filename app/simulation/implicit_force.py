@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from kernels import kernel
 
-FORCE_ITERATIONS, FORCE_MISSED = 30, 1e-10  # at most so many, and the share of 1 N and the force
+FORCE_ITERATIONS, FORCE_MISSED = 30, 1e-10  # most iterations; error as a share of 1 N and the force
 
 
 @kernel

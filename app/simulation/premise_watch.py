@@ -23,7 +23,7 @@ from environments.contact import Holding
 
 
 class PremiseWatch:
-    """Watch of the promise of a run, in the memory of its state's period; it writes into the state's `flagged` and
+    """Watch of the promise of a run, in the memory of its state's evaluation; it writes into the state's `flagged` and
     `stopped` which premise the run has left, and when.
 
     system: follows the target model in force during a blend.
@@ -92,8 +92,8 @@ class PremiseWatch:
         self.heed_posture(self._arm.look(self._state.evaluation))
 
     def heed_posture(self, nearest: int) -> None:
-        """Flag it when q has left Omega, whose centre of this number is the nearest, and judge the sampled loops when
-        the arm has moved: along the reference at a station, off it at the present posture."""
+        """Flag the run when q has left Omega, and judge the sampled loops when the arm has moved: near the reference at
+        a station, off the reference at the present posture. nearest: number of the nearest centre of Omega."""
         state, distance = self._state, self._table.value[Premise.DOMAIN]
         if distance > self.system.constants.radius:
             self.left("flag", "q has left Ω, over which the constants of (19) were computed")

@@ -1,4 +1,4 @@
-"""Response of the tool to a push, in linear terms: that of the target model, and what the sampled loop makes of it.
+"""Response of the tool to a push, in linear terms: that of the target model, and that of the sampled loop.
 
 The push is held over each control period, and the speed is the tool's mean one over it, so that force times speed is
 the work done in the period: where the Hermitian part of the admittance has no negative eigenvalue, a sinusoidal push
@@ -14,7 +14,7 @@ import numpy as np
 from app.simulation.sampled_frequencies import SampledFrequencies
 
 NOTHING = 1e-12  # m/s per N: a tool that does not yield, but for rounding
-ROUNDING = 1e-9  # of the admittance's largest entry: more than differences of the period leave of a zero
+ROUNDING = 1e-9  # share of the admittance's largest entry by which an eigenvalue may be below zero, for rounding
 
 
 @dataclass(frozen=True)

@@ -29,8 +29,8 @@ def _between(rows: np.ndarray, t_from: float, t_to: float) -> np.ndarray:
 
 @dataclass(frozen=True)
 class Epoch:
-    """Conditions of the rows from t (s) until the next epoch begins: scenario, target model or `blend`, and
-    certificate.
+    """Epoch: the conditions of the rows from t (s) until the next epoch begins.
+    scenario, model, certificate: in force; blend: instead of the model, None for no blend.
     reached: when ||s|| was first within the boundary layer, or the band of a law without one, s, None while it was not.
     banded: when ||s|| was first within the band, s, None while it was not.
     reached_by, banded_by: promised instants of these, s, None where nothing is promised."""
@@ -95,9 +95,8 @@ class _Block:
 class Recording:
     """A bounded table of rows. One thread adds; any thread reads whole rows.
 
-    history (rows): kept at full rate. Older rows are thinned to one in `THINNING`, for at most as long a time again,
-    and
-    still older ones are removed. So memory has a bound: with six joints 0.7 GB.
+    history: number of rows that are kept at full rate. Older rows are thinned to one in `THINNING`, for at most as long
+    a time again; still older ones are removed. So memory has a bound: with six joints 0.7 GB.
     epochs: the last ones, oldest first; readers take a copy.
     """
 
@@ -113,7 +112,7 @@ class Recording:
 
     @classmethod
     def of(cls, n: int, length: int, signals: Iterable[tuple[slice, np.ndarray]]) -> Recording:
-        """Recording of so many rows. signals: the columns of each signal in a row, and its values, (length, width);
+        """Recording of `length` rows. signals: the columns of each signal in a row, and its values, (length, width);
         they are read one after the other."""
         recording = cls(n, history=length)
         starts = range(0, length, BLOCK)
@@ -131,7 +130,7 @@ class Recording:
         return self.new_rows(1)
 
     def new_rows(self, most: int) -> np.ndarray:
-        """The rows to be filled next, at least one and at most so many, the memory (N,) of `Row`s in one piece."""
+        """Rows to be filled next: memory (N,) of `Row`s in one piece, at least one and at most `most`."""
         if not self._blocks or self._blocks[-1].filled == BLOCK:
             self._blocks.append(self._new_block())
             if len(self._blocks) > self._most:
@@ -145,7 +144,7 @@ class Recording:
         return _Block(memory, memory.view(self._dtype)[:, 0], filled)
 
     def commit(self, rows: int = 1) -> None:
-        """Mark so many of the new rows as complete."""
+        """Mark the first `rows` of the new rows as complete."""
         self._blocks[-1].filled += rows
 
     def forget(self) -> None:

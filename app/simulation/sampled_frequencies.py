@@ -1,4 +1,4 @@
-"""Frequencies that a sampled loop can tell."""
+"""Frequencies at which a sampled loop can be judged."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ LOWEST = 0.05  # Hz
 
 @dataclass(frozen=True)
 class SampledFrequencies:
-    """Frequencies that samples taken every `period` s can tell."""
+    """Range of frequencies that samples taken every `period` s resolve."""
 
     period: float
 
     @property
     def highest(self) -> float:
-        """Frequency, Hz, beyond which samples cannot tell."""
+        """Highest frequency, Hz, that the samples resolve."""
         return 0.5 / self.period
 
     def frequencies(self, count: int = 200) -> np.ndarray:
-        """Frequencies (count,) Hz from 0.05 Hz on, as far as samples can tell, evenly in the logarithm."""
+        """Frequencies (count,) Hz from `LOWEST` to the highest, evenly in the logarithm."""
         return np.geomspace(LOWEST, 0.98 * self.highest, count)

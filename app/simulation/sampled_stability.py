@@ -207,7 +207,7 @@ def _judged(system: System) -> bool:
 
 
 def _reads_contact(system: System) -> bool:
-    """Whether the law takes a reading of the contact's force that sampling has come between."""
+    """Whether the law takes a sampled reading of the contact's force."""
     kind, ideal = system.plant.kind, system.scenario.sensor.ideal
     return kind.touches and system.controller.law.feels_force and not (kind.heavy and ideal)
 
@@ -228,7 +228,7 @@ class PeriodMap:
 
     def __init__(self, system: System, at: Posture, *, touching: bool = True) -> None:
         self._felt = 6 if system.plant.face.flat else 3  # entries of a reading: a point that touches has no moment
-        self._push = np.full(3, FORCE_STEP)  # of no push at all the arm would not look for one
+        self._push = np.full(3, FORCE_STEP)  # `ControlledArm` would ignore a push that is zero when it is made
         self._still = still = replace(
             system,
             plant=system.plant.smooth(touching=touching),
@@ -278,8 +278,8 @@ class PeriodMap:
         self._prepare_deviations(task.J_q_inv @ basis, basis.T @ task.J_q)
 
     def _prepare_deviations(self, spread: np.ndarray, gather: np.ndarray) -> None:
-        """Prepare the deviations (k, N) of the state by a step of each, and the matrix (k, N) back to them, of which
-        the arm's are `spread` (n, f) and `gather` (f, n)."""
+        """Prepare the changes (k, N) of the state by a unit of each deviation, and the matrix (k, N) from a state back
+        to deviations. spread, gather: (n, f) and (f, n), those of the arm."""
         (n, f), rest = spread.shape, len(self._base) - 2 * spread.shape[0]
         count, layer = 2 * f + rest, self._still.controller.layer
         speed = STEP * (layer if layer > 0.0 else 1.0)
@@ -440,9 +440,9 @@ def _surface_mass(system: System) -> np.ndarray:
 
 
 def gain_by_force(system: System, at: Posture) -> tuple[float, float]:
-    """Share of a change in the force on rigid or heavy surfaces that d by (17) gives back when the loop through the
-    force is solved, and the part that d adds to `force_factor`; nan and 0 where d does not depend on the force. Of
-    several surfaces, changes of all their forces add up."""
+    """Gain of the loop from the force on rigid or heavy surfaces through d by (17) back to the force, when the loop
+    through the multiplier is solved; and the part that d adds to `force_factor`. nan and 0 where d does not depend on
+    the force. Of several surfaces, changes of all their forces add up."""
     controller = system.controller
     if not system.plant.kind.heavy or controller.d is not None or not controller.law.robust:
         return math.nan, 0.0
@@ -454,16 +454,17 @@ def gain_by_force(system: System, at: Posture) -> tuple[float, float]:
 
 
 def _by_acceleration(masses: np.ndarray, mobility: np.ndarray) -> np.ndarray:
-    """Multipliers (k, k) N per m/s^2 of phi_ddot of surfaces with these masses (k, k) kg, see `_surface_mass`, which
-    take `mobility` (k, k) m/s^2 per N from it."""
+    """Multipliers (k, k), N per m/s^2 of phi_ddot without them.
+    masses: (k, k) kg, of the surfaces, see `_surface_mass`.
+    mobility: (k, k) m/s^2 per N, by which the multipliers reduce phi_ddot."""
     if np.isinf(masses).any():
         return np.linalg.inv(mobility)
     return np.linalg.solve(np.eye(len(masses)) + masses @ mobility, masses)
 
 
 def _largest(pull: np.ndarray, slopes: np.ndarray) -> float:
-    """Largest change of d that a unit vector (n,) of the switching term brings about, which changes the multipliers by
-    its product with `pull` (n, k), and d changes by |slopes| (k,) of each."""
+    """Largest change of d by a unit vector (n,) of the switching term. pull: (n, k), change of the multipliers by that
+    vector; slopes: (k,), change of d by each multiplier."""
     signs = product((1.0, -1.0), repeat=len(slopes))
     return max(float(np.linalg.norm(pull @ (slopes * sign))) for sign in signs)
 

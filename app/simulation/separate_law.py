@@ -33,8 +33,8 @@ class SeparateLaw:
         self._torque = (_compiled if law.compiled else _interpreted)(law, settings, _parameters(controller))
 
     def act(self, evaluation: Record[Evaluation], x: np.ndarray) -> None:
-        """Write the terms of the torque into the period, and `x_dot`, for the law's own state x (k,). Raises
-        OwnCodeError."""
+        """Write the terms of the torque into the evaluation, and the rate of the law's own state x (k,) into `x_dot`.
+        Raises OwnCodeError."""
         self._x[:], self.x_dot[:] = x, 0.0
         try:
             self._torque(evaluation, *self._state)
@@ -43,13 +43,13 @@ class SeparateLaw:
 
 
 def _interpreted(law: ControlLaw, settings: Record[Setting], parameters: Any) -> Callable[..., None]:
-    """The law's torque, as a function of a period and of the law's own state, in the interpreter."""
+    """The law's torque as a function of an evaluation and of the law's own state, in the interpreter."""
     ask, own = asked(law.torque).py_func, parameters or settings.fields.gains
     return lambda evaluation, *state: ask(settings.fields, evaluation.fields, own, *state)
 
 
 def _compiled(law: ControlLaw, settings: Record[Setting], parameters: Any) -> Callable[..., None]:
-    """The law's torque, as a function of a period and of the law's own state, compiled."""
+    """The law's torque as a function of an evaluation and of the law's own state, compiled."""
     answer, own = _kernel_of(law), Record(parameters).data if parameters else settings.data["gains"]
     return lambda evaluation, *state: answer(settings.data, evaluation.data, own, *state)
 

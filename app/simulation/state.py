@@ -26,8 +26,9 @@ from kernels.records import Record
 
 
 class Judged(NamedTuple):
-    """Posture at which the sampled loops were judged last: at a station along the reference, None off it; q (n,) rad; t
-    s."""
+    """Posture at which the sampled loops were judged last.
+    station: along the reference, None off it.
+    q, t: (n,) rad and s."""
 
     station: int | None
     q: np.ndarray
@@ -48,8 +49,8 @@ class Flag(NamedTuple):
 class State:
     """State of a run: all that the next control periods depend on, beside the system of the scenario.
 
-    A run changes its state in place; `copy` is a value, small enough to be kept by the thousand and sent to another
-    process. A fork without the hand: `replace(state.copy(), grip=None)`.
+    A run changes its state in place. `copy` returns one that does not change, small enough to be kept by the thousand
+    and sent to another process. A fork without the hand: `replace(state.copy(), grip=None)`.
     """
 
     scenario: Scenario
@@ -57,7 +58,7 @@ class State:
     steps: int  # control periods since `epoch` began
     arm: PlantState
     evaluation: Record[Evaluation]  # z, and the state of the promise
-    x: np.ndarray  # (k,), a law's own state; z of (25) is in `period`
+    x: np.ndarray  # (k,), a law's own state; z of (9) is in `evaluation`
     reader: ForceReader  # the force sensor's random stream, filter and delay line
     shift: SmoothShift  # of the reference, while it moves
     along: Start | None  # of `ReferenceEstimates`, None where estimates are taken on-line

@@ -9,7 +9,7 @@ import numpy as np
 
 from app.simulation.extremes import Omega
 
-APART = 0.1  # rad, of a joint: from one place to the next
+APART = 0.1  # rad, largest change of a joint from one station to the next
 
 
 @dataclass(frozen=True)

@@ -83,8 +83,8 @@ from environments.urdf import RobotError
 if TYPE_CHECKING:
     from app.simulation.sampled_stability import SampledLoop
 
-EASE = 1.5  # factor on the substeps that keep the plant from exploding, with which it also settles
-ON_SURFACE = 1e-6  # m, of where the tool begins
+EASE = 1.5  # factor on the period for which substeps are proposed, so that with those the plant also settles
+ON_SURFACE = 1e-6  # m, by which the tool may be off its starting place on the surface
 
 
 @dataclass(frozen=True)
@@ -102,20 +102,20 @@ class Coordinate:
 
     @property
     def per_radian(self) -> float:
-        """Growth of an angle with one radian, in its unit."""
+        """Change of an angle's coordinate per radian, in the coordinate's unit."""
         return self.metres_per_radian or 1.0
 
 
 @dataclass(frozen=True)
 class System:
-    """Objects of a scenario.
+    """System: the objects of a scenario.
     surfaces: all of the world, whether or not the tool touches them.
     charted: gives the task coordinates: the surfaces, or Cartesian axes.
     stations: at which the sampled loops are judged.
     mobility: the true arm's largest over Omega.
     controller: with the target model in force, from which `blend`, if there is one, leads to another.
-    q_0: (n,) rad.
-    z_0: (n,) m/s, of (9), where it is kept at the start.
+    q_0: (n,) rad, posture at the start.
+    z_0: (n,) m/s, z of (9) at the start, unless `controller.on_change` is "remove" (Remark 2).
     memory: of the results of searches.
     sampled_loops: at the stations, by number, as far as they have been judged; shared by systems in which they are the
     same."""
@@ -181,7 +181,8 @@ class System:
         return self.planned.at(t)
 
     def posture_at(self, q: np.ndarray, t: float) -> tuple[np.ndarray, np.ndarray]:
-        """q_d, q_d_dot with r(q_d, t) = r_d(t) and its rate, by Newton's method from q (n,) rad."""
+        """Posture and its rate, q_d and q_d_dot, with r(q_d, t) = r_d(t) and its rate, by Newton's method from q (n,)
+        rad."""
         return posture_at(self.observe, q, self.reference(t), t)
 
     def after(self, previous: System, t: float) -> System:
@@ -396,8 +397,8 @@ def _stations(scenario: Scenario, constants: Constants, previous: System | None)
 def _sampled_loops(
     scenario: Scenario, stations: Stations, controller: Controller, previous: System | None
 ) -> dict[int, SampledLoop]:
-    """Memory of the sampled loops at these stations, that of `previous` where they are the same: not within a blend,
-    whose model no scenario says."""
+    """Memory of the sampled loops at these stations: that of `previous` where the loops are the same, else an empty
+    one. Within a blend they differ, since its model is in no scenario."""
     alike = previous is not None and previous.stations is stations and previous.controller.model.same(controller.model)
     if previous is not None and alike and _looped(previous.scenario) == _looped(scenario):
         return previous.sampled_loops

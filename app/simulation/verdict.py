@@ -1,4 +1,4 @@
-"""Verdict on the theorem's promise for a run, in words and figures, and the findings on each premise."""
+"""Verdict on the theorem's promise for a run, in words and numbers, and the findings on each premise."""
 
 from __future__ import annotations
 

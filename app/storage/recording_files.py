@@ -93,8 +93,7 @@ def write_npz(data: Table, file: BinaryIO, limit: float = math.inf, tell: Tell =
     them.
 
     Needs memory for one signal, beside that of the pieces. level: of compression, 0 to 9. Raises TooLarge as
-    `write_csv`
-    does.
+    `write_csv` does.
     """
     pieces = tuple(data.pieces)
     columns = columns_of(data.n)

@@ -63,8 +63,7 @@ def keep(name: str, content: bytes, marks: tuple[str, ...] = ()) -> Path:
     """The file that holds this URDF from now on; the same one for the same name and contents.
 
     marks: of the visitor who uploads it; the number of files of each mark is limited. Raises ScenarioError for a file
-    that
-    is no usable URDF, which is not kept, for too many files, and for a disk that cannot be written.
+    that is no usable URDF, which is not kept, for too many files, and for a disk that cannot be written.
     """
     try:
         urdf.parse(content, name)
@@ -88,8 +87,8 @@ def keep(name: str, content: bytes, marks: tuple[str, ...] = ()) -> Path:
 
 @dataclass(frozen=True)
 class Reach:
-    """URDFs that a page may name: uploaded ones, and those that are `given`. Any other path is refused without a look
-    whether there is such a file, so that nobody learns it."""
+    """URDFs that a page may name: uploaded ones, and those that are `given`. Any other path is refused without looking
+    for the file, so that nobody learns whether it exists."""
 
     given: tuple[str, ...] = ()
 
@@ -111,7 +110,7 @@ def hold(robot: Robot, path: str | None) -> None:
         file = open(path, "rb")  # noqa: SIM115  # closed with the arm
         os.utime(path)
         fcntl.flock(file, fcntl.LOCK_SH)
-    except OSError:  # it may have gone: whoever reads it will say so
+    except OSError:  # the file may have been removed, which its reader reports
         return
     weakref.finalize(robot, file.close)
 
@@ -119,7 +118,7 @@ def hold(robot: Robot, path: str | None) -> None:
 def note_use(path: str | None) -> None:
     """Note that an uploaded file is in use now; any other is left alone."""
     if path is not None and Path(path).parents[1:2] == (folder(),):
-        with contextlib.suppress(OSError):  # it may have gone: whoever reads it will say so
+        with contextlib.suppress(OSError):  # the file may have been removed, which its reader reports
             os.utime(path)
 
 

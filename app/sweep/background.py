@@ -15,14 +15,14 @@ from app.sweep.figures_of_run import Figures, Runner
 from app.sweep.question import Question, Sweep
 from app.sweep.running import rows_of, tasks_of
 
-STRIDES = (4, 2, 1)  # between the tiles of a map that are computed first, then, and last
+STRIDES = (4, 2, 1)  # from one tile of a map to the next, of those computed first, second and last
 LINGER = 10.0  # s that a process has to end
 
 
 @dataclass(frozen=True)
 class Work:
-    """Message to the process: what it is to compute.
-    asked: a sweep, or another question that is one.
+    """Message to the process: compute this.
+    asked: a sweep, or a tuning.
     workers: processes of the pool. at_once: see `app.process.slots`."""
 
     asked: Sweep
@@ -46,9 +46,10 @@ class Done:
 
 
 class Background:
-    """Computation that goes on from now on, until it is done or cancelled. May be used from any thread.
+    """Computation that is started now and goes on until it is done or cancelled. May be used from any thread.
 
-    waiting: whether it waits until others are done. problem: why it could not go on, "" where it could.
+    waiting: whether it waits for a slot, until computations of other sessions are done.
+    problem: why it has failed, "" where it has not.
     """
 
     noun = "computation"
@@ -64,7 +65,7 @@ class Background:
 
     @property
     def going(self) -> bool:
-        """Whether it is being computed."""
+        """Whether the computation goes on."""
         return self._thread.is_alive()
 
     @property
@@ -73,11 +74,11 @@ class Background:
         return self._done.is_set()
 
     def cancel(self) -> None:
-        """End it; what has come in stays."""
+        """End the computation; its results so far stay."""
         self._cancelled.set()
 
     def take(self, result: Any) -> None:
-        """Take up a result of the process."""
+        """Keep a result that the process has sent."""
         raise NotImplementedError
 
     def _run(self) -> None:

@@ -39,7 +39,7 @@ class Cluster:
             raise ScenarioError(
                 "--scheduler: Dask is not installed; allowed: after `pip install 'vsmrc-lab[cluster]'`"
             ) from error
-        for name in ("distributed", "distributed.client"):  # what is lost is told by us, in a sentence
+        for name in ("distributed", "distributed.client"):  # lost workers are reported by this program, in a sentence
             logging.getLogger(name).setLevel(logging.CRITICAL)
         self._address = address
         try:
@@ -65,11 +65,13 @@ class Cluster:
     def results(
         self, sweep: Sweep, numbers: Sequence[int], say: Callable[[str], object], chunk: int = CHUNK
     ) -> Iterator[tuple[tuple[int, ...], list[Figures] | Fallen]]:
-        """Runs by their numbers with their figures, in the order in which they are done; `FALLEN` where a run has ended
-        its worker each time. Only a few are handed out ahead, so there may be any number of them.
+        """Runs by their numbers with their figures, in the order in which they are done; `FALLEN` for a run whose
+        worker has ended each time. Only a few are handed out ahead, so there may be any number of them.
 
-        say: is told where there is no worker, and when there is one again. chunk: runs of a task, at most. Raises
-        ScenarioError where the scheduler is lost, or a worker has another version of the program.
+        say: called with a sentence when there is no worker, and when there is one again.
+        chunk: largest number of runs of a task.
+
+        Raises ScenarioError where the scheduler is lost, or a worker has another version of the program.
         """
         asked, waiting, alone = pickle.dumps(sweep), deque(numbers), deque[int]()
         done: queue.SimpleQueue[Future[Any]] = queue.SimpleQueue()
@@ -132,8 +134,10 @@ class Cluster:
 def _ready(
     waiting: deque[int], alone: deque[int], under_way: int, workers: int, chunk: int
 ) -> Iterator[tuple[int, ...]]:
-    """Runs of the tasks to hand out now; waiting: in chunks, fewer towards the end. alone: one after the other with
-    nothing beside, since Dask gives up all that a worker had when it ended."""
+    """Tasks to hand out now, each the numbers of its runs.
+    waiting: runs that are handed out in chunks, smaller ones towards the end.
+    alone: runs that are handed out one by one with no other task beside, since Dask gives up all tasks of a worker that
+    has ended."""
     if alone:
         if not under_way:
             yield (alone.popleft(),)

@@ -15,10 +15,9 @@ _alone = threading.Lock()
 
 
 def figures(asked: bytes, numbers: tuple[int, ...]) -> list[Figures]:
-    """Figures of runs by their numbers. asked: the sweep, pickled: one with parameters of the user's own
-    has no hash.
+    """Figures of runs by their numbers. Raises ScenarioError where this machine has another version of the program.
 
-    Raises ScenarioError where this machine has another version of the program.
+    asked: the sweep, pickled, because a sweep with parameters of the user's own has no hash.
     """
     with _alone:
         runner = _runner(asked)

@@ -21,11 +21,13 @@ CONFIDENCE = 0.95
 
 @dataclass(frozen=True)
 class View:
-    """What a chart shows.
+    """View: what a chart of a sweep shows.
 
-    metric: column of the table. within: limit, for the share of arms that keep it.
-    statistic: over the arms of a point. over: paths of the axes, by default the first two.
-    kind: None for the one that suits the sweep.
+    metric: column of the table.
+    within: limit, for the share of arms that keep it, None for none.
+    statistic: over the arms of a point.
+    over: paths of the axes, by default the first two.
+    kind: of the chart, None for the one that suits the sweep.
     """
 
     metric: str
@@ -39,9 +41,11 @@ class View:
 class Points:
     """Points of a sweep with one number each.
 
-    values: of the axes by path, (N,) each. number: (N,), NaN where no arm has one. good, arms: (N,), counts.
-    stopped: (N,) bool, whether a run stopped or was refused. theorem, declared: (N,) bool, whether (17) and the
-    declaration hold for all arms.
+    values: of the axes by path, (N,) each.
+    number: (N,), NaN where no arm has one.
+    good, arms: (N,), number of arms that keep the limit, and of all arms.
+    stopped: (N,) bool, whether a run stopped or was refused.
+    theorem, declared: (N,) bool, whether (17) and the declaration hold for all arms.
     """
 
     values: Mapping[str, np.ndarray]
@@ -85,7 +89,7 @@ def points_of(sweep: Sweep, columns: Mapping[str, np.ndarray], view: View) -> Po
 
 
 def statistic_of(view: View) -> Statistic:
-    """Statistic that a view shows: the share where it has a limit, the worst otherwise, unless it says."""
+    """Statistic that a view shows: by default the share where the view has a limit, else the worst."""
     return view.statistic or ("worst" if view.within is None else "share")
 
 

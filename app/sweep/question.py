@@ -61,9 +61,9 @@ class Axis(Struct, frozen=True, omit_defaults=True):
 
 
 class Sweep(Struct, frozen=True):
-    """The whole question, as it stands in sweep.toml.
+    """Sweep: the whole question, as it stands in sweep.toml.
 
-    scenario: what is not varied.
+    scenario: gives all fields that are not varied.
     vary: axes.
     design: grid, of all values; latin: a Latin hypercube; sobol: Sobol's sequence.
     points: of a design other than the grid.
@@ -101,7 +101,8 @@ Asked = TypeVar("Asked", bound=Sweep)
 
 @dataclass(frozen=True)
 class Row:
-    """One run. number: from 0. point, arm: what it is of. values: of the axes, by path."""
+    """Row: one run of a sweep. number: from 0; point, arm: numbers of its point and true arm; values: of the axes, by
+    path."""
 
     number: int
     point: int
@@ -152,7 +153,7 @@ class Question:
         return {axis.path: axis.at(float(u)) for axis, u in zip(axes, self._shares[point], strict=True)}
 
     def told(self, row: Row) -> dict[str, Any]:
-        """Columns of the table that say which run it is."""
+        """Columns of the table that identify a run."""
         varied = {
             axis.path: row.values[axis.path] if axis.numeric else str(row.values[axis.path])
             for axis in self.sweep.vary

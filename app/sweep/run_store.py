@@ -25,8 +25,8 @@ ROWS = 2000  # of a part
 
 
 class RunStore:
-    """Folder of a sweep, open for one process. Raises ScenarioError where it is of another sweep, of another version of
-    the program, or in use, and OSError."""
+    """Store of a sweep's runs: its folder, open for one process. Raises ScenarioError where the folder is of another
+    sweep or another version of the program, or in use, and OSError."""
 
     def __init__(self, folder: Path, sweep: Sweep) -> None:
         self._folder = folder
@@ -71,7 +71,7 @@ class RunStore:
             self.settle()
 
     def settle(self) -> None:
-        """Make a part of the rows that wait. Raises OSError where it cannot be written."""
+        """Write the rows of the journal as a Parquet file. Raises OSError where it cannot be written."""
         if not self._waiting:
             return
         table = pa.Table.from_pylist(sorted(self._waiting, key=lambda row: row["row"]), schema=self._schema)
@@ -103,7 +103,7 @@ class RunStore:
             )
 
     def _journaled(self) -> list[Figures]:
-        """Rows of the journal; a last line that was cut off is forgotten."""
+        """Rows of the journal, without a last line that was cut off."""
         path = self._folder / JOURNAL
         lines = path.read_bytes().split(b"\n") if path.exists() else []
         rows = []

@@ -25,8 +25,8 @@ CHUNK = 8  # runs that a process takes at once, at most
 
 @dataclass(frozen=True)
 class Estimate:
-    """What a sweep will take: runs that are left, their simulated time and the computing time on so many cores (s), and
-    bytes on disk."""
+    """Estimate of what a sweep will take: runs that are left, their simulated time and the computing time on all
+    workers (s), and bytes on disk."""
 
     runs: int
     simulated: float
@@ -48,8 +48,8 @@ def _duration(seconds: float) -> str:
 
 
 def estimated(sweep: Sweep, left: int, on: int | Cluster | None = None) -> Estimate:
-    """What so many runs of a sweep will take, from the computing time of one of them here. It is played twice: the
-    first time, what all have in common is computed, too. on: see `run`."""
+    """Estimate for `left` runs of a sweep, from the computing time of one run on this machine. The run is played twice,
+    because the first time also computes what all runs have in common. on: see `run`."""
     question, runner = Question(sweep), Runner(sweep)
     number = question.count // 2
     seconds = [_seconds(runner, number) for _ in range(2)][-1] if left else 0.0
@@ -66,8 +66,8 @@ def _seconds(runner: Runner, number: int) -> float:
 def run(store: RunStore, sweep: Sweep, on: int | Cluster | None = None, *, show_progress: bool = False) -> int:
     """Compute the runs that are not done. Returns how many stopped or were refused.
 
-    on: so many processes, the workers of a cluster, or all cores. Raises OSError where they cannot be written, and
-    ScenarioError where the cluster is lost; what was written stays.
+    on: number of processes, or a cluster, None for a process on each core. Raises OSError where runs cannot be written,
+    and ScenarioError where the cluster is lost; what was written stays.
     """
     left, failed = np.flatnonzero(~store.done).tolist(), 0
     with tqdm(total=len(left), unit=" runs", desc="sweep", disable=not show_progress) as bar:

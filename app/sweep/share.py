@@ -17,10 +17,10 @@ B = TypeVar("B", bound=Background)
 
 @dataclass(frozen=True)
 class Allowance:
-    """What one session may compute beside its loop.
-    workers: processes at once.
-    at_once: questions of all sessions of the server that are computed at the same time; None: any number.
-    runs: of one question; None: any number."""
+    """Allowance of one session for computations beside its loop.
+    workers: number of processes at once.
+    at_once: number of maps and searches of all sessions of the server at the same time; None: any number.
+    runs: of one map or search; None: any number."""
 
     workers: int
     at_once: int | None = None
@@ -41,13 +41,13 @@ def _cores() -> int:
 
 
 def allowance_of(*, shared: bool) -> Allowance:
-    """What a session of this machine may compute: all cores but one, or one of them where it has company."""
+    """Allowance of a session of this machine: all cores but one, or one core where the machine is shared."""
     spare = max(1, _cores() - 1)
     return Allowance(1, spare, 1500) if shared else Allowance(spare)
 
 
 class Share:
-    """Share of one session. May be used from any thread."""
+    """Share of one session: starts its maps and searches, one at a time. May be used from any thread."""
 
     def __init__(self, allowance: Allowance) -> None:
         self.allowance = allowance
@@ -55,7 +55,8 @@ class Share:
         self._last: Background | None = None
 
     def begin(self, start: Callable[[Allowance], B], runs: int) -> B:
-        """Start what computes so many runs. Raises ScenarioError where that is too much, or another one is going on."""
+        """Start a computation. Raises ScenarioError where it has too many runs, or another computation of this session
+        goes on. runs: their number."""
         most = self.allowance.runs
         if most is not None and runs > most:
             raise ScenarioError(
@@ -70,7 +71,7 @@ class Share:
             return begun
 
     def close(self) -> None:
-        """End what is going on."""
+        """End the computation that goes on, if there is one."""
         with self._lock:
             if self._last is not None:
                 self._last.cancel()

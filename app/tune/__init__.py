@@ -1,1 +1,1 @@
-"""Tuning: gains of a scenario that an optimiser chooses, judged on many true arms."""
+"""Tuning: an optimiser searches for better gains of a scenario, judged on many true arms."""

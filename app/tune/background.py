@@ -15,9 +15,9 @@ Result = Figures | Candidate | Found
 
 
 class BackgroundTuning(Background):
-    """Tuning that is computed in the background, with the answer that `vsmrc tune` has.
+    """Tuning that is computed in the background, with the same answer as `vsmrc tune`.
 
-    most: runs, at most. found: None until the end.
+    most: largest number of runs. found: None until the end.
     """
 
     noun = "search"

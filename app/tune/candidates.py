@@ -37,7 +37,7 @@ class Candidate:
     kept: float
 
     def dominates(self, other: Candidate) -> bool:
-        """Whether it is better in one aim and worse in none."""
+        """Whether this candidate is better in one aim and worse in none."""
         pairs = list(zip(self.aims, other.aims, strict=True))
         return all(mine <= its for mine, its in pairs) and any(mine < its for mine, its in pairs)
 
@@ -56,7 +56,7 @@ def judged(tuning: Tuning, number: int, values: dict[str, Value], runs: Sequence
 
 
 def aim_of(run: Figures, aim: str) -> float:
-    """Figure of a run that counts; inf where it has none, or was ended before its time."""
+    """Figure of a run for an aim; inf where the run has none, or was stopped before its end."""
     value = None if run.get("stopped") else run.get(aim)
     return math.inf if value is None else float(value)
 

@@ -1,4 +1,4 @@
-"""Outcome of a tuning: the table of its candidates, scenarios ready to run, a figure, and what it says in words."""
+"""Outcome of a tuning: the table of its candidates, scenarios ready to run, a figure, and sentences."""
 
 from __future__ import annotations
 
@@ -35,8 +35,9 @@ OWN = "own gains"
 class Comparison(NamedTuple):
     """Figure of a candidate beside that of the scenario's own gains, on the arms that were not seen.
 
-    value: worst over these arms, SI units. change: of the worst against that of the own gains, as a share; nan where
-    either has none. better: number of arms on which it is smaller than with the own gains.
+    value: worst over these arms, SI units.
+    change: of the worst against that of the own gains, as a share; nan where either has none.
+    better: number of arms on which the figure is smaller than with the own gains.
     """
 
     aim: str

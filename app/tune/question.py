@@ -17,12 +17,13 @@ AIMS = (
     "motion_error", "force_error", "constraint_violation", "settling_time", "reaching_time", "band_time", "residual",
     "torque_variation", "saturated_share",
 )  # fmt: skip
-MOST_AIMS = 2  # a front of more is no line
+MOST_AIMS = 2  # the front of two aims is a line, that of more cannot be drawn
 SHAPE = "allowed: PATH=LOW:HIGH, with :log behind where its logarithm is to be drawn evenly"
 
 
 class Tuning(Sweep, frozen=True):
-    """The whole question, as it stands in tune.toml: a sweep whose points an optimiser chooses, its candidates.
+    """Tuning: the whole question, as it stands in tune.toml; a sweep whose points, the candidates, an optimiser
+    chooses.
 
     vary: gains that may move, each within a range.
     design: of the first candidates, before there is anything to learn from.

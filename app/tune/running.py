@@ -30,11 +30,11 @@ Task = tuple[Row, ...]
 
 @dataclass(frozen=True)
 class Found:
-    """What a tuning has found.
+    """Result of a tuning.
 
-    candidates: all, judged on the arms that were seen, those of the scenario's own gains first.
-    tried: the own gains, and then those that are offered, by number, judged on the arms that were not seen.
-    runs: of those, on each of these arms.
+    candidates: all, judged on the arms that the search sees; the scenario's own gains first.
+    tried: by number, the scenario's own gains and the candidates that are offered, judged on the unseen arms.
+    runs: by the same numbers, the figures on each unseen arm.
     """
 
     candidates: list[Candidate]
@@ -43,8 +43,8 @@ class Found:
 
 
 def estimated(tuning: Tuning, left: int, workers: int | None = None) -> Estimate:
-    """What so many runs of a tuning will take, from the computing time of one of them, which is played twice: the first
-    time, what all have in common is computed, too."""
+    """Estimate for `left` runs of a tuning, from the computing time of one run. The run is played twice, because the
+    first time also computes what all runs have in common."""
     runner, seconds = Runner(tuning), 0.0
     for _ in range(2 if left else 0):
         started = time.perf_counter()
@@ -61,7 +61,7 @@ def most_runs(tuning: Tuning) -> int:
 
 
 def run(store: RunStore, tuning: Tuning, workers: int | None = None, *, show_progress: bool = False) -> Found:
-    """Compute the runs that are not done, on all cores or so many, and judge all candidates.
+    """Compute the runs that are not done, in `workers` processes (None: one for each core), and judge all candidates.
 
     Raises ScenarioError where the folder has other candidates, and OSError where a run cannot be written; what was
     written stays.
@@ -84,7 +84,7 @@ def computing(tuning: Tuning) -> Callable[[Task], list[Figures]]:
 
 
 class Course:
-    """Course of a tuning: the tasks that follow from the figures so far."""
+    """Course of a tuning: gives out its tasks, which depend on the figures so far, and takes their figures."""
 
     def __init__(self, tuning: Tuning, known: dict[int, Figures]) -> None:
         self.known = known
@@ -93,7 +93,7 @@ class Course:
         self._offered: list[Candidate] = []
 
     def take(self, rows: Task, figures: list[Figures] | worker_pool.Fallen) -> list[Figures]:
-        """Figures of a task's runs, from now on known."""
+        """Take up the figures of a task's runs, which are known from now on; returns them."""
         if isinstance(figures, worker_pool.Fallen):
             reason = {"stopped": "the process that computed it has ended"}
             figures = [self._question.told(row) | reason for row in rows]
@@ -122,7 +122,7 @@ class Course:
             yield from self._missing(each.number, each.values, unseen)
 
     def found(self) -> Found:
-        """What was found, when all tasks are done."""
+        """Result, when all tasks are done."""
         tried = [self.candidates[0], *self._offered]
         unseen = range(self._tuning.seen, self._tuning.arms)
         return Found(

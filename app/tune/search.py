@@ -17,7 +17,8 @@ FIRST = 16  # candidates of the design, before the estimator chooses
 
 
 class Search:
-    """Search of one tuning. Candidates are asked for, and told when they are judged, in the order of their numbers."""
+    """Search of one tuning. The caller asks for candidates, and tells of them when they are judged, in the order of
+    their numbers."""
 
     def __init__(self, tuning: Tuning) -> None:
         import optuna  # here: the other commands need not wait for it
@@ -32,7 +33,7 @@ class Search:
             self._study.enqueue_trial(question.values_at(point))
 
     def ask(self, numbers: Sequence[int]) -> dict[int, dict[str, Value]]:
-        """Values of the gains, by path, of the candidates of these numbers, with four digits."""
+        """Gains of the candidates with these numbers: by number, their values by path, rounded to four digits."""
         asked: dict[int, dict[str, Value]] = {}
         for number in numbers:
             trial = self._trials[number] = self._study.ask()
@@ -43,8 +44,8 @@ class Search:
         return asked
 
     def tell(self, candidate: Candidate) -> None:
-        """Tell how good a candidate is; one with a badge is only told to be further from what is allowed the more of
-        its arms break it."""
+        """Tell the estimator the aims of a candidate and, as a constraint, the share of arms that are the reason for
+        its badge."""
         trial = self._trials.pop(candidate.number)
         trial.set_constraint("broken", candidate.broken)
         self._study.tell(trial, candidate.aims)

@@ -21,7 +21,7 @@ from app.storage.recording_files import Table, TooLarge, write_csv, write_npz
 
 log = structlog.get_logger()
 
-NICENESS = 5  # the running loop comes first, and somebody waits: at 10 a busy machine gave it next to nothing
+NICENESS = 5  # the running loop comes first; at 10, on a busy machine, this process got next to no time
 
 
 class _Reporter:

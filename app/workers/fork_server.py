@@ -1,7 +1,7 @@
 """Fork server's process: `python -m app.workers.fork_server FD`, started by `app.process.fork_server`.
 
-The first message is a scenario (TOML). Each later one brings a file, for which it makes a session's process; that one
-sends its number back. It has no thread but its own: a fork keeps no other.
+The first message is a scenario (TOML). Each later one brings a file, for which this process forks a session's process;
+that one sends its number back. This process has one thread only, since a fork keeps no other.
 """
 
 from __future__ import annotations
@@ -36,14 +36,14 @@ def main() -> None:
     parent = os.getppid()
     with socket.socket(fileno=int(sys.argv[1])) as control:
         scenario = control.recv(LONGEST).decode()
-        if precompile.mark().exists():  # otherwise the first session compiles, and tells how far it is
-            with contextlib.suppress(ScenarioError):  # it is told on the session's page
+        if precompile.mark().exists():  # otherwise the first session compiles, and shows its progress
+            with contextlib.suppress(ScenarioError):  # the session's page will show it
                 begun = from_toml(scenario)
                 loop = warm_up(begun)
-                if begun == shipped().get(begun.name):  # of another one, compiled runs may not be compiled yet
+                if begun == shipped().get(begun.name):  # kernels of other scenarios' previews may not be compiled yet
                     preview.load_for(loop)
         give_back()
-        gc.freeze()  # or the first collection in a process would make all pages its own
+        gc.freeze()  # otherwise the first collection in a fork would copy all shared memory
         while files := socket.recv_fds(control, LONGEST, 1)[1]:
             between = os.fork()
             if between == 0:
@@ -53,7 +53,8 @@ def main() -> None:
 
 
 def _fork_again(control: socket.socket, file: int, parent: int) -> None:
-    """Make the session's process, and end: that process is then its parent's child, see `app.process.fork_server`."""
+    """Fork the session's process, and end, so that the system makes it a child of this process's grandparent, see
+    `app.process.fork_server`."""
     between = os.getpid()
     try:
         if os.fork() == 0:
@@ -85,7 +86,7 @@ def _forked_preview(session_file: int) -> tuple[ForkedProcess, Connection]:
 
 
 def _become(name: str, parent: int) -> None:
-    """Make this process one of its own: name, process group, and end with its parent."""
+    """Give this forked process a name and a process group of its own, and let it end with its parent."""
     os.setpgid(0, 0)
     launcher.end_when_killed(parent)
     Path("/proc/self/comm").write_text(name)

@@ -19,7 +19,7 @@ NICENESS = 10  # the running loop comes first
 
 
 def answer(path: Path) -> tuple[LinkMesh, ...] | str:
-    """Meshes, or a sentence on the reason where there are none."""
+    """Meshes of a URDF, or a sentence on the reason where they cannot be read."""
     meshes: list[LinkMesh] = []
     triangles = 0
     try:

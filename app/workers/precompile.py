@@ -1,4 +1,4 @@
-"""Precompilation, in a process of its own, of kernels for which a change of robot or contact would otherwise wait.
+"""Process that compiles kernels in advance, so that a change of robot or contact need not wait for them.
 
 Kernels are compiled once for each number of joints; they stay in the cache for every later start.
 """
@@ -23,8 +23,8 @@ from environments import robots
 
 
 def compiled(joints: int | None = None) -> Iterator[ClosedLoop]:
-    """Run a period of each scenario that needs kernels of its own, as the page would, for all numbers of joints or this
-    one."""
+    """Loops that have run a period of each scenario that needs other kernels, as for a page. joints: their number, None
+    for all."""
     for scenario in to_compile(joints):
         loop = warm_up(scenario)
         warm_up_for_own_laws(loop.system)
@@ -33,7 +33,8 @@ def compiled(joints: int | None = None) -> Iterator[ClosedLoop]:
 
 
 def to_compile(joints: int | None) -> Iterator[Scenario]:
-    """One scenario for each number of joints, or this one, and each kind of contact that has kernels of its own."""
+    """Scenarios to compile: one for each number of joints and each kind of contact that needs other kernels. joints:
+    their number, None for all."""
     done: set[int] = set()
     for name, entry in robots.CATALOGUE.items():
         if (n := len(entry.rotor_inertia)) not in done and joints in (None, n):

@@ -27,23 +27,23 @@ from app.storage.constants_store import kept_memory
 
 log = structlog.get_logger()
 
-DRAWING = 0.06  # s between two answers on the way: every one is drawn
-BANDED = 0.1  # s from a question to its answer where the slider moves and true arms stand behind it
-GROWN = 0.3  # s until a band that grows is drawn anew
-LOOK = 0.01  # s between two looks at how far it is
-REST = 0.5  # s for the band, before a question that only time has changed is answered
-OLD = 0.5 * LATER  # s of the run, after which a band is computed anew
-SOON = 0.06  # s of work left, for the sake of which an answer to what has moved is not given up any more
+DRAWING = 0.06  # s between two intermediate answers: each of them is drawn
+BANDED = 0.1  # s from a question of a moving slider to its answer, during which the band may grow
+GROWN = 0.3  # s between two answers with a band that grows
+LOOK = 0.01  # s between two looks at how far the band is
+REST = 0.5  # s for the band, before the answer to a question that differs from the last one in time only
+OLD = 0.5 * LATER  # s of simulated time, after which a band is computed anew
+SOON = 0.06  # s: an answer to a moving slider that needs less than this is completed, also when a newer question waits
 NICENESS = 10  # the running loop comes first
 TURN = 5e-4  # s that a thread keeps the interpreter while another one waits for it
 
 
 @dataclass
 class _Known:
-    """What the next answer may reuse.
-    band: behind the answers.
+    """Results of earlier answers that the next one may use.
+    band: of true arms.
     system: of the running scenario.
-    today: figures of a question about the running scenario; they count for `horizon` s."""
+    question, today: a question about the running scenario, and its figures, which hold for its `horizon` s."""
 
     memory: Memory
     band: _GrowingBand
@@ -52,7 +52,7 @@ class _Known:
     today: Figures | None = None
 
     def figures_for(self, question: Question) -> Figures | None:
-        """Figures of this question about the running scenario; None where they are not known."""
+        """Figures of this question about the running scenario, if they are known; else None."""
         known = self.question
         if known is None or (known.horizon, known.push) != (question.horizon, question.push):
             return None
@@ -61,8 +61,8 @@ class _Known:
 
 
 class _GrowingBand:
-    """Band of true arms behind the answers about one scenario. It grows, all arms together, and is computed anew when
-    it has become old; until that is as long as the preview, the old one stands."""
+    """Band of true arms for the answers about one scenario. It grows, all arms together, and is computed anew when it
+    is old; the old one is shown until the new one is as long as the preview."""
 
     def __init__(self, memory: Memory) -> None:
         self._arms = TrueArms(memory)
@@ -71,10 +71,10 @@ class _GrowingBand:
         self._problem = ""
         self._horizon = 0.0
         self._ahead: ArmsAhead | None = None
-        self._wanted = 0  # rows, with which it is drawn anew
+        self._wanted = 0  # number of rows from which the growing band is drawn
 
     def follow(self, foresight: Foresight) -> None:
-        """Stand behind the answer to this foresight's question."""
+        """Take care of the band for the answer to this foresight's question: keep, begin or forget it."""
         question = foresight.question
         of = (question.scenario, question.horizon, question.push, question.arms)
         if of != self._of or foresight.bandless or not question.arms:
@@ -86,18 +86,18 @@ class _GrowingBand:
             self._heeding(lambda: self._begin(foresight.stretch, question.arms))
 
     def leave(self) -> None:
-        """Forget it, and compute no more of it."""
+        """Forget the band, and compute no more of it."""
         self._stop()
         self._of, self._band, self._problem = None, None, ""
 
     @property
     def going(self) -> bool:
-        """Whether it grows."""
+        """Whether the band is being computed."""
         return self._ahead is not None
 
     def grow(self, until: float, asker: Connection | None = None) -> bool:
-        """Let it grow until this instant of `time.perf_counter`, until it is as far as the preview, or until the asker
-        has something to say. Whether there is something else to draw."""
+        """Wait while the band grows: until this instant of `time.perf_counter`, until the band is as long as the
+        preview, or until the asker sends a message. Returns whether there is another band to draw."""
         drawn = self._band
         while self._ahead is not None and self._ahead.reached < self._wanted and self._ahead.going:
             left = until - time.perf_counter()
@@ -117,7 +117,7 @@ class _GrowingBand:
         self._ahead, self._wanted = self._arms.run(stretch, arms), stretch.drawn
 
     def _take(self) -> None:
-        """Take up the band as far as it is, unless one that is as long as the preview stands and this one is not."""
+        """Take the growing band as far as it is, unless it is shorter than the preview and the present one is not."""
         assert self._ahead is not None
         band = self._ahead.band()
         if band is None:
@@ -136,7 +136,7 @@ class _GrowingBand:
             self._ahead = None
 
     def _heeding(self, act: Callable[[], None]) -> None:
-        """Do this; what arithmetic or the scenario forbids is why there is no band."""
+        """Call `act`; a refusal or an arithmetic error is noted as the reason why there is no band."""
         try:
             act()
         except (ScenarioError, ArithmeticError, ValueError) as error:
@@ -153,10 +153,10 @@ def serve(asker: Connection) -> None:
             while newest is not None and known.band.going and not asker.poll():
                 _grow(known.band, newest, asker, GROWN, asker)
             question, asked = asker.recv(), time.perf_counter()
-            if isinstance(question, Hurry):  # nobody looks at the band any more; or it was meant for the one before
+            if isinstance(question, Hurry):  # the band is not needed any more; or the message came late
                 known.band.leave()
                 continue
-            if newest is not None and not question.partial:  # a loop that runs on asks without end
+            if newest is not None and not question.partial:  # a running loop asks again and again
                 _grow(known.band, newest, asker, REST)
             newest = _answer(question, asked, asker, known)
             asker.send(Done())
@@ -167,7 +167,7 @@ def serve(asker: Connection) -> None:
 def _grow(
     band: _GrowingBand, newest: Outlook, asker: Connection, seconds: float, heard: Connection | None = None
 ) -> None:
-    """Let the band behind the newest answer grow for so long; only to the asker's next message where it is heard."""
+    """Let the band for the newest answer grow for `seconds`. heard: connection whose next message ends this."""
     try:
         if band.grow(time.perf_counter() + seconds, heard):
             asker.send(band.behind(newest))
@@ -179,8 +179,8 @@ def _grow(
 
 
 def _answer(question: Question, asked: float, asker: Connection, known: _Known) -> Outlook | None:
-    """Answer a question that came at this instant of `time.perf_counter`. Returns the answer if it is whole, and a band
-    may stand behind it."""
+    """Answer a question that came at this instant of `time.perf_counter`. Returns the answer if it is whole, so that a
+    band may still be added to it."""
     try:
         foresight = Foresight(question, known.system, known.memory, _engine())
         known.system = foresight.base
@@ -210,9 +210,9 @@ def _engine() -> Engine:
 def _look_ahead(
     foresight: Foresight, banded: float, asker: Connection, today: Figures | None, band: _GrowingBand
 ) -> Outlook | None:
-    """Answer, and on the way where that is wanted; with the band as far as it is by then, where there is one. Returns
-    the answer if it is whole: a newer question can overtake it.
-    banded: instant until which a band may grow."""
+    """Send the answer, before it intermediate ones if they are wanted, each with the band as far as it is. Returns the
+    answer, None where a newer question has overtaken it.
+    banded: instant until which the answer waits for a band that grows."""
     owed = moves = foresight.question.partial
     began = drawn = time.perf_counter()
     while foresight.share < 1.0:
@@ -238,8 +238,8 @@ def _send(answer: Outlook | Refusal, asker: Connection, band: _GrowingBand) -> O
 
 
 def _compare(foresight: Foresight, asker: Connection, known: _Known) -> Outlook | None:
-    """Answer once more, with the figures of the running scenario. Not given up for a newer question: all that follow
-    while the slider is held have the same figures beside theirs."""
+    """Answer once more, with the figures of the running scenario. A newer question does not interrupt this, because all
+    answers while the slider is held have the same figures beside theirs."""
     question = foresight.unchanged
     running = Foresight(question, known.system, known.memory, _engine())
     while running.share < 1.0:

@@ -59,7 +59,7 @@ events = structlog.get_logger()
 MEMORY, FILES = 4_000_000_000, 512  # bytes of data, open files: a fresh session has 0.3 GB, its 64 pages one file each
 BEAT = 1.0  # s between two signs of life
 IN_USE = 600.0  # s between two notes that an upload is in use
-LOOK = 0.05  # s between two looks whether the scenario has changed: a copy may be so much older
+LOOK = 0.05  # s between two looks whether the scenario has changed; a visitor's copy may be older by that much
 
 
 class Gateway:
@@ -106,7 +106,7 @@ def serve(gateway: Gateway, previewer: Previewer) -> None:
     prepare = gateway.next()
     assert isinstance(prepare, Prepare)
     scenario = from_toml(prepare.scenario)
-    with contextlib.redirect_stdout(io.StringIO()):  # viser would print an address where nobody is answered
+    with contextlib.redirect_stdout(io.StringIO()):  # viser would print an address that answers nobody but the gateway
         dashboard = Dashboard(
             port=0,
             theme=cast(Theme, prepare.theme),
@@ -119,7 +119,7 @@ def serve(gateway: Gateway, previewer: Previewer) -> None:
     preparing = Pulse(gateway, dashboard, lambda: None)  # the very first arm of its kind takes half a minute
     runner = Runner(scenario, Reach((given,) if given else ()))
     dashboard.attach(runner)
-    preparing.stop()  # a spare is silent: nobody listens to it
+    preparing.stop()  # nobody listens to a spare process
     gateway.tell(Ready(dashboard.port, dashboard.looking_fields))
     begin = gateway.next()
     assert isinstance(begin, Begin)
@@ -222,7 +222,7 @@ def run(file: int, previewer: Previewer) -> None:
         try:
             serve(gateway, previewer)
         except (EOFError, ConnectionError):
-            # at once: the gateway knows the scenario, processes of ours end with us, and nothing else is to be kept
+            # at once: the gateway knows the scenario, child processes end with this one, and nothing else is to be kept
             os._exit(0)
         except Exception as error:  # the process's last resort: let the gateway say it
             events.exception("fault", stage="a session")

@@ -16,9 +16,9 @@ from kernels.algebra import dot
 class Chart(NamedTuple):
     """Three coordinates g(p, t) of a point p, in m, and their derivatives.
 
-    g (3,); G (3, 3) rows of gradients; G_p (3, 3, 3) Hessians; g_t (3,), G_t (3, 3), g_tt (3,) partial
-    derivatives in time of g, of G, and the second one of g; normal_tt (3,), 1/s^2: the second one of the gradient of
-    phi, which a plane writes.
+    g, G, G_p: (3,); (3, 3), gradients as rows; (3, 3, 3), Hessians.
+    g_t, G_t, g_tt: (3,), (3, 3), (3,), partial derivatives in time of g and G, and the second one of g.
+    normal_tt: (3,) 1/s^2, second partial derivative in time of the gradient of phi; only a plane computes it.
     """
 
     g: np.ndarray
@@ -49,9 +49,13 @@ NOT_TURNING = Turning(np.zeros(3), 0.0, 0.0)
 
 
 class Shape(NamedTuple):
-    """Shape of a surface for kernels: number of its kind, origin (3,) m, frame (3, 3) of unit rows, radius m, side +-1,
-    the direction (3,), amplitude (m) and frequency (Hz) of its movement, how it turns, the bytecode of its formula, a
-    function of a user's own."""
+    """Shape of a surface for kernels.
+    kind: number of its kind in `table.SURFACES`.
+    origin, frame: (3,) m, and (3, 3) of unit rows.
+    radius, side: m, and the sign of `form.side_of`.
+    direction, amplitude, frequency: unit vector (3,), m and Hz, of its translation to and fro.
+    turning: of a plane.
+    bytecode, own: its formula, or its function of a user's own."""
 
     kind: int
     origin: np.ndarray

@@ -15,7 +15,7 @@ from parameters import Vector3, Widget, field
 
 @inline
 def _chart(zeta, shape, _t, chart):
-    """Rows of the frame: reference direction, tangent, axis."""
+    """Write the coordinates of a cylinder. Rows of its frame: reference direction, tangent, axis."""
     frame, side = shape.frame, shape.side
     rho, theta, e_rho, e_theta = polar(zeta, frame[0], frame[1])
     arc(1, shape.radius, rho, theta, e_rho, e_theta, chart)

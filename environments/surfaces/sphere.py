@@ -14,7 +14,8 @@ from parameters import Vector3, Widget, field
 
 @inline
 def _chart(zeta, shape, _t, chart):
-    """psi_1, psi_2: arc lengths of the angles seen from the reference direction towards each tangent."""
+    """Write the coordinates of a sphere. psi_1, psi_2: radius times the angles from the reference direction towards
+    each tangent."""
     frame, side = shape.frame, shape.side
     for i in range(1, 3):
         rho, theta, e_rho, e_theta = polar(zeta, frame[0], frame[i])

@@ -56,8 +56,8 @@ def surface_chart(shape, p, t, chart):
 
 @inline
 def task_chart(shapes, p, t, spare, chart):
-    """Write the `Chart` of the coordinates (31) that the surfaces give a point p (3,) m at time t (s): those of one
-    surface, phi of two and the way along their edge, or phi of three. spare: memory for another chart."""
+    """Write the `Chart` of the task coordinates (31) of a point p (3,) m at time t (s): the coordinates of one surface,
+    or phi of two and the way along their edge, or phi of three. spare: memory for another chart."""
     surface_chart(shapes.first, p, t, chart)
     for i in range(1, shapes.number):
         surface_chart(one_of(shapes, i), p, t, spare)

@@ -1,4 +1,4 @@
-"""Line back and forth."""
+"""Straight line, back and forth."""
 
 from __future__ import annotations
 

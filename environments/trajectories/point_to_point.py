@@ -1,4 +1,4 @@
-"""Move to another point, or none."""
+"""Straight move to another point, and staying at the start."""
 
 from __future__ import annotations
 

@@ -51,8 +51,9 @@ class Trajectory(Section, frozen=True, forbid_unknown_fields=True, tag_field="ki
         raise NotImplementedError
 
     def within(self, directions: np.ndarray | None, k: int) -> Trajectory:
-        """The part of the path that lies within k other free coordinates: directions (k, j), those in the coordinates
-        that the path moves; None where neither kind says anything of the other, as joints and positions."""
+        """The part of the path that lies within k other free coordinates. directions: (k, j), the other coordinates'
+        directions in the j coordinates that the path moves; None where these cannot be compared, as joints and
+        positions."""
         del directions, k
         return self
 

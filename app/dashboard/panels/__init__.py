@@ -19,7 +19,7 @@ from app.session.snapshot import Snapshot
 
 
 class Panel(Protocol):
-    """One tab: its widgets are made in the current container; `show` sets them to the snapshot."""
+    """Panel: one tab of controls. It makes its widgets in the current container; `show` sets them to a snapshot."""
 
     def __init__(self, desk: Desk) -> None: ...
 

@@ -21,7 +21,7 @@ _SAID = '<div class="vs-checks"><div class="vs-message vs-warn">{}</div></div>'
 
 
 def _own(desk: Desk, law: ControlLaw, p: Parameter) -> Number:
-    """Control of a law's own parameter; it is hidden under other laws."""
+    """Control of an own parameter of a user's law; hidden under other laws."""
 
     def running(snapshot: Snapshot) -> float | None:
         controller = snapshot.system.controller
@@ -31,8 +31,8 @@ def _own(desk: Desk, law: ControlLaw, p: Parameter) -> Number:
 
 
 class ControllerPanel:
-    """The law, its gains, and the live numbers of the guarantee. Controls without a meaning for the present law are
-    hidden."""
+    """Controller panel: the law, its gains, and the live numbers of the theorem. Controls without a meaning for the
+    present law are hidden."""
 
     def __init__(self, desk: Desk) -> None:
         gui = desk.gui
@@ -111,13 +111,14 @@ class ControllerPanel:
 
 
 def _kept_z(snapshot: Snapshot) -> tuple[float, ...] | None:
-    """State z of the compensator at the start; None, which hides its row, where it is made anew."""
+    """Initial state z of the compensator; None, which hides its row, where the compensator starts anew."""
     kept = snapshot.scenario.controller.on_change == "watch"
     return tuple(snapshot.system.z_0.tolist()) if kept else None
 
 
 def _feedback_html(snapshot: Snapshot) -> str:
-    """Feedback of the gain by (17) to itself with the present bounds, as HTML; "" for a constant gain."""
+    """Note on the gain by (17), which depends on itself: its feedback with the present bounds, as HTML; "" for a
+    constant gain."""
     by_names = {finding.premise: finding for finding in snapshot.standing.findings}
     said = []
     for premise, way in ((Premise.GAIN_BY_CHATTER, "the chattering"), (Premise.GAIN_BY_FORCE, "the contact force")):

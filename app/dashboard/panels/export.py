@@ -35,7 +35,7 @@ from app.storage.recording_files import Tell, table
 
 MEGABYTE = 1e6
 DATA_LIMIT = 256 * MEGABYTE  # a browser receives this through a web socket without trouble
-RENDERING = 60.0  # s that a page may take for a picture: a hidden one never answers
+RENDERING = 60.0  # s in which a page must render a picture, since a hidden page never answers
 
 OnClick = Callable[[viser.GuiEvent[viser.GuiButtonGroupHandle]], None]
 Make = Callable[[Snapshot, Tell], bytes]
@@ -47,10 +47,8 @@ SHOWN, WHOLE = "as shown by the plots", "the whole run"
 
 
 class ExportPanel:
-    """Export panel. Every file is made from the present snapshot, in another process: the run goes on.
-
-    One file at a time; see `FileDelivery`.
-    """
+    """Export panel. Each file is made from the present snapshot in another process, so that the run goes on; one file
+    at a time, see `FileDelivery`."""
 
     def __init__(self, desk: Desk) -> None:
         self._desk = desk
@@ -73,7 +71,7 @@ class ExportPanel:
         self._upload.on_upload(self._on_upload)
 
     def show(self, snapshot: Snapshot) -> None:
-        """Nothing to do: no widget here shows the scenario."""
+        """Do nothing: no widget of this panel depends on the scenario."""
 
     def _back(self, part: str) -> float:
         """Length of a part of the run, back from the instant looked at, s."""
@@ -83,7 +81,8 @@ class ExportPanel:
         group = self._desk.gui.add_button_group(label, options, hint=hint)
         group.on_click(guarded(on_click, self._desk.complain))
 
-    # synchronous on purpose, unlike callbacks that post commands: each waits for its file in a thread of viser's pool
+    # these callbacks are synchronous, unlike those that post commands: each waits for a file in a thread of viser's
+    # pool
 
     def _on_figure(self, event: viser.GuiEvent) -> None:
         form: Format = event.target.value.lower()

@@ -125,7 +125,7 @@ class LessonsPanel:
         if step.number not in course.outcomes:
             self._work(lambda: course.take(step, play(step, self._memory)))
 
-    # synchronous on purpose: it waits for its file in a thread of viser's pool
+    # synchronous, unlike the other callbacks: it waits for a file in a thread of viser's pool
 
     def _on_figure(self, event: viser.GuiEvent[viser.GuiButtonGroupHandle]) -> None:
         course = self._course
@@ -151,7 +151,7 @@ class LessonsPanel:
             self._try(lambda: course.give(given))
 
     def _try(self, act: Callable[[], None]) -> None:
-        """Do something to the course; a refusal, and a disk that is full, are said."""
+        """Call `act`, which changes the course; a refusal or a full disk becomes a sentence on the page."""
         try:
             act()
         except ScenarioError as error:
@@ -164,7 +164,7 @@ class LessonsPanel:
             self._work(lambda: course.make_up(self._memory))
 
     def _work(self, act: Callable[[], None]) -> None:
-        """Compute something in a thread of its own; meanwhile there is no next step."""
+        """Call `act` in a thread of its own; until it returns, the step cannot be left."""
 
         def work() -> None:
             try:
@@ -181,7 +181,8 @@ class LessonsPanel:
         self._busy.start()
 
     def _enter(self, *, again: bool = False) -> None:
-        """Bring the scene to the shown step: its scenario, where it begins one, and for a goal the lock."""
+        """Load the scenario of the shown step where it needs one, and lock the other fields for a goal.
+        again: load the scenario of any step."""
         course = self._course
         if course is None:
             return
@@ -253,7 +254,7 @@ class LessonsPanel:
 
 
 def _field(path: str) -> str:
-    """Field of the scenario that a control's path is, or is an entry of."""
+    """Dotted path of the scenario's field that a control changes: without the index of an entry."""
     field, _, last = path.rpartition(".")
     return field if last.isdecimal() else path
 
@@ -270,7 +271,7 @@ def _head(course: Course) -> str:
 
 
 def _text(course: Course) -> str:
-    """Text of the shown step; before an explanation, what became of the predictions."""
+    """Text of the shown step as HTML; an explanation begins with the scores of the predictions."""
     step, measured = course.step, course.measured
     parts = []
     if step.number == 1:
@@ -298,7 +299,7 @@ def _scored(step: Step, answer: Answer, measured: dict[str, str]) -> str:
 
 
 def _notes(run: Step, course: Course, snapshot: Snapshot) -> str:
-    """Notes on a run: that an edit was refused, that it stopped, and that the one on the screen was changed by hand."""
+    """Notes on a run as HTML: a refused edit, an early stop, and changes by hand of the run in the scene."""
     outcome = course.outcomes[run.number]
     notes = []
     if outcome.refusal:
@@ -321,7 +322,7 @@ def _ends(run: Step) -> float:
 
 
 class _List:
-    """List of lessons, with what was done of each, and the answers as files."""
+    """List of lessons, with the progress in each, and the answers as files."""
 
     def __init__(self, desk: Desk, lessons: dict[str, Lesson], open_lesson: Callable[[Lesson], None]) -> None:
         self._desk, self._lessons, self._open = desk, lessons, open_lesson
@@ -357,7 +358,7 @@ class _List:
             event.client.send_file_download("class.csv", self._desk.classroom.csv().encode(), save_immediately=True)
 
     def show(self, progress: Mapping[str, Progress], *, visible: bool) -> None:
-        """Show the chosen lesson, and how far it was taken."""
+        """Show the chosen lesson, and the progress in it."""
         if self._folder.visible != visible:
             self._folder.visible = visible
         if not visible:
@@ -422,7 +423,7 @@ class _Options:
 
 
 class _NumberAnswer:
-    """Field of a question for a number, and the button that locks it."""
+    """Text field of a question for a number, and the button that locks the answer."""
 
     def __init__(self, desk: Desk, answer: Callable[[object], None]) -> None:
         self._desk, self._answer = desk, answer
@@ -462,7 +463,7 @@ class _NumberAnswer:
 
 
 def _unit_of(step: Step, course: Course) -> str:
-    """Unit of the number that a question asks for: that of its measure, in a run of the lesson."""
+    """Unit of the number that a question asks for, "" for other questions."""
     if not isinstance(step.block, blocks.Number):
         return ""
     for each in course.lesson.steps:
@@ -472,7 +473,7 @@ def _unit_of(step: Step, course: Course) -> str:
 
 
 class _Pad:
-    """Axes on which a course is drawn; the script of the page writes it into the hidden field behind them."""
+    """Axes on which a curve is drawn; the page's script writes its points into a hidden text field."""
 
     def __init__(self, desk: Desk, answer: Callable[[object], None]) -> None:
         self._desk, self._answer = desk, answer
@@ -501,7 +502,7 @@ class _Pad:
             return
         drawn = answer.given if answer is not None and isinstance(answer.given, list) else None
         content = pad_html(step.block, drawn)
-        if self._html.content != content:  # a picture that is sent again under the mouse would lose its strokes
+        if self._html.content != content:  # sent again, the axes would lose the strokes that are being drawn
             self._html.content = content
 
 

@@ -25,8 +25,10 @@ from app.session.snapshot import Snapshot
 
 @dataclass(frozen=True)
 class _Quantity:
-    """One number per task coordinate: its place in the scenario, which may be linked to others, its slider, and the
-    note on it."""
+    """Quantity with a number for each task coordinate.
+    place: returns the place of a coordinate's number; takes the coordinate, from 0, and whether places are linked.
+    scale: of the sliders.
+    note: returns the text above them."""
 
     place: Callable[[int, Callable[[], bool]], Place]
     scale: Scale
@@ -38,8 +40,8 @@ class _View(Protocol):
 
 
 class ModelPanel:
-    """Three views of the same model, of which the page shows one (state of the page); below them pole map, checks
-    and impedance."""
+    """Model panel: three views of the target model, of which the page shows one (state of the page), and below them
+    pole map, checks and impedance."""
 
     def __init__(self, desk: Desk) -> None:
         self._desk, gui = desk, desk.gui
@@ -73,7 +75,7 @@ class ModelPanel:
                 folder.visible = title == self._chosen
         self._views[self._chosen].show(snapshot)
         edit = self._asked(snapshot)
-        of = (snapshot.scenario, snapshot.blending, edit)  # not the revision: it does not change while looking back
+        of = (snapshot.scenario, snapshot.blending, edit)  # not the revision, which does not change while looking back
         if self._checked != of:  # poles are not computed anew for every frame
             self._checked = of
             self._checks.content = checks_html(snapshot, edit)
@@ -87,14 +89,15 @@ class ModelPanel:
             return held.edit
         try:
             return view.edit(snapshot) if isinstance(view, MatrixEditor) else None
-        except ValueError:  # the editor shows it
+        except ValueError:  # the editor shows the reason
             return None
 
 
 class _PerCoordinate:
-    """One tab per quantity, one row per task coordinate; rows that the mode fixes are disabled.
+    """View of the model by coordinates: a tab for each quantity, a row for each task coordinate. Rows that the mode
+    fixes are disabled.
 
-    Rows are added and hidden, never removed: viser's client complains when a widget goes while it is being drawn.
+    Rows are added and hidden, never removed: viser's client fails when a widget is removed while it is being drawn.
     """
 
     def __init__(self, desk: Desk, quantities: Mapping[str, _Quantity]) -> None:
@@ -134,7 +137,8 @@ class _PerCoordinate:
 
 
 def matrix_note(snapshot: Snapshot, name: str, meaning: str, metric: str, angular: str) -> str:
-    """Note on a matrix with its unit, and the values of angles per radian, since r holds angles times a length."""
+    """Note on a matrix as HTML: meaning, unit, and the values of angles per radian, since r holds angles times a
+    length."""
     if snapshot.system.units == JOINT:
         metric = angular
     told = [f"{meaning}, {metric}" if metric else meaning]
@@ -153,7 +157,7 @@ def matrix_note(snapshot: Snapshot, name: str, meaning: str, metric: str, angula
 
 
 def oscillator_note(snapshot: Snapshot, unit: str) -> str:
-    """Note on how omega and zeta are set, and on the coordinates that are special."""
+    """Note on omega and zeta as HTML: how they are set, and for which coordinates they are special."""
     told = [f"{unit}, each axis alone. M_m is kept: K_m = M_m ω², B_m = 2ζω M_m."]
     for coordinate, K_e in zip(snapshot.coordinates, pressed_on(snapshot), strict=True):
         name = symbol(coordinate.name)

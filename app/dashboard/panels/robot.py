@@ -18,7 +18,7 @@ UNSTATED = "from the above"
 
 
 class Stated(Place):
-    """A bound of (7) as text: a number, a formula, or what it follows from."""
+    """Place of a bound of (7), whose value is shown as text: a number, a formula, or what the bound follows from."""
 
     def read(self, snapshot: Snapshot) -> str:
         value = super().read(snapshot)
@@ -28,7 +28,7 @@ class Stated(Place):
         text = str(value).strip()
         try:
             return super().edit(snapshot, None if text == UNSTATED else number(text))
-        except ValueError:  # then it is a formula, or the refusal says what is wrong with it
+        except ValueError:  # the text is a formula, or the runner refuses it with a reason
             return super().edit(snapshot, text)
 
 
@@ -37,7 +37,7 @@ def _inertia_stated(scenario: Scenario) -> bool:
 
 
 class RobotPanel:
-    """The arm; truth and declaration one after the other, with the verdict above them."""
+    """Robot panel: the arm, then the verdict, the true arm and the declared bounds."""
 
     def __init__(self, desk: Desk) -> None:
         gui = desk.gui
@@ -109,12 +109,12 @@ def _rotors(snapshot: Snapshot) -> tuple[float, ...]:
 
 
 def _common_scaling(snapshot: Snapshot) -> Any:
-    """Common scaling of the links; None, which hides the row, where links have factors of their own."""
+    """Common factor of all links; None, which hides the row, where links have factors of their own."""
     return _common(snapshot.scenario.truth.link_scaling)
 
 
 def _common_rotor(snapshot: Snapshot) -> Any:
-    """Common scaling of the rotors' inertias; None, which hides the row, where joints have factors of their own."""
+    """Common factor of the rotors' inertias; None, which hides the row, where joints have factors of their own."""
     return _common(snapshot.scenario.truth.rotor_scaling)
 
 

@@ -10,7 +10,7 @@ from app.session.snapshot import Snapshot
 
 
 class RobustnessPanel:
-    """The map, and the search below it. Both are computed beside the loop."""
+    """Robustness panel: the map, and below it the search. Both are computed beside the loop."""
 
     def __init__(self, desk: Desk) -> None:
         self._desk = desk
@@ -35,7 +35,7 @@ class RobustnessPanel:
             self._desk.complain(str(error))
 
     def let_move(self, row: Row) -> None:
-        """Let the search move the field of this row."""
+        """Let the search vary the field of this row."""
         try:
             self._search.let_move(row)
         except ScenarioError as error:

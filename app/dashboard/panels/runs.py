@@ -22,13 +22,13 @@ from app.storage.session_index import PINS
 
 Over = Literal["own", "same"]
 OVER: dict[str, Over] = {"each run's own last seconds": "own", "the same instants": "same"}
-_EVERY = 1.0  # s, between two looks at the figures
-_TOLD = 4  # differences of a pinned run that are shown
+_EVERY = 1.0  # s, between two updates of the figures
+_TOLD = 4  # differences of a pinned run's scenario that are shown at most
 
 
 class RunsPanel:
-    """Buttons to pin, name and forget runs, and a table of figures over the last seconds of every run: its own ones, or
-    the same instants of all."""
+    """Runs panel: buttons to pin, name and forget runs, and a table of figures over the last seconds of each run, or
+    over the same instants of all runs."""
 
     def __init__(self, desk: Desk) -> None:
         self._desk = desk
@@ -64,7 +64,7 @@ class RunsPanel:
 
 
 class _PinnedRow:
-    """Name of a pinned run, to be changed, and a button to forget it."""
+    """Row of a pinned run: a text field for its name, and a button to forget it."""
 
     def __init__(self, desk: Desk) -> None:
         self._desk, self._run, self._typing = desk, None, False
@@ -112,8 +112,9 @@ def _note(snapshot: Snapshot, window: float, over: Over) -> str:
 
 
 def table_html(snapshot: Snapshot, window: float, over: Over = "own") -> str:
-    """Table of figures over `window` s, a column for each run, those of pinned ones with their difference from the
-    present run in per cent; and the differences of each pinned run's scenario."""
+    """Table of figures over `window` s as HTML: a column for each run, with the difference of a pinned run from the
+    present one in per cent; below it the differences of each pinned run's scenario.
+    over: whether each run is measured over its own last seconds, or all over the same instants."""
     ends = [p.t if over == "own" else snapshot.t for p in snapshot.pinned]
     runs = [
         (snapshot.system, snapshot.recording, snapshot.t),
@@ -139,7 +140,7 @@ def _row(figure: Figure, unit: str, accounts: tuple[Account | None, ...]) -> str
 def _number(value: float | None) -> str:
     if value is None:
         return "—"
-    return f"{value:.0f}" if 1e3 <= abs(value) < 1e6 else f"{value:.3g}"  # no power of ten for what has few digits
+    return f"{value:.0f}" if 1e3 <= abs(value) < 1e6 else f"{value:.3g}"  # no power of ten below a million
 
 
 def _against(value: float | None, now: float | None) -> str:

@@ -25,7 +25,7 @@ def _in_axes(scenario: Scenario) -> bool:
 
 
 class Supplemental(Place):
-    """Place of the supplemental joints that are in force, counted from 1; 0 stands for the arm's own."""
+    """Place of the supplemental joints in force: their numbers, from 1; 0 stands for those of the arm."""
 
     def read(self, snapshot: Snapshot) -> tuple[int, ...] | None:
         layout = snapshot.system.layout
@@ -40,7 +40,7 @@ class Supplemental(Place):
 
 
 class TaskPanel:
-    """Scenario, mode, desired motion and desired force."""
+    """Task panel: scenario, mode, desired motion and desired force."""
 
     def __init__(self, desk: Desk) -> None:
         self._desk = desk

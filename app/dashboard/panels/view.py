@@ -1,5 +1,5 @@
-"""View panel: content of the scene, camera, and the action of the mouse in it. State of the page; it does not affect
-the run."""
+"""View panel: content of the scene, camera, and action of the mouse in the scene. State of the page, which does not
+affect the run."""
 
 from __future__ import annotations
 
@@ -61,7 +61,8 @@ class _Widget(Protocol):
 
 
 class _Field:
-    """A widget for one field of the look; `options` maps the text shown to the value in the look."""
+    """Widget of one field of the look. options: values in the look by the text shown, None for a widget of the value
+    itself."""
 
     def __init__(
         self, viewing: Viewing, name: str, widget: _Widget, options: Mapping[str, object] | None = None
@@ -84,7 +85,7 @@ class _Field:
 
 
 class ViewPanel:
-    """Camera, legend, switches for everything drawn, and the mouse."""
+    """View panel: camera, legend, switches for the drawn objects, and the mouse."""
 
     def __init__(self, desk: Desk) -> None:
         self._desk = desk

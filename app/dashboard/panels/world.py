@@ -46,12 +46,12 @@ def _heavy(scenario: Scenario) -> bool:
 
 
 def _foreseen(scenario: Scenario) -> bool:
-    """Whether the law's reference needs a stiffness (33)."""
+    """Whether the law's reference needs the stiffness of the surface (33)."""
     return MODES[scenario.mode].on_surface and not scenario.contact.nature.rigid
 
 
 def _plain(scenario: Scenario) -> bool:
-    """Whether the tool may be flat, or is."""
+    """Whether the tool is flat, or may be."""
     alone = len(scenario.surfaces) == 1 and isinstance(scenario.surface, Plane)
     return scenario.face.flat or (alone and not _heavy(scenario))
 
@@ -79,7 +79,7 @@ def _coupled_estimates(scenario: Scenario) -> bool:
 
 
 class WorldPanel:
-    """Controls of the surface and of the contact, and of the controller's estimate of the surface."""
+    """World panel: surface and contact, the controller's estimate of the surface, sensor and integration."""
 
     def __init__(self, desk: Desk) -> None:
         gui = desk.gui

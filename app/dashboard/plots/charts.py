@@ -1,9 +1,9 @@
-"""A chart of the page: its drawing of a run, and the widget that shows it.
+"""Charts of the page: the drawing of a run, its data for each refresh, and the widget that shows them.
 
-Time runs to the right and ends at now; ahead of it stands the preview, which the page's script makes lighter. The
-script also gives the axis its ends, which stand in the tab's marker (`visible_tabs.py`): new scales would build the
-chart anew and lose the user's zoom. A line has gaps (nan) where what it shows does not exist: a pinned run beyond its
-end, a bound under a law without one.
+Time runs to the right and ends at now; right of it stands the preview, which the page's script makes lighter. The
+script also sets the ends of the time axis, which it reads from the tab's marker (`visible_tabs.py`): if viser set them,
+it would build the chart anew and lose the user's zoom. A line has gaps (nan) where its quantity does not exist: beyond
+the end of a pinned run, or for a bound under a law without one.
 """
 
 from __future__ import annotations
@@ -33,11 +33,12 @@ BUCKETS = 120  # two points each: one per pixel or so of a plot on the dock, and
 GREY: Rgb = (140, 140, 140)
 UNLISTED = "vs-unlisted"  # class of the lines that the legend leaves out
 MEDIAN = 0.5
-SPREAD = (0.0, 0.05, MEDIAN, 0.95, 1.0)  # of a band in a plot of one quantity
-REACH = (0.0, 1.0)  # of one in a plot of many
-_NOTHING = np.array([0.01, 0.02])  # on a logarithmic axis, too
-# Of a chart: those of three pinned runs and the shown one with seven coordinates each, and backdrops. A page receives
-# series and data in two messages, in either order, may draw between them, and fails at a series without an array.
+SPREAD = (0.0, 0.05, MEDIAN, 0.95, 1.0)  # quantiles of a band in a plot of one quantity
+REACH = (0.0, 1.0)  # quantiles of a band in a plot of many
+_NOTHING = np.array([0.01, 0.02])  # x of a chart without lines; positive, as an axis may be logarithmic
+# Series of every chart: those of three pinned runs and the shown one with seven coordinates each, and backdrops. The
+# number is fixed, since a page receives series and data in two messages, in either order, may draw between them, and
+# fails at a series without an array.
 MOST_SERIES = 48
 _DOCK, _ENTRY, _LETTER = 366, 54, 6  # px: width of the legend, of an entry with its value, and of a letter in it
 _FOOT, _HEAD = ({"pad": 0.0, "hard": end, "soft": end, "mode": 1} for end in (0.0, 1.0))
@@ -46,16 +47,16 @@ _RULE = "rgba(128, 128, 128, 0.7)"  # visible on dark and on light
 
 @dataclass(frozen=True)
 class Setup:
-    """Properties of a run and choices of the user that determine the lines of the charts.
-    normal: the mode controls a normal force, on so many surfaces.
-    surfaces: number of those in the world.
-    touching: there is something to touch.
-    twisted: the law is told moments that it controls, or the scenario's push has one.
-    tilts: numbers of the coordinates that are tilts of a flat tool.
-    robust: the law has a gain and a bound.
-    bounded: some part of the run had such a law.
+    """Setup of the charts: properties of a run and choices of the user that determine the lines.
+    normal: number of surfaces on which the mode controls a normal force.
+    surfaces: number of surfaces in the world.
+    touching: whether there is something to touch.
+    twisted: whether the law controls moments, or the scenario's push has one.
+    tilts: numbers, from 0, of the coordinates that are tilts of a flat tool.
+    robust: whether the law has a gain and a bound.
+    bounded: whether some part of the run had a robust law.
     units: of the task space.
-    coordinate, joint: the chosen ones, counted from 0."""
+    coordinate, joint: numbers of the chosen ones, from 0."""
 
     coordinates: tuple[Coordinate, ...]
     joints: tuple[str, ...]
@@ -72,7 +73,7 @@ class Setup:
 
     @classmethod
     def of(cls, snapshot: Snapshot, coordinate: int, joint: int) -> Setup:
-        """Setup of a snapshot; choices that the run does not have fall back to the first."""
+        """Setup of a snapshot; a chosen coordinate or joint that the run does not have is replaced by the first."""
         coordinates, joints = tuple(snapshot.coordinates), tuple(snapshot.robot.joint_names)
         return cls(
             coordinates,
@@ -92,13 +93,14 @@ class Setup:
 
 @dataclass(frozen=True)
 class Line:
-    """One line: its name, its look, and its values from signals, (N,), nan where they are not known and infinite where
-    they do not exist.
-    compared: pinned runs show theirs, too.
-    foreseen: it makes sense for a preview's few instants.
-    band: quantiles of true arms that are drawn around its preview, see `SPREAD` and `REACH`.
-    backdrop: 0 and 1 are the plot's foot and head, and a line without width fills the area below it.
-    listed: in the legend."""
+    """Line of a chart.
+    name: in the legend.
+    values: (N,) of signals, nan where they are not known and infinite where they do not exist.
+    compared: whether the same line of pinned runs is drawn, too.
+    foreseen: whether the line has a meaning for the few instants of a preview.
+    band: quantiles of true arms that are drawn around the preview, see `SPREAD` and `REACH`.
+    backdrop: whether 0 and 1 are the plot's foot and head, whatever its axis; without width, the area below is filled.
+    listed: whether the line is in the legend."""
 
     name: str
     color: Rgb
@@ -138,7 +140,10 @@ class Area:
 
 @dataclass(frozen=True)
 class Drawing:
-    """Content of a chart: title with unit; lines from back to front.
+    """Content of a chart.
+    title: with the unit.
+    lines: from back to front.
+    areas: between lines.
     floor: value that a logarithmic axis shows for an exact zero, None for a linear axis.
     at_least: a range that is always in view, so that noise does not fill the plot."""
 
@@ -149,7 +154,7 @@ class Drawing:
     at_least: tuple[float, float] | None = None
 
     def legend_rows(self, pinned: Sequence[Label]) -> int:
-        """Number of rows that its legend takes on the dock, about."""
+        """Estimated number of rows of the chart's legend on the dock."""
         compared = any(line.compared for line in self.lines)
         names = ["t [s]", *(line.name for line in self.lines if line.listed)]
         names += [name for name, _ in pinned] if compared else []
@@ -166,10 +171,10 @@ class Drawing:
 
 @dataclass(frozen=True)
 class Plot:
-    """A row of the table of plots.
-    name: by which a figure for paper chooses it.
-    draw: its drawing, None for a run where it has no meaning.
-    spectral: over frequency."""
+    """Plot: a row of the table of plots.
+    name: by which a figure for paper chooses the plot.
+    draw: returns its drawing, None for a run where the plot has no meaning.
+    spectral: whether its lines go over frequency instead of time."""
 
     name: str
     draw: Callable[[Setup], Drawing | None]
@@ -178,8 +183,8 @@ class Plot:
 
 @dataclass(frozen=True)
 class Pinned:
-    """A run to compare with, drawn in one colour behind the shown one. start: instant (s) of the shown run at which its
-    zero is drawn."""
+    """Pinned run, drawn in one colour behind the shown run.
+    start: instant (s) of the shown run at which the pinned run's zero is drawn."""
 
     name: str
     recording: Recording
@@ -189,11 +194,11 @@ class Pinned:
 
 @dataclass(frozen=True)
 class Course:
-    """Course of some lines on a grid: decimated values of the rows up to now. Rows do not change, so that a later one
-    is the same course continued.
+    """Course of some lines over a grid: decimated values of the rows up to now. As rows do not change, the course of
+    the next refresh continues this one.
     begins: index of the first point with rows, 2 grid.count where there are none.
-    points: (2 grid.count, lines), nan where nothing is known.
-    newest: (lines,) of the newest row."""
+    points: decimated values (2 grid.count, lines), nan where nothing is known.
+    newest: values (lines,) of the newest row."""
 
     grid: Grid
     begins: int
@@ -209,8 +214,9 @@ class Course:
         return cls(grid, begins, grid.thin(rows["t"], values), values[-1])
 
     def continued(self, grid: Grid, since: int, rows: Signals, lines: Sequence[Line]) -> Course:
-        """The same course on a later grid of equal buckets. since: number of the first bucket that is decimated anew,
-        from rows that begin before it."""
+        """Course continued on a later grid of equal buckets.
+        since: number of the first bucket that is decimated anew.
+        rows: signals up to now that begin before this bucket."""
         new = Course.of(grid.since(since), rows, lines)
         left, right = 2 * (grid.first - self.grid.first), 2 * (since - self.grid.first)
         begins = max(self.begins - left, 0) if self.begins < right else right - left + new.begins
@@ -218,14 +224,14 @@ class Course:
 
     @property
     def values(self) -> np.ndarray:
-        """Values (points, lines) from `begins` on without gaps, with the newest row as the last point."""
+        """Values (N, lines) from `begins` on without gaps, with the newest row as the last point."""
         return _bridged(np.concatenate([self.points[self.begins :], self.newest[None]]))
 
 
 @dataclass(frozen=True)
 class Recent:
-    """Rows of the last moments before now, which suffice to continue a course that was drawn in the refresh before.
-    since: number of the first bucket whose rows are all among them, and not all in that refresh."""
+    """Recent rows, which suffice to continue a course of the refresh before.
+    since: number of the first bucket whose rows are all among these, and were not all drawn in the refresh before."""
 
     since: int
     rows: Signals
@@ -235,12 +241,15 @@ class Recent:
 class Frame:
     """Data of one refresh, for all charts.
     now: s, the instant that is zero on the axis.
+    window: s, length of the time before now that is drawn.
     rows: signals up to now.
-    pinned: signals of each pinned run, None for one of other coordinates, its times those of the shown run.
-    ahead, foreseen: the preview, (N,) s after now and its signals.
-    band, band_ahead: of true arms behind it, and (M,) s after now of its instants.
-    number: of the refresh.
-    recent: rows that are new since the refresh before, None where all may be."""
+    pinned: signals of each pinned run at times of the shown run, None for an arm with another number of joints.
+    ahead: instants (N,) of the preview, s after now.
+    foreseen: signals of the preview.
+    band: of true arms around the preview.
+    band_ahead: instants (M,) of the band, s after now.
+    number: of the refresh, counted.
+    recent: rows that suffice to continue the courses of the refresh before, None where it drew another run."""
 
     now: float
     window: float
@@ -255,14 +264,14 @@ class Frame:
     recent: Recent | None = None
 
     def course(self, lines: Sequence[Line], before: Course | None) -> Course:
-        """Course of these lines up to now. before: that of the refresh before, None where they were not drawn in it."""
+        """Course of these lines up to now. before: their course of the refresh before, None where they had none."""
         if before is None or self.recent is None:
             return Course.of(self.grid, self.rows, lines)
         return before.continued(self.grid, self.recent.since, self.recent.rows, lines)
 
     def courses(self, lines: Sequence[Line], course: Course | None = None) -> tuple[np.ndarray, ...]:
-        """Data of a chart: x (N,) s from now, then (N,) of each compared line of each pinned run, then of each line,
-        without gaps. course: that of the lines up to now, if it is known.
+        """Data of a chart: x (N,) s from now, then values (N,) of each compared line of each pinned run, then of each
+        line, without gaps. course: of the lines up to now, None to compute it.
 
         The preview is included if every line has values ahead. Where a pinned run has no values, its line is nan.
         """
@@ -281,8 +290,8 @@ class Frame:
         return np.concatenate(x), *(column for block in (*behind, shown) for column in block.T)
 
     def spread(self, times: np.ndarray, shown: Sequence[np.ndarray], lines: Sequence[Line]) -> list[np.ndarray]:
-        """Quantiles (N,) of all lines' bands at these times (N,) s from now. Up to now, and farther ahead than the band
-        reaches, they are the line itself, of `shown`: its area has no width."""
+        """Quantiles (N,) of all lines' bands at times (N,) s from now. shown: values (N,) of each line, which stand in
+        for the quantiles up to now and farther ahead than the band reaches, so that the area there has no width."""
         columns = [shown[k].copy() for k, line in enumerate(lines) for _ in line.band]
         if self.band is None or self.foreseen is None:
             return columns
@@ -329,7 +338,7 @@ def _bridged(columns: np.ndarray) -> np.ndarray:
 
 
 def _absent(column: np.ndarray) -> np.ndarray:
-    """Mask (N,) of the points that do not exist, which are infinite, and of the unknown ones beside them."""
+    """Mask (N,) of the points that do not exist, which are infinite, and of unknown points beside these."""
     points, told = np.arange(len(column)), ~np.isnan(column)
     before = np.maximum.accumulate(np.where(told, points, 0))
     after = np.minimum.accumulate(np.where(told, points, len(column) - 1)[::-1])[::-1]
@@ -348,7 +357,7 @@ def quantiles(values: np.ndarray, shares: Sequence[float]) -> np.ndarray:
 
 
 class Chart:
-    """One plot on the page. Its widget is adapted to another run, or to other pinned ones, when it is drawn."""
+    """Chart on the page: the widget of one plot, which `draw` adapts to another run or to other pinned runs."""
 
     def __init__(self, gui: viser.GuiApi, plot: Plot) -> None:
         self._plot = plot
@@ -356,7 +365,7 @@ class Chart:
         self._drawing: Drawing | None = None
         self._legend_rows = 1
         self._lowest: list[float] = []
-        self._course: tuple[int, Course] | None = None  # of the refresh of this number
+        self._course: tuple[int, Course] | None = None  # number of the last refresh, and the course then
         self._handle = gui.add_uplot(
             (_NOTHING,) * MOST_SERIES,
             tuple(uplot.Series(label="") for _ in range(MOST_SERIES)),
@@ -368,7 +377,7 @@ class Chart:
 
     @property
     def legend_rows(self) -> int:
-        """Number of rows of its legend; 0 for a hidden chart."""
+        """Number of rows of the legend; 0 for a hidden chart."""
         return self._legend_rows
 
     def set_height(self, pixels: int) -> None:
@@ -376,7 +385,7 @@ class Chart:
         self._handle.height = pixels
 
     def draw(self, setup: Setup, pinned: Sequence[Label], frame: Frame, *, whole: bool) -> None:
-        """Draw a refresh. whole: a page may have none of the data yet."""
+        """Draw the data of a refresh. whole: send all points, since a page may have none of them yet."""
         if self._adapted != (setup, tuple(pinned)):
             self._adapted = (setup, tuple(pinned))
             self._adapt(self._plot.draw(setup), pinned)
@@ -399,7 +408,7 @@ class Chart:
             self._feed.send(frame.now, x, raised)
 
     def clear(self) -> None:
-        """Take the lines away."""
+        """Remove the lines."""
         self._feed.clear(_NOTHING)
         self._course = None
 
@@ -443,7 +452,7 @@ class Chart:
 
 
 def _of_pinned(line: Line, label: Label, *, listed: bool) -> uplot.Series:
-    """Look of a line of a pinned run: dotted, and its first one is in the legend for all."""
+    """Look of a line of a pinned run: dotted; only the run's first line is in the legend."""
     name, color = label
     look = Line(name if listed else "", color, line.values, width=1.3, listed=listed).series()
     look["dash"] = (2.0, 3.0)
@@ -460,8 +469,8 @@ def _of_band(line: Line) -> list[uplot.Series]:
 
 
 def _band_areas(banded: Sequence[Line], first: int) -> tuple[uplot.Band, ...]:
-    """Areas between the lowest and the highest quantile of each band, the next ones, and so on; `first` is the number
-    of the first quantile's series."""
+    """Areas of each band: between its lowest and its highest quantile, between the next ones, and so on.
+    first: number of the series of the first quantile."""
     areas: list[uplot.Band] = []
     for line in banded:
         last = first + len(line.band) - 1

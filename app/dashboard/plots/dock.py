@@ -1,4 +1,4 @@
-"""The left dock: tabs of plots over a chosen window of time. A tab that nobody looks at costs nothing."""
+"""Dock of plots at the page's left: tabs over a chosen window of time. Tabs that nobody looks at are not drawn."""
 
 from __future__ import annotations
 
@@ -26,14 +26,18 @@ WINDOWS = {"0.5 s": 0.5, "2 s": 2.0, "4 s": 4.0, "8 s": 8.0, "20 s": 20.0, "60 s
 WINDOW = "8 s"
 ABOVE, NOTE, AROUND, LEGEND, LEAST, MOST = 134, 20, 36, 18, 90, 400  # px
 _NONE: str = "–"
-SETTLED = 0.05  # s before the refresh before: what was drawn of that time, marks of events included, does not change
-FORESEEN_EVERY = 4  # of a preview's instants, one in so many is examined
+SETTLED = 0.05  # s: rows older than this at the refresh before are drawn as then, marks of events included
+FORESEEN_EVERY = 4  # one in so many instants of a preview is examined
 
 
 @dataclass(frozen=True)
 class Shown:
-    """Stretch of a run that is drawn: the window (s) up to the instant `now` (s), with pinned runs behind.
-    outlook: the preview ahead of it over `horizon` s, if there is one."""
+    """Stretch of a run that is drawn.
+    now: s, its last instant.
+    window: s, its length.
+    pinned: runs that are drawn behind.
+    outlook: preview after `now`, None for none.
+    horizon: s, length of the preview."""
 
     now: float
     window: float
@@ -43,8 +47,9 @@ class Shown:
 
 
 class Plots:
-    """Tabs of plots. The choices above the plots are stored in `viewing`. turn: lock that is held while choices are
-    shown, see `WidgetLock`."""
+    """Tabs of plots.
+    viewing: stores the choices above the plots.
+    turn: lock that is held while choices are shown, see `WidgetLock`."""
 
     def __init__(
         self, gui: viser.GuiApi, visible_tabs: VisibleTabs, viewing: Viewing, turn: AbstractContextManager[object]
@@ -62,9 +67,9 @@ class Plots:
         self._analysis: PerturbationAnalysis | None = None
         self._recording: object = None
         self._drawn: dict[str, object] = {}
-        self._reports: dict[str, int] = {}  # of each tab, when it was drawn
-        self._number = 0  # of the refresh
-        self._before: tuple[object, float] | None = None  # what was drawn in the last one, and its instant
+        self._reports: dict[str, int] = {}  # number of pages' reports of each tab when it was drawn last
+        self._number = 0  # of the last refresh
+        self._before: tuple[object, float] | None = None  # content and instant of the last refresh
 
     def show(self, snapshot: Snapshot, shown: Shown, looked_at: Collection[str]) -> None:
         """Draw the visible tabs, unless they are drawn already."""
@@ -84,7 +89,7 @@ class Plots:
             if frame is not None:
                 whole = self._reports.get(title) != reports[title]
                 self._tabs[title].show(snapshot, setup, shown, frame, whole=whole)
-            else:  # of a run that has just been reset, not that before
+            else:  # empties the plots after a reset, which would still show the run before
                 self._tabs[title].clear()
             self._drawn[title], self._reports[title] = drawn, reports[title]
 
@@ -100,7 +105,7 @@ class Plots:
         pinned = [_laid(p, begin - LEAD, shown.now, recording.n) for p in shown.pinned]
         if outlook is None:
             return Frame(shown.now, shown.window, grid, known, pinned, number=self._number, recent=recent)
-        # a run that begins anew is another one: the analysis of this arm does not apply to it
+        # a preview that begins the run anew is another run, to which the analysis does not apply
         openings = np.arange(0, 0 if outlook.restarts else len(outlook.ahead), FORESEEN_EVERY)
         foreseen = analysis.foreseen(outlook.signals, outlook.epochs, openings)
         frame = Frame(
@@ -114,23 +119,23 @@ class Plots:
         return replace(frame, band=outlook.band, band_ahead=since + outlook.band.ahead)
 
     def _recent(self, snapshot: Snapshot, shown: Shown, grid: Grid, analysis: PerturbationAnalysis) -> Recent | None:
-        """Rows since the refresh before, if that drew the same run over the same window not long ago."""
+        """Rows since the refresh before, None where that drew another run or another window, or is long ago."""
         before, of = self._before, (snapshot.run, snapshot.revision, id(snapshot.recording), shown.window)
         self._number, self._before = self._number + 1, (of, shown.now)
         if before is None or before[0] != of or not before[1] <= shown.now < before[1] + 0.5 * shown.window:
             return None
         since = max(grid.first, math.floor((before[1] - SETTLED) / grid.width))
-        begin = since * grid.width - 1.1 * LEAD  # for a sum over the time LEAD
+        begin = since * grid.width - 1.1 * LEAD  # the total variation is a sum over LEAD
         return Recent(since, _known(analysis, snapshot.recording, grid.since(since), begin, shown.now))
 
     def fit(self, page_height: int) -> None:
-        """Share the height of the page among the plots of a tab."""
+        """Share the height of the page, px, among the plots of a tab."""
         for tab in self._tabs.values():
             tab.fit(page_height)
 
 
 class _TabView:
-    """One tab: a row of choices, then its plots."""
+    """Tab of the dock: a row of choices, then its plots."""
 
     def __init__(
         self,
@@ -166,7 +171,7 @@ class _TabView:
                 setattr(self._viewing, chooser, widget.options.index(widget.value))
 
     def show(self, snapshot: Snapshot, setup: Setup, shown: Shown, frame: Frame, *, whole: bool) -> None:
-        """Draw a refresh. whole: a page may have none of the data yet."""
+        """Draw the data of a refresh. whole: see `Chart.draw`."""
         with self._turn:
             self._show_choices(setup)
         ahead = 0.0 if shown.outlook is None else shown.horizon
@@ -178,12 +183,12 @@ class _TabView:
         self._share()
 
     def clear(self) -> None:
-        """Take the lines away."""
+        """Remove the lines of all plots."""
         for chart in self._charts:
             chart.clear()
 
     def _show_choices(self, setup: Setup) -> None:
-        """Show the present choices: somebody may have chosen while the plots were being drawn."""
+        """Show the present choices, which somebody may have changed while the plots were drawn."""
         self._window.value = next(name for name, seconds in WINDOWS.items() if seconds == self._viewing.window)
         for chooser, widget in self._choosers.items():
             names, chosen = _choices(chooser, setup), getattr(self._viewing, chooser)
@@ -203,14 +208,14 @@ class _TabView:
 
 
 def _choices(chooser: Chooser, setup: Setup) -> tuple[str, ...]:
-    """Options of a chooser."""
+    """Options of a chooser, the coordinates or the joints."""
     if chooser == "coordinate":
         return tuple(symbol(coordinate.name) for coordinate in setup.coordinates)
     return tuple(f"{i + 1}  {name}" for i, name in enumerate(setup.joints))
 
 
 class _Later(Mapping[str, np.ndarray]):
-    """Signals that are found when the first of them is read."""
+    """Signals that are computed when the first of them is read."""
 
     def __init__(self, find: Callable[[], Signals]) -> None:
         self._find = find
@@ -235,7 +240,7 @@ def _known(analysis: PerturbationAnalysis, recording: Recording, grid: Grid, t_f
 
 
 class _Laid(Mapping[str, np.ndarray]):
-    """A pinned run's signals, with the times of the shown run."""
+    """Signals of a pinned run, with the times of the shown run. start: see `charts.Pinned`."""
 
     def __init__(self, signals: Signals, start: float) -> None:
         self._signals, self._start = signals, start

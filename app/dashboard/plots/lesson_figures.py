@@ -1,4 +1,4 @@
-"""Figures of a lesson's runs on paper: the lines that a run shows, those beside it, and what was predicted."""
+"""Figures of a lesson's runs on paper: the lines of a run, those of the runs beside it, and the predictions."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from app.lessons.predictions import predicted
 def figure_of_run(
     lesson: Lesson, run: Step, outcome: Outcome, traces: Sequence[Trace], answers: Sequence[tuple[Step, Answer]]
 ) -> Figure:
-    """Figure of a run, with a chart for each line that it shows; what it measured stands in the caption."""
+    """Figure of a run, with a chart for each line that it shows, and its measured numbers in the caption."""
     block = run.block
     assert isinstance(block, Run)
     charts = tuple(

@@ -21,7 +21,7 @@ from app.scenario.schema import ScenarioError
 from app.session.snapshot import Snapshot
 from parameters import allowed
 
-EXAMINED = 300  # instants at which the true arm is looked at
+EXAMINED = 300  # instants at which the true arm is analysed
 BESIDE_FILM = ("Overview",)  # plots beside a 3-D playback
 WIDTH = 0.6  # points of a line on paper for each of its pixels on the page
 
@@ -37,8 +37,8 @@ def plots_of(names: Sequence[str]) -> list[Plot]:
 
 
 def with_series(figure: Figure, names: Sequence[str]) -> Figure:
-    """The figure with only these lines, by their names in the legends, and only the charts that have one of them; as it
-    is without names. Raises ScenarioError."""
+    """The figure with only the lines of these names in the legends, and only the charts that have one of them; the
+    whole figure where there are no names. Raises ScenarioError."""
     if not names:
         return figure
     there = dict.fromkeys(curve.name for chart in figure.charts for curve in chart.curves if curve.listed)
@@ -56,7 +56,7 @@ def _plain(name: str) -> str:
 
 
 def _chart_with(chart: Chart, chosen: set[str]) -> Chart:
-    """The chart without the other lines, and their areas; lines that bound an area stay, unseen."""
+    """The chart with only the chosen lines and their areas; lines that bound such an area stay, but are not drawn."""
     curves = tuple(
         curve if curve.name in chosen else replace(curve, listed=False, width=0.0, dotted=False)
         for curve in chart.curves
@@ -72,8 +72,8 @@ def _chart_with(chart: Chart, chosen: set[str]) -> Chart:
 
 
 def figure_of(plots: Iterable[Plot], snapshot: Snapshot, setup: Setup, t_from: float, t_to: float) -> Figure:
-    """Figure of these plots over t_from <= t <= t_to (s) with the scenario under them. Raises ValueError when it is
-    empty."""
+    """Figure of these plots over t_from <= t <= t_to (s), with the scenario in its caption. Raises ValueError when it
+    is empty."""
     recording = snapshot.recording
     rows = recording.stretch(t_from, t_to)
     t = rows["t"]
@@ -114,7 +114,7 @@ def _chart(plot: Plot, drawing: Drawing, signals: Signals) -> Chart:
 
 
 def _course(values: np.ndarray, t: np.ndarray, *, spectral: bool) -> tuple[np.ndarray, np.ndarray]:
-    """x and y of the known points of a line; y is nan where what it shows does not exist."""
+    """x and y of the known points of a line; y is nan where the line's quantity does not exist."""
     values = np.asarray(values, dtype=float)
     if spectral:
         spectrum = amplitude_spectrum(t, values[:, None])

@@ -1,4 +1,4 @@
-"""Table of plots: the plots of each tab, and what each draws of a run's signals. A new plot is a row here."""
+"""Table of plots: the plots of each tab, and the lines of each plot. A new plot is a row here."""
 
 from __future__ import annotations
 
@@ -22,14 +22,17 @@ from app.simulation.system import Coordinate
 Values = Callable[[Signals], np.ndarray]
 Chooser = Literal["coordinate", "joint"]
 
-_MEASURED = (MEASURED, SERIES[0], SERIES[5])  # on each surface
+_MEASURED = (MEASURED, SERIES[0], SERIES[5])  # colours of the measured force on each surface
 LEAD = 0.1  # s before the window, over which the total variation is taken
 SOLID = 4  # lines of a plot that colour alone tells apart
 
 
 @dataclass(frozen=True)
 class Tab:
-    """Plots of a tab from top to bottom; the choosers above them, and a note (HTML) there."""
+    """Tab of the dock.
+    plots: from top to bottom.
+    choosers: above the plots.
+    note: returns HTML that is shown above the plots, None for a tab without."""
 
     plots: tuple[Plot, ...]
     choosers: tuple[Chooser, ...] = ()
@@ -53,13 +56,13 @@ def color(i: int) -> Rgb:
 
 
 def is_dashed(i: int) -> bool:
-    """Whether the line of coordinate, joint or part i is dashed: colours of more than SOLID lines do not stay apart for
-    the colour-blind (`tests/browser/test_page_colors.py`)."""
+    """Whether the line of coordinate, joint or part i is dashed: the colour-blind cannot tell more than SOLID colours
+    apart."""
     return i >= SOLID
 
 
 def stack(parts: Sequence[tuple[str, Values]]) -> tuple[list[Line], list[Area]]:
-    """Named parts of a sum as areas, positive ones upwards and negative ones downwards from zero."""
+    """Lines and areas that stack the named parts of a sum: positive ones upwards, negative ones downwards from zero."""
     lines = [Line("", ACCENT, lambda signals: np.zeros(len(signals["t"])), width=0.0, listed=False)]
     areas = []
     for sign in (1.0, -1.0):
@@ -138,7 +141,7 @@ def _force(setup: Setup) -> Drawing:
 
 
 def _on(setup: Setup, i: int) -> str:
-    """Name of a surface, counted from 0, after a signal's; "" where it is the only one."""
+    """Name of surface i, from 0, to be put behind a signal's name; "" where there is only one surface."""
     return "" if setup.surfaces == 1 else f" {'₁₂₃'[i]}"
 
 
@@ -159,7 +162,7 @@ def _moments(setup: Setup) -> Drawing | None:
 
 
 def _alignment(setup: Setup) -> Drawing:
-    """Moments of a flat tool: F_c has them over l."""
+    """Drawing of the moments of a flat tool, which F_c holds divided by the length l."""
     lines = []
     for i, at in enumerate(setup.tilts):
         name, l = _bare(setup.coordinates[at]), setup.coordinates[at].per_radian
@@ -212,7 +215,8 @@ def _less(values: Values, others: Values) -> Values:
 
 
 def _under_gain(values: Values) -> Values:
-    """The values of periods whose law has a gain d; for the others they do not exist, since s means nothing there."""
+    """Values of the periods whose law has a gain d; those of other periods do not exist, since s means nothing
+    there."""
     gain = column("d")
     return lambda signals: np.where(gain(signals) > 0.0, values(signals), np.inf)
 
@@ -226,7 +230,7 @@ def _s_norm() -> Line:
 
 
 def _sliding(setup: Setup) -> Drawing:
-    """s, or under a law without a bound on it how far the arm is from the target model."""
+    """Drawing of s, or, under a law without a bound on s, of the distance to the target model."""
     if not setup.robust:
         return _residual(setup)
     lines = [
@@ -237,7 +241,7 @@ def _sliding(setup: Setup) -> Drawing:
 
 
 def _phases() -> list[Line]:
-    """Reaching and sliding as shaded backdrops, and lines at the promised and at the measured reaching time."""
+    """Lines that shade the reaching and the sliding phase, and mark the promised and the measured reaching time."""
 
     def spike(signal: str) -> Values:
         return lambda signals: 4.0 * signals[signal] - 1.0
@@ -288,7 +292,7 @@ def _components(setup: Setup) -> Drawing | None:
 
 
 def _gain(setup: Setup) -> Drawing:
-    """The gain, or under a law without one the torques."""
+    """Drawing of the gain, or, under a law without a gain, of the torques."""
     if not setup.robust:
         return _torques(setup)
     lines = [
@@ -303,9 +307,9 @@ TERMS = ("inertia", "coriolis", "gravity", "force", "linear", "switching")  # of
 
 
 def needed_stack() -> tuple[list[Line], list[Area]]:
-    """Terms of (17), cause by cause."""
+    """Lines and areas of the terms of (17), by their causes."""
     lines, areas = stack([(name, column("needed", i)) for i, name in enumerate(CAUSES)])
-    upwards = len(CAUSES)  # none is negative
+    upwards = len(CAUSES)  # no term is negative
     return lines[: 1 + upwards], areas[:upwards]
 
 
@@ -347,7 +351,7 @@ def _torques(setup: Setup) -> Drawing:
 
 
 def torque_stack(joint: int) -> tuple[list[Line], list[Area]]:
-    """Terms of (25) of one joint, counted from 0."""
+    """Lines and areas of the terms of (25) for one joint, counted from 0."""
     names = {"force": "Jᵀ F", "linear": "K_s s", "switching": "switching", "coriolis": "Coriolis"}
     return stack([(names.get(term, term), column(f"tau_{term}", joint)) for term in TERMS])
 

@@ -15,14 +15,14 @@ from app.dashboard.view_options import rounded_up
 from environments.surfaces.corner import Corner
 from environments.surfaces.table import Surface
 
-UNIT = 0.1  # m: the length of arrow that the scale refers to
-LONGEST, SHORTEST = 0.22, 0.06  # m: a scale is kept while the longest arrow lies between
+UNIT = 0.1  # m: length of arrow to which the scale refers
+LONGEST, SHORTEST = 0.22, 0.06  # m: a scale is kept while the longest arrow is between them
 LEAST_SCALE = 1.0  # N per UNIT
 LEAST_FORCE = 0.2  # N, or N m: below this no arrow
 FRAME = 0.09  # m
 Side = Literal[
     "bottom-left", "top-right", "top-left", "bottom-right"
-]  # corner of the label that is at the tip: no two are alike
+]  # corner of the label that is at the arrow's tip, another one for each, so that labels do not overlap
 _NEXT, _NEXT_BUT_ONE = [1, 2, 0], [2, 0, 1]  # of three axes
 
 
@@ -33,7 +33,7 @@ class ForceScale:
         self.newtons = 10.0
 
     def fit(self, forces: Sequence[np.ndarray], wanted: float | None) -> float:
-        """Scale for forces (3,) N; a wanted one is taken as it is."""
+        """Scale for forces (3,) N, in N per `UNIT`. wanted: the user's scale, returned as it is; None for none."""
         sizes = [float(np.linalg.norm(force)) for force in forces]
         largest = max((size for size in sizes if np.isfinite(size)), default=0.0)
         length = UNIT * largest / self.newtons
@@ -45,12 +45,15 @@ class ForceScale:
 
 
 class ForceArrow:
-    """An arrow from a point along a force, to scale, with its name and size, which nothing hides; none for a force near
-    zero."""
+    """Arrow of a force, to scale, with a label of its name and size; nothing in the scene hides it. A force near zero
+    has no arrow."""
 
     def __init__(self, scene: viser.SceneApi, name: str, word: str, color: Rgb, side: Side, unit: str = "N") -> None:
-        """name: of the node; word: said of the force; side: of the box with it, which is at the arrow's tip; unit:
-        "N·m" for a moment, whose arrow is the axis about which it turns."""
+        """Arrow without a force yet.
+        name: of the scene node.
+        word: what the label calls the force.
+        side: corner of the label that is at the arrow's tip.
+        unit: "N·m" for a moment, whose arrow is the axis about which it turns."""
         self._word, self._unit, self._text, self._visible = word, unit, "", False
         self._number = scene.add_label(f"{name}/number", "", visible=False, anchor=side)
         self._arrow = scene.add_arrows(
@@ -78,8 +81,9 @@ class ForceArrow:
 
 
 def task_directions(charted: Surface | Corner, p: np.ndarray, t: float) -> np.ndarray:
-    """Unit rows (3, 3): the normals, and the directions in which the point p (3,) m goes along each other coordinate
-    alone; along the axes where coordinates are Cartesian. Not finite where the coordinates are singular."""
+    """Directions of the task coordinates at the point p (3,) m, as unit rows (3, 3): the surfaces' normals, then for
+    each other coordinate the direction in which p moves when it alone changes; the axes for Cartesian coordinates. Not
+    finite where the coordinates are singular."""
     G, normals = charted.chart(p, t).G, charted.shapes.number
     with np.errstate(divide="ignore", invalid="ignore"):
         a, b = G[_NEXT], G[_NEXT_BUT_ONE]
@@ -89,7 +93,7 @@ def task_directions(charted: Surface | Corner, p: np.ndarray, t: float) -> np.nd
 
 
 class TaskFrame:
-    """The task's directions as thin arrows in the colours that their coordinates have in the plots."""
+    """Frame of the task coordinates' directions: thin arrows in the coordinates' colours of the plots."""
 
     def __init__(self, scene: viser.SceneApi, name: str) -> None:
         self._arrows = scene.add_arrows(
@@ -104,9 +108,9 @@ class TaskFrame:
         self._positions = 3
 
     def show(self, charted: Surface | Corner, positions: int, p: np.ndarray, t: float) -> None:
-        """Show the directions at the point p (3,) m: only the first ones, as many as there are positions among the
-        coordinates."""
-        drawn = np.minimum(np.arange(3), positions - 1)  # the last one again: their number on the page stays the same
+        """Show the first directions at the point p (3,) m. positions: their number, that of the coordinates that are
+        positions."""
+        drawn = np.minimum(np.arange(3), positions - 1)  # repeats the last one, since the number of arrows is fixed
         if positions != self._positions:
             self._positions = positions
             self._arrows.colors = np.array(SERIES, dtype=np.uint8)[drawn]

@@ -19,14 +19,14 @@ VIEWS = ("whole arm", "front", "side", "contact")
 
 @dataclass(frozen=True)
 class Viewpoint:
-    """The camera's position (3,) m and the point (3,) m that it looks at, z upwards."""
+    """Viewpoint: position (3,) m of the camera and the point look_at (3,) m in the middle of the picture, z upwards."""
 
     position: np.ndarray
     look_at: np.ndarray
 
 
 def viewpoint(view: str, snapshot: Snapshot) -> Viewpoint:
-    """Viewpoint of one of `VIEWS` of this arm. Front is the side on which the tool is."""
+    """Viewpoint of one of `VIEWS` for the snapshot's arm. Front is the side on which the tool is."""
     tool, up = snapshot.tool, np.array([0.0, 0.0, 1.0])
     reach = max(float(np.linalg.norm(tool)), _extent(snapshot))
     out = np.array([tool[0], tool[1], 0.0])
@@ -51,7 +51,7 @@ def viewpoint(view: str, snapshot: Snapshot) -> Viewpoint:
 
 
 def _extent(snapshot: Snapshot) -> float:
-    """Distance of the farthest joint from the base, m; of a planar arm, the largest that it may have."""
+    """Distance of the farthest joint from the base, m; for a planar arm, that of the stretched arm."""
     robot, data = snapshot.robot, snapshot.robot.model.createData()
     pin.forwardKinematics(robot.model, data, snapshot.q)
     extent = max(float(np.linalg.norm(T.translation)) for T in data.oMi)
@@ -63,13 +63,13 @@ def _extent(snapshot: Snapshot) -> float:
 
 
 def look(camera: viser.CameraHandle, view: Viewpoint) -> None:
-    """Move the camera there at once."""
+    """Move the camera to a viewpoint at once."""
     camera.position = view.position
     camera.look_at = view.look_at  # after the position, which carries the point along
 
 
 async def fly(camera: viser.CameraHandle, view: Viewpoint) -> None:
-    """Move the camera there smoothly, around the point that is looked at rather than through it."""
+    """Move the camera to a viewpoint smoothly, around the point that it looks at rather than through it."""
     start, at = camera.position.copy(), camera.look_at.copy()
     arm, goal = start - at, view.position - view.look_at
     for share in np.linspace(0.0, 1.0, FRAMES + 1)[1:]:
@@ -78,7 +78,7 @@ async def fly(camera: viser.CameraHandle, view: Viewpoint) -> None:
         length = (1.0 - s) * np.linalg.norm(arm) + s * np.linalg.norm(goal)
         middle = (1.0 - s) * at + s * view.look_at
         size = np.linalg.norm(direction)
-        if size > 0.05:  # opposite directions have no direction in between
+        if size > 0.05:  # between opposite directions there is none to go through
             look(camera, Viewpoint(middle + length * direction / size, middle))
         await asyncio.sleep(FLIGHT / FRAMES)
     look(camera, view)

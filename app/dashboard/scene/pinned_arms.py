@@ -17,18 +17,17 @@ _COAT = 0.0045  # m, beyond that of the ghost
 
 
 class PinnedArms:
-    """One translucent arm for each pinned run of the arm that is shown, in its colour, at the instants at which it was
-    recorded."""
+    """Arms of pinned runs of the shown arm: each translucent, in the run's colour, in its recorded posture."""
 
     def __init__(self, scene: viser.SceneApi, new_root: Callable[[], str]) -> None:
         self._scene, self._new_root = scene, new_root
         self._arms: dict[int, tuple[Pinned, RobotView]] = {}
 
     def show(self, snapshot: Snapshot, *, wanted: bool) -> None:
-        """Move them to their postures at snapshot.t; hide them unless wanted."""
+        """Move the arms to their postures at snapshot.t; hide them unless wanted."""
         runs = {pinned.number: pinned for pinned in snapshot.pinned}
         for number, (pinned, arm) in list(self._arms.items()):
-            # a session that is continued has numbers of its own
+            # a continued session numbers its pinned runs anew
             if number not in runs or runs[number].recording is not pinned.recording:
                 arm.remove()
                 del self._arms[number]

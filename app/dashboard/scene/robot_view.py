@@ -23,13 +23,13 @@ log = structlog.get_logger()
 
 _PLAIN: Rgb = (196, 200, 206)
 _JOINT: Rgb = (86, 120, 170)
-_BONE = 0.03  # radius over the arm's length
+_BONE = 0.03  # radius of a bone, as a share of the arm's length
 _TIP_RADIUS = 0.012  # m
 
 
 @dataclass(frozen=True)
 class Part:
-    """The triangles of one colour that move with one joint, in that joint's frame."""
+    """Part of an arm: the triangles of one colour that move with one joint, in that joint's frame."""
 
     joint: int
     color: Rgb
@@ -38,9 +38,9 @@ class Part:
 
 
 def parts(robot: Robot, meshes: tuple[LinkMesh, ...], cell: float) -> list[Part]:
-    """Parts of the arm: these visuals of the URDF, grouped, without detail finer than `cell` m; links without a frame
-    in the reduced model are left out. A joint without a visual among them is drawn as a bone to the next joint. The
-    tool tip is the last part."""
+    """Parts of the arm, without detail finer than `cell` m: the URDF's visuals, grouped by joint and colour; links
+    without a frame in the reduced model are left out. A joint without a visual is drawn as a bone to the next joint.
+    The tool tip is the last part."""
     groups = _visuals(robot, meshes)
     bare = set(range(robot.model.njoints)) - {joint for joint, _ in groups}
     links = [Part(joint, color, *_lightened(meshes, cell)) for (joint, color), meshes in groups.items()]
@@ -78,11 +78,11 @@ def _tip(robot: Robot) -> Part:
 
 
 def _lightened(meshes: list[trimesh.Trimesh], cell: float) -> tuple[np.ndarray, np.ndarray]:
-    """One mesh whose vertices are merged within a cell: at `look.FINE` about a third of the triangles, hardly a visible
-    difference."""
+    """Vertices and faces of the meshes together, with vertices merged within a cell. At `view_options.FINE` m about a
+    third of the triangles stay, and hardly a difference is visible."""
     merged = cast(trimesh.Trimesh, trimesh.util.concatenate(meshes))
     cells = np.round(merged.vertices / cell).astype(np.int64)
-    # Sharp edges stay sharp: only vertices that look the same way are merged.
+    # Only vertices with the same direction of their normals are merged, so that sharp edges stay sharp.
     sides = np.round(merged.vertex_normals).astype(np.int64)
     _, first, index = np.unique(np.hstack([cells, sides]), axis=0, return_index=True, return_inverse=True)
     faces = index.reshape(-1)[merged.faces]
@@ -92,8 +92,9 @@ def _lightened(meshes: list[trimesh.Trimesh], cell: float) -> tuple[np.ndarray, 
 
 @dataclass(frozen=True)
 class Paint:
-    """One colour for a whole arm, how opaque it is, 0 to 1, and how much thicker than the arm, m: two arms in one place
-    would flicker."""
+    """Paint of a whole arm.
+    opacity: 0 to 1.
+    coat: thickness, m, so that two arms in one place do not flicker."""
 
     color: Rgb
     opacity: float
@@ -101,9 +102,11 @@ class Paint:
 
 
 class RobotView:
-    """View of one arm below the scene node `root`, without detail finer than `cell` m; painted, or in its own colours.
+    """View of one arm in the scene. Bones stand for meshes that are still being read.
 
-    Bones stand for meshes that are still being read.
+    root: name of the scene node above it.
+    cell: m, size of the finest detail.
+    paint: None for the arm's own colours.
     """
 
     def __init__(
@@ -132,7 +135,7 @@ class RobotView:
             move(frame, T_parent_joint.translation, _wxyz(T_parent_joint.rotation))
 
     def _shaped(self) -> list[viser.MeshHandle]:
-        """Meshes of the arm's known parts in the scene."""
+        """Meshes in the scene of those parts of the arm that have been read."""
         meshes = self._meshes.result() if self._complete else ()
         paint, kind = self._paint, "mesh" if self._complete else "bone"
         return [

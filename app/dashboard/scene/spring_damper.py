@@ -9,15 +9,15 @@ from app.dashboard.theme.colors import MODEL
 from app.dashboard.transport.viser_private import draw_points
 
 WINDINGS = 6
-HALF_WIDTH = 0.014  # m, from the middle to the spring's axis, and to that of the damper
-BESIDE = 0.08  # m, from the tool to the middle: at the tool itself the arm would hide it
-SHORTEST = 0.006  # m: below this there is nothing to see
+HALF_WIDTH = 0.014  # m, from the drawing's middle to the spring's axis, and to the damper's axis
+BESIDE = 0.08  # m, from the tool to the drawing's middle: nearer to the tool the arm would hide it
+SHORTEST = 0.006  # m: a shorter drawing is too small to be seen
 _LEVEL, _UP = np.array([1.0, 1.0, 0.0]), np.array([0.0, 0.0, 1.0])
 
 
 def outline() -> np.ndarray:
-    """Segments (N, 2, 2) of the drawing between 0 and 1: first coordinate along the deflection, as a share of it, the
-    second across, in half widths."""
+    """Segments (N, 2, 2) of the drawing: the first coordinate goes along the deflection, as a share of it from 0 to 1,
+    the second across, in half widths."""
     turns = 0.2 + 0.6 * (np.arange(2 * WINDINGS) + 0.5) / (2 * WINDINGS)
     zigzag = np.stack([turns, 1.0 + 0.5 * (-1.0) ** np.arange(2 * WINDINGS)], axis=1)
     spring = np.array([(0.0, 1.0), (0.2, 1.0), *zigzag, (0.8, 1.0), (1.0, 1.0)])
@@ -32,8 +32,8 @@ _OUTLINE = outline()
 
 
 def segments(tool: np.ndarray, desired: np.ndarray, times: float) -> np.ndarray:
-    """Segments (N, 2, 3) m of the drawing, on the outer side of the tool (3,) m and as long as its deflection from the
-    desired point (3,) m, or so many times as long; the last one leads from the tool to it."""
+    """Segments (N, 2, 3) m of the drawing, on the outer side of the tool; the last one leads to it from the tool.
+    tool, desired: points (3,) m. times: length of the drawing over the tool's deflection from the desired point."""
     along = times * (desired - tool)
     outwards = _LEVEL * tool
     aside = outwards - (outwards @ along) / (along @ along) * along
@@ -45,7 +45,7 @@ def segments(tool: np.ndarray, desired: np.ndarray, times: float) -> np.ndarray:
 
 
 class SpringDamper:
-    """The drawing; hidden where it would be too short to be seen."""
+    """Drawing of the spring and the damper; hidden where it would be too short to be seen."""
 
     def __init__(self, scene: viser.SceneApi, name: str) -> None:
         self._lines = scene.add_line_segments(
@@ -53,7 +53,7 @@ class SpringDamper:
         )
 
     def show(self, tool: np.ndarray, desired: np.ndarray | None, times: float) -> None:
-        """Draw it at the tool (3,) m, for a desired point (3,) m, None where there is none."""
+        """Draw spring and damper. tool: (3,) m. desired: point (3,) m, None to hide them. times: see `segments`."""
         length = 0.0 if desired is None else times * float(np.linalg.norm(desired - tool))
         visible = SHORTEST < length < np.inf
         if visible and desired is not None:

@@ -1,4 +1,4 @@
-"""Playback of the 3-D view as an HTML page that needs no server: viser's own player and the messages of every frame."""
+"""Playback of the 3-D view as an HTML page that needs no server: viser's player with the messages of every frame."""
 
 from __future__ import annotations
 
@@ -32,10 +32,10 @@ PATHS_EVERY = 3  # frames, as on the page
 
 
 def standalone_html(frames: PlaybackFrames, limit: float, tell: Tell, figure: Figure | None = None) -> str:
-    """HTML page of the frames with this figure beside it, at most `limit` bytes. Raises ValueError where there is no
-    frame, and TooLarge.
+    """HTML page that plays the frames, with a figure beside the scene. limit: its largest size, bytes. Raises
+    ValueError where there is no frame, and TooLarge.
 
-    It runs a viser server of its own at a free port of this machine while it works.
+    A viser server at a free port of this machine makes the messages.
     """
     if not len(frames):
         raise ValueError("playback: nothing recorded there")
@@ -69,7 +69,7 @@ def _html(frames: PlaybackFrames, count: int, tell: Tell) -> str:
             scene.show(snapshot, look)
             if number % PATHS_EVERY == 0:
                 scene.draw_paths(look)
-            if recorder is None:  # starts with the scene of the first frame
+            if recorder is None:  # only now, so that the recording starts with the scene of the first frame
                 recorder = server.get_scene_serializer()
             recorder.insert_sleep(float(pause))
             tell(0.9 * (number + 1) / count)
@@ -79,7 +79,7 @@ def _html(frames: PlaybackFrames, count: int, tell: Tell) -> str:
 
 
 def plots_html(figure: Figure, begin: float) -> str:
-    """The figure as part of the page, with a line at the instant that is played. begin: of the playback, s."""
+    """HTML of the figure, with a line at the instant that is played. begin: first instant of the playback, s."""
     drawn = svg_with_panels(figure, FigureOptions(width=SINGLE, caption=False))
     svg = drawn.svg[drawn.svg.index(b"<svg") :].decode()
     panels = msgspec.json.encode(drawn.panels).decode()
@@ -94,8 +94,8 @@ def plots_html(figure: Figure, begin: float) -> str:
 
 @contextlib.contextmanager
 def _server() -> Iterator[viser.ViserServer]:
-    with contextlib.redirect_stdout(io.StringIO()):  # it would print its address, which is of no use here
-        with behind_doors(Names(), new_secret()):  # nobody has the key
+    with contextlib.redirect_stdout(io.StringIO()):  # viser would print its address, which is of no use here
+        with behind_doors(Names(), new_secret()):  # as nobody has the key, nobody can open the server's page
             server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
         MessageFilter(server)
         try:
@@ -105,7 +105,7 @@ def _server() -> Iterator[viser.ViserServer]:
 
 
 def snapshots(frames: PlaybackFrames) -> Iterator[Snapshot]:
-    """Snapshot of each frame, as far as the 3-D view shows it."""
+    """Snapshots of the frames, with no more than the 3-D view shows."""
     loop = ClosedLoop(frames.scenario, history=1)
     system, start = loop.system, snapshot_of(loop)
     for number in range(len(frames)):

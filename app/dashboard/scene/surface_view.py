@@ -13,13 +13,13 @@ from app.session.snapshot import Snapshot
 from environments.surfaces.form import Form
 from environments.surfaces.table import Surface
 
-_REDRAW = 1 / 10  # s of wall time, between two forms of a surface that changes its own
+_REDRAW = 1 / 10  # s of wall time, between two drawings of a surface whose form changes
 _LINE_EVERY = 4  # cells of the mesh
 
 
 class SurfaceView:
-    """A translucent mesh of one of three surfaces, with lines of constant psi, which show how it is curved. A rigid
-    motion moves its node; a form that changes in time gets other vertices."""
+    """View of one of up to three surfaces: a translucent mesh, with lines of constant psi that show its curvature. A
+    rigid motion moves the scene node; a form that changes in time gets other vertices."""
 
     def __init__(self, scene: viser.SceneApi, number: int) -> None:
         self._scene, self._number = scene, number
@@ -31,7 +31,7 @@ class SurfaceView:
         self._formed_at, self._formed_for = 0.0, 0.0
 
     def form(self, snapshot: Snapshot) -> None:
-        """Give the mesh the form of the snapshot's surface of its number, if there is one."""
+        """Give the mesh the form of the snapshot's surface of this number, if there is one."""
         surface = self._of(snapshot)
         key = None if surface is None else surface.form
         if key != self._key:

@@ -22,18 +22,21 @@ from app.session.snapshot import Snapshot
 from environments.push import Grip
 
 RADIUS = 0.045  # m
-LEVER = 0.1  # m of the pointer per radian that the ball is turned
+LEVER = 0.1  # m that the pointer moves per radian that the ball turns
 RESOLUTION = 4  # decimals of the shift, m
 _BESIDE = np.array([RADIUS, 0.0, RADIUS])  # m, from the tool to the hint
 
 
 @dataclass(frozen=True)
 class Held:
-    """A drag that is going on.
-    offset: of a push: anchor minus pointer, (3,) m; of a turn: where the ball was taken hold of, (3,) m; of a moved
-    target: its coordinates g (3,) m under the pointer at the beginning.
-    moved: displacement of these coordinates by the pointer, (3,) m.
-    R: (3, 3), orientation of the tool at the beginning; grasped: (3,), direction from the ball's middle to the hand."""
+    """Drag of the handle that is going on.
+    client: whose pointer it is.
+    drag: push, turn, or move of the target.
+    offset: (3,) m; for a push: anchor minus pointer; for a turn: point of the ball that the pointer holds; for a moved
+    target: coordinates g under the pointer at the beginning.
+    moved: displacement of the coordinates g by the pointer, (3,) m.
+    R: orientation (3, 3) of the tool at the beginning.
+    grasped: direction (3,) from the ball's middle to the point that the pointer holds."""
 
     client: int
     drag: str
@@ -43,8 +46,8 @@ class Held:
     grasped: np.ndarray
 
     def turned(self, pointer: np.ndarray) -> tuple[float, float, float]:
-        """Rotation vector of the orientation to which the hand turns the tool: as a ball follows the pointer (3,) m
-        that has taken hold of it on its outside."""
+        """Rotation vector, rad, of the orientation to which the pointer (3,) m turns the tool, like a ball that it
+        holds at its outside."""
         by = Rotation.from_rotvec(np.cross(self.grasped, pointer - self.offset) / LEVER)
         x, y, z = (by * Rotation.from_matrix(self.R)).as_rotvec().tolist()
         return x, y, z
@@ -63,7 +66,7 @@ def shift_coordinates(snapshot: Snapshot) -> slice:
 
 
 def shifted(snapshot: Snapshot, moved: np.ndarray) -> Edit:
-    """Command that moves the desired path further by these coordinates (3,) m."""
+    """Command that shifts the desired path. moved: further shift of its coordinates, (3,) m."""
     free = shift_coordinates(snapshot)
     by = np.zeros(free.stop - free.start)
     given = snapshot.scenario.shift.by
@@ -72,16 +75,16 @@ def shifted(snapshot: Snapshot, moved: np.ndarray) -> Edit:
 
 
 class Hand:
-    """The hand on the tool: drags by the mouse, and the drawing of a push, whoever pushes. The ball says that one can
-    drag it until somebody has.
+    """Hand on the tool: a ball that the mouse drags, and the drawing of a push by any page. A hint beside the ball says
+    that it can be dragged, until somebody has dragged it.
 
-    viser ends the drag of a page that closes: it lets go of the tool, and leaves the target where it was."""
+    viser ends the drag of a page that closes: the tool is let go, and the target stays where it was."""
 
     def __init__(self, scene: viser.SceneApi, desk: Desk, connected: Callable[[int], bool]) -> None:
         self._desk, self._connected = desk, connected
         self._held: Held | None = None
         self._taken_once = False
-        # not hidden when idle: it is the object to take hold of
+        # also visible without a drag: it is the object that the mouse takes hold of
         self._handle = scene.add_icosphere(
             "/hand/handle", RADIUS, ACCENT, subdivisions=2, opacity=0.4, cast_shadow=False, receive_shadow=False
         )

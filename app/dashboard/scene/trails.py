@@ -1,4 +1,4 @@
-"""Paths in the scene: the last points of a moving point, plain or coloured by an error."""
+"""Trails in the scene: paths of moving points, in one colour or coloured by an error."""
 
 from __future__ import annotations
 
@@ -25,14 +25,15 @@ def error_colors(errors: np.ndarray, largest: float) -> np.ndarray:
 
 
 class Trail:
-    """The line through the last points, in pieces: only the newest one changes, and is sent again."""
+    """Trail of a moving point: a line through its last positions, in pieces, of which only the newest one changes and
+    is sent again."""
 
     def __init__(self, scene: viser.SceneApi, name: str, color: Rgb, thickness: float) -> None:
         self._pieces = deque(_Piece(scene, f"{name}/{k}", color, thickness) for k in range(PIECES))
 
     def extend(self, point: np.ndarray, error_there: Callable[[], float] = float) -> None:
-        """Extend the line to a point (3,) m with its error (m), unless they are not finite or the point hardly differs
-        from the last one."""
+        """Extend the line to a point (3,) m with its error (m). Points that are not finite or hardly differ from the
+        last one are left out."""
         newest = self._pieces[-1]
         if newest.points:
             moved = point - newest.points[-1]
@@ -55,19 +56,19 @@ class Trail:
 
     @property
     def scale(self) -> float:
-        """Round number (m) above the largest error."""
+        """Scale of the colours: a round number (m) above the largest error."""
         return rounded_up(max(piece.largest for piece in self._pieces), LEAST_ERROR)
 
     def draw(self, shown: bool, largest: float | None) -> None:
-        """Send what is new. largest: the error (m) of the last colour, None for one plain colour."""
+        """Send the new points to the pages. largest: error (m) of the last colour, None for one plain colour."""
         for piece in self._pieces:
             piece.draw(shown, largest)
 
 
 class _Piece:
-    """A piece of a path: up to `PIECE` segments between its points, (3,) m each, with an error (m) at each point.
+    """Piece of a trail: up to `PIECE` segments between points (3,) m, with an error (m) at each point.
 
-    Its arrays always have the same length, so that points and colours never differ in it on their way to the page.
+    Its arrays always have the same length: points and colours reach the page in two messages, and must fit each other.
     """
 
     def __init__(self, scene: viser.SceneApi, name: str, color: Rgb, thickness: float) -> None:

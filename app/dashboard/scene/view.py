@@ -27,7 +27,7 @@ _GHOST_PAINT = Paint(GHOST, opacity=0.3, coat=0.003)
 
 
 class SceneView:
-    """All objects of the 3-D view; `show` moves them, and rebuilds only those that another scenario or look changes."""
+    """View of the scene: `show` moves its objects, and rebuilds only those that another scenario or look changes."""
 
     def __init__(self, server: viser.ViserServer) -> None:
         self._server = server
@@ -35,7 +35,7 @@ class SceneView:
         scene.configure_default_lights(enabled=False)
         scene.configure_environment_map(None)
         scene.world_axes.visible = False
-        # one side brighter than the other shows the shape of what is of one colour
+        # one side brighter than the other shows the shape of objects of one colour
         scene.add_light_hemisphere("/light/sky", sky_color=(255, 255, 255), ground_color=(110, 110, 125), intensity=1.3)
         scene.add_light_directional("/light/key", intensity=2.4, position=(0.8, -1.6, 2.0))
         scene.add_light_directional("/light/fill", color=(190, 205, 255), intensity=0.7, position=(-1.5, 0.6, 0.5))
@@ -60,7 +60,7 @@ class SceneView:
         self._arms = 0
         self._robot_view: RobotView | None = None
         self._known_arm: Robot | None = None
-        self._arm_key: object = None  # of that arm: equal for arms that look the same
+        self._arm_key: object = None  # equal for arms that look the same
         self._robot_key: object = None
         self._ghost_view: RobotView | None = None
         self._ghost_key: object = None
@@ -70,7 +70,7 @@ class SceneView:
         self._run = -1
 
     def set_theme(self, theme: Theme) -> None:
-        """Set the grid's colours; the background is the page's."""
+        """Set the grid's colours; the page's style sheet sets the background."""
         self._grid.cell_color, self._grid.section_color = GRID[theme], GRID_SECTION[theme]
 
     def show(self, snapshot: Snapshot, look: Look) -> Legend:
@@ -102,7 +102,7 @@ class SceneView:
         else:
             self._spring.hide()
         self._grid.visible = look.grid
-        if not snapshot.looking_back:  # the paths are there already
+        if not snapshot.looking_back:  # then the paths of the whole run are drawn already
             self._tool_path.extend(snapshot.tool, lambda: _path_error(snapshot))
             if snapshot.tool_desired is not None:
                 self._desired_path.extend(snapshot.tool_desired)
@@ -142,12 +142,12 @@ class SceneView:
         return RobotView(self._server.scene, snapshot.robot, self._new_root(), cell, paint)
 
     def _new_root(self) -> str:
-        """Name of its own for every arm: messages about a removed one may still be on their way."""
+        """Name of the next arm's scene node, new each time: messages on a removed arm may still be on their way."""
         self._arms += 1
         return f"/robot_{self._arms}"
 
     def _look_at(self, snapshot: Snapshot) -> None:
-        """Show the whole of another arm on every page."""
+        """Move the camera of every page so that the snapshot's whole arm is in view."""
         view = viewpoint("whole arm", snapshot)
         initial = self._server.initial_camera
         initial.position, initial.look_at = view.position, view.look_at

@@ -18,14 +18,14 @@ PUSH: Rgb = (204, 90, 190)
 GHOST: Rgb = (120, 165, 240)
 TIP: Rgb = (235, 60, 60)  # tool tip
 MODEL: Rgb = (240, 128, 110)  # spring and damper of the target model
-RUNS: tuple[Rgb, ...] = ((186, 145, 255), (120, 215, 215), (222, 184, 135))  # pinned ones, by their places
+RUNS: tuple[Rgb, ...] = ((186, 145, 255), (120, 215, 215), (222, 184, 135))  # pinned runs, by their places
 BOUND: Rgb = (235, 80, 80)
-# viser derives shades of it; on a light page its links and buttons are two shades lighter than this
+# viser derives shades of this colour; on a light page its links and buttons are two shades lighter
 BRAND: dict[Theme, Rgb] = {"dark": ACCENT, "light": (14, 66, 160)}
 GRID: dict[Theme, Rgb] = {"dark": (70, 74, 80), "light": (205, 210, 217)}
 GRID_SECTION: dict[Theme, Rgb] = {"dark": (105, 110, 118), "light": (160, 167, 176)}
 
-# From no error to the largest: of medium lightness, visible on dark and on light, also to the colour-blind.
+# From no error to the largest error: of medium lightness, visible on dark and on light, also to the colour-blind.
 ERROR_COLORS: tuple[Rgb, ...] = ((60, 140, 235), (235, 165, 45), (215, 45, 75))
 
 # One per task coordinate or joint, after Okabe and Ito; with the common colour deficiencies the first four are
@@ -43,14 +43,14 @@ SERIES: tuple[Rgb, ...] = (
 
 @dataclass(frozen=True)
 class Ink:
-    """Colour of text in a theme, and the tint of the ground below it, with its share."""
+    """Colours of a text and of the ground below it, which is the page's colour with a share of a tint."""
 
     text: Rgb
     tint: Rgb
     share: float
 
     def ground(self, page: Rgb) -> Rgb:
-        """Colour of the tinted page."""
+        """Colour of the ground on a page of this colour."""
         r, g, b = (
             round(self.share * tint + (1 - self.share) * plain) for tint, plain in zip(self.tint, page, strict=True)
         )

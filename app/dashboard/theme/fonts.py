@@ -1,4 +1,4 @@
-"""The fonts of the page, as a style sheet that carries them: no page depends on what a machine has installed.
+"""Fonts of the page, as a style sheet that contains them: the page depends on no font that a machine has installed.
 
 The files lie in `static/fonts`, whose README says how they were made.
 """
@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 
 class Face(NamedTuple):
-    """One file of a family. weight: of CSS, 400 for regular."""
+    """Face: one file of a font family. weight: of CSS, 400 for regular."""
 
     family: str
     file: str
@@ -30,7 +30,7 @@ FACES = (
 
 @cache
 def font_faces() -> str:
-    """The families as `@font-face` rules. Their data stand in the rules, so a gateway or a proxy needs no route."""
+    """Rules `@font-face` of all families. They contain the fonts' data, so that a gateway or a proxy needs no route."""
     return "".join(
         f'@font-face {{ font-family: "{face.family}"; font-weight: {face.weight}; font-display: block;'
         f' src: url("data:font/woff2;base64,{_data(face.file)}") format("woff2"); }}\n'

@@ -6,9 +6,9 @@ submit of viser's form would not do: the client has one throttled message slot, 
 keystroke replaces that keystroke.)
 
 viser's slider has no event for "let go" either. The script notes which row's slider is held, by mouse, finger or arrow
-key, and when it is let go appends RELEASED, or ESCAPED after the key Esc, to the text of the same row: behind the
-slider's last position, for which it waits, and in the same slot. In the same way `rowmenu.js` says what was chosen from
-a row's context menu: SWEPT, a robustness map over its field, or MOVED, a search that may move it.
+key. When it is let go, the script waits until the slider's last position has been sent, and then appends RELEASED, or
+ESCAPED after the key Esc, to the text of the same row. In the same way `rowmenu.js` reports a choice from a row's
+context menu: SWEPT for a robustness map over the row's field, MOVED for a search for gains that may vary it.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
-"""Errors in callbacks of the page: they become a sentence on the page and a line in the log, whoever calls the
-callback.
+"""Errors in callbacks of the page: each becomes a sentence on the page and a line in the log.
 
-viser's asynchronous callbacks are tasks of its event loop, which `watch` guards as a whole. Callbacks that viser calls
-from a thread of its pool or one after the other (drags in the scene) it would print instead: they are `guarded` singly.
+viser's asynchronous callbacks are tasks of its event loop, which `watch` guards as a whole. Errors of callbacks that
+viser calls from a thread of its pool, or one after the other (drags in the scene), it would only print: these callbacks
+are `guarded` singly.
 """
 
 from __future__ import annotations
@@ -21,8 +21,8 @@ _OURS = "app."
 
 
 def watch(loop: asyncio.AbstractEventLoop, complain: Complain) -> None:
-    """Report exceptions of this event loop from now on. Exceptions outside of our code, due to a client's garbage, are
-    only logged."""
+    """Report exceptions of this event loop from now on. Exceptions outside of this program's code, as by a client's
+    garbage, are only logged."""
 
     def report(_: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
         error = context.get("exception")
@@ -36,7 +36,7 @@ def watch(loop: asyncio.AbstractEventLoop, complain: Complain) -> None:
 
 
 def guarded(callback: Callable[..., Any], complain: Complain) -> Callable[..., Any]:
-    """The same callback, reporting its exceptions instead of raising them."""
+    """Callback that calls the given one, and reports its exceptions instead of raising them."""
     if asyncio.iscoroutinefunction(callback):
 
         @functools.wraps(callback)
@@ -65,7 +65,7 @@ def _failed(error: Exception, complain: Complain) -> None:
 
 
 def _is_ours(error: Exception) -> bool:
-    """Whether the exception passed through our code."""
+    """Whether the exception passed through this program's code."""
     trace = error.__traceback__
     while trace is not None:
         if trace.tb_frame.f_globals.get("__name__", "").startswith(_OURS):

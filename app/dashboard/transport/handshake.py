@@ -1,7 +1,7 @@
-"""Handshake in front of viser's server: viser answers anyone, under any name, and offers no hook.
+"""Handshake in front of viser's server, which by itself answers anyone, under any name.
 
-So the one class by which viser opens its socket is replaced while it does so. Messages of a page that is connected are
-checked in `app.dashboard.transport.message_filter`.
+As viser offers no hook, the class by which it opens its socket is replaced while it does so. The messages of connected
+pages are checked in `app.dashboard.transport.message_filter`.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ _PROTOCOL = re.compile(r"viser-v\d{1,4}\.\d{1,4}\.\d{1,4}")
 
 
 class UnguardedError(RuntimeError):
-    """viser has opened its socket in another way than the one that is guarded here."""
+    """Error of a viser server that has opened its socket in another way than the guarded one."""
 
 
 @contextlib.contextmanager
@@ -35,10 +35,11 @@ def behind_doors(
     names: Names, key: str | None = None, tokens: Tokens | None = None, fault: Callable[[], str] = str
 ) -> Iterator[None]:
     """Context in which a new viser server is guarded: it answers only requests under its own names and from its own
-    pages, keeps to Limits, and requires the key in the header KEY_HEADER and the token to steer, if there are any.
-    fault: sentence that /healthz answers, without a token, instead of "ok"; "" where all is well.
+    pages, within `Limits`. Raises UnguardedError where the server is not guarded.
 
-    Raises UnguardedError when the server is not guarded.
+    key: required in the header KEY_HEADER, None for none.
+    tokens: of which visitors must show the one to steer, None for none.
+    fault: returns the sentence that /healthz answers, without a token, instead of "ok"; "" where all is well.
     """
     opened: list[_Guarded] = []
 
@@ -107,8 +108,8 @@ def _health(fault: Callable[[], str], request: Request) -> Response | None:
 
 
 def _without_token(tokens: Tokens | None, connection: ServerConnection, request: Request) -> Response | None:
-    """Answer to a visitor without the token. None for one who has shown it before, or need not; one who shows it now
-    gets it as a cookie."""
+    """Answer to a request without the token, None where the request has its cookie or no token is needed. A request
+    with the token in its address is answered with the cookie."""
     if tokens is None:
         return None
     name = token_cookie(connection.local_address[1])
@@ -124,7 +125,7 @@ def _without_token(tokens: Tokens | None, connection: ServerConnection, request:
 
 
 def _with_parameters(request: Request) -> Response | None:
-    # viser's page would read another server's address from the parameters, and run the scripts that this server sends
+    # viser's page would read the address of another server from the parameters, and run the scripts of that server
     asked = urlsplit(request.path).query and "Upgrade" not in request.headers
     return _to_page("this page takes no parameters") if asked else None
 

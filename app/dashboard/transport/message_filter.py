@@ -1,7 +1,7 @@
 """Filter that every message of every page passes before viser decodes it.
 
-A refused message is dropped, a page that sends too much waits, and neither ends a connection: a page that reconnects
-costs more than a message that is not read. The log gets one line per page every `TELLING` s, never a traceback.
+A refused message is dropped, and a page that sends too much waits. Neither ends a connection, since a page that
+reconnects costs more than a message. The log gets one line per page every `TELLING` s, never a traceback.
 """
 
 from __future__ import annotations
@@ -33,14 +33,17 @@ log = structlog.get_logger()
 RATE = 300.0  # messages a second of one page; dragging and turning at once makes a hundred
 BURST = 2000.0
 WEIGHT = 20_000  # bytes that count as one more message
-STEERING = 4.0  # messages that one that sets a widget counts as; a page sends 20 a second, and they cost the loop
-WAITING = 2  # frames of a page that may wait to be read, of up to 50 MB each
+STEERING = 4.0  # messages as which the setting of a widget counts, which costs the loop; a page sends 20 a second
+WAITING = 2  # frames of a web socket that may wait to be read, of up to 50 MB each
 TELLING = 30.0  # s between two log lines about one page
 
 
 @dataclass
 class Meter:
-    """Rate limiter: the messages that a page may still send, refilled with time. rate: per second."""
+    """Rate limiter of a page's messages.
+    rate: messages per second.
+    burst: largest credit.
+    credit: messages that the page may still send; grows with time."""
 
     rate: float
     burst: float
@@ -55,15 +58,15 @@ class Meter:
 
 
 class MessageFilter:
-    """Filter of the messages to a server, from its start; each connection is guarded from its first message on.
+    """Filter of all messages to a server; each connection is guarded from its first message on.
 
-    rate: messages a second that one page may send for long.
+    rate: messages per second that one page may send for long.
     """
 
     def __init__(self, server: viser.ViserServer, rate: float = RATE) -> None:
         self._server, self._rate = server, rate
         logging.getLogger("websockets.server").addFilter(_in_a_line)
-        on_connection(server, self._stand_before)  # also pages that were open before this program started
+        on_connection(server, self._stand_before)  # also for pages that were open before this program started
 
     def _stand_before(self, connection: ServerConnection, number: int) -> None:
         visitor, receive, tally = Visitor(self._page(number)), connection.recv, _Tally(number)
@@ -77,7 +80,7 @@ class MessageFilter:
                 except ConnectionClosed:
                     self._forget(visitor.finished | visitor.begun)
                     raise
-                # also for 0 s: other pages have their turn after every message of this one
+                # awaited also for 0 s, so that other pages have their turn after every message of this one
                 await asyncio.sleep(meter.wait(1.0 + len(raw) / WEIGHT, time.monotonic()))
                 try:
                     message = visitor.admit(raw)
@@ -85,7 +88,7 @@ class MessageFilter:
                     tally.note(refusal)
                     continue
                 if isinstance(message, GuiUpdateMessage | CommandTriggerMessage):
-                    meter.credit -= STEERING - 1.0  # the next message waits for it
+                    meter.credit -= STEERING - 1.0  # makes the next message wait
                 if isinstance(message, FileTransferStartUpload):
                     self._forget(visitor.finished - {message.transfer_uuid})
                     visitor.finished &= {message.transfer_uuid}
@@ -94,7 +97,7 @@ class MessageFilter:
         connection.recv = recv
 
     def _page(self, number: int) -> Page:
-        """Widgets of all pages, and those of this page alone."""
+        """Widgets of a page, those that all pages share included. number: of the page's client."""
 
         def widget(uuid: str) -> Widget | None:
             return widget_of(self._server, number, uuid)
@@ -102,12 +105,12 @@ class MessageFilter:
         return Page(widget, lambda uuid: is_form(self._server, uuid))
 
     def _forget(self, uploads: set[str]) -> None:
-        """Forget uploads: viser keeps the receipts of every part of one for later pages, which have no use for them."""
+        """Forget uploads, by name: viser keeps the receipts of their parts for later pages, which do not need them."""
         forget_uploads(self._server, uploads)
 
 
 class _Tally:
-    """Counter of the refused messages of one page, which logs them now and then."""
+    """Counter of the refused messages of one page, which logs their number every `TELLING` s."""
 
     def __init__(self, number: int) -> None:
         self._number = number
@@ -123,8 +126,8 @@ class _Tally:
 
 
 def _in_a_line(record: logging.LogRecord) -> bool:
-    """Whether to log a record of websockets: not for connections that are no web sockets; the end of one is logged,
-    without a traceback."""
+    """Log filter of websockets: drops records of connections that are no web sockets, and removes tracebacks from
+    those of the end of a connection."""
     if record.exc_info:
         record.msg, record.args, record.exc_info = f"{record.getMessage()}: {record.exc_info[1]}", (), None
     return not record.getMessage().startswith("opening handshake failed")

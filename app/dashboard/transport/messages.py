@@ -1,8 +1,8 @@
-"""Messages that a page may send, each checked before viser reads it. viser trusts its pages: for any of them it would
-set any attribute of a widget, keep data that nobody ever asks for, and open a tunnel to the Internet.
+"""Messages that a page may send, each checked before viser reads it. viser trusts its pages: it would set any attribute
+of a widget, keep data that nobody ever asks for, and open a tunnel to the Internet.
 
-Only messages that the pages of this program send are admitted: another kind of message, for a new widget, is a class
-here.
+Only the messages that the pages of this program send are admitted. A new widget with another kind of message needs a
+class here.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from msgspec import Meta, Struct
 from PIL import Image
 
 LONGEST_TEXT = 20_000  # characters: a matrix of eight rows has 2000
-LARGEST_UPLOAD = 8_000_000  # bytes, over what any reader of an upload takes
+LARGEST_UPLOAD = 8_000_000  # bytes, more than any reader of an upload takes
 LARGEST_PART = 1_000_000  # bytes: the page sends half a megabyte at a time
 LARGEST_PAGE = 16_384  # px
 LARGEST_PICTURE = 80_000_000  # pixels of a picture of the scene; viser decodes it, and an empty one has few bytes
@@ -33,11 +33,12 @@ Modifier = Name | None
 
 
 class Refused(ValueError):
-    """A message that no page of this program sends: one sentence with the field, the value and what is allowed."""
+    """Error of a message that no page of this program sends: one sentence with the field, the value and what is
+    allowed."""
 
 
 class _Message(Struct, frozen=True, forbid_unknown_fields=True, tag=True):
-    """Message of a page, tagged with viser's own name of it."""
+    """Message of a page, tagged with viser's name of its kind."""
 
 
 class _Updates(Struct, frozen=True, forbid_unknown_fields=True):
@@ -122,7 +123,7 @@ _decoder = msgspec.msgpack.Decoder(Message)
 
 
 class Widget(Protocol):
-    """Handle of a viser widget, as far as it is used here; a widget may also have `options`, or `min` and `max`."""
+    """Widget of viser, as far as it is used here; it may also have `options`, or `min` and `max`."""
 
     @property
     def value(self) -> Any: ...
@@ -130,7 +131,9 @@ class Widget(Protocol):
 
 @dataclass(frozen=True)
 class Page:
-    """Widgets of a page, by the names that messages use; they change while the page is open."""
+    """Page, as far as messages refer to it. Its widgets change while it is open.
+    widget: returns the widget of a name in messages, None for none.
+    is_form: returns whether the name is that of a form."""
 
     widget: Callable[[str], Widget | None]
     is_form: Callable[[str], bool]
@@ -138,7 +141,7 @@ class Page:
 
 @dataclass
 class _Upload:
-    """Rest of a file that is still to come: parts by number, and bytes."""
+    """Upload in progress. parts: numbers of the parts that are still to come. size: bytes that are still to come."""
 
     parts: set[int]
     size: int
@@ -146,9 +149,10 @@ class _Upload:
 
 @dataclass
 class Visitor:
-    """One connection: what it may send depends on its uploads in progress. Used by one thread.
+    """Visitor: one connection, whose messages are checked against its page and its uploads. Used by one thread.
 
-    finished: its uploads that are complete, by name; begun: those that are not.
+    finished: names of complete uploads.
+    begun: names of uploads in progress.
     """
 
     page: Page
@@ -160,7 +164,7 @@ class Visitor:
         return set(self._uploads)
 
     def admit(self, raw: bytes | str) -> Message:
-        """The decoded message, if a page may send it here and now. Raises Refused."""
+        """The decoded message, if the page may send it now. Raises Refused."""
         if isinstance(raw, str):
             raise Refused(f"message: text of {len(raw)} characters; allowed: messages in binary form")
         try:
@@ -223,7 +227,7 @@ class Visitor:
 def _require_picture(content: bytes) -> None:
     allowed = f"allowed: PNG or JPEG of at most {LARGEST_PICTURE} pixels"
     try:
-        with Image.open(io.BytesIO(content), formats=("PNG", "JPEG")) as picture:  # only its head is read
+        with Image.open(io.BytesIO(content), formats=("PNG", "JPEG")) as picture:  # reads the head only
             width, height = picture.size
     except (OSError, ValueError, SyntaxError, Image.DecompressionBombError) as error:
         raise Refused(f"picture of {len(content)} bytes; {allowed}") from error

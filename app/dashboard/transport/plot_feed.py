@@ -1,8 +1,8 @@
-"""Feed of a chart: of its data only the points that the pages do not have are sent.
+"""Feed of a chart's data, which sends only the points that the pages do not have yet.
 
 While a run goes on a plot gains a few points at its right end and loses a few at its left; all others stay. Whole
-arrays are sent to a page that begins to look, when the lines are others, and when no point stays.
-`static/page/points.js` makes whole arrays again of what arrives, before viser's program sees it.
+arrays are sent when a page begins to show the chart, when the lines are others, and when no point stays.
+`static/page/points.js` turns the arriving points into whole arrays, before viser's program sees them.
 """
 
 from __future__ import annotations
@@ -26,9 +26,9 @@ class _Points:
     values: np.ndarray
 
     def stay_until(self, later: _Points) -> int:
-        """Index of the first later point that is not one of these; 0 where the later points do not begin within these.
+        """Number of points at the beginning of the later ones that are among these; 0 where the first one is not.
 
-        The last point of these counts as no such point: it is the newest row, and another one is there now."""
+        The last of these points does not stay: it is the newest row, which another row has replaced."""
         begin = int(np.searchsorted(self.at, later.at[0]))
         count = min(len(self.at) - 1 - begin, len(later.at))
         if count <= 0 or self.at[begin] != later.at[0]:
@@ -40,15 +40,16 @@ class _Points:
 
 
 class PlotFeed:
-    """Feed of one chart, whose arrays are at most `most`, x among them."""
+    """Feed of one chart. most: number of its arrays, x included; unused ones are empty."""
 
     def __init__(self, chart: viser.GuiUplotHandle, most: int) -> None:
         self._chart, self._most = chart, most
-        self._points: _Points | None = None  # what the pages have when all messages have come; None: send whole data
-        self._mark = 0  # number of the whole data on which further points are based
-        self._number = self._after = 0  # of the messages of further points: the last, and the last that all pages get
-        self._message = -1  # viser's number of the last one
-        self._owed = np.inf  # ticks: from this instant on pages may lack points of messages after that
+        self._points: _Points | None = None  # points of the pages when all messages have come; None: send whole data
+        self._mark = 0  # number of the whole data to which further points are added
+        # numbers of messages of further points: of the last one, and of the last one that is certain to reach all pages
+        self._number = self._after = 0
+        self._message = -1  # viser's number of the last message of further points
+        self._owed = np.inf  # ticks: pages may lack points from this instant on, those of messages after `_after`
 
     def forget(self) -> None:
         """Send whole data next time."""
@@ -60,7 +61,7 @@ class PlotFeed:
         self._points = None
 
     def send(self, now: float, x: np.ndarray, lines: Sequence[np.ndarray]) -> None:
-        """Send what is new of x (N,) s from now (s), increasing, and lines, (N,) each."""
+        """Send the new points. x: (N,) s from now, increasing. lines: values (N,) each."""
         points = _Points(np.rint((now + x) / TICK).astype(np.int64), np.array(lines, dtype=np.float32))
         if stay := self._staying(points):
             self._send_further(stay, points, now)
@@ -69,7 +70,7 @@ class PlotFeed:
         self._points = points
 
     def _staying(self, points: _Points) -> int:
-        """Number of points that every page has, or will have when no message overtakes another."""
+        """Number of points that every page has, or will have if no message overtakes another."""
         before = self._points
         if before is None or len(before.values) != len(points.values):
             return 0

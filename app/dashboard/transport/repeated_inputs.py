@@ -1,7 +1,7 @@
-"""Filter of repeated inputs: the end of an input takes effect once, however often the page says it.
+"""Filter of repeated inputs: the end of an input takes effect once, however often the page reports it.
 
-viser's client may drop a message, so `static/page/rows.js` says the end of an input again until it sees an answer, and
-on a busy machine the answer comes late. Taken twice, the input would undo what has happened in between.
+viser's client may drop a message, so `static/page/rows.js` reports the end of an input again until it sees an answer,
+which on a busy machine comes late. An input that took effect twice would undo the changes in between.
 """
 
 from __future__ import annotations
@@ -17,8 +17,8 @@ from app.dashboard.transport.viser_private import wrap_updates
 
 
 class RepeatedInputs:
-    """Filter of the values that pages send. Of two inputs one after the other, one has an odd number of marks behind
-    its text, and one an even number; a repetition has two more."""
+    """Filter of the values that pages send. Texts of successive inputs end with an odd and an even number of marks in
+    turn; a repetition has two marks more."""
 
     def __init__(self, server: viser.ViserServer) -> None:
         self._last: dict[str, tuple[int, str, bool]] = {}

@@ -1,8 +1,7 @@
-"""Stalled clients, which no longer read: viser would keep such a connection, and the data of its page, for a quarter of
-an hour.
+"""Watch on stalled clients, which no longer read: viser would keep their connections and data for a quarter of an hour.
 
-The data that wait for a client are bounded in that time, since viser keeps one message of each kind; but a file that is
-being sent is not.
+The messages that wait for a client in that time are bounded, since viser keeps one of each kind; a file that is being
+sent is not.
 """
 
 from __future__ import annotations
@@ -17,21 +16,20 @@ from app.dashboard.transport.viser_private import connections
 
 log = structlog.get_logger()
 
-PATIENCE = 20.0  # s without a byte: a page that is busy, or far away, reads some
+PATIENCE = 20.0  # s without a byte: a page that is busy, or far away, reads at least some
 EVERY = 1.0  # s between two looks
 
 
 class StalledClients:
-    """Watch on stalled clients, which drops them: connections on which bytes wait and none has gone for `patience` s. A
-    page
-    that lives reconnects by itself.
+    """Watch that drops stalled clients: connections on which bytes wait and none has gone for `patience` s. A page that
+    still works reconnects by itself.
 
     Not to be used by two threads at once.
     """
 
     def __init__(self, server: viser.ViserServer, patience: float = PATIENCE) -> None:
         self._server, self._patience = server, patience
-        self._waiting: dict[int, tuple[int, float]] = {}  # by client: how many bytes, and since when just so many
+        self._waiting: dict[int, tuple[int, float]] = {}  # by client: waiting bytes, and since when their number is so
         self._due = -math.inf
 
     def drop(self) -> None:
@@ -49,8 +47,8 @@ class StalledClients:
                 self._abort(client)
 
     def drop_all(self) -> None:
-        """Drop every client with bytes waiting, at the end: one that does not read does not answer a farewell
-        either."""
+        """Drop every client on whose connection bytes wait; to be called at the end, since a client that does not read
+        would not answer the close of its connection either."""
         for client, size in self._sizes().items():
             if size:
                 self._abort(client)

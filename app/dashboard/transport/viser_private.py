@@ -21,14 +21,15 @@ STILL = 1e-6  # m, and parts of a quaternion: no picture shows less
 
 
 def connections(server: viser.ViserServer) -> dict[int, ServerConnection]:
-    """Web sockets of the pages, by the number of their clients. Missing: a `ClientHandle` does not give its own."""
+    """Web sockets of the pages, by the number of their clients. Missing: a `ClientHandle` does not give its web
+    socket."""
     return dict(server._websock_server._live_connections)
 
 
 def on_connection(server: viser.ViserServer, heed: Callable[[ServerConnection, int], None]) -> None:
-    """Call `heed` with the web socket of every page, also of those that are already open, and the number of its client.
+    """Call `heed` with the web socket of every page, also of those that are open already, and its client's number.
 
-    Missing: `ViserServer.on_client_connect` comes only after messages of the page have been read.
+    Missing: `ViserServer.on_client_connect` is called only after messages of the page have been read.
     """
     websock = server._websock_server
 
@@ -52,32 +53,32 @@ class _SetInLoop(asyncio.Event):
     def set(self) -> None:
         try:
             here = asyncio.get_running_loop()
-        except RuntimeError:  # none in this thread
+        except RuntimeError:  # this thread has no event loop
             return
         if here is self._loop_of_waiters:
             super().set()
 
 
 def let_any_thread_send(server: viser.ViserServer) -> None:
-    """Let the events by which viser hears of new messages be set in viser's own thread only, where viser sets them too.
+    """Let the events by which viser hears of new messages be set in the thread of viser's event loop only.
 
-    Missing: viser also sets them in the thread that sends a message, while its own may change who waits for them: then
-    the sender fails with "deque mutated during iteration".
+    Missing: viser also sets them in the thread that sends a message. If the event loop changes the list of waiting
+    tasks at that time, the sender fails with "deque mutated during iteration".
     """
 
     def mend(messages: WebsockMessageHandler) -> None:
         buffer = messages.get_message_buffer()
         present = buffer.message_event
         buffer.message_event = _SetInLoop(buffer.event_loop)
-        buffer.event_loop.call_soon_threadsafe(present.set)  # for those who wait already
+        buffer.event_loop.call_soon_threadsafe(present.set)  # wakes the tasks that wait for the replaced event
 
     mend(server._websock_server)
     server._websock_server.on_client_connect(mend)
 
 
 def wrap_updates(server: viser.ViserServer, wrap: Callable[[Handler], Handler]) -> None:
-    """Wrap every function that handles the new value of a widget. Missing: `on_update` is called after the value has
-    been written."""
+    """Wrap the functions by which viser handles a widget's new value. Missing: `on_update` is called only after the
+    value has been written."""
     handlers = server._websock_server._incoming_handlers
     handlers[GuiUpdateMessage] = [wrap(handler) for handler in handlers[GuiUpdateMessage]]
 
@@ -99,7 +100,8 @@ def widget_of(server: viser.ViserServer, client: int, uuid: str) -> Any:
 
 
 def is_form(server: viser.ViserServer, uuid: str) -> bool:
-    """Whether everybody's container of this name is a form. Missing: as above."""
+    """Whether the container of this name, which all clients share, is a form. Missing: handles cannot be looked up by
+    name."""
     return isinstance(server.gui._container_handle_from_uuid.get(uuid), GuiFormHandle)
 
 
@@ -132,25 +134,26 @@ def draw_points(node: viser.ArrowsHandle | viser.LineSegmentsHandle, points: np.
 
 
 def whole_plot(chart: viser.GuiUplotHandle, data: tuple[np.ndarray, ...], count: int, base: dict[str, Any]) -> None:
-    """Give a chart its data (N,), each in single precision: a pixel cannot tell more, and half as much is sent. Empty
-    lists, of a byte each, follow up to this count of arrays. base: for `further_points`.
-    Missing: the public setter casts to double precision, looks up the type of every array anew, and knows no list."""
+    """Give a chart its whole data: arrays (N,), in single precision, which is enough for pixels and half as many bytes.
+    count: number of arrays; those beyond `data` are sent as empty lists, of a byte each.
+    base: properties that `further_points` refers to.
+    Missing: the public setter casts to double precision, looks up the type of every array anew, and takes no list."""
     lean = (*(values.astype(np.float32) for values in data), *((),) * (count - len(data)))
     cast(Any, chart._impl.props).data = lean
     _update(chart, {"data": lean, "value": base})
 
 
 def further_points(chart: viser.GuiUplotHandle, points: dict[str, Any]) -> int:
-    """Send what changes in a chart's data, of which the page's script makes whole data (`static/page/points.js`);
-    returns the message's number. Missing: viser knows whole arrays only. A chart has no use for its `value`, and a page
-    that has not loaded the script yet makes nothing of it."""
+    """Send changes of a chart's data, which the page's script makes whole (`static/page/points.js`). Returns the
+    message's number. Missing: viser sends whole arrays only. The changes travel as the chart's `value`, which viser
+    does not use and a page without the script ignores."""
     _update(chart, {"value": points})
     return chart._impl.gui_api._websock_interface.get_message_buffer().message_counter - 1
 
 
 def is_with_all(chart: viser.GuiUplotHandle, number: int) -> bool:
-    """Whether the message of this number is on its way to every page: none that replaces it can overtake it. Missing:
-    nothing public tells what has been sent."""
+    """Whether the message of this number is on its way to every page, so that no later message can replace it. Missing:
+    nothing public tells which messages have been sent."""
     cursors = chart._impl.gui_api._websock_interface.get_message_buffer().generator_cursors
     return all(cursor >= number for cursor in tuple(cursors.values()))
 

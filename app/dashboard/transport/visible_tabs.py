@@ -1,4 +1,4 @@
-"""Visible tabs of plots on each page: viser's client does not report them, so the page's script does."""
+"""Visible tabs on each page: viser's client does not report them, so the page's script does."""
 
 from __future__ import annotations
 
@@ -14,21 +14,21 @@ AWAY = "-"  # instead of tabs, of a page that is not on the screen: `static/page
 
 
 def marker_html(tab: str, window: float = 0.0, ahead: float = 0.0, text: str = "") -> str:
-    """Marker for the page's script: a tab counts as visible while its marker is on the screen.
-    window, ahead: the time axes go from so many s before now to so many after it.
-    text: HTML to show there."""
+    """Marker of a tab of plots for the page's script: the tab counts as visible while its marker is on the screen.
+    window, ahead: s before and after now, the ends of the time axes.
+    text: HTML that the marker shows."""
     ends = f'data-from="{-window:g}" data-to="{ahead:g}"'
     return f'<div class="vs-plots" data-plots="{escape(tab)}" {ends}>{text}</div>'
 
 
 def panel_marker_html(name: str) -> str:
-    """The same for a tab of controls, under the name that `tabs` gives."""
+    """Marker of a tab of controls for the page's script. name: of the tab, as `VisibleTabs.tabs` returns it."""
     return f'<i class="vs-panel" data-plots="{escape(name)}"></i>'
 
 
 class VisibleTabs:
-    """Visible tabs of every page: its script writes them into one of these hidden text fields. There are several
-    fields, since a collapsed panel removes its own. heard: called after every report."""
+    """Visible tabs of every page: the page's script writes them into one of several hidden text fields, since a
+    collapsed panel removes the field in it. heard: called after every report."""
 
     def __init__(self, heard: Callable[[], None] = lambda: None) -> None:
         self._heard = heard
@@ -44,7 +44,7 @@ class VisibleTabs:
 
         async def on_report(event: viser.GuiEvent) -> None:
             if event.client is not None:
-                names, _, _ = field.value.partition("#")  # the part behind # makes every report a new value
+                names, _, _ = field.value.partition("#")  # the part behind # only makes every report a new value
                 self._tabs[event.client.client_id] = tabs = frozenset(filter(None, names.split(",")))
                 self._reports.update(tabs)
                 self._heard()
@@ -52,7 +52,7 @@ class VisibleTabs:
         field.on_update(on_report)
 
     def reports(self, tab: str) -> int:
-        """Number of reports in which this tab was visible; after another one a page may have nothing of it yet."""
+        """Number of reports in which this tab was visible; when it grows, a page may not have the tab's data yet."""
         return self._reports[tab]
 
     def tabs(self, clients: Collection[int]) -> frozenset[str]:

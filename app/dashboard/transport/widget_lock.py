@@ -1,7 +1,7 @@
 """Lock of the widgets: a page's new value of a widget is read before the widget is set to another value.
 
-viser writes a page's value into the widget and then calls back; a drawing thread that shows the running value just
-between the two would have the callback read that one, and the user's choice would be lost.
+viser writes a page's value into the widget and then calls back. If a drawing thread set the running value in between,
+the callback would read this value, and the user's choice would be lost.
 """
 
 from __future__ import annotations
@@ -22,9 +22,8 @@ class WidgetLock:
     """Lock between viser's event loop and the thread that draws: with `widget_lock.drawing` held, no page's value is
     half processed.
 
-    So a callback of a widget must not wait for anything: anything slow in it is a task of its own. A drawing that hangs
-    is waited for once; after that the messages of pages, which all come through one event loop, are processed without
-    it.
+    A callback of a widget must therefore not wait; its slow parts are tasks of their own. The event loop waits once for
+    a drawing that hangs, for PATIENCE, and from then on processes the pages' messages without the lock.
 
     used: number of values that pages have sent.
     """

@@ -1,5 +1,4 @@
-"""Choice of the arm: a row of the catalogue or any URDF, its tool frame, and whether the true arm is within the
-declared bounds."""
+"""Choice of the arm: a row of the catalogue or any URDF; its tool frame; the verdict on the declared bounds."""
 
 from __future__ import annotations
 
@@ -25,8 +24,8 @@ OWN = "own URDF"
 
 @dataclass(frozen=True)
 class InForce(Place):
-    """Place of a field whose value in force is not read from the scenario: it may be left out there, or be written in
-    several ways."""
+    """Place of a field whose value in force cannot be read from the scenario, where it may be left out or be written in
+    several ways. of: returns the value in force."""
 
     of: Callable[[Snapshot], Any]
 
@@ -65,7 +64,7 @@ class ArmChoice:
 
 
 class Upload:
-    """Button for a URDF from the user's computer: it is kept on this one, then run."""
+    """Button for a URDF from the user's computer: the file is stored on this machine, then run."""
 
     def __init__(self, desk: Desk) -> None:
         self._desk = desk
@@ -85,11 +84,11 @@ class Upload:
             self._desk.post(Edit("robot.urdf", str(path)))
 
     def show(self, snapshot: Snapshot) -> None:
-        """Nothing to do: the button shows nothing of a run."""
+        """Do nothing: the button does not depend on the run."""
 
 
 class UrdfPath:
-    """Path of the URDF that runs; another one takes effect on Enter or when the field is left."""
+    """Text field with the path of the running URDF; another path takes effect on Enter or when the field is left."""
 
     def __init__(self, desk: Desk) -> None:
         self._desk, self._place, self._answer = desk, Place("robot.urdf"), Answer()
@@ -116,7 +115,7 @@ class UrdfPath:
 
 
 class ToolFrame:
-    """Dropdown of the links that the tool may be; another arm has others."""
+    """Dropdown of the arm's links, of which one is the tool."""
 
     def __init__(self, desk: Desk) -> None:
         self._desk, self._answer = desk, Answer()
@@ -139,7 +138,7 @@ class ToolFrame:
 
 
 class Verdict:
-    """Badge that says whether the truth is within the declared bounds, and if not which inequality is violated."""
+    """Badge that says whether the true arm is within the declared bounds, and if not, which inequality is violated."""
 
     def __init__(self, desk: Desk) -> None:
         self._html = desk.gui.add_html("")
@@ -153,7 +152,7 @@ class Verdict:
 
 
 def _drives(snapshot: Snapshot) -> str:
-    """Note whether the drives are limited, which the declared bounds do not cover."""
+    """Note on the drives' limits, which the declared bounds do not cover, as text."""
     limits = np.broadcast_to(snapshot.system.plant.truth.torque_limit, snapshot.robot.n)
     if not np.isfinite(limits).any():
         return '<div class="vs-note">torque limit × 0: drives without a limit</div>'

@@ -1,5 +1,4 @@
-"""Computation beside the loop on the page, of a map or a search: its button, the length of its runs, its picture, in
-which a mark can be chosen, and its file."""
+"""Base of the controls of a robustness map or a search for gains, which are computed beside the loop."""
 
 from __future__ import annotations
 
@@ -18,12 +17,13 @@ from app.scenario.schema import Scenario, ScenarioError
 from app.session.snapshot import Snapshot
 from app.sweep.background import Background
 
-EVERY = 0.7  # s, between two pictures
+EVERY = 0.7  # s, between two updates of the picture
 W = TypeVar("W", bound=Background)
 
 
 class BesideLoop(ABC, Generic[W]):
-    """Base of the controls of a computation; a subclass adds them where they belong among its own.
+    """Base of the controls of a computation beside the loop: a button, the length of the runs, and a picture with marks
+    that can be chosen. A subclass adds them among its own controls.
 
     start, cancel: words on the button.
     """
@@ -34,7 +34,7 @@ class BesideLoop(ABC, Generic[W]):
         self._delivery, self._due = FileDelivery(), 0.0
 
     def _add_length(self) -> None:
-        """Add the text of how long each run is."""
+        """Add the text field for the length of each run."""
         self._seconds = self._desk.gui.add_text("each run [s]", "2", hint="0.2 to 10 s.")
         self._seconds.on_update(unmarked)
 
@@ -45,8 +45,8 @@ class BesideLoop(ABC, Generic[W]):
         self._button.on_click(self._on_button)
 
     def _add_mark(self, field: str) -> None:
-        """Add the hidden text in which the page's script writes the number of the mark that was chosen; `field` is the
-        class by which it finds that."""
+        """Add the hidden text field into which the page's script writes the number of the chosen mark. field: class by
+        which the script finds it."""
         self._desk.gui.add_html(f'<i class="{field}"></i>')
         self._mark = self._desk.gui.add_text("", "")
         self._mark.on_update(self._on_mark)
@@ -64,13 +64,13 @@ class BesideLoop(ABC, Generic[W]):
             return
         try:
             self._work = self._begin(self._desk.snapshot())
-            self._due = 0.0  # a mark of the picture before is none of this one
+            self._due = 0.0  # at once, since the marks of the old picture have no meaning any more
         except ScenarioError as error:
             self._desk.complain(str(error))
 
     @abstractmethod
     def _begin(self, snapshot: Snapshot) -> W:
-        """Begin what is asked for now. Raises ScenarioError."""
+        """Begin the computation of the present choices. Raises ScenarioError."""
 
     async def _on_mark(self, event: viser.GuiEvent) -> None:
         if event.client is not None and self._work is not None:
@@ -78,10 +78,10 @@ class BesideLoop(ABC, Generic[W]):
 
     @abstractmethod
     def _choose(self, work: W, number: str, client: int) -> None:
-        """Heed that the mark of this number was chosen, "" for none, on the page of a client."""
+        """Handle the choice of a mark in the picture. number: of the mark, "" for none. client: whose page it was."""
 
     def show(self, snapshot: Snapshot) -> None:
-        """Show what has come in, from time to time."""
+        """Show the results so far, every EVERY s."""
         work, now = self._work, time.monotonic()
         if work is None or now < self._due:
             return
@@ -95,15 +95,15 @@ class BesideLoop(ABC, Generic[W]):
 
     @abstractmethod
     def _drawn(self, work: W, snapshot: Snapshot) -> str:
-        """Picture of what has come in, as HTML."""
+        """Picture of the results so far, as HTML."""
 
 
 def lasting(scenario: Scenario, seconds: float) -> Scenario:
-    """The scenario with runs of this length."""
+    """The scenario with a run of this length, s."""
     simulation = msgspec.structs.replace(scenario.simulation, duration=seconds)
     return msgspec.structs.replace(scenario, simulation=simulation)
 
 
 def typed(text: viser.GuiInputHandle[str]) -> str:
-    """What the user has typed, without the page's marks."""
+    """Text that the user has typed, without the marks of the page's script."""
     return text.value.strip("".join(MARKS)).strip()

@@ -1,5 +1,5 @@
-"""Picture of a search for gains: its candidates over the two figures that count, or in their order where one counts,
-and their front."""
+"""Picture of a search for gains: its candidates over their two aims, or over their numbers where the search has one
+aim, and their front."""
 
 from __future__ import annotations
 
@@ -21,7 +21,8 @@ EDGE = 8  # px, between the axes and the candidates
 
 def candidates_html(tuning: BackgroundTuning, names: Mapping[str, str], chosen: int | None) -> str:
     """Picture of the candidates so far.
-    names: of the gains by path. chosen: number of the candidate that is previewed."""
+    names: of the gains, by path.
+    chosen: number of the previewed candidate, None for none."""
     told, candidates = _told(tuning), tuning.candidates
     shown = [each for each in candidates if all(map(math.isfinite, each.aims))]
     if not shown:
@@ -50,7 +51,7 @@ def candidates_html(tuning: BackgroundTuning, names: Mapping[str, str], chosen: 
 
 
 def _told(tuning: BackgroundTuning) -> str:
-    """How far it is, as HTML."""
+    """Progress of the search, as HTML."""
     if tuning.problem:
         return escape(tuning.problem)
     if tuning.waiting:
@@ -63,7 +64,7 @@ def _told(tuning: BackgroundTuning) -> str:
 
 
 def said_of(tuning: BackgroundTuning, candidate: Candidate, names: Mapping[str, str]) -> str:
-    """Gains and figures of a candidate, in words."""
+    """Description of a candidate: its gains and aims, in words."""
     gains = ", ".join(f"{names[path]} {_plain(float(value))}" for path, value in candidate.values.items())
     figures = ", ".join(
         f"{in_words(aim).partition(' [')[0]} {_plain(value)} {_unit(aim)}".rstrip()
@@ -83,7 +84,7 @@ def _unit(aim: str) -> str:
 
 
 def _place(candidate: Candidate) -> tuple[float, float]:
-    """Its two aims, or its number and the only one."""
+    """Position of a candidate in the picture: its two aims, or its number and its only aim."""
     first, *others = candidate.aims
     return (first, others[0]) if others else (float(candidate.number), first)
 
@@ -105,7 +106,7 @@ def _mark(candidate: Candidate, x: float, y: float, said: str, chosen: int | Non
 
 
 def _front(best: Sequence[tuple[float, float]]) -> str:
-    """Steps between the candidates of the front."""
+    """Line of steps between the candidates of the front, as SVG."""
     if not best:
         return ""
     steps = [f"M {best[0][0]:.1f} {best[0][1]:.1f}"] + [f"H {x:.1f} V {y:.1f}" for x, y in best[1:]]

@@ -1,4 +1,4 @@
-"""Sliders of the presentation: the rows that were moved last, whatever their tab."""
+"""Sliders of the presentation: those that were moved last, from all tabs."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ MOST = 3
 
 
 class ChosenSliders:
-    """A folder with a second row for each of the last MOST fields that were moved. A row keeps its place while others
-    come and go; the one that was left alone longest goes. `page.css` shows the folder in the presentation only."""
+    """Folder with a second row for each of the MOST fields that were moved last. A row keeps its place until it is
+    replaced. `page.css` shows the folder in the presentation only."""
 
     def __init__(self, desk: Desk) -> None:
         self._desk = desk
@@ -21,7 +21,7 @@ class ChosenSliders:
             desk.gui.add_html('<div class="vs-chosen"></div>')
 
     def choose(self, row: Row) -> None:
-        """Take this row in, as the one that was moved last."""
+        """Add a row, in place of the one that was left alone longest."""
         if row.scale is not None:
             others = tuple(other for other in self._moved if other.place != row.place)
             self._moved = (row, *others)[:MOST]

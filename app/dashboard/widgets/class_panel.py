@@ -1,4 +1,4 @@
-"""A class on the lecturer's page: the question of the shown step is asked, its answers are counted, and then shown."""
+"""Class panel of the lecturer's page: asks a class the question of the shown step, and counts and shows its answers."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ BINS = 10
 
 
 class ClassPanel:
-    """Buttons that ask and reveal, and what the class has answered, in the current container; nothing where there is no
+    """Class panel in the current container: buttons that ask and reveal, and the answers. Hidden where there is no
     class."""
 
     def __init__(self, desk: Desk) -> None:
@@ -43,9 +43,9 @@ class ClassPanel:
             self._desk.classroom.reveal(_summary(present.question, present.answers))
 
     def show(self, course: Course | None, unit: str) -> None:
-        """Show the class's part in the shown step; what is asked for another step is over. unit: of its number.
+        """Show the panel for the shown step, and end the question of another step. unit: of a number that is asked for.
 
-        Without a lesson the question stays: its lecturer may come back from a process that has fallen."""
+        Without a lesson the question stays open: the lecturer may come back after a crash."""
         classroom = self._desk.classroom
         self._course, self._unit = course, unit
         if not classroom.is_open:
@@ -74,7 +74,7 @@ def _html(asked: Asked) -> str:
 
 
 def answers_html(question: ClassQuestion, answers: Sequence[Given]) -> str:
-    """Answers as bars, or as lines over each other."""
+    """Picture of the answers: bars, or curves over each other."""
     if question.kind == "curve":
         times = np.linspace(
             question.start, question.end, len(answers[0]) if answers and isinstance(answers[0], list) else 2
@@ -111,7 +111,7 @@ def _bars(counted: Sequence[tuple[str, int]]) -> str:
 
 
 def _summary(question: ClassQuestion, answers: Sequence[Given]) -> str:
-    """What everybody's page is told when the answers are shown, as HTML."""
+    """Summary of the answers for the students' pages, as HTML."""
     if question.kind != "choice":
         return inline_html(f"{len(answers)} answers; watch the screen")
     counted = ", ".join(f"{'ABCDE'[k]}: {count}" for k, (_, count) in enumerate(_counted(question, answers)))

@@ -1,5 +1,4 @@
-"""Table of the constants behind the theorem's promise: what was declared, what a search over Omega has found, and what
-is used."""
+"""Table of the constants behind the theorem's promise: declared, found by a search over Omega, and used."""
 
 from __future__ import annotations
 
@@ -17,7 +16,7 @@ _NAMES = {
 
 
 def constants_html(snapshot: Snapshot) -> str:
-    """The table: a row for each constant, with its unit."""
+    """Table of the constants as HTML: a row for each, with its unit."""
     rows = "".join(
         f'<tr title="{escape(about)}"><td>{escape(name)}</td><td>{declared}</td><td>{found}</td><td>{used}</td>'
         f"<td>{escape(unit)}</td></tr>"
@@ -32,7 +31,7 @@ def constants_html(snapshot: Snapshot) -> str:
 
 
 def _declared(snapshot: Snapshot) -> list[tuple[str, ...]]:
-    """Rows of the bounds that the controller was told: they are used as they are."""
+    """Rows of the declared bounds, which are used as they are."""
     rows = []
     stated = snapshot.state.evaluation.read().seen.estimate.stated
     for name in Declared.__struct_fields__:
@@ -54,7 +53,7 @@ def _declared(snapshot: Snapshot) -> list[tuple[str, ...]]:
 
 
 def _searched(snapshot: Snapshot) -> list[tuple[str, ...]]:
-    """Rows of what was searched for over Omega."""
+    """Rows of the constants that a search over Omega finds."""
     constants, along = snapshot.system.constants, snapshot.scenario.controller.estimates == "along-reference"
     declared, rates = snapshot.scenario.declared, constants.rates
     in_doubt = declared.link_centre > 0.0 or declared.link_shape > 0.0

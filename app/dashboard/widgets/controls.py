@@ -1,9 +1,8 @@
 """Controls: each shows one field of the running scenario and posts an Edit when the user changes it.
 
 No control holds state. A slider that is held only asks for a preview; when it is let go, it posts. The user's input
-stays
-on the screen only until the runner has answered; then the control shows the value of the snapshot again, which after a
-refusal is the one still running.
+stays on the screen only until the runner has answered; then the control shows the snapshot's value again, which after
+a refusal is still the old one.
 """
 
 from __future__ import annotations
@@ -32,16 +31,28 @@ from app.session.snapshot import Snapshot
 from app.storage.uploaded_urdfs import UploadedUrdfs
 from app.sweep.share import Share
 
-FINE = 0.0002  # of a slider's length: its step with Shift; `rows.js` makes STEP of ten
-STEP = 0.002
+FINE = 0.0002  # share of a slider's length: step with Shift
+STEP = 0.002  # step without Shift; `rows.js` makes it of ten FINE
 
 
 @dataclass(frozen=True)
 class Desk:
-    """Environment of a panel: the GUI for its widgets, the queue for its commands, the newest snapshot, what-if
-    questions, options of the scene, complaints, export jobs, the store of uploads, who is told of a row of a number
-    that was moved, of one that is to be swept, and of one that a search may move, the lock on edits, the progress in
-    lessons, the class that lessons ask, and the share of the machine for maps and searches."""
+    """Desk: all that panels share.
+    gui: for their widgets.
+    post: puts a command into the runner's queue.
+    snapshot: returns the newest one.
+    whatif: previews of held sliders.
+    viewing: options of the scene and the plots.
+    complain: shows a sentence on every page.
+    export_jobs: make files in another process.
+    uploads: store of the user's URDFs.
+    choose: gets the row of a number that the user has moved.
+    sweep: gets the row of a number that a robustness map should vary.
+    let_move: gets the row of a number that a search for gains may vary.
+    lock: on edits, while a lesson has a goal.
+    notebook: progress in lessons.
+    classroom: desk of the class that lessons ask.
+    share: of the machine, for maps and searches."""
 
     gui: viser.GuiApi
     post: Callable[[Command], None]
@@ -65,7 +76,7 @@ class Control(Protocol):
 
 
 class Answer:
-    """Wait for the runner's answer to an edit: until it comes, or for so long, a widget keeps the user's input."""
+    """Wait for the runner's answer to an edit: as long as it is awaited, a widget keeps the user's input."""
 
     def __init__(self) -> None:
         self._until = -math.inf
@@ -83,7 +94,7 @@ class Answer:
 
 @dataclass(frozen=True)
 class Place:
-    """A field of the scenario by its dotted path."""
+    """Place of a control's value in the scenario: a field by its dotted path."""
 
     path: str
 
@@ -95,21 +106,22 @@ class Place:
         return value
 
     def edit(self, snapshot: Snapshot, value: Any) -> Edit:
-        """Command that sets this field; the snapshot is for places that are part of a field.
+        """Command that gives this place a value. A place that is part of a field takes the rest of it from the
+        snapshot.
 
-        Raises ValueError with a sentence where the value makes no sense at all.
+        Raises ValueError with a sentence for a value that the field cannot hold.
         """
         del snapshot
         return Edit(self.path, value)
 
     def moved(self, snapshot: Snapshot) -> tuple[Place, ...]:
-        """Places that an edit of this one sets, itself among them."""
+        """Places that an edit of this place sets: itself, and those linked to it."""
         del snapshot
         return (self,)
 
     def entry(self, snapshot: Snapshot) -> tuple[str, Mapping[str, Any]]:
-        """Path by which a sweep varies it (`app.scenario.data.with_value`), and values that the scenario must have
-        before. Raises ValueError with a sentence where it is no number of a scenario by itself."""
+        """Path by which a sweep varies this place (see `app.scenario.data.with_value`), and values by path that the
+        scenario must get before. Raises ValueError with a sentence where the place is no single number."""
         del snapshot
         return self.path, {}
 
@@ -135,7 +147,8 @@ class Place:
 
 @dataclass(frozen=True)
 class PlaceWhere(Place):
-    """A field that has a meaning only in some scenarios; in others its control is hidden."""
+    """Place of a field that has a meaning only in the scenarios for which `applies` returns True; in others its control
+    is hidden."""
 
     applies: Callable[[Scenario], bool]
 
@@ -145,7 +158,10 @@ class PlaceWhere(Place):
 
 @dataclass(frozen=True)
 class Scale:
-    """Range of a slider. Logarithmic where decades matter; `zero`: its left end means exactly 0."""
+    """Scale of a slider.
+    low, high: values at its ends.
+    logarithmic: equal ways along the slider are equal factors of the value.
+    zero: the left end means exactly 0."""
 
     low: float
     high: float
@@ -153,7 +169,7 @@ class Scale:
     zero: bool = False
 
     def value(self, position: float) -> float:
-        """Value at this share of the slider's length: of three digits at whole steps, of four between them."""
+        """Value at a position, 0 to 1, of the slider: of three digits at multiples of STEP, of four between them."""
         if self.zero and position <= 0:
             return 0.0
         value = self.low + position * (self.high - self.low)
@@ -182,7 +198,7 @@ def labelled(label: str, unit: str) -> str:
 
 
 class Row(NamedTuple):
-    """Row of a number: its field, its label, and the scale of its slider, None without one."""
+    """Row of a number on the page: its place, its label, and the scale of its slider, None without a slider."""
 
     place: Place
     label: str
@@ -190,7 +206,7 @@ class Row(NamedTuple):
 
 
 class Number:
-    """A number as a text field, which takes effect on Enter or when it is left, and as a slider."""
+    """Control of a number: a text field, which takes effect on Enter or when it is left, and a slider."""
 
     def __init__(self, desk: Desk, place: Place, label: str, scale: Scale | None = None) -> None:
         self._desk, self._place, self._label, self._scale = desk, place, label, scale
@@ -206,11 +222,11 @@ class Number:
 
     @property
     def row(self) -> Row:
-        """Row as it was made, with its present label."""
+        """Row of this control with its present label."""
         return Row(self._place, self._label, self._scale)
 
     def remove(self) -> None:
-        """Take the row off the page."""
+        """Remove the control from the page."""
         self._form.remove()
 
     async def _on_text(self, event: viser.GuiEvent) -> None:
@@ -268,7 +284,7 @@ class Number:
             self._desk.whatif.let_go(self)
             return
         value = running if self._slider is None or self._scale is None else self._scale.value(self._slider.value)
-        self._text.value = written(value)  # without the mark
+        self._text.value = written(value)  # removes the mark
         changed = apply and written(value) != written(running)
         if changed:  # before the slider counts as let go, since the page may be drawn in between
             edit = self._place.edit(snapshot, value)
@@ -279,7 +295,7 @@ class Number:
             self._show_again(snapshot)
 
     def _moved(self, snapshot: Snapshot, value: float) -> dict[object, float]:
-        """The value by each place that it is given to."""
+        """The value by each place that an edit of this one sets."""
         return dict.fromkeys(self._place.moved(snapshot), value)
 
     def _show_again(self, snapshot: Snapshot) -> None:
@@ -316,7 +332,9 @@ class Number:
 
 
 class Choice:
-    """Dropdown of a field; `options` maps the text shown to the value in the scenario; `applies`: see `PlaceWhere`."""
+    """Dropdown of a field.
+    options: values in the scenario by the text shown.
+    applies: see `PlaceWhere`, None for a field of every scenario."""
 
     def __init__(
         self,

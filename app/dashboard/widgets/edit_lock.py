@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 from app.session.commands import Blend, Command, Continue, Edit, EditAll, Load, PushNow, TakeWayOut
 
-# other changes of the run, and their names in a refusal
+# commands that change the run and are no edits, and their names in a refusal
 _OTHERS = {
     Blend: "a blend",
     Load: "another scenario",
@@ -17,9 +17,9 @@ _OTHERS = {
 
 
 class EditLock:
-    """Gate in front of the runner: it passes every command, or, while `fields` are given, no other change than theirs.
+    """Lock in front of the runner: passes every command, or, while it is closed, of the changes only edits of `fields`.
 
-    fields: dotted paths, None while nothing is locked.
+    fields: dotted paths, None while the lock is open.
     """
 
     def __init__(self, post: Callable[[Command], None], complain: Callable[[str], None]) -> None:
@@ -27,7 +27,7 @@ class EditLock:
         self.fields: frozenset[str] | None = None
 
     def post(self, command: Command) -> None:
-        """Pass a command on, or complain."""
+        """Pass a command on to the runner, or complain where it is locked."""
         match command:
             case Edit(path) if self.fields is not None and path not in self.fields:
                 self._refuse(path)

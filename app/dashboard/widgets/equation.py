@@ -1,5 +1,5 @@
-"""The target model (8) with its numbers as MathML: one line for coordinates with the same numbers, matrices where
-coordinates are coupled."""
+"""Equation of the target model (8) with its numbers, as MathML: one line for coordinates with the same numbers,
+matrices where coordinates are coupled."""
 
 from __future__ import annotations
 
@@ -19,21 +19,22 @@ _GREEK = {"phi": "φ", "psi": "ψ", "lambda": "λ", "alpha": "α", "beta": "β",
 
 
 def symbol(coordinate: str) -> str:
-    """A coordinate's name as plain text: "psi_1" is ψ₁."""
+    """Symbol of a coordinate as plain text: "psi_1" is ψ₁."""
     stem, _, index = coordinate.partition("_")
     return _GREEK.get(stem, stem) + index.translate(str.maketrans("0123456789", "₀₁₂₃₄₅₆₇₈₉"))
 
 
 @dataclass(frozen=True)
 class Line:
-    """Coordinates that are written in one line: equal and uncoupled, or coupled with one another."""
+    """Line of the equation: the coordinates, from 0, that it is written for. They are coupled with one another, or
+    uncoupled with equal numbers."""
 
     indices: tuple[int, ...]
     coupled: bool
 
 
 def lines(snapshot: Snapshot) -> list[Line]:
-    """The coordinates in the fewest lines that show every number of the model."""
+    """Lines of the equation, as few as show every number of the model."""
     matrices = [snapshot.matrices[name] for name in _NAMES]
     links = sum((matrix != 0.0).astype(int) for matrix in matrices)
     _, labels = connected_components(links, directed=False)
@@ -52,7 +53,7 @@ def lines(snapshot: Snapshot) -> list[Line]:
 
 
 def _same(line: Line, part: tuple[int, ...], snapshot: Snapshot) -> bool:
-    """Whether an uncoupled coordinate has the same numbers, fixed or free, as a line of uncoupled ones."""
+    """Whether an uncoupled coordinate has the same numbers as a line of uncoupled ones, and the mode fixes the same."""
     if line.coupled or len(part) != 1:
         return False
     i, j = line.indices[0], part[0]
@@ -64,7 +65,7 @@ def _same(line: Line, part: tuple[int, ...], snapshot: Snapshot) -> bool:
 
 
 def equation_html(snapshot: Snapshot) -> str:
-    """Description of the mode, (8), and its lines with their numbers; the entries that the mode fixes are grey."""
+    """Description of the mode, (8) in symbols, and its lines with numbers; the entries that the mode fixes are grey."""
     mode = snapshot.system.mode
     about = f"{mode.title} {mode.equation}: {mode.summary} Grey numbers are fixed by the mode."
     rows = [_general(), *(_row(line, snapshot) for line in lines(snapshot))]
@@ -91,7 +92,7 @@ def _general() -> str:
 
 
 def _explained(content: str, symbol: str) -> str:
-    """A letter with its index that the page's script explains."""
+    """Letter with its index, marked so that the page's script explains it."""
     return f'<msub data-symbol="{symbol}" tabindex="0">{content}</msub>'
 
 
@@ -151,8 +152,7 @@ def _scalar(matrix: np.ndarray) -> bool:
 
 
 def _names(line: Line, snapshot: Snapshot) -> str:
-    """Names of a line's coordinates side by side, but below one another where they stand beside the rows of a
-    matrix."""
+    """Names of a line's coordinates, side by side, or below one another beside the rows of a matrix."""
     names = [escape(symbol(snapshot.coordinates[i].name)) for i in line.indices]
     below = any(_large(line, matrix) for matrix in snapshot.matrices.values())
     if not line.coupled or below:
@@ -193,7 +193,7 @@ def is_fixed(snapshot: Snapshot, name: str, i: int) -> bool:
 
 
 def _cells(contents: list[str]) -> str:
-    # in a row of its own each stays in one piece where a narrow page breaks the line between cells
+    # each has a row of its own, so that it stays in one piece where a narrow page breaks the line between cells
     return "<mtr>" + "".join(f"<mtd><mrow>{content}</mrow></mtd>" for content in contents) + "</mtr>"
 
 
@@ -202,7 +202,7 @@ def _sub(base: str, index: str) -> str:
 
 
 def _error(accent: str, index: str = "") -> str:
-    # composed letters: an accent of its own (<mover>) is lost in small type
+    # composed letters, as a separate accent (<mover>) cannot be seen in small type
     letter = _LETTERS[accent]
     styled = f'<mi style="font-style: italic">{letter}</mi>'
     return f"<msub>{styled}<mi>{index}</mi></msub>" if index else styled

@@ -1,4 +1,4 @@
-"""Delivery of a file to the page that asked for it: one at a time, with its progress, or why there is none."""
+"""Delivery of files to the page that asked for them, one at a time, with a note of the progress or of the failure."""
 
 from __future__ import annotations
 
@@ -15,13 +15,16 @@ log = structlog.get_logger()
 
 
 class FileDelivery:
-    """Delivery of files, which are made in another process: the run goes on."""
+    """Delivery of files that are made in another process, so that the run goes on."""
 
     def __init__(self) -> None:
         self._busy = threading.Lock()
 
     def give(self, event: viser.GuiEvent, what: str, name: str, make: Callable[[Tell], bytes]) -> None:
-        """Make a file of this name and send it to the page that asked; to be called in a thread that may wait."""
+        """Make a file and send it to the page that asked. To be called in a thread that may wait.
+        what: name of the file in sentences.
+        name: file name.
+        make: returns the content."""
         client = event.client
         if client is None:
             return
@@ -31,13 +34,13 @@ class FileDelivery:
         try:
             content = _made(client, what, name, make)
         finally:
-            self._busy.release()  # before the file is on its way: who has it may ask for the next one
+            self._busy.release()  # before the file is sent, since its receiver may ask for the next one at once
         if content is not None:
             client.send_file_download(name, content, save_immediately=True)
 
 
 def _made(client: viser.ClientHandle, what: str, name: str, make: Callable[[Tell], bytes]) -> bytes | None:
-    """Content of the file; None where it could not be made, which the page has been told."""
+    """Content of the file; None where it could not be made, after a note to the page."""
     note = client.add_notification(what, f"{name} is being made …", loading=True, with_close_button=False)
 
     def tell(share: float) -> None:

@@ -1,5 +1,5 @@
-"""Search for better gains on the page: which may move, what counts, and the candidates, of which one is previewed and
-then applied."""
+"""Controls of a search for better gains: the gains that it varies, its aims, and its candidates, of which one can be
+previewed and then applied."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ from app.tune.candidates import Candidate
 from app.tune.question import Tuning, require_sound
 from app.tune.running import most_runs
 
-MOST = 4  # gains that may move
+MOST = 4  # gains that a search may vary
 AIMS = {
     "force error": "force_error",
     "path error": "motion_error",
@@ -83,7 +83,7 @@ class GainSearch(BesideLoop[BackgroundTuning]):
         self._file.on_click(guarded(self._on_file, desk.complain))
 
     def let_move(self, row: Row) -> None:
-        """Let the search move the field of this row, around its present value. Raises ScenarioError."""
+        """Let the search vary the field of this row, around its present value. Raises ScenarioError."""
         field = field_of_row(row, self._desk.snapshot())
         same = [each for each in self._moves if each.field is not None and each.field.path == field.path]
         free = [each for each in self._moves if each.field is None]
@@ -99,7 +99,7 @@ class GainSearch(BesideLoop[BackgroundTuning]):
         return begun
 
     def _asked(self, snapshot: Snapshot) -> tuple[list[Field], Tuning]:
-        """Fields that may move, and the question of the present choices. Raises ScenarioError."""
+        """Fields that the search varies, and the tuning of the present choices. Raises ScenarioError."""
         seconds = self._length()
         unseen, seed = self._whole("arms not seen", self._unseen, 1, 64), self._whole("seed", self._seed, 0, 2**31)
         moves = [each for each in self._moves if each.field is not None]
@@ -165,7 +165,7 @@ class GainSearch(BesideLoop[BackgroundTuning]):
         self._desk.whatif.let_go(self)
 
     def _on_file(self, event: viser.GuiEvent) -> None:
-        """In a thread of viser's pool that may wait for the file."""
+        """Callback of the button for a file; viser calls it in a thread of its pool, which may wait."""
         tuning, jobs = self._work, self._desk.export_jobs
         if tuning is None or tuning.found is None:
             return
@@ -180,12 +180,12 @@ class GainSearch(BesideLoop[BackgroundTuning]):
         self._delivery.give(event, "Search", name, make)
 
     def show(self, snapshot: Snapshot) -> None:
-        """Show what has come in."""
+        """Show the candidates so far."""
         count = sum(each.field is not None for each in self._moves)
         for k, each in enumerate(self._moves):
             each.show_whole(visible=each.field is not None or k <= count)
         if self._chosen is not None and not self._desk.whatif.holds(self):
-            self._chosen, self._due = None, 0.0  # reverted, or a slider was taken
+            self._chosen, self._due = None, 0.0  # the preview was reverted, or replaced by that of a slider
         super().show(snapshot)
 
     def _drawn(self, work: BackgroundTuning, snapshot: Snapshot) -> str:
@@ -205,5 +205,5 @@ class GainSearch(BesideLoop[BackgroundTuning]):
 
 
 def _whole_fields(fields: list[Field]) -> set[str]:
-    """Paths of the fields of a scenario of which these are, or are entries."""
+    """Paths of the scenario's fields that contain these fields: without the index of an entry."""
     return {".".join(part for part in field.path.split(".") if not part.isdecimal()) for field in fields}

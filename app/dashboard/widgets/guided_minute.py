@@ -15,7 +15,7 @@ from controllers.modes import MODES
 
 @dataclass(frozen=True)
 class Step:
-    """Step of the guided minute: a scenario, and what to look at (HTML)."""
+    """Step of the guided minute. look: what the user should look at, HTML."""
 
     scenario: Scenario
     look: str
@@ -26,7 +26,7 @@ class Step:
 
 
 def steps() -> tuple[Step, ...]:
-    """One step for each mode."""
+    """Steps of the guided minute, one for each mode."""
     heavy = edited(load("ur5-heavy"), "controller.law", "vsmrc")
     return (
         Step(
@@ -61,7 +61,8 @@ def steps() -> tuple[Step, ...]:
 
 
 class GuidedMinute:
-    """The folder; key G opens and closes it. Like the run that it changes, all pages of a session share it."""
+    """Folder of the guided minute, which key G opens and closes. All pages of a session share it, as they share the
+    run that it changes."""
 
     def __init__(self, desk: Desk) -> None:
         self._desk, self._steps, self._at = desk, steps(), 0

@@ -1,4 +1,4 @@
-"""Help for newcomers: where to start, the keys, the colours, further reading; and the first steps, shown once."""
+"""Help for newcomers: where to start, the keys, the colours, further reading; and first steps, shown once."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ class Help:
     """Command that opens the help on the page that asked, or closes it."""
 
     def __init__(self, server: viser.ViserServer) -> None:
-        self._open: dict[int, Callable[[], None]] = {}  # how to close it, by client
+        self._open: dict[int, Callable[[], None]] = {}  # closes the open help, by client
         server.gui.add_command("Help: keys, colours, where to start", hotkey="H").on_trigger(self._toggle)
         server.on_client_disconnect(self._forget)
 
@@ -124,7 +124,8 @@ def help_html() -> str:
 
 
 def tools_html() -> str:
-    """Buttons beside the title, each of which presses a key, and the first steps, which the script shows once."""
+    """Buttons beside the title, each of which presses a key, and the first steps, which the page's script shows
+    once."""
     hints = "".join(f"<p>{hint}</p>" for hint in HINTS)
     return (
         '<div class="vs-tools">'

@@ -1,5 +1,4 @@
-"""Map of the tool's impedance over frequency: that of the target model, and what the sampled loop makes of it, in
-decades."""
+"""Map of the tool's impedance over frequency, in decades: of the target model, and of the sampled loop."""
 
 from __future__ import annotations
 
@@ -17,15 +16,16 @@ from app.simulation.push_response import PushResponse, along_axes, passive
 from app.simulation.sampled_frequencies import LOWEST
 
 _SIZE = (336, 172)
-_LEFT, _RIGHT, _TOP, _BOTTOM = 34, 330, 18, 150  # px, of the frame
+_LEFT, _RIGHT, _TOP, _BOTTOM = 34, 330, 18, 150  # px, edges of the frame
 _POINTS = 70
-_TALLEST = 6  # decades of impedance, upwards from the least
+_TALLEST = 6  # decades of impedance at most, upwards from the least
 
 
 def impedance_html(response: PushResponse, points: Sequence[Measured] = (), measured: str = "") -> str:
-    """Picture with a dashed line for the target and a solid one for the sampled loop along each axis, a dot for each
-    measured point, hatched where the loop is not passive; below it, what it says in words, also of the points. Words
-    alone where no push moves the tool."""
+    """Map of the impedance along each axis, as HTML: a dashed line for the target model, a solid one for the sampled
+    loop, hatched where the loop is not passive, and dots of measured points; below it a description in words. Words
+    alone where no push moves the tool.
+    measured: words on the measured points."""
     frequency = response.frequencies(_POINTS)
     sampled, target = response.admittance(frequency), response.target(frequency)
     lines = [along_axes(sampled), along_axes(target)]
@@ -75,7 +75,7 @@ def _y(impedance: float, low: int, high: int) -> float:
 
 
 def _path(frequency: np.ndarray, impedance: np.ndarray, low: int, high: int, response: PushResponse) -> str:
-    """Path of a line, which ends where it leaves the frame."""
+    """Path of a line, as SVG; ends where the line leaves the frame."""
     inside = np.isfinite(impedance) & (impedance <= 10.0**high) & (impedance >= 10.0**low)
     path, pen = [], "M"
     for f, z, drawn in zip(frequency, impedance, inside, strict=True):
@@ -86,7 +86,7 @@ def _path(frequency: np.ndarray, impedance: np.ndarray, low: int, high: int, res
 
 
 def _dots(points: Sequence[Measured], low: int, high: int, response: PushResponse) -> list[str]:
-    """Dots of the measured points inside the frame."""
+    """Dots of the measured points inside the frame, as SVG."""
     if not points:
         return []
     impedance = along_axes(np.array([point.admittance for point in points]))

@@ -1,4 +1,4 @@
-"""Impedance on the page: its picture, the points that a push measures beside the loop, and both as files."""
+"""Impedance on the page: its map, the points that a simulated push measures beside the loop, and both as files."""
 
 from __future__ import annotations
 
@@ -31,9 +31,12 @@ RESPONSE, FORCE_LOOP = "CSV", "force loop"
 
 @dataclass(frozen=True)
 class _Measurement:
-    """What a push has measured: the scenario and the instant (s) at which it began, and the loop and response that were
-    predicted there.
-    beside: what the run has that they leave out."""
+    """Measurement of the impedance by a push.
+    scenario: in which the push began.
+    t: instant at which the push began, s.
+    loop: sampled loop at that instant, with the predicted response.
+    points: measured.
+    beside: properties of the run that the prediction leaves out."""
 
     scenario: Scenario
     t: float
@@ -42,13 +45,13 @@ class _Measurement:
     beside: tuple[str, ...]
 
     def told(self, response: PushResponse) -> str:
-        """Words below the picture."""
+        """Words on the measured points, for the text below the map. response: predicted."""
         told = push_measurement.told(self.points, response, self.beside)
         return f"dots: a chirp of {push_measurement.NEWTONS:g} N from t = {self.t:.2f} s on; {told}"
 
 
 class ImpedanceView:
-    """Picture of the impedance with its buttons, in the current container."""
+    """Map of the impedance with its buttons, in the current container."""
 
     def __init__(self, desk: Desk) -> None:
         self._desk, gui = desk, desk.gui
@@ -68,7 +71,7 @@ class ImpedanceView:
         self._files.on_click(guarded(self._on_file, desk.complain))
 
     def _on_button(self, _: object) -> None:
-        """In a thread of viser's pool that may wait for the measurement."""
+        """Callback of the button that measures; viser calls it in a thread of its pool, which may wait."""
         snapshot = self._desk.snapshot()
         loop, state = snapshot.sampled, snapshot.state
         if loop.response is None or not self._busy.acquire(blocking=False):
@@ -83,7 +86,7 @@ class ImpedanceView:
             self._busy.release()
 
     def _on_file(self, event: viser.GuiEvent[viser.GuiButtonGroupHandle]) -> None:
-        """In a thread of viser's pool that may wait for the file."""
+        """Callback of the buttons for files; viser calls it in a thread of its pool, which may wait."""
         snapshot, chosen = self._desk.snapshot(), event.target.value
         measurement = self._of(snapshot)
         loop, t = (snapshot.sampled, snapshot.t) if measurement is None else (measurement.loop, measurement.t)
@@ -108,7 +111,7 @@ class ImpedanceView:
         self._delivery.give(event, "Response", name, make)
 
     def _of(self, snapshot: Snapshot) -> _Measurement | None:
-        """Measurement, as long as nothing has been changed since."""
+        """The measurement, None once the scenario has been changed."""
         found = self._measurement
         return found if found is not None and found.scenario == snapshot.scenario else None
 

@@ -1,5 +1,5 @@
-"""Last session: that of an earlier server, and the buttons that continue or dismiss it, on every page until one visitor
-answers."""
+"""Offer to continue the last session, that of an earlier server: its buttons are on every page until one visitor has
+answered."""
 
 from __future__ import annotations
 
@@ -22,10 +22,11 @@ _GO_ON, _NOT = "Continue where you left off", "Dismiss"
 
 @dataclass(frozen=True)
 class LastSession:
-    """Offer of the last session.
-    offer: None where it cannot be read; `problem` has the reason then.
-    take_up: returns its pinned runs, and a sentence about those that cannot be read, or raises ScenarioError.
-    refuse: forgets the offer."""
+    """Last session, to be offered.
+    offer: None where the session cannot be read.
+    problem: reason why it cannot be read, "" where it can.
+    take_up: returns its pinned runs and a sentence about those that cannot be read, or raises ScenarioError.
+    refuse: forgets the session."""
 
     offer: Offer | None
     problem: str
@@ -34,12 +35,12 @@ class LastSession:
 
 
 def remark(problem: str) -> LastSession:
-    """A sentence in place of an offer, shown until somebody has read it."""
+    """Remark in place of an offer: a sentence that is shown until somebody dismisses it."""
     return LastSession(None, problem, lambda _: ((), ""), lambda: None)
 
 
 def left_by(folder: StateFolder, autosave: Autosave, chosen: Scenario) -> LastSession | None:
-    """Session to offer, None where there is none, or where it is the one that runs anyway."""
+    """Last session of a folder, None where there is none, or where it is that of the scenario that runs already."""
     offer = folder.offer()
     if offer is not None and offer.scenario == chosen and not offer.runs:
         return None
@@ -51,7 +52,7 @@ def left_by(folder: StateFolder, autosave: Autosave, chosen: Scenario) -> LastSe
 def add_last_session(
     gui: viser.GuiApi, session: LastSession, order: float, post: Callable[[Command], None], complain: Complain
 ) -> None:
-    """Add the offer to the current container, at this place; it is removed when it is answered."""
+    """Add the offer to the current container, until it is answered. order: place among the other widgets."""
     folder = gui.add_folder("Last session", order=order)
     with folder:
         text = gui.add_html(_note(session.problem if session.offer is None else _told(session.offer)))

@@ -1,4 +1,4 @@
-"""Picture of the robustness map: tiles over two fields, or a course over one, that say their numbers."""
+"""Picture of the robustness map: tiles over two fields, or dots over one; each has its numbers as text."""
 
 from __future__ import annotations
 
@@ -14,20 +14,24 @@ from app.sweep.background import BackgroundSweep
 from app.sweep.points import Points, interval
 from app.sweep.question import Axis, Question
 
-LEFT, RIGHT, TOP, BOTTOM, WIDTH, HEIGHT = 44, 330, 8, 196, 336, 248  # px, of the tiles and of all
-COURSE_HEIGHT = 224  # px, of all, without a bar of colours
+LEFT, RIGHT, TOP, BOTTOM, WIDTH, HEIGHT = 44, 330, 8, 196, 336, 248  # px, of the tiles and of the whole picture
+COURSE_HEIGHT = 224  # px, of a picture over one field, which has no colour bar
 GAP = 0.8  # px, around a tile, so that its neighbours do not cover the outline that tells the focus
-STOPS = ((68, 1, 84), (59, 82, 139), (33, 145, 140), (94, 201, 98), (253, 231, 37))  # of viridis, evenly
+STOPS = ((68, 1, 84), (59, 82, 139), (33, 145, 140), (94, 201, 98), (253, 231, 37))  # evenly spaced colours of viridis
 SHADES = 24  # of the colour bar
 NOTHING = "rgba(128, 128, 128, 0.18)"
-WIDE = 100.0  # ratio from which on colours are by the logarithm
+WIDE = 100.0  # ratio of the numbers from which on the scale is logarithmic
 FIELD = "vs-tile-field"
 Present = Mapping[str, float | None]
 
 
 class Naming(NamedTuple):
-    """Words of a map: what it shows, in which unit, of which `factor` make one SI unit, whether it is the share of the
-    arms that keep a limit, and its axes by path, each with its unit."""
+    """Words of a map.
+    title: of the figure that the map shows.
+    unit: of this figure.
+    factor: from the SI unit to `unit`.
+    share: whether the map shows the share of the arms that keep a limit instead.
+    axes: name and unit of each axis, by path."""
 
     title: str
     unit: str
@@ -44,7 +48,7 @@ class _Frame(NamedTuple):
 
 
 class Scale(NamedTuple):
-    """Least and largest number, and whether what lies between is shown by its logarithm."""
+    """Scale of a map's numbers: the least, the largest, and whether the colours follow the logarithm."""
 
     low: float
     high: float
@@ -52,7 +56,7 @@ class Scale(NamedTuple):
 
     @classmethod
     def of(cls, numbers: np.ndarray) -> Scale:
-        """Scale of those numbers that are finite."""
+        """Scale of the finite ones among the numbers."""
         known = numbers[np.isfinite(numbers)]
         if not len(known):
             return cls(0.0, 1.0, False)
@@ -60,7 +64,7 @@ class Scale(NamedTuple):
         return cls(low, high, low > 0.0 and high > WIDE * low)
 
     def share(self, number: float) -> float:
-        """Place of a number, 0 to 1."""
+        """Position of a number on the scale, 0 to 1."""
         low, high = self.low, self.high
         if self.logarithmic:
             number, low, high = math.log(max(number, low)), math.log(low), math.log(high)
@@ -68,8 +72,8 @@ class Scale(NamedTuple):
 
 
 def map_html(sweep: BackgroundSweep, points: Points | None, naming: Naming, present: Present) -> str:
-    """Tiles with their numbers, the ends of the declared set and of (17), and a mark where the present setting is.
-    present: values of the axes by path."""
+    """Map as HTML: tiles with their numbers, lines where the declared set and (17) end, a ring at the present values.
+    present: values of the axes by path, None for unknown ones."""
     question, told = sweep.question, _told(sweep)
     if points is None:
         return f'<div class="vs-checks"><div class="vs-note">{told}</div></div>'
@@ -88,12 +92,12 @@ def map_html(sweep: BackgroundSweep, points: Points | None, naming: Naming, pres
 
 
 def said_html(field: str) -> str:
-    """Line in which the page's script shows what the tile under the pointer, or with the focus, says."""
+    """Line in which the page's script shows the text of the tile under the pointer or with the focus, as HTML."""
     return f'<div class="vs-said" data-of="{field}" aria-hidden="true"></div>'
 
 
 def _told(sweep: BackgroundSweep) -> str:
-    """How far it is, as HTML."""
+    """Progress of the map, as HTML."""
     done, count = len(sweep.rows), sweep.question.count
     if sweep.problem:
         return escape(sweep.problem)
@@ -105,7 +109,7 @@ def _told(sweep: BackgroundSweep) -> str:
 def _tiles(
     question: Question, points: Points, numbers: np.ndarray, naming: Naming, present: Present
 ) -> tuple[str, str]:
-    """Picture over two fields, and words on its lines."""
+    """Picture over two fields, as SVG, and words on its lines."""
     x, y = question.sweep.vary
     scale = Scale(0.0, 1.0, False) if naming.share else Scale.of(numbers)
     frame = _Frame((RIGHT - LEFT) / len(x.values), (BOTTOM - TOP) / len(y.values))
@@ -132,7 +136,7 @@ def _tiles(
 
 
 def _course(question: Question, points: Points, numbers: np.ndarray, naming: Naming, present: Present) -> str:
-    """Picture over one field: a dot for each value, with Wilson's interval where it is a share."""
+    """Picture over one field, as SVG: a dot for each value, with Wilson's interval where the map shows a share."""
     (x,) = question.sweep.vary
     scale = Scale(0.0, 1.0, False) if naming.share else Scale.of(numbers)
     wide = (RIGHT - LEFT) / len(x.values)
@@ -172,7 +176,7 @@ def _course(question: Question, points: Points, numbers: np.ndarray, naming: Nam
 
 
 def _up(share: float) -> float:
-    """Height of a share of the scale, px, a little off the axes."""
+    """Vertical position, px, of a position on the scale; its ends are a little off the axes."""
     return BOTTOM - 8 - share * (BOTTOM - TOP - 16)
 
 
@@ -205,7 +209,8 @@ def _cross(i: int, j: int, frame: _Frame) -> str:
 
 
 def _ends(held: Mapping[tuple[int, int], bool], frame: _Frame, look: str) -> str:
-    """Line between tiles of which one holds and the other one does not, "" where there is none."""
+    """Line between tiles in which a property holds and tiles in which it does not, as SVG; "" where there is none.
+    held: whether the property holds, by column and row of the tile."""
     parts = []
     for (i, j), holds in held.items():
         x, y = LEFT + i * frame.wide, BOTTOM - j * frame.tall
@@ -217,7 +222,7 @@ def _ends(held: Mapping[tuple[int, int], bool], frame: _Frame, look: str) -> str
 
 
 def _place(axis: Axis, value: float | None) -> float | None:
-    """Place of a value along an axis, in tiles; None beyond its ends."""
+    """Position of a value along an axis, in tiles; None beyond the axis' ends."""
     values = np.array(axis.values, dtype=float)
     if value is None or not values[0] <= value <= values[-1]:
         return None
@@ -225,7 +230,7 @@ def _place(axis: Axis, value: float | None) -> float | None:
 
 
 def _ring(question: Question, present: Present) -> str:
-    """Ring at the present setting, where it is on the map."""
+    """Ring at the present values, as SVG; "" where they are not on the map."""
     x, y = question.sweep.vary
     i, j = (_place(axis, present.get(axis.path)) for axis in (x, y))
     if i is None or j is None:

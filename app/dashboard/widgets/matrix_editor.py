@@ -24,7 +24,7 @@ _NO_BLOCKS: tuple[str, ...] = ("",)
 
 @dataclass(frozen=True)
 class Draft:
-    """Texts of n x n matrices, by name, that the user has typed and not applied yet."""
+    """Draft of n x n matrices: their texts by name, which the user has typed and not applied yet."""
 
     n: int
     texts: Mapping[str, str] = field(default_factory=dict)
@@ -34,7 +34,7 @@ class Draft:
         return Draft(self.n, {**self.texts, name: text})
 
     def matrix(self, name: str) -> np.ndarray:
-        """One matrix of the draft. Raises ValueError, naming the matrix, for a text that cannot be read."""
+        """Matrix (n, n) of the draft. Raises ValueError, naming the matrix, for a text that cannot be read."""
         try:
             return read_matrix(self.texts[name], self.n)
         except ValueError as error:
@@ -54,18 +54,18 @@ def with_entries(matrix: np.ndarray, rows: int, columns: int, block: np.ndarray)
 
 
 def starts(n: int) -> list[int]:
-    """First indices of the blocks that cover n coordinates, three in each; the last ones may overlap."""
+    """First indices of the blocks of three that cover n coordinates; the last two blocks may overlap."""
     return sorted({min(start, max(n - 3, 0)) for start in range(0, n, 3)})
 
 
 class MatrixEditor:
-    """Widgets of the draft in the current container. The draft is state of the page; `edit` is the command that it asks
-    for."""
+    """Editor of the draft in the current container. The draft is state of the page; `edit` returns the command that
+    applies it."""
 
     def __init__(self, desk: Desk) -> None:
         self._desk, gui = desk, desk.gui
         self._draft = Draft(0)
-        self._asked_at: tuple[int, int] | None = None  # the counts of the runner's answers when the draft was sent
+        self._asked_at: tuple[int, int] | None = None  # counts of the runner's answers when the draft was sent
         self._name, self._block = "K_m", 0
         self._matrix = gui.add_dropdown("Matrix", NAMES, initial_value=self._name)
         self._matrix.on_update(self._on_choice)
@@ -94,7 +94,7 @@ class MatrixEditor:
         self._note = gui.add_html("")
 
     def edit(self, snapshot: Snapshot) -> Edit | None:
-        """Command that applies the draft, None without one. Raises ValueError for text that is no matrix."""
+        """Command that applies the draft, None without a draft. Raises ValueError for a text that is no matrix."""
         return model_edit(snapshot, self._draft.matrices()) if self._draft.texts else None
 
     async def _on_choice(self, event: viser.GuiEvent) -> None:
@@ -163,7 +163,7 @@ class MatrixEditor:
         return f'<div class="vs-checks"><div class="vs-message vs-warn">{escape(told)}</div></div>'
 
     def _blend(self, snapshot: Snapshot) -> str:
-        """Note on the blend to the draft; eigenvalues are not computed anew for every frame."""
+        """Note on the blend to the draft, as HTML. Kept until the draft changes, since eigenvalues take long."""
         key = (snapshot.scenario, snapshot.blending, self._draft, self._seconds)
         if self._told is None or self._told[0] != key:
             try:
@@ -174,7 +174,7 @@ class MatrixEditor:
         return self._told[1]
 
     def _accepted(self, snapshot: Snapshot) -> bool:
-        """Whether the draft has been sent and accepted; a refused one stays, to be corrected."""
+        """Whether the draft has been sent and accepted; a refused draft stays, to be corrected."""
         if self._asked_at is None or self._asked_at == (snapshot.revision, snapshot.refusal_number):
             return False
         accepted = snapshot.refusal_number == self._asked_at[1]
@@ -201,7 +201,7 @@ class MatrixEditor:
         return first[self._block // len(first)], first[self._block % len(first)], min(n, 3)
 
     def _current(self, snapshot: Snapshot) -> np.ndarray:
-        """The matrix on the screen: the draft's where that can be read, else the running one."""
+        """Matrix (n, n) on the screen: that of the draft where it can be read, else the running one."""
         try:
             return self._draft.matrix(self._name)
         except (KeyError, ValueError):

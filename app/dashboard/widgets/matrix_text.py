@@ -10,7 +10,8 @@ import numpy as np
 
 
 def written(value: Any) -> str:
-    """A number, several separated by commas, or the rows of a matrix separated by semicolons; None is nothing."""
+    """Text of a value: a number, numbers separated by commas, or rows of a matrix separated by semicolons; "" for
+    None."""
     if value is None:
         return ""
     if isinstance(value, tuple | list):
@@ -20,12 +21,12 @@ def written(value: Any) -> str:
 
 
 def short(value: float) -> str:
-    """Four digits, without an exponent up to a million."""
+    """Short text of a number: four digits, without an exponent up to a million."""
     return f"{value:.0f}" if 1e4 <= abs(value) < 1e6 else f"{value:.4g}"
 
 
 def read_back(text: str) -> int | float | list[Any]:
-    """The inverse of `written`; a whole number written without a point stays one. Raises ValueError."""
+    """Value of a text, the inverse of `written`; a whole number without a point becomes an int. Raises ValueError."""
     rows = [[number(part.strip()) for part in row.split(",")] for row in text.split(";")]
     if all(len(row) == 1 for row in rows):
         rows = [[row[0] for row in rows]]
@@ -44,7 +45,7 @@ def number(text: str) -> int | float:
 
 
 def written_rows(matrix: np.ndarray) -> str:
-    """A matrix as lines of numbers, exactly: `read_matrix` gives the same one."""
+    """Text of a matrix as lines of numbers, with all digits: `read_matrix` returns the same matrix."""
     return "\n".join(" ".join(_exact(float(entry)) for entry in row) for row in matrix)
 
 
@@ -53,8 +54,8 @@ def _exact(entry: float) -> str:
 
 
 def read_matrix(text: str, n: int) -> np.ndarray:
-    """An (n, n) matrix from pasted text: rows by newline, semicolon or bracket, numbers by blanks or commas; n numbers
-    in one row or one column are a diagonal. Raises ValueError with a sentence."""
+    """Matrix (n, n) of a pasted text: rows end with a newline, semicolon or bracket, numbers with blanks or commas; n
+    numbers in one row or one column are a diagonal. Raises ValueError with a sentence."""
     lines = [line for line in re.split(r"[\n;\]\)]+", re.sub(r"[\[\(]", " ", text)) if line.strip(" \t\r,")]
     rows = [[_finite(part) for part in re.split(r"[\s,]+", line.strip(" \t\r,"))] for line in lines]
     widths = [len(row) for row in rows]

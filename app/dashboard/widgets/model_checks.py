@@ -1,5 +1,5 @@
-"""Checks of the target model: its poles, eigenvalues and the sampled loops, for the running model and the one asked
-for."""
+"""Checks of the target model: poles, eigenvalues and sampled loops of the running model, and of the model that an edit
+asks for."""
 
 from __future__ import annotations
 
@@ -31,7 +31,9 @@ _UNITS = {"M_m": "kg", "B_m": "N·s/m", "K_m": "N/m", "K_f": ""}
 
 @dataclass(frozen=True)
 class Judgement:
-    """A target model with its poles (1/s) in contact, and the reason why the mode does not admit it, "" if it does."""
+    """Judgement of a target model.
+    poles: in contact, 1/s.
+    refusal: reason why the mode does not admit the model, "" where it does."""
 
     model: TargetModel
     poles: np.ndarray
@@ -49,8 +51,8 @@ def judge_running(snapshot: Snapshot) -> Judgement:
 
 
 def judge_asked(snapshot: Snapshot, edit: Edit) -> Judgement:
-    """Judgement of the model that an edit would bring. Raises ScenarioError or InvalidGain where it would bring
-    none."""
+    """Judgement of the model that an edit would bring. Raises ScenarioError or InvalidGain for an edit that brings no
+    model."""
     scenario = edited(snapshot.scenario, edit.path, edit.value)
     model = target_model(scenario, len(snapshot.coordinates))
     return _judge(model, scenario, snapshot.system.layout)
@@ -67,7 +69,7 @@ def _judge(model: TargetModel, scenario: Scenario, layout: TaskLayout) -> Judgem
 
 
 def judge_blend(snapshot: Snapshot, edit: Edit) -> BlendCertificate | None:
-    """Certificate of the blend from the running model to the one that an edit would bring; None where that one is
+    """Certificate of the blend from the running model to the model that an edit would bring; None where the latter is
     refused."""
     try:
         asked = judge_asked(snapshot, edit)
@@ -81,7 +83,7 @@ def judge_blend(snapshot: Snapshot, edit: Edit) -> BlendCertificate | None:
 
 
 def blend_html(snapshot: Snapshot, edit: Edit | None) -> str:
-    """Progress of a blend, else the certificate of the one to the model that `edit` would bring, as HTML."""
+    """Progress of the present blend as HTML; without one, the certificate of a blend to the model of `edit`."""
     if snapshot.blending is not None:
         share = f"{100 * snapshot.blending:.0f}"
         return f'<div class="vs-checks"><div class="vs-message vs-good">blending: {share} % of the way.</div></div>'
@@ -93,7 +95,7 @@ def blend_html(snapshot: Snapshot, edit: Edit | None) -> str:
 
 
 def checks_html(snapshot: Snapshot, edit: Edit | None) -> str:
-    """Verdict, pole map and table of the running model, and beside them those of the model that `edit` would bring."""
+    """Verdict, pole map and table of the running model, and beside them those of the model of `edit`, as HTML."""
     now = judge_running(snapshot)
     asked, problem = None, ""
     if edit is not None:
@@ -139,7 +141,7 @@ def _spread(matrix: np.ndarray) -> str:
 
 
 def loops_html(snapshot: Snapshot) -> str:
-    """Factors of the loops that sampling closes, with their limits; see docs/symbols.md."""
+    """Table of the factors of the loops that sampling closes, with their limits, as HTML; see docs/symbols.md."""
     live = snapshot.live
     rows = []
     if math.isfinite(factor := live.get("force_loop_factor", math.nan)):
@@ -161,7 +163,8 @@ def _margins(loop: ForceLoop | None) -> list[tuple[str, str]]:
 
 
 def _sampled_poles(snapshot: Snapshot) -> str:
-    """Table of ω and ζ of the target model's poles, and of those of the sampled loop with the torque held exactly."""
+    """Table of ω and ζ of the target model's poles, and of the poles of the sampled loop, as HTML. The loop is
+    discretized exactly, for a torque that is constant in each period."""
     found = oscillations(snapshot.sampled)
     if not found:
         return ""

@@ -20,7 +20,7 @@ from controllers.second_order import Oscillators, oscillators, shaped
 
 
 def plain(matrix: np.ndarray) -> list[Any]:
-    """A matrix as a scenario holds it: its n diagonal entries if it is diagonal, else n rows."""
+    """Numbers of a matrix as a scenario holds them: the n entries of a diagonal matrix, else n rows."""
     diagonal = np.diag(matrix)
     return (matrix if np.count_nonzero(matrix - np.diag(diagonal)) else diagonal).tolist()
 
@@ -32,7 +32,7 @@ def model_edit(snapshot: Snapshot, matrices: Mapping[str, np.ndarray]) -> Edit:
 
 
 def applying(edit: Edit, over: float) -> Edit | Blend:
-    """Command that brings the model of a `model_edit`: at once, or by a blend over so many s."""
+    """Command that brings the model of a `model_edit`. over: length of the blend, s; 0 to bring it at once."""
     return Blend(edit.value, over) if over else edit  # pyright: ignore[reportArgumentType]
 
 
@@ -52,20 +52,20 @@ def oscillators_of(snapshot: Snapshot) -> Oscillators:
 
 
 def alone() -> bool:
-    """Answer of a place that is linked to no other."""
+    """Answer of a place that is not linked to others: False."""
     return False
 
 
 def alike(snapshot: Snapshot, index: int, values: np.ndarray) -> list[int]:
-    """Coordinates to which that of this index is linked, itself among them: all lengths or all angles, with equal
-    values (n,)."""
+    """Numbers of the coordinates that are linked to one, itself included: those of its kind, length or angle, with the
+    same value. index: of the coordinate. values: (n,)."""
     of = [coordinate.metres_per_radian is None for coordinate in snapshot.coordinates]
     equal = np.isclose(values, values[index], rtol=1e-9)
     return [j for j in range(len(of)) if of[j] == of[index] and equal[j]]
 
 
 def reshaped(snapshot: Snapshot, wanted: Mapping[int, Mapping[str, float]]) -> Edit:
-    """Command that gives coordinates another omega and zeta, by number; M_m is kept."""
+    """Command that gives coordinates another omega (rad/s) and zeta; M_m is kept. wanted: both, by coordinate."""
     changed: dict[str, np.ndarray] = {}
     for i, oscillator in wanted.items():
         M_m, K_m, K_f = (float(snapshot.matrices[name][i, i]) for name in ("M_m", "K_m", "K_f"))
@@ -79,8 +79,8 @@ def reshaped(snapshot: Snapshot, wanted: Mapping[int, Mapping[str, float]]) -> E
 
 @dataclass(frozen=True)
 class DiagonalPlace(Place):
-    """Entry `index` on the diagonal of a matrix of the target model, as it is in force.
-    linked: whether equal entries of like coordinates that the mode leaves free are set, too."""
+    """Place of entry `index` on the diagonal of a matrix of the target model in force.
+    linked: whether an edit also sets the equal entries of like coordinates that the mode leaves free."""
 
     index: int
     linked: Callable[[], bool] = alone
@@ -118,8 +118,9 @@ class DiagonalPlace(Place):
 
 @dataclass(frozen=True)
 class OscillatorPlace(Place):
-    """omega or zeta of coordinate `index`, with M_m and the other of the two kept; see `controllers.second_order`.
-    linked: whether like coordinates with the same value get it, too."""
+    """Place of omega or zeta of coordinate `index`; an edit keeps M_m and the other of the two. See
+    `controllers.second_order`.
+    linked: whether an edit also sets like coordinates with the same value."""
 
     kind: Literal["omega", "zeta"]
     index: int

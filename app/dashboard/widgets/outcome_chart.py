@@ -1,4 +1,4 @@
-"""Picture of a lesson's run: its lines, those of runs beside it, and what was predicted."""
+"""Picture of a lesson's run: its lines, those of runs beside it, and the predictions; and axes to draw a curve on."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from app.lessons.playing import Trace
 from app.lessons.predictions import predicted
 
 WIDTH, HEIGHT = 336, 168
-LEFT, RIGHT, TOP, BOTTOM = 40, 330, 20, 140  # px, of the frame
+LEFT, RIGHT, TOP, BOTTOM = 40, 330, 20, 140  # px, edges of the frame
 TICKS = 4
 
 
 def outcome_html(run: Step, traces: Sequence[Trace], predictions: Sequence[tuple[Step, Answer]]) -> str:
-    """A picture for each line that the run shows, below one another."""
+    """Pictures of a run as HTML, one below the other for each line that it shows."""
     block = run.block
     assert isinstance(block, Run)
     pictures = []
@@ -33,7 +33,7 @@ def outcome_html(run: Step, traces: Sequence[Trace], predictions: Sequence[tuple
 
 
 def pad_html(question: Curve, drawn: Sequence[tuple[float, float]] | None) -> str:
-    """Axes to draw a course on, by mouse, finger or arrow keys; with what was drawn, once it is locked."""
+    """Axes on which a curve is drawn by mouse, finger or arrow keys, as HTML. drawn: points of the locked curve."""
     frame = _Frame(question.start, question.end, question.low, question.high)
     course = "" if drawn is None else _path(frame, np.array(drawn))
     ends = " ".join(
@@ -58,7 +58,7 @@ def pad_html(question: Curve, drawn: Sequence[tuple[float, float]] | None) -> st
 
 
 def courses_html(title: str, ends: tuple[float, float, float, float], courses: Sequence[np.ndarray]) -> str:
-    """Courses (N, 2) of t and value over each other, on axes with these ends: start, end, low, high."""
+    """Picture of curves (N, 2) of t and value over each other, as HTML. ends: of the axes: start, end, low, high."""
     frame = _Frame(*ends)
     lines = "".join(
         f'<path fill="none" stroke="{css(MEASURED)}" stroke-width="1.5" opacity="0.45" d="{_path(frame, course)}"/>'

@@ -10,12 +10,13 @@ from app.scenario.schema import FieldInfo
 from app.session.snapshot import Snapshot
 from parameters import Parameter
 
-WIDE = 100.0  # from the ratio of its bounds on a slider is logarithmic
+WIDE = 100.0  # ratio of its bounds from which on a slider is logarithmic
 
 
 @dataclass(frozen=True)
 class OwnPlace(Place):
-    """Place of such a parameter in the scenario; running: its present value, None where its owner is not in use."""
+    """Place of an own parameter in the scenario. running: returns its present value, None where the law, surface or
+    trajectory is not in use."""
 
     parameter: Parameter
     running: Callable[[Snapshot], float | None]
@@ -30,6 +31,6 @@ class OwnPlace(Place):
 
 
 def own_number(desk: Desk, path: str, p: Parameter, running: Callable[[Snapshot], float | None]) -> Number:
-    """Control of such a parameter, at a dotted path of the scenario."""
+    """Control of an own parameter. path: of its place in the scenario, dotted. running: see `OwnPlace`."""
     scale = decades(p.low, p.high) if p.low > 0.0 and p.high >= WIDE * p.low else Scale(p.low, p.high)
     return Number(desk, OwnPlace(path, p, running), labelled(p.name, p.unit), scale)

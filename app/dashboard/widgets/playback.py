@@ -17,9 +17,9 @@ from app.session.commands import Command, Fork, Pause, Pin, Play, Reset, Seek, S
 from app.session.snapshot import Snapshot
 
 _SPEEDS = {"1/20×": 0.05, "1/5×": 0.2, "1/2×": 0.5, "1×": 1.0, "2×": 2.0, "5×": 5.0, "10×": 10.0}
-_STRIDE = 0.1  # s, of an arrow key with Shift
-APART = 0.025  # of the timeline, between two ticks of one kind
-_SAME = 1e-3  # s: an event as near as this is the one that is looked at
+_STRIDE = 0.1  # s, step of an arrow key with Shift
+APART = 0.025  # share of the timeline, the least distance between two ticks of one kind
+_SAME = 1e-3  # s: the nearest event counts as the instant looked at up to this distance
 
 
 def _toggled(snapshot: Snapshot) -> Command:
@@ -27,15 +27,17 @@ def _toggled(snapshot: Snapshot) -> Command:
 
 
 def _moved(snapshot: Snapshot, by: float) -> Command:
-    """Command to look so many seconds (s) later or earlier, not beyond the run's ends."""
+    """Command to look at another instant, not beyond the run's ends. by: s later, negative for earlier."""
     t = snapshot.t + by
     return Seek(max(t, snapshot.first)) if t < snapshot.end else ToEnd()
 
 
 @dataclass(frozen=True)
 class _Action:
-    """Action of a key and an entry of the palette; with an icon, also of a button of the timeline.
-    name: what the button is called; icon: its drawing, a path of SVG in a square of 24."""
+    """Action of a key and of an entry in the command palette; with an icon, also of a button of the timeline.
+    title: in the palette.
+    name: of the button.
+    icon: its drawing, a path of SVG in a square of 24; "" for no button."""
 
     title: str
     command: Callable[[Snapshot], Command]
@@ -75,13 +77,13 @@ _ACTIONS = (
     _Action("A tenth of a second on", lambda s: _moved(s, _STRIDE), "arrowright", "shift"),
     _Action("A tenth of a second back", lambda s: _moved(s, -_STRIDE), "arrowleft", "shift"),
 )
-# what a pressed button sends is a key: `static/page/keys.js`
+# pressing a button sends its key: `static/page/keys.js`
 _PRESSED = {"space": " ", "arrowleft": "ArrowLeft", "arrowright": "ArrowRight", "end": "End"}
 
 
 class Playback:
     """Timeline under the scene: buttons to play or pause, make one step, begin anew, look back, fork and pin; the
-    speed; the time as a slider over the known stretch of the run, and above it a tick for each of its events."""
+    speed; the time as a slider over the recorded part of the run; above it a tick for each event."""
 
     def __init__(self, desk: Desk) -> None:
         self._desk, self._events = desk, RunEvents()
@@ -128,8 +130,8 @@ class Playback:
 
 
 def _buttons_html() -> str:
-    """The buttons. They are sent once: what stands on play / pause follows the phase in the status line (page.css), so
-    that a button keeps the focus and is not replaced under the mouse."""
+    """Buttons of the timeline as HTML. They are sent once, so that a button keeps the focus and is not replaced under
+    the mouse; the icon of play / pause follows the phase in the status line by the style sheet (page.css)."""
     buttons = []
     for action in (action for action in _ACTIONS if action.icon):
         key = _PRESSED.get(action.key, action.key.lower())
@@ -150,7 +152,8 @@ def _face(icon: str, name: str) -> str:
 
 
 def _ticks_html(snapshot: Snapshot, events: tuple[Event, ...]) -> str:
-    """A tick for each event of the known stretch, and for a run that has stopped; pressed, it is looked at."""
+    """Ticks of the events in the recorded part of the run and of its stop, as HTML; a pressed tick shows its
+    instant."""
     known = snapshot.end - snapshot.first
     if snapshot.phase == "stopped":
         events = (*events, Event(snapshot.end, "fault", f"stopped: {snapshot.reason}"))
@@ -164,8 +167,8 @@ def _ticks_html(snapshot: Snapshot, events: tuple[Event, ...]) -> str:
 
 
 def apart(places: list[tuple[Event, float]]) -> list[tuple[Event, float]]:
-    """Of events and their shares of the timeline, in order of time, those that stand `APART` from the next of their
-    kind: many pushes would be a bar, of which none can be pressed."""
+    """Events whose ticks are at least `APART` from the next tick of their kind, so that each can be pressed.
+    places: events and their positions as shares of the timeline, in order of time."""
     following: dict[str, float] = {}
     kept = []
     for event, share in reversed(places):
@@ -176,7 +179,7 @@ def apart(places: list[tuple[Event, float]]) -> list[tuple[Event, float]]:
 
 
 class _Time:
-    """The instant looked at, as a number and as a slider over the known stretch of the run."""
+    """Control of the instant looked at: a number, and a slider over the recorded part of the run."""
 
     def __init__(self, desk: Desk) -> None:
         self._desk, self._answer = desk, Answer()
@@ -220,7 +223,7 @@ class _Time:
     def show(self, snapshot: Snapshot) -> None:
         if self._answer.awaited(snapshot):
             return
-        # while the run goes on, the status line has the time: a changing value would overwrite the text being typed
+        # not while the run goes on: a changing value would overwrite the text being typed; the status line has the time
         self._text.value = "" if snapshot.phase == "running" else _written(snapshot.t)
         known = snapshot.end - snapshot.first
         self._slider.value = (snapshot.t - snapshot.first) / known if snapshot.looking_back else 1.0

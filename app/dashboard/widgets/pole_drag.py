@@ -1,5 +1,5 @@
-"""Dragging of a pole on the pole map: omega and zeta of the coordinates that have it follow, previewed while it is
-held.
+"""Dragging of a pole on the pole map: changes omega and zeta of the coordinates that have the pole; previewed while the
+pole is held.
 
 The page's script (static/page/poles.js) writes into a hidden text field: number of the pole, real and imaginary part
 (1/s), and whether the mouse still holds it.
@@ -24,14 +24,16 @@ from app.simulation.controller_builder import believed_stiffness
 from controllers.second_order import moved, poles_of
 from controllers.target_model import TargetModel
 
-SAME = 1e-2  # relative distance within which a coordinate has the pole that is dragged
-REAL = 0.12  # of a pole's size: imaginary parts below this are meant to be none
+SAME = 1e-2  # relative distance below which a coordinate's pole counts as the dragged one
+REAL = 0.12  # share of a pole's size: imaginary parts below it count as zero, so that a pole can be dragged to real
 LEAST_ZETA, SLOWEST, FASTEST = 0.02, 0.1, 2000.0  # 1; 1/s
 
 
 @dataclass(frozen=True)
 class _Drag:
-    """A pole that is being dragged: for each coordinate that has it, by number, its other pole (1/s)."""
+    """Drag of a pole that is going on.
+    number: of the pole in the pole map.
+    others: for each coordinate, by number, that has the pole, its other pole (1/s)."""
 
     number: int
     others: dict[int, complex]
@@ -44,7 +46,8 @@ def draggable(snapshot: Snapshot) -> frozenset[int]:
 
 
 def pole_edit(snapshot: Snapshot, others: dict[int, complex], pole: complex) -> tuple[Edit, float, float]:
-    """Command that moves a pole (1/s) of these coordinates, and the omega (rad/s) and zeta of the first of them."""
+    """Command that moves a pole of some coordinates, and omega (rad/s) and zeta of the first of them afterwards.
+    others: see `_Drag`. pole: to which it is moved, 1/s."""
     wanted = {}
     for i, other in others.items():
         omega, zeta = moved(_admitted(pole), other)
@@ -54,7 +57,7 @@ def pole_edit(snapshot: Snapshot, others: dict[int, complex], pole: complex) -> 
 
 
 class PoleDrag:
-    """Receiver of what the page's script reports of a dragged pole, in the current container."""
+    """Receiver of the reports by the page's script on a dragged pole; its text field is in the current container."""
 
     def __init__(self, desk: Desk) -> None:
         self._desk = desk
@@ -70,7 +73,7 @@ class PoleDrag:
         try:
             number, pole, phase = int(words[0]), complex(float(words[1]), abs(float(words[2]))), words[3]
         except (IndexError, ValueError):
-            return  # no report of our script
+            return  # not written by the page's script
         snapshot = self._desk.snapshot()
         if not np.isfinite(pole) or (drag := self._dragged(snapshot, number)) is None or phase == "left":
             self._let_go()
@@ -85,7 +88,8 @@ class PoleDrag:
             self._let_go()
 
     def _dragged(self, snapshot: Snapshot, number: int) -> _Drag | None:
-        """The drag that goes on, or begins with this pole; None where it has no coordinate."""
+        """Drag of the pole of this number: the one that goes on, or a new one; None where no coordinate has the
+        pole."""
         if self._drag is None or self._drag.number != number:
             poles = numbered_poles(snapshot)
             others = others_of(snapshot, poles[number]) if 0 <= number < len(poles) else {}
@@ -105,7 +109,7 @@ def numbered_poles(snapshot: Snapshot) -> list[complex]:
 
 
 def others_of(snapshot: Snapshot, pole: complex) -> dict[int, complex]:
-    """The other pole (1/s) of each free coordinate, by number, that has this one and is coupled with no other."""
+    """Other pole (1/s) of each coordinate, by number, that has a pole (1/s), is free and is not coupled with others."""
     oscillators, pressed = oscillators_of(snapshot), pressed_on(snapshot)
     found = {}
     for i, (omega, zeta) in enumerate(zip(oscillators.omega, oscillators.zeta, strict=True)):
@@ -128,7 +132,8 @@ def _coupled(snapshot: Snapshot, i: int) -> bool:
 
 
 def _admitted(pole: complex) -> complex:
-    """The nearest pole that a model may have: left of the imaginary axis, and real where it nearly is."""
+    """Pole (1/s) to which a dragged one is moved: left of the imaginary axis, not too slow or fast, and real where its
+    imaginary part is small."""
     size = min(max(abs(pole), SLOWEST), FASTEST)
     turned = pole * size / abs(pole) if pole else complex(-size, 0.0)
     real = min(turned.real, -LEAST_ZETA * size)

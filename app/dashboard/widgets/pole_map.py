@@ -1,6 +1,7 @@
-"""Map of the target model's poles: their distance from the centre is omega, in decades, their angle zeta.
+"""Map of the target model's poles: the distance from the centre shows omega, the angle zeta.
 
-Decades, because stiff and soft coordinates lie thousands apart; the half with Im >= 0, because the other mirrors it.
+omega is shown in decades, because stiff and soft coordinates differ by thousands; only the half with Im >= 0 is drawn,
+because the other half mirrors it.
 """
 
 from __future__ import annotations
@@ -12,8 +13,8 @@ from html import escape
 
 import numpy as np
 
-_R, _HOLE = 112.0, 14.0  # px: radius of the largest circle, and of the smallest decade's
-_X, _Y = 168.0, 128.0  # px: the origin
+_R, _HOLE = 112.0, 14.0  # px: radius of the largest circle, and of the circle of the smallest decade
+_X, _Y = 168.0, 128.0  # px: position of the origin
 _SIZE = (336, 148)
 _HATCH = (  # of the unstable half
     '<pattern id="vs-hatch" width="6" height="6" patternUnits="userSpaceOnUse">'
@@ -25,7 +26,7 @@ _SAME = 1e-3  # relative distance below which poles are drawn as one: repeated o
 
 @dataclass(frozen=True)
 class Pole:
-    """A pole (1/s) with Im >= 0, and its multiplicity, that of its conjugate included."""
+    """Pole of the map. value: 1/s, with Im >= 0. count: multiplicity, that of its conjugate included."""
 
     value: complex
     count: int
@@ -42,7 +43,7 @@ class Pole:
 
 
 def grouped(poles: np.ndarray) -> list[Pole]:
-    """Poles (k,) 1/s of a real matrix by size, repeated and conjugate ones together."""
+    """Poles of the map, by size: the poles (k,) 1/s of a real matrix, repeated and conjugate ones as one."""
     groups: list[list[complex]] = []
     for pole in sorted((complex(p.real, abs(p.imag)) for p in poles), key=lambda p: (abs(p), p.real)):
         near = next((g for g in groups if abs(g[0] - pole) <= _SAME * abs(pole)), None)
@@ -54,8 +55,10 @@ def grouped(poles: np.ndarray) -> list[Pole]:
 
 
 def pole_map_html(now: list[Pole], asked: list[Pole], dragged: Collection[int] = ()) -> str:
-    """Picture with crosses at the poles, and rings at those asked about; the frame fits both.
-    dragged: numbers of the poles that can be dragged; the page's script knows the frame by its attributes."""
+    """Map of poles as HTML. The page's script reads the frame's size from attributes.
+    now: poles of the running model, drawn as crosses.
+    asked: poles of the model that an edit asks for, drawn as rings.
+    dragged: numbers of the poles that can be dragged."""
     low, high = _decades([*now, *asked])
     parts = [
         f'<path class="left" d="M {_X - _R} {_Y} A {_R} {_R} 0 0 1 {_X} {_Y - _R} V {_Y} Z"/>',

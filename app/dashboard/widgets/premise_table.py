@@ -13,7 +13,7 @@ from controllers.premises import STATEMENTS, Premise
 
 
 def premises_html(snapshot: Snapshot) -> str:
-    """Every premise that applies, and the verdict above them."""
+    """Table of the premises that apply, with the verdict above it, as HTML."""
     standing = snapshot.standing
     promise, run = standing.now, standing.run
     head = f"<div>{chip(f'now: {promise.verdict}', CHIP_OF[promise.verdict])} {escape(promise.because)}</div>"
@@ -28,7 +28,7 @@ def premises_html(snapshot: Snapshot) -> str:
 
 
 def _constants(snapshot: Snapshot) -> str:
-    """Note on the constants of (19) and (20), and how they were found."""
+    """Note on the constants of (19) and (20) and how they were found, as HTML."""
     constants = snapshot.system.constants
     unit = "kg·m²" if snapshot.system.units == JOINT else "kg"
     return (

@@ -1,4 +1,5 @@
-"""Map of a figure over one or two fields and over true arms, filled in while the loop runs; a tile opens its run."""
+"""Robustness map on the page: a figure over one or two fields and over true arms, computed beside the loop; a tile
+opens its run."""
 
 from __future__ import annotations
 
@@ -50,9 +51,9 @@ FORMATS: dict[str, Format] = {"SVG": "svg", "PDF": "pdf", "PNG": "png"}
 
 
 class RobustnessMap(BesideLoop[BackgroundSweep]):
-    """Controls of the map and its picture, in the current container.
+    """Robustness map with its controls, in the current container.
 
-    Its runs are those of the page's loop, by its engine, to the last bit: that is what a tile opens.
+    The map's runs and those of the page's loop are equal to the last bit, so that a tile opens the run that it shows.
     """
 
     def __init__(self, desk: Desk) -> None:
@@ -80,7 +81,7 @@ class RobustnessMap(BesideLoop[BackgroundSweep]):
         self._files.on_click(guarded(self._on_file, desk.complain))
 
     def sweep(self, row: Row) -> None:
-        """Choose the field of this row alone, around its present value. Raises ScenarioError."""
+        """Choose the field of this row as the only one, around its present value. Raises ScenarioError."""
         field = field_of_row(row, self._desk.snapshot())
         self._fields[field.path] = field
         self._across.choose(field)
@@ -93,7 +94,7 @@ class RobustnessMap(BesideLoop[BackgroundSweep]):
         )
 
     def _on_file(self, event: viser.GuiEvent[viser.GuiButtonGroupHandle]) -> None:
-        """In a thread of viser's pool that may wait for the file."""
+        """Callback of the buttons for files; viser calls it in a thread of its pool, which may wait."""
         sweep, chosen = self._work, event.target.value
         if sweep is None or not sweep.rows:
             return
@@ -145,7 +146,7 @@ class RobustnessMap(BesideLoop[BackgroundSweep]):
         except ScenarioError as error:
             self._desk.complain(str(error))
             return
-        # to its end and no further: the constants are those of the posture until then
+        # the run must end as on the map: its constants hold up to this end only
         named = msgspec.structs.replace(scenario, name=question.sweep.scenario.name)
         self._desk.post(Perform(named, (), scenario.simulation.duration))
 
@@ -176,7 +177,7 @@ class RobustnessMap(BesideLoop[BackgroundSweep]):
 
 
 def _columns(rows: Sequence[Figures]) -> dict[str, np.ndarray]:
-    """Columns of rows, NaN or None where one is missing."""
+    """Columns of rows by name, NaN or None where a row has no value."""
     names = {name for row in rows for name in row} | set(COLUMNS)
     words = {name for name, column in COLUMNS.items() if column.word}
     columns = {}

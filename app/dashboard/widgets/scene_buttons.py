@@ -1,4 +1,4 @@
-"""Large buttons over the scene: swap the law, push the tool, see s reach zero, take the way out of a refusal."""
+"""Large buttons over the scene: swap the law, push the tool, show how s reaches zero, take the way out of a refusal."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from app.session.snapshot import Snapshot
 from controllers.control_law import ControlLaw
 from controllers.laws.table import LAWS
 
-_SHOWN_IN = 6.0  # s of wall time for the reaching phase
-_LONGER = 1.5  # times the reaching time are shown
-_WINDOWS = (0.5, 2.0)  # s, for the plots
+_SHOWN_IN = 6.0  # s of wall time in which the reaching phase is shown
+_LONGER = 1.5  # shown time over the reaching time
+_WINDOWS = (0.5, 2.0)  # s, windows of the plots meanwhile
 
 
 class SceneButtons:
-    """The buttons, each of which presses its key, and the commands of these keys."""
+    """Large buttons, each of which presses a key, and the commands of these keys."""
 
     def __init__(self, desk: Desk) -> None:
         self._desk = desk
@@ -72,7 +72,7 @@ class SceneButtons:
             self._html.content = content
 
     def _restore_window(self, snapshot: Snapshot) -> None:
-        """The plots' usual window again, when the stretch shown slowly is over or another run has begun."""
+        """Give the plots their usual window again, when the slow stretch is over or another run has begun."""
         shown = self._shown
         if shown is None:
             return
@@ -85,11 +85,11 @@ class SceneButtons:
 
 @dataclass(frozen=True)
 class _Shown:
-    """The stretch for which the plots have a window of their own.
+    """Stretch of a run that is shown slowly, with another window of the plots.
     run: number of the run.
-    end: s, its last instant.
-    usual: s, the window afterwards.
-    begun: whether a snapshot of it has been seen; until then those of the instant of the command still come."""
+    end: s, last instant of the stretch.
+    usual: s, window of the plots afterwards.
+    begun: whether a snapshot of the stretch has come; earlier ones are later in the run."""
 
     run: int
     end: float
@@ -98,8 +98,8 @@ class _Shown:
 
 
 def reaching(snapshot: Snapshot) -> ShowAgain | None:
-    """Command that shows the last reaching phase slowly; None where s began at zero, nothing was to be reached, or the
-    run is no longer known as far back."""
+    """Command that shows the last reaching phase slowly; None where the law has none, s began near zero, or the
+    recording does not go back so far."""
     epoch, period = snapshot.state.epoch, snapshot.scenario.controller.period
     if not snapshot.system.controller.law.robust or not epoch.certificate.t_r > 10.0 * period:
         return None
@@ -112,13 +112,14 @@ def reaching(snapshot: Snapshot) -> ShowAgain | None:
 
 
 def _other(law: ControlLaw) -> ControlLaw:
-    """The first law of the table that is robust where this one is not, and the other way round."""
+    """Law to swap for: the first robust one of the table for a law that is not robust, else the first other one."""
     return next(each for each in LAWS.values() if each.robust != law.robust)
 
 
 def _button(key: str, does: str, note: str, opens: str = "") -> str:
     """Button that presses a key, as HTML.
-    opens: ending of the files that it asks for instead, as the panel's upload button does."""
+    does, note: title and text of the button.
+    opens: file extension for a button that asks for a file instead, as the panel's upload button does."""
     presses = f'data-upload="{opens}"' if opens else f'data-key="{key}"'
     return (
         f'<button {presses} title="{escape(does)} ({key.upper()})"><b>{escape(does)}</b> '

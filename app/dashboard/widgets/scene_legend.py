@@ -1,4 +1,4 @@
-"""Legend of the scene: colours and lengths of what is drawn; over the scene behind a button, and in the tab View."""
+"""Legend of the scene, its colours and lengths: over the scene behind a button, and in the tab View."""
 
 from __future__ import annotations
 
@@ -29,12 +29,12 @@ _COARSE = (
 
 
 class SceneLegend:
-    """The button, and the legend that it opens and closes on the page where it is pressed. Below it a button that shows
-    itself where that page draws coarse arms (static/page/coarse.js)."""
+    """Legend over the scene, with the button that opens and closes it on the page where it is pressed. A button below
+    it is visible only on a page that draws coarse arms (static/page/coarse.js)."""
 
     def __init__(self, desk: Desk) -> None:
         self._viewing = desk.viewing
-        # apart: the legend is sent anew while a button must stay the one that is pressed
+        # two widgets: the legend is sent anew, whereas a button must not be replaced while it is pressed
         desk.gui.add_html(
             '<button class="vs-legend-button" title="What the colours in the scene mean">Legend</button>'
             f'<button class="vs-coarse-button" title="{_COARSE}" hidden>Coarse arms</button>'
@@ -47,7 +47,7 @@ class SceneLegend:
 
 
 def legend_html(look: Look, legend: Legend, snapshot: Snapshot) -> str:
-    """Rows of the legend as HTML: of what is drawn."""
+    """Rows of the legend as HTML, for the objects that are drawn."""
     lines = []
     if look.tool_path and look.error_colors and snapshot.tool_desired is not None:
         colors = ", ".join(css(color) for color in ERROR_COLORS)

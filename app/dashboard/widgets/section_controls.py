@@ -24,8 +24,10 @@ _Applies = Callable[[Scenario], bool]
 def kind_choice(
     desk: Desk, section: str, label: str, kinds: Sequence[Any], own: _Own, applies: _Applies | None = None
 ) -> Choice:
-    """Menu of a section's kinds. kinds: those allowed, each with its `title`; own: those of the user's own files, by
-    kind; applies: see `PlaceWhere`."""
+    """Menu of a section's kinds.
+    kinds: allowed ones, each with its `title`.
+    own: those of the user's own files, by kind.
+    applies: see `PlaceWhere`."""
     options = {kind.title: str(kind.__struct_config__.tag) for kind in kinds}
     options = {title: kind for title, kind in options.items() if kind != OWN}
     return Choice(desk, section, label, options | {each.title: f"{OWN}:{name}" for name, each in own.items()}, applies)
@@ -34,7 +36,7 @@ def kind_choice(
 def field_controls(
     desk: Desk, section: str, kinds: Sequence[Any], own: _Own, applies: _Applies | None = None
 ) -> list[Control]:
-    """Controls of the fields of all kinds; a control is shown where the section has its field, and applies."""
+    """Controls of the fields of all kinds; a control is shown where the section has its field and `applies` is True."""
     controls: list[Control] = []
     for name, each in own.items():
         controls += [_own_parameter(desk, section, f"{OWN}:{name}", p) for p in each.parameters]
@@ -46,7 +48,7 @@ def field_controls(
 
 
 def _paths(prefix: str, kinds: Sequence[type[Struct]]) -> list[str]:
-    """Dotted paths of the fields of all kinds, each once: texts first, those of sections within last."""
+    """Dotted paths of the fields of all kinds, each once: texts first, fields of inner sections last."""
     texts, others, nested = [], [], []
     for kind in kinds:
         for name in kind.__struct_fields__:

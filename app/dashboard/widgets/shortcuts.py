@@ -15,7 +15,7 @@ _Digit = Literal["1", "2", "3", "4", "5", "6", "7", "8", "9"]
 
 
 class Shortcuts:
-    """Modes by their place in MODES, scenarios by title or name."""
+    """Commands that load a mode by its place in MODES, or a scenario by title or name."""
 
     def __init__(self, desk: Desk) -> None:
         self._desk = desk

@@ -1,4 +1,4 @@
-"""Status line: what runs, how far, how fast, and the verdict on the theorem's promise."""
+"""Status line: the scenario, its time and speed, and the verdict on the theorem's promise."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from app.session.snapshot import Snapshot
 from app.simulation.verdict import PromiseVerdict
 from controllers.modes import MODES
 
-_LATELY = 0.2  # s that the badge looks back
+_LATELY = 0.2  # s before now in which a cut torque is still reported
 
 
 def status_html(snapshot: Snapshot, complaint: str, begun_from: Scenario | None = None) -> str:
-    """Lines of chips and numbers; in a strip over the scene, where they move nothing: the reason of a stop, the
-    complaint and the notice.
-    begun_from: the shipped scenario of this name, None where there is none."""
+    """Status line as HTML: chips and numbers, and a strip over the scene, which moves no other widget, with the reason
+    of a stop, the complaint and the notice.
+    begun_from: the shipped scenario of the running one's name, None for none."""
     scenario = snapshot.scenario
     pace = snapshot.pace
     lines = [
@@ -68,7 +68,7 @@ def _phase(snapshot: Snapshot) -> str:
 
 
 def _verdict(promise: PromiseVerdict) -> str:
-    """Verdict on the theorem's promise."""
+    """Verdict on the theorem's promise, as HTML."""
     text = {"holds": "promise holds", "broken": "promise broken"}.get(promise.verdict, promise.verdict)
     return f'<span title="{escape(promise.because)}">{chip(text, CHIP_OF[promise.verdict])}</span>'
 
@@ -84,7 +84,7 @@ def _reason(snapshot: Snapshot) -> str:
 
 
 def _saturating(snapshot: Snapshot) -> str:
-    """Joints whose drives' limits have cut the torque lately, as text; "" where there are none."""
+    """Joints whose torque was cut by a drive's limit in the last `_LATELY` s, as text; "" where there are none."""
     rows = snapshot.recording.signals(("tau", "tau_applied"), snapshot.t - _LATELY, snapshot.t)
     joints = np.flatnonzero((rows["tau"] != rows["tau_applied"]).any(axis=0)) + 1
     return f"torque at its limit: joint {', '.join(map(str, joints))}" if len(joints) else ""

@@ -19,14 +19,17 @@ from app.sweep.question import Axis
 from app.sweep.titles import title_of, unit_of
 
 NONE = "—"
-DECADE = 10.0  # a logarithmic slider's range reaches so far to both sides of the present value, at first
+DECADE = 10.0  # factor by which the initial range of a logarithmic slider reaches to both sides of the present value
 
 
 @dataclass(frozen=True)
 class Field:
-    """Field that may be varied: name on the page, dotted path, and range at first.
-    logarithmic: in even steps of the logarithm.
-    place: of the control from which it was chosen, None for one of those that are always offered."""
+    """Field that may be varied.
+    name: on the page.
+    path: dotted.
+    low, high: initial range.
+    logarithmic: whether its values are even steps of the logarithm.
+    place: of the control from which the field was chosen, None for a field that is always offered."""
 
     name: str
     path: str
@@ -41,7 +44,8 @@ class Field:
         return unit_of(self.path)
 
     def needs(self, snapshot: Snapshot) -> Mapping[str, Any]:
-        """Values that the scenario must have before this field can be set: a matrix that it leaves to the mode."""
+        """Values, by path, that the scenario must get before this field can be set: a matrix that it leaves to the
+        mode."""
         return {} if self.place is None else self.place.entry(snapshot)[1]
 
     def value(self, snapshot: Snapshot) -> float | None:
@@ -58,7 +62,7 @@ class Field:
         """Raise ScenarioError where the scenario has no such number."""
         value: Any = scenario
         for part in self.path.split("."):
-            if isinstance(value, dict):  # parameters of the user's own code may be left out
+            if isinstance(value, dict):  # a scenario may leave out parameters of the user's own code
                 return
             if part.isdecimal():
                 break
@@ -101,15 +105,15 @@ def field_of_row(row: Row, snapshot: Snapshot) -> Field:
     low, high = scale.low, scale.high
     if scale.logarithmic and value > 0.0:
         low, high = max(low, float(f"{value / DECADE:.3g}")), min(high, float(f"{value * DECADE:.3g}"))
-        if not low < high:  # typed, beyond its slider
+        if not low < high:  # the present value was typed, and is beyond the slider's ends
             low, high = scale.low, scale.high
     return Field(title_of(path), path, low, high, scale.logarithmic, row.place)
 
 
 class FieldChoice:
-    """Menu of fields, and the range of the one that is chosen. State of the page.
+    """Menu of fields, with the range of the chosen one. State of the page.
 
-    first: name of the field at first; `NONE` where there may be none.
+    first: name of the field that is chosen at first, or `NONE`.
     """
 
     def __init__(self, desk: Desk, label: str, fields: tuple[Field, ...], first: str, *, optional: bool) -> None:
@@ -132,11 +136,11 @@ class FieldChoice:
 
     @property
     def field(self) -> Field | None:
-        """Field that is chosen, None for none."""
+        """The chosen field, None for none."""
         return self._fields.get(self._field.value)
 
     def choose(self, field: Field) -> None:
-        """Choose this field with its range; it is offered from now on."""
+        """Choose a field with its range; the menu offers it from now on."""
         self._fields[field.name] = field
         if self._field.options != self._names:
             self._field.options = self._names
@@ -145,7 +149,7 @@ class FieldChoice:
         self.show()
 
     def leave(self) -> None:
-        """Choose none."""
+        """Choose no field."""
         self._of = self._field.value = NONE
         self.show()
 
@@ -170,7 +174,7 @@ class FieldChoice:
             self._field.visible = visible
 
     def range(self, scenario: Scenario) -> Axis:
-        """Range that is asked for, without values. Raises ScenarioError."""
+        """Axis over the range that the user has typed, without values. Raises ScenarioError."""
         field = self.field
         assert field is not None
         field.require_there(scenario)
@@ -184,14 +188,15 @@ class FieldChoice:
         return Axis(field.path, (), low, high, field.logarithmic and low > 0.0)
 
     def axis(self, scenario: Scenario, count: int) -> Axis:
-        """Axis with so many values. Raises ScenarioError."""
+        """Axis over the range that the user has typed. count: of its values. Raises ScenarioError."""
         asked = self.range(scenario)
         spaced = np.geomspace if asked.logarithmic else np.linspace
         return Axis(asked.path, tuple(float(f"{value:.6g}") for value in spaced(asked.low, asked.high, count)))
 
 
 def prepared(snapshot: Snapshot, fields: list[Field]) -> Scenario:
-    """The running scenario, with all that must be there before these fields can be set. Raises ScenarioError."""
+    """The running scenario with the values that it must have before these fields can be set, see `Field.needs`. Raises
+    ScenarioError."""
     needed: dict[str, Any] = {}
     for field in fields:
         needed |= field.needs(snapshot)
@@ -199,13 +204,13 @@ def prepared(snapshot: Snapshot, fields: list[Field]) -> Scenario:
 
 
 async def unmarked(event: viser.GuiEvent) -> None:
-    """Take the mark off a text that was typed."""
+    """Remove the marks of the page's script from a text field."""
     if event.client is not None and event.target.value.endswith(MARKS):
         event.target.value = event.target.value.rstrip("".join(MARKS))
 
 
 def number_of(name: str, text: str) -> float:
-    """Number of a text. Raises ScenarioError."""
+    """Number of a text. name: of the text field, for the error's sentence. Raises ScenarioError."""
     text = text.strip("".join(MARKS)).strip()
     try:
         value = float(text.replace("−", "-"))

@@ -11,7 +11,7 @@ import viser
 from app.analysis.glossary import GLOSSARY, Symbol
 from app.session.snapshot import Snapshot
 
-EVERY = 0.5  # s, between two sets of values
+EVERY = 0.5  # s, between two updates of the values
 
 
 class Symbols:
@@ -23,14 +23,15 @@ class Symbols:
         self._due = 0.0
 
     def show(self, snapshot: Snapshot) -> None:
-        """Send the values, now and then; viser sends what has changed only."""
+        """Send the values every EVERY s; viser sends only changed ones."""
         if (now := time.monotonic()) >= self._due:
             self._due = now + EVERY
             self._values.content = values_html(snapshot)
 
 
 def glossary_html() -> str:
-    """Every symbol with its sentence, unit and equation, as a template that shows nothing by itself."""
+    """Glossary as HTML: every symbol with its sentence, unit and equation, in a template, which is invisible by
+    itself."""
     entries = "".join(map(_entry, GLOSSARY))
     return f'<template id="vs-symbols"><dl>{entries}</dl></template>'
 
@@ -47,7 +48,7 @@ def _entry(symbol: Symbol) -> str:
 
 
 def values_html(snapshot: Snapshot) -> str:
-    """The symbols' present values, as data that show nothing."""
+    """Present values of the symbols, as invisible HTML."""
     rows = snapshot.recording.stretch(snapshot.t, snapshot.t) if len(snapshot.recording) else {}
     row = {name: values[-1] for name, values in rows.items() if len(values)}
     told = {

@@ -1,4 +1,4 @@
-"""Text field of the scenario: it takes effect on Enter or when it is left, as numbers do."""
+"""Text field of the scenario, which takes effect on Enter or when it is left, as those of numbers do."""
 
 from __future__ import annotations
 
@@ -13,15 +13,16 @@ from app.session.snapshot import Snapshot
 
 @dataclass(frozen=True)
 class _Draft:
-    """Text that the user has typed and that is not in force: not yet, or refused. It stays until it is accepted, or
-    until Esc or a new run."""
+    """Draft: a text that the user has typed and that is not in force, or was refused. It stays until it is accepted,
+    until Esc, or until a new run.
+    run: number of the run in which it was typed."""
 
     text: str
     run: int
 
 
 class TextField:
-    """A wide field in which a refused text stays, to be corrected."""
+    """Wide text field of the scenario, in which a refused text stays, to be corrected."""
 
     def __init__(self, desk: Desk, place: Place, label: str) -> None:
         self._desk, self._place = desk, place

@@ -1,4 +1,4 @@
-"""Table of the theorem in numbers; it is read, not edited."""
+"""Table of the theorem in numbers, without controls."""
 
 from __future__ import annotations
 
@@ -23,8 +23,7 @@ class TheoremTable:
 
 
 def facts_html(snapshot: Snapshot) -> str:
-    """Table of each measured value against the one that the theorem requires or promises, and whether that holds
-    now."""
+    """Table as HTML: each measured value, the value that the theorem requires or promises, and whether it holds now."""
     rows = _facts(snapshot)
     body = "".join(
         f'<tr title="{title}"><td>{what}</td><td>{value}</td><td>{verdict}</td></tr>'
@@ -34,7 +33,7 @@ def facts_html(snapshot: Snapshot) -> str:
 
 
 def _facts(snapshot: Snapshot) -> list[tuple[str, str, str, str]]:
-    """Name, value against limit, verdict, and explanation of each line."""
+    """Rows of the table: name, value against limit, verdict and explanation of each."""
     live, units = snapshot.live, snapshot.system.units
 
     def number(name: str, factor: float = 1.0) -> str:
@@ -103,7 +102,8 @@ def _facts(snapshot: Snapshot) -> list[tuple[str, str, str, str]]:
 
 
 def _reached(since: float, measured: float | None, promised: float | None) -> tuple[str, str, str]:
-    """Measured against promised time, verdict and explanation."""
+    """Cells on a time at which s reaches its goal: measured against promised time, verdict and explanation.
+    since: instant from which both are counted, s. measured, promised: instants, s, None for unknown ones."""
     after = "not yet" if measured is None else f"<b>{measured - since:.3g}</b>"
     by = "—" if promised is None else f"{promised - since:.3g}"
     held = "" if measured is None or promised is None else verdict(measured <= promised + 1e-9)

@@ -1,4 +1,4 @@
-"""What if: the value of a slider that is held, and the preview of its effect. State of the page, not of a run."""
+"""What-if questions: the value of a held slider, and the preview of its effect. State of the page, not of a run."""
 
 from __future__ import annotations
 
@@ -13,15 +13,18 @@ from app.session.preview import Outlook, Refusal
 from app.session.preview_client import Previewer
 from app.session.snapshot import Snapshot
 
-HORIZON, PUSH, ARMS = 5.0, 30.0, 16  # s, N, and true arms of the band, until the user says otherwise
+HORIZON, PUSH, ARMS = 5.0, 30.0, 16  # s, N, and number of true arms of the band, until the user changes them
 
 
 @dataclass(frozen=True)
 class Held:
-    """A slider that is held, or something else whose effect is previewed: the edit that it asks for, its control, and
-    the client whose page it is on.
-    then: what the user can do, in words.
-    moved: the value of every place that the edit sets, by place."""
+    """Held slider, or another control whose effect is previewed.
+    edit: that the control asks for.
+    label, value: of the control, as text.
+    control: by identity.
+    client: whose page the control is held on.
+    then: ways to go on, in words for the user.
+    moved: value of every place that the edit sets."""
 
     edit: Edit | EditAll
     label: str
@@ -41,7 +44,11 @@ def changed(scenario: Scenario, edit: Edit | EditAll) -> Scenario:
 
 @dataclass(frozen=True)
 class _Asked:
-    """Subject of the newest question."""
+    """Subject of the newest question.
+    base: running scenario.
+    horizon: s, length of the preview.
+    push, arms: see `Question`.
+    t: instant at which the preview begins, s."""
 
     edit: Edit | EditAll
     base: Scenario
@@ -53,8 +60,10 @@ class _Asked:
 
 @dataclass(frozen=True)
 class _Applied:
-    """The scenario before and after the last edit by a slider, the places that it sets, and the counts of the runner's
-    answers at that time."""
+    """Last edit that a slider has applied.
+    before, after: scenario before and after the edit.
+    moved: value of every place that the edit sets.
+    asked_at: counts of the runner's answers when the edit was posted."""
 
     before: Scenario
     after: Scenario
@@ -67,11 +76,12 @@ def _answers(snapshot: Snapshot) -> tuple[int, int]:
 
 
 class WhatIf:
-    """Previews of one slider at a time, whoever holds it. Callbacks `hold` and `let_go`; the drawing loop calls `look`.
+    """Previews of one slider at a time, from all pages. Widgets call `hold` and `let_go`, the drawing loop `look`.
 
     wake: called where the drawing loop should not wait for its next frame: a slider has moved, or an answer has come.
     push, arms: see `Question`.
-    outlook: preview to draw, None for nothing; refusal: reason why there is nothing, in a sentence.
+    outlook: preview to draw, None for none.
+    refusal: reason why there is no preview, in a sentence.
     """
 
     def __init__(self, previewer: Previewer, wake: Callable[[], None] = lambda: None) -> None:
@@ -87,7 +97,7 @@ class WhatIf:
         self._run = -1
 
     def hold(self, held: Held) -> None:
-        """Note that a slider has moved."""
+        """Preview the effect of a slider that has been moved and is held."""
         self.held, self._applied = held, None
         self._wake()
 
@@ -102,8 +112,8 @@ class WhatIf:
             self.held = None
 
     def moved(self, snapshot: Snapshot) -> Mapping[object, float]:
-        """Values by place that controls show: of the slider that is held, or, until the runner has answered, of the one
-        that was let go."""
+        """Values that controls show in place of the running ones, by place: those of the held slider, or, until the
+        runner has answered, of the slider that was let go."""
         if self.held is not None:
             return self.held.moved
         applied = self._applied
@@ -112,8 +122,7 @@ class WhatIf:
     def remember(
         self, snapshot: Snapshot, edit: Edit | EditAll, moved: Mapping[object, float] = MappingProxyType({})
     ) -> None:
-        """Remember an edit that is being applied; `undo` takes it back.
-        moved: see `Held`."""
+        """Remember an edit that is posted, for `undo`. moved: see `Held`."""
         try:
             after = changed(snapshot.scenario, edit)
         except ScenarioError:  # the runner will refuse it, too, and say so
@@ -122,7 +131,7 @@ class WhatIf:
             self._applied = _Applied(snapshot.scenario, after, moved, _answers(snapshot))
 
     def undo(self, snapshot: Snapshot) -> Load | None:
-        """Command that takes the last applied slider back, None when it was refused or something else has changed
+        """Command that takes back the last edit by a slider, None where it was refused or the scenario has been changed
         since."""
         applied = self._applied
         if applied is None or (applied.after != snapshot.scenario and applied.asked_at != _answers(snapshot)):
@@ -130,7 +139,7 @@ class WhatIf:
         return Load(applied.before)
 
     def look(self, snapshot: Snapshot, clients: Collection[int]) -> bool:
-        """Ask open questions and take answers; True when there is something else to draw."""
+        """Ask the question of the held slider, and take answers. Returns whether the preview to draw has changed."""
         held = self.held
         if held is not None and (held.client not in clients or snapshot.run != self._run):
             self.held = held = None  # the page was closed with the slider held, or another run has begun

@@ -20,8 +20,8 @@ _SHOWN = 20.0  # s during which an applied value can be taken back by a click
 
 
 class WhatIfPanel:
-    """Folder of settings in the current container, and a window that is visible while a slider is held and a little
-    longer, to take the value back."""
+    """Folder of settings in the current container, and a window that is visible while a slider is held, and a little
+    longer, so that its value can be taken back."""
 
     def __init__(self, desk: Desk) -> None:
         self._desk, gui = desk, desk.gui
@@ -121,8 +121,9 @@ def _of_band(outlook: Outlook) -> str:
 
 @dataclass(frozen=True)
 class _Row:
-    """Row of the table: title, and the value of the figures as text; None where it has no meaning.
-    told: value that belongs to the title, such as a prediction, as text."""
+    """Row of the table of final values.
+    value: returns the row's value as text, None where it has no meaning.
+    told: returns a text beside the title, such as a predicted value, None for none."""
 
     title: str
     value: Callable[[Figures], str | None]
@@ -161,7 +162,8 @@ def _rows(units: Units) -> tuple[_Row, ...]:
 
 
 def _table(figures: Figures, today: Figures | None, units: Units) -> str:
-    """Table of the figures beside today's, for rows that have a meaning."""
+    """Table of the preview's figures as HTML, of the rows that have a meaning.
+    today: figures of the running scenario, shown beside them; None for none."""
     lines = ["<tr><th></th><th>then</th><th>now</th></tr>"]
     for row in _rows(units):
         if (value := row.value(figures)) is None:
