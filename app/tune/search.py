@@ -33,12 +33,15 @@ class Search:
             self._study.enqueue_trial(question.values_at(point))
 
     def ask(self, numbers: Sequence[int]) -> dict[int, dict[str, Value]]:
-        """Gains of the candidates with these numbers: by number, their values by path, rounded to four digits."""
+        """Gains of the candidates with these numbers: by number, their values by path, rounded to four digits where
+        that is within their range."""
         asked: dict[int, dict[str, Value]] = {}
         for number in numbers:
             trial = self._trials[number] = self._study.ask()
             asked[number] = {
-                axis.path: float(f"{trial.suggest_float(axis.path, axis.low, axis.high, log=axis.logarithmic):.4g}")
+                axis.path: _rounded(
+                    trial.suggest_float(axis.path, axis.low, axis.high, log=axis.logarithmic), axis.low, axis.high
+                )
                 for axis in self._axes
             }
         return asked
@@ -49,3 +52,7 @@ class Search:
         trial = self._trials.pop(candidate.number)
         trial.set_constraint("broken", candidate.broken)
         self._study.tell(trial, candidate.aims)
+
+
+def _rounded(value: float, low: float, high: float) -> float:
+    return min(max(float(f"{value:.4g}"), low), high)

@@ -9,6 +9,7 @@ from app.scenario.data import shipped
 from app.scenario.schema import ScenarioError
 from app.sweep.question import Axis, Question, Row
 from app.tune.question import Tuning, moved, require_sound
+from app.tune.search import Search
 
 TUNING = Tuning(
     shipped()["planar3r-hybrid"], (moved("controller.layer=0.002:0.05:log"),), points=9, draw=2, aims=("force_error",)
@@ -73,3 +74,10 @@ def test_the_arms_that_the_search_does_not_see_are_others_inside_the_declared_se
     assert (truths[0] == tuning.scenario.truth) == (draw == 0)
     other = Row(tuning.arms, 1, 1, {"controller.layer": 0.02})
     assert question.scenario(other).truth == truths[1]  # the same for every candidate
+
+
+def test_a_rounded_candidate_stays_within_its_range() -> None:
+    low, high = 0.0123456, 0.0123461  # 0.01235, to four digits
+    narrow = msgspec.structs.replace(TUNING, vary=(moved(f"controller.layer={low}:{high}"),))
+    asked = Search(narrow).ask(range(1, 4))
+    assert all(low <= values["controller.layer"] <= high for values in asked.values())
