@@ -27,10 +27,24 @@ const inLegend = (plot) => {
   if (idx !== null) plot.setLegend({ idx }, false);
   else for (const none of plot.root.querySelectorAll(".u-legend .u-value")) none.textContent = "";
 };
+// The value of line i at place k: for a part of a stacked sum its own, not that of the edge of its area; none for a
+// shading or a mark of an instant, which have an axis of their own.
+const valueOf = (plot, i, k) => {
+  const { label, scale } = plot.series[i];
+  if (scale === "backdrop") return null;
+  const areas = plot.bands.map(({ series }) => [Math.max(...series), Math.min(...series)])
+    .filter(([edge]) => label && plot.series[edge].label === label);
+  return areas.length ? areas.reduce((sum, [edge, base]) => sum + plot.data[edge][k] - plot.data[base][k], 0) : plot.data[i][k];
+};
 const listed = (series) => series.label && !/vs-unlisted/.test(series.class ?? "");
 const valued = (plot) => {
   plot.series.forEach((series, i) => {
-    series.value = (_, value) => (value === null || value === undefined || (!i && !plot.over.matches(":hover")) ? "" : i ? onAxis(plot, value) : short(value));
+    series.value = (_, value, __, k) => {
+      if (value === null || value === undefined) return "";
+      if (!i) return plot.over.matches(":hover") ? short(value) : "";
+      const own = valueOf(plot, i, k);
+      return own === null ? "" : onAxis(plot, own);
+    };
   });
   for (const entry of plot.root.querySelectorAll(".u-legend .u-series:not(:first-child) th"))
     entry.title = "click: hide or show it; with Ctrl: this one alone";
@@ -50,8 +64,8 @@ const between = (plot, y, from, to) => {
 const unit = (value, name) => (Number.isFinite(value) ? `${short(value)} ${name}` : "–");
 const told = (plot, shares, table) => {
   const { min, max } = plot.scales.x, [from, to] = [...shares].sort((a, b) => a - b).map((s) => min + s * (max - min));
-  const lines = plot.series.slice(1).map((series, i) => [series, plot.data[i + 1]])
-    .filter(([series]) => series.show && listed(series)).slice(0, 8);
+  const lines = plot.series.slice(1).map((series, i) => [series, Array.from(plot.data[0], (_, k) => valueOf(plot, i + 1, k))])
+    .filter(([series]) => series.show && listed(series) && series.scale !== "backdrop").slice(0, 8);
   const rows = [["", "Δy", "overshoot", "settling, 2 %"], ...lines.map(([series, y]) => {
     const found = between(plot, y, from, to);
     return [series.label, short(found?.step), unit(found?.overshoot, "%"), unit(found?.settling, "s")];
@@ -109,7 +123,7 @@ const tell = (plot) => {
   values.hidden = !hovered || idx == null || left < 0;
   if (values.hidden) return;
   values.vsmrcPlot = plot;
-  const lines = plot.series.slice(1).map((series, i) => [series, plot.data[i + 1][idx], series.stroke?.(plot, i + 1)])
+  const lines = plot.series.slice(1).map((series, i) => [series, valueOf(plot, i + 1, idx), series.stroke?.(plot, i + 1)])
     .filter(([series, value]) => listed(series) && Number.isFinite(value))
     .map(([series, value, color]) => row(series.label, value, color));
   values.replaceChildren(row(plot.series[0].label, plot.data[0][idx], ""), ...lines);

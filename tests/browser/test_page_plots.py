@@ -6,10 +6,10 @@ from itertools import pairwise
 from pathlib import Path
 
 import pytest
-from playwright.sync_api import Browser
+from playwright.sync_api import Browser, expect
 
 from app.dashboard.plots.charts import Setup
-from app.dashboard.plots.plot_table import TABS
+from app.dashboard.plots.plot_table import CAUSES, TABS
 from app.session.commands import Edit, Pause, Reset
 from drivers.pages import CHARTS, SHOWN, Session
 
@@ -173,6 +173,23 @@ def test_the_legend_has_the_values_of_now_and_hides_a_line(session: Session):
     page.locator(".u-series.u-off").wait_for(state="detached")
 
 
+def test_a_legend_tells_the_parts_of_a_sum_and_no_number_of_a_shading(session: Session):
+    page = session.page
+    session.wait(lambda now: now.t > 1.0)
+    session.runner.post(Pause())
+    session.wait(lambda now: now.phase == "paused")
+    session.tab("Guarantee")
+    page.mouse.move(700, 300)  # over no plot
+    value = "(name) => [...document.querySelectorAll('.u-series')].find((e) => e.checkVisibility() && \
+        e.querySelector('.u-label').textContent === name)?.querySelector('.u-value').textContent"
+    needed = session.now.recording.signals(("needed",))["needed"][-1]
+    for cause, part in zip(CAUSES, needed, strict=True):  # not the sum of all up to this one; a plot leaves rows out
+        page.wait_for_function(f"([name, part]) => Math.abs(({value})(name) - part) <= 0.1", arg=[cause, float(part)])
+    session.tab("Sliding")
+    page.wait_for_function(f"+({value})('‖s‖') > 0")
+    assert [page.evaluate(value, name) for name in ("reaching", "sliding", "t_r ≤ (18)", "t_r")] == 4 * [""]
+
+
 @pytest.mark.usefixtures("own_page")
 def test_two_cursors_measure_a_step(session: Session):
     page = session.page
@@ -186,6 +203,8 @@ def test_two_cursors_measure_a_step(session: Session):
     page.locator(".vs-measure").nth(1).click()
     table = page.locator(".vs-measured")
     table.wait_for()
+    expect(page.locator(".uplot-container[data-large] .u-over")).to_be_visible()
+    expect(page.locator(".vs-cursor")).to_have_count(2)
     over = page.locator(".uplot-container[data-large] .u-over").bounding_box()
     assert over is not None
     for cursor, share in ((0, 0.76), (1, 0.99)):
