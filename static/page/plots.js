@@ -107,10 +107,11 @@ const ranged = (scale) => {
     return low === null ? [scale.distr === 3 ? 0.01 : 0, 1] : own(plot, low, high, key);
   };
 };
-const crowded = ({ axes, scales: { y }, bbox }) => {
-  const [first, next] = axes[1]._splits ?? [];
-  return y?.distr === 1 && ((next - first) / (y.max - y.min)) * bbox.height < 10 * devicePixelRatio;
-};
+const crowded = ({ axes, scales: { x, y }, bbox }) => [[axes[0], x, bbox.width, 30], [axes[1], y, bbox.height, 10]].some(
+  ([axis, scale, room, least]) => {
+    const [first, next] = axis._splits ?? [];
+    return scale?.distr === 1 && ((next - first) / (scale.max - scale.min)) * room < least * devicePixelRatio;
+  });
 const listed = new WeakSet();
 const enlist = (entry) => {
   const { chart } = entry;
@@ -142,7 +143,7 @@ setInterval(() => {
   watch();
   for (const { chart } of Object.values(window.__viserTestpoints?.uplots ?? {})) {
     // now and then uPlot does not lay out the time axis of a chart that is made with its data, or keeps the numbers of a
-    // height that it no longer has
+    // size that it no longer has
     if (stands(chart) && (!chart.axes[0]._splits || crowded(chart))) chart.setSize({ width: chart.width, height: chart.height });
     follow(chart);
     const markers = chart.root.querySelectorAll(".u-legend .u-marker");

@@ -151,6 +151,7 @@ def test_the_crosshair_tells_values_and_a_plot_can_be_enlarged(session: Session)
     page.keyboard.press("Escape")
     page.wait_for_function(f"{SHOWN}[1].height < 200")
     session.wait(lambda _: plot.bounding_box() == small)
+    page.wait_for_function(f"{SHOWN}[1].axes[0]._splits?.length <= 10")  # no longer those of the large one
 
 
 def test_the_legend_has_the_values_of_now_and_hides_a_line(session: Session):
