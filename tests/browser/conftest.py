@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass, field
 
 import pytest
@@ -15,7 +14,7 @@ from app.session.runner import Runner
 from drivers.browser import LAUNCH_ARGS, find_or_install
 from drivers.pages import NO_HINTS, PATIENCE, SENT, UNDRAWN, VIEWPORT, Session, wait_without_notice
 from tests.browser.shared_page import SCENARIO, SharedPage
-from tests.support.drawn import drawn
+from tests.support.drawn import serving
 
 # viser's own client says so at every drag in the scene (SceneTree.tsx); it does no harm
 VISERS_OWN = "Unable to preventDefault inside passive event listener"
@@ -109,19 +108,6 @@ def open_page(browser: Browser) -> Iterator[Callable[..., Page]]:
     pages.require_no_errors()
 
 
-@contextmanager
-def serving() -> Iterator[tuple[Dashboard, Runner]]:
-    """A dashboard on a free port, with the loop that it shows."""
-    dashboard = Dashboard(port=0, fps=4.0)  # software draws these pages, on the cores that the tests need
-    dashboard.show_progress("compiling the control law…")
-    runner = Runner(SCENARIO)
-    dashboard.attach(runner)
-    runner.start()
-    with drawn(dashboard):
-        yield dashboard, runner
-    runner.close()
-
-
 def opened(pages: Pages, dashboard: Dashboard) -> Page:
     """A page of this dashboard that shows the running loop."""
     page = pages.open(dashboard.url, viewport=VIEWPORT)
@@ -133,7 +119,7 @@ def opened(pages: Pages, dashboard: Dashboard) -> Page:
 @pytest.fixture(scope="session")
 def served() -> Iterator[tuple[Dashboard, Runner]]:
     """The dashboard of most tests, with the loop that it shows."""
-    with serving() as both:
+    with serving(SCENARIO) as both:
         yield both
 
 
@@ -150,7 +136,7 @@ def shared(browser: Browser, served: tuple[Dashboard, Runner]) -> Iterator[tuple
 def own_session(browser: Browser) -> Iterator[Session]:
     """A page of a dashboard that no other test has used: what is chosen on it, as for a map, stays the dashboard's."""
     pages = Pages(browser)
-    with serving() as (dashboard, runner):
+    with serving(SCENARIO) as (dashboard, runner):
         yield Session(opened(pages, dashboard), runner)
         pages.close()
     pages.require_no_errors()

@@ -8,12 +8,10 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Page
 
-from app.dashboard.page import Dashboard
 from app.process import own_code
 from app.scenario.data import kind_of, load, to_plain
-from app.session.runner import Runner
 from drivers.pages import PATIENCE, VIEWPORT, Session
-from tests.support.drawn import drawn
+from tests.support.drawn import serving
 
 EXAMPLES = Path(__file__).parents[2] / "docs" / "examples"
 OWN = ("pid_gravity.py", "figure_eight.py", "cone.py")
@@ -23,15 +21,11 @@ OWN = ("pid_gravity.py", "figure_eight.py", "cone.py")
 def own(open_page: Callable[..., Page]) -> Iterator[Session]:
     """A page of a server that was started with the examples."""
     own_code.use([EXAMPLES / name for name in OWN])
-    dashboard, runner = Dashboard(port=0, fps=4.0), Runner(load("ur5-impedance"))
-    dashboard.attach(runner)
-    runner.start()
-    with drawn(dashboard):
+    with serving(load("ur5-impedance")) as (dashboard, runner):
         page = open_page(dashboard.url, viewport=VIEWPORT)
         page.set_default_timeout(PATIENCE * 1e3)
         page.get_by_text("real time").wait_for()
         yield Session(page, runner)
-    runner.close()
 
 
 def test_a_law_of_one_s_own_stands_in_the_menu_with_its_parameter(own: Session) -> None:
