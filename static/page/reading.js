@@ -27,23 +27,22 @@ const inLegend = (plot) => {
   if (idx !== null) plot.setLegend({ idx }, false);
   else for (const none of plot.root.querySelectorAll(".u-legend .u-value")) none.textContent = "";
 };
-// The value of line i at place k: for a part of a stacked sum its own, not that of the edge of its area; none for a
-// shading or a mark of an instant, which have an axis of their own.
-const valueOf = (plot, i, k) => {
-  const { label, scale } = plot.series[i];
-  if (scale === "backdrop") return null;
-  const areas = plot.bands.map(({ series }) => [Math.max(...series), Math.min(...series)])
-    .filter(([edge]) => label && plot.series[edge].label === label);
-  return areas.length ? areas.reduce((sum, [edge, base]) => sum + plot.data[edge][k] - plot.data[base][k], 0) : plot.data[i][k];
-};
 const listed = (series) => series.label && !/vs-unlisted/.test(series.class ?? "");
+// A shading and the mark of an instant have an axis of their own, and no value.
+const measurable = (series) => listed(series) && series.scale !== "backdrop";
+// The values of line i by place: for a part of a stacked sum its own, not those of the edge of its area.
+const valuesOf = (plot, i) => {
+  const { data, series } = plot, { label } = series[i];
+  const areas = plot.bands.map(({ series: ends }) => [data[Math.max(...ends)], data[Math.min(...ends)], series[Math.max(...ends)]])
+    .filter(([, , edge]) => label && edge.label === label);
+  return areas.length ? (k) => areas.reduce((sum, [edge, base]) => sum + edge[k] - base[k], 0) : (k) => data[i][k];
+};
 const valued = (plot) => {
   plot.series.forEach((series, i) => {
     series.value = (_, value, __, k) => {
       if (value === null || value === undefined) return "";
       if (!i) return plot.over.matches(":hover") ? short(value) : "";
-      const own = valueOf(plot, i, k);
-      return own === null ? "" : onAxis(plot, own);
+      return measurable(series) ? onAxis(plot, valuesOf(plot, i)(k)) : "";
     };
   });
   for (const entry of plot.root.querySelectorAll(".u-legend .u-series:not(:first-child) th"))
@@ -53,21 +52,21 @@ const valued = (plot) => {
 
 // Two cursors, at shares of the time axis; the table tells what lies between them, line by line.
 const between = (plot, y, from, to) => {
-  const x = plot.data[0], known = [...x.keys()].filter((k) => x[k] >= from && x[k] <= to && Number.isFinite(y[k]));
+  const x = plot.data[0], known = [...x.keys()].filter((k) => x[k] >= from && x[k] <= to && Number.isFinite(y(k)));
   if (known.length < 2) return null;
-  const first = y[known[0]], last = y[known.at(-1)], step = last - first;
-  const beyond = Math.max(0, ...known.map((k) => (y[k] - last) * Math.sign(step)));
-  const outside = known.filter((k) => Math.abs(y[k] - last) > 0.02 * Math.abs(step)).at(-1) ?? known[0];
-  if (!(Math.abs(step) > 1e-3 * Math.max(...known.map((k) => Math.abs(y[k]))))) return { step }; // nothing steps there
+  const first = y(known[0]), last = y(known.at(-1)), step = last - first;
+  const beyond = Math.max(0, ...known.map((k) => (y(k) - last) * Math.sign(step)));
+  const outside = known.filter((k) => Math.abs(y(k) - last) > 0.02 * Math.abs(step)).at(-1) ?? known[0];
+  if (!(Math.abs(step) > 1e-3 * Math.max(...known.map((k) => Math.abs(y(k)))))) return { step }; // nothing steps there
   return { step, overshoot: (100 * beyond) / Math.abs(step), settling: x[Math.min(outside + 1, known.at(-1))] - x[known[0]] };
 };
 const unit = (value, name) => (Number.isFinite(value) ? `${short(value)} ${name}` : "–");
 const told = (plot, shares, table) => {
   const { min, max } = plot.scales.x, [from, to] = [...shares].sort((a, b) => a - b).map((s) => min + s * (max - min));
-  const lines = plot.series.slice(1).map((series, i) => [series, Array.from(plot.data[0], (_, k) => valueOf(plot, i + 1, k))])
-    .filter(([series]) => series.show && listed(series) && series.scale !== "backdrop").slice(0, 8);
-  const rows = [["", "Δy", "overshoot", "settling, 2 %"], ...lines.map(([series, y]) => {
-    const found = between(plot, y, from, to);
+  const lines = plot.series.map((series, i) => [series, i]).slice(1)
+    .filter(([series]) => series.show && measurable(series)).slice(0, 8);
+  const rows = [["", "Δy", "overshoot", "settling, 2 %"], ...lines.map(([series, i]) => {
+    const found = between(plot, valuesOf(plot, i), from, to);
     return [series.label, short(found?.step), unit(found?.overshoot, "%"), unit(found?.settling, "s")];
   })];
   table.replaceChildren(...[[`Δt = ${short(to - from)} s`], ...rows].map((cells, i) => {
@@ -123,8 +122,8 @@ const tell = (plot) => {
   values.hidden = !hovered || idx == null || left < 0;
   if (values.hidden) return;
   values.vsmrcPlot = plot;
-  const lines = plot.series.slice(1).map((series, i) => [series, valueOf(plot, i + 1, idx), series.stroke?.(plot, i + 1)])
-    .filter(([series, value]) => listed(series) && Number.isFinite(value))
+  const lines = plot.series.slice(1).map((series, i) => [series, valuesOf(plot, i + 1)(idx), series.stroke?.(plot, i + 1)])
+    .filter(([series, value]) => measurable(series) && Number.isFinite(value))
     .map(([series, value, color]) => row(series.label, value, color));
   values.replaceChildren(row(plot.series[0].label, plot.data[0][idx], ""), ...lines);
   const over = plot.over.getBoundingClientRect(), { width, height } = values.getBoundingClientRect();
