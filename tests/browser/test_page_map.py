@@ -4,6 +4,7 @@ also by keyboard alone, a search for gains with a candidate previewed and applie
 import io
 import re
 import zipfile
+from collections.abc import Callable
 
 import pytest
 from playwright.sync_api import Page, expect
@@ -29,6 +30,8 @@ FOCUSED = """() => {
   const e = document.activeElement;
   return e.ariaLabel || e.labels?.[0]?.textContent || e.textContent.trim();
 }"""
+CUT = """[...document.querySelectorAll(".mantine-Button-label")]
+  .filter((e) => e.checkVisibility() && e.scrollWidth > e.clientWidth).map((e) => e.textContent)"""
 OFFERED = "[...document.querySelectorAll('[data-combobox-selected]')].find((e) => e.checkVisibility())?.textContent"
 
 
@@ -61,7 +64,9 @@ def write(session: Session, label: str, text: str, number: int = 0) -> None:
 
 
 @pytest.mark.usefixtures("full_speed")
-def test_a_slider_is_swept_the_map_fills_in_while_the_loop_runs_and_a_tile_opens_its_run(session: Session):
+def test_a_slider_is_swept_the_map_fills_in_while_the_loop_runs_and_a_tile_opens_its_run(
+    session: Session, open_page: Callable[..., Page]
+):
     page = session.page
     session.tab("Controller")
     session.row("layer s_b [m/s]").locator("[role=slider]").focus()
@@ -87,6 +92,11 @@ def test_a_slider_is_swept_the_map_fills_in_while_the_loop_runs_and_a_tile_opens
         page.get_by_role("button", name="sweep folder").click()
     with zipfile.ZipFile(io.BytesIO(download.value.path().read_bytes())) as file:
         assert {name.rpartition("/")[2] for name in file.namelist()} >= {FILE, "part-000001.parquet"}
+    phone = open_page(page.url, viewport={"width": 390, "height": 844}, is_mobile=True, has_touch=True)
+    phone.get_by_role("tab", name="Robustness", exact=True).click()
+    phone.get_by_role("button", name="sweep folder").wait_for()
+    assert phone.evaluate(CUT) == []
+    phone.close()
 
     page.locator(".vs-tiles[data-field=vs-tile-field] [data-point='6']").focus()
     page.keyboard.press("ArrowUp")
