@@ -19,7 +19,6 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from scipy.sparse.csgraph import connected_components
 
 from controllers.dominance import hurwitz_on_hull
 from controllers.segment import Rightmost, rightmost
@@ -112,6 +111,8 @@ def certify(
     are judged separately. One that is uncoupled and overdamped in both models can be certified by Theorem 4; for the
     others the rightmost pole decides.
     """
+    from scipy.sparse.csgraph import connected_components  # takes 0.1 s: a run without a blend does not wait for it
+
     sliding = np.full(start.n, np.nan)
     moving = np.flatnonzero(np.isfinite(np.diag(K_e)))
     beta, kappa = zip(*(_normalised(model, K_e, moving) for model in (start, end)), strict=True)

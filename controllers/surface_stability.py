@@ -18,7 +18,6 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from scipy.optimize import minimize
 
 from controllers.target_model import InvalidGain, TargetModel
 
@@ -103,6 +102,8 @@ def unstable_surface(start: TargetModel, end: TargetModel, surfaces: SurfaceRang
     M_m^-1, M_m^-1 B_m, M_m^-1 K_m and M_m^-1 K_f go from those of `start` to those of `end`."""
     if surfaces.first == start.n:
         return None  # a force is controlled in every coordinate: no model is left that a surface could destabilise
+    from scipy.optimize import minimize  # takes 0.1 s: where no search is needed, a run does not wait for it
+
     way = _Way.between(start, end, surfaces.first)
     models = np.linspace(0.0, 1.0, MODELS if way.blends else 1)
     if all(passive(way.model(alpha)) for alpha in models):

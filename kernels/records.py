@@ -32,14 +32,14 @@ class Record(Generic[T]):
         return _zeros(kind, n).copy()
 
     @cached_property
-    def views(self) -> T:
-        """Named tuple whose arrays are views of the record's memory; its numbers are those of the first call."""
-        return self.read()
-
-    @cached_property
     def fields(self) -> Fields:
-        """Fields of the record as attributes; numbers are read anew each time."""
+        """Fields of the record as attributes, to be read and written."""
         return Fields(self.data)
+
+    @property
+    def views(self) -> T:
+        """The same, with the types of the named tuple; that itself would take a hundred times as long, see `read`."""
+        return self.fields  # pyright: ignore[reportReturnType]
 
     def read(self) -> T:
         """Named tuple with the present numbers; its arrays are views of the record's memory."""
@@ -74,24 +74,23 @@ class Fields:
     memory, numbers are read and written there."""
 
     def __init__(self, data: np.ndarray) -> None:
-        fields = data.dtype.fields or {}
-        known = {"_data": data}
-        for name, (kind, *_) in fields.items():
-            if kind.fields is not None:
-                known[name] = Fields(data[name])  # pyright: ignore[reportArgumentType]
-            elif kind.subdtype is not None:
-                known[name] = data[name][0]
-        vars(self).update(known)
+        vars(self)["_data"] = data
 
-    def __getattr__(self, name: str) -> Any:  # called for numbers only: arrays and records are attributes
-        if name not in self._data.dtype.fields:
-            raise AttributeError(f"no field {name!r}; there are {', '.join(self._data.dtype.fields)}")
-        return self._data[name][0].item()
+    def __getattr__(self, name: str) -> Any:  # called for numbers, and once for each array or record
+        data = vars(self)["_data"]
+        if name not in data.dtype.names:
+            raise AttributeError(f"no field {name!r}; there are {', '.join(data.dtype.names)}")
+        part = data[name]
+        if part.dtype.names is None and part.ndim == 1:
+            return part[0].item()
+        found = vars(self)[name] = part[0] if part.dtype.names is None else Fields(part)
+        return found
 
     def __setattr__(self, name: str, value: Any) -> None:
-        if name not in self._data.dtype.fields:
-            raise AttributeError(f"no field {name!r}; there are {', '.join(self._data.dtype.fields)}")
-        self._data[name][0] = value
+        data = vars(self)["_data"]
+        if name not in data.dtype.names:
+            raise AttributeError(f"no field {name!r}; there are {', '.join(data.dtype.names)}")
+        data[name][0] = value
 
 
 def _layout(value: NamedTuple) -> Layout:

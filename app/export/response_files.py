@@ -14,7 +14,7 @@ from app.export.figures import FREQUENCY, Chart, Curve, Figure, Rgb
 from app.session.push_measurement import Measured
 from app.simulation.force_margin import ForceLoop
 from app.simulation.push_response import NOTHING, PushResponse, along_axes, largest_and_smallest, passive
-from app.simulation.sampled_stability import SampledLoop
+from app.simulation.sampled_stability import RespondingLoop
 
 BLUE, ORANGE, GREEN, GREY = (86, 180, 233), (230, 159, 0), (0, 158, 115), (140, 140, 140)
 NEAR = 0.1  # share of the target's impedance within which the sampled loop counts as following it
@@ -22,7 +22,7 @@ NANOMETRE = 1e-9  # m per N: a compliance below this counts as none
 STEP = 2.0  # s, length of the response to a step
 
 
-def figure_of(loop: SampledLoop, response: PushResponse, points: Sequence[Measured], caption: str) -> Figure:
+def figure_of(loop: RespondingLoop, response: PushResponse, points: Sequence[Measured], caption: str) -> Figure:
     """Figure of a response: the impedance along each axis and over all directions, the way under a step, the poles, and
     gain and phase of the force loop where there is one. points: measured ones."""
     frequency = response.frequencies()

@@ -14,7 +14,7 @@ from app.session.pacing import Pace
 from app.session.timeline import Pinned
 from app.simulation.closed_loop import ClosedLoop, LiveFigures, standing_of
 from app.simulation.recording import Recording
-from app.simulation.sampled_stability import SampledLoop
+from app.simulation.sampled_stability import RespondingLoop
 from app.simulation.state import State
 from app.simulation.system import Coordinate, System
 from app.simulation.verdict import Standing
@@ -67,7 +67,7 @@ class Snapshot:
     push_moment: np.ndarray
     surfaces: tuple[Surface, ...]
     figures: LiveFigures
-    sampled: SampledLoop
+    sampled: RespondingLoop
     recording: Recording
     pinned: tuple[Pinned, ...]
     forks: tuple[float, ...]

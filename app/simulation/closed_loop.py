@@ -17,7 +17,7 @@ from app.simulation.control_period import Alarm, Evaluation, Setting
 from app.simulation.controlled_arm import ControlledArm, PeriodAddresses
 from app.simulation.premise_watch import PremiseWatch, losses
 from app.simulation.recording import Recording
-from app.simulation.sampled_stability import SampledLoop
+from app.simulation.sampled_stability import RespondingLoop
 from app.simulation.search_memory import Memory
 from app.simulation.state import State, blending, observed
 from app.simulation.system import System, assemble
@@ -309,7 +309,7 @@ class ClosedLoop:
         return standing_of(self.system, self.state.copy())
 
     @property
-    def sampled(self) -> SampledLoop:
+    def sampled(self) -> RespondingLoop:
         """The sampled loop as it was judged last."""
         return self._watch.sampled
 

@@ -12,7 +12,6 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from scipy.optimize import minimize
 
 MOST = 12  # searches, each from a sample of its own
 APART = 0.7  # radii between two samples to search from, at least
@@ -148,6 +147,8 @@ class _Climb:
         self._run()
 
     def _run(self) -> None:
+        from scipy.optimize import minimize  # takes 0.1 s: where the constants are known, a run does not wait for it
+
         n = len(self._start.q)
         x_0 = np.append(np.zeros(n), [self._start.t / self._omega.span] if self._timed else [])
         steep = float(np.linalg.norm(self._seen(x_0)[1][0])) or 1.0  # scaled by the slope, the first step is one radius

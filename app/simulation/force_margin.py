@@ -14,7 +14,6 @@ from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
-from scipy.optimize import root_scalar
 
 from app.simulation.sampled_frequencies import LOWEST, SampledFrequencies
 
@@ -90,6 +89,8 @@ class ForceLoop(SampledFrequencies):
 
     def _limit(self, gains: np.ndarray) -> float:
         """First gain along these, which begin at a stable one, beyond which the loop is unstable; infinite for none."""
+        from scipy.optimize import root_scalar  # takes 0.1 s: a run without a page does not wait for it
+
         for before, after in pairwise(gains):
             if self._unstable(after) > 0.0:
                 return root_scalar(self._unstable, bracket=(before, after), rtol=1e-6).root
@@ -97,6 +98,8 @@ class ForceLoop(SampledFrequencies):
 
     def _crossings(self) -> list[tuple[float, complex]]:
         """Frequencies, Hz, at which an eigenvalue of L has size 1, and that eigenvalue."""
+        from scipy.optimize import root_scalar  # as in `_limit`
+
         frequency = np.geomspace(LOWEST, self.highest, FREQUENCIES)
         over = np.abs(self.gains(frequency)) > 1.0
         found = []

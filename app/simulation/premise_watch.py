@@ -4,6 +4,7 @@ period."""
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import TypeVar
 
 import numpy as np
 
@@ -12,7 +13,7 @@ from app.scenario.schema import UnboundedGain
 from app.simulation.control_period import Alarm, Evaluation
 from app.simulation.controlled_arm import ControlledArm
 from app.simulation.recording import Epoch
-from app.simulation.sampled_stability import SampledLoop, SampledLoops
+from app.simulation.sampled_stability import RespondingLoop, SampledLoop, SampledLoops
 from app.simulation.state import Flag, Judged, State, epoch_at
 from app.simulation.stations import APART
 from app.simulation.system import System
@@ -20,6 +21,8 @@ from app.simulation.verdict import sentence
 from controllers.premises import Kept, Premise
 from controllers.switching import Switching
 from environments.contact import Holding
+
+Loop = TypeVar("Loop", bound=SampledLoop)
 
 
 class PremiseWatch:
@@ -107,27 +110,38 @@ class PremiseWatch:
         else:
             state.judged = Judged(station, self._stations.q[station], float(self._stations.t[station]))
         self._sampled = None
-        for premise, value in self.sampled.premises.items():
+        for premise, value in self._judged_loop.premises.items():
             self._state_premise(premise, value, 1.0)
             if value > 1.0:
                 self.left("flag", sentence(premise, value, 1.0, self.system.units))
 
     @property
-    def sampled(self) -> SampledLoop:
-        """The sampled loop as it was judged last."""
-        if self._sampled is None:
-            self._sampled = self._loop_at(self._state.judged)
-        return self._sampled
+    def sampled(self) -> RespondingLoop:
+        """The sampled loop as it was judged last, with its responses."""
+        loop, judged = self._judged_loop, self._state.judged
+        if not isinstance(loop, RespondingLoop):
+            loop = self._known(judged, self._loops_of_system.responding(loop, judged.q, judged.t))
+        return loop
 
-    def _loop_at(self, judged: Judged) -> SampledLoop:
-        known = self.system.sampled_loops
-        if judged.station in known:
-            return known[judged.station]
+    @property
+    def _judged_loop(self) -> SampledLoop:
+        """The sampled loop as it was judged last."""
+        judged, known = self._state.judged, self.system.sampled_loops
+        if self._sampled is None and judged.station in known:
+            self._sampled = known[judged.station]
+        return self._sampled or self._known(judged, self._loops_of_system.at(judged.q, judged.t))
+
+    @property
+    def _loops_of_system(self) -> SampledLoops:
         if self._loops.system is not self.system:
             self._loops = SampledLoops(self.system)
-        loop = self._loops.at(judged.q, judged.t)
+        return self._loops
+
+    def _known(self, judged: Judged, loop: Loop) -> Loop:
+        """Keep the sampled loop of the posture that was judged last, for all runs where it is of a station."""
+        self._sampled = loop
         if judged.station is not None:
-            known[judged.station] = loop
+            self.system.sampled_loops[judged.station] = loop
         return loop
 
     def require_bounded_gain(self) -> None:

@@ -15,14 +15,14 @@ from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
 
+from app.simulation.control_period import Planned
 from app.simulation.controlled_arm import ControlledArm
 from app.simulation.environment_builder import SOFTEST, face_axes
 from app.simulation.force_margin import ForceLoop
 from app.simulation.push_response import PushResponse
 from app.simulation.signals import Row
-from app.simulation.state import State, observed
+from app.simulation.state import State
 from app.simulation.system import System
 from controllers.bounds import Equivalent, RequiredGain, required_gain
 from controllers.force_loop import force_loop_factor
@@ -88,20 +88,30 @@ NO_POLES = np.zeros(0, dtype=complex)
 @dataclass(frozen=True)
 class SampledLoop:
     """The sampled loop at one posture.
-    model: (k,) 1/s, poles of (8) against the true contact.
-    sampled: (k,) 1/s, the pole of the sampled loop for each of them, none where nothing is judged.
     force_factor: factor of one sample on an error in the force of a rigid or heavy surface, nan without one.
     premises: values of those about sampled loops, nan where one does not apply, none of them where J_q is singular.
+    A, C: Jacobians of the control period (k, k), and of the sensor's reading in it (r, k); None where nothing is
+    judged."""
+
+    force_factor: float
+    premises: Mapping[Premise, float]
+    A: np.ndarray | None
+    C: np.ndarray | None
+
+
+@dataclass(frozen=True)
+class RespondingLoop(SampledLoop):
+    """A sampled loop with its poles and responses, which a run does not need.
+    model: (k,) 1/s, poles of (8) against the true contact.
+    sampled: (k,) 1/s, the pole of the sampled loop for each of them, none where nothing is judged.
     response: of the tool to a push; None where nothing is judged.
     force_loop: the loop through the reading of the force; None where nothing is judged, or no force is read that the
     arm's own motion or torque changes."""
 
     model: np.ndarray
     sampled: np.ndarray
-    force_factor: float
-    premises: Mapping[Premise, float]
-    response: PushResponse | None = None
-    force_loop: ForceLoop | None = None
+    response: PushResponse | None
+    force_loop: ForceLoop | None
 
 
 @dataclass(frozen=True)
@@ -116,7 +126,7 @@ class Oscillation:
     count: int
 
 
-def oscillations(loop: SampledLoop) -> list[Oscillation]:
+def oscillations(loop: RespondingLoop) -> list[Oscillation]:
     """Oscillations of the poles on and above the real axis, fastest first; of equal poles the one with the least
     damping."""
     alike: dict[tuple[float, float], list[complex]] = {}
@@ -149,24 +159,33 @@ class SampledLoops:
         try:
             at = Posture.of(system, q, t)
             factor, (given_back, added) = force_factor(system, at), gain_by_force(system, at)
-            model, sampled, growth, response, force_loop = NO_POLES, NO_POLES, math.nan, None, None
+            growth, A, C = math.nan, None, None
             if _judged(system):
-                around_rest = self._map(at, touching=True)
-                A, C = around_rest.linearised()
-                model, sampled, growth = _poles(system, at, A)
+                A, C = self._map(at, touching=True).linearised()
+                growth = _growth(A)
                 if not system.mode.on_surface and system.plant.kind.touches:  # where the arm may leave the surface
                     growth = max(growth, _growth(self._map(at, touching=False).jacobian()))
-                response = _push_response(system, at, A, around_rest.by_push())
-                if _reads_contact(system):
-                    force_loop = ForceLoop(system.scenario.controller.period, A, around_rest.by_reading(), C)
         except (ValueError, np.linalg.LinAlgError):  # J_q is singular: `Premise.REGULAR` says so
-            return SampledLoop(NO_POLES, NO_POLES, math.nan, {})
+            return SampledLoop(math.nan, {}, None, None)
         premises = {
             Premise.FORCE_LOOP: abs(factor) + added,
             Premise.GAIN_BY_FORCE: given_back,
             Premise.SAMPLED_LOOP: growth - ROUNDING,
         }
-        return SampledLoop(model, sampled, factor, premises, response, force_loop)
+        return SampledLoop(factor, premises, A, C)
+
+    def responding(self, loop: SampledLoop, q: np.ndarray, t: float) -> RespondingLoop:
+        """The sampled loop of the posture q (n,) rad at time t (s), with its poles and responses."""
+        system, force_loop = self.system, None
+        if loop.A is None or loop.C is None:
+            return RespondingLoop(**vars(loop), model=NO_POLES, sampled=NO_POLES, response=None, force_loop=None)
+        at = Posture.of(system, q, t)
+        around_rest = self._map(at, touching=True)
+        model, sampled = _poles(system, at, loop.A)
+        response = _push_response(system, at, loop.A, around_rest.by_push())
+        if _reads_contact(system):
+            force_loop = ForceLoop(system.scenario.controller.period, loop.A, around_rest.by_reading(), loop.C)
+        return RespondingLoop(**vars(loop), model=model, sampled=sampled, response=response, force_loop=force_loop)
 
     def _map(self, at: Posture, *, touching: bool) -> PeriodMap:
         known = self._maps.get(touching)
@@ -177,9 +196,10 @@ class SampledLoops:
         return known
 
 
-def sampled_loop(system: System, q: np.ndarray, t: float) -> SampledLoop:
+def sampled_loop(system: System, q: np.ndarray, t: float) -> RespondingLoop:
     """The sampled loop of a system at one posture, see `SampledLoops.at`."""
-    return SampledLoops(system).at(q, t)
+    loops = SampledLoops(system)
+    return loops.responding(loops.at(q, t), q, t)
 
 
 def _growth(A: np.ndarray) -> float:
@@ -187,15 +207,16 @@ def _growth(A: np.ndarray) -> float:
     return float(np.abs(np.linalg.eigvals(A)).max())
 
 
-def _poles(system: System, at: Posture, A: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
-    """Poles of the model, those of the sampled loop with the Jacobian A (k, k) of its period, and the growth of a
-    deviation per control period."""
+def _poles(system: System, at: Posture, A: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Poles of the model, and those of the sampled loop with the Jacobian A (k, k) of its period."""
+    from scipy.optimize import linear_sum_assignment  # takes 0.1 s: a run without a page does not wait for it
+
     values = np.linalg.eigvals(A).astype(complex)
     moving = values[np.abs(values) > NOISE]  # a delayed reading has no pole of its own
     poles, model = np.log(moving) / system.scenario.controller.period, model_poles(system, at)
     apart = np.abs(model[:, None] - poles[None, :]) / np.maximum(np.abs(model), 1e-6)[:, None]
     rows, columns = linear_sum_assignment(apart)
-    return model[rows], poles[columns], float(np.abs(values).max())
+    return model[rows], poles[columns]
 
 
 def _judged(system: System) -> bool:
@@ -228,6 +249,7 @@ class PeriodMap:
 
     def __init__(self, system: System, at: Posture, *, touching: bool = True) -> None:
         self._felt = 6 if system.plant.face.flat else 3  # entries of a reading: a point that touches has no moment
+        self._observer = system.observer
         self._push = np.full(3, FORCE_STEP)  # `ControlledArm` would ignore a push that is zero when it is made
         self._still = still = replace(
             system,
@@ -246,6 +268,8 @@ class PeriodMap:
             self._parts.append(state.evaluation.views.z)
         if len(state.x):
             self._parts.append(state.x)
+        model = controller.model
+        self._yields = np.linalg.pinv(model.K_m) @ model.K_f  # where (8) rests, per N
         self._speeds = sum(len(part) for part in self._parts[2:])
         if still.plant.kind.heavy and not system.scenario.sensor.ideal:
             self._parts.append(state.arm.views.load.wrench[:3])
@@ -264,16 +288,18 @@ class PeriodMap:
         if system.layout.tilts:
             met = felt[: system.m]
         e_Fc = np.zeros(n) if system.m else controller.controlled * felt
-        model = controller.model
-        r_d = task.r + np.linalg.pinv(model.K_m) @ model.K_f @ e_Fc  # where (8) rests under this force
-        still = replace(system, plan=system.plan.held(r_d, met))
-        self._arm.settings.write("plan", still.plan)
+        r_d = task.r + self._yields @ e_Fc
+        plan = system.plan.held(r_d, met)
+        self._arm.settings.write("plan", plan)
         state.t, state.evaluation.data[:], state.x[:] = at.t, self._blank, 0.0
-        _, _, e_r, e_r_dot = observed(still, at.t, state.arm)
+        reference = Planned(plan).at(at.t)
+        _, seen = self._observer.at(state.arm.views.q, state.arm.views.q_dot, at.t)
+        e_r, e_r_dot = seen.r - reference.r_d, seen.r_dot - reference.r_d_dot
         state.evaluation.views.z[:] = controller.compensator.without_reaching(e_r, e_r_dot)
         state.reader = ForceReader(system.sensor, system.scenario.simulation.seed)
         while not state.reader.full:
             state.reader.read(state.arm.views.load.wrench)
+        self._remembers = len(self._memory) > 0
         self._base = self._vector()
         self._prepare_deviations(task.J_q_inv @ basis, basis.T @ task.J_q)
 
@@ -292,7 +318,7 @@ class PeriodMap:
 
     def _vector(self) -> np.ndarray:
         """q, q_dot and the rest of the state that the next period depends on."""
-        return np.concatenate([*self._parts, self._memory.ravel()])
+        return np.concatenate([*self._parts, self._memory.ravel()] if self._remembers else self._parts)
 
     @property
     def _memory(self) -> np.ndarray:
@@ -304,9 +330,10 @@ class PeriodMap:
         state, arm = self._state, self._arm
         for part in self._parts:
             part[:], vector = vector[: len(part)], vector[len(part) :]
-        readings = np.zeros((len(vector) // self._felt, 6))
-        readings[:, : self._felt] = vector.reshape(-1, self._felt)
-        state.reader.recall(readings)
+        if self._remembers:
+            readings = np.zeros((len(vector) // self._felt, 6))
+            readings[:, : self._felt] = vector.reshape(-1, self._felt)
+            state.reader.recall(readings)
         self._still.plant.find_load(state.arm, state.t)
         self._reading = arm.measure() + self._added
         arm.control(self._reading, self._row)

@@ -84,7 +84,7 @@ class Runner:
         except (ScenarioError, ArithmeticError, np.linalg.LinAlgError) as error:
             return begun | {"stopped": f"refused: {error}", "wall_time": time.perf_counter() - started}
         self._previous = loop.system
-        inside = all(each.failed is None for each in loop.standing.findings if each.premise == "declared")
+        inside = all(each.failed is None for each in metrics.premises if each.premise == "declared")
         return begun | _of(metrics) | {"declared": float(inside), "wall_time": time.perf_counter() - started}
 
 

@@ -48,11 +48,12 @@ def _duration(seconds: float) -> str:
 
 
 def estimated(sweep: Sweep, left: int, on: int | Cluster | None = None) -> Estimate:
-    """Estimate for `left` runs of a sweep, from the computing time of one run on this machine. The run is played twice,
-    because the first time also computes what all runs have in common. on: see `run`."""
+    """Estimate for `left` runs of a sweep, from the computing time of one run on this machine. Two neighbours are
+    played: the first one also computes what all runs have in common, and the second what each has for itself. on: see
+    `run`."""
     question, runner = Question(sweep), Runner(sweep)
-    number = question.count // 2
-    seconds = [_seconds(runner, number) for _ in range(2)][-1] if left else 0.0
+    middle = question.count // 2
+    seconds = [_seconds(runner, number % question.count) for number in (middle, middle + 1)][-1] if left else 0.0
     share, workers = left / question.count, on.workers if isinstance(on, Cluster) else on or os.cpu_count()
     return Estimate(left, share * question.seconds, left * seconds / (workers or 1), left * BYTES)
 

@@ -22,7 +22,7 @@ from app.session import push_measurement
 from app.session.push_measurement import Measured, chirp_for, decoded, encoded, not_linear
 from app.session.snapshot import Snapshot
 from app.simulation.push_response import PushResponse
-from app.simulation.sampled_stability import SampledLoop
+from app.simulation.sampled_stability import RespondingLoop
 from app.storage.recording_files import Tell
 
 FIGURES: dict[str, Format] = {"SVG": "svg", "PDF": "pdf", "PNG": "png"}
@@ -40,7 +40,7 @@ class _Measurement:
 
     scenario: Scenario
     t: float
-    loop: SampledLoop
+    loop: RespondingLoop
     points: Sequence[Measured]
     beside: tuple[str, ...]
 
