@@ -99,7 +99,7 @@ class _Arm:
         recording, points, begun = self.loop.recording, self._stretch.points, self.ended
         done = self._run.advance(min(SLICE, self._stretch.rows - begun))
         first, last = np.searchsorted(points, (begun, begun + done))
-        known = recording.picked(points[first:last] - begun)
+        known = recording.picked(points[first:last] - begun, SIGNALS)
         for name, values in self.signals.items():
             values[first:last] = known[name]
         recording.forget()

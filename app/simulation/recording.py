@@ -210,8 +210,9 @@ class Recording:
         stretch = self.stretch(t_from, t_to)
         return {name: stretch[name] for name in names}
 
-    def picked(self, numbers: np.ndarray) -> dict[str, np.ndarray]:
-        """Every signal of the rows with these numbers (k,), which rise, counted from the oldest row that is kept."""
+    def picked(self, numbers: np.ndarray, names: Iterable[str] | None = None) -> dict[str, np.ndarray]:
+        """Named signals, or every one, of the rows with these numbers (k,), which rise, counted from the oldest row
+        that is kept."""
         parts, begin = [np.empty((0, self.width))], 0
         for piece in self.pieces():
             here = numbers[(numbers >= begin) & (numbers < begin + len(piece))]
@@ -220,7 +221,7 @@ class Recording:
         rows = np.concatenate(parts)
         return {
             name: rows[:, where.start] if where.stop - where.start == 1 else rows[:, where]
-            for name, where in self.columns.items()
+            for name, where in ((name, self.columns[name]) for name in names or self.columns)
         }
 
     def at(self, t: float) -> dict[str, np.ndarray]:
