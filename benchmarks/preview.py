@@ -21,7 +21,7 @@ from app.dashboard.page import REFRESH, SOONEST
 from app.dashboard.plots.dock import Plots, Shown
 from app.dashboard.transport.visible_tabs import VisibleTabs
 from app.dashboard.view_options import Viewing
-from app.dashboard.widgets.whatif import HORIZON, Held, WhatIf
+from app.dashboard.widgets.whatif import HORIZON, HeldControl, WhatIf
 from app.process.markdown import Table
 from app.scenario.data import load
 from app.session.commands import Edit
@@ -120,7 +120,7 @@ class _Page:
                 moving += MOVEMENT
                 value = 30.0 + 10.0 * math.sin(2.0 * now)
                 moves[value] = now
-                self.whatif.hold(Held(Edit("force.value", value), "F_d", f"{value:.3g}", self, CLIENT))
+                self.whatif.hold(HeldControl(Edit("force.value", value), "F_d", f"{value:.3g}", self, CLIENT))
             if now - framed >= 1.0 / FPS or (self.awake.is_set() and now - framed >= SOONEST):
                 framed = now
                 self.awake.clear()

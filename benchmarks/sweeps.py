@@ -15,8 +15,8 @@ import tyro
 
 from app.process import worker_pool
 from app.scenario.data import edited, shipped
-from app.sweep.figures_of_run import Runner
-from app.sweep.question import Question, Sweep, axis_of, fingerprint
+from app.sweep.figures_of_run import SweepRunner
+from app.sweep.question import Sweep, SweepQuestion, axis_of, fingerprint
 from app.sweep.run_store import RunStore
 from app.sweep.running import run, tasks_of
 
@@ -34,7 +34,7 @@ def main(runs: int = 200, whole: bool = False) -> None:
     workers = os.cpu_count() or 1
     scenario = edited(shipped()["ur5-hybrid"], "simulation.duration", DURATION)
     sweep = Sweep(scenario, tuple(map(axis_of, AXES)), program=fingerprint())
-    runner = Runner(sweep)
+    runner = SweepRunner(sweep)
     runner.figures(0)
     started = time.perf_counter()
     for number in range(1, runs + 1):
@@ -55,10 +55,10 @@ def main(runs: int = 200, whole: bool = False) -> None:
 def rate(sweep: Sweep, runs: int, workers: int) -> float:
     """Runs per second of a sweep, from the time on at which each process has done its first runs. workers: number of
     processes."""
-    question = Question(msgspec.structs.replace(sweep))
+    question = SweepQuestion(msgspec.structs.replace(sweep))
     ends: list[tuple[float, int]] = []
     tasks = tasks_of(range(min(question.count, runs)), workers)
-    for numbers, _ in worker_pool.results(Runner.computing, (sweep,), tasks, workers):
+    for numbers, _ in worker_pool.results(SweepRunner.computing, (sweep,), tasks, workers):
         ends.append((time.perf_counter(), len(numbers)))
     settled = 2 * workers
     (first, _), (last, _) = ends[settled], ends[-1]

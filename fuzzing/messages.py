@@ -7,7 +7,7 @@ from typing import Any
 import msgspec
 from viser._messages import Message
 
-from app.dashboard.transport.messages import Page, Refused, Visitor
+from app.dashboard.transport.messages import Page, PageVisitor, Refused
 
 
 @dataclass
@@ -53,5 +53,5 @@ DICTIONARY = ("GuiUpdateMessage", "ShareUrlRequest", "updates", "value", "update
 
 def read(data: bytes) -> None:
     with suppress(Refused):
-        Visitor(Page(WIDGETS.get, lambda uuid: uuid == "form")).admit(data)
+        PageVisitor(Page(WIDGETS.get, lambda uuid: uuid == "form")).admit(data)
         Message.deserialize(data)

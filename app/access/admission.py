@@ -55,7 +55,7 @@ _PORTS = {"http": 80, "https": 443}
 _LOOPBACK = frozenset({"localhost", "127.0.0.1", "::1"})
 
 
-class Refusal(NamedTuple):
+class RequestRefusal(NamedTuple):
     """A refusal of a request: status of HTTP, and one sentence."""
 
     status: int
@@ -94,17 +94,17 @@ class Names:
         """Whether only programs of this machine can reach the server."""
         return is_loopback(self.host)
 
-    def refusal(self, headers: Mapping[str, str], *, acting: bool) -> Refusal | None:
+    def refusal(self, headers: Mapping[str, str], *, acting: bool) -> RequestRefusal | None:
         """Refusal of a request, None for one that may go on. acting: the request changes something here, or opens a web
         socket."""
         host = headers.get("Host", "")
         if not self._ours(_hostname(f"//{host}")):
-            return Refusal(
+            return RequestRefusal(
                 421, f"Host {host!r:.80} is no name of this server; allowed: its address, or a name given by --origin"
             )
         origin = headers.get("Origin")
         if acting and origin is not None and not self._from_here(origin, host):
-            return Refusal(
+            return RequestRefusal(
                 403, f"Origin {origin!r:.80} is another page's; allowed: {host!r:.80}, or a page named by --origin"
             )
         return None

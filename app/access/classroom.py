@@ -37,7 +37,7 @@ class ClassQuestion(Struct, frozen=True):
     told: str = ""
 
 
-class Refusal(ValueError):
+class AnswerRefusal(ValueError):
     """An answer that is not taken: one sentence."""
 
 
@@ -72,15 +72,17 @@ class Classroom:
         """Take the answer of a browser at an address to the question of this number. Raises Refusal."""
         question = self.question
         if not browser:
-            raise Refusal("cookies: none; allowed: with cookies, so that nobody counts twice")
+            raise AnswerRefusal("cookies: none; allowed: with cookies, so that nobody counts twice")
         if question is None or number != question.number:
-            raise Refusal("answer: this question is over; allowed: to the present one")
+            raise AnswerRefusal("answer: this question is over; allowed: to the present one")
         if not question.open:
-            raise Refusal("answer: the answers were revealed; allowed: before that")
+            raise AnswerRefusal("answer: the answers were revealed; allowed: before that")
         if browser not in self._answers:
             near = sum(known == address for known, _ in self._answers.values()) if address else 0
             if len(self._answers) >= MOST or near >= NEAR:
-                raise Refusal(f"answers: {len(self._answers)}; allowed: at most {MOST}, and {NEAR} of one address")
+                raise AnswerRefusal(
+                    f"answers: {len(self._answers)}; allowed: at most {MOST}, and {NEAR} of one address"
+                )
         self._answers[browser] = (address, admitted(question, given))
 
 
@@ -89,16 +91,18 @@ def admitted(question: ClassQuestion, given: object) -> Given:
     number = not isinstance(given, bool) and isinstance(given, int | float) and math.isfinite(given)
     if question.kind == "choice":
         if not number or given not in range(1, len(question.options) + 1):
-            raise Refusal(f"answer: {given!r:.40}; allowed: 1 to {len(question.options)}")
+            raise AnswerRefusal(f"answer: {given!r:.40}; allowed: 1 to {len(question.options)}")
         return int(given)  # pyright: ignore[reportArgumentType]
     if question.kind == "number":
         if not number or abs(given) > 1e12:  # pyright: ignore[reportArgumentType]
-            raise Refusal(f"answer: {given!r:.40}; allowed: a number")
+            raise AnswerRefusal(f"answer: {given!r:.40}; allowed: a number")
         return float(given)  # pyright: ignore[reportArgumentType]
     try:
         values = msgspec.convert(given, list[float])
     except msgspec.ValidationError as error:
-        raise Refusal(f"answer: {error}; allowed: {POINTS} numbers") from error
+        raise AnswerRefusal(f"answer: {error}; allowed: {POINTS} numbers") from error
     if len(values) != POINTS or not all(question.low <= value <= question.high for value in values):
-        raise Refusal(f"answer: {len(values)} values; allowed: {POINTS} from {question.low:g} to {question.high:g}")
+        raise AnswerRefusal(
+            f"answer: {len(values)} values; allowed: {POINTS} from {question.low:g} to {question.high:g}"
+        )
     return values

@@ -200,7 +200,7 @@ class Account(Struct, frozen=True):
 
 
 @dataclass(frozen=True)
-class Figure:
+class ShownFigure:
     """Figure: a number of an `Account` or of `Metrics` as it is shown, in a unit that depends on the task space, and of
     which `factor` make one SI unit."""
 
@@ -220,33 +220,33 @@ class Figure:
 
 
 FIGURES = (
-    Figure("path error, RMS", "path_rms", 1e3, lambda units: units.error),
-    Figure("path error, largest", "path_max", 1e3, lambda units: units.error),
-    Figure("force error, RMS", "force_rms", 1.0, lambda _: "N"),
-    Figure("force error, largest", "force_max", 1.0, lambda _: "N"),
-    Figure("‖s‖, largest", "s_max", 1e3, lambda units: units.rate),
-    Figure("residual of (8), RMS", "residual_rms", 1.0, lambda units: units.force),
-    Figure("torque ‖τ‖, RMS", "effort", 1.0, lambda _: "N·m"),
-    Figure("its variation", "variation", 1.0, lambda _: "N·m/s"),
-    Figure("least margin of (17)", "gain_margin", 1.0, lambda units: units.force),
+    ShownFigure("path error, RMS", "path_rms", 1e3, lambda units: units.error),
+    ShownFigure("path error, largest", "path_max", 1e3, lambda units: units.error),
+    ShownFigure("force error, RMS", "force_rms", 1.0, lambda _: "N"),
+    ShownFigure("force error, largest", "force_max", 1.0, lambda _: "N"),
+    ShownFigure("‖s‖, largest", "s_max", 1e3, lambda units: units.rate),
+    ShownFigure("residual of (8), RMS", "residual_rms", 1.0, lambda units: units.force),
+    ShownFigure("torque ‖τ‖, RMS", "effort", 1.0, lambda _: "N·m"),
+    ShownFigure("its variation", "variation", 1.0, lambda _: "N·m/s"),
+    ShownFigure("least margin of (17)", "gain_margin", 1.0, lambda units: units.force),
 )
 # those of a whole run; the torques' variation, a number per joint, stands beside them
 METRICS = (
-    Figure("path error at the end, largest", "motion_error_tail", 1e3, lambda units: units.error),
-    Figure("force error at the end, largest", "force_error_tail", 1.0, lambda _: "N"),
-    Figure("moment error at the end, largest", "moment_error_tail", 1.0, lambda _: "N·m"),
-    Figure("distance from the rigid surface, largest", "constraint_violation", 1e3, lambda _: "mm"),
-    Figure("band reached after", "band_time", 1.0, lambda _: "s"),
-    Figure("band promised within", "band_time_bound", 1.0, lambda _: "s"),
-    Figure("boundary layer reached after", "reaching_time", 1.0, lambda _: "s"),
-    Figure("boundary layer promised within", "layer_time_bound", 1.0, lambda _: "s"),
-    Figure("s = 0 by (18) within", "reaching_time_bound", 1.0, lambda _: "s"),
-    Figure("‖s‖ beyond (20) and the band, largest", "envelope_violation", 1e3, lambda units: units.rate),
-    Figure("least margin of (17)", "gain_condition_margin", 1.0, lambda units: units.force),
-    Figure("residual of (8) at the end, RMS", "target_model_residual_tail", 1.0, lambda units: units.force),
-    Figure("time with a drive at its limit", "saturated_share", 100.0, lambda _: "%"),
-    Figure("simulated time", "simulated_time", 1.0, lambda _: "s"),
-    Figure("simulated time per computing time", "realtime_factor", 1.0, lambda _: ""),
+    ShownFigure("path error at the end, largest", "motion_error_tail", 1e3, lambda units: units.error),
+    ShownFigure("force error at the end, largest", "force_error_tail", 1.0, lambda _: "N"),
+    ShownFigure("moment error at the end, largest", "moment_error_tail", 1.0, lambda _: "N·m"),
+    ShownFigure("distance from the rigid surface, largest", "constraint_violation", 1e3, lambda _: "mm"),
+    ShownFigure("band reached after", "band_time", 1.0, lambda _: "s"),
+    ShownFigure("band promised within", "band_time_bound", 1.0, lambda _: "s"),
+    ShownFigure("boundary layer reached after", "reaching_time", 1.0, lambda _: "s"),
+    ShownFigure("boundary layer promised within", "layer_time_bound", 1.0, lambda _: "s"),
+    ShownFigure("s = 0 by (18) within", "reaching_time_bound", 1.0, lambda _: "s"),
+    ShownFigure("‖s‖ beyond (20) and the band, largest", "envelope_violation", 1e3, lambda units: units.rate),
+    ShownFigure("least margin of (17)", "gain_condition_margin", 1.0, lambda units: units.force),
+    ShownFigure("residual of (8) at the end, RMS", "target_model_residual_tail", 1.0, lambda units: units.force),
+    ShownFigure("time with a drive at its limit", "saturated_share", 100.0, lambda _: "%"),
+    ShownFigure("simulated time", "simulated_time", 1.0, lambda _: "s"),
+    ShownFigure("simulated time per computing time", "realtime_factor", 1.0, lambda _: ""),
 )
 
 

@@ -54,7 +54,7 @@ def export(
         engine: pinocchio; or compiled, faster, and its digits differ by rounding (docs/command-line.md)
         use: a file with a control law of your own (docs/extending.md)
     """
-    from app.dashboard.export import FigureChoice, Stretch, write
+    from app.dashboard.export import ExportedStretch, FigureChoice, write
     from app.dashboard.plots.paper_figures import plots_of
     from app.export.figures import FigureOptions
     from app.session import headless_run
@@ -81,7 +81,9 @@ def export(
             print(f"stopped: {loop.stopped}")
             status = STOPPED
     try:
-        for path in write(Stretch(scenario, recording, start, end), kinds, FigureChoice(plots, series, options), out):
+        for path in write(
+            ExportedStretch(scenario, recording, start, end), kinds, FigureChoice(plots, series, options), out
+        ):
             print(f"written: {path}")
     except OSError as error:
         raise ScenarioError(f"--out {out}: cannot be written: {error.strerror}") from error

@@ -92,7 +92,7 @@ def _of_sweep(folder: Path, row: int) -> tuple[Scenario, Engine]:
     asked = question.read(folder / question.FILE)
     if asked.program != question.fingerprint():
         say("this sweep was computed by another version of the program: digits may differ")
-    whole = question.Question(asked)
+    whole = question.SweepQuestion(asked)
     return whole.scenario(whole.row(row)), asked.engine
 
 

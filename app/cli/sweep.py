@@ -98,7 +98,7 @@ def sweep(
         raise ScenarioError("--points, --draw, --seed: allowed: 0 or more; --workers: 1 or more")
     if scheduler is not None and workers is not None:
         raise ScenarioError("--workers beside --scheduler; allowed: one of them: a cluster has workers of its own")
-    count = question.Question(asked).count
+    count = question.SweepQuestion(asked).count
     if out is None and not dry_run:
         raise ScenarioError("sweep: no folder for the runs; allowed: --out FOLDER, or --dry-run")
     with Cluster(scheduler) if scheduler is not None else nullcontext(workers) as on:
@@ -147,7 +147,7 @@ def _plot_sweep(
     if folder is None:
         raise ScenarioError("sweep plot: no folder; allowed: the folder of a sweep")
     form: Format = one_of("--to", to, get_args(Format))
-    view = points.View(
+    view = points.SweepView(
         metric=of,
         within=within,
         statistic=None if show is None else one_of("--show", show, get_args(points.Statistic)),

@@ -26,7 +26,7 @@ from app.storage.recording_files import TooLarge, table, write_csv, write_npz
 
 
 @dataclass(frozen=True)
-class Stretch:
+class ExportedStretch:
     """Stretch of a run: the recorded rows with start <= t <= end (s)."""
 
     scenario: Scenario
@@ -46,7 +46,7 @@ class FigureChoice:
     options: FigureOptions = field(default_factory=FigureOptions)
 
 
-def write(stretch: Stretch, kinds: Iterable[Kind], choice: FigureChoice, out: Path) -> Iterator[Path]:
+def write(stretch: ExportedStretch, kinds: Iterable[Kind], choice: FigureChoice, out: Path) -> Iterator[Path]:
     """Write files of these kinds to the folder `out`, which is created; yields the path of each. Raises ScenarioError
     and OSError."""
     rows = stretch.recording.signals(("t",), stretch.start, stretch.end)["t"]
@@ -71,7 +71,7 @@ def write(stretch: Stretch, kinds: Iterable[Kind], choice: FigureChoice, out: Pa
         yield path
 
 
-def _write(stretch: Stretch, kind: Kind, choice: FigureChoice, path: Path) -> None:
+def _write(stretch: ExportedStretch, kind: Kind, choice: FigureChoice, path: Path) -> None:
     scenario, recording = stretch.scenario, stretch.recording
     with tqdm(total=1.0, bar_format="{desc} {percentage:3.0f} %", desc=path.name, leave=False, disable=None) as bar:
 
@@ -97,7 +97,7 @@ def _write(stretch: Stretch, kind: Kind, choice: FigureChoice, path: Path) -> No
                 write_whole(path, lambda file: file.write(to_toml(scenario).encode()))
 
 
-def _figure(stretch: Stretch, choice: FigureChoice) -> Figure:
+def _figure(stretch: ExportedStretch, choice: FigureChoice) -> Figure:
     """Figure of the stretch. Raises ScenarioError, and ValueError for an empty stretch."""
     snapshot = snapshot_of(ClosedLoop(stretch.scenario, history=1))
     if not stretch.recording.epochs:  # a file does not hold the changes during the run

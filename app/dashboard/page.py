@@ -16,7 +16,7 @@ from app.access.rate_limits import takes_part
 from app.dashboard.frame_rate import FPS, check_fps
 from app.dashboard.panels import PANELS, Panel
 from app.dashboard.panels.robustness import RobustnessPanel
-from app.dashboard.plots.charts import Pinned
+from app.dashboard.plots.charts import PinnedChart
 from app.dashboard.plots.dock import Plots, Shown
 from app.dashboard.scene.appearance import Appearance
 from app.dashboard.scene.tool_drag import Hand
@@ -443,7 +443,7 @@ class _View:
 
     def _plot(self, snapshot: Snapshot, now: float) -> None:
         whatif, looked_at = self._whatif, self._visible_tabs.tabs(self._server.get_clients())
-        pinned = tuple(Pinned(p.title, p.recording, color=RUNS[p.place]) for p in snapshot.pinned)
+        pinned = tuple(PinnedChart(p.title, p.recording, color=RUNS[p.place]) for p in snapshot.pinned)
         shown = Shown(snapshot.t, self._viewing.window, pinned, whatif.outlook, whatif.horizon)
         began = time.thread_time()
         self._plots.show(snapshot, shown, looked_at)

@@ -16,9 +16,9 @@ from app.session.headless_run import simulate
 from app.simulation.system import System
 from app.storage.constants_store import kept_memory
 from app.sweep.charts import chart
-from app.sweep.figures_of_run import Figures, Runner
-from app.sweep.points import View
-from app.sweep.question import Question, Sweep, axis_of
+from app.sweep.figures_of_run import Figures, SweepRunner
+from app.sweep.points import SweepView
+from app.sweep.question import Sweep, SweepQuestion, axis_of
 from app.sweep.titles import said
 
 LAWS = ("vsmrc", "computed-torque")
@@ -69,13 +69,13 @@ def band_of(law: str) -> Sweep:
 
 def map_rows(law: str, numbers: tuple[int, ...]) -> Rows:
     """Rows of a law's map. numbers: of the rows."""
-    runner = Runner(map_of(law))
+    runner = SweepRunner(map_of(law))
     return Rows(law, [runner.figures(number) for number in numbers])
 
 
 def arms(law: str, numbers: tuple[int, ...]) -> Arms:
     """Arms of a law's band. numbers: of the arms."""
-    asked, memory = Question(band_of(law)), kept_memory()
+    asked, memory = SweepQuestion(band_of(law)), kept_memory()
     system: System | None = None
     kept, holds, broken = [], 0, 0
     for number in numbers:
@@ -95,7 +95,7 @@ def arms(law: str, numbers: tuple[int, ...]) -> Arms:
 def jobs(thin: int) -> Sequence[Job]:
     made = []
     for law in LAWS:
-        for function, count in ((map_rows, Question(map_of(law)).count), (arms, ARMS)):
+        for function, count in ((map_rows, SweepQuestion(map_of(law)).count), (arms, ARMS)):
             numbers = range(0, count, thin) if function is arms else range(count)
             made += [Job(function, (law, tuple(numbers[k : k + CHUNK]))) for k in range(0, len(numbers), CHUNK)]
     return made
@@ -134,7 +134,7 @@ def _map(law: str, rows: list[Figures]) -> bytes:
     words = {"stopped": np.array([row.get("stopped") for row in rows], dtype=object)}
     sweep = map_of(law)
     titled = msgspec.structs.replace(sweep.scenario, name=f"ur5-hybrid, {said('controller.law', law)}")
-    return chart(msgspec.structs.replace(sweep, scenario=titled), columns | words, View("force_error"), "svg")
+    return chart(msgspec.structs.replace(sweep, scenario=titled), columns | words, SweepView("force_error"), "svg")
 
 
 def _band(bands: dict[str, list[Arms]]) -> bytes:

@@ -80,7 +80,7 @@ class Progress:
 
 
 @dataclass(frozen=True)
-class Done:
+class ExportDone:
     """Message that the file is complete."""
 
 
@@ -165,14 +165,14 @@ def _converse(worker: Connection, job: Job, tell: Tell) -> None:
         pass
 
 
-def _going_on(message: Progress | Done | Failure, tell: Tell) -> bool:
+def _going_on(message: Progress | ExportDone | Failure, tell: Tell) -> bool:
     match message:
         case Progress(share):
             tell(share)
             return True
         case Failure(reason):
             raise ExportError(reason)
-        case Done():
+        case ExportDone():
             return False
 
 

@@ -35,7 +35,7 @@ _IN_BRACKETS = re.compile(r"\[[^\]]*\]")
 
 
 @dataclass(frozen=True)
-class Run:
+class LetterRun:
     """Run of letters that are set in the same way.
     text: mathematics between dollars, in the notation of mathtext.
     mathematics: whether the letters are a symbol.
@@ -46,29 +46,29 @@ class Run:
     spaced: bool
 
 
-def runs(text: str) -> list[Run]:
+def runs(text: str) -> list[LetterRun]:
     """Runs of letters of a text in one line. Brackets contain a unit, and "(a) " at the beginning is a panel's
     letter."""
     if panel := _PANEL.match(text):
-        first, *rest = runs(text[panel.end() :]) or [Run("", False, False)]
-        return [Run(panel[0].strip(), False, False), replace(first, spaced=True), *rest]
+        first, *rest = runs(text[panel.end() :]) or [LetterRun("", False, False)]
+        return [LetterRun(panel[0].strip(), False, False), replace(first, spaced=True), *rest]
     text = unicodedata.normalize("NFD", text)
     units = [found.span() for found in _IN_BRACKETS.finditer(text)]
-    found: list[Run] = []
+    found: list[LetterRun] = []
     begin = 0
     for symbol in _SYMBOL.finditer(text):
         if any(low < symbol.start() < high for low, high in units) or not _is_symbol(symbol, text):
             continue
         found += _words(text[begin : symbol.start()], text[:begin])
-        found.append(Run(f"${_mathtext(symbol)}$", True, text[: symbol.start()].endswith(" ")))
+        found.append(LetterRun(f"${_mathtext(symbol)}$", True, text[: symbol.start()].endswith(" ")))
         begin = symbol.end()
     return [*found, *_words(text[begin:], text[:begin])]
 
 
-def _words(text: str, before: str) -> Iterator[Run]:
+def _words(text: str, before: str) -> Iterator[LetterRun]:
     plain = unicodedata.normalize("NFC", " ".join(text.split()))
     if plain:
-        yield Run(plain, False, text.startswith(" ") or before.endswith(" "))
+        yield LetterRun(plain, False, text.startswith(" ") or before.endswith(" "))
 
 
 def _is_symbol(found: re.Match[str], text: str) -> bool:
@@ -96,7 +96,7 @@ def width_of(text: str, size: float, weight: str = "normal") -> float:
 
 
 @cache
-def _advance(run: Run, size: float, weight: str) -> float:
+def _advance(run: LetterRun, size: float, weight: str) -> float:
     from matplotlib.font_manager import FontProperties
     from matplotlib.textpath import text_to_path
 
@@ -104,7 +104,7 @@ def _advance(run: Run, size: float, weight: str) -> float:
     return text_to_path.get_text_width_height_descent(run.text, font, run.mathematics)[0] / POINTS
 
 
-def _gap(run: Run, number: int, size: float) -> float:
+def _gap(run: LetterRun, number: int, size: float) -> float:
     return SPACE * size / POINTS if run.spaced and number else 0.0
 
 
@@ -141,10 +141,10 @@ def write(
         x += _advance(run, size, weight)
 
 
-def _single_words(text: str) -> Iterator[Run]:
+def _single_words(text: str) -> Iterator[LetterRun]:
     """Runs of letters of a text, cut into words, since a long run is set wider in the pixels of a PNG than its width
     says, and would close the gap behind it."""
     for run in runs(text):
         first, *rest = [run.text] if run.mathematics else run.text.split() or [""]
         yield replace(run, text=first)
-        yield from (Run(word, False, True) for word in rest)
+        yield from (LetterRun(word, False, True) for word in rest)

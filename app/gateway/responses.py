@@ -20,7 +20,7 @@ async def with_headers(_: web.BaseRequest, response: web.StreamResponse) -> None
     response.headers.setdefault("Cache-Control", "no-store")
 
 
-class Runner(web.AppRunner):
+class ApplicationRunner(web.AppRunner):
     """Runs an application whose connections are `_Connection`s; aiohttp has no setting for that."""
 
     async def _make_server(self) -> web.Server:

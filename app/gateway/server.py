@@ -32,14 +32,14 @@ import structlog
 from aiohttp import WSCloseCode, web
 
 from app.access.admission import KEY_HEADER, YEAR, Names, Pass, PortTaken, Tokens, session_token_cookie, token_cookie
-from app.access.classroom import Refusal
+from app.access.classroom import AnswerRefusal
 from app.access.rate_limits import Limits, Meter, harmless
 from app.access.session_messages import Answers
 from app.gateway import pages
 from app.gateway.connections import ARRIVING, DEADLINE, Door
 from app.gateway.metrics import TYPE, metrics
 from app.gateway.relay import ANSWER, closed, relay
-from app.gateway.responses import Runner, with_headers
+from app.gateway.responses import ApplicationRunner, with_headers
 from app.gateway.session import Session
 from app.gateway.session_pool import HURRIED, Excess, SessionPool
 from app.gateway.visitor_origin import asks_status, is_local, port_of, visitor_cookie, visitor_of
@@ -365,7 +365,7 @@ class Gateway:
             room.give(visitor.browser, visitor.address, said.get("number"), said.get("given"))
         except (msgspec.DecodeError, RecursionError) as error:
             return web.json_response({"refused": f"answer: {error}"}, status=400)
-        except Refusal as error:
+        except AnswerRefusal as error:
             self._refusals["answers of a class"] += 1
             return web.json_response({"refused": str(error)}, status=409)
         if session.process is not None and room.question is not None:
@@ -490,7 +490,7 @@ async def serving(
 
     deadline: s for a request to be complete; connections: largest number, None for all pages and new connections.
     """
-    runner = Runner(
+    runner = ApplicationRunner(
         gateway.app,
         access_log=None,
         shutdown_timeout=FAREWELL,

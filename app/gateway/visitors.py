@@ -36,7 +36,7 @@ class Viewer(NamedTuple):
     kind: Pass
 
 
-class Share(NamedTuple):
+class VisitorShare(NamedTuple):
     """Limits of the number of `what`: of one browser, of one address, and in all."""
 
     what: str
@@ -61,17 +61,17 @@ class Shares(NamedTuple):
     session, and of the server.
     link_copies: copies of one session. Copies and sessions that wait count as long as somebody asks for them."""
 
-    steering: Share = Share("pages that steer this session", 8, 12, 16)
-    watching: Share = Share("pages that watch this session", 6, 32, 48)
-    all_watching: Share = Share("pages that watch sessions of this server", 24, 96, 192)
-    pages: Share = Share("pages of this server", 32, 192, 256)
-    copies: Share = Share("private copies", 4, 32, 256)
-    link_copies: Share = Share("private copies of this session", 64, 64, 64)
-    waiting: Share = Share("sessions that wait for a place", 3, 64, 500)
+    steering: VisitorShare = VisitorShare("pages that steer this session", 8, 12, 16)
+    watching: VisitorShare = VisitorShare("pages that watch this session", 6, 32, 48)
+    all_watching: VisitorShare = VisitorShare("pages that watch sessions of this server", 24, 96, 192)
+    pages: VisitorShare = VisitorShare("pages of this server", 32, 192, 256)
+    copies: VisitorShare = VisitorShare("private copies", 4, 32, 256)
+    link_copies: VisitorShare = VisitorShare("private copies of this session", 64, 64, 64)
+    waiting: VisitorShare = VisitorShare("sessions that wait for a place", 3, 64, 500)
 
 
-def places_share(places: int, of_one_address: int | None) -> Share:
+def places_share(places: int, of_one_address: int | None) -> VisitorShare:
     """Shares of the places for running sessions: a browser may have half of them, but always two; an address may have
     three quarters, or `of_one_address` where this is given."""
     address = of_one_address or max(1, places - max(1, places // 4))
-    return Share("sessions that run", max(2, places // 2), address, places)
+    return VisitorShare("sessions that run", max(2, places // 2), address, places)

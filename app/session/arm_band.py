@@ -49,7 +49,7 @@ class Band:
 
 
 @dataclass(frozen=True)
-class Stretch:
+class BandStretch:
     """Stretch of time over which arms are run.
     since: s, the present instant of the run.
     begins: the state from which all arms go on: that of `since`, or the start where an edit begins the scenario anew.
@@ -63,7 +63,7 @@ class Stretch:
     points: np.ndarray
 
     @classmethod
-    def beyond(cls, since: float, begins: State, rows: int, points: np.ndarray) -> Stretch:
+    def beyond(cls, since: float, begins: State, rows: int, points: np.ndarray) -> BandStretch:
         """Stretch of a preview and of `LATER` s more. rows: number of the preview's rows. points: numbers of
         the drawn ones."""
         more = round(LATER / begins.scenario.controller.period)
@@ -84,7 +84,7 @@ class _Arm:
     reached: the same, or the number of all rows where the arm has stopped.
     """
 
-    def __init__(self, loop: ClosedLoop, stretch: Stretch) -> None:
+    def __init__(self, loop: ClosedLoop, stretch: BandStretch) -> None:
         # the promise decides about the run only where breaking it stops the run
         judged = loop.system.scenario.simulation.bound_violation == "stop"
         self.loop, self._stretch = loop, stretch
@@ -110,7 +110,7 @@ class _Arm:
 class ArmsAhead:
     """True arms that are run over a stretch in threads of a pool, each at most a slice ahead of the others."""
 
-    def __init__(self, loops: list[ClosedLoop], stretch: Stretch, pool: ThreadPoolExecutor, threads: int) -> None:
+    def __init__(self, loops: list[ClosedLoop], stretch: BandStretch, pool: ThreadPoolExecutor, threads: int) -> None:
         self._arms, self._stretch = [_Arm(loop, stretch) for loop in loops], stretch
         self._waiting, self._lock, self._left = self._arms[:], threading.Lock(), threading.Event()
         self._running: list[Future[None]] = [pool.submit(self._advance) for _ in range(threads)]
@@ -185,7 +185,7 @@ class TrueArms:
         self._count = os.cpu_count() or 1
         self._pool = ThreadPoolExecutor(self._count, "arms", initializer=_yield_to_others)
 
-    def run(self, stretch: Stretch, count: int) -> ArmsAhead:
+    def run(self, stretch: BandStretch, count: int) -> ArmsAhead:
         """Start running `count` arms over a stretch. `ArmsAhead.leave` has to be called before the next start. Raises
         ScenarioError where an arm cannot be built, and ValueError where the compiled run has an `obstacle`."""
         begun = self._begun = ClosedLoop.resume(stretch.begins, 1, self._begun and self._begun.system, self._memory)

@@ -21,7 +21,7 @@ from app.analysis.metrics import (
     tail_of,
 )
 from app.scenario.schema import Scenario, TruthSection
-from app.session.arm_band import Band, Stretch, uncertain
+from app.session.arm_band import Band, BandStretch, uncertain
 from app.simulation.closed_loop import ClosedLoop
 from app.simulation.compiled_run import CompiledRun, obstacle
 from app.simulation.engines import Engine
@@ -103,7 +103,7 @@ class Outlook:
 
 
 @dataclass(frozen=True)
-class Refusal:
+class PreviewRefusal:
     """Refusal of a question whose scenario cannot be used; one sentence."""
 
     number: int
@@ -116,7 +116,7 @@ class Hurry:
 
 
 @dataclass(frozen=True)
-class Done:
+class PreviewDone:
     """Message from the preview process: ready for the next question."""
 
 
@@ -148,7 +148,7 @@ class Foresight:
         self._start, self._rows, self._points = self._loop.t, rows, _points(rows)
         self._obstacle = obstacle(self._loop) if engine == "compiled" else "the kernels are not compiled yet"
         self._run = CompiledRun(self._loop) if self._obstacle is None else None
-        self.stretch = Stretch.beyond(question.state.t, self._loop.state.copy(), rows, self._points)
+        self.stretch = BandStretch.beyond(question.state.t, self._loop.state.copy(), rows, self._points)
 
     @property
     def bandless(self) -> str:
@@ -196,11 +196,13 @@ class Foresight:
             for _ in range(left):
                 loop.advance()
 
-    def outlook(self, today: Figures | None = None) -> Outlook | Refusal:
+    def outlook(self, today: Figures | None = None) -> Outlook | PreviewRefusal:
         """Outlook of what has been computed so far. today: figures of the running scenario."""
         number, recording = self.question.number, self._loop.recording
         if not len(recording):
-            return Refusal(number, f"nothing lies ahead: {self._loop.stopped or 'no control period is computed yet'}")
+            return PreviewRefusal(
+                number, f"nothing lies ahead: {self._loop.stopped or 'no control period is computed yet'}"
+            )
         signals = recording.picked(self._points[self._points < len(recording)])
         return Outlook(
             number,

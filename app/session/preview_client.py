@@ -16,7 +16,7 @@ import structlog
 from app.process import launcher
 from app.process.launcher import ChildProcess
 from app.scenario.schema import Scenario
-from app.session.preview import Done, Hurry, Outlook, Question, Refusal
+from app.session.preview import Hurry, Outlook, PreviewDone, PreviewRefusal, Question
 from app.simulation.state import State
 
 log = structlog.get_logger()
@@ -54,7 +54,7 @@ class Previewer:
         self._number = self._dropped = 0
         self._closed = False
         self._starter = ThreadPoolExecutor(1, "starter")  # the process ends with this thread
-        self.newest: Outlook | Refusal | None = None
+        self.newest: Outlook | PreviewRefusal | None = None
         self.failure: str | None = None
         self.answered: Callable[[], None] = lambda: None
 
@@ -155,9 +155,9 @@ class Previewer:
             except (EOFError, OSError):
                 self._lost(worker)
 
-    def _take(self, message: Outlook | Refusal | Done, worker: _Worker) -> None:
+    def _take(self, message: Outlook | PreviewRefusal | PreviewDone, worker: _Worker) -> None:
         with self._lock:
-            if isinstance(message, Done):
+            if isinstance(message, PreviewDone):
                 worker.busy = False
                 self._pass_on(worker)
             elif message.number > self._dropped:

@@ -11,8 +11,8 @@ from multiprocessing import Pipe
 from typing import Any
 
 from app.process import launcher, worker_pool
-from app.sweep.figures_of_run import Figures, Runner
-from app.sweep.question import Question, Sweep
+from app.sweep.figures_of_run import Figures, SweepRunner
+from app.sweep.question import Sweep, SweepQuestion
 from app.sweep.running import rows_of, tasks_of
 
 STRIDES = (4, 2, 1)  # from one tile of a map to the next, of those computed first, second and last
@@ -41,7 +41,7 @@ class Begun:
 
 
 @dataclass(frozen=True)
-class Done:
+class SweepDone:
     """Message from the process, the last."""
 
 
@@ -55,7 +55,7 @@ class Background:
     noun = "computation"
 
     def __init__(self, asked: Sweep, workers: int, at_once: int | None = None) -> None:
-        self.question = Question(asked)
+        self.question = SweepQuestion(asked)
         self.problem, self.waiting = "", False
         self._work = Work(asked, workers, at_once)
         self._done, self._cancelled = threading.Event(), threading.Event()
@@ -106,7 +106,7 @@ class Background:
     def _heed(self, message: Any) -> None:
         if isinstance(message, Waiting | Begun):
             self.waiting = isinstance(message, Waiting)
-        elif isinstance(message, Done):
+        elif isinstance(message, SweepDone):
             self._done.set()
         else:
             self.take(message)
@@ -132,12 +132,12 @@ class BackgroundSweep(Background):
 
 def results(sweep: Sweep, workers: int) -> Iterator[Figures]:
     """Rows of a sweep, in the order in which they are computed, coarse first."""
-    tasks = tasks_of(coarse_first(Question(sweep)), workers)
-    for task, figures in worker_pool.results(Runner.computing, (sweep,), tasks, workers):
+    tasks = tasks_of(coarse_first(SweepQuestion(sweep)), workers)
+    for task, figures in worker_pool.results(SweepRunner.computing, (sweep,), tasks, workers):
         yield from rows_of(sweep, task, figures)
 
 
-def coarse_first(question: Question) -> list[int]:
+def coarse_first(question: SweepQuestion) -> list[int]:
     """Numbers of all runs of a grid, every fourth tile in each direction first."""
     shape = [len(axis.values) for axis in question.sweep.vary]
 

@@ -13,7 +13,7 @@ from app.export.formats import Format
 from app.export.lettering import wrapped
 from app.scenario.schema import ScenarioError
 from app.sweep.figures_of_run import COLUMNS
-from app.sweep.points import Kind, Points, View, interval, points_of, statistic_of
+from app.sweep.points import Kind, Points, SweepView, interval, points_of, statistic_of
 from app.sweep.question import Axis, Sweep
 from app.sweep.titles import named, said, title_of, unit_of
 from parameters import allowed
@@ -30,7 +30,7 @@ ASPECT = 0.75
 LABEL = 2.3  # in, longest line beside an axis
 
 
-def chart(sweep: Sweep, columns: Mapping[str, np.ndarray], view: View, form: Format) -> bytes:
+def chart(sweep: Sweep, columns: Mapping[str, np.ndarray], view: SweepView, form: Format) -> bytes:
     """File of a chart in this form. Raises ScenarioError where the view makes no sense for this sweep."""
     axes = _axes(sweep, view)
     points = points_of(sweep, columns, view)
@@ -39,7 +39,7 @@ def chart(sweep: Sweep, columns: Mapping[str, np.ndarray], view: View, form: For
     return file_of(lambda: draw(sweep, axes, points, view), form)
 
 
-def _axes(sweep: Sweep, view: View) -> list[Axis]:
+def _axes(sweep: Sweep, view: SweepView) -> list[Axis]:
     by_path = {axis.path: axis for axis in sweep.vary}
     if not by_path:
         raise ScenarioError("sweep plot: no field is varied; allowed: a sweep with --vary")
@@ -57,7 +57,7 @@ def _suiting(sweep: Sweep, axes: list[Axis]) -> Kind:
     return "parallel"
 
 
-def _map(sweep: Sweep, axes: list[Axis], points: Points, view: View) -> Canvas:
+def _map(sweep: Sweep, axes: list[Axis], points: Points, view: SweepView) -> Canvas:
     if len(axes) != 2 or len(sweep.vary) != 2 or sweep.design != "grid" or not all(a.numeric for a in axes):
         raise ScenarioError("--as map; allowed: with a grid of two fields of numbers, or --as parallel")
     x, y = axes
@@ -94,7 +94,7 @@ def _map(sweep: Sweep, axes: list[Axis], points: Points, view: View) -> Canvas:
     return canvas
 
 
-def _slices(sweep: Sweep, axes: list[Axis], points: Points, view: View) -> Canvas:
+def _slices(sweep: Sweep, axes: list[Axis], points: Points, view: SweepView) -> Canvas:
     x, *others = axes
     if not x.numeric:
         raise ScenarioError(f"--as slices over {x.path}; allowed: a field of numbers first")
@@ -134,7 +134,7 @@ def _slices(sweep: Sweep, axes: list[Axis], points: Points, view: View) -> Canva
     return canvas
 
 
-def _scatter(sweep: Sweep, axes: list[Axis], points: Points, view: View) -> Canvas:
+def _scatter(sweep: Sweep, axes: list[Axis], points: Points, view: SweepView) -> Canvas:
     if len(axes) < 2 or not all(axis.numeric for axis in axes[:2]):
         raise ScenarioError("--as scatter; allowed: with two fields of numbers, see --over")
     x, y = axes[:2]
@@ -152,7 +152,7 @@ def _scatter(sweep: Sweep, axes: list[Axis], points: Points, view: View) -> Canv
     return canvas
 
 
-def _parallel(sweep: Sweep, axes: list[Axis], points: Points, view: View) -> Canvas:
+def _parallel(sweep: Sweep, axes: list[Axis], points: Points, view: SweepView) -> Canvas:
     from matplotlib import colormaps
 
     canvas, plot = sheet(DOUBLE, _caption(sweep, points, view))
@@ -217,7 +217,7 @@ def sheet(width: float, caption: str) -> tuple[Canvas, Axes]:
     return canvas, canvas.add_subplot()
 
 
-def _caption(sweep: Sweep, points: Points, view: View) -> str:
+def _caption(sweep: Sweep, points: Points, view: SweepView) -> str:
     arms = int(points.arms.max())
     told = f"{sweep.scenario.name}, {len(points.number)} points"
     if sweep.draw:
@@ -231,13 +231,13 @@ def _caption(sweep: Sweep, points: Points, view: View) -> str:
     return told + "."
 
 
-def _bar(canvas: Canvas, plot: Axes, colored: Any, points: Points, view: View) -> None:
+def _bar(canvas: Canvas, plot: Axes, colored: Any, points: Points, view: SweepView) -> None:
     bar = canvas.colorbar(colored, ax=plot, label=_label(points, view), pad=0.02)
     if statistic_of(view) != "share" and wide(points.number):
         plain_decades(bar.ax.yaxis)
 
 
-def _label(points: Points, view: View) -> str:
+def _label(points: Points, view: SweepView) -> str:
     column, name = COLUMNS[view.metric], view.metric.replace("_", " ")
     unit = f" [{column.unit}]" if column.unit not in ("", "1") else ""
     if view.within is not None:
@@ -251,7 +251,7 @@ def _of_axis(axis: Axis) -> str:
     return "\n".join(wrapped(named(axis.path), LABEL, 7.0))
 
 
-def _norm(points: Points, view: View) -> Any:
+def _norm(points: Points, view: SweepView) -> Any:
     from matplotlib.colors import LogNorm, Normalize
 
     if statistic_of(view) == "share":

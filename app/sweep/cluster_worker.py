@@ -7,7 +7,7 @@ import threading
 from functools import lru_cache
 
 from app.scenario.schema import ScenarioError
-from app.sweep.figures_of_run import Figures, Runner
+from app.sweep.figures_of_run import Figures, SweepRunner
 from app.sweep.question import Sweep, fingerprint
 
 # A runner is for one thread, and a worker may have several: a second one waits.
@@ -25,7 +25,7 @@ def figures(asked: bytes, numbers: tuple[int, ...]) -> list[Figures]:
 
 
 @lru_cache(maxsize=2)
-def _runner(asked: bytes) -> Runner:
+def _runner(asked: bytes) -> SweepRunner:
     sweep: Sweep = pickle.loads(asked)  # Dask has unpickled what it came with already
     ours = fingerprint()
     if ours != sweep.program:
@@ -33,4 +33,4 @@ def _runner(asked: bytes) -> Runner:
             f"program {ours} on this worker, {sweep.program} asked; allowed: the same versions of vsmrc-lab, numba, "
             "numpy, pin and scipy everywhere"
         )
-    return Runner(sweep)
+    return SweepRunner(sweep)

@@ -14,7 +14,7 @@ from app.session.headless_run import simulate
 from app.simulation.search_memory import Memory
 from app.simulation.system import System
 from app.storage.constants_store import kept_memory
-from app.sweep.question import Question, Row, Sweep
+from app.sweep.question import Sweep, SweepQuestion, SweepRow
 
 Figures = dict[str, Any]
 
@@ -54,11 +54,11 @@ COLUMNS: dict[str, Column] = {
 METRICS = tuple(name for name, column in COLUMNS.items() if not column.word and name not in ("row", "point", "arm"))
 
 
-class Runner:
+class SweepRunner:
     """Runner of a sweep's runs in one process; what runs have in common is computed once."""
 
     def __init__(self, sweep: Sweep) -> None:
-        self._question = Question(sweep)
+        self._question = SweepQuestion(sweep)
         self._memory: Memory = kept_memory()
         self._previous: System | None = None
 
@@ -72,7 +72,7 @@ class Runner:
         """Figures of the run of this number. A run that is refused or stops is a row, too."""
         return self.figures_of(self._question.row(number))
 
-    def figures_of(self, row: Row) -> Figures:
+    def figures_of(self, row: SweepRow) -> Figures:
         """Figures of a run, whose values may be others than those of the question's design."""
         started = time.perf_counter()
         begun = self._question.told(row)

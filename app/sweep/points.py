@@ -20,7 +20,7 @@ CONFIDENCE = 0.95
 
 
 @dataclass(frozen=True)
-class View:
+class SweepView:
     """View: what a chart of a sweep shows.
 
     metric: column of the table.
@@ -57,7 +57,7 @@ class Points:
     declared: np.ndarray
 
 
-def points_of(sweep: Sweep, columns: Mapping[str, np.ndarray], view: View) -> Points:
+def points_of(sweep: Sweep, columns: Mapping[str, np.ndarray], view: SweepView) -> Points:
     """Points of a table's columns. Raises ScenarioError for a metric that there is not."""
     if view.metric not in METRICS:
         raise ScenarioError(f"--of {view.metric!r:.60}; {allowed(view.metric, METRICS)}")
@@ -88,7 +88,7 @@ def points_of(sweep: Sweep, columns: Mapping[str, np.ndarray], view: View) -> Po
     )
 
 
-def statistic_of(view: View) -> Statistic:
+def statistic_of(view: SweepView) -> Statistic:
     """Statistic that a view shows: by default the share where the view has a limit, else the worst."""
     return view.statistic or ("worst" if view.within is None else "share")
 

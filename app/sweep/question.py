@@ -100,7 +100,7 @@ Asked = TypeVar("Asked", bound=Sweep)
 
 
 @dataclass(frozen=True)
-class Row:
+class SweepRow:
     """Row: one run of a sweep. number: from 0; point, arm: numbers of its point and true arm; values: of the axes, by
     path."""
 
@@ -110,7 +110,7 @@ class Row:
     values: dict[str, Value]
 
 
-class Question:
+class SweepQuestion:
     """A sweep with its runs. Raises ScenarioError where it makes no sense."""
 
     def __init__(self, sweep: Sweep) -> None:
@@ -137,12 +137,12 @@ class Question:
         """Simulated time of all runs, s, where none stops and the duration is not varied."""
         return self.count * self.sweep.scenario.simulation.duration
 
-    def row(self, number: int) -> Row:
+    def row(self, number: int) -> SweepRow:
         """Run of this number. Raises ScenarioError for one that there is not."""
         if not 0 <= number < self.count:
             raise ScenarioError(f"row {number}; allowed: 0 to {self.count - 1}")
         point, arm = divmod(number, self.arms)
-        return Row(number, point, arm, self.values_at(point))
+        return SweepRow(number, point, arm, self.values_at(point))
 
     def values_at(self, point: int) -> dict[str, Value]:
         """Values of the axes at a point, by path."""
@@ -152,7 +152,7 @@ class Question:
             return {axis.path: axis.values[int(k)] for axis, k in zip(axes, places, strict=True)}
         return {axis.path: axis.at(float(u)) for axis, u in zip(axes, self._shares[point], strict=True)}
 
-    def told(self, row: Row) -> dict[str, Any]:
+    def told(self, row: SweepRow) -> dict[str, Any]:
         """Columns of the table that identify a run."""
         varied = {
             axis.path: row.values[axis.path] if axis.numeric else str(row.values[axis.path])
@@ -161,7 +161,7 @@ class Question:
         }
         return {"row": row.number, "point": row.point, "arm": row.arm, **varied}
 
-    def scenario(self, row: Row) -> Scenario:
+    def scenario(self, row: SweepRow) -> Scenario:
         """Scenario of a run. Raises ScenarioError where its values are refused."""
         scenario = with_values(self.sweep.scenario, dict(row.values))
         if row.arm >= self.sweep.own_arms:

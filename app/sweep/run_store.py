@@ -18,7 +18,7 @@ import pyarrow.parquet as pq
 from app.process.atomic_write import write_whole
 from app.scenario.schema import ScenarioError
 from app.sweep.figures_of_run import COLUMNS, Figures
-from app.sweep.question import FILE, Question, Sweep, differences, read, to_toml
+from app.sweep.question import FILE, Sweep, SweepQuestion, differences, read, to_toml
 
 PARTS, JOURNAL, LOCK = "runs.parquet", "journal.jsonl", ".lock"
 ROWS = 2000  # of a part
@@ -46,7 +46,7 @@ class RunStore:
             raise
         self._schema = schema_of(sweep)
         self._waiting = self._journaled()
-        self.done = np.zeros(Question(sweep).count, dtype=bool)
+        self.done = np.zeros(SweepQuestion(sweep).count, dtype=bool)
         for part in parts(folder):
             self.done[_read(part, ["row"])["row"].to_numpy()] = True
         self._waiting = [row for row in self._waiting if not self.done[row["row"]]]

@@ -13,8 +13,8 @@ from tqdm import tqdm
 
 from app.process import worker_pool
 from app.sweep.cluster import Cluster
-from app.sweep.figures_of_run import Figures, Runner
-from app.sweep.question import Question, Sweep
+from app.sweep.figures_of_run import Figures, SweepRunner
+from app.sweep.question import Sweep, SweepQuestion
 
 if TYPE_CHECKING:
     from app.sweep.run_store import RunStore  # pyarrow is large, and the page needs none
@@ -24,7 +24,7 @@ CHUNK = 8  # runs that a process takes at once, at most
 
 
 @dataclass(frozen=True)
-class Estimate:
+class SweepEstimate:
     """Estimate of what a sweep will take: runs that are left, their simulated time and the computing time on all
     workers (s), and bytes on disk."""
 
@@ -47,18 +47,18 @@ def _duration(seconds: float) -> str:
     return f"{seconds:.2g} s"
 
 
-def estimated(sweep: Sweep, left: int, on: int | Cluster | None = None) -> Estimate:
+def estimated(sweep: Sweep, left: int, on: int | Cluster | None = None) -> SweepEstimate:
     """Estimate for `left` runs of a sweep, from the computing time of one run on this machine. Two neighbours are
     played: the first one also computes what all runs have in common, and the second what each has for itself. on: see
     `run`."""
-    question, runner = Question(sweep), Runner(sweep)
+    question, runner = SweepQuestion(sweep), SweepRunner(sweep)
     middle = question.count // 2
     seconds = [_seconds(runner, number % question.count) for number in (middle, middle + 1)][-1] if left else 0.0
     share, workers = left / question.count, on.workers if isinstance(on, Cluster) else on or os.cpu_count()
-    return Estimate(left, share * question.seconds, left * seconds / (workers or 1), left * BYTES)
+    return SweepEstimate(left, share * question.seconds, left * seconds / (workers or 1), left * BYTES)
 
 
-def _seconds(runner: Runner, number: int) -> float:
+def _seconds(runner: SweepRunner, number: int) -> float:
     started = time.perf_counter()
     runner.figures(number)
     return time.perf_counter() - started
@@ -88,7 +88,7 @@ def _computed(
     if isinstance(on, Cluster):
         return on.results(sweep, numbers, say)
     workers = on or os.cpu_count() or 1
-    return worker_pool.results(Runner.computing, (sweep,), tasks_of(numbers, workers), workers)
+    return worker_pool.results(SweepRunner.computing, (sweep,), tasks_of(numbers, workers), workers)
 
 
 def tasks_of(numbers: Sequence[int], workers: int) -> Iterator[tuple[int, ...]]:
@@ -103,5 +103,5 @@ def tasks_of(numbers: Sequence[int], workers: int) -> Iterator[tuple[int, ...]]:
 def rows_of(sweep: Sweep, numbers: tuple[int, ...], figures: list[Figures] | worker_pool.Fallen) -> list[Figures]:
     if not isinstance(figures, worker_pool.Fallen):
         return figures
-    question = Question(sweep)
+    question = SweepQuestion(sweep)
     return [question.told(question.row(n)) | {"stopped": "the process that computed it has ended"} for n in numbers]

@@ -9,7 +9,7 @@ from app.sweep.background import Background
 from app.sweep.figures_of_run import Figures
 from app.tune.candidates import Candidate
 from app.tune.question import Tuning
-from app.tune.running import Course, Found, computing, most_runs
+from app.tune.running import Found, TuningCourse, computing, most_runs
 
 Result = Figures | Candidate | Found
 
@@ -55,7 +55,7 @@ class BackgroundTuning(Background):
 
 def results(tuning: Tuning, workers: int) -> Iterator[Result]:
     """Rows of runs, candidates as soon as they are judged, and at the end what was found."""
-    course, told = Course(tuning, {}), 0
+    course, told = TuningCourse(tuning, {}), 0
     for rows, figures in worker_pool.results(computing, (tuning,), course.tasks(), workers):
         yield from course.take(rows, figures)
         yield from course.candidates[told:]

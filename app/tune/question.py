@@ -9,7 +9,7 @@ from msgspec import Meta
 
 from app.scenario.schema import Scenario, ScenarioError
 from app.sweep.figures_of_run import COLUMNS
-from app.sweep.question import Axis, Design, Question, Sweep, fingerprint
+from app.sweep.question import Axis, Design, Sweep, SweepQuestion, fingerprint
 from controllers.modes import MODES
 from parameters import allowed
 
@@ -62,7 +62,7 @@ def require_sound(tuning: Tuning) -> None:
         raise ScenarioError(f"--for {given}; allowed: one figure or two different ones of {', '.join(AIMS)}")
     if not tuning.vary:
         raise ScenarioError(f"--move: no gain may move; {SHAPE}")
-    Question(tuning)
+    SweepQuestion(tuning)
 
 
 def _known(scenario: Scenario) -> list[str]:

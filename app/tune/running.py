@@ -13,9 +13,9 @@ from tqdm import tqdm
 
 from app.process import worker_pool
 from app.scenario.schema import ScenarioError
-from app.sweep.figures_of_run import Figures, Runner
-from app.sweep.question import Question, Row, Value
-from app.sweep.running import BYTES, CHUNK, Estimate
+from app.sweep.figures_of_run import Figures, SweepRunner
+from app.sweep.question import SweepQuestion, SweepRow, Value
+from app.sweep.running import BYTES, CHUNK, SweepEstimate
 from app.tune.candidates import Candidate, front, judged
 from app.tune.question import Tuning
 from app.tune.search import Search
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 BATCH = 8  # candidates that are asked for at once, with any number of processes
 MOST_OFFERED = 9  # of a front
-Task = tuple[Row, ...]
+Task = tuple[SweepRow, ...]
 
 
 @dataclass(frozen=True)
@@ -42,16 +42,16 @@ class Found:
     runs: dict[int, list[Figures]]
 
 
-def estimated(tuning: Tuning, left: int, workers: int | None = None) -> Estimate:
+def estimated(tuning: Tuning, left: int, workers: int | None = None) -> SweepEstimate:
     """Estimate for `left` runs of a tuning, from the computing time of one run. The run is played twice, because the
     first time also computes what all runs have in common."""
-    runner, seconds = Runner(tuning), 0.0
+    runner, seconds = SweepRunner(tuning), 0.0
     for _ in range(2 if left else 0):
         started = time.perf_counter()
-        runner.figures_of(Row(0, 0, 0, {}))
+        runner.figures_of(SweepRow(0, 0, 0, {}))
         seconds = time.perf_counter() - started
     simulated = left * tuning.scenario.simulation.duration
-    return Estimate(left, simulated, left * seconds / (workers or os.cpu_count() or 1), left * BYTES)
+    return SweepEstimate(left, simulated, left * seconds / (workers or os.cpu_count() or 1), left * BYTES)
 
 
 def most_runs(tuning: Tuning) -> int:
@@ -66,7 +66,7 @@ def run(store: RunStore, tuning: Tuning, workers: int | None = None, *, show_pro
     Raises ScenarioError where the folder has other candidates, and OSError where a run cannot be written; what was
     written stays.
     """
-    course = Course(tuning, {row["row"]: row for row in store.rows})
+    course = TuningCourse(tuning, {row["row"]: row for row in store.rows})
     total, workers = most_runs(tuning), workers or os.cpu_count() or 1
     with tqdm(total=total, initial=len(course.known), unit=" runs", desc="tune", disable=not show_progress) as bar:
         for rows, figures in worker_pool.results(computing, (tuning,), course.tasks(), workers):
@@ -79,16 +79,16 @@ def run(store: RunStore, tuning: Tuning, workers: int | None = None, *, show_pro
 
 def computing(tuning: Tuning) -> Callable[[Task], list[Figures]]:
     """Function that computes the figures of runs, for a pool of processes."""
-    runner = Runner(tuning)
+    runner = SweepRunner(tuning)
     return lambda rows: [runner.figures_of(row) for row in rows]
 
 
-class Course:
+class TuningCourse:
     """Course of a tuning: gives out its tasks, which depend on the figures so far, and takes their figures."""
 
     def __init__(self, tuning: Tuning, known: dict[int, Figures]) -> None:
         self.known = known
-        self._tuning, self._question = tuning, Question(tuning)
+        self._tuning, self._question = tuning, SweepQuestion(tuning)
         self.candidates: list[Candidate] = []  # as far as they are judged
         self._offered: list[Candidate] = []
 
@@ -138,7 +138,7 @@ class Course:
         return [self.known[number * self._tuning.arms + arm] for arm in arms]
 
     def _missing(self, number: int, values: dict[str, Value], arms: range) -> Iterator[Task]:
-        rows = [Row(number * self._tuning.arms + arm, number, arm, values) for arm in arms]
+        rows = [SweepRow(number * self._tuning.arms + arm, number, arm, values) for arm in arms]
         for row in rows:
             held = self.known.get(row.number)
             if held and any(held[path] != value for path, value in values.items()):

@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from app.sweep.question import Question, Value
+from app.sweep.question import SweepQuestion, Value
 from app.tune.candidates import Candidate
 from app.tune.question import Tuning
 
@@ -28,7 +28,7 @@ class Search:
         self._study = optuna.create_study(directions=["minimize" for _ in tuning.aims], sampler=sampler)
         self._trials: dict[int, Trial] = {}
         self._axes = tuning.vary
-        question = Question(tuning)
+        question = SweepQuestion(tuning)
         for point in range(1, min(FIRST + 1, tuning.points)):
             self._study.enqueue_trial(question.values_at(point))
 

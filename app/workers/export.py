@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import structlog
 
-from app.export.export_jobs import DataJob, Done, Failure, FigureJob, Job, MadeJob, PlaybackJob, Progress
+from app.export.export_jobs import DataJob, ExportDone, Failure, FigureJob, Job, MadeJob, PlaybackJob, Progress
 from app.export.figures import render
 from app.process.log import configure_as_parent
 from app.scenario.schema import ScenarioError
@@ -52,7 +52,7 @@ def serve(asker: Connection, path: Path) -> None:
         log.exception("fault", stage="a file")
         asker.send(Failure(f"internal error: {error}"))
     else:
-        asker.send(Done())
+        asker.send(ExportDone())
 
 
 def _make(job: Job, asker: Connection, path: Path) -> None:

@@ -17,8 +17,8 @@ import structlog
 from app.process import precompile
 from app.process.log import configure_as_parent
 from app.scenario.schema import ScenarioError
-from app.session.arm_band import LATER, ArmsAhead, Band, Stretch, TrueArms
-from app.session.preview import Done, Figures, Foresight, Hurry, Outlook, Question, Refusal
+from app.session.arm_band import LATER, ArmsAhead, Band, BandStretch, TrueArms
+from app.session.preview import Figures, Foresight, Hurry, Outlook, PreviewDone, PreviewRefusal, Question
 from app.simulation.closed_loop import ClosedLoop
 from app.simulation.engines import Engine
 from app.simulation.search_memory import Memory
@@ -113,7 +113,7 @@ class _GrowingBand:
         """The outlook with the band as far as it is known."""
         return replace(outlook, band=self._band, bandless=outlook.bandless or self._problem)
 
-    def _begin(self, stretch: Stretch, arms: int) -> None:
+    def _begin(self, stretch: BandStretch, arms: int) -> None:
         self._ahead, self._wanted = self._arms.run(stretch, arms), stretch.drawn
 
     def _take(self) -> None:
@@ -159,7 +159,7 @@ def serve(asker: Connection) -> None:
             if newest is not None and not question.partial:  # a running loop asks again and again
                 _grow(known.band, newest, asker, REST)
             newest = _answer(question, asked, asker, known)
-            asker.send(Done())
+            asker.send(PreviewDone())
     finally:
         known.band.leave()
 
@@ -191,13 +191,13 @@ def _answer(question: Question, asked: float, asker: Connection, known: _Known) 
             newest = _compare(foresight, asker, known) or newest
         return newest
     except (ScenarioError, ArithmeticError, ValueError) as error:
-        asker.send(Refusal(question.number, str(error)))
+        asker.send(PreviewRefusal(question.number, str(error)))
     except (EOFError, ConnectionError):
         raise
     except Exception as error:  # the process's last resort: report it, and be ready for the next question
         log.exception("fault", stage="a preview")
         known.system = None
-        asker.send(Refusal(question.number, f"internal error: {error}"))
+        asker.send(PreviewRefusal(question.number, f"internal error: {error}"))
     known.band.leave()
     return None
 
@@ -229,8 +229,8 @@ def _look_ahead(
     return _send(foresight.outlook(today), asker, band)
 
 
-def _send(answer: Outlook | Refusal, asker: Connection, band: _GrowingBand) -> Outlook | None:
-    if isinstance(answer, Refusal):
+def _send(answer: Outlook | PreviewRefusal, asker: Connection, band: _GrowingBand) -> Outlook | None:
+    if isinstance(answer, PreviewRefusal):
         asker.send(answer)
         return None
     asker.send(band.behind(answer))

@@ -12,7 +12,7 @@ import structlog
 from app.process import slots
 from app.process.log import configure_as_parent
 from app.sweep import background
-from app.sweep.background import Begun, Done, Waiting, Work
+from app.sweep.background import Begun, SweepDone, Waiting, Work
 from app.tune import background as tuning_background
 from app.tune.question import Tuning
 
@@ -34,7 +34,7 @@ def serve(asker: Connection) -> None:
         )
         for result in results:
             asker.send(result)
-    asker.send(Done())
+    asker.send(SweepDone())
 
 
 def _wait(asker: Connection) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from app.access.classroom import MOST, NEAR, POINTS, ClassQuestion, Classroom, Refusal, admitted
+from app.access.classroom import MOST, NEAR, POINTS, AnswerRefusal, ClassQuestion, Classroom, admitted
 
 CHOICE = ClassQuestion(1, "choice", "?", options=("a", "b", "c"))
 NUMBER = ClassQuestion(2, "number", "?", unit="mm")
@@ -30,14 +30,14 @@ def test_answers_stay_when_they_are_shown_and_go_with_the_next_question() -> Non
     room.give("one", "", 1, 1)
     room.ask(ClassQuestion(1, "choice", "?", options=("a", "b", "c"), open=False, told="b"))
     assert room.given == (1,)
-    with pytest.raises(Refusal, match="the answers were revealed"):
+    with pytest.raises(AnswerRefusal, match="the answers were revealed"):
         room.give("two", "", 1, 1)
     room.ask(NUMBER)
     assert room.given == ()
-    with pytest.raises(Refusal, match="this question is over"):
+    with pytest.raises(AnswerRefusal, match="this question is over"):
         room.give("two", "", 1, 1)
     room.ask(None)
-    with pytest.raises(Refusal, match="this question is over"):
+    with pytest.raises(AnswerRefusal, match="this question is over"):
         room.give("two", "", 2, 1)
 
 
@@ -45,12 +45,12 @@ def test_neither_one_address_nor_all_together_fill_the_memory() -> None:
     room = asked(CHOICE)
     for number in range(NEAR):
         room.give(f"near {number}", "198.51.100.1", 1, 1)
-    with pytest.raises(Refusal, match="answers: "):
+    with pytest.raises(AnswerRefusal, match="answers: "):
         room.give("one more", "198.51.100.1", 1, 1)
     room.give("near 0", "198.51.100.1", 1, 2)  # who has answered may still change it
     for number in range(MOST - NEAR):
         room.give(f"far {number}", f"203.0.113.{number}", 1, 1)
-    with pytest.raises(Refusal, match="answers: "):
+    with pytest.raises(AnswerRefusal, match="answers: "):
         room.give("the last", "192.0.2.1", 1, 1)
     assert len(room.given) == MOST
 
@@ -65,13 +65,13 @@ def test_neither_one_address_nor_all_together_fill_the_memory() -> None:
     ],
 )  # fmt: skip
 def test_what_is_no_answer_is_refused_in_a_sentence(question: ClassQuestion, given: object) -> None:
-    with pytest.raises(Refusal, match="answer: ") as refused:
+    with pytest.raises(AnswerRefusal, match="answer: ") as refused:
         admitted(question, given)
     assert len(str(refused.value)) < 200
 
 
 def test_without_a_cookie_nobody_answers() -> None:
-    with pytest.raises(Refusal, match="cookies"):
+    with pytest.raises(AnswerRefusal, match="cookies"):
         asked(CHOICE).give("", "198.51.100.1", 1, 1)
     assert admitted(CHOICE, 2.0) == 2
     assert admitted(NUMBER, 3) == 3.0

@@ -12,7 +12,7 @@ from coloraide.everything import ColorAll
 from playwright.sync_api import Browser, Page, expect
 
 from app.dashboard.page import Dashboard
-from app.dashboard.plots.charts import Drawing, Line, Setup
+from app.dashboard.plots.charts import ChartLine, Drawing, Setup
 from app.dashboard.plots.plot_table import TABS
 from app.dashboard.theme.colors import RUNS, css
 from app.scenario.data import shipped
@@ -175,7 +175,7 @@ def drawings() -> Iterator[tuple[str, Drawing]]:
     runner.close()
 
 
-def alike(one: Line, other: Line) -> bool:
+def alike(one: ChartLine, other: ChartLine) -> bool:
     """Whether only colour tells two lines apart."""
     thin, wide = sorted((one.width, other.width))  # without width it is a filled area
     return (one.dashed, one.backdrop) == (other.dashed, other.backdrop) and wide <= WIDER * thin
@@ -192,7 +192,7 @@ def test_lines_stay_apart_for_the_colour_blind_in_both_themes(browser: Browser):
         return shown.filter(sight) if sight else shown
 
     near = []
-    pinned = Drawing("pinned runs", [Line(f"run {i}", color, lambda _: None) for i, color in enumerate(RUNS)])  # pyright: ignore[reportArgumentType]
+    pinned = Drawing("pinned runs", [ChartLine(f"run {i}", color, lambda _: None) for i, color in enumerate(RUNS)])  # pyright: ignore[reportArgumentType]
     for title, drawing in (*drawings(), ("Pinned", pinned)):
         listed = [line for line in drawing.lines if line.listed]
         for one, other in combinations(listed, 2):

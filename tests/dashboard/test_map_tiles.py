@@ -12,8 +12,8 @@ import pytest
 
 from app.dashboard.widgets.map_tiles import Naming, Present, map_html
 from app.sweep.background import BackgroundSweep, coarse_first
-from app.sweep.points import View, points_of
-from app.sweep.question import Question, Sweep
+from app.sweep.points import SweepView, points_of
+from app.sweep.question import Sweep, SweepQuestion
 from tests.sweep.test_charts import columns
 from tests.sweep.test_question import sweep_of
 
@@ -24,11 +24,13 @@ NAMES = {"contact.K_e": ("stiffness <b>", "N/m"), "controller.K_s": ("gain", "NÂ
 NOWHERE: dict[str, float | None] = {}
 
 
-def picture(view: View, present: Present = NOWHERE, sweep: Sweep = SWEEP, **state: Any) -> str:
+def picture(view: SweepView, present: Present = NOWHERE, sweep: Sweep = SWEEP, **state: Any) -> str:
     shown = {"rows": [None] * 24, "going": False, "waiting": False, "problem": ""} | state
     naming = Naming("force error", "mN", 1e3, view.within is not None, NAMES)
     points = points_of(sweep, columns(sweep), view)
-    return map_html(cast(BackgroundSweep, SimpleNamespace(question=Question(sweep), **shown)), points, naming, present)
+    return map_html(
+        cast(BackgroundSweep, SimpleNamespace(question=SweepQuestion(sweep), **shown)), points, naming, present
+    )
 
 
 def said_in(drawn: str) -> list[str]:
@@ -36,19 +38,19 @@ def said_in(drawn: str) -> list[str]:
 
 
 def test_tiles_say_their_numbers_in_units_and_the_arms_behind_them() -> None:
-    worst = picture(View("force_error"))
+    worst = picture(SweepView("force_error"))
     said = said_in(worst)
     assert len(said) == 6
     assert said[1] == "stiffness &lt;b&gt; 1000 N/m, gain 80 NÂ·s/m: force error 3100 mN, worst of 4 arms"
     assert said[2].endswith("a run stopped or was refused")
     assert re.findall(r'data-point="(\d+)"', worst) == ["0", "1", "2", "3", "4", "5"]
     assert "<b>" not in worst
-    share = said_in(picture(View("force_error", within=1.25)))
+    share = said_in(picture(SweepView("force_error", within=1.25)))
     assert share[0].endswith("2 of 4 arms (95 %: 0.15 to 0.85)")
 
 
 def test_the_declared_set_ends_between_tiles_and_the_ring_is_at_the_present_setting() -> None:
-    drawn = picture(View("force_error"), {"contact.K_e": 1e4, "controller.K_s": 80.0})
+    drawn = picture(SweepView("force_error"), {"contact.K_e": 1e4, "controller.K_s": 80.0})
     ends = re.search(r'class="vs-ends"[^>]* d="([^"]*)"', drawn)
     assert ends is not None
     assert ends[1].count("M") == 2  # of point 5, at the upper right corner: its left and its lower edge
@@ -56,7 +58,7 @@ def test_the_declared_set_ends_between_tiles_and_the_ring_is_at_the_present_sett
     assert ring is not None
     assert [float(each) for each in ring.groups()] == [187.0, 55.0]  # middle column, upper row
     for beyond in ({"contact.K_e": 5e5, "controller.K_s": 80.0}, {"contact.K_e": 1e4}):
-        assert "vs-present" not in picture(View("force_error"), beyond)
+        assert "vs-present" not in picture(SweepView("force_error"), beyond)
     theorem = re.search(r'class="vs-theorem"[^>]* d="([^"]*)"', drawn)
     assert theorem is not None
     assert theorem[1].count("M") == 2  # of point 4, at the lower right corner: its left and its upper edge
@@ -64,25 +66,25 @@ def test_the_declared_set_ends_between_tiles_and_the_ring_is_at_the_present_sett
 
 def test_over_one_field_there_is_a_course_with_an_interval_at_each_share() -> None:
     alone = sweep_of("contact.K_e=1e3:1e5:3:log", draw=4)
-    worst = picture(View("force_error"), {"contact.K_e": 1e4}, alone)
+    worst = picture(SweepView("force_error"), {"contact.K_e": 1e4}, alone)
     assert len(said_in(worst)) == 3
     assert worst.count("vs-interval") == 0
     assert re.search(r'class="vs-present" d="M 187.0 ', worst)  # in the middle
-    share = picture(View("force_error", within=1.25), sweep=alone)
+    share = picture(SweepView("force_error", within=1.25), sweep=alone)
     assert said_in(share)[0].endswith("2 of 4 arms (95 %: 0.15 to 0.85)")
     assert share.count("vs-interval") == 3
 
 
 def test_a_map_that_failed_says_so() -> None:
-    assert "its process has ended" in picture(View("force_error"), problem="its process has ended")
-    assert "24 of 24 runs" in picture(View("force_error"), going=True)
-    assert "waits until those of other visitors are done" in picture(View("force_error"), waiting=True)
+    assert "its process has ended" in picture(SweepView("force_error"), problem="its process has ended")
+    assert "24 of 24 runs" in picture(SweepView("force_error"), going=True)
+    assert "waits until those of other visitors are done" in picture(SweepView("force_error"), waiting=True)
 
 
 @pytest.mark.parametrize(("across", "up"), [(9, 9), (13, 5), (5, 5)])
 def test_every_fourth_tile_comes_first_and_each_comes_once(across: int, up: int) -> None:
     vary = (f"contact.K_e=1e3:1e5:{across}:log", f"controller.K_s=20:80:{up}")
-    asked = Question(msgspec.structs.replace(sweep_of(*vary, draw=2)))
+    asked = SweepQuestion(msgspec.structs.replace(sweep_of(*vary, draw=2)))
     order = coarse_first(asked)
     assert sorted(order) == list(range(asked.count))
     first = order[: 2 * len(range(0, across, 4)) * len(range(0, up, 4))]

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from app.analysis.perturbation import Known, PerturbationAnalysis
 from app.analysis.thinning import Grid
-from app.dashboard.plots.charts import BUCKETS, Course, Setup
+from app.dashboard.plots.charts import BUCKETS, DecimatedLines, Setup
 from app.dashboard.plots.dock import SETTLED
 from app.dashboard.plots.plot_table import LEAD, TABS
 from app.dashboard.transport import plot_feed
@@ -43,7 +43,7 @@ def test_a_course_that_is_continued_is_that_of_all_rows() -> None:
         if steps == 411:
             loop.edit(edited(loop.system.scenario, "controller.layer", 0.03))
         grid = Grid.up_to(loop.t, LONG, BUCKETS)
-        whole = Course.of(grid, known(grid, loop.t - LONG - LEAD), lines)
+        whole = DecimatedLines.of(grid, known(grid, loop.t - LONG - LEAD), lines)
         if course is not None:
             since = max(grid.first, int((drawn_at - SETTLED) // grid.width))
             rows = known(grid.since(since), since * grid.width - 1.1 * LEAD)

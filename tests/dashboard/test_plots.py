@@ -12,7 +12,7 @@ from app.analysis.metrics import FIGURES, steady_force_error
 from app.analysis.perturbation import Known, PerturbationAnalysis
 from app.analysis.spectrum import amplitude_spectrum, variation_rate
 from app.analysis.thinning import Grid
-from app.dashboard.plots.charts import BUCKETS, Frame, Line, Setup
+from app.dashboard.plots.charts import BUCKETS, ChartLine, Frame, Setup
 from app.dashboard.plots.paper_figures import figure_of, plots_of
 from app.dashboard.plots.plot_table import TABS, column, needed_stack, torque_stack
 from app.scenario.data import edited, load, shipped
@@ -327,7 +327,7 @@ def test_rotations_are_shown_as_angles(hybrid: ClosedLoop):
 def test_a_pinned_run_is_laid_on_the_shown_ones_time_and_has_gaps_where_it_has_no_values(hybrid: ClosedLoop):
     rows = hybrid.recording.stretch()
     late = {"t": rows["t"][:400] + 0.3, "sigma_min": 7.0 + rows["t"][:400]}
-    line = Line("", (0, 0, 0), column("sigma_min"), compared=True)
+    line = ChartLine("", (0, 0, 0), column("sigma_min"), compared=True)
     frame = Frame(1.0, 1.0, Grid.over(0.0, 1.0, 100), rows, (late,))
     x, pinned, shown = frame.courses([line])
     inside = (x > -0.69) & (x < -0.31)
@@ -341,7 +341,7 @@ def test_a_preview_goes_on_where_every_line_knows_what_lies_ahead(hybrid: Closed
     rows = hybrid.recording.stretch()
     ahead = {name: values[::100] for name, values in rows.items()}
     frame = Frame(1.0, 1.0, Grid.over(0.0, 1.0, 100), rows, (), np.arange(10) * 0.1 + 0.1, ahead)
-    line = Line("s", (0, 0, 0), column("s_norm"))
+    line = ChartLine("s", (0, 0, 0), column("s_norm"))
     x, drawn = frame.courses([line])
     assert x[-1] == pytest.approx(1.0)
     np.testing.assert_array_equal(drawn[-10:], ahead["s_norm"])
@@ -359,7 +359,7 @@ def test_a_band_is_drawn_ahead_only_as_quantiles_of_the_arms_that_still_run(hybr
     band = Band(begun, 1.3, later, 5, signals, 1, "it left", whole=True)
     foreseen = {"t": now + ahead, "s_norm": 2.0 + ahead}
     frame = Frame(now, 1.0, Grid.over(0.0, 1.0, 100), rows, (), ahead, foreseen, band, begun - now + later)
-    line = Line("s", (0, 0, 0), column("s_norm"), band=(0.0, 0.5, 1.0))
+    line = ChartLine("s", (0, 0, 0), column("s_norm"), band=(0.0, 0.5, 1.0))
     x, shown = frame.courses([line])
     least, median, largest = frame.spread(x, [shown], [line])
     past = x <= 0.0

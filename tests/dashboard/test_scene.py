@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from app.dashboard.scene.arrows import LONGEST, UNIT, ForceScale, task_directions
 from app.dashboard.scene.spring_damper import BESIDE, HALF_WIDTH, segments
-from app.dashboard.scene.tool_drag import LEVER, RADIUS, Held
+from app.dashboard.scene.tool_drag import LEVER, RADIUS, HeldHandle
 from app.dashboard.scene.trails import error_colors
 from app.dashboard.theme.colors import ERROR_COLORS
 from app.dashboard.view_options import rounded_up
@@ -60,7 +60,7 @@ def test_a_ball_that_is_turned_follows_the_hand_on_its_outside() -> None:
     orientation."""
     front, right = np.array([0.0, -1.0, 0.0]), np.array([1.0, 0.0, 0.0])
     R = Rotation.from_rotvec([0.2, 0.1, 0.0])
-    held = Held(1, "turn", RADIUS * front, np.zeros(3), R.as_matrix(), front)
+    held = HeldHandle(1, "turn", RADIUS * front, np.zeros(3), R.as_matrix(), front)
     turned = Rotation.from_rotvec(held.turned(RADIUS * front + 0.05 * right)) * R.inv()
     np.testing.assert_allclose(turned.as_rotvec(), [0.0, 0.0, 0.05 / LEVER], atol=1e-12)
     np.testing.assert_allclose(

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from app.dashboard.panels.model import matrix_note, oscillator_note
-from app.dashboard.widgets.equation import Line, equation_html, lines
+from app.dashboard.widgets.equation import EquationLine, equation_html, lines
 from app.dashboard.widgets.matrix_editor import Draft, starts, with_entries
 from app.dashboard.widgets.matrix_text import read_back, read_matrix, written, written_rows
 from app.dashboard.widgets.model_checks import checks_html, judge_asked, judge_running
@@ -252,11 +252,11 @@ def test_an_entry_that_the_mode_fixes_is_named(hybrid: Snapshot):
 
 
 def test_equal_coordinates_share_a_line_and_coupled_ones_a_block(hybrid: Snapshot):
-    assert lines(hybrid) == [Line((0,), False), Line((1, 2, 3, 4, 5), False)]
+    assert lines(hybrid) == [EquationLine((0,), False), EquationLine((1, 2, 3, 4, 5), False)]
     coupled = hybrid.matrices["K_m"].copy()
     coupled[1, 4] = coupled[4, 1] = 123.0
     after = applied(hybrid, model_edit(hybrid, {"K_m": coupled}))
-    assert lines(after) == [Line((0,), False), Line((1, 4), True), Line((2, 3, 5), False)]
+    assert lines(after) == [EquationLine((0,), False), EquationLine((1, 4), True), EquationLine((2, 3, 5), False)]
     shown = equation_html(after)
     assert shown.count("<mn>123</mn>") == 2
     assert re.findall(r'vs-where">([^<]+)', shown) == ["(8)", "φ", "ψ₁", "ℓ·β", "ψ₂ ℓ·α ℓ·γ"]

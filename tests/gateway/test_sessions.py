@@ -16,7 +16,7 @@ from app.gateway import session_pool
 from app.gateway.session import Session
 from app.gateway.session_pool import SessionPool
 from app.gateway.session_store import LINK, MOST, SessionStore
-from app.gateway.visitors import NOBODY, Share, Shares, Viewer, Visitor
+from app.gateway.visitors import NOBODY, Shares, Viewer, Visitor, VisitorShare
 from app.gateway.worker import WorkerError
 from app.scenario.data import from_toml, load, to_toml
 from app.session.autosave import StateFolder
@@ -136,7 +136,7 @@ async def test_who_comes_too_late_queues_moves_up_and_is_forgotten_when_gone() -
 
 @in_a_loop
 async def test_a_page_that_sleeps_keeps_its_number_and_is_passed_over() -> None:
-    town = Town(places=1, shares=Shares(waiting=Share("sessions that wait", 2, 2, 2)))
+    town = Town(places=1, shares=Shares(waiting=VisitorShare("sessions that wait", 2, 2, 2)))
     a, b, c, d = (town.pool.new() for _ in range(4))
     assert [await town.wanted(s) for s in (a, b, c, d)] == ["running", "waiting", "waiting", "resting"]
     assert town.pool.refusal(d) == "2 sessions that wait; allowed: no more"

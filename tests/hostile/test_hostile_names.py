@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from app.dashboard.export import FigureChoice, Stretch, write
+from app.dashboard.export import ExportedStretch, FigureChoice, write
 from app.dashboard.page import Dashboard
 from app.export.export_jobs import file_name
 from app.scenario.data import edited, from_plain, load, shipped, to_plain
@@ -97,7 +97,7 @@ def test_files_that_are_taken_away(tmp_path: Path) -> None:
     scenario = edited(evil_scenario(tmp_path, "joint"), "simulation.duration", 0.05)
     loop, _ = simulate(scenario, show_progress=False)
     out = tmp_path / "out"
-    stretch = Stretch(scenario, loop.recording, 0.0, 0.05)
+    stretch = ExportedStretch(scenario, loop.recording, 0.0, 0.05)
     svg, csv = (path.read_text(encoding="utf-8") for path in write(stretch, ("svg", "csv"), FigureChoice(), out))
     assert "<img" not in svg
     words = "".join(re.sub(r"<[^>]*>", "", svg).split())  # a line may break within, a letter may be set as a symbol

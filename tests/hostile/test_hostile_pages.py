@@ -26,7 +26,7 @@ from websockets.asyncio.client import ClientConnection
 from app.dashboard.page import Dashboard
 from app.dashboard.theme.style import COMMIT
 from app.dashboard.transport.message_filter import BURST, RATE, STEERING, Meter
-from app.dashboard.transport.messages import LARGEST_UPLOAD, Page, Refused, Visitor
+from app.dashboard.transport.messages import LARGEST_UPLOAD, Page, PageVisitor, Refused
 from app.scenario.data import shipped
 from app.session.runner import Runner
 from drivers.viser_protocol import PROTOCOL
@@ -69,8 +69,8 @@ WIDGETS: dict[str, Any] = {
 }
 
 
-def visitor() -> Visitor:
-    return Visitor(Page(WIDGETS.get, lambda uuid: uuid == "form"))
+def visitor() -> PageVisitor:
+    return PageVisitor(Page(WIDGETS.get, lambda uuid: uuid == "form"))
 
 
 def update(uuid: str, value: object, name: str = "value") -> dict[str, Any]:

@@ -18,7 +18,7 @@ import pytest
 
 from app.dashboard.panels.robot import RobotPanel
 from app.dashboard.plots import plot_table
-from app.dashboard.plots.charts import Drawing, Line, Plot, Setup
+from app.dashboard.plots.charts import ChartLine, Drawing, Plot, Setup
 from app.dashboard.plots.dock import Plots
 from app.dashboard.plots.paper_figures import figure_of, plots_of
 from app.dashboard.plots.plot_table import Tab, column
@@ -326,7 +326,7 @@ def test_an_arm_is_a_row(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_a_plot_is_a_row(monkeypatch: pytest.MonkeyPatch) -> None:
     def heights(_: Setup) -> Drawing:
-        return Drawing("height of the tool  [m]", [Line("z", (66, 135, 245), column("tool", 2))])
+        return Drawing("height of the tool  [m]", [ChartLine("z", (66, 135, 245), column("tool", 2))])
 
     monkeypatch.setitem(plot_table.TABS, "Mine", Tab((Plot("height", heights),)))
     loop = ClosedLoop(load("planar3r-hybrid"))

@@ -12,7 +12,7 @@ import pytest
 from app.scenario.data import edited, shipped
 from app.scenario.departures import Departure
 from app.scenario.schema import Scenario, TruthSection
-from app.session.arm_band import SEED, SIGNALS, ArmsAhead, Band, Stretch, TrueArms
+from app.session.arm_band import SEED, SIGNALS, ArmsAhead, Band, BandStretch, TrueArms
 from app.session.preview import Foresight, Outlook, Question
 from app.session.preview_client import Previewer
 from app.simulation.closed_loop import ClosedLoop
@@ -39,7 +39,7 @@ def truth_of(scenario: Scenario, number: int, n: int) -> TruthSection:
     return Departure.inside(np.random.default_rng([SEED, number, n]), n).truth(scenario.declared, of=scenario.truth)
 
 
-def band_of(stretch: Stretch) -> Band:
+def band_of(stretch: BandStretch) -> Band:
     return whole(TrueArms(Memory()).run(stretch, COUNT))
 
 

@@ -20,7 +20,7 @@ import pytest
 from app.analysis.metrics import BAND, settling_time, steady_force_error
 from app.scenario.data import edited, from_plain, shipped, to_plain
 from app.scenario.schema import Scenario
-from app.session.preview import LASTS, Done, Figures, Foresight, Hurry, Outlook, Question, Refusal
+from app.session.preview import LASTS, Figures, Foresight, Hurry, Outlook, PreviewDone, PreviewRefusal, Question
 from app.session.preview_client import Previewer
 from app.simulation.closed_loop import ClosedLoop
 from app.workers.preview import serve
@@ -288,7 +288,7 @@ def test_a_question_that_only_time_has_changed_gives_way_at_once() -> None:
         while not (isinstance(heard[-1], Outlook) and heard[-1].whole):
             heard.append(ours.recv())
     answering.join()
-    assert isinstance(heard[0], Done)
+    assert isinstance(heard[0], PreviewDone)
     assert {message.number for message in heard[1:] if isinstance(message, Outlook)} == {2}
 
 
@@ -331,7 +331,7 @@ def test_a_refused_scenario_is_a_sentence_and_the_next_question_is_answered(prev
     state = running(shipped()["ur5-hybrid"], 5).state.copy()
     previewer.ask(state, edited(state.scenario, "target_model.M_m", [0.0] * 6), 0.1)
     refusal = until(lambda: previewer.newest)
-    assert isinstance(refusal, Refusal)
+    assert isinstance(refusal, PreviewRefusal)
     assert "M_m" in refusal.sentence
     previewer.ask(state, state.scenario, 0.1)
     assert until(lambda: whole(previewer)).scenario == state.scenario

@@ -8,8 +8,8 @@ import pytest
 
 from app.scenario.schema import ScenarioError
 from app.sweep.charts import _borders, chart
-from app.sweep.points import View, interval, points_of
-from app.sweep.question import Axis, Question, Sweep, axis_of
+from app.sweep.points import SweepView, interval, points_of
+from app.sweep.question import Axis, Sweep, SweepQuestion, axis_of
 from tests.support.svg import texts_of
 from tests.sweep.test_question import BASE, sweep_of
 
@@ -19,7 +19,7 @@ SWEEP = sweep_of("contact.K_e=1e3:1e5:3:log", "controller.K_s=20:80:2", draw=4)
 def columns(sweep: Sweep = SWEEP) -> dict[str, np.ndarray]:
     """Table of a sweep whose force error is 0.1 N times point plus arm; the run 9 stopped, (17) fails for an arm of
     point 4, and the arms of point 5 are outside what is declared. The rows are out of order."""
-    asked = Question(sweep)
+    asked = SweepQuestion(sweep)
     rows = [asked.told(asked.row(number)) for number in range(asked.count)]
     for row in rows:
         row |= {
@@ -32,7 +32,7 @@ def columns(sweep: Sweep = SWEEP) -> dict[str, np.ndarray]:
 
 
 def test_a_share_counts_the_arms_within_the_limit_and_not_those_that_stopped() -> None:
-    points = points_of(SWEEP, columns(), View("force_error", within=1.25))
+    points = points_of(SWEEP, columns(), SweepView("force_error", within=1.25))
     assert points.arms.tolist() == [4] * 6
     assert points.good.tolist() == [2, 2, 1, 1, 1, 1]  # point 2 would have two, but its arm 1 is row 9
     assert points.number.tolist() == [0.5, 0.5, 0.25, 0.25, 0.25, 0.25]
@@ -43,7 +43,9 @@ def test_a_share_counts_the_arms_within_the_limit_and_not_those_that_stopped() -
 
 
 def test_the_worst_and_the_median_arm() -> None:
-    worst, median = (points_of(SWEEP, columns(), View("force_error", statistic=each)) for each in ("worst", "median"))
+    worst, median = (
+        points_of(SWEEP, columns(), SweepView("force_error", statistic=each)) for each in ("worst", "median")
+    )
     assert worst.number == pytest.approx(3.0 + 0.1 * np.arange(6))
     assert median.number == pytest.approx(1.5 + 0.1 * np.arange(6))
 
@@ -66,8 +68,8 @@ def test_borders_run_between_tiles_that_hold_and_tiles_that_do_not() -> None:
 
 
 def test_a_map_writes_counts_names_and_borders() -> None:
-    drawn = chart(SWEEP, columns(), View("force_error", within=1.25), "svg")
-    assert chart(SWEEP, columns(), View("force_error", within=1.25), "svg") == drawn
+    drawn = chart(SWEEP, columns(), SweepView("force_error", within=1.25), "svg")
+    assert chart(SWEEP, columns(), SweepView("force_error", within=1.25), "svg") == drawn
     texts = texts_of(drawn)
     assert sorted(text for text in texts if text.endswith("/4")) == [
         "1/4",
@@ -88,32 +90,38 @@ def test_a_map_writes_counts_names_and_borders() -> None:
 
 
 def test_other_charts_for_other_sweeps() -> None:
-    slices = texts_of(chart(SWEEP, columns(), View("force_error", kind="slices"), "svg"))
+    slices = texts_of(chart(SWEEP, columns(), SweepView("force_error", kind="slices"), "svg"))
     assert "reaching gain K_s 20 N·s/m" in slices
     assert "force error, worst arm [N]" in slices
     scattered = msgspec.structs.replace(
         sweep_of("contact.K_e=1e3:1e5:log", "controller.K_s=20:80", design="sobol", points=8), draw=4
     )
-    assert "reaching gain K_s [N·s/m]" in texts_of(chart(scattered, columns(scattered), View("force_error"), "svg"))
+    assert "reaching gain K_s [N·s/m]" in texts_of(
+        chart(scattered, columns(scattered), SweepView("force_error"), "svg")
+    )
     three = msgspec.structs.replace(SWEEP, vary=(*SWEEP.vary, axis_of("controller.law=vsmrc,pd-gravity")))
     assert {"robust (25)", "PD + gravity", "control law", "stiffness of the surface [N/m]"} <= set(
-        texts_of(chart(three, columns(three), View("force_error"), "svg"))
+        texts_of(chart(three, columns(three), SweepView("force_error"), "svg"))
     )
 
 
 @pytest.mark.parametrize(
     ("vary", "view", "sentence"),
     [
-        (SWEEP.vary, View("beauty"), "--of 'beauty'; allowed:"),
-        (SWEEP.vary, View("force_error", statistic="share"), "allowed: share with --within"),
-        (SWEEP.vary, View("force_error", within=1.0, statistic="worst"), "allowed: share with --within"),
-        (SWEEP.vary, View("force_error", over=("motion.kind",)), "--over 'motion.kind'; allowed:"),
-        (SWEEP.vary[:1], View("force_error", kind="map"), "a grid of two fields"),
-        (SWEEP.vary[:1], View("force_error", kind="scatter"), "two fields of numbers"),
-        ((Axis("controller.law", ("vsmrc", "pd-gravity")),), View("force_error", kind="slices"), "a field of numbers"),
+        (SWEEP.vary, SweepView("beauty"), "--of 'beauty'; allowed:"),
+        (SWEEP.vary, SweepView("force_error", statistic="share"), "allowed: share with --within"),
+        (SWEEP.vary, SweepView("force_error", within=1.0, statistic="worst"), "allowed: share with --within"),
+        (SWEEP.vary, SweepView("force_error", over=("motion.kind",)), "--over 'motion.kind'; allowed:"),
+        (SWEEP.vary[:1], SweepView("force_error", kind="map"), "a grid of two fields"),
+        (SWEEP.vary[:1], SweepView("force_error", kind="scatter"), "two fields of numbers"),
+        (
+            (Axis("controller.law", ("vsmrc", "pd-gravity")),),
+            SweepView("force_error", kind="slices"),
+            "a field of numbers",
+        ),
     ],
 )
-def test_a_view_that_makes_no_sense_is_refused(vary: tuple[Axis, ...], view: View, sentence: str) -> None:
+def test_a_view_that_makes_no_sense_is_refused(vary: tuple[Axis, ...], view: SweepView, sentence: str) -> None:
     sweep = msgspec.structs.replace(SWEEP, vary=vary, scenario=BASE)
     with pytest.raises(ScenarioError) as refused:
         chart(sweep, columns(sweep), view, "svg")

@@ -20,8 +20,8 @@ from app.scenario.data import edited, shipped
 from app.scenario.schema import ScenarioError
 from app.sweep import cluster_worker, running
 from app.sweep.cluster import Cluster
-from app.sweep.figures_of_run import Figures, Runner
-from app.sweep.question import Question, Sweep, axis_of, fingerprint
+from app.sweep.figures_of_run import Figures, SweepRunner
+from app.sweep.question import Sweep, SweepQuestion, axis_of, fingerprint
 from app.sweep.run_store import RunStore
 from drivers.cluster import Scheduler, worker
 from drivers.cluster import scheduler as started
@@ -36,26 +36,26 @@ FALLING, SOME = 5, 10  # the run that ends its worker, and so many runs before s
 
 def falls() -> None:
     """Make the run `FALLING` end its process, as a fault in a library would; for a worker's --preload."""
-    figures = Runner.figures
+    figures = SweepRunner.figures
 
-    def with_a_fault(self: Runner, number: int) -> Figures:
+    def with_a_fault(self: SweepRunner, number: int) -> Figures:
         if number == FALLING:
             os._exit(1)
         return figures(self, number)
 
-    Runner.figures = with_a_fault
+    SweepRunner.figures = with_a_fault
 
 
 def hangs() -> None:
     """Make a process compute `SOME` runs, and then nothing more; for a worker's --preload."""
-    figures, begun = Runner.figures, itertools.count()
+    figures, begun = SweepRunner.figures, itertools.count()
 
-    def until_some(self: Runner, number: int) -> Figures:
+    def until_some(self: SweepRunner, number: int) -> Figures:
         if next(begun) >= SOME:
             threading.Event().wait()
         return figures(self, number)
 
-    Runner.figures = until_some
+    SweepRunner.figures = until_some
 
 
 def run_until_killed(*arguments: str) -> None:
@@ -87,8 +87,8 @@ def timeless(rows: list[Figures]) -> list[Figures]:
 @pytest.fixture(scope="module")
 def expected() -> list[Figures]:
     """Rows of `SWEEP`, computed here."""
-    runner = Runner(SWEEP)
-    return timeless([runner.figures(number) for number in range(Question(SWEEP).count)])
+    runner = SweepRunner(SWEEP)
+    return timeless([runner.figures(number) for number in range(SweepQuestion(SWEEP).count)])
 
 
 def rows_of(folder: Path) -> list[Figures]:
@@ -148,7 +148,7 @@ def test_a_run_that_ends_its_worker_each_time_is_a_row_and_the_others_are_comput
 
 def test_a_sweep_with_parameters_of_a_law_of_ones_own_is_computed_by_a_worker() -> None:
     own = Sweep(edited(SHORT, "controller.own", {"pid-gravity": {"k_i": 800.0}}), program=fingerprint())
-    assert timeless(cluster_worker.figures(pickle.dumps(own), (0,))) == timeless([Runner(own).figures(0)])
+    assert timeless(cluster_worker.figures(pickle.dumps(own), (0,))) == timeless([SweepRunner(own).figures(0)])
 
 
 def test_what_is_wrong_is_one_sentence(scheduler: Scheduler) -> None:

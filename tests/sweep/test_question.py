@@ -12,7 +12,7 @@ from app.scenario.data import edited, shipped, with_value
 from app.scenario.declared_bounds import outside
 from app.scenario.schema import ScenarioError
 from app.sweep import question
-from app.sweep.question import Axis, Question, Sweep, axis_of
+from app.sweep.question import Axis, Sweep, SweepQuestion, axis_of
 
 BASE = shipped()["planar3r-hybrid"]
 
@@ -22,7 +22,7 @@ def sweep_of(*vary: str, **fields: object) -> Sweep:
 
 
 def test_a_grid_has_every_value_with_every_other_one_and_every_arm() -> None:
-    asked = Question(sweep_of("contact.K_e=1e3:1e5:3:log", "controller.law=vsmrc,computed-torque", draw=2))
+    asked = SweepQuestion(sweep_of("contact.K_e=1e3:1e5:3:log", "controller.law=vsmrc,computed-torque", draw=2))
     rows = [asked.row(number) for number in range(asked.count)]
     assert asked.count == 12
     assert [(row.point, row.arm) for row in rows] == [(k // 2, k % 2) for k in range(12)]
@@ -34,13 +34,14 @@ def test_a_grid_has_every_value_with_every_other_one_and_every_arm() -> None:
 
 
 def test_the_same_arms_at_every_point_within_what_is_declared_and_at_its_corners_on_demand() -> None:
-    inside = Question(sweep_of("controller.layer=0.002:0.03:3", draw=40, seed=7))
-    corners = Question(sweep_of("controller.layer=0.002:0.03:3", draw=40, seed=7, corners=True))
+    inside = SweepQuestion(sweep_of("controller.layer=0.002:0.03:3", draw=40, seed=7))
+    corners = SweepQuestion(sweep_of("controller.layer=0.002:0.03:3", draw=40, seed=7, corners=True))
     first = [inside.scenario(inside.row(arm)).truth for arm in range(40)]
     assert [inside.scenario(inside.row(80 + arm)).truth for arm in range(40)] == first
     assert len(set(first)) == 40
     assert (
-        Question(sweep_of("controller.layer=0.002:0.03:3", draw=40, seed=8)).scenario(inside.row(0)).truth not in first
+        SweepQuestion(sweep_of("controller.layer=0.002:0.03:3", draw=40, seed=8)).scenario(inside.row(0)).truth
+        not in first
     )
     for asked in (inside, corners):
         assert all(outside(asked.scenario(asked.row(number))) == () for number in range(asked.count))
@@ -55,13 +56,13 @@ def test_the_same_arms_at_every_point_within_what_is_declared_and_at_its_corners
 
 def test_what_is_not_drawn_of_the_truth_stays() -> None:
     pushed = msgspec.structs.replace(BASE, truth=msgspec.structs.replace(BASE.truth, push=(3.0, 0.0, 0.0)))
-    asked = Question(msgspec.structs.replace(sweep_of("controller.K_s=20:80:2", draw=1), scenario=pushed))
+    asked = SweepQuestion(msgspec.structs.replace(sweep_of("controller.K_s=20:80:2", draw=1), scenario=pushed))
     assert asked.scenario(asked.row(0)).truth.push == (3.0, 0.0, 0.0)
 
 
 @pytest.mark.parametrize("design", ["latin", "sobol"])
 def test_a_design_fills_its_ranges_evenly(design: str) -> None:
-    asked = Question(
+    asked = SweepQuestion(
         sweep_of("contact.K_e=1e3:1e5:log", "controller.K_s=20:80", "controller.law=vsmrc,pd-gravity",
                  design=design, points=64, seed=3)
     )  # fmt: skip
@@ -72,12 +73,12 @@ def test_a_design_fills_its_ranges_evenly(design: str) -> None:
         assert (shares <= 1.0).all()
         assert np.histogram(shares, 8, (0.0, 1.0))[0].tolist() == [8] * 8
     assert [each["controller.law"] for each in values].count("vsmrc") == 32
-    assert asked.values_at(5) == Question(asked.sweep).values_at(5)
+    assert asked.values_at(5) == SweepQuestion(asked.sweep).values_at(5)
 
 
 def test_entries_of_a_list_are_varied(tmp_path: Path) -> None:
     impedance = shipped()["ur5-impedance"]
-    asked = Question(
+    asked = SweepQuestion(
         msgspec.structs.replace(sweep_of(), scenario=impedance, vary=(axis_of("target_model.K_m.2=1:3:3"),))
     )
     before, after = impedance.target_model.K_m, asked.scenario(asked.row(1)).target_model.K_m
@@ -90,7 +91,7 @@ def test_entries_of_a_list_are_varied(tmp_path: Path) -> None:
 
 
 def test_a_number_of_a_row_that_there_is_not_is_refused() -> None:
-    asked = Question(sweep_of("contact.K_e=1e3:1e5:3:log"))
+    asked = SweepQuestion(sweep_of("contact.K_e=1e3:1e5:3:log"))
     with pytest.raises(ScenarioError, match="row 3; allowed: 0 to 2"):
         asked.row(3)
 
@@ -138,7 +139,7 @@ def test_an_axis_that_makes_no_sense_is_refused(text: str, sentence: str) -> Non
 )
 def test_a_sweep_that_makes_no_sense_is_refused(sweep: Sweep, sentence: str) -> None:
     with pytest.raises(ScenarioError) as refused:
-        Question(sweep)
+        SweepQuestion(sweep)
     assert sentence in str(refused.value)
 
 

@@ -16,7 +16,7 @@ import pytest
 
 from app.scenario.schema import ScenarioError
 from app.sweep import run_store
-from app.sweep.question import Question
+from app.sweep.question import SweepQuestion
 from app.sweep.run_store import JOURNAL, RunStore, parts, table_of
 from tests.sweep.test_question import sweep_of
 
@@ -25,7 +25,7 @@ SWEEP = sweep_of("contact.K_e=1e3:1e5:50:log", "controller.K_s=20:80:80")  # 4,0
 
 def figures(number: int) -> dict[str, object]:
     """Figures as a run would have them, found again in its row."""
-    told = Question(SWEEP).told(Question(SWEEP).row(number))
+    told = SweepQuestion(SWEEP).told(SweepQuestion(SWEEP).row(number))
     return told | {"motion_error": 1e-6 * number, "stopped": None, "verdict": "holds"}
 
 
@@ -66,7 +66,7 @@ def test_nothing_is_lost_or_there_twice_after_fifty_kills(tmp_path: Path, monkey
         assert forks.stdout is not None
         assert forks.stdout.readline() == "ready\n"
         # on a busy machine a process may not come far
-        while len(seen) <= 50 or (len(set(seen)) <= 20 and seen[-1] < Question(SWEEP).count):
+        while len(seen) <= 50 or (len(set(seen)) <= 20 and seen[-1] < SweepQuestion(SWEEP).count):
             forks.stdin.write("\n")
             forks.stdin.flush()
             pid = int(forks.stdout.readline())
@@ -85,7 +85,7 @@ def test_nothing_is_lost_or_there_twice_after_fifty_kills(tmp_path: Path, monkey
     assert sweep == SWEEP
     assert columns["row"].tolist() == list(range(4000))
     assert columns["motion_error"] == pytest.approx(1e-6 * np.arange(4000))
-    asked = Question(SWEEP)
+    asked = SweepQuestion(SWEEP)
     for number in (0, 777, 3999):
         row = asked.row(number)
         assert {path: columns[path][number] for path in row.values} == row.values

@@ -19,8 +19,8 @@ from app.process import worker_pool
 from app.scenario.data import edited, shipped
 from app.session.headless_run import simulate
 from app.sweep import running
-from app.sweep.figures_of_run import METRICS, Figures, Runner
-from app.sweep.question import Question, Sweep, axis_of, fingerprint
+from app.sweep.figures_of_run import METRICS, Figures, SweepRunner
+from app.sweep.question import Sweep, SweepQuestion, axis_of, fingerprint
 from app.sweep.run_store import JOURNAL, RunStore, table_of
 from tests.tune.test_running import in_this_process
 
@@ -38,11 +38,11 @@ def timeless(figures: Figures) -> Figures:
 
 
 def test_a_row_is_the_same_alone_and_after_any_others() -> None:
-    forwards, backwards = Runner(SWEEP), Runner(SWEEP)
+    forwards, backwards = SweepRunner(SWEEP), SweepRunner(SWEEP)
     first = [timeless(forwards.figures(number)) for number in range(8)]
     assert [timeless(backwards.figures(number)) for number in reversed(range(8))] == first[::-1]
-    assert timeless(Runner(SWEEP).figures(5)) == first[5]
-    asked = Question(SWEEP)
+    assert timeless(SweepRunner(SWEEP).figures(5)) == first[5]
+    asked = SweepQuestion(SWEEP)
     _, metrics = simulate(asked.scenario(asked.row(5)), engine="compiled")
     for name, value in {
         "motion_error": metrics.motion_error_tail, "force_error": metrics.force_error_tail,
@@ -55,14 +55,14 @@ def test_a_row_is_the_same_alone_and_after_any_others() -> None:
 
 def test_what_is_refused_or_stops_is_a_row() -> None:
     refused, going = (
-        Runner(msgspec.structs.replace(SWEEP, vary=(axis_of("controller.layer=-1,0.01"),), draw=0)).figures(k)
+        SweepRunner(msgspec.structs.replace(SWEEP, vary=(axis_of("controller.layer=-1,0.01"),), draw=0)).figures(k)
         for k in (0, 1)
     )
     assert refused["stopped"].startswith("refused: controller.layer: -1")
     assert "motion_error" not in refused
     assert going["stopped"] is None
     pressing = edited(shipped()["ur5-constrained"], "target_model.K_f", [1.0, 0.0, 0.0, 0.0, 0.0, 0.0])
-    lost, kept = (Runner(Sweep(pressing, (axis_of("target_model.K_f.1=0.2,1"),))).figures(k) for k in (0, 1))
+    lost, kept = (SweepRunner(Sweep(pressing, (axis_of("target_model.K_f.1=0.2,1"),))).figures(k) for k in (0, 1))
     assert "contact lost" in lost["stopped"]
     assert lost["simulated_time"] < kept["simulated_time"]
     assert kept["stopped"] is None
@@ -145,7 +145,7 @@ def test_a_full_disk_is_one_sentence_and_what_is_there_stays(
 
     folder = tmp_path / "sweep"
     with RunStore(folder, SWEEP) as store:
-        store.add(Runner(SWEEP).figures(0))
+        store.add(SweepRunner(SWEEP).figures(0))
     monkeypatch.setattr(RunStore, "add", none_left)
     monkeypatch.setattr(worker_pool, "results", in_this_process)
     assert execute(["sweep", str(folder / "sweep.toml"), "--out", str(folder), "--workers", "1"]) == 2

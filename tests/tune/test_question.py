@@ -7,7 +7,7 @@ import pytest
 
 from app.scenario.data import shipped
 from app.scenario.schema import ScenarioError
-from app.sweep.question import Axis, Question, Row
+from app.sweep.question import Axis, SweepQuestion, SweepRow
 from app.tune.question import Tuning, moved, require_sound
 from app.tune.search import Search
 
@@ -68,11 +68,11 @@ def test_a_tuning_that_makes_no_sense_is_refused(changes: dict[str, object], sen
 @pytest.mark.parametrize("draw", [0, 2])
 def test_the_arms_that_the_search_does_not_see_are_others_inside_the_declared_set(draw: int) -> None:
     tuning = msgspec.structs.replace(TUNING, draw=draw, unseen=3)
-    question = Question(tuning)
-    truths = [question.scenario(Row(arm, 0, arm, {})).truth for arm in range(tuning.arms)]
+    question = SweepQuestion(tuning)
+    truths = [question.scenario(SweepRow(arm, 0, arm, {})).truth for arm in range(tuning.arms)]
     assert len(set(truths)) == tuning.arms == max(draw, 1) + 3
     assert (truths[0] == tuning.scenario.truth) == (draw == 0)
-    other = Row(tuning.arms, 1, 1, {"controller.layer": 0.02})
+    other = SweepRow(tuning.arms, 1, 1, {"controller.layer": 0.02})
     assert question.scenario(other).truth == truths[1]  # the same for every candidate
 
 

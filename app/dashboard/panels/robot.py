@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from app.dashboard.widgets.arm_choice import ArmChoice, InForce, ToolFrame, Upload, UrdfPath, Verdict
+from app.dashboard.widgets.arm_choice import ArmChoice, ArmVerdict, InForce, ToolFrame, Upload, UrdfPath
 from app.dashboard.widgets.controls import Control, Desk, Number, Place, PlaceWhere, Scale, decades
 from app.dashboard.widgets.matrix_text import number
 from app.dashboard.widgets.text_field import TextField
@@ -17,7 +17,7 @@ from app.session.snapshot import Snapshot
 UNSTATED = "from the above"
 
 
-class Stated(Place):
+class StatedBounds(Place):
     """Place of a bound of (7), whose value is shown as text: a number, a formula, or what the bound follows from."""
 
     def read(self, snapshot: Snapshot) -> str:
@@ -41,7 +41,7 @@ class RobotPanel:
 
     def __init__(self, desk: Desk) -> None:
         gui = desk.gui
-        self._controls: list[Control] = [ArmChoice(desk), Verdict(desk)]
+        self._controls: list[Control] = [ArmChoice(desk), ArmVerdict(desk)]
         with gui.add_folder("The true arm"):
             self._controls += [
                 Number(desk, InForce("truth.link_scaling", _common_scaling), "links ×", Scale(0.5, 1.5)),
@@ -74,10 +74,10 @@ class RobotPanel:
             ]
         with gui.add_folder("Stated in their place, as in (7)"):
             self._controls += [
-                TextField(desk, Stated("declared.delta_M"), "δ_M [kg·m²]"),
-                TextField(desk, Stated("declared.delta_C"), "δ_C [kg·m²/s]"),
-                TextField(desk, Stated("declared.delta_G"), "δ_G [N·m]"),
-                TextField(desk, Stated("declared.delta_f"), "δ_f [N·m]"),
+                TextField(desk, StatedBounds("declared.delta_M"), "δ_M [kg·m²]"),
+                TextField(desk, StatedBounds("declared.delta_C"), "δ_C [kg·m²/s]"),
+                TextField(desk, StatedBounds("declared.delta_G"), "δ_G [N·m]"),
+                TextField(desk, StatedBounds("declared.delta_f"), "δ_f [N·m]"),
                 Number(desk, PlaceWhere("declared.least_inertia", _inertia_stated), "M ≥ M_hat ×", Scale(0.05, 1)),
             ]
         with gui.add_folder("Tool and posture"):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from app.dashboard.widgets.controls import Desk, Row
+from app.dashboard.widgets.controls import Desk, NumberRow
 from app.dashboard.widgets.gain_search import GainSearch
 from app.dashboard.widgets.robustness_map import RobustnessMap
 from app.scenario.schema import ScenarioError
@@ -27,14 +27,14 @@ class RobustnessPanel:
         self._map.show(snapshot)
         self._search.show(snapshot)
 
-    def sweep(self, row: Row) -> None:
+    def sweep(self, row: NumberRow) -> None:
         """Choose the field of this row for the map."""
         try:
             self._map.sweep(row)
         except ScenarioError as error:
             self._desk.complain(str(error))
 
-    def let_move(self, row: Row) -> None:
+    def let_move(self, row: NumberRow) -> None:
         """Let the search vary the field of this row."""
         try:
             self._search.let_move(row)

@@ -9,7 +9,7 @@ from typing import Literal
 
 import viser
 
-from app.analysis.metrics import FIGURES, Account, Figure, account
+from app.analysis.metrics import FIGURES, Account, ShownFigure, account
 from app.dashboard.theme.colors import RUNS, css
 from app.dashboard.theme.style import COMMIT, MARKS
 from app.dashboard.widgets.controls import Desk
@@ -129,7 +129,7 @@ def table_html(snapshot: Snapshot, window: float, over: Over = "own") -> str:
     return f'<table class="vs-facts vs-runs"><tr><th></th><th>now</th>{heads}</tr>{rows}</table>{told}'
 
 
-def _row(figure: Figure, unit: str, accounts: tuple[Account | None, ...]) -> str:
+def _row(figure: ShownFigure, unit: str, accounts: tuple[Account | None, ...]) -> str:
     now, *others = (figure.of(account) for account in accounts)
     if now is None and not any(value is not None for value in others):
         return ""

@@ -92,7 +92,7 @@ class Setup:
 
 
 @dataclass(frozen=True)
-class Line:
+class ChartLine:
     """Line of a chart.
     name: in the legend.
     values: (N,) of signals, nan where they are not known and infinite where they do not exist.
@@ -148,7 +148,7 @@ class Drawing:
     at_least: a range that is always in view, so that noise does not fill the plot."""
 
     title: str
-    lines: Sequence[Line]
+    lines: Sequence[ChartLine]
     areas: Sequence[Area] = ()
     floor: float | None = None
     at_least: tuple[float, float] | None = None
@@ -182,7 +182,7 @@ class Plot:
 
 
 @dataclass(frozen=True)
-class Pinned:
+class PinnedChart:
     """Pinned run, drawn in one colour behind the shown run.
     start: instant (s) of the shown run at which the pinned run's zero is drawn."""
 
@@ -193,7 +193,7 @@ class Pinned:
 
 
 @dataclass(frozen=True)
-class Course:
+class DecimatedLines:
     """Course of some lines over a grid: decimated values of the rows up to now. As rows do not change, the course of
     the next refresh continues this one.
     begins: index of the first point with rows, 2 grid.count where there are none.
@@ -206,21 +206,21 @@ class Course:
     newest: np.ndarray
 
     @classmethod
-    def of(cls, grid: Grid, rows: Signals, lines: Sequence[Line]) -> Course:
+    def of(cls, grid: Grid, rows: Signals, lines: Sequence[ChartLine]) -> DecimatedLines:
         """Course of all lines over the whole grid."""
         values, starts = _values(rows, lines), grid.starts(rows["t"])
         filled = np.flatnonzero(starts[:-1] < starts[1:])
         begins = 2 * int(filled[0]) if len(filled) else 2 * grid.count
         return cls(grid, begins, grid.thin(rows["t"], values), values[-1])
 
-    def continued(self, grid: Grid, since: int, rows: Signals, lines: Sequence[Line]) -> Course:
+    def continued(self, grid: Grid, since: int, rows: Signals, lines: Sequence[ChartLine]) -> DecimatedLines:
         """Course continued on a later grid of equal buckets.
         since: number of the first bucket that is decimated anew.
         rows: signals up to now that begin before this bucket."""
-        new = Course.of(grid.since(since), rows, lines)
+        new = DecimatedLines.of(grid.since(since), rows, lines)
         left, right = 2 * (grid.first - self.grid.first), 2 * (since - self.grid.first)
         begins = max(self.begins - left, 0) if self.begins < right else right - left + new.begins
-        return Course(grid, begins, np.concatenate([self.points[left:right], new.points]), new.newest)
+        return DecimatedLines(grid, begins, np.concatenate([self.points[left:right], new.points]), new.newest)
 
     @property
     def values(self) -> np.ndarray:
@@ -263,13 +263,13 @@ class Frame:
     number: int = 0
     recent: Recent | None = None
 
-    def course(self, lines: Sequence[Line], before: Course | None) -> Course:
+    def course(self, lines: Sequence[ChartLine], before: DecimatedLines | None) -> DecimatedLines:
         """Course of these lines up to now. before: their course of the refresh before, None where they had none."""
         if before is None or self.recent is None:
-            return Course.of(self.grid, self.rows, lines)
+            return DecimatedLines.of(self.grid, self.rows, lines)
         return before.continued(self.grid, self.recent.since, self.recent.rows, lines)
 
-    def courses(self, lines: Sequence[Line], course: Course | None = None) -> tuple[np.ndarray, ...]:
+    def courses(self, lines: Sequence[ChartLine], course: DecimatedLines | None = None) -> tuple[np.ndarray, ...]:
         """Data of a chart: x (N,) s from now, then values (N,) of each compared line of each pinned run, then of each
         line, without gaps. course: of the lines up to now, None to compute it.
 
@@ -289,7 +289,7 @@ class Frame:
         behind = [self._behind(pinned, compared, len(shown), begins) for pinned in self.pinned]
         return np.concatenate(x), *(column for block in (*behind, shown) for column in block.T)
 
-    def spread(self, times: np.ndarray, shown: Sequence[np.ndarray], lines: Sequence[Line]) -> list[np.ndarray]:
+    def spread(self, times: np.ndarray, shown: Sequence[np.ndarray], lines: Sequence[ChartLine]) -> list[np.ndarray]:
         """Quantiles (N,) of all lines' bands at times (N,) s from now. shown: values (N,) of each line, which stand in
         for the quantiles up to now and farther ahead than the band reaches, so that the area there has no width."""
         columns = [shown[k].copy() for k, line in enumerate(lines) for _ in line.band]
@@ -306,10 +306,10 @@ class Frame:
                 first += len(line.band)
         return columns
 
-    def _behind(self, rows: Signals | None, lines: Sequence[Line], count: int, begins: int) -> np.ndarray:
+    def _behind(self, rows: Signals | None, lines: Sequence[ChartLine], count: int, begins: int) -> np.ndarray:
         behind = np.full((count, len(lines)), np.nan)
         if rows is not None and len(rows["t"]):
-            own = Course.of(self.grid, rows, lines)
+            own = DecimatedLines.of(self.grid, rows, lines)
             own_begin, past = own.begins, own.values
             first = max(own_begin, begins)
             behind[first - begins : first - begins + len(past[first - own_begin :])] = past[first - own_begin :]
@@ -320,7 +320,7 @@ class Frame:
         return behind
 
 
-def _values(rows: Signals, lines: Sequence[Line]) -> np.ndarray:
+def _values(rows: Signals, lines: Sequence[ChartLine]) -> np.ndarray:
     return np.stack([line.values(rows) for line in lines], axis=1) if lines else np.empty((len(rows["t"]), 0))
 
 
@@ -365,7 +365,7 @@ class Chart:
         self._drawing: Drawing | None = None
         self._legend_rows = 1
         self._lowest: list[float] = []
-        self._course: tuple[int, Course] | None = None  # number of the last refresh, and the course then
+        self._course: tuple[int, DecimatedLines] | None = None  # number of the last refresh, and the course then
         self._handle = gui.add_uplot(
             (_NOTHING,) * MOST_SERIES,
             tuple(uplot.Series(label="") for _ in range(MOST_SERIES)),
@@ -451,24 +451,24 @@ class Chart:
         return "Hz" if self._plot.spectral else "t [s]"
 
 
-def _of_pinned(line: Line, label: Label, *, listed: bool) -> uplot.Series:
+def _of_pinned(line: ChartLine, label: Label, *, listed: bool) -> uplot.Series:
     """Look of a line of a pinned run: dotted; only the run's first line is in the legend."""
     name, color = label
-    look = Line(name if listed else "", color, line.values, width=1.3, listed=listed).series()
+    look = ChartLine(name if listed else "", color, line.values, width=1.3, listed=listed).series()
     look["dash"] = (2.0, 3.0)
     return look
 
 
-def _of_band(line: Line) -> list[uplot.Series]:
+def _of_band(line: ChartLine) -> list[uplot.Series]:
     """Looks of the quantiles of a line's band: the median dashed, the others only the edges of areas."""
     looks = []
     for share in line.band:
         width = 1.0 if share == MEDIAN else 0.0
-        looks.append(Line("", line.color, line.values, width=width, alpha=0.9, listed=False, dashed=True).series())
+        looks.append(ChartLine("", line.color, line.values, width=width, alpha=0.9, listed=False, dashed=True).series())
     return looks
 
 
-def _band_areas(banded: Sequence[Line], first: int) -> tuple[uplot.Band, ...]:
+def _band_areas(banded: Sequence[ChartLine], first: int) -> tuple[uplot.Band, ...]:
     """Areas of each band: between its lowest and its highest quantile, between the next ones, and so on.
     first: number of the series of the first quantile."""
     areas: list[uplot.Band] = []

@@ -13,7 +13,7 @@ import viser
 
 from app.analysis.perturbation import PerturbationAnalysis
 from app.analysis.thinning import Grid
-from app.dashboard.plots.charts import BUCKETS, Chart, Frame, Pinned, Recent, Setup, Signals
+from app.dashboard.plots.charts import BUCKETS, Chart, Frame, PinnedChart, Recent, Setup, Signals
 from app.dashboard.plots.plot_table import LEAD, TABS, Chooser, Tab
 from app.dashboard.transport.visible_tabs import VisibleTabs, marker_html
 from app.dashboard.view_options import Viewing
@@ -41,7 +41,7 @@ class Shown:
 
     now: float
     window: float
-    pinned: tuple[Pinned, ...] = ()
+    pinned: tuple[PinnedChart, ...] = ()
     outlook: Outlook | None = None
     horizon: float = 0.0
 
@@ -255,7 +255,7 @@ class _Laid(Mapping[str, np.ndarray]):
         return len(self._signals)
 
 
-def _laid(pinned: Pinned, t_from: float, t_to: float, n: int) -> Signals | None:
+def _laid(pinned: PinnedChart, t_from: float, t_to: float, n: int) -> Signals | None:
     """Signals of a pinned run in a stretch of the shown one; None for an arm with another number of joints."""
     if pinned.recording.n != n:
         return None

@@ -11,7 +11,7 @@ import numpy as np
 from app.analysis.metrics import MULTIPLIERS
 from app.analysis.perturbation import STEADY
 from app.analysis.spectrum import variation_rate
-from app.dashboard.plots.charts import REACH, SPREAD, Area, Drawing, Line, Plot, Setup, Signals
+from app.dashboard.plots.charts import REACH, SPREAD, Area, ChartLine, Drawing, Plot, Setup, Signals
 from app.dashboard.theme.colors import ACCENT, BOUND, DESIRED, MEASURED, PUSH, SERIES, Rgb
 from app.dashboard.widgets.equation import symbol
 from app.dashboard.widgets.premise_table import premises_html
@@ -61,14 +61,14 @@ def is_dashed(i: int) -> bool:
     return i >= SOLID
 
 
-def stack(parts: Sequence[tuple[str, Values]]) -> tuple[list[Line], list[Area]]:
+def stack(parts: Sequence[tuple[str, Values]]) -> tuple[list[ChartLine], list[Area]]:
     """Lines and areas that stack the named parts of a sum: positive ones upwards, negative ones downwards from zero."""
-    lines = [Line("", ACCENT, lambda signals: np.zeros(len(signals["t"])), width=0.0, listed=False)]
+    lines = [ChartLine("", ACCENT, lambda signals: np.zeros(len(signals["t"])), width=0.0, listed=False)]
     areas = []
     for sign in (1.0, -1.0):
         for i, (name, _) in enumerate(parts):
             edge = _edge([values for _, values in parts[: i + 1]], sign)
-            lines.append(Line(name, color(i), edge, is_dashed(i), width=0.8, listed=sign > 0))
+            lines.append(ChartLine(name, color(i), edge, is_dashed(i), width=0.8, listed=sign > 0))
             here, below = len(lines) - 1, len(lines) - 2 if i else 0
             areas.append(Area(here, below, color(i)) if sign > 0 else Area(below, here, color(i)))
     return lines, areas
@@ -80,7 +80,7 @@ def _edge(parts: Sequence[Values], sign: float) -> Values:
 
 def _errors(setup: Setup) -> Drawing:
     lines = [
-        Line(symbol(coordinate.name), color(i), column("e_r", i, 1e3), is_dashed(i), compared=True, band=REACH)
+        ChartLine(symbol(coordinate.name), color(i), column("e_r", i, 1e3), is_dashed(i), compared=True, band=REACH)
         for i, coordinate in enumerate(setup.coordinates)
     ]
     return Drawing(f"tracking error  e_r  [{setup.units.error}]", lines, at_least=(-0.01, 0.01))
@@ -88,7 +88,7 @@ def _errors(setup: Setup) -> Drawing:
 
 def _positions(setup: Setup) -> Drawing | None:
     lines = [
-        Line(symbol(coordinate.name), color(i), column("e_r", i, 1e3), is_dashed(i), compared=True, band=REACH)
+        ChartLine(symbol(coordinate.name), color(i), column("e_r", i, 1e3), is_dashed(i), compared=True, band=REACH)
         for i, coordinate in enumerate(setup.coordinates)
         if not coordinate.is_angle
     ]
@@ -97,7 +97,7 @@ def _positions(setup: Setup) -> Drawing | None:
 
 def _rotations(setup: Setup) -> Drawing | None:
     lines = [
-        Line(
+        ChartLine(
             _bare(coordinate),
             color(i),
             column("e_r", i, 1e3 / coordinate.per_radian),
@@ -121,8 +121,8 @@ def _followed(setup: Setup) -> Drawing:
     i, coordinate = setup.coordinate, setup.coordinates[setup.coordinate]
     factor, unit = 1e3 / coordinate.per_radian, "mrad" if coordinate.is_angle else "mm"
     lines = [
-        Line("desired", DESIRED, column("r_d", i, factor), dashed=True, width=2.0),
-        Line("actual", MEASURED, column("r", i, factor), compared=True, band=SPREAD),
+        ChartLine("desired", DESIRED, column("r_d", i, factor), dashed=True, width=2.0),
+        ChartLine("actual", MEASURED, column("r", i, factor), compared=True, band=SPREAD),
     ]
     return Drawing(f"{_bare(coordinate)}  against what is desired  [{unit}]", lines)
 
@@ -133,10 +133,10 @@ def _force(setup: Setup) -> Drawing:
     lines = []
     for i in range(setup.normal):
         lines += [
-            Line(f"desired normal{_on(setup, i)}", DESIRED, column("F_cd", i), dashed=True, width=2.0),
-            Line(f"measured normal{_on(setup, i)}", _MEASURED[i], column("F_c", i), compared=True, band=SPREAD),
+            ChartLine(f"desired normal{_on(setup, i)}", DESIRED, column("F_cd", i), dashed=True, width=2.0),
+            ChartLine(f"measured normal{_on(setup, i)}", _MEASURED[i], column("F_c", i), compared=True, band=SPREAD),
         ]
-    lines.append(Line("push", PUSH, norm("F_push")))
+    lines.append(ChartLine("push", PUSH, norm("F_push")))
     return Drawing("force on the environment  [N]", lines, at_least=(0.0, 1.0))
 
 
@@ -146,8 +146,10 @@ def _on(setup: Setup, i: int) -> str:
 
 
 def _force_axes(_: Setup) -> Drawing:
-    lines = [Line(f"F {axis}", color(i), column("F", i), compared=True, band=REACH) for i, axis in enumerate("xyz")]
-    lines.append(Line("push", PUSH, norm("F_push"), dashed=True))
+    lines = [
+        ChartLine(f"F {axis}", color(i), column("F", i), compared=True, band=REACH) for i, axis in enumerate("xyz")
+    ]
+    lines.append(ChartLine("push", PUSH, norm("F_push"), dashed=True))
     return Drawing("force on the environment  [N]", lines, at_least=(0.0, 1.0))
 
 
@@ -156,8 +158,8 @@ def _moments(setup: Setup) -> Drawing | None:
         return _alignment(setup)
     if not setup.twisted:
         return None
-    lines = [Line(f"M {axis}", color(i), column("moment", i), compared=True) for i, axis in enumerate("xyz")]
-    lines.append(Line("push", PUSH, norm("moment_push"), dashed=True))
+    lines = [ChartLine(f"M {axis}", color(i), column("moment", i), compared=True) for i, axis in enumerate("xyz")]
+    lines.append(ChartLine("push", PUSH, norm("moment_push"), dashed=True))
     return Drawing("moment on the environment  [N·m]", lines, at_least=(-0.05, 0.05))
 
 
@@ -167,8 +169,8 @@ def _alignment(setup: Setup) -> Drawing:
     for i, at in enumerate(setup.tilts):
         name, l = _bare(setup.coordinates[at]), setup.coordinates[at].per_radian
         lines += [
-            Line(f"desired {name}", DESIRED, column("F_cd", at, l), dashed=True, width=2.0),
-            Line(f"measured {name}", _MEASURED[i], column("F_c", at, l), compared=True, band=SPREAD),
+            ChartLine(f"desired {name}", DESIRED, column("F_cd", at, l), dashed=True, width=2.0),
+            ChartLine(f"measured {name}", _MEASURED[i], column("F_c", at, l), compared=True, band=SPREAD),
         ]
     return Drawing("moments of the flat tool  [N·m]", lines, at_least=(-0.05, 0.05))
 
@@ -180,13 +182,15 @@ def _normal_force(setup: Setup) -> Drawing | None:
     for i in range(setup.normal or setup.surfaces):
         on = _on(setup, i)
         if setup.normal:
-            lines.append(Line(f"desired normal{on}", DESIRED, column("F_cd", i), dashed=True, width=2.0))
+            lines.append(ChartLine(f"desired normal{on}", DESIRED, column("F_cd", i), dashed=True, width=2.0))
         if setup.normal or setup.surfaces == 1:
-            lines.append(Line(f"steady state predicted{on}", ACCENT, column(STEADY[i]), dashed=True, width=2.0))
+            lines.append(ChartLine(f"steady state predicted{on}", ACCENT, column(STEADY[i]), dashed=True, width=2.0))
         if setup.normal:
-            lines.append(Line(f"measured{on}", _MEASURED[i], column("F_c", i), compared=True, band=SPREAD))
+            lines.append(ChartLine(f"measured{on}", _MEASURED[i], column("F_c", i), compared=True, band=SPREAD))
         else:
-            lines.append(Line(f"really there{on}", _MEASURED[i], column(MULTIPLIERS[i]), compared=True, band=SPREAD))
+            lines.append(
+                ChartLine(f"really there{on}", _MEASURED[i], column(MULTIPLIERS[i]), compared=True, band=SPREAD)
+            )
     return Drawing("normal force  [N]", lines, at_least=(0.0, 1.0))
 
 
@@ -197,15 +201,15 @@ def _force_error(setup: Setup) -> Drawing | None:
     for i in range(setup.normal):
         on, desired = _on(setup, i), column("F_cd", i)
         lines += [
-            Line(f"predicted (37){on}", ACCENT, _less(column(STEADY[i]), desired), dashed=True, width=2.0),
-            Line(
+            ChartLine(f"predicted (37){on}", ACCENT, _less(column(STEADY[i]), desired), dashed=True, width=2.0),
+            ChartLine(
                 f"measured − desired{on}",
                 _MEASURED[i],
                 _less(column("F_c", i), desired),
                 compared=True,
                 band=SPREAD,
             ),
-            Line(f"real − desired{on}", color(2 + i), _less(column(MULTIPLIERS[i]), desired)),
+            ChartLine(f"real − desired{on}", color(2 + i), _less(column(MULTIPLIERS[i]), desired)),
         ]
     return Drawing("normal force error  [N]", lines, at_least=(-0.01, 0.01))
 
@@ -225,8 +229,8 @@ def _bound_and_band() -> tuple[Values, Values]:
     return column("s_bound", 0, 1e3), column("s_band", 0, 1e3)
 
 
-def _s_norm() -> Line:
-    return Line("‖s‖", color(0), _under_gain(column("s_norm", 0, 1e3)), compared=True, band=SPREAD)
+def _s_norm() -> ChartLine:
+    return ChartLine("‖s‖", color(0), _under_gain(column("s_norm", 0, 1e3)), compared=True, band=SPREAD)
 
 
 def _sliding(setup: Setup) -> Drawing:
@@ -234,13 +238,13 @@ def _sliding(setup: Setup) -> Drawing:
     if not setup.robust:
         return _residual(setup)
     lines = [
-        Line("bound (20) + band", BOUND, _under_gain(total(*_bound_and_band())), True, 2.0),
+        ChartLine("bound (20) + band", BOUND, _under_gain(total(*_bound_and_band())), True, 2.0),
         _s_norm(),
     ]
     return Drawing(f"sliding variable  ‖s‖  [{setup.units.rate}]", lines, floor=1e-2)
 
 
-def _phases() -> list[Line]:
+def _phases() -> list[ChartLine]:
     """Lines that shade the reaching and the sliding phase, and mark the promised and the measured reaching time."""
 
     def spike(signal: str) -> Values:
@@ -250,10 +254,10 @@ def _phases() -> list[Line]:
         return np.where(column("d")(signals) > 0.0, 1.0 - signals["reaching"], 0.0)
 
     return [
-        Line("reaching", MEASURED, column("reaching"), width=0.0, alpha=0.16, backdrop=True),
-        Line("sliding", ACCENT, sliding, width=0.0, alpha=0.07, backdrop=True),
-        Line("t_r ≤ (18)", BOUND, spike("promised"), dashed=True, width=1.0, alpha=0.9, backdrop=True),
-        Line("t_r", DESIRED, spike("measured"), width=1.0, alpha=0.9, backdrop=True),
+        ChartLine("reaching", MEASURED, column("reaching"), width=0.0, alpha=0.16, backdrop=True),
+        ChartLine("sliding", ACCENT, sliding, width=0.0, alpha=0.07, backdrop=True),
+        ChartLine("t_r ≤ (18)", BOUND, spike("promised"), dashed=True, width=1.0, alpha=0.9, backdrop=True),
+        ChartLine("t_r", DESIRED, spike("measured"), width=1.0, alpha=0.9, backdrop=True),
     ]
 
 
@@ -263,8 +267,8 @@ def _reaching(setup: Setup) -> Drawing | None:
     bound, band = _bound_and_band()
     lines = [
         *_phases(),
-        Line("(20)", DESIRED, _under_gain(bound), width=2.0),
-        Line("(20) + band", BOUND, _under_gain(total(bound, band)), dashed=True),
+        ChartLine("(20)", DESIRED, _under_gain(bound), width=2.0),
+        ChartLine("(20) + band", BOUND, _under_gain(total(bound, band)), dashed=True),
         _s_norm(),
     ]
     return Drawing(f"sliding variable  ‖s‖  [{setup.units.rate}]", lines, floor=0.1)
@@ -274,9 +278,9 @@ def _lyapunov(setup: Setup) -> Drawing | None:
     if not setup.bounded:
         return None
     lines = [
-        Line("(24)", BOUND, _under_gain(column("V_bound", 0, 1e3)), width=2.0),
-        Line("(24) + sampling", BOUND, _under_gain(column("V_limit", 0, 1e3)), dashed=True, width=1.4),
-        Line("V", color(0), _under_gain(column("V", 0, 1e3))),
+        ChartLine("(24)", BOUND, _under_gain(column("V_bound", 0, 1e3)), width=2.0),
+        ChartLine("(24) + sampling", BOUND, _under_gain(column("V_limit", 0, 1e3)), dashed=True, width=1.4),
+        ChartLine("V", color(0), _under_gain(column("V", 0, 1e3))),
     ]
     return Drawing("Lyapunov function  V = ½ sᵀH s  [mJ]", lines, floor=1e-3)
 
@@ -285,7 +289,7 @@ def _components(setup: Setup) -> Drawing | None:
     if not setup.bounded:
         return None
     lines = [
-        Line(symbol(coordinate.name), color(i), _under_gain(column("s", i, 1e3)), dashed=is_dashed(i))
+        ChartLine(symbol(coordinate.name), color(i), _under_gain(column("s", i, 1e3)), dashed=is_dashed(i))
         for i, coordinate in enumerate(setup.coordinates)
     ]
     return Drawing(f"s  [{setup.units.rate}]", lines, at_least=(-0.1, 0.1))
@@ -296,8 +300,8 @@ def _gain(setup: Setup) -> Drawing:
     if not setup.robust:
         return _torques(setup)
     lines = [
-        Line("needed (17)", BOUND, _under_gain(column("d_required")), dashed=True, width=2.0),
-        Line("d", DESIRED, _under_gain(column("d"))),
+        ChartLine("needed (17)", BOUND, _under_gain(column("d_required")), dashed=True, width=2.0),
+        ChartLine("d", DESIRED, _under_gain(column("d"))),
     ]
     return Drawing(f"gain  d  against what (17) needs  [{setup.units.force}]", lines, at_least=(0.0, 1.0))
 
@@ -306,7 +310,7 @@ CAUSES = ("inertia", "Coriolis", "gravity", "moving task", "disturbance", "ε") 
 TERMS = ("inertia", "coriolis", "gravity", "force", "linear", "switching")  # of tau
 
 
-def needed_stack() -> tuple[list[Line], list[Area]]:
+def needed_stack() -> tuple[list[ChartLine], list[Area]]:
     """Lines and areas of the terms of (17), by their causes."""
     lines, areas = stack([(name, column("needed", i)) for i, name in enumerate(CAUSES)])
     upwards = len(CAUSES)  # no term is negative
@@ -318,16 +322,16 @@ def _guarantee(setup: Setup) -> Drawing | None:
         return None
     lines, areas = needed_stack()
     lines += [
-        Line("d", DESIRED, column("d"), width=2.4),
-        Line("real perturbation", ACCENT, column("perturbation"), width=2.0),
+        ChartLine("d", DESIRED, column("d"), width=2.4),
+        ChartLine("real perturbation", ACCENT, column("perturbation"), width=2.0),
     ]
     return Drawing(f"d  over what (17) needs for each cause  [{setup.units.force}]", lines, areas, at_least=(0.0, 1.0))
 
 
 def _perturbation(setup: Setup) -> Drawing:
     parts = (("inertia", 0), ("coriolis", 1), ("gravity", 2), ("disturbance", 4))
-    lines = [Line(CAUSES[i], color(i), column(name), dashed=is_dashed(i)) for name, i in parts]
-    lines.append(Line("together", ACCENT, column("perturbation"), width=2.6))
+    lines = [ChartLine(CAUSES[i], color(i), column(name), dashed=is_dashed(i)) for name, i in parts]
+    lines.append(ChartLine("together", ACCENT, column("perturbation"), width=2.6))
     return Drawing(f"real perturbation, cause by cause  [{setup.units.force}]", lines, at_least=(0.0, 1.0))
 
 
@@ -336,21 +340,21 @@ def _margins(setup: Setup) -> Drawing | None:
         return None
     d, needed, real = _under_gain(column("d")), column("d_required"), column("perturbation")
     lines = [
-        Line("d − needed (17)", BOUND, lambda s: d(s) - needed(s), dashed=True, width=2.0),
-        Line("d − real perturbation", DESIRED, lambda s: d(s) - real(s)),
+        ChartLine("d − needed (17)", BOUND, lambda s: d(s) - needed(s), dashed=True, width=2.0),
+        ChartLine("d − real perturbation", DESIRED, lambda s: d(s) - real(s)),
     ]
     return Drawing(f"margin: below zero nothing is promised  [{setup.units.force}]", lines, at_least=(0.0, 1.0))
 
 
 def _torques(setup: Setup) -> Drawing:
     lines = [
-        Line(f"τ{symbol(f'_{i + 1}')}", color(i), column("tau", i), dashed=is_dashed(i))
+        ChartLine(f"τ{symbol(f'_{i + 1}')}", color(i), column("tau", i), dashed=is_dashed(i))
         for i in range(len(setup.joints))
     ]
     return Drawing("joint torque  τ  [N·m]", lines)
 
 
-def torque_stack(joint: int) -> tuple[list[Line], list[Area]]:
+def torque_stack(joint: int) -> tuple[list[ChartLine], list[Area]]:
     """Lines and areas of the terms of (25) for one joint, counted from 0."""
     names = {"force": "Jᵀ F", "linear": "K_s s", "switching": "switching", "coriolis": "Coriolis"}
     return stack([(names.get(term, term), column(f"tau_{term}", joint)) for term in TERMS])
@@ -358,7 +362,7 @@ def torque_stack(joint: int) -> tuple[list[Line], list[Area]]:
 
 def _terms(setup: Setup) -> Drawing:
     lines, areas = torque_stack(setup.joint)
-    lines.append(Line("τ", ACCENT, column("tau", setup.joint), width=2.0))
+    lines.append(ChartLine("τ", ACCENT, column("tau", setup.joint), width=2.0))
     return Drawing(f"terms of  τ{symbol(f'_{setup.joint + 1}')}  (25)  [N·m]", lines, areas)
 
 
@@ -366,8 +370,8 @@ def _robust_terms(setup: Setup) -> Drawing | None:
     if not setup.bounded:
         return None
     lines = [
-        Line("−J_qᵀ K_s s", color(4), column("tau_linear", setup.joint)),
-        Line("−J_qᵀ d σ(s)", color(5), column("tau_switching", setup.joint)),
+        ChartLine("−J_qᵀ K_s s", color(4), column("tau_linear", setup.joint)),
+        ChartLine("−J_qᵀ d σ(s)", color(5), column("tau_switching", setup.joint)),
     ]
     return Drawing(f"robust terms of  τ{symbol(f'_{setup.joint + 1}')}  [N·m]", lines, at_least=(-0.1, 0.1))
 
@@ -382,7 +386,7 @@ def _variation(setup: Setup) -> Drawing:
         return lambda signals: variation_rate(signals["t"], tau(signals), LEAD)
 
     lines = [
-        Line(f"τ{symbol(f'_{i + 1}')}", color(i), rate(i), dashed=is_dashed(i), foreseen=False)
+        ChartLine(f"τ{symbol(f'_{i + 1}')}", color(i), rate(i), dashed=is_dashed(i), foreseen=False)
         for i in range(len(setup.joints))
     ]
     return Drawing("total variation of  τ  per second  [N·m/s]", lines, floor=1e-2)
@@ -390,14 +394,14 @@ def _variation(setup: Setup) -> Drawing:
 
 def _residuals(setup: Setup) -> Drawing:
     lines = [
-        Line(symbol(coordinate.name), color(i), column("residual", i), dashed=is_dashed(i))
+        ChartLine(symbol(coordinate.name), color(i), column("residual", i), dashed=is_dashed(i))
         for i, coordinate in enumerate(setup.coordinates)
     ]
     return Drawing(f"residual of the target model (8)  [{setup.units.force}]", lines, at_least=(-0.01, 0.01))
 
 
 def _residual(setup: Setup) -> Drawing:
-    lines = [*(_phases()[:2] if setup.bounded else ()), Line("‖residual‖", color(0), norm("residual"))]
+    lines = [*(_phases()[:2] if setup.bounded else ()), ChartLine("‖residual‖", color(0), norm("residual"))]
     return Drawing(f"norm of the residual  [{setup.units.force}]", lines, floor=1e-3)
 
 

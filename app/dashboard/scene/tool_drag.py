@@ -28,7 +28,7 @@ _BESIDE = np.array([RADIUS, 0.0, RADIUS])  # m, from the tool to the hint
 
 
 @dataclass(frozen=True)
-class Held:
+class HeldHandle:
     """Drag of the handle that is going on.
     client: whose pointer it is.
     drag: push, turn, or move of the target.
@@ -82,7 +82,7 @@ class Hand:
 
     def __init__(self, scene: viser.SceneApi, desk: Desk, connected: Callable[[int], bool]) -> None:
         self._desk, self._connected = desk, connected
-        self._held: Held | None = None
+        self._held: HeldHandle | None = None
         self._taken_once = False
         # also visible without a drag: it is the object that the mouse takes hold of
         self._handle = scene.add_icosphere(
@@ -135,20 +135,20 @@ class Hand:
             moved = snapshot.system.charted.chart(pointer, snapshot.t).g - held.offset
             self._held = replace(held, moved=moved)
 
-    def _taken(self, snapshot: Snapshot, event: viser.SceneNodeDragEvent, drag: str) -> Held | None:
+    def _taken(self, snapshot: Snapshot, event: viser.SceneNodeDragEvent, drag: str) -> HeldHandle | None:
         grab, client = np.array(event.start_position), event.client_id
         away = grab - snapshot.tool
         turning = (np.zeros(3), orientation(snapshot), away / max(float(np.linalg.norm(away)), 1e-9))
         if drag == "push":
-            return Held(client, drag, -away, *turning)
+            return HeldHandle(client, drag, -away, *turning)
         if drag == "turn":
-            return Held(client, drag, grab, *turning)
+            return HeldHandle(client, drag, grab, *turning)
         if snapshot.tool_desired is None:
             self._desk.complain("target: cannot be dragged in joint space; allowed: Cartesian task spaces")
             return None
-        return Held(client, drag, snapshot.system.charted.chart(grab, snapshot.t).g, *turning)
+        return HeldHandle(client, drag, snapshot.system.charted.chart(grab, snapshot.t).g, *turning)
 
-    def _let_go(self, snapshot: Snapshot, held: Held) -> None:
+    def _let_go(self, snapshot: Snapshot, held: HeldHandle) -> None:
         if held.drag != "target":
             self._desk.post(Push(None))
             return

@@ -11,7 +11,7 @@ from importlib import resources
 from typing import NamedTuple
 
 
-class Face(NamedTuple):
+class FontFace(NamedTuple):
     """Face: one file of a font family. weight: of CSS, 400 for regular."""
 
     family: str
@@ -21,10 +21,10 @@ class Face(NamedTuple):
 
 TEXT, MONO, MATH = "vsmrc text", "vsmrc mono", "vsmrc math"
 FACES = (
-    Face(TEXT, "arimo-regular.woff2"),
-    Face(TEXT, "arimo-bold.woff2", weight=700),
-    Face(MONO, "cousine-regular.woff2"),
-    Face(MATH, "termes-math.woff2"),
+    FontFace(TEXT, "arimo-regular.woff2"),
+    FontFace(TEXT, "arimo-bold.woff2", weight=700),
+    FontFace(MONO, "cousine-regular.woff2"),
+    FontFace(MATH, "termes-math.woff2"),
 )
 
 

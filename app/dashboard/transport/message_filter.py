@@ -22,9 +22,9 @@ from app.dashboard.transport.messages import (
     FileTransferStartUpload,
     GuiUpdateMessage,
     Page,
+    PageVisitor,
     Refused,
-    Visitor,
-    Widget,
+    ViserWidget,
 )
 from app.dashboard.transport.viser_private import forget_uploads, is_form, on_connection, widget_of
 
@@ -69,7 +69,7 @@ class MessageFilter:
         on_connection(server, self._stand_before)  # also for pages that were open before this program started
 
     def _stand_before(self, connection: ServerConnection, number: int) -> None:
-        visitor, receive, tally = Visitor(self._page(number)), connection.recv, _Tally(number)
+        visitor, receive, tally = PageVisitor(self._page(number)), connection.recv, _Tally(number)
         meter = Meter(self._rate, BURST, BURST, time.monotonic())
         connection.recv_messages.high, connection.recv_messages.low = WAITING, 0
 
@@ -99,7 +99,7 @@ class MessageFilter:
     def _page(self, number: int) -> Page:
         """Widgets of a page, those that all pages share included. number: of the page's client."""
 
-        def widget(uuid: str) -> Widget | None:
+        def widget(uuid: str) -> ViserWidget | None:
             return widget_of(self._server, number, uuid)
 
         return Page(widget, lambda uuid: is_form(self._server, uuid))

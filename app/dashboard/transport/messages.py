@@ -122,7 +122,7 @@ Message = (
 _decoder = msgspec.msgpack.Decoder(Message)
 
 
-class Widget(Protocol):
+class ViserWidget(Protocol):
     """Widget of viser, as far as it is used here; it may also have `options`, or `min` and `max`."""
 
     @property
@@ -135,7 +135,7 @@ class Page:
     widget: returns the widget of a name in messages, None for none.
     is_form: returns whether the name is that of a form."""
 
-    widget: Callable[[str], Widget | None]
+    widget: Callable[[str], ViserWidget | None]
     is_form: Callable[[str], bool]
 
 
@@ -148,7 +148,7 @@ class _Upload:
 
 
 @dataclass
-class Visitor:
+class PageVisitor:
     """Visitor: one connection, whose messages are checked against its page and its uploads. Used by one thread.
 
     finished: names of complete uploads.
@@ -241,7 +241,7 @@ class _Allowed:
     admits: Callable[[object], bool]
 
 
-def _allowed(widget: Widget) -> _Allowed:
+def _allowed(widget: ViserWidget) -> _Allowed:
     """Values that a widget may be set to, by the type of its present value."""
     value = widget.value
     if isinstance(value, bool):

@@ -13,7 +13,7 @@ import viser
 
 from app.dashboard.theme.style import COMMIT, MARKS
 from app.dashboard.widgets.chips import chip
-from app.dashboard.widgets.controls import Answer, Desk, Place
+from app.dashboard.widgets.controls import AwaitedAnswer, Desk, Place
 from app.scenario.schema import ScenarioError
 from app.session.commands import Edit
 from app.session.snapshot import Snapshot
@@ -38,7 +38,7 @@ class ArmChoice:
 
     def __init__(self, desk: Desk) -> None:
         self._desk = desk
-        self._answer = Answer()
+        self._answer = AwaitedAnswer()
         self._names = {entry.title: name for name, entry in CATALOGUE.items()}
         self._dropdown = desk.gui.add_dropdown("Arm", (*self._names, OWN), hint="row of the catalogue, or a URDF")
         self._dropdown.on_update(self._on_update)
@@ -91,7 +91,7 @@ class UrdfPath:
     """Text field with the path of the running URDF; another path takes effect on Enter or when the field is left."""
 
     def __init__(self, desk: Desk) -> None:
-        self._desk, self._place, self._answer = desk, Place("robot.urdf"), Answer()
+        self._desk, self._place, self._answer = desk, Place("robot.urdf"), AwaitedAnswer()
         with desk.gui.add_form(None):
             self._text = desk.gui.add_text("path", "", hint="of a URDF on the computer that runs the dashboard")
         self._text.on_update(self._on_text)
@@ -118,7 +118,7 @@ class ToolFrame:
     """Dropdown of the arm's links, of which one is the tool."""
 
     def __init__(self, desk: Desk) -> None:
-        self._desk, self._answer = desk, Answer()
+        self._desk, self._answer = desk, AwaitedAnswer()
         place = Place("robot.tool_frame")
         self._dropdown: viser.GuiDropdownHandle[str] = desk.gui.add_dropdown("Tool frame", ["—"], hint=place.hint)
         self._dropdown.on_update(self._on_update)
@@ -137,7 +137,7 @@ class ToolFrame:
             self._dropdown.value = robot.tool_frame
 
 
-class Verdict:
+class ArmVerdict:
     """Badge that says whether the true arm is within the declared bounds, and if not, which inequality is violated."""
 
     def __init__(self, desk: Desk) -> None:

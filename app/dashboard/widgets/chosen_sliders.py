@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from app.dashboard.widgets.controls import Desk, Number, Row
+from app.dashboard.widgets.controls import Desk, Number, NumberRow
 from app.session.snapshot import Snapshot
 
 MOST = 3
@@ -14,13 +14,13 @@ class ChosenSliders:
 
     def __init__(self, desk: Desk) -> None:
         self._desk = desk
-        self._moved: tuple[Row, ...] = ()
+        self._moved: tuple[NumberRow, ...] = ()
         self._numbers: list[Number] = []
         self._folder = desk.gui.add_folder("Sliders", visible=False)
         with self._folder:
             desk.gui.add_html('<div class="vs-chosen"></div>')
 
-    def choose(self, row: Row) -> None:
+    def choose(self, row: NumberRow) -> None:
         """Add a row, in place of the one that was left alone longest."""
         if row.scale is not None:
             others = tuple(other for other in self._moved if other.place != row.place)

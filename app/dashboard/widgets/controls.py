@@ -20,7 +20,7 @@ from app.dashboard.theme.style import COMMIT, ESCAPED, MARKS, MOVED, RELEASED, S
 from app.dashboard.view_options import Viewing
 from app.dashboard.widgets.edit_lock import EditLock
 from app.dashboard.widgets.matrix_text import read_back, written
-from app.dashboard.widgets.whatif import Held, WhatIf
+from app.dashboard.widgets.whatif import HeldControl, WhatIf
 from app.export.export_jobs import ExportJobs
 from app.lessons.answers import Notebook
 from app.lessons.class_desk import ClassDesk
@@ -62,9 +62,9 @@ class Desk:
     complain: Callable[[str], None]
     export_jobs: ExportJobs
     uploads: UploadedUrdfs
-    choose: Callable[[Row], None]
-    sweep: Callable[[Row], None]
-    let_move: Callable[[Row], None]
+    choose: Callable[[NumberRow], None]
+    sweep: Callable[[NumberRow], None]
+    let_move: Callable[[NumberRow], None]
     lock: EditLock
     notebook: Notebook
     classroom: ClassDesk
@@ -75,7 +75,7 @@ class Control(Protocol):
     def show(self, snapshot: Snapshot) -> None: ...
 
 
-class Answer:
+class AwaitedAnswer:
     """Wait for the runner's answer to an edit: as long as it is awaited, a widget keeps the user's input."""
 
     def __init__(self) -> None:
@@ -197,7 +197,7 @@ def labelled(label: str, unit: str) -> str:
     return label if unit in ("", "1") else f"{label} [{unit}]"
 
 
-class Row(NamedTuple):
+class NumberRow(NamedTuple):
     """Row of a number on the page: its place, its label, and the scale of its slider, None without a slider."""
 
     place: Place
@@ -210,7 +210,7 @@ class Number:
 
     def __init__(self, desk: Desk, place: Place, label: str, scale: Scale | None = None) -> None:
         self._desk, self._place, self._label, self._scale = desk, place, label, scale
-        self._answer = Answer()
+        self._answer = AwaitedAnswer()
         self._form = desk.gui.add_form(None)
         with self._form:
             self._text = desk.gui.add_text(label, "", hint=place.hint)
@@ -221,9 +221,9 @@ class Number:
                 self._slider.on_update(self._on_slider)
 
     @property
-    def row(self) -> Row:
+    def row(self) -> NumberRow:
         """Row of this control with its present label."""
-        return Row(self._place, self._label, self._scale)
+        return NumberRow(self._place, self._label, self._scale)
 
     def remove(self) -> None:
         """Remove the control from the page."""
@@ -270,7 +270,7 @@ class Number:
         self._desk.choose(self.row)
         edit = self._place.edit(snapshot, value)
         if self._desk.whatif.on:
-            held = Held(
+            held = HeldControl(
                 edit, self._label, written(value), self, event.client.client_id, moved=self._moved(snapshot, value)
             )
             self._desk.whatif.hold(held)
@@ -347,7 +347,7 @@ class Choice:
         self._desk, self._options = desk, dict(options)
         self._place = Place(path) if applies is None else PlaceWhere(path, applies)
         self._shown = {value: title for title, value in options.items()}
-        self._answer = Answer()
+        self._answer = AwaitedAnswer()
         self._dropdown = desk.gui.add_dropdown(label, tuple(options), hint=self._place.hint)
         self._dropdown.on_update(self._on_update)
 
@@ -372,7 +372,7 @@ class Switch:
 
     def __init__(self, desk: Desk, place: Place, label: str) -> None:
         self._desk, self._place = desk, place
-        self._answer = Answer()
+        self._answer = AwaitedAnswer()
         self._checkbox = desk.gui.add_checkbox(label, False, hint=self._place.hint)
         self._checkbox.on_update(self._on_update)
 

@@ -25,7 +25,7 @@ def symbol(coordinate: str) -> str:
 
 
 @dataclass(frozen=True)
-class Line:
+class EquationLine:
     """Line of the equation: the coordinates, from 0, that it is written for. They are coupled with one another, or
     uncoupled with equal numbers."""
 
@@ -33,7 +33,7 @@ class Line:
     coupled: bool
 
 
-def lines(snapshot: Snapshot) -> list[Line]:
+def lines(snapshot: Snapshot) -> list[EquationLine]:
     """Lines of the equation, as few as show every number of the model."""
     matrices = [snapshot.matrices[name] for name in _NAMES]
     links = sum((matrix != 0.0).astype(int) for matrix in matrices)
@@ -41,18 +41,18 @@ def lines(snapshot: Snapshot) -> list[Line]:
     parts: dict[int, list[int]] = {}
     for i, label in enumerate(labels):
         parts.setdefault(label, []).append(i)
-    found: list[Line] = []
+    found: list[EquationLine] = []
     for indices in parts.values():
         part = tuple(indices)
         alike = next((k for k, line in enumerate(found) if _same(line, part, snapshot)), None)
         if alike is None:
-            found.append(Line(part, coupled=len(part) > 1))
+            found.append(EquationLine(part, coupled=len(part) > 1))
         else:
-            found[alike] = Line((*found[alike].indices, *part), coupled=False)
+            found[alike] = EquationLine((*found[alike].indices, *part), coupled=False)
     return found
 
 
-def _same(line: Line, part: tuple[int, ...], snapshot: Snapshot) -> bool:
+def _same(line: EquationLine, part: tuple[int, ...], snapshot: Snapshot) -> bool:
     """Whether an uncoupled coordinate has the same numbers as a line of uncoupled ones, and the mode fixes the same."""
     if line.coupled or len(part) != 1:
         return False
@@ -106,7 +106,7 @@ def _explained_error(accent: str) -> str:
     return _explained(f'<mi style="font-style: italic">{letter}</mi><mi>r</mi>', f"{letter}_r")
 
 
-def _row(line: Line, snapshot: Snapshot) -> str:
+def _row(line: EquationLine, snapshot: Snapshot) -> str:
     force = "<msub><mi>e</mi><mi>F</mi></msub>"
     factors = (_error("¨"), _error("˙"), _error(""), force)
     number = _block if line.coupled else _number
@@ -142,7 +142,7 @@ def _below(snapshot: Snapshot) -> str:
     return "".join(f'<math display="block">{matrix}</math>' for matrix in shown)
 
 
-def _large(line: Line, matrix: np.ndarray) -> bool:
+def _large(line: EquationLine, matrix: np.ndarray) -> bool:
     return line.coupled and len(line.indices) > _INLINE and not _scalar(matrix[np.ix_(line.indices, line.indices)])
 
 
@@ -151,7 +151,7 @@ def _scalar(matrix: np.ndarray) -> bool:
     return bool((matrix == matrix[0, 0] * np.eye(len(matrix))).all())
 
 
-def _names(line: Line, snapshot: Snapshot) -> str:
+def _names(line: EquationLine, snapshot: Snapshot) -> str:
     """Names of a line's coordinates, side by side, or below one another beside the rows of a matrix."""
     names = [escape(symbol(snapshot.coordinates[i].name)) for i in line.indices]
     below = any(_large(line, matrix) for matrix in snapshot.matrices.values())

@@ -10,7 +10,7 @@ import viser
 from app.dashboard.transport.callback_errors import guarded
 from app.dashboard.widgets.beside_loop import BesideLoop, lasting, typed
 from app.dashboard.widgets.candidate_chart import FIELD, candidates_html, said_of
-from app.dashboard.widgets.controls import Desk, Row
+from app.dashboard.widgets.controls import Desk, NumberRow
 from app.dashboard.widgets.robustness_map import ARMS
 from app.dashboard.widgets.swept_fields import (
     GAINS,
@@ -22,7 +22,7 @@ from app.dashboard.widgets.swept_fields import (
     prepared,
     unmarked,
 )
-from app.dashboard.widgets.whatif import Held
+from app.dashboard.widgets.whatif import HeldControl
 from app.export.export_jobs import MadeJob, file_name
 from app.scenario.data import differences, with_values
 from app.scenario.schema import ScenarioError
@@ -82,7 +82,7 @@ class GainSearch(BesideLoop[BackgroundTuning]):
             text.on_update(unmarked)
         self._file.on_click(guarded(self._on_file, desk.complain))
 
-    def let_move(self, row: Row) -> None:
+    def let_move(self, row: NumberRow) -> None:
         """Let the search vary the field of this row, around its present value. Raises ScenarioError."""
         field = field_of_row(row, self._desk.snapshot())
         same = [each for each in self._moves if each.field is not None and each.field.path == field.path]
@@ -144,7 +144,7 @@ class GainSearch(BesideLoop[BackgroundTuning]):
         self._chosen, self._due = candidate.number, 0.0
         name = "own gains" if candidate.number == 0 else f"candidate {candidate.number}"
         told = said_of(work, candidate, self._names).partition(": ")[0]
-        self._desk.whatif.hold(Held(edit, name, told, self, client, AGAIN))
+        self._desk.whatif.hold(HeldControl(edit, name, told, self, client, AGAIN))
 
     def _edit(self, snapshot: Snapshot, candidate: Candidate) -> EditAll:
         """Command that gives the running scenario the gains of a candidate. Raises ScenarioError."""

@@ -12,7 +12,7 @@ import numpy as np
 from app.export.figures import plain_number
 from app.sweep.background import BackgroundSweep
 from app.sweep.points import Points, interval
-from app.sweep.question import Axis, Question
+from app.sweep.question import Axis, SweepQuestion
 
 LEFT, RIGHT, TOP, BOTTOM, WIDTH, HEIGHT = 44, 330, 8, 196, 336, 248  # px, of the tiles and of the whole picture
 COURSE_HEIGHT = 224  # px, of a picture over one field, which has no colour bar
@@ -107,7 +107,7 @@ def _told(sweep: BackgroundSweep) -> str:
 
 
 def _tiles(
-    question: Question, points: Points, numbers: np.ndarray, naming: Naming, present: Present
+    question: SweepQuestion, points: Points, numbers: np.ndarray, naming: Naming, present: Present
 ) -> tuple[str, str]:
     """Picture over two fields, as SVG, and words on its lines."""
     x, y = question.sweep.vary
@@ -135,7 +135,7 @@ def _tiles(
     return drawn, words
 
 
-def _course(question: Question, points: Points, numbers: np.ndarray, naming: Naming, present: Present) -> str:
+def _course(question: SweepQuestion, points: Points, numbers: np.ndarray, naming: Naming, present: Present) -> str:
     """Picture over one field, as SVG: a dot for each value, with Wilson's interval where the map shows a share."""
     (x,) = question.sweep.vary
     scale = Scale(0.0, 1.0, False) if naming.share else Scale.of(numbers)
@@ -180,7 +180,7 @@ def _up(share: float) -> float:
     return BOTTOM - 8 - share * (BOTTOM - TOP - 16)
 
 
-def _said(question: Question, points: Points, k: int, number: float, naming: Naming) -> str:
+def _said(question: SweepQuestion, points: Points, k: int, number: float, naming: Naming) -> str:
     where = ", ".join(
         f"{naming.axes[axis.path][0]} {_plain(float(points.values[axis.path][k]))} {naming.axes[axis.path][1]}".rstrip()
         for axis in question.sweep.vary
@@ -229,7 +229,7 @@ def _place(axis: Axis, value: float | None) -> float | None:
     return float(np.interp(value, values, np.arange(len(values)))) + 0.5
 
 
-def _ring(question: Question, present: Present) -> str:
+def _ring(question: SweepQuestion, present: Present) -> str:
     """Ring at the present values, as SVG; "" where they are not on the map."""
     x, y = question.sweep.vary
     i, j = (_place(axis, present.get(axis.path)) for axis in (x, y))

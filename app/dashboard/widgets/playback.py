@@ -12,7 +12,7 @@ import viser
 
 from app.analysis.run_events import Event, RunEvents
 from app.dashboard.theme.style import COMMIT, ESCAPED, MARKS, RELEASED
-from app.dashboard.widgets.controls import Answer, Desk
+from app.dashboard.widgets.controls import AwaitedAnswer, Desk
 from app.session.commands import Command, Fork, Pause, Pin, Play, Reset, Seek, SetSpeed, StepOnce, ToEnd
 from app.session.snapshot import Snapshot
 
@@ -182,7 +182,7 @@ class _Time:
     """Control of the instant looked at: a number, and a slider over the recorded part of the run."""
 
     def __init__(self, desk: Desk) -> None:
-        self._desk, self._answer = desk, Answer()
+        self._desk, self._answer = desk, AwaitedAnswer()
         hint = "Look back: the run holds, and everything is shown as it was at this instant. Play shows it again."
         with desk.gui.add_form(None):
             self._text = desk.gui.add_text("time t [s]", "", hint=hint)

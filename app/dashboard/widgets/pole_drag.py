@@ -17,7 +17,7 @@ from app.dashboard.widgets.equation import is_fixed
 from app.dashboard.widgets.matrix_text import written
 from app.dashboard.widgets.model_fields import oscillators_of, pressed_on, reshaped
 from app.dashboard.widgets.pole_map import grouped
-from app.dashboard.widgets.whatif import Held
+from app.dashboard.widgets.whatif import HeldControl
 from app.session.commands import Edit
 from app.session.snapshot import Snapshot
 from app.simulation.controller_builder import believed_stiffness
@@ -81,7 +81,7 @@ class PoleDrag:
         edit, omega, zeta = pole_edit(snapshot, drag.others, pole)
         if phase == "held" and self._desk.whatif.on:
             value = f"ω = {written(omega)} rad/s, ζ = {written(zeta)}"
-            self._desk.whatif.hold(Held(edit, "pole", value, self, event.client.client_id))
+            self._desk.whatif.hold(HeldControl(edit, "pole", value, self, event.client.client_id))
         elif phase == "dropped":
             self._desk.whatif.remember(snapshot, edit)
             self._desk.post(edit)

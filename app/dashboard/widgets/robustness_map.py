@@ -12,7 +12,7 @@ import viser
 
 from app.dashboard.transport.callback_errors import guarded
 from app.dashboard.widgets.beside_loop import BesideLoop, lasting, typed
-from app.dashboard.widgets.controls import Desk, Row
+from app.dashboard.widgets.controls import Desk, NumberRow
 from app.dashboard.widgets.map_tiles import FIELD, Naming, map_html
 from app.dashboard.widgets.swept_fields import (
     FIELDS,
@@ -33,8 +33,8 @@ from app.storage.recording_files import Tell
 from app.sweep import charts
 from app.sweep.background import BackgroundSweep
 from app.sweep.figures_of_run import COLUMNS, Figures
-from app.sweep.points import Points, View, points_of
-from app.sweep.question import Question, Sweep
+from app.sweep.points import Points, SweepView, points_of
+from app.sweep.question import Sweep, SweepQuestion
 
 SIZES = {"5": 5, "9": 9, "13": 13}
 ARMS = {"the scenario's own": 0, "4 of the declared set": 4, "8 of the declared set": 8, "16 of the declared set": 16}
@@ -80,7 +80,7 @@ class RobustnessMap(BesideLoop[BackgroundSweep]):
         self._within.on_update(unmarked)
         self._files.on_click(guarded(self._on_file, desk.complain))
 
-    def sweep(self, row: Row) -> None:
+    def sweep(self, row: NumberRow) -> None:
         """Choose the field of this row as the only one, around its present value. Raises ScenarioError."""
         field = field_of_row(row, self._desk.snapshot())
         self._fields[field.path] = field
@@ -90,7 +90,7 @@ class RobustnessMap(BesideLoop[BackgroundSweep]):
     def _begin(self, snapshot: Snapshot) -> BackgroundSweep:
         asked = self._asked(snapshot)
         return self._desk.share.begin(
-            lambda allowance: BackgroundSweep(asked, allowance.workers, allowance.at_once), Question(asked).count
+            lambda allowance: BackgroundSweep(asked, allowance.workers, allowance.at_once), SweepQuestion(asked).count
         )
 
     def _on_file(self, event: viser.GuiEvent[viser.GuiButtonGroupHandle]) -> None:
@@ -151,13 +151,13 @@ class RobustnessMap(BesideLoop[BackgroundSweep]):
         self._desk.post(Perform(named, (), scenario.simulation.duration))
 
     @property
-    def _view(self) -> View:
+    def _view(self) -> SweepView:
         name, factor, _ = METRICS[self._metric.value]
         limit = typed(self._within)
         try:
-            return View(name, within=number_of("limit", limit) / factor if limit else None)
+            return SweepView(name, within=number_of("limit", limit) / factor if limit else None)
         except ScenarioError:
-            return View(name)
+            return SweepView(name)
 
     @property
     def _naming(self) -> Naming:

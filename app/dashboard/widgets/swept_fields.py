@@ -11,7 +11,7 @@ import numpy as np
 import viser
 
 from app.dashboard.theme.style import MARKS
-from app.dashboard.widgets.controls import Desk, Place, Row
+from app.dashboard.widgets.controls import Desk, NumberRow, Place
 from app.scenario.data import with_values
 from app.scenario.schema import Scenario, ScenarioError
 from app.session.snapshot import Snapshot
@@ -93,7 +93,7 @@ FIELDS = tuple(
 GAINS = tuple(each for each in FIELDS if each.path.startswith("controller.") and each.path != "controller.period")
 
 
-def field_of_row(row: Row, snapshot: Snapshot) -> Field:
+def field_of_row(row: NumberRow, snapshot: Snapshot) -> Field:
     """Field of a control's row, around its present value. Raises ScenarioError where it is no single number."""
     value, scale = row.place.read(snapshot), row.scale
     if scale is None or not isinstance(value, int | float):

@@ -9,7 +9,7 @@ from types import MappingProxyType
 from app.scenario.data import edited, with_values
 from app.scenario.schema import Scenario, ScenarioError
 from app.session.commands import Edit, EditAll, Load
-from app.session.preview import Outlook, Refusal
+from app.session.preview import Outlook, PreviewRefusal
 from app.session.preview_client import Previewer
 from app.session.snapshot import Snapshot
 
@@ -17,7 +17,7 @@ HORIZON, PUSH, ARMS = 5.0, 30.0, 16  # s, N, and number of true arms of the band
 
 
 @dataclass(frozen=True)
-class Held:
+class HeldControl:
     """Held slider, or another control whose effect is previewed.
     edit: that the control asks for.
     label, value: of the control, as text.
@@ -89,14 +89,14 @@ class WhatIf:
         previewer.answered = wake
         self.on = True
         self.horizon, self.push, self.arms = HORIZON, PUSH, ARMS
-        self.held: Held | None = None
+        self.held: HeldControl | None = None
         self.outlook: Outlook | None = None
         self.refusal = ""
         self._asked: _Asked | None = None
         self._applied: _Applied | None = None
         self._run = -1
 
-    def hold(self, held: Held) -> None:
+    def hold(self, held: HeldControl) -> None:
         """Preview the effect of a slider that has been moved and is held."""
         self.held, self._applied = held, None
         self._wake()
@@ -122,7 +122,7 @@ class WhatIf:
     def remember(
         self, snapshot: Snapshot, edit: Edit | EditAll, moved: Mapping[object, float] = MappingProxyType({})
     ) -> None:
-        """Remember an edit that is posted, for `undo`. moved: see `Held`."""
+        """Remember an edit that is posted, for `undo`. moved: see `HeldControl`."""
         try:
             after = changed(snapshot.scenario, edit)
         except ScenarioError:  # the runner will refuse it, too, and say so
@@ -150,7 +150,7 @@ class WhatIf:
         match self._previewer.newest:
             case Outlook() as outlook:
                 self.outlook, self.refusal = outlook, ""
-            case Refusal(_, sentence):
+            case PreviewRefusal(_, sentence):
                 self.outlook, self.refusal = None, sentence
             case None if self._previewer.failure:
                 self.outlook, self.refusal = None, self._previewer.failure
@@ -167,7 +167,7 @@ class WhatIf:
                 self._previewer.warm_up(snapshot.state)
         return False
 
-    def _ask(self, held: Held, snapshot: Snapshot) -> None:
+    def _ask(self, held: HeldControl, snapshot: Snapshot) -> None:
         asked, now = self._asked, _Asked(held.edit, snapshot.scenario, self.horizon, self.push, self.arms, snapshot.t)
         moved = asked is None or replace(asked, base=now.base, t=now.t) != now
         if not moved and (now == asked or not self._previewer.idle):
