@@ -127,7 +127,7 @@ STATEMENTS: dict[Premise, Statement] = {
         "<",
         "",
         "the boundary layer is too thin for the control period: (K_s + d/s_b)T/H = {value}, allowed below 2",
-        "(λ_max(K_s) + d/φ) T / λ_min(H): inside the layer s chatters from 2 on",
+        "(λ_max(K_s) + d/s_b) T / λ_min(H): inside the layer s chatters from 2 on",
     ),
     Premise.GAIN_BY_CHATTER: Statement(
         "d fed back by chattering",

@@ -33,6 +33,7 @@ from app.simulation.system import System
 POINTS = 200  # about the number of pixels that a plot has ahead of now
 STEADY = 1e-6  # N, by which a desired force may vary in the tail and still count as constant
 BEGINS, LASTS = 0.1, 1.0  # s after now, and s, of the push on an arm that nothing else would move
+GROWTH = 0.02  # share by which an error has to differ from another one to count as another
 LOOKS = 50  # instants at which the reference is compared with the present one
 
 
@@ -68,6 +69,7 @@ class Figures(Struct, frozen=True):
     contact_largest: float | None  # force on the surface where it is not controlled, N
     contact_final: float | None  # mean of that force over the tail, N
     motion_largest: float  # largest position error, m
+    motion_grows: bool  # whether that is the last one, after a tail in which it has grown
     motion_error: float  # largest position error in the tail, m
     motion_settling: float  # of the position error, s
     motion_overshoot: float | None  # how far the position error goes to the other side after its largest value, m
@@ -221,7 +223,7 @@ class Foresight:
         loop, system, t = self._loop, self._loop.system, record["t"]
         tail, robust = tail_of(t), system.controller.law.robust
         deviations = _path_error(system, thinned)
-        path = np.linalg.norm(deviations, axis=1)
+        path, behind = np.linalg.norm(deviations, axis=1), tail_of(thinned["t"])
         error = predicted = settling = overshoot = pressing = pressed = None
         if system.m:
             deviation, f_nd = force_error(system, record), record["F_cd"][tail, : system.m]
@@ -243,7 +245,8 @@ class Foresight:
             contact_largest=pressing,
             contact_final=pressed,
             motion_largest=float(path.max()),
-            motion_error=float(path[tail_of(thinned["t"])].max()),
+            motion_grows=bool(path[-1] > (1.0 - GROWTH) * path.max() and path[-1] > (1.0 + GROWTH) * path[behind][0]),
+            motion_error=float(path[behind].max()),
             motion_settling=settling_time(thinned["t"], path, MOTION_RESOLUTION),
             motion_overshoot=_other_side(deviations) if self._push else None,
             torque_largest=float(np.abs(record["tau_applied"]).max()),

@@ -83,6 +83,7 @@ class LiveFigures:
         task, output = evaluation.seen.task, evaluation.output
         required = float(sum(output.needed))
         H_hat = task.J_q_inv.T @ evaluation.seen.estimate.M_hat @ task.J_q_inv
+        layer_factor = evaluation.table.value[Premise.LAYER]
         return {
             "s_norm": output.s_norm,
             "s_bound": evaluation.kept.bound,
@@ -95,7 +96,7 @@ class LiveFigures:
             "residual": float(np.linalg.norm(self.residual)),
             "reaching_time_bound": self.t_r,
             "reaching_time": self.reaching_time,
-            "layer_loop_factor": evaluation.table.value[Premise.LAYER],
+            "layer_loop_factor": layer_factor if np.isfinite(evaluation.table.limit[Premise.LAYER]) else np.nan,
             "force_loop_factor": self.force_factor,
         }
 
@@ -113,7 +114,9 @@ def standing_of(system: System, state: State) -> Standing:
     table, kept = evaluation.part("table"), evaluation.part("kept")
     stated, errors = evaluation.part("seen").estimate.stated, evaluation.part("errors")
     outsiders = outside(system.scenario) + beyond(errors, stated, system.scenario.declared.least_inertia)
-    return Standing(table, kept, state.stopped, outsiders, system.units, losses(system, state.arm.views.holding))
+    lost = losses(system, state.arm.views.holding)
+    waiting = kept.periods > 0 and state.steps == 0
+    return Standing(table, kept, state.stopped, outsiders, system.units, lost, waiting)
 
 
 class ClosedLoop:

@@ -48,7 +48,7 @@ class PromiseVerdict(Struct, frozen=True):
 @dataclass(frozen=True)
 class Standing:
     """Data of a verdict on a run up to now; `stopped` and `outsiders` are sentences, `losses` says which rigid surfaces
-    were lost, and when."""
+    were lost, and when. waiting: whether the run has changed, and no control period been computed since."""
 
     table: PremiseTable
     kept: Kept
@@ -56,6 +56,7 @@ class Standing:
     outsiders: Sequence[str]
     units: Units
     losses: str
+    waiting: bool = False
 
     @property
     def findings(self) -> tuple[Finding, ...]:
@@ -84,6 +85,8 @@ class Standing:
             return self._promise("broken", self._broken())
         if self.stopped is not None:
             return self._promise("nothing promised", f"the run has stopped: {self.stopped}")
+        if self.waiting:
+            return self._promise("nothing promised", "the next control period judges what was changed")
         failing = [p for p in Premise if self.table.now[p]]
         if failing:
             return self._promise("nothing promised", self._said(failing[0]))
@@ -98,6 +101,8 @@ class Standing:
         """Reason of the verdict on this instant, in a few words."""
         if self.stopped is not None:
             return "stopped"
+        if self.waiting:
+            return "judged with the next control period"
         usual = f"all premises hold since t = {self.kept.since:.4g} s" if self.kept.standing else ""
         return next((f"premise not met: {STATEMENTS[p].title}" for p in Premise if self.table.now[p]), usual)
 

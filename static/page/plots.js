@@ -112,6 +112,14 @@ const crowded = ({ axes, scales: { x, y }, bbox }) => [[axes[0], x, bbox.width, 
     const [first, next] = axis._splits ?? [];
     return scale?.distr === 1 && ((next - first) / (scale.max - scale.min)) * room < least * devicePixelRatio;
   });
+// The numbers of an axis with as many decimals as its steps have. uPlot rounds to three: it writes 0 for what is below
+// 0.001, and neighbours far from zero look alike.
+const written = (at) => {
+  const step = at.length > 1 ? at[1] - at[0] : 0.001;
+  let digits = 0;
+  while (digits < 8 && Math.abs(step * 10 ** digits - Math.round(step * 10 ** digits)) > 1e-6 * step * 10 ** digits) digits++;
+  return at.map((v) => `${+v.toFixed(digits)}`);
+};
 const listed = new WeakSet();
 const enlist = (entry) => {
   const { chart } = entry;
@@ -121,12 +129,9 @@ const enlist = (entry) => {
   for (const series of chart.series) series.gaps = gaps;
   ranged(chart.scales.y);
   chart.axes[0].space = () => 40; // px: three numbers in a narrow dock, too
-  // uPlot writes 0 for what is below 0.001
-  // uPlot rounds to three decimals, which makes neighbours look alike far from zero
-  const digits = (at) => (at.length > 1 ? Math.min(8, Math.max(0, Math.ceil(-Math.log10(at[1] - at[0])) + 1)) : 3);
   const axis = chart.axes[1];
   if (chart.scales.y?.distr === 3) Object.assign(axis, { values: decades, splits: halved(axis.splits), filter: (_, at) => at });
-  else Object.assign(axis, { values: (_, at) => at.map((v) => `${+v.toFixed(digits(at))}`), splits: three(axis.splits) });
+  else Object.assign(axis, { values: (_, at) => written(at), splits: three(axis.splits) });
   if (document.documentElement.dataset.mantineColorScheme === "light") relight(chart);
   return entry;
 };

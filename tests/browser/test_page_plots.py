@@ -241,8 +241,8 @@ NUMBERS = """({ kind, low, high, tall }) => {
     return at;
   };
   const at = (logarithmic ? halved : three)(splits)(plot, 1, low, high, incr, (tall * incr) / (high - low));
-  const told = logarithmic ? decades(plot, at) : at.map(String);
-  return at.flatMap((v, i) => (told[i] === "" ? [] : [[Number(told[i]), place(v)]]));
+  const told = logarithmic ? decades(plot, at) : written(at);
+  return at.flatMap((v, i) => (told[i] === "" ? [] : [[Number(told[i]), place(v), v]]));
 }"""
 
 
@@ -256,8 +256,9 @@ def test_an_axis_has_three_numbers_that_stand_apart_however_low_its_plot(browser
         for tall in (51, 77, 182):
             asked = {"kind": kind, "low": low, "high": high, "tall": tall}
             numbers = page.evaluate(NUMBERS, asked)
-            places = sorted(place for _, place in numbers)
+            places = sorted(place for _, place, _ in numbers)
             assert len(numbers) >= 3, asked
             assert min(b - a for a, b in pairwise(places)) > 12.0, (asked, numbers)
-            assert all(low - 1e-9 <= value <= high + 1e-9 for value, _ in numbers), (asked, numbers)
+            assert all(low - 1e-9 <= value <= high + 1e-9 for value, _, _ in numbers), (asked, numbers)
+            assert all(abs(value - at) < 1e-6 * (high - low) for value, _, at in numbers), (asked, numbers)
     page.close()

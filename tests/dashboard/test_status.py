@@ -16,6 +16,7 @@ from app.session.snapshot import Snapshot, snapshot_of
 from app.simulation.closed_loop import ClosedLoop
 
 SHIPPED = load("ur5-hybrid")
+AGAIN = "; all premises hold again since t = "
 
 
 @pytest.fixture(scope="module")
@@ -41,3 +42,18 @@ def test_a_title_says_that_the_scenario_was_edited_and_is_another_where_it_would
     assert title(snapshot, on_robot(SHIPPED, "panda")) == "Franka Emika Panda"
     own = msgspec.structs.replace(SHIPPED, name="mine", title="<b>mine</b>")
     assert "&lt;b&gt;mine" in status_html(replace(snapshot, scenario=own), "", None)
+
+
+def test_a_warning_says_when_its_cause_is_over() -> None:
+    """Drives that saturate under a strong push, and no longer after it."""
+    limits = [120.0] * 6
+    pushed = edited(edited(load("ur5-motion"), "truth.push", [0.0, 0.0, -250.0]), "truth.push_duration", 0.1)
+    loop = ClosedLoop(edited(edited(pushed, "truth.push_start", 0.2), "truth.torque_limit", limits))
+    while not loop.warning and loop.t < 0.4:
+        loop.step()
+    assert loop.warning is not None
+    assert loop.warning in status_html(snapshot_of(loop), "")
+    assert AGAIN not in status_html(snapshot_of(loop), "")
+    while loop.standing.now.verdict != "holds" and loop.t < 3.0:
+        loop.step()
+    assert f"{loop.warning}{AGAIN}{loop.kept.since:.3f} s" in status_html(snapshot_of(loop), "")

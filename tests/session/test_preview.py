@@ -216,6 +216,9 @@ def test_an_arm_at_rest_is_pushed_and_gives_way_as_its_stiffness_says() -> None:
     wave = np.exp(-zeta * omega * LASTS)  # left of the first swing when the push ends
     assert figures.motion_overshoot == pytest.approx(30.0 / k * beyond, rel=0.1 + 2.0 * wave)
     assert figures.motion_error < 2e-4
+    assert not figures.motion_grows
+    assert figures_of(Question(1, state, scenario, 0.2, push=30.0)).motion_grows  # it ends within the first swing
+    assert not figures_of(Question(1, state, scenario, 1.0, push=30.0)).motion_grows  # at rest under the push
     assert figures.contact_largest is None
     assert figures_of(Question(1, state, scenario, 4.0)).motion_largest < 2e-4
     # a sinusoidal push of no size, or a moment that is over, leaves nothing of itself to this one

@@ -350,3 +350,16 @@ def test_a_period_counts_once_however_often_the_loop_through_the_multiplier_asks
     held = loop.recording.signals(("held_error",), t_from=0.002)["held_error"]
     assert held.min() > 1e-4  # from period to period, not from one iteration to the next
     assert held.max() < 0.1
+
+
+def test_a_law_that_was_swapped_while_the_run_stood_is_judged_with_the_next_period() -> None:
+    loop = ClosedLoop(edited(changed("ur5-motion"), "controller.law", "computed-torque"))
+    for _ in range(5):
+        loop.step()
+    assert "law" in loop.standing.now.because
+    loop.edit(edited(loop.system.scenario, "controller.law", "vsmrc"))
+    waiting = loop.standing
+    assert (waiting.now.verdict, waiting.reason) == ("nothing promised", "judged with the next control period")
+    assert "law is not" not in waiting.now.because
+    loop.step()
+    assert loop.standing.now.verdict == "holds"

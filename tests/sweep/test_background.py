@@ -22,7 +22,7 @@ from app.scenario.data import edited, shipped
 from app.scenario.schema import ScenarioError
 from app.session.commands import Perform
 from app.session.headless_run import simulate
-from app.session.runner import SweepRunner as Loop
+from app.session.runner import Runner as Loop
 from app.sweep import background
 from app.sweep.background import Background, BackgroundSweep
 from app.sweep.figures_of_run import SweepRunner

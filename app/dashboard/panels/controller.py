@@ -39,7 +39,7 @@ class ControllerPanel:
         switching = {
             "s / ‖s‖ (discontinuous)": "discontinuous",
             "saturation": "saturation",
-            "s / (‖s‖ + φ)": "rational",
+            "s / (‖s‖ + s_b)": "rational",
             "tanh": "tanh",
         }
         law = Choice(desk, "controller.law", "Law", {law.title: kind for kind, law in laws().items()})

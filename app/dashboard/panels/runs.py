@@ -19,6 +19,7 @@ from app.session.commands import Pin, Rename, Unpin
 from app.session.snapshot import Snapshot
 from app.session.timeline import Pinned
 from app.storage.session_index import PINS
+from app.sweep.titles import said, title_of, unit_of
 
 Over = Literal["own", "same"]
 OVER: dict[str, Over] = {"each run's own last seconds": "own", "the same instants": "same"}
@@ -155,17 +156,18 @@ def _against(value: float | None, now: float | None) -> str:
 def _told(pinned: Pinned, snapshot: Snapshot) -> str:
     """Differences of the pinned run's scenario from the running one, as HTML."""
     different = differences(snapshot.scenario, pinned.scenario)
-    parts = [f"{path} = {_short(theirs)}" for path, (_, theirs) in list(different.items())[:_TOLD]]
+    parts = [f"{title_of(path)}: {_short(path, theirs)}" for path, (_, theirs) in list(different.items())[:_TOLD]]
     if len(different) > _TOLD:
         parts.append(f"{len(different) - _TOLD} more")
-    what = ", ".join(parts) or "as now"
+    what = "; ".join(parts) or "as now"
     return f'<div class="vs-note"><b>{escape(pinned.title)}</b> up to {pinned.t:.2f} s: {escape(what)}</div>'
 
 
-def _short(value: object) -> str:
+def _short(path: str, value: object) -> str:
+    """Value of the field at a dotted path in words, with its unit."""
     if value is None:
         return "the mode's own"
     if isinstance(value, bool | str):
-        return str(value)
+        return said(path, value)
     text = written(value) if isinstance(value, float | int) else str(value)
-    return text if len(text) < 40 else f"{text[:37]}…"
+    return f"{text if len(text) < 40 else f'{text[:37]}…'} {unit_of(path)}".rstrip()

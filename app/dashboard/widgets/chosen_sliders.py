@@ -10,12 +10,14 @@ MOST = 3
 
 class ChosenSliders:
     """Folder with a second row for each of the MOST fields that were moved last. A row keeps its place until it is
-    replaced. `page.css` shows the folder in the presentation only."""
+    replaced, or until the task coordinates are others, after which its label names. `page.css` shows the folder in the
+    presentation only."""
 
     def __init__(self, desk: Desk) -> None:
         self._desk = desk
         self._moved: tuple[NumberRow, ...] = ()
         self._numbers: list[Number] = []
+        self._named: tuple[str, ...] = ()  # task coordinates of the rows
         self._folder = desk.gui.add_folder("Sliders", visible=False)
         with self._folder:
             desk.gui.add_html('<div class="vs-chosen"></div>')
@@ -27,6 +29,9 @@ class ChosenSliders:
             self._moved = (row, *others)[:MOST]
 
     def show(self, snapshot: Snapshot) -> None:
+        named = tuple(coordinate.name for coordinate in snapshot.coordinates)
+        if named != self._named:
+            self._moved, self._named = (), named
         moved = self._moved
         places = [row.place for row in moved]
         for number in [number for number in self._numbers if number.row.place not in places]:

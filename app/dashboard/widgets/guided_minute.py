@@ -33,7 +33,7 @@ def steps() -> tuple[Step, ...]:
             load("ur5-motion"),
             "The tool draws a circle in free space. The arm is 15 % heavier than the controller believes, and the "
             "<b>tracking error</b> on the left settles below 0.02 mm all the same. <kbd>B</kbd> pushes the tool, and "
-            "nothing happens: this target model has no force in it, K_f = 0.",
+            "nothing happens: in this target model (26) nothing answers to a force.",
         ),
         Step(
             load("ur5-impedance"),

@@ -86,8 +86,8 @@ class Help:
         modal = client.gui.add_modal("VSMRC Lab")
         self._open[client.client_id] = modal.close
         with modal:
+            close = client.gui.add_button("Close", hint="Esc")  # above a text that is longer than a phone
             client.gui.add_html(help_html())
-            close = client.gui.add_button("Close", hint="Esc")
         close.on_click(self._on_close)
 
     async def _on_close(self, event: viser.GuiEvent) -> None:

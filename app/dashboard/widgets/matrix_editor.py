@@ -60,11 +60,12 @@ def starts(n: int) -> list[int]:
 
 class MatrixEditor:
     """Editor of the draft in the current container. The draft is state of the page; `edit` returns the command that
-    applies it."""
+    applies it. A draft of a matrix that something else has changed meanwhile, such as a way out, is dropped."""
 
     def __init__(self, desk: Desk) -> None:
         self._desk, gui = desk, desk.gui
         self._draft = Draft(0)
+        self._running: dict[str, np.ndarray] = {}  # matrices in force of which there is a draft
         self._asked_at: tuple[int, int] | None = None  # counts of the runner's answers when the draft was sent
         self._name, self._block = "K_m", 0
         self._matrix = gui.add_dropdown("Matrix", NAMES, initial_value=self._name)
@@ -138,8 +139,11 @@ class MatrixEditor:
 
     def show(self, snapshot: Snapshot) -> None:
         n = len(snapshot.coordinates)
-        if self._draft.n != n or self._accepted(snapshot):
-            self._draft = Draft(n)
+        running = {name: snapshot.matrices[name] for name in self._draft.texts} if self._draft.n == n else {}
+        replaced = any(not np.array_equal(self._running.get(name, matrix), matrix) for name, matrix in running.items())
+        self._running = running
+        if self._draft.n != n or self._accepted(snapshot) or (replaced and snapshot.blending is None):
+            self._draft, self._running = Draft(n), {}
         self._matrix.value = self._name
         self._show_blocks([symbol(coordinate.name) for coordinate in snapshot.coordinates])
         matrix = self._current(snapshot)

@@ -44,9 +44,16 @@ def status_html(snapshot: Snapshot, complaint: str, begun_from: Scenario | None 
     if complaint:
         messages.append(_message("vs-bad", complaint))
     if snapshot.notice:
-        messages.append(_message("vs-warn", snapshot.notice))
+        messages.append(_message("vs-warn", snapshot.notice + _over(snapshot)))
     strip = f'<div class="vs-strip">{"".join(messages)}</div>'
     return f'<div class="vs-status" data-phase="{snapshot.phase}">{"".join(lines)}{strip}</div>'
+
+
+def _over(snapshot: Snapshot) -> str:
+    """Words behind a warning whose cause is over; "" where it is not, or where the notice is no warning."""
+    kept = snapshot.standing.kept
+    warned = snapshot.notice == str(snapshot.state.flagged) and snapshot.standing.now.verdict == "holds"
+    return f"; all premises hold again since t = {kept.since:.3f} s" if warned else ""
 
 
 def _title(scenario: Scenario, begun_from: Scenario | None) -> str:
