@@ -57,7 +57,8 @@ const between = (plot, y, from, to) => {
   const first = y(known[0]), last = y(known.at(-1)), step = last - first;
   const beyond = Math.max(0, ...known.map((k) => (y(k) - last) * Math.sign(step)));
   const outside = known.filter((k) => Math.abs(y(k) - last) > 0.02 * Math.abs(step)).at(-1) ?? known[0];
-  if (!(Math.abs(step) > 1e-3 * Math.max(...known.map((k) => Math.abs(y(k)))))) return { step }; // nothing steps there
+  const { min, max, distr } = plot.scales.y, largest = Math.max(...known.map((k) => Math.abs(y(k))));
+  if (!(Math.abs(step) > (distr === 3 ? 1e-3 * largest : 0.01 * (max - min)))) return { step }; // nothing steps that one sees
   return { step, overshoot: (100 * beyond) / Math.abs(step), settling: x[Math.min(outside + 1, known.at(-1))] - x[known[0]] };
 };
 const unit = (value, name) => (Number.isFinite(value) ? `${short(value)} ${name}` : "–");
@@ -65,9 +66,10 @@ const told = (plot, shares, table) => {
   const { min, max } = plot.scales.x, [from, to] = [...shares].sort((a, b) => a - b).map((s) => min + s * (max - min));
   const lines = plot.series.map((series, i) => [series, i]).slice(1)
     .filter(([series]) => series.show && measurable(series)).slice(0, 8);
-  const rows = [["", "Δy", "overshoot", "settling, 2 %"], ...lines.map(([series, i]) => {
+  const measure = /\[[^\]]*\]\s*$/.exec(plot.root.querySelector(".u-title")?.textContent ?? "")?.[0].trim() ?? "";
+  const rows = [["", `Δy ${measure}`.trim(), "overshoot", "settling, 2 %"], ...lines.map(([series, i]) => {
     const found = between(plot, valuesOf(plot, i), from, to);
-    return [series.label, short(found?.step), unit(found?.overshoot, "%"), unit(found?.settling, "s")];
+    return [series.label, found ? onAxis(plot, found.step) : "–", unit(Math.round(10 * found?.overshoot) / 10, "%"), unit(found?.settling, "s")];
   })];
   table.replaceChildren(...[[`Δt = ${short(to - from)} s`], ...rows].map((cells, i) => {
     const line = document.createElement("tr");
@@ -102,7 +104,8 @@ const put = (plot) => {
     place(shares[i]);
     return cursor;
   });
-  plot.over.append(...cursors, table);
+  plot.over.append(...cursors);
+  plot.root.append(table);
   measured.set(plot, { parts: [...cursors, table], again: () => told(plot, shares, table) });
 };
 const takeOff = (plot) => {
@@ -208,6 +211,10 @@ setInterval(() => {
     Object.assign(button, { className: "vs-measure", textContent: "Δ", title: "two cursors: Δt, Δy, overshoot, settling" });
     button.setAttribute("aria-label", "measure with two cursors");
     box.append(button);
+  }
+  for (const button of document.querySelectorAll(".uplot-container button:not([aria-label])")) {
+    button.setAttribute("aria-label", "enlarge the plot, or make it small again");
+    button.title ||= "enlarge";
   }
   for (const { again } of measured.values()) again();
   const enlarged = large() && chartIn(large());

@@ -386,9 +386,7 @@ class Chart:
 
     def draw(self, setup: Setup, pinned: Sequence[Label], frame: Frame, *, whole: bool) -> None:
         """Draw the data of a refresh. whole: send all points, since a page may have none of them yet."""
-        if self._adapted != (setup, tuple(pinned)):
-            self._adapted = (setup, tuple(pinned))
-            self._adapt(self._plot.draw(setup), pinned)
+        self._follow(setup, pinned)
         drawing = self._drawing
         if drawing is None:
             return
@@ -407,10 +405,16 @@ class Chart:
             raised = [np.maximum(line, low) for line, low in zip(lines, self._lowest, strict=True)]
             self._feed.send(frame.now, x, raised)
 
-    def clear(self) -> None:
-        """Remove the lines."""
+    def clear(self, setup: Setup, pinned: Sequence[Label]) -> None:
+        """Remove the lines; the legend is that of the lines to come."""
+        self._follow(setup, pinned)
         self._feed.clear(_NOTHING)
         self._course = None
+
+    def _follow(self, setup: Setup, pinned: Sequence[Label]) -> None:
+        if self._adapted != (setup, tuple(pinned)):
+            self._adapted = (setup, tuple(pinned))
+            self._adapt(self._plot.draw(setup), pinned)
 
     def _adapt(self, drawing: Drawing | None, pinned: Sequence[Label]) -> None:
         self._drawing, self._course = drawing, None

@@ -13,7 +13,7 @@ import viser
 
 from app.analysis.perturbation import PerturbationAnalysis
 from app.analysis.thinning import Grid
-from app.dashboard.plots.charts import BUCKETS, Chart, Frame, PinnedChart, Recent, Setup, Signals
+from app.dashboard.plots.charts import BUCKETS, Chart, Frame, Label, PinnedChart, Recent, Setup, Signals
 from app.dashboard.plots.plot_table import LEAD, TABS, Chooser, Tab
 from app.dashboard.transport.visible_tabs import VisibleTabs, marker_html
 from app.dashboard.view_options import Viewing
@@ -90,7 +90,7 @@ class Plots:
                 whole = self._reports.get(title) != reports[title]
                 self._tabs[title].show(snapshot, setup, shown, frame, whole=whole)
             else:  # empties the plots after a reset, which would still show the run before
-                self._tabs[title].clear()
+                self._tabs[title].clear(setup, shown)
             self._drawn[title], self._reports[title] = drawn, reports[title]
 
     def _frame(self, snapshot: Snapshot, shown: Shown) -> Frame:
@@ -179,13 +179,16 @@ class _TabView:
             self._title, shown.window, ahead, self._tab.note(snapshot) if self._tab.note else ""
         )
         for chart in self._charts:
-            chart.draw(setup, [(p.name, p.color) for p in shown.pinned], frame, whole=whole)
+            chart.draw(setup, _labels(shown), frame, whole=whole)
         self._share()
 
-    def clear(self) -> None:
+    def clear(self, setup: Setup, shown: Shown) -> None:
         """Remove the lines of all plots."""
+        with self._turn:
+            self._show_choices(setup)
         for chart in self._charts:
-            chart.clear()
+            chart.clear(setup, _labels(shown))
+        self._share()
 
     def _show_choices(self, setup: Setup) -> None:
         """Show the present choices, which somebody may have changed while the plots were drawn."""
@@ -205,6 +208,10 @@ class _TabView:
         rest = self._page_height - ABOVE - (NOTE if self._tab.note else 0) - LEGEND * sum(rows) - AROUND * len(rows)
         for chart in self._charts:
             chart.set_height(min(max(rest // max(len(rows), 1), LEAST), MOST))
+
+
+def _labels(shown: Shown) -> list[Label]:
+    return [(pinned.name, pinned.color) for pinned in shown.pinned]
 
 
 def _choices(chooser: Chooser, setup: Setup) -> tuple[str, ...]:
