@@ -22,6 +22,7 @@ document.body.addEventListener("keydown", (e) => {
 });
 document.addEventListener("click", (e) => {
   const tool = near(e, "[data-key]");
+  if (tool && near(e, ".vs-help")) press("h");
   if (tool) press(tool.dataset.key);
   else if (near(e, "[data-upload]")) upload();
   else if (document.querySelector(".vs-help") && near(e, ".mantine-Modal-inner") && !near(e, ".mantine-Modal-content"))

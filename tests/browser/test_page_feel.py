@@ -70,6 +70,14 @@ def test_keys_act_in_the_loop_but_not_while_typing(session: Session):
     page.keyboard.press("Escape")
     page.locator(".vs-help").wait_for(state="detached")
 
+    # the guided minute can be begun without a key, as on a phone, and the help makes room for it
+    minute = page.get_by_role("button", name="A guided minute", exact=True)
+    for opened in (True, False):
+        page.keyboard.press("?")
+        page.locator(".vs-help [data-key=g]").click()
+        page.locator(".vs-help").wait_for(state="detached")
+        expect(minute).to_have_count(1 if opened else 0)
+
     page.keyboard.press("Control+k")
     palette = page.locator(".mantine-Spotlight-action")
     palette.first.wait_for()

@@ -116,7 +116,8 @@ def help_html() -> str:
     documents = "".join(f"<tr><td>{name}</td><td>{about}</td></tr>" for name, about in DOCUMENTS.items())
     return (
         '<div class="vs-help">'
-        '<p><button type="button" data-glossary>Every symbol of the page</button></p>'
+        '<p><button type="button" data-glossary>Every symbol of the page</button> '
+        '<button type="button" data-key="g">A guided minute</button></p>'
         f"<div><h3>Where to start</h3><ul>{_items(START)}</ul><h3>Colours</h3><table>{colors}</table></div>"
         f"<div><h3>Keys</h3><table>{keys}</table><h3>In the project's folder</h3><table>{documents}</table></div>"
         "</div>"
