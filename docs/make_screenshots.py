@@ -21,7 +21,7 @@ from playwright.sync_api import Browser, Page, sync_playwright
 from app.dashboard.page import Dashboard
 from app.dashboard.widgets.guided_minute import steps
 from app.scenario.data import shipped
-from app.session.commands import Edit, Load, Pin, Play, Reset, Unpin
+from app.session.commands import Edit, Load, Pause, Pin, Play, Reset, Unpin
 from app.session.runner import Runner
 from drivers.browser import LAUNCH_ARGS, find_or_install
 from drivers.pages import NO_HINTS, PATIENCE, Session, each_tab
@@ -124,7 +124,7 @@ def main(folder: Annotated[Path, tyro.conf.Positional] = SHOWN, /, *, only: tupl
         if album.wants("refused", "what-if"):
             refuse_and_hold(page, runner, album)
         if album.wants("cursors", "presentation"):
-            present(page, album)
+            present(page, runner, album)
         if album.wants("compared", "past"):
             compare(page, runner, album)
         if album.wants("robustness-map"):
@@ -248,12 +248,19 @@ def lesson(page: Page, album: Album) -> None:
     page.get_by_role("tab", name="Task", exact=True).click()
 
 
-def present(page: Page, album: Album) -> None:
-    """A plot with two cursors, and the presentation."""
+def present(page: Page, runner: Runner, album: Album) -> None:
+    """A step of the force between two cursors, and the presentation."""
+    t = runner.snapshot.t
+    runner.post(Edit("force", {"kind": "step", "start": 20.0, "value": 30.0, "time": t + 0.5, "rise": 0.1}))
+    while runner.snapshot.t < t + 4.5:
+        page.wait_for_timeout(100)
+    runner.post(Pause())
     page.locator(".uplot-container").nth(1).hover()
     page.locator(".vs-measure").nth(1).click()
     shoot(page, album, "cursors", "A plot on the whole screen, measured with two cursors")
     page.keyboard.press("Escape")
+    runner.post(Play())
+    load(runner, "ur5-hybrid", page)
     page.get_by_role("tab", name="Task", exact=True).click()
     page.keyboard.press("v")
     page.mouse.move(800, 300)
