@@ -236,7 +236,8 @@ def _surface_named(system: System, number: int) -> str:
 
 
 def _last_loss(system: System, holding: Holding) -> str:
-    last = int(np.nanargmax(holding.lost))
+    at_once = np.flatnonzero(holding.lost == np.nanmax(holding.lost))  # one that is let go may take others with it
+    last = int(at_once[np.argmin(holding.pull[at_once])])
     name, force = _surface_named(system, last), holding.pull[last]
     if np.isfinite(force):
         return f"{name} would have to pull (λ = {force:.4g} N)"

@@ -56,8 +56,8 @@ CHANGES: dict[str, dict[str, object]] = {
         "simulation.leaving_domain": "flag",
         "target_model.K_f": [0.2, *[0.0] * 5],
     },
-    "ur5-corner-rigid: pulled off, rk4": OFF | {"simulation.integrator": "rk4"},
-    "ur5-corner-rigid: pulled off, ideal sensor": OFF | {"sensor.ideal": True},
+    "ur5-corner-rigid: pulled off, rk4": OFF | {"simulation.integrator": "rk4", "sensor.ideal": False},
+    "ur5-corner-rigid: pulled off, ideal sensor": OFF,
     "ur5-constrained: pulled off until it stops": PUSH | {"truth.push": [0.0, 0.0, 400.0]},
 }
 
