@@ -350,6 +350,25 @@ def require_pushing(scenario: Scenario, mode: Mode) -> None:
             )
 
 
+def require_reachable_moment(scenario: Scenario, mode: Mode) -> None:
+    """Raise ScenarioError where moments are desired that a flat face has only with a part of its springs lifted.
+
+    All of them press while phi > a |theta|, a the face's radius; with phi = f_n / K_e, theta = m / K_t and
+    K_t = a^2 K_e / 2 that is |m| < f_n a / 2.
+    """
+    contact, size = scenario.contact, float(np.linalg.norm(scenario.face.moment))
+    if not scenario.face.flat or not mode.pressed or not contact.unilateral or not size:
+        return
+    force, radius = scenario.force.least, face_radius(scenario.face.K_t, max(contact.K_e, SOFTEST))
+    largest = 0.5 * force * radius
+    if size >= largest:
+        raise ScenarioError(
+            f"face.moment: {list(scenario.face.moment)} N·m, of size {size:.4g} N·m, lifts a side of the face where the "
+            f"desired force is {force:g} N; allowed: a size below {largest:.4g} N·m, half of that force times the "
+            f"face's radius of {radius:.3g} m, or contact.unilateral = false"
+        )
+
+
 def forces_of(scenario: Scenario) -> tuple[ForceCourse, ...]:
     """Course of the desired normal force on each surface, N, and after them of the moments of a flat tool over l."""
     forces = tuple(force_course(each.force) for each in scenario.surfaces)

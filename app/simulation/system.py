@@ -46,6 +46,7 @@ from app.simulation.environment_builder import (
     require_coupling,
     require_face,
     require_pushing,
+    require_reachable_moment,
     require_surfaces,
     robot_of,
     rotation_of,
@@ -268,6 +269,7 @@ def _assemble(scenario: Scenario, previous: System | None, memory: Memory) -> Sy
     cartesian = Surface.cartesian(task_axes(scenario, robot))
     charted = task_surface(surfaces, nominal.evaluate(q_0, np.zeros(robot.n)).p) if mode.on_surface else cartesian
     require_pushing(scenario, mode)
+    require_reachable_moment(scenario, mode)
     motion, rotation, forces = motion_of(scenario, mode, layout), rotation_of(scenario, layout), forces_of(scenario)
     shift = spread_over("shift.by", scenario.shift.by, mode, layout)
 

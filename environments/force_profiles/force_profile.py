@@ -49,6 +49,11 @@ class ForceProfile(Section, frozen=True, forbid_unknown_fields=True, tag_field="
         """The profile for kernels; the table sets `kind`."""
         raise NotImplementedError
 
+    @property
+    def least(self) -> float:
+        """Least force at any time, N."""
+        return self.value
+
     def pulling(self) -> tuple[str, str] | None:
         """The field, with its value, that makes the force negative at times, and the allowed values; None where it
         never is."""

@@ -31,6 +31,10 @@ class ForceSinusoid(ForceProfile, frozen=True, forbid_unknown_fields=True, tag="
     def course(self) -> ForceCourse:
         return ForceCourse(0, float(self.value), float(self.amplitude), 0.0, 0.0, 2 * np.pi * self.frequency)
 
+    @property
+    def least(self) -> float:
+        return self.value - self.amplitude
+
     def pulling(self) -> tuple[str, str] | None:
         if self.amplitude > self.value >= 0.0:
             return f"force.amplitude: {self.amplitude:g} N around {self.value:g} N", "at most the mean"

@@ -42,5 +42,9 @@ class ForceStep(ForceProfile, frozen=True, forbid_unknown_fields=True, tag="step
         start, value, time, rise = (float(x) for x in (self.start, self.value, self.time, self.rise))
         return ForceCourse(0, start, value - start, time, rise, 0.0)
 
+    @property
+    def least(self) -> float:
+        return min(self.start, self.value)
+
     def pulling(self) -> tuple[str, str] | None:
         return negative("value", self.value) or negative("start", self.start)

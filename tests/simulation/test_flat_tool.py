@@ -238,6 +238,16 @@ REFUSED = {
     "a joint less": ({"task_space__supplemental": [4, 5, 6, 7]}, r"without the tool's angles among the coordinates"),
     "the other side": ({"face__normal": [0.0, 0.0, -1.0]}, r"face\.normal: \[0\.0, 0\.0, -1\.0\], 3\..* rad off"),
     "a second surface": ({"second__contact__kind": "elastic"}, r"face\.flat: true on 2 surfaces; allowed: on one"),
+    "a moment": ({"face__moment": [5.0, 0.0]}, r"face\.moment: \[5\.0, 0\.0\] N·m, .*; allowed: a size below 0\.5477 N·m"),
+    "a moment of both axes": ({"face__moment": [0.4, -0.4]}, r"face\.moment: .* of size 0\.5657 N·m, .* below 0\.5477"),
+    "a moment where the force is least": (
+        {"face__moment": [0.3, 0.0], "force": {"kind": "sinusoid", "value": 20.0, "amplitude": 10.0}},
+        r"face\.moment: .* force is 10 N; allowed: a size below 0\.2739 N·m",
+    ),
+    "a moment before a step": (
+        {"face__moment": [0.3, 0.0], "force": {"kind": "step", "value": 20.0, "start": 10.0}},
+        r"face\.moment: .* force is 10 N; allowed: a size below 0\.2739 N·m",
+    ),
 }
 
 
@@ -246,3 +256,17 @@ def test_a_flat_tool_that_cannot_be_is_refused(name: str) -> None:
     changes, said = REFUSED[name]
     with pytest.raises(ScenarioError, match=said):
         assemble(changed(shipped()[ALIGN], **changes))
+
+
+def test_a_moment_just_below_that_which_lifts_a_side_is_reached() -> None:
+    """|m| < f_n a / 2, a = sqrt(2 K_t / K_e): on a plane at rest the foot that is pressed least still presses."""
+    scenario, largest = shipped()[ALIGN], 0.5 * 20.0 * np.sqrt(2.0 * 15.0 / 1e4)
+    still = {"motion": "hold", "surface__tilt": {}, "surface__normal": [0.0, 0.0, -1.0]}
+    loop = ClosedLoop(changed(scenario, **still, face__moment=[0.0, float(0.98 * largest)]))
+    CompiledRun(loop).advance(4000)
+    assert loop.stopped is None
+    last = loop.recording.at(loop.t)
+    assert loop.system.layout.l * last["F_c"][1:3] == pytest.approx([0.0, 0.98 * largest], abs=0.01)
+    phi, tilt = last["r"][0], np.linalg.norm(last["r"][1:3]) / loop.system.layout.l
+    assert 0.0 < phi - face_radius(15.0, 1e4) * tilt < 0.1 * phi
+    assemble(changed(scenario, face__moment=[5.0, 0.0], contact__unilateral=False))
