@@ -28,7 +28,8 @@ FORCE_RESOLUTION, MOTION_RESOLUTION = 0.1, 5e-5  # N, m: the ripple of a settled
 class Metrics(Struct, frozen=True):
     """Metrics of a run, see each field; None where a metric has no meaning in the mode."""
 
-    motion_error_tail: float  # max ||e|| of the position coordinates that are not force-controlled, m
+    motion_error_tail: float | None  # max ||e|| of the position coordinates that are not force-controlled, m
+    angle_error_tail: float | None  # max ||e|| of the angles and supplemental joints that follow a path, rad
     force_error_tail: float | None  # max |f_n - f_nd|, of several surfaces the norm, N
     moment_error_tail: float | None  # max ||m - m_d|| of a flat tool, as measured, N m
     constraint_violation: float | None  # max |phi| on rigid surfaces, m
@@ -65,6 +66,7 @@ def measure(loop: ClosedLoop, realtime_factor: float | None = None, engine: Engi
     tail = tail_of(t)
     last = {name: record[name][tail] for name in ("t", "e_r", "tool", "F_c", "F_cd", *MULTIPLIERS)}
     system, begun = loop.system, loop.recording.epochs[0]
+    path, angles = path_error(system, last), angle_error(system, last)
     rigid = system.plant.kind.rigid
     tau = record["tau"]
     duration = max(float(t[-1] - t[0]), system.scenario.controller.period)
@@ -72,7 +74,8 @@ def measure(loop: ClosedLoop, realtime_factor: float | None = None, engine: Engi
     promised = excess[np.isfinite(excess)]
     standing = loop.standing
     return Metrics(
-        motion_error_tail=float(np.linalg.norm(motion_error(system, last), axis=1).max()),
+        motion_error_tail=None if path is None else float(path.max()),
+        angle_error_tail=None if angles is None else float(angles.max()),
         force_error_tail=float(np.abs(force_error(system, last)).max()) if system.m else None,
         moment_error_tail=float(moment_error(system, last).max()) if system.layout.tilts else None,
         constraint_violation=float(max(np.abs(record[name]).max() for name in PHI)) if rigid else None,
@@ -102,8 +105,8 @@ def _settling(system: System, record: Mapping[str, np.ndarray]) -> float | None:
         found = settling_time(record["t"], force_error(system, record), FORCE_RESOLUTION)
     else:
         few = slice(None, None, max(1, len(record["t"]) // PATH_POINTS))
-        path = np.linalg.norm(motion_error(system, {name: record[name][few] for name in ("t", "e_r", "tool")}), axis=1)
-        found = settling_time(record["t"][few], path, MOTION_RESOLUTION)
+        path = path_error(system, {name: record[name][few] for name in ("t", "e_r", "tool")})
+        found = math.inf if path is None else settling_time(record["t"][few], path, MOTION_RESOLUTION)
     return found if math.isfinite(found) else None
 
 
@@ -155,6 +158,22 @@ def motion_error(system: System, record: Mapping[str, np.ndarray]) -> np.ndarray
     return error - np.einsum("nik,nk->ni", directions, np.einsum("nik,ni->nk", directions, error))
 
 
+def path_error(system: System, record: Mapping[str, np.ndarray]) -> np.ndarray | None:
+    """Path error (N,) m: norm of `motion_error`; None where the surfaces leave no position free."""
+    errors = motion_error(system, record)
+    return np.linalg.norm(errors, axis=1) if errors.shape[1] else None
+
+
+def angle_error(system: System, record: Mapping[str, np.ndarray]) -> np.ndarray | None:
+    """Norm (N,) rad of the errors of the angles and supplemental joints, which e_r has times l; None where there are
+    none beside the positions, and where r = q, whose errors are all in `motion_error`. Tilts of a flat tool are no part
+    of it: their moments are controlled."""
+    layout = system.layout
+    if layout.joint or layout.end_of_places == layout.n:
+        return None
+    return np.linalg.norm(record["e_r"][:, layout.end_of_places :], axis=1) / layout.l
+
+
 def steady_force_error(system: System, f_nd: np.ndarray, s: np.ndarray) -> float | None:
     """Steady-state force error f_n - f_nd (N) by (37), for constant desired forces f_nd (m,) N, moments over l among
     them; on several surfaces the norm of their errors; None where no force is controlled.
@@ -188,8 +207,10 @@ def settling_time(t: np.ndarray, signal: np.ndarray, resolution: float) -> float
 class Account(Struct, frozen=True):
     """Account of a stretch of a run: numbers for comparing runs, None where one has no meaning in the mode."""
 
-    path_rms: float  # of the position error that a motion target governs, m
-    path_max: float  # m
+    path_rms: float | None  # of the position error that a motion target governs, m
+    path_max: float | None  # m
+    angle_rms: float | None  # of the error of the angles and supplemental joints that follow a path, rad
+    angle_max: float | None  # rad
     force_rms: float | None  # of f_n - f_nd, N
     force_max: float | None  # N
     s_max: float | None  # of ||s||, m/s; None under a law without the gain d, where s means nothing
@@ -222,6 +243,8 @@ class ShownFigure:
 FIGURES = (
     ShownFigure("path error, RMS", "path_rms", 1e3, lambda units: units.error),
     ShownFigure("path error, largest", "path_max", 1e3, lambda units: units.error),
+    ShownFigure("angle error, RMS", "angle_rms", 1e3, lambda _: "mrad"),
+    ShownFigure("angle error, largest", "angle_max", 1e3, lambda _: "mrad"),
     ShownFigure("force error, RMS", "force_rms", 1.0, lambda _: "N"),
     ShownFigure("force error, largest", "force_max", 1.0, lambda _: "N"),
     ShownFigure("‖s‖, largest", "s_max", 1e3, lambda units: units.rate),
@@ -233,6 +256,7 @@ FIGURES = (
 # those of a whole run; the torques' variation, a number per joint, stands beside them
 METRICS = (
     ShownFigure("path error at the end, largest", "motion_error_tail", 1e3, lambda units: units.error),
+    ShownFigure("angle error at the end, largest", "angle_error_tail", 1e3, lambda _: "mrad"),
     ShownFigure("force error at the end, largest", "force_error_tail", 1.0, lambda _: "N"),
     ShownFigure("moment error at the end, largest", "moment_error_tail", 1.0, lambda _: "N·m"),
     ShownFigure("distance from the rigid surface, largest", "constraint_violation", 1e3, lambda _: "mm"),
@@ -258,11 +282,13 @@ def account(system: System, recording: Recording, t_from: float, t_to: float) ->
         return None
     # the path is smooth, and finding the normals of a curved surface takes its time
     few = slice(None, None, max(1, len(t) // PATH_POINTS))
-    path = np.linalg.norm(motion_error(system, {name: record[name][few] for name in ("t", "e_r", "tool")}), axis=1)
-    force = force_error(system, record) if system.m else None
+    path = path_error(system, {name: record[name][few] for name in ("t", "e_r", "tool")})
+    angles, force = angle_error(system, record), force_error(system, record) if system.m else None
     return Account(
-        path_rms=_rms(path),
-        path_max=float(path.max()),
+        path_rms=None if path is None else _rms(path),
+        path_max=None if path is None else float(path.max()),
+        angle_rms=None if angles is None else _rms(angles),
+        angle_max=None if angles is None else float(angles.max()),
         force_rms=None if force is None else _rms(force),
         force_max=None if force is None else float(np.abs(force).max()),
         s_max=float(record["s_norm"].max()) if (record["d"] > 0.0).any() else None,

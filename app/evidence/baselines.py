@@ -142,7 +142,7 @@ def conclude(results: Sequence[list[Outcome] | Outcome]) -> Findings:
     exact = {who: _listed(next(found))[0] for who in CONTESTANTS}
     noisy = {who: [_listed(next(found)) for _ in NOISES] for who in CONTESTANTS}
     robust = [outcome for who in CONTESTANTS[:2] for outcome in main[who]]
-    path = {who: float(np.median([o.figures.path_rms for o in main[who]])) for who in CONTESTANTS}
+    path = {who: float(np.median([o.figures.path_rms or 0.0 for o in main[who]])) for who in CONTESTANTS}
     force = {who: float(np.median([o.figures.force_rms or 0.0 for o in main[who]])) for who in CONTESTANTS}
     ours, _, computed, fast, *_ = CONTESTANTS
     return Findings(
@@ -154,8 +154,8 @@ def conclude(results: Sequence[list[Outcome] | Outcome]) -> Findings:
             "path_gain_fast": f"{path[fast] / path[ours]:.1f}",
             "force_gain": f"{force[computed] / force[ours]:.0f}",
             "noise_ratio": f"{_variation(noisy[ours][-1]) / _variation(noisy[computed][-1]):.1f}",
-            "exact_computed": f"{1e3 * exact[fast].figures.path_rms:.2g}",
-            "exact_ours": f"{1e3 * exact[ours].figures.path_rms:.2g}",
+            "exact_computed": f"{1e3 * (exact[fast].figures.path_rms or 0.0):.2g}",
+            "exact_ours": f"{1e3 * (exact[ours].figures.path_rms or 0.0):.2g}",
             "loudest": f"{NOISES[-1]:g}",
         },
         tables={"uncertain": _table(main), "exact": _exact_table(exact), "noise": _noise_table(noisy)},
@@ -175,7 +175,7 @@ def _of(outcomes: Sequence[Outcome]) -> dict[str, np.ndarray]:
     """Figures of runs, in the units in which they are shown."""
     of = [outcome.figures for outcome in outcomes]
     return {
-        "path": np.array([1e3 * each.path_rms for each in of]),
+        "path": np.array([1e3 * (each.path_rms or 0.0) for each in of]),
         "force": np.array([each.force_rms or 0.0 for each in of]),
         "effort": np.array([each.effort for each in of]),
         "variation": np.array([each.variation for each in of]),

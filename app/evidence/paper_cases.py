@@ -93,7 +93,8 @@ def _figures(found: Run) -> tuple[str, ...]:
     force = "" if of.force_max is None else f"{of.force_max:.3g}"
     s = "" if of.s_max is None else f"{1e3 * of.s_max:.3g}"
     numbers = (of.residual_rms, found.torque_max, of.variation)
-    return f"{1e3 * of.path_max:.2g}", force, s, *(f"{number:.3g}" for number in numbers)
+    path = "" if of.path_max is None else f"{1e3 * of.path_max:.2g}"
+    return path, force, s, *(f"{number:.3g}" for number in numbers)
 
 
 def _charts(of_law: dict[str, Run]) -> tuple[Chart, ...]:

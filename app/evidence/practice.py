@@ -135,7 +135,7 @@ def _cell(scenario: Scenario, previous: System | None) -> tuple[Cell, System]:
     load = float((np.abs(tau["tau"]) / loop.system.robot.model.effortLimit).max()) if known else np.nan
     cell = Cell(
         force=np.nan if known is None or known.force_rms is None else known.force_rms,
-        path=known.path_rms if known else np.nan,
+        path=np.nan if known is None or known.path_rms is None else known.path_rms,
         variation=known.variation if known else np.nan,
         saturated=float(saturated(tau).mean()) if known else np.nan,
         growth=growth,

@@ -363,8 +363,8 @@ def require_reachable_moment(scenario: Scenario, mode: Mode) -> None:
     largest = 0.5 * force * radius
     if size >= largest:
         raise ScenarioError(
-            f"face.moment: {list(scenario.face.moment)} N·m, of size {size:.4g} N·m, lifts a side of the face where the "
-            f"desired force is {force:g} N; allowed: a size below {largest:.4g} N·m, half of that force times the "
+            f"face.moment: {list(scenario.face.moment)} N·m, of size {size:.4g} N·m, lifts a side of the face where "
+            f"the desired force is {force:g} N; allowed: a size below {largest:.4g} N·m, half of that force times the "
             f"face's radius of {radius:.3g} m, or contact.unilateral = false"
         )
 

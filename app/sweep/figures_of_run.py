@@ -32,6 +32,7 @@ COLUMNS: dict[str, Column] = {
     "point": Column("", "number of the point, of the varied fields"),
     "arm": Column("", "number of the true arm at this point"),
     "motion_error": Column("m", "largest position error where no force is controlled, last fifth of the run"),
+    "angle_error": Column("rad", "largest error of angles and supplemental joints, last fifth of the run"),
     "force_error": Column("N", "largest force error, last fifth of the run"),
     "constraint_violation": Column("m", "largest distance from a rigid surface"),
     "settling_time": Column("s", "until the force, or without force control the path, stays within 2 %"),
@@ -91,6 +92,7 @@ class SweepRunner:
 def _of(metrics: Metrics) -> Figures:
     return {
         "motion_error": metrics.motion_error_tail,
+        "angle_error": metrics.angle_error_tail,
         "force_error": metrics.force_error_tail,
         "constraint_violation": metrics.constraint_violation,
         "settling_time": metrics.settling_time,

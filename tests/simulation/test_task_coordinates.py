@@ -7,6 +7,7 @@ import pinocchio as pin
 import pytest
 from scipy.spatial.transform import Rotation
 
+from app.analysis.metrics import account
 from app.scenario.data import edited, from_plain, load, to_plain
 from app.scenario.schema import Scenario, ScenarioError, field_info
 from app.session.changes import in_coordinates, in_mode, on_robot, possible, told
@@ -87,7 +88,35 @@ def test_the_elbow_swings_while_the_tool_presses() -> None:
     expected = 0.15 * (1 - np.cos(omega * (rows["t"] - 0.5)))  # half of the ramp of 1 s later
     assert np.abs(q_3 - expected)[late].max() < 1e-3
     assert np.abs(rows["F_c"][late, 0] - 10.0).max() < 0.1
+    assert metrics.motion_error_tail is not None
     assert metrics.motion_error_tail < 1e-4
+    last = rows["t"] >= rows["t"][0] + 0.8 * (rows["t"][-1] - rows["t"][0])
+    assert metrics.angle_error_tail is not None
+    assert np.abs(q_3 - expected)[last].max() <= metrics.angle_error_tail < 2e-4  # the tool's angles are held beside it
+
+
+def test_the_angle_error_is_that_of_the_planar_arms_sum_of_joints() -> None:
+    """Pressed into a corner the tool only turns, by 0.1 (1 - cos) rad, which computed torque follows 8 mrad beside."""
+    scenario = edited(load("planar3r-corner"), "controller.law", "computed-torque")
+    loop, metrics = simulate(edited(scenario, "motion", "hold"))
+    rows = loop.recording.signals(("t", "q"))
+    turned = np.abs(rows["q"].sum(axis=1) - loop.system.q_0.sum())
+    error = turned - 0.1 * (1 - np.cos(2 * np.pi / 4.0 * (rows["t"] - 0.5)))  # half of the ramp of 1 s later
+    largest = np.abs(error[rows["t"] >= 0.8 * rows["t"][-1]]).max()
+    assert largest > 5e-3
+    assert metrics.angle_error_tail == pytest.approx(largest, rel=1e-6)
+    assert metrics.motion_error_tail is None
+    found = account(loop.system, loop.recording, 8.0, 10.0)
+    assert found is not None
+    assert (found.path_rms, found.path_max) == (None, None)
+    assert found.angle_max == pytest.approx(largest, rel=1e-6)
+
+
+def test_joints_and_planar_tools_that_only_move_have_no_angle_error() -> None:
+    for scenario in (edited(load("ur5-motion"), "task_space.kind", "joint"), load("planar2r-semicircle")):
+        _, metrics = simulate(edited(scenario, "simulation.duration", 0.05))
+        assert metrics.angle_error_tail is None
+        assert metrics.motion_error_tail is not None
     assert metrics.promise.verdict == "holds"
 
 

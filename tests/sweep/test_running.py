@@ -45,7 +45,8 @@ def test_a_row_is_the_same_alone_and_after_any_others() -> None:
     asked = SweepQuestion(SWEEP)
     _, metrics = simulate(asked.scenario(asked.row(5)), engine="compiled")
     for name, value in {
-        "motion_error": metrics.motion_error_tail, "force_error": metrics.force_error_tail,
+        "motion_error": metrics.motion_error_tail, "angle_error": metrics.angle_error_tail,
+        "force_error": metrics.force_error_tail,
         "gain_margin": metrics.gain_condition_margin, "verdict": metrics.promise.verdict, "declared": 1.0,
         "torque_variation": sum(metrics.torque_total_variation), "simulated_time": pytest.approx(0.3),
     }.items():  # fmt: skip
