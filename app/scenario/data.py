@@ -231,7 +231,7 @@ def _sentence(message: str, data: object) -> str:
     if reason.startswith("Invalid enum value"):
         reason = allowed(str(value), field_info(path).choices)
     if reason.startswith("Invalid value"):  # the tag of a section that has several kinds
-        kinds = types_of(Scenario, path.partition(".")[0])
+        kinds = _structs_at(path.rpartition(".")[0])
         reason = allowed(str(value), (str(kind.__struct_config__.tag) for kind in kinds))
     return f"{path}: {shown}{reason[:1].lower()}{reason[1:]}"
 
@@ -264,11 +264,17 @@ def _at(path: str, data: Any) -> Any:
     return data
 
 
-def _fields_at(path: str, data: object) -> list[str]:
-    """Fields that a section may have; for a section of several kinds, those of the given kind."""
+def _structs_at(path: str) -> list[type[Struct]]:
+    """Structs that the section at a dotted path may be, one for each of its kinds."""
     structs: list[type[Struct]] = [Scenario]
     for section in filter(None, path.split(".")):
         structs = [kind for struct in structs for kind in types_of(struct, section)]
+    return structs
+
+
+def _fields_at(path: str, data: object) -> list[str]:
+    """Fields that a section may have; for a section of several kinds, those of the given kind."""
+    structs = _structs_at(path)
     table = _at(path, data)
     kind = table.get("kind") if isinstance(table, dict) else None
     chosen = next((struct for struct in structs if struct.__struct_config__.tag == kind), structs[0])

@@ -433,7 +433,7 @@ def _free_directions(scenario: Scenario) -> np.ndarray:
     mode, positions = mode_of(scenario), positions_of(robot)
     if not mode.on_surface:
         return task_axes(scenario, robot)[:positions]
-    return task_surface(surfaces_of(scenario, p), p).chart(p, 0.0).G[mode.pressed : positions]
+    return task_surface(scenario, surfaces_of(scenario, p), p).chart(p, 0.0).G[mode.pressed : positions]
 
 
 def _start(scenario: Scenario) -> tuple[robots.Robot, np.ndarray]:

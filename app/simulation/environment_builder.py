@@ -231,10 +231,18 @@ def _require_definite(
         )
 
 
-def task_surface(surfaces: tuple[Surface, ...], near: np.ndarray) -> Surface | Corner:
-    """The surfaces as they give the task coordinates of a tool near the point `near` (3,) m. Raises ScenarioError."""
-    with scenario_errors(IrregularCorner):
-        return surfaces[0] if len(surfaces) == 1 else Corner(surfaces, near)
+def task_surface(scenario: Scenario, surfaces: tuple[Surface, ...], near: np.ndarray) -> Surface | Corner:
+    """The surfaces of the scenario as they give the task coordinates of a tool near the point `near` (3,) m. Raises
+    IrregularCorner, which names the first surface that makes no corner with those before it."""
+    charted: Surface | Corner = surfaces[0]
+    for number in range(1, len(surfaces)):
+        try:
+            charted = Corner(surfaces[: number + 1], near)
+        except ValueError as error:
+            added = scenario.surfaces[number]
+            field = "surface.normal" if isinstance(added.form, Plane) else "surface"
+            raise IrregularCorner(f"{added.path}{field}: {error}") from error
+    return charted
 
 
 def task_axes(scenario: Scenario, robot: robots.Robot) -> np.ndarray:

@@ -19,7 +19,6 @@ from app.scenario.schema import (
     TooStiff,
     TruthSection,
     field_info,
-    scenario_errors,
 )
 from app.scenario.units import CARTESIAN, JOINT, Units
 from app.simulation.control_period import Forces, Observer, Planned, ReferencePlan
@@ -263,11 +262,13 @@ def _assemble(scenario: Scenario, previous: System | None, memory: Memory) -> Sy
     require_face(scenario, mode, robot)
     surfaces = _surfaces_in_use(scenario, robot, nominal, previous)
     plant = _plant(scenario, robot, surfaces, previous)
-    q_0 = _start(plant, robot)
+    q_0 = _start(scenario, plant, robot, nominal)
     in_corner = mode.on_surface and len(surfaces) > 1
     layout = _layout(scenario, mode, robot, nominal, q_0, plant.surface)
     cartesian = Surface.cartesian(task_axes(scenario, robot))
-    charted = task_surface(surfaces, nominal.evaluate(q_0, np.zeros(robot.n)).p) if mode.on_surface else cartesian
+    charted = cartesian
+    if mode.on_surface:
+        charted = task_surface(scenario, surfaces, nominal.evaluate(q_0, np.zeros(robot.n)).p)
     require_pushing(scenario, mode)
     require_reachable_moment(scenario, mode)
     motion, rotation, forces = motion_of(scenario, mode, layout), rotation_of(scenario, layout), forces_of(scenario)
@@ -301,7 +302,7 @@ def _assemble(scenario: Scenario, previous: System | None, memory: Memory) -> Sy
         unshifted = Planned(plan._replace(compliance=compliance, shift=SmoothShift.fresh(0.0 * shift, 1.0)))
         rules = scenario.simulation
         if mode.on_surface:
-            _require_within_reach(observer, unshifted.at(0.0), q_0)
+            _require_within_reach(scenario, mode, observer, unshifted.at(0.0), q_0)
         along = centres(observer.at, unshifted, shift, q_0, rules.duration)
         span = span_of(surfaces, rules.duration) if mode.on_surface else 0.0
         omega = Omega(along, rules.domain_radius, span)
@@ -445,14 +446,26 @@ def _judged_by(scenario: Scenario) -> tuple[object, ...]:
     return touched, scenario.robot, scenario.mode, scenario.simulation
 
 
-def _start(plant: Plant, robot: robots.Robot) -> np.ndarray:
-    with scenario_errors(IrregularCorner if len(plant.surfaces) > 1 else ScenarioError):
+def _start(scenario: Scenario, plant: Plant, robot: robots.Robot, nominal: NominalModel) -> np.ndarray:
+    """Posture (n,) rad at the start, on rigid surfaces. Raises ScenarioError, which names the surface that is farthest
+    from the tool, or IrregularCorner."""
+    try:
         return plant.start(robot.posture, np.zeros(robot.n), 0.0).views.q
+    except ValueError as error:
+        tool, kind = tool_at_start(robot, nominal), IrregularCorner if len(plant.surfaces) > 1 else ScenarioError
+        task_surface(scenario, plant.surfaces, tool)  # dependent normals are another reason
+        farthest = int(np.argmax([abs(each.chart(tool, 0.0).g[0]) for each in plant.surfaces]))
+        path = scenario.surfaces[farthest].path
+        raise kind(
+            f"{path}{error}; allowed: one that the arm reaches, by {path}surface.origin or robot.posture"
+        ) from error
 
 
-def _require_within_reach(observer: Observer, reference: Reference, q_0: np.ndarray) -> None:
+def _require_within_reach(
+    scenario: Scenario, mode: modes.Mode, observer: Observer, reference: Reference, q_0: np.ndarray
+) -> None:
     """Raise SurfaceOutOfReach where Newton's method does not bring the tool from q_0 (n,) rad to its starting place on
-    the surface."""
+    the surfaces; of several it names the one that is farthest from the tool."""
     estimate, task = observer.at(q_0, np.zeros_like(q_0), 0.0)
     try:
         q, _ = posture_at(observer.at, q_0, reference, 0.0)
@@ -460,10 +473,12 @@ def _require_within_reach(observer: Observer, reference: Reference, q_0: np.ndar
     except ValueError:  # J_q exactly singular on the way
         away = np.inf
     if not away < ON_SURFACE:
-        depth, tool = float(task.r[0]), np.round(estimate.p, 3).tolist()
+        farthest = int(np.abs(task.r[: mode.normals]).argmax())
+        path, depth = scenario.surfaces[farthest].path, float(task.r[farthest])
+        side, tool = "behind" if depth > 0.0 else "ahead of", np.round(estimate.p, 3).tolist()
         raise SurfaceOutOfReach(
-            f"surface: out of the arm's reach, {abs(depth):.3g} m {'behind' if depth > 0.0 else 'ahead of'} the tool "
-            f"at {tool} m; allowed: one that the arm reaches, by surface.origin or robot.posture"
+            f"{path}surface: out of the arm's reach, {abs(depth):.3g} m {side} the tool at {tool} m; "
+            f"allowed: one that the arm reaches, by {path}surface.origin or robot.posture"
         )
 
 

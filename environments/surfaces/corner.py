@@ -30,7 +30,7 @@ class Corner:
         G = np.array([each.chart(self.near, 0.0).G[0] for each in self.surfaces])
         if np.linalg.svd(G / np.linalg.norm(G, axis=1)[:, None], compute_uv=False)[-1] < INDEPENDENT:
             raise ValueError(
-                f"surfaces: the normals {np.round(G, 3).tolist()} of the {len(G)} surfaces at the tool are not "
+                f"the normals {np.round(G, 3).tolist()} of the {len(G)} surfaces at the tool are not "
                 "independent; allowed: surfaces that meet at an angle, not parallel ones"
             )
 

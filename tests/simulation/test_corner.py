@@ -246,7 +246,23 @@ def test_a_lost_contact_is_named() -> None:
     ("name", "path", "value", "told_so"),
     [
         ("ur5-corner", "second.contact.kind", "rigid", "second.contact.kind: 'rigid' in hybrid mode; allowed: elastic"),
+        ("ur5-corner", "second.surface.normal", [0, 0, -1], "second.surface.normal: the normals [[0.0, 0.0, -1.0], [0"),
+        ("ur5-corner-rigid", "second.surface.normal", [0, 0, 1], "second.surface.normal: the normals [[0.0, 0.0, -1.0"),
         ("ur5-corner", "second.surface.normal", [0, 0, -1], "are not independent; allowed: surfaces that meet at an"),
+        (
+            "ur5-corner",
+            "second.surface.origin",
+            [0, 3, 0],
+            "second.surface: out of the arm's reach, 2.89 m ahead of th",
+        ),
+        ("ur5-corner", "second.surface.origin", [0, 3, 0], "by second.surface.origin or robot.posture"),
+        ("ur5-corner", "surface.origin", [0, 0, -3], "surface: out of the arm's reach, 3.18 m ahead of the tool at"),
+        ("ur5-corner-rigid", "second.surface.origin", [0, 3, 0], "second.surface: the tool cannot be brought onto the"),
+        ("ur5-corner", "force.kind", "sine", "force.kind: 'sine'; allowed: constant, step, sinusoid"),
+        ("ur5-corner", "second.force.kind", "sine", "second.force.kind: 'sine'; allowed: constant, step, sinusoid"),
+        ("ur5-corner", "second.surface.kind", "cube", "second.surface.kind: 'cube'; allowed: plane, cylinder, sphere"),
+        ("ur5-corner", "third.force.kind", "sine", "third.force.kind: 'sine'; allowed: constant, step, sinusoid"),
+        ("ur5-corner", "third.surface.kind", "cube", "third.surface.kind: 'cube'; allowed: plane, cylinder, sphere"),
         (
             "ur5-corner",
             "second.surface.normal",
@@ -264,6 +280,13 @@ def test_refusals_name_the_field_of_the_further_surface(name: str, path: str, va
     with pytest.raises(ScenarioError) as refused:
         assemble(edited(load(name), path, value))
     assert told_so in str(refused.value)
+
+
+def test_the_third_of_three_surfaces_is_named_where_it_makes_no_corner_with_the_others() -> None:
+    data = to_plain(load("ur5-corner"))
+    data["third"] = {**data["second"], "surface": {**data["second"]["surface"], "normal": [0.0, 1.0, 1.0]}}
+    with pytest.raises(IrregularCorner, match=r"^third\.surface\.normal: the normals .* of the 3 surfaces"):
+        assemble(from_plain(data))
 
 
 def test_a_third_surface_follows_a_second_one_whose_force_is_controlled() -> None:
