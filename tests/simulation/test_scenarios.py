@@ -15,6 +15,15 @@ pytestmark = pytest.mark.slow  # long or many simulations
 
 SCENARIOS = shipped()
 SMOOTH = [name for name in SCENARIOS if "discontinuous" not in name and name != OPENING]
+SURFACES_MOMENTS_AND_ANGLES = (
+    "ur5-corner",
+    "ur5-corner-rigid",
+    "ur5-groove-moving",
+    "panda-align",
+    "panda-elbow",
+    "planar3r-corner",
+    "ur5-impedance-6d",
+)
 TWINS = [name for name in SCENARIOS if "discontinuous" in name]
 
 
@@ -30,10 +39,11 @@ def test_errors_and_bounds(name: str) -> None:
     assert scenario.name == name
     assert np.all(np.array(scenario.truth.link_scaling) == 1.15)
     assert m.stopped is None
-    assert m.motion_error_tail <= (5e-4 if "planar" in name else 1e-4)
-    if m.force_error_tail is not None:
+    assert (m.motion_error_tail is None) == (name == "planar3r-corner")  # whose tool only turns
+    assert m.motion_error_tail is None or m.motion_error_tail <= 1e-4
+    if m.force_error_tail is not None:  # of several surfaces the norm, which is no less than each
         allowed = {"constrained": 0.3}.get(scenario.mode, 0.05)
-        assert m.force_error_tail <= (0.2 if "moving" in name else allowed)
+        assert m.force_error_tail <= (0.1 if "moving" in name else allowed)
     assert m.envelope_violation == 0.0
     assert m.gain_condition_margin >= -1e-9
     assert m.reaching_time is not None
@@ -41,6 +51,26 @@ def test_errors_and_bounds(name: str) -> None:
     if scenario.mode == "constrained":
         assert m.constraint_violation is not None
         assert m.constraint_violation <= 1e-14
+
+
+@pytest.mark.parametrize("name", SURFACES_MOMENTS_AND_ANGLES)
+def test_several_surfaces_moments_and_angles_keep_the_promise(name: str) -> None:
+    scenario, m = SCENARIOS[name], figures(name)
+    assert np.all(np.array(scenario.truth.link_scaling) == 1.15)
+    assert m.promise.verdict == "holds"
+    assert m.promise.share == 1.0
+    assert m.motion_error_tail is None or m.motion_error_tail <= 1e-4
+    assert (m.force_error_tail is None) == (name == "ur5-impedance-6d")
+    if m.force_error_tail is not None:
+        assert m.force_error_tail <= (0.3 if scenario.mode == "constrained" else 0.1)
+    if scenario.mode == "constrained":
+        assert m.constraint_violation is not None
+        assert m.constraint_violation <= 1e-9
+    assert (m.moment_error_tail is None) == (name != "panda-align")
+    if m.moment_error_tail is not None:
+        assert m.moment_error_tail <= 0.01
+    assert m.angle_error_tail is not None
+    assert m.angle_error_tail <= 1e-3
 
 
 def test_reaching_is_watched_somewhere() -> None:
@@ -61,6 +91,8 @@ def test_the_opening_scenario_shows_what_the_robust_law_is_for() -> None:
     assert after.force_error_tail is not None
     assert before.force_error_tail > 5.0
     assert after.force_error_tail < 0.05
+    assert before.motion_error_tail is not None
+    assert after.motion_error_tail is not None
     assert before.motion_error_tail > 100.0 * after.motion_error_tail
 
 
