@@ -65,7 +65,7 @@ def test_shipped_corners_are_pressed_and_followed_by_a_heavier_arm(name: str) ->
     loop, _ = simulate(load(name))
     found, rigid = measure(loop), loop.system.plant.kind.rigid
     assert loop.stopped is None
-    assert found.motion_error_tail < 1e-4
+    assert found.motion_error_tail is None or found.motion_error_tail < 1e-4  # None: the tool only turns
     assert found.force_error_tail is not None
     assert found.force_error_tail < (0.3 if rigid else 0.1)
     last = loop.recording.at(loop.t)
