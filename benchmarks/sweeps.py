@@ -17,7 +17,6 @@ from app.process import worker_pool
 from app.scenario.data import edited, shipped
 from app.sweep.figures_of_run import SweepRunner
 from app.sweep.question import Sweep, SweepQuestion, axis_of, fingerprint
-from app.sweep.run_store import RunStore
 from app.sweep.running import run, tasks_of
 
 DURATION = 3.0  # s, of a run
@@ -44,6 +43,8 @@ def main(runs: int = 200, whole: bool = False) -> None:
     print(f"one core: {alone:.1f} runs/s, {alone * DURATION:.0f} times real time, nothing kept")
     print(f"{workers} processes: {shared:.1f} runs/s, {shared / alone:.2f} times that")
     if whole:
+        from app.sweep.run_store import RunStore  # takes 0.5 s, and every worker loads this file
+
         with tempfile.TemporaryDirectory() as folder, RunStore(Path(folder), sweep) as store:
             started = time.perf_counter()
             run(store, sweep, workers)
