@@ -510,7 +510,7 @@ def _scale(axes: Axes, chart: Chart) -> None:
     else:
         from matplotlib.ticker import MaxNLocator
 
-        axes.yaxis.set_major_locator(MaxNLocator(4))
+        axes.yaxis.set_major_locator(MaxNLocator(4, min_n_ticks=3))
         axes.yaxis.set_major_formatter(plain_number)
 
 

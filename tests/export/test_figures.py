@@ -123,6 +123,15 @@ def test_letters_that_are_symbols_are_told_from_words_and_units(text: str, symbo
     assert [run.text for run in runs(text) if run.mathematics] == symbols
 
 
+def test_every_axis_has_three_numbers_at_least() -> None:
+    x = np.linspace(0.0, 1.0, 20)
+    ends = [(0.0, 0.0123), (0.0, 8.4), (0.0, 29.7), *((-2.6, high) for high in np.arange(1.0, 1.2, 0.02))]
+    charts = tuple(Chart("", "N", (Curve("a", (0, 0, 0), x, low + (high - low) * x),)) for low, high in ends)
+    for axes in drawn(Figure(charts, ""), FigureOptions()).axes:
+        least, most = axes.get_ylim()
+        assert sum(least <= tick <= most for tick in axes.get_yticks()) >= 3, (least, most)
+
+
 def test_lines_of_a_chart_differ_in_grey(snapshot: Snapshot) -> None:
     figure = figure_of(plots_of([ALL_PLOTS]), snapshot, Setup.of(snapshot, 0, 0), 0.2, 0.9)
     for chart in figure.charts:

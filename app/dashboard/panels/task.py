@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from html import escape
 from typing import Any
 
 import viser
 
 from app.dashboard.widgets.controls import Choice, Control, Desk, Number, Place, PlaceWhere, decades
+from app.dashboard.widgets.equation import told_of_mode
 from app.dashboard.widgets.section_controls import field_controls, kind_choice
 from app.process.own_code import own_code
 from app.scenario.data import shipped
@@ -99,6 +101,7 @@ class TaskPanel:
             self._force.visible = mode.on_surface
         if self._rotation.visible == snapshot.system.layout.joint:
             self._rotation.visible = not snapshot.system.layout.joint
-        self._note.content = f'<div class="vs-note">{mode.title}, {mode.equation}. {mode.summary}</div>'
+        told = escape(told_of_mode(snapshot))
+        self._note.content = f'<div class="vs-note">{mode.title}, {mode.equation}. {told}</div>'
         for control in self._controls:
             control.show(snapshot)

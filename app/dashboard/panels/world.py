@@ -177,6 +177,12 @@ class WorldPanel:
                 Number(desk, PlaceWhere(f"{section}.contact.M_e", massive), "M_e [kg]", decades(0.01, 100, zero=True)),
                 Switch(desk, PlaceWhere(f"{section}.contact.unilateral", there), "Pushes only"),
                 Number(desk, PlaceWhere(f"{section}.contact.friction_coulomb", there), "friction μ", Scale(0, 1)),
+                Number(
+                    desk,
+                    PlaceWhere(f"{section}.contact.friction_viscous", there),
+                    "viscous [N·s/m]",
+                    decades(0.1, 1000, zero=True),
+                ),
                 Choice(
                     desk,
                     f"{section}.control",

@@ -67,7 +67,7 @@ def _same(line: EquationLine, part: tuple[int, ...], snapshot: Snapshot) -> bool
 def equation_html(snapshot: Snapshot) -> str:
     """Description of the mode, (8) in symbols, and its lines with numbers; the entries that the mode fixes are grey."""
     mode = snapshot.system.mode
-    about = f"{mode.title} {mode.equation}: {mode.summary} Grey numbers are fixed by the mode."
+    about = f"{mode.title} {mode.equation}: {told_of_mode(snapshot)} Grey numbers are fixed by the mode."
     rows = [_general(), *(_row(line, snapshot) for line in lines(snapshot))]
     return (
         '<div class="vs-equation"><div class="vs-row vs-about" tabindex="0">'
@@ -76,6 +76,12 @@ def equation_html(snapshot: Snapshot) -> str:
         '<math display="block"><mtable columnalign="left right right right left" '
         f'columnspacing="0.3em" rowspacing="0.35em">{"".join(rows)}</mtable></math>{_below(snapshot)}</div>'
     )
+
+
+def told_of_mode(snapshot: Snapshot) -> str:
+    """Summary of the mode, and under a law other than the robust one, that nothing promises it."""
+    summary, law = snapshot.system.mode.summary, snapshot.system.controller.law
+    return summary if law.robust else f"{summary} Under the law in force, {law.title}, nothing promises it."
 
 
 def _general() -> str:
