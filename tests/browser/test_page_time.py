@@ -99,7 +99,7 @@ def test_runs_are_pinned_compared_and_forgotten(session: Session):
     assert copied[0].split("\t") == ["", "now", "<b>soft</b>"]
     assert any(line.startswith("path error, RMS") and "%)" in line for line in copied)
     assert table.locator("tr", has_text="path error, RMS").locator("td").count() == 3
-    session.page.get_by_text("controller.K_s = 100").wait_for()
+    session.page.get_by_text("reaching gain K_s: 100 N·s/m").wait_for()
     press(session, f"Forget run {number}")
     session.wait(lambda now: not now.pinned)
     table.wait_for(state="detached")

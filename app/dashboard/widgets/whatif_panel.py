@@ -141,8 +141,8 @@ def _rows(units: Units) -> tuple[_Row, ...]:
         by_37 = figures.force_error_predicted
         return "F_d varies" if by_37 is None else f"by (37) {_small(by_37, 1e-3)} N"
 
-    def growing(figures: Figures) -> str | None:
-        return "still growing" if figures.motion_grows else None
+    def largest(figures: Figures) -> str | None:
+        return f"{'≥ ' if figures.motion_grows else ''}{length(figures.motion_largest)}"
 
     return (
         _Row("force error at the end", lambda f: _newtons(f.force_error), predicted),
@@ -150,7 +150,7 @@ def _rows(units: Units) -> tuple[_Row, ...]:
         _Row("force overshoot", lambda f: _newtons(f.force_overshoot)),
         _Row("largest force on the surface", lambda f: _newtons(f.contact_largest)),
         _Row("force on it at the end", lambda f: _newtons(f.contact_final)),
-        _Row("largest deflection", lambda f: length(f.motion_largest), growing),
+        _Row("largest deflection", largest),
         _Row("deflection at the end", lambda f: length(f.motion_error)),
         _Row("path within 2 % after", lambda f: _seconds(f.motion_settling)),
         _Row("swing to the other side", lambda f: length(f.motion_overshoot)),
