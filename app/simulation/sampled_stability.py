@@ -11,18 +11,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
 
-from app.simulation.control_period import Planned
-from app.simulation.controlled_arm import ControlledArm
-from app.simulation.environment_builder import SOFTEST, face_axes
+from app.simulation.environment_builder import SOFTEST
 from app.simulation.force_margin import ForceLoop
+from app.simulation.period_map import PeriodMap, Posture, free_directions
 from app.simulation.push_response import PushResponse
-from app.simulation.signals import Row
-from app.simulation.state import State
 from app.simulation.system import System
 from controllers.bounds import Equivalent, RequiredGain, required_gain
 from controllers.force_loop import force_loop_factor
@@ -31,43 +28,10 @@ from controllers.premises import Premise
 from controllers.switching import Switching
 from controllers.target_model import TargetModel
 from controllers.task_space import TaskSpace
-from environments.push import TimedPush
-from environments.sensors import ForceReader
 from environments.step_resolution import ROUNDING
-from kernels.records import Record
 
-STEP, FORCE_STEP = 1e-3, 1e-3  # steps of the differences: in boundary layers, and N
 NOISE = 1e-6  # of an eigenvalue
 LONGEST_LINE = 100  # periods of delay, beyond which the matrix becomes too large to be judged in passing
-
-
-@dataclass(frozen=True)
-class Posture:
-    """A posture q (n,) rad at rest at time t (s), as the sampled loop needs it.
-    H_hat: (n, n) kg.
-    across: (n, k), F_r per unit of the multiplier of each of k surfaces; turning: (n, j), of each moment of a flat
-    face, 1/m, none of a point."""
-
-    q: np.ndarray
-    t: float
-    estimate: Estimate
-    task: TaskSpace
-    H_hat: np.ndarray
-    across: np.ndarray
-    turning: np.ndarray
-
-    @classmethod
-    def of(cls, system: System, q: np.ndarray, t: float) -> Posture:
-        """Posture of the system's arm, at rest on the surface. Raises ValueError where J_q is exactly singular."""
-        estimate, task = system.observe(q, np.zeros_like(q), t)
-        J_inv = task.J_q_inv
-        normals = np.column_stack([each.chart(estimate.p, t).G[0] for each in system.surfaces])
-        across = J_inv.T @ (estimate.J_v.T @ normals)
-        turning = np.zeros((len(q), 0))
-        if system.plant.face.flat:
-            axes = estimate.R @ face_axes(system.scenario).T
-            turning = J_inv.T @ (estimate.J_w.T @ np.cross(axes, normals[:, :1], axis=0))
-        return cls(q, t, estimate, task, J_inv.T @ estimate.M_hat @ J_inv, across, turning)
 
 
 def _needed(system: System, estimate: Estimate, task: TaskSpace, r_eq_ddot: np.ndarray | None = None) -> RequiredGain:
@@ -233,157 +197,6 @@ def _reads_contact(system: System) -> bool:
     return kind.touches and system.controller.law.feels_force and not (kind.heavy and ideal)
 
 
-def period_matrix(system: System, at: Posture, *, touching: bool = True) -> np.ndarray:
-    """Jacobian (k, k) of one control period at rest, by central differences of the period itself."""
-    return PeriodMap(system, at, touching=touching).jacobian()
-
-
-class PeriodMap:
-    """One control period of a run, as a map of small deviations from rest and s = 0 at a posture and of a push on the
-    tool: the arm without anything that has a kink, and a constant reference at its present place.
-
-    Deviations x: of the arm along the directions in which it can move and of their rates, in task coordinates, m and
-    m/s; of z (m/s) under a law that has it, and of a law's own state; of the next readings of the force sensor, N: the
-    load of a heavy contact from the period before, and the delayed readings.
-    """
-
-    def __init__(self, system: System, at: Posture, *, touching: bool = True) -> None:
-        self._felt = 6 if system.plant.face.flat else 3  # entries of a reading: a point that touches has no moment
-        self._observer = system.observer
-        self._push = np.full(3, FORCE_STEP)  # `ControlledArm` would ignore a push that is zero when it is made
-        self._still = still = replace(
-            system,
-            plant=system.plant.smooth(touching=touching),
-            sensor=system.sensor.steady(),
-            push=TimedPush(self._push, 0.0, math.inf),
-            blend=None,
-        )
-        self._state = state = State.at(still, at.q, np.zeros_like(at.q), at.t)
-        self._arm, self._row = ControlledArm(still, state), Record.zeros(Row, system.layout.n).data
-        self._push[:] = 0.0
-        self._added, self._reading = np.zeros(6), np.zeros(6)
-        self._blank, controller = state.evaluation.copy().data, system.controller
-        self._parts = [state.arm.views.q, state.arm.views.q_dot]
-        if controller.law.robust:
-            self._parts.append(state.evaluation.views.z)
-        if len(state.x):
-            self._parts.append(state.x)
-        model = controller.model
-        self._yields = np.linalg.pinv(model.K_m) @ model.K_f  # where (8) rests, per N
-        self._speeds = sum(len(part) for part in self._parts[2:])
-        if still.plant.kind.heavy and not system.scenario.sensor.ideal:
-            self._parts.append(state.arm.views.load.wrench[:3])
-        self.rest_at(at)
-
-    def rest_at(self, at: Posture) -> None:
-        """Take the deviations from rest at another posture from now on."""
-        system, state, controller, n = self._still, self._state, self._still.controller, len(at.q)
-        task, basis = at.task, _free_directions(system, at)
-        q_dot = -task.J_q_inv @ task.v_t
-        state.arm.data[:] = system.plant.start(at.q, q_dot, at.t).data
-        load = state.arm.read().load
-        met = load.multiplier.copy()
-        felt = at.across @ met[: len(system.surfaces)]
-        felt += task.J_q_inv.T @ (at.estimate.J_w.T @ load.wrench[3:])
-        if system.layout.tilts:
-            met = felt[: system.m]
-        e_Fc = np.zeros(n) if system.m else controller.controlled * felt
-        r_d = task.r + self._yields @ e_Fc
-        plan = system.plan.held(r_d, met)
-        self._arm.settings.write("plan", plan)
-        state.t, state.evaluation.data[:], state.x[:] = at.t, self._blank, 0.0
-        reference = Planned(plan).at(at.t)
-        _, seen = self._observer.at(state.arm.views.q, state.arm.views.q_dot, at.t)
-        e_r, e_r_dot = seen.r - reference.r_d, seen.r_dot - reference.r_d_dot
-        state.evaluation.views.z[:] = controller.compensator.without_reaching(e_r, e_r_dot)
-        state.reader = ForceReader(system.sensor, system.scenario.simulation.seed)
-        while not state.reader.full:
-            state.reader.read(state.arm.views.load.wrench)
-        self._remembers = len(self._memory) > 0
-        self._base = self._vector()
-        self._prepare_deviations(task.J_q_inv @ basis, basis.T @ task.J_q)
-
-    def _prepare_deviations(self, spread: np.ndarray, gather: np.ndarray) -> None:
-        """Prepare the changes (k, N) of the state by a unit of each deviation, and the matrix (k, N) from a state back
-        to deviations. spread, gather: (n, f) and (f, n), those of the arm."""
-        (n, f), rest = spread.shape, len(self._base) - 2 * spread.shape[0]
-        count, layer = 2 * f + rest, self._still.controller.layer
-        speed = STEP * (layer if layer > 0.0 else 1.0)
-        self._steps = np.full(count, FORCE_STEP)
-        self._steps[:f], self._steps[f : 2 * f + self._speeds] = 0.1 * speed, speed
-        self._ways, self._gather = np.zeros((count, 2 * n + rest)), np.zeros((count, 2 * n + rest))
-        self._ways[:f, :n] = self._ways[f : 2 * f, n : 2 * n] = spread.T
-        self._gather[:f, :n] = self._gather[f : 2 * f, n : 2 * n] = gather
-        self._ways[2 * f :, 2 * n :] = self._gather[2 * f :, 2 * n :] = np.eye(rest)
-
-    def _vector(self) -> np.ndarray:
-        """q, q_dot and the rest of the state that the next period depends on."""
-        return np.concatenate([*self._parts, self._memory.ravel()] if self._remembers else self._parts)
-
-    @property
-    def _memory(self) -> np.ndarray:
-        """Readings in the sensor's memory, (k, 3) or (k, 6)."""
-        return self._state.reader.memory[:, : self._felt]
-
-    def _after(self, vector: np.ndarray) -> np.ndarray:
-        """The state one period later. An elastic surface pushes as soon as it is met."""
-        state, arm = self._state, self._arm
-        for part in self._parts:
-            part[:], vector = vector[: len(part)], vector[len(part) :]
-        if self._remembers:
-            readings = np.zeros((len(vector) // self._felt, 6))
-            readings[:, : self._felt] = vector.reshape(-1, self._felt)
-            state.reader.recall(readings)
-        self._still.plant.find_load(state.arm, state.t)
-        self._reading = arm.measure() + self._added
-        arm.control(self._reading, self._row)
-        arm.move()
-        arm.complete(self._row)
-        return self._vector()
-
-    def jacobian(self) -> np.ndarray:
-        """Jacobian (k, k) of the period, by central differences."""
-        return self.linearised()[0]
-
-    def linearised(self) -> tuple[np.ndarray, np.ndarray]:
-        """Jacobian (k, k) of the period, and that of the sensor's reading in it (r, k)."""
-        changes, readings = [], []
-        for way, step in zip(self._ways, self._steps, strict=True):
-            change = step * way
-            ahead, read_ahead = self._after(self._base + change), self._reading
-            behind, read_behind = self._after(self._base - change), self._reading
-            changes.append((ahead - behind) / (2.0 * step))
-            readings.append((read_ahead - read_behind)[: self._felt] / (2.0 * step))
-        return self._gather @ np.column_stack(changes), np.column_stack(readings)
-
-    def by_reading(self) -> np.ndarray:
-        """Change (k, r) of the state after the period per N (N m) that is added to the reading."""
-        changes = []
-        for entry in range(self._felt):
-            after = []
-            for sign in (1.0, -1.0):
-                self._added[entry] = sign * FORCE_STEP
-                after.append(self._after(self._base))
-            self._added[entry] = 0.0
-            changes.append((after[0] - after[1]) / (2.0 * FORCE_STEP))
-        return self._gather @ np.column_stack(changes)
-
-    def by_push(self) -> np.ndarray:
-        """Change (k, 3) of the state after the period per N of a push along the world's axes."""
-        changes = []
-        for axis in range(3):
-            ahead, behind = (self._pushed(axis, sign * FORCE_STEP) for sign in (1.0, -1.0))
-            changes.append((ahead - behind) / (2.0 * FORCE_STEP))
-        return self._gather @ np.column_stack(changes)
-
-    def _pushed(self, axis: int, newtons: float) -> np.ndarray:
-        """The state after a period at rest with a push."""
-        self._push[axis] = newtons
-        after = self._after(self._base)
-        self._push[axis] = 0.0
-        return after
-
-
 def model_poles(system: System, at: Posture) -> np.ndarray:
     """Poles (k,) 1/s of (8) against the true contact, in the directions in which the arm can move."""
     M, B, K = _in_contact(system, at)
@@ -392,7 +205,7 @@ def model_poles(system: System, at: Posture) -> np.ndarray:
 
 def _in_contact(system: System, at: Posture) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Inertia, damping and stiffness of (8) against the true contact, in the directions in which the arm can move."""
-    model, kind, basis = system.controller.model, system.plant.kind, _free_directions(system, at)
+    model, kind, basis = system.controller.model, system.plant.kind, free_directions(system, at)
     M, B, K = model.M_m, model.B_m, model.K_m
     a, environment, k = at.across, system.plant.environment, len(system.surfaces)
     felt = model.K_f @ (system.controller.controlled[:, None] * a)
@@ -415,7 +228,7 @@ def _push_response(system: System, at: Posture, A: np.ndarray, by_push: np.ndarr
     controller, estimate, J_inv = system.controller, at.estimate, at.task.J_q_inv
     rows = system.charted.chart(estimate.p, at.t).G[: system.layout.positions]
     axes = rows / np.linalg.norm(rows, axis=1, keepdims=True)
-    basis = _free_directions(system, at)
+    basis = free_directions(system, at)
     place = axes @ estimate.J_v @ J_inv  # of the tool, from r
     felt = controller.model.K_f @ (controller.controlled[:, None] * (J_inv.T @ estimate.J_v.T @ axes.T))
     M, D, K = _in_contact(system, at)
@@ -441,14 +254,6 @@ def _names(system: System, count: int) -> tuple[str, ...]:
     if system.layout.joint:
         return ("x", "z") if count == 2 else ("x", "y", "z")
     return tuple(system.coordinates[i].name for i in system.layout.places)
-
-
-def _free_directions(system: System, at: Posture) -> np.ndarray:
-    """Orthonormal directions (n, k) in which the arm can move; each rigid surface takes one away."""
-    n = system.layout.n
-    if not system.plant.kind.rigid:
-        return np.eye(n)
-    return np.linalg.qr(np.column_stack([at.across, np.eye(n)]))[0][:, at.across.shape[1] : n]
 
 
 def force_factor(system: System, at: Posture) -> float:

@@ -17,7 +17,8 @@ from app.session.changes import in_mode, possible, with_control, with_further
 from app.simulation.closed_loop import ClosedLoop
 from app.simulation.compiled_run import CompiledRun
 from app.simulation.controller_builder import believed_compliance, believed_stiffness, true_stiffness
-from app.simulation.sampled_stability import Posture, force_factor, period_matrix
+from app.simulation.period_map import Posture, period_matrix
+from app.simulation.sampled_stability import force_factor
 from app.simulation.system import System, assemble
 from environments.coupled_surfaces import EnvironmentMatrices
 from environments.plant import Plant

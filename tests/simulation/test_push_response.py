@@ -10,8 +10,9 @@ from app.scenario.schema import Scenario
 from app.session.push_measurement import Chirp, PushExperiment, not_linear, told
 from app.simulation.closed_loop import ClosedLoop
 from app.simulation.force_margin import ForceLoop
+from app.simulation.period_map import Posture, period_matrix
 from app.simulation.push_response import PushResponse, along_axes, largest_and_smallest, passive
-from app.simulation.sampled_stability import Posture, period_matrix, sampled_loop
+from app.simulation.sampled_stability import sampled_loop
 from app.simulation.system import System, assemble
 from environments.push import TimedPush
 

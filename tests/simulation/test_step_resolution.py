@@ -15,7 +15,8 @@ from app.scenario.data import edited, shipped
 from app.scenario.schema import Scenario, ScenarioError
 from app.session.changes import in_mode, on_robot
 from app.simulation.closed_loop import ClosedLoop
-from app.simulation.sampled_stability import Posture, force_factor, period_matrix, sampled_loop
+from app.simulation.period_map import Posture, period_matrix
+from app.simulation.sampled_stability import force_factor, sampled_loop
 from app.simulation.system import System, assemble
 from controllers.premises import Premise
 from environments.contact import Contact
