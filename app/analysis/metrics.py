@@ -66,7 +66,6 @@ def measure(loop: ClosedLoop, realtime_factor: float | None = None, engine: Engi
     tail = tail_of(t)
     last = {name: record[name][tail] for name in ("t", "e_r", "tool", "F_c", "F_cd", *MULTIPLIERS)}
     system, begun = loop.system, loop.recording.epochs[0]
-    path, angles = path_error(system, last), angle_error(system, last)
     rigid = system.plant.kind.rigid
     tau = record["tau"]
     duration = max(float(t[-1] - t[0]), system.scenario.controller.period)
@@ -74,9 +73,9 @@ def measure(loop: ClosedLoop, realtime_factor: float | None = None, engine: Engi
     promised = excess[np.isfinite(excess)]
     standing = loop.standing
     return Metrics(
-        motion_error_tail=None if path is None else float(path.max()),
-        angle_error_tail=None if angles is None else float(angles.max()),
-        force_error_tail=float(np.abs(force_error(system, last)).max()) if system.m else None,
+        motion_error_tail=_largest(path_error(system, last)),
+        angle_error_tail=_largest(angle_error(system, last)),
+        force_error_tail=_largest(force_error(system, last) if system.m else None),
         moment_error_tail=float(moment_error(system, last).max()) if system.layout.tilts else None,
         constraint_violation=float(max(np.abs(record[name]).max() for name in PHI)) if rigid else None,
         settling_time=_settling(system, record),
@@ -286,17 +285,22 @@ def account(system: System, recording: Recording, t_from: float, t_to: float) ->
     angles, force = angle_error(system, record), force_error(system, record) if system.m else None
     return Account(
         path_rms=None if path is None else _rms(path),
-        path_max=None if path is None else float(path.max()),
+        path_max=_largest(path),
         angle_rms=None if angles is None else _rms(angles),
-        angle_max=None if angles is None else float(angles.max()),
+        angle_max=_largest(angles),
         force_rms=None if force is None else _rms(force),
-        force_max=None if force is None else float(np.abs(force).max()),
+        force_max=_largest(force),
         s_max=float(record["s_norm"].max()) if (record["d"] > 0.0).any() else None,
         residual_rms=_rms(np.linalg.norm(record["residual"], axis=1)),
         effort=_rms(np.linalg.norm(record["tau_applied"], axis=1)),
         variation=float(np.abs(np.diff(record["tau"], axis=0)).sum() / (t[-1] - t[0])),
         gain_margin=_least_margin(record),
     )
+
+
+def _largest(errors: np.ndarray | None) -> float | None:
+    """Size of the largest of these errors, None where there are none."""
+    return None if errors is None else float(np.abs(errors).max())
 
 
 def _rms(values: np.ndarray) -> float:
