@@ -8,6 +8,7 @@ const PLACES = {
   "[data-dock-region=right]": { role: "region", "aria-label": "controls" },
   "[data-floating-window]": { role: "region", "aria-label": "target model" },
   ".mantine-Notification-closeButton": { "aria-label": "close" },
+  ".uplot-container button:not(.vs-measure)": { "aria-label": "enlarge the plot, or make it small again", title: "enlarge" },
   "canvas[data-engine]": { role: "img", "aria-label": "the robot, the surface and the forces in three dimensions" },
 };
 // what a key presses: by Enter or the space bar, as a click

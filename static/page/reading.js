@@ -212,10 +212,6 @@ setInterval(() => {
     button.setAttribute("aria-label", "measure with two cursors");
     box.append(button);
   }
-  for (const button of document.querySelectorAll(".uplot-container button:not([aria-label])")) {
-    button.setAttribute("aria-label", "enlarge the plot, or make it small again");
-    button.title ||= "enlarge";
-  }
   for (const { again } of measured.values()) again();
   const enlarged = large() && chartIn(large());
   if (enlarged) fit(enlarged); // a message above it takes room
