@@ -522,7 +522,7 @@ class Plant:
         """Load of the contact that the torque tau (n,) N m will cause in the period (s) from time t on."""
         acting, at = self._evaluated_at(state, t, period / self.substeps)
         self._accelerate(acting, tau, at)
-        return acting.read().load
+        return acting.part("load")
 
     def force_of(self, state: PlantState, multiplier: np.ndarray, t: float, period: float) -> np.ndarray:
         """Wrench (6,) of the tool on the environment in the period (s) from time t on, when the multipliers of heavy

@@ -221,12 +221,14 @@ class Runner:
         """Longest time (s) that the thread may rest if no command comes.
 
         Steps are computed in batches: to wake for each step at 1 kHz took 18 % of a core, of which the steps were 3.
-        A hand on the tool is answered step by step.
+        A hand on the tool is answered step by step, and a loop that is late does not rest.
         """
         if not self._going:
             return PUBLISH
         now = time.perf_counter()
         due = schedule.due(self._loop.t + self._period) - now
+        if due < -PUBLISH:
+            return LEAST_REST
         if now - self._looked > FORGOTTEN:
             return max(min(due, UNREAD), UNWATCHED)
         return min(max(due, LEAST_REST if self._loop.grip else BATCH), PUBLISH)

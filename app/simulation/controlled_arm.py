@@ -166,16 +166,20 @@ class ControlledArm:
         """Start the contact with a rigid surface: before the first period, the sensor reads the force that the law's
         own torque causes."""
         arm, evaluation = self._state.arm, self._state.evaluation
-        before = evaluation.data.copy()
+        before = evaluation.copy()
         if self._solve_for_force(self._scratch):
             load = self._plant.respond(arm, self._applied, self._state.t, self._h)
             arm.write("load", load._replace(phi=arm.read().load.phi.copy()))
-        evaluation.data[:] = before
+        evaluation.take(before)
 
     def _evaluate(self, evaluation: Record[Evaluation], F: np.ndarray, row: np.ndarray) -> None:
-        state, data = self._state, self._arm_data
         self.feed_forward(evaluation)
-        terms = self._nominal.update(self._q, self._q_dot)
+        self._nominal.update(self._q, self._q_dot)
+        self._act(evaluation, F, row)
+
+    def _act(self, evaluation: Record[Evaluation], F: np.ndarray, row: np.ndarray) -> None:
+        """Evaluate the law for the wrench F (6,) and the terms of the arm that the nominal model has now."""
+        state, data, terms = self._state, self._arm_data, self._nominal.terms
         if self._law is None:
             self._control(self._settings, evaluation.data, *terms, data, F, state.t, row)
         else:
@@ -187,14 +191,16 @@ class ControlledArm:
         """Evaluate the law with the force that its own torque causes, by Broyden's method on the multipliers; returns
         whether that force was found. Every evaluation begins from what was there at the beginning."""
         evaluation = self._state.evaluation
-        guess, begun = self._state.arm.read().load.multiplier.copy(), evaluation.data.copy()
+        self.feed_forward(evaluation)
+        self._nominal.update(self._q, self._q_dot)
+        guess, begun = self._state.arm.views.load.multiplier.copy(), evaluation.copy()
         inverse, change = -np.eye(3), np.zeros(3)
         error = self._missed(guess, row)
         for _ in range(FORCE_ITERATIONS):
             if force_found(error, guess):
                 return True
             better_guess(inverse, error, change, guess)
-            evaluation.data[:] = begun
+            evaluation.take(begun)
             before, error = error, self._missed(guess, row)
             improve_inverse(inverse, change, error - before)
         return False
@@ -202,7 +208,7 @@ class ControlledArm:
     def _missed(self, guess: np.ndarray, row: np.ndarray) -> np.ndarray:
         """Differences (3,) N between the multipliers that the law's torque for a guess causes, and the guess."""
         plant, arm, t, h = self._plant, self._state.arm, self._state.t, self._h
-        self._evaluate(self._state.evaluation, plant.force_of(arm, guess, t, h) - self.push, row)
+        self._act(self._state.evaluation, plant.force_of(arm, guess, t, h) - self.push, row)
         return plant.respond(arm, self._applied + self.push_torque, t, h).multiplier - guess
 
 
