@@ -81,6 +81,12 @@ class TaskLayout(NamedTuple):
         return self.positions + self.tilts
 
     @property
+    def turns(self) -> tuple[int, ...]:
+        """Numbers of the coordinates that are angles of the tool, tilts included."""
+        end = self.n - len(self.supplemental_joints)
+        return () if self.joint else tuple(i for i in range(end) if i not in self.places)
+
+    @property
     def supplemental_joints(self) -> tuple[int, ...]:
         """Numbers, from 0, of the joints that are coordinates themselves."""
         return tuple(self.supplemental[: self.n - self.positions - self.angles].tolist())

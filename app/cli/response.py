@@ -22,6 +22,7 @@ def response(
     measure: tuple[float, ...] = (),
     chirp: tuple[float, float] | None = None,
     newtons: float = 2.0,
+    newton_metres: float = 0.1,
     use: Files = (),
     settings: Settings = (),
 ) -> int:
@@ -34,7 +35,8 @@ def response(
         at: the instant of the run whose posture is looked at, s
         measure: frequencies, Hz, at which whole runs under a sinusoidal push measure it, too
         chirp: lowest and highest frequency, Hz, of a push that sweeps from one to the other and measures it between
-        newtons: size of that push, N
+        newtons: size of that push along each axis, N
+        newton_metres: size of that push about each axis, N·m
         use: a file with a control law of your own (docs/extending.md)
     """
     from app.export.figures import render
@@ -52,6 +54,8 @@ def response(
         raise ScenarioError(f"--at {at:g}: allowed: 0 s or more")
     if not 0.0 < newtons < math.inf:
         raise ScenarioError(f"--newtons {newtons:g}: allowed: more than 0 N")
+    if not 0.0 < newton_metres < math.inf:
+        raise ScenarioError(f"--newton-metres {newton_metres:g}: allowed: more than 0 N·m")
     use_own(use)
     chosen, memory = configured(scenario, settings), kept_memory()
     loop = ClosedLoop(chosen, memory=memory)
@@ -60,7 +64,7 @@ def response(
     seen = sampled_loop(loop.system, loop.state.arm.views.q.copy(), loop.t)
     if seen.response is None:
         raise ScenarioError(f"response: {scenario} has none: the law chatters, the sensor is late, or J_q is singular")
-    experiment = PushExperiment(loop.state, seen.response.directions, newtons, memory)
+    experiment = PushExperiment(loop.state, seen.response.axes, newtons, newton_metres, memory)
     points = [experiment.sine(each) for each in measure]
     points += [] if chirp is None else experiment.chirp(Chirp(*chirp))
     for line in told(seen.response):

@@ -32,7 +32,8 @@ TWO_COLUMNS = 130.0 * MM  # in, width from which on charts may stand in two colu
 ONE_COLUMN = 4  # number of charts up to which they stand in one column
 TYPE = 7.0  # pt, size of the running text; the lengths below are for this size
 AXES_HEIGHT, LOWEST_AXES = 0.95, 0.35  # in
-LEFT, RIGHT, BELOW, GAP, MARGIN = 0.52, 0.08, 0.2, 0.05, 0.06  # in
+LEFT, RIGHT, BELOW, GAP, MARGIN = 0.6, 0.12, 0.2, 0.05, 0.06  # in
+UNIT = 0.12  # in, from the left edge to the middle of a unit's upright text
 X_LABEL = 0.16  # in
 ROW = 0.125  # in, of a title, of a row of the legend, of a line of the caption
 HANDLE, APART = 0.2, 0.1  # in, of an entry of the legend: its line, and the space to the next entry
@@ -333,7 +334,7 @@ class _Sheet:
         rows = -(-count // columns)
         charts = _lettered(figure.charts) if options.letters else figure.charts
         self._width, self._column = width, width / columns
-        self._inside = self._column - factor * LEFT - RIGHT
+        self._inside = self._column - factor * (LEFT + RIGHT)
         self._stacks = [charts[rows * c : rows * (c + 1)] for c in range(columns)]
         told = figure.caption if options.caption else ""
         self._caption = wrapped(told, width - 2 * MARGIN, factor * SMALL * TYPE)
@@ -410,7 +411,7 @@ class _Sheet:
         axes.tick_params(pad=2, length=2)
         if chart.unit:
             axes.set_ylabel(f"[{chart.unit}]")
-        axes.yaxis.set_label_coords((0.15 - LEFT) * self._factor / self._inside, 0.5)
+        axes.yaxis.set_label_coords((UNIT - LEFT) * self._factor / self._inside, 0.5)
         if labelled:
             middle = left + (self._inside - width_of(chart.x_label, self._options.type_size)) / 2
             write(canvas, middle, bottom - self._factor * (BELOW + 0.09), chart.x_label, self._options.type_size)
@@ -527,6 +528,8 @@ def plain_decades(axis: Axis) -> None:
 
 def plain_number(value: float, _: object) -> str:
     """Label of a tick as plain text, such as 2·10⁻³."""
-    mantissa, _, exponent = f"{value:.6g}".partition("e")
+    short = f"{value:.0e}"
+    text = short if abs(value) >= 1e5 and float(short) == value else f"{value:.6g}"
+    mantissa, _, exponent = text.partition("e")
     power = "10" + str(int(exponent)).translate(RAISED) if exponent else ""
     return "·".join(part for part in (mantissa, power) if part and (part, bool(power)) != ("1", True)).replace("-", "−")

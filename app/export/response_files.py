@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from itertools import cycle
 from typing import NamedTuple
 
@@ -13,18 +14,26 @@ import numpy as np
 from app.export.figures import FREQUENCY, Chart, Curve, Figure, Rgb
 from app.session.push_measurement import Measured
 from app.simulation.force_margin import ForceLoop
-from app.simulation.push_response import NOTHING, PushResponse, along_axes, largest_and_smallest, passive
+from app.simulation.push_response import (
+    NOTHING,
+    RIGID,
+    PushAxis,
+    PushResponse,
+    along_axes,
+    block,
+    largest_and_smallest,
+    passive,
+)
 from app.simulation.sampled_stability import RespondingLoop
 
 BLUE, ORANGE, GREEN, GREY = (86, 180, 233), (230, 159, 0), (0, 158, 115), (140, 140, 140)
 NEAR = 0.1  # share of the target's impedance within which the sampled loop counts as following it
-NANOMETRE = 1e-9  # m per N: a compliance below this counts as none
 STEP = 2.0  # s, length of the response to a step
 
 
 def figure_of(loop: RespondingLoop, response: PushResponse, points: Sequence[Measured], caption: str) -> Figure:
-    """Figure of a response: the impedance along each axis and over all directions, the way under a step, the poles, and
-    gain and phase of the force loop where there is one. points: measured ones."""
+    """Figure of a response: the impedance along each axis and over all directions, for forces and for moments, the way
+    under a step, the poles, and gain and phase of the force loop where there is one. points: measured ones."""
     frequency = response.frequencies()
     sampled, target = response.admittance(frequency), response.target(frequency)
     z_sampled, z_target = along_axes(sampled), along_axes(target)
@@ -32,36 +41,31 @@ def figure_of(loop: RespondingLoop, response: PushResponse, points: Sequence[Mea
     dots = along_axes(np.array([point.admittance for point in points])) if points else np.empty((0, len(response.axes)))
     charts = [
         _chart(
-            f"impedance along {name}",
-            "N·s/m",
+            f"impedance {axis.words}",
+            axis.push.impedance,
             [
-                _line("target model (8)", ORANGE, frequency, z_target[:, axis], dashed=True),
-                _line("sampled loop", BLUE, frequency, z_sampled[:, axis]),
-                *_dots(at, dots[:, axis]),
+                _line("target model (8)", ORANGE, frequency, z_target[:, k], dashed=True),
+                _line("sampled loop", BLUE, frequency, z_sampled[:, k]),
+                *_dots(at, dots[:, k]),
             ],
         )
-        for axis, name in enumerate(response.axes)
+        for k, axis in enumerate(response.axes)
     ]
-    extremes, wanted = largest_and_smallest(sampled), largest_and_smallest(target)
-    charts.append(
-        _chart(
-            "impedance, over all directions",
-            "N·s/m",
-            [
-                _line("target, largest", ORANGE, frequency, wanted[:, 0], dashed=True),
-                _line("target, smallest", ORANGE, frequency, wanted[:, 1], dashed=True),
-                _line("sampled, largest", BLUE, frequency, extremes[:, 0]),
-                _line("sampled, smallest", BLUE, frequency, extremes[:, 1]),
-            ],
+    for push, axes in response.kinds.items():
+        extremes, wanted = (largest_and_smallest(block(each, axes)) for each in (sampled, target))
+        charts.append(
+            _chart(
+                f"impedance to {push.name}s, over all directions",
+                push.impedance,
+                [
+                    _line("target model (8), largest and smallest", ORANGE, frequency, wanted[:, 0], dashed=True),
+                    replace(_line("", ORANGE, frequency, wanted[:, 1], dashed=True), listed=False),
+                    _line("sampled loop, the same", BLUE, frequency, extremes[:, 0]),
+                    replace(_line("", BLUE, frequency, extremes[:, 1]), listed=False),
+                ],
+            )
         )
-    )
-    times, ways, wished = response.step(STEP)
-    for axis, name in enumerate(response.axes):
-        curves = (
-            Curve("target model (8)", ORANGE, times, 1e3 * wished[:, axis], dashed=True),
-            Curve("sampled loop", BLUE, times, 1e3 * ways[:, axis]),
-        )
-        charts.append(Chart(f"way along {name} under 1 N from t = 0 on", "mm", curves))
+    charts += _of_steps(response)
     poles = (
         Curve("target model (8)", ORANGE, np.real(loop.model), np.imag(loop.model), width=0.0, dotted=True),
         Curve("sampled loop", BLUE, np.real(loop.sampled), np.imag(loop.sampled), width=0.0, dotted=True),
@@ -70,6 +74,22 @@ def figure_of(loop: RespondingLoop, response: PushResponse, points: Sequence[Mea
     if loop.force_loop is not None:
         charts += _of_force_loop(loop.force_loop)
     return Figure(tuple(chart for chart in charts if chart.curves), caption, one_column=1)
+
+
+def _of_steps(response: PushResponse) -> list[Chart]:
+    """Charts of the tool's way along each axis under a unit push from t = 0 on, but for axes along which it does not
+    move."""
+    times, ways, wished = response.step(STEP)
+    charts = []
+    for axis, way, wish in zip(response.axes, ways.T, wished.T, strict=True):
+        if max(np.abs(way).max(), np.abs(wish).max()) > RIGID:
+            curves = (
+                Curve("target model (8)", ORANGE, times, 1e3 * wish, dashed=True),
+                Curve("sampled loop", BLUE, times, 1e3 * way),
+            )
+            title = f"{axis.push.motion} {axis.words} under a step of 1 {axis.push.unit}"
+            charts.append(Chart(title, f"m{axis.push.way}", curves))
+    return charts
 
 
 def _of_force_loop(loop: ForceLoop) -> list[Chart]:
@@ -148,8 +168,13 @@ def table_of(response: PushResponse, points: Sequence[Measured]) -> str:
     frequency = response.frequencies()
     file = io.StringIO()
     rows = csv.writer(file, lineterminator="\n")
-    whats = [f"{what} along {name}" for name in response.axes for what in ("impedance [N·s/m]", "phase [deg]")]
-    rows.writerow(["kind", "frequency [Hz]", *whats, "largest [N·s/m]", "smallest [N·s/m]", "passive"])
+    alongs = [
+        f"{what} {axis.words}"
+        for axis in response.axes
+        for what in (f"impedance [{axis.push.impedance}]", "phase [deg]")
+    ]
+    extremes = [f"{which} [{push.impedance}]" for push in response.kinds for which in ("largest", "smallest")]
+    rows.writerow(["kind", "frequency [Hz]", *alongs, *extremes, "passive"])
     of_points = (np.array([p.frequency for p in points]), np.array([p.admittance for p in points]))
     kinds = {
         "target": (frequency, response.target(frequency)),
@@ -157,13 +182,14 @@ def table_of(response: PushResponse, points: Sequence[Measured]) -> str:
         **({"measured": of_points} if points else {}),
     }
     for kind, (at, admittance) in kinds.items():
-        rows.writerows([kind, *line] for line in _lines(at, admittance))
+        rows.writerows([kind, *line] for line in _lines(response, at, admittance))
     return file.getvalue()
 
 
-def _lines(frequency: np.ndarray, admittance: np.ndarray) -> Iterator[list[str]]:
+def _lines(response: PushResponse, frequency: np.ndarray, admittance: np.ndarray) -> Iterator[list[str]]:
     impedance, phase = along_axes(admittance), -np.angle(np.diagonal(admittance, axis1=1, axis2=2), deg=True)
-    extremes, does = largest_and_smallest(admittance), passive(admittance)
+    extremes = np.hstack([largest_and_smallest(block(admittance, axes)) for axes in response.kinds.values()])
+    does = passive(admittance)
     for k, at in enumerate(frequency):
         pairs = np.column_stack([impedance[k], phase[k]]).ravel()
         yield [f"{at:.6g}", *(f"{value:.6g}" for value in (*pairs, *extremes[k])), "yes" if does[k] else "no"]
@@ -173,18 +199,34 @@ def told(response: PushResponse) -> list[str]:
     """Summary of a response in lines: how far it follows the target model, and where it is passive."""
     frequency = response.frequencies()
     sampled, target = response.admittance(frequency), response.target(frequency)
-    axes = [_followed(name, frequency, sampled[:, k, k], target[:, k, k]) for k, name in enumerate(response.axes)]
-    moves = np.abs(sampled / (2 * np.pi * frequency[:, None, None])).max() > NANOMETRE
-    return [*axes, f"passive {_ranges(frequency, passive(sampled))}"] if moves else axes
+    alike: dict[str, list[str]] = {}
+    for k, axis in enumerate(response.axes):
+        alike.setdefault(_followed(axis, frequency, sampled[:, k, k], target[:, k, k]), []).append(axis.words)
+    axes = [f"{', '.join(words)}: {does}" for does, words in alike.items()]
+    moves = np.abs(sampled / (2 * np.pi * frequency[:, None, None])).max() > RIGID
+    return [*axes, _passive(response, frequency, sampled)] if moves else axes
 
 
-def _followed(name: str, frequency: np.ndarray, sampled: np.ndarray, target: np.ndarray) -> str:
+def _passive(response: PushResponse, frequency: np.ndarray, sampled: np.ndarray) -> str:
+    """Ranges in which the sampled loop is passive, in words: to all pushes, and to those of one kind alone."""
+    together = f"passive {_ranges(frequency, passive(sampled))}"
+    if len(response.kinds) == 1:
+        return together
+    alone = (
+        f"to {push.name}s alone {_ranges(frequency, passive(block(sampled, axes)))}"
+        for push, axes in response.kinds.items()
+    )
+    return f"{together}; {', '.join(alone)}"
+
+
+def _followed(axis: PushAxis, frequency: np.ndarray, sampled: np.ndarray, target: np.ndarray) -> str:
+    push = axis.push
     if not np.abs(target).max() > NOTHING:
         largest = np.abs(sampled / (2 * np.pi * frequency)).max()
-        yields = f"yields by {1e6 * largest:.3g} µm per N at most" if largest > NANOMETRE else "does not yield"
-        return f"along {name}: the target model feels no force, and the arm {yields}"
+        yields = f"yields by {1e6 * largest:.3g} µ{push.way} per {push.unit} at most"
+        return f"the target model feels no {push.name}, and the arm {yields if largest > RIGID else 'does not yield'}"
     near = np.abs(target / sampled - 1.0) <= NEAR
-    return f"along {name}: within {NEAR:.0%} of the target's impedance {_ranges(frequency, near)}"
+    return f"within {NEAR:.0%} of the target's impedance {_ranges(frequency, near)}"
 
 
 def _ranges(frequency: np.ndarray, does: np.ndarray) -> str:

@@ -10,31 +10,35 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import pairwise
 from typing import NamedTuple
 
 import msgspec
 import numpy as np
+import pinocchio as pin
 
-from app.scenario.schema import ScenarioError
+from app.scenario.schema import Declared, ScenarioError
 from app.session.headless_run import play
 from app.simulation.closed_loop import ClosedLoop
-from app.simulation.push_response import PushResponse
+from app.simulation.push_response import FORCE, PushAxis, PushResponse
 from app.simulation.search_memory import Memory
 from app.simulation.state import State, blending
 from app.simulation.system import System, assemble
+from controllers.laws.table import LAWS
 from environments.push import TimedPush
 
 SETTLES = 0.5  # s, before the push begins
 LEAD, CYCLES = 1.5, 5  # s under a sine before it counts, and whole cycles that count
 RESTS = 2.0  # s after a chirp, in which the tool comes to rest
 SHORTEST, LONGEST = 4, 60.0  # control periods in the shortest cycle, and s of the longest one
-NEWTONS = 2.0
+NEWTONS, NEWTON_METRES = 2.0, 0.1
+NEAR = 1e-6  # m, from a surface, within which the tool begins on it
 FAR = 0.05  # of the predicted admittance: farther away, a point needs an explanation
 
 
 class Measured(NamedTuple):
     """Measured admittance at one frequency (Hz).
-    admittance: (p, p) m/s per N, complex: of the speed along each axis by a push along each."""
+    admittance: (p, p), complex: of the speed along each axis by a push along each, see `PushResponse`."""
 
     frequency: float
     admittance: np.ndarray
@@ -51,12 +55,19 @@ class Chirp(NamedTuple):
 
 
 class PushExperiment:
-    """Runs from one state on, with a push of `newtons` N along each of the unit vectors `directions` (p, 3)."""
+    """Runs from one state on, with a push along each axis: `newtons` N, or a moment of `newton_metres` N m."""
 
     def __init__(
-        self, state: State, directions: np.ndarray, newtons: float = NEWTONS, memory: Memory | None = None
+        self,
+        state: State,
+        axes: Sequence[PushAxis],
+        newtons: float = NEWTONS,
+        newton_metres: float = NEWTON_METRES,
+        memory: Memory | None = None,
     ) -> None:
-        self._state, self._directions, self._newtons = replace(state.copy(), grip=None), directions, newtons
+        self._state, self._axes = replace(state.copy(), grip=None), axes
+        self._sizes = [newtons if axis.push == FORCE else newton_metres for axis in axes]
+        self._wrenches = np.array([axis.wrench for axis in axes])
         self._system, self._h = _holding(state, memory), state.scenario.controller.period
 
     def sine(self, frequency: float) -> Measured:
@@ -96,23 +107,38 @@ class PushExperiment:
         """Admittance at each frequency (N,) Hz, of the rows that count."""
         still, _ = self._run(push, counted)
         columns = []
-        for along in self._directions:
-            speeds, force = self._run(push._replace(force=self._newtons * along), counted)
-            wave = np.exp(-2j * np.pi * self._h * np.outer(frequencies, np.arange(len(force))))
-            columns.append((wave @ (speeds - still)) / (wave @ (force @ along))[:, None])
+        for axis, size in zip(self._axes, self._sizes, strict=True):
+            force, moment = np.split(size * axis.wrench, 2)
+            speeds, wrench = self._run(push._replace(force=force, moment=moment), counted)
+            wave = np.exp(-2j * np.pi * self._h * np.outer(frequencies, np.arange(len(wrench))))
+            columns.append((wave @ (speeds - still)) / (wave @ (wrench @ axis.wrench))[:, None])
         return [
             Measured(float(f), admittance) for f, admittance in zip(frequencies, np.stack(columns, axis=2), strict=True)
         ]
 
     def _run(self, push: TimedPush, counted: slice) -> tuple[np.ndarray, np.ndarray]:
-        """Mean speeds along the axes (N, p) m/s in the periods that count, and force (N, 3) N."""
+        """Mean speeds along the axes (N, p) in the periods that count, and the pushes (N, 6) N and N m."""
         loop = ClosedLoop.continuing(replace(self._system, push=push), self._state, counted.stop + 1)
         play(loop, counted.stop + 1)
         if loop.stopped:
-            raise ScenarioError(f"the push of {np.linalg.norm(push.force):.3g} N: the run stops: {loop.stopped}")
-        rows = loop.recording.signals(("tool", "F_push"))
-        speeds = np.diff(rows["tool"] @ self._directions.T, axis=0) / self._h
-        return speeds[counted], rows["F_push"][:-1][counted]
+            force, moment = (np.linalg.norm(part) for part in (push.force, push.moment))
+            size = f"{force:.3g} N" if force else f"{moment:.3g} N·m"
+            raise ScenarioError(f"the push of {size}: the run stops: {loop.stopped}")
+        rows = loop.recording.signals(("tool", "q", "F_push", "moment_push"))
+        ways = [np.diff(rows["tool"], axis=0), _turns(self._system, rows["q"])]
+        pushes = np.hstack([rows["F_push"], rows["moment_push"]])[:-1]
+        return (np.hstack(ways) @ self._wrenches.T / self._h)[counted], pushes[counted]
+
+
+def _turns(system: System, q: np.ndarray) -> np.ndarray:
+    """Rotation vectors (N - 1, 3) rad in the world, by which the tool turns from each posture to the next. q: (N, n)
+    rad."""
+    model, joint = system.robot.model, system.robot.tool_joint
+    data, turned = model.createData(), []
+    for each in q:
+        pin.forwardKinematics(model, data, each)
+        turned.append(data.oMi[joint].rotation.copy())
+    return np.array([pin.log3(after @ before.T) for before, after in pairwise(turned)])
 
 
 def _holding(state: State, memory: Memory | None) -> System:
@@ -133,11 +159,11 @@ class _Point(msgspec.Struct, frozen=True):
     admittance: list[list[tuple[float, float]]]
 
 
-def encoded(state: State, directions: np.ndarray, chirp: Chirp) -> bytes:
+def encoded(state: State, axes: Sequence[PushAxis], chirp: Chirp) -> bytes:
     """Measurement with a chirp, for another process; see `decoded`. Raises ScenarioError."""
     from app.storage.constants_store import kept_memory
 
-    found = PushExperiment(state, directions, memory=kept_memory()).chirp(chirp)
+    found = PushExperiment(state, axes, memory=kept_memory()).chirp(chirp)
     points = [
         _Point(each.frequency, [[(entry.real, entry.imag) for entry in row] for row in each.admittance.tolist()])
         for each in found
@@ -161,13 +187,19 @@ def chirp_for(state: State) -> Chirp:
 def not_linear(state: State) -> tuple[str, ...]:
     """Properties of a run from this state that a linear prediction leaves out, in words; empty where none is known."""
     scenario = state.scenario
-    away = state.t > 0.0 and not state.evaluation.views.touching
+    load, pressed = state.arm.views.load, max(sum(each.pressed for each in scenario.surfaces), 1)
+    apart = state.t > 0.0 or np.abs(load.phi[:pressed]).max() > NEAR  # at the start a surface may be met, yet unpressed
+    away = apart and not state.evaluation.views.touching
     rough = any(each.contact.kind != "free" and each.contact.friction_coulomb > 0.0 for each in scenario.surfaces)
+    controller, errors = scenario.controller, scenario.declared
+    grows = LAWS[controller.law].robust and controller.gain == "theorem" and errors != Declared()
     known = {
         "the tool does not touch every surface that it should press": away,
         "dry friction on a surface": rough,
+        "a surface that changes its shape or turns": any(each.form.changing for each in scenario.surfaces),
         "dry friction in the joints": scenario.truth.coulomb > 0.0,
         "a limit of the torques": bool(np.any(np.asarray(scenario.truth.torque_limit))),
+        "the gain d by (17), which grows with the push": grows,
     }
     return tuple(what for what, so in known.items() if so)
 
@@ -177,7 +209,8 @@ def told(points: Sequence[Measured], response: PushResponse, beside: Sequence[st
     the prediction leaves out. beside: of `not_linear`."""
     found = np.array([point.admittance for point in points])
     predicted = response.admittance(np.array([point.frequency for point in points]))
-    apart = np.abs(found - predicted).max(axis=(1, 2)) / np.maximum(np.abs(predicted).max(axis=(1, 2)), 1e-300)
+    found, predicted = (np.abs(response.in_metres(each)) for each in (found - predicted, predicted))
+    apart = found.max(axis=(1, 2)) / np.maximum(predicted.max(axis=(1, 2)), 1e-300)
     worst = int(apart.argmax())
     far = apart[worst] > FAR
     frequencies = "1 frequency" if len(points) == 1 else f"{len(points)} frequencies"

@@ -72,17 +72,19 @@ class PeriodMap:
     Deviations x: of the arm along the directions in which it can move and of their rates, in task coordinates, m and
     m/s; of z (m/s) under a law that has it, and of a law's own state; of the next readings of the force sensor, N: the
     load of a heavy contact from the period before, and the delayed readings.
+
+    moments: whether the readings of a tool whose contact is a point have the moments of a push, too.
     """
 
-    def __init__(self, system: System, at: Posture, *, touching: bool = True) -> None:
-        self._felt = 6 if system.plant.face.flat else 3  # entries of a reading: a point that touches has no moment
+    def __init__(self, system: System, at: Posture, *, touching: bool = True, moments: bool = False) -> None:
+        self._felt = 6 if moments or system.plant.face.flat else 3  # entries of a reading
         self._observer = system.observer
-        self._push = np.full(3, FORCE_STEP)  # `ControlledArm` would ignore a push that is zero when it is made
+        self._push = np.full((2, 3), FORCE_STEP)  # `ControlledArm` would ignore a push that is zero when it is made
         self._still = still = replace(
             system,
             plant=system.plant.smooth(touching=touching),
             sensor=system.sensor.steady(),
-            push=TimedPush(self._push, 0.0, math.inf),
+            push=TimedPush(self._push[0], 0.0, math.inf, moment=self._push[1]),
             blend=None,
         )
         self._state = state = State.at(still, at.q, np.zeros_like(at.q), at.t)
@@ -148,6 +150,11 @@ class PeriodMap:
         return np.concatenate([*self._parts, self._memory.ravel()] if self._remembers else self._parts)
 
     @property
+    def keeps_moments(self) -> bool:
+        """Whether all that the next period depends on is in the state under a push with a moment, too."""
+        return self._felt == 6 or not self._remembers
+
+    @property
     def _memory(self) -> np.ndarray:
         """Readings in the sensor's memory, (k, 3) or (k, 6)."""
         return self._state.reader.memory[:, : self._felt]
@@ -196,16 +203,17 @@ class PeriodMap:
         return self._gather @ np.column_stack(changes)
 
     def by_push(self) -> np.ndarray:
-        """Change (k, 3) of the state after the period per N of a push along the world's axes."""
+        """Change (k, 6) of the state after the period per N of a push along each of the world's axes, and per N m about
+        each."""
         changes = []
-        for axis in range(3):
+        for axis in range(6):
             ahead, behind = (self._pushed(axis, sign * FORCE_STEP) for sign in (1.0, -1.0))
             changes.append((ahead - behind) / (2.0 * FORCE_STEP))
         return self._gather @ np.column_stack(changes)
 
-    def _pushed(self, axis: int, newtons: float) -> np.ndarray:
+    def _pushed(self, axis: int, size: float) -> np.ndarray:
         """The state after a period at rest with a push."""
-        self._push[axis] = newtons
+        self._push.flat[axis] = size
         after = self._after(self._base)
-        self._push[axis] = 0.0
+        self._push[:] = 0.0
         return after

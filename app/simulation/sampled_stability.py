@@ -19,7 +19,7 @@ import numpy as np
 from app.simulation.environment_builder import SOFTEST
 from app.simulation.force_margin import ForceLoop
 from app.simulation.period_map import PeriodMap, Posture, free_directions
-from app.simulation.push_response import PushResponse
+from app.simulation.push_response import FORCE, MOMENT, PushAxis, PushResponse
 from app.simulation.system import System
 from controllers.bounds import Equivalent, RequiredGain, required_gain
 from controllers.force_loop import force_loop_factor
@@ -146,7 +146,7 @@ class SampledLoops:
         at = Posture.of(system, q, t)
         around_rest = self._map(at, touching=True)
         model, sampled = _poles(system, at, loop.A)
-        response = _push_response(system, at, loop.A, around_rest.by_push())
+        response = _push_response(system, at, around_rest, loop.A)
         if _reads_contact(system):
             force_loop = ForceLoop(system.scenario.controller.period, loop.A, around_rest.by_reading(), loop.C)
         return RespondingLoop(**vars(loop), model=model, sampled=sampled, response=response, force_loop=force_loop)
@@ -222,24 +222,26 @@ def _in_contact(system: System, at: Posture) -> tuple[np.ndarray, np.ndarray, np
     return basis.T @ M @ basis, basis.T @ B @ basis, basis.T @ K @ basis
 
 
-def _push_response(system: System, at: Posture, A: np.ndarray, by_push: np.ndarray) -> PushResponse:
-    """Response of the tool to a push along the axes of the positions in r.
-    A (k, k), by_push (k, 3): of the control period."""
+def _push_response(system: System, at: Posture, around_rest: PeriodMap, A: np.ndarray) -> PushResponse:
+    """Response of the tool to a push. A (k, k): of the control period."""
     controller, estimate, J_inv = system.controller, at.estimate, at.task.J_q_inv
-    rows = system.charted.chart(estimate.p, at.t).G[: system.layout.positions]
-    axes = rows / np.linalg.norm(rows, axis=1, keepdims=True)
+    if not around_rest.keeps_moments:
+        around_rest = PeriodMap(system, at, moments=True)
+        A = around_rest.jacobian()
+    axes = _push_axes(system, at)
+    wrenches = np.array([axis.wrench for axis in axes])
     basis = free_directions(system, at)
-    place = axes @ estimate.J_v @ J_inv  # of the tool, from r
-    felt = controller.model.K_f @ (controller.controlled[:, None] * (J_inv.T @ estimate.J_v.T @ axes.T))
+    place = wrenches @ np.vstack([estimate.J_v, estimate.J_w]) @ J_inv  # of the tool, from r
+    felt = controller.model.K_f @ (controller.controlled[:, None] * place.T)
     M, D, K = _in_contact(system, at)
     C = np.zeros((len(axes), len(A)))
     C[:, : basis.shape[1]] = place @ basis
     return PushResponse(
-        axes=_names(system, len(axes)),
-        directions=axes,
+        axes=axes,
         period=system.scenario.controller.period,
+        l=system.layout.l,
         A=A,
-        B=by_push @ axes.T,
+        B=around_rest.by_push() @ wrenches.T,
         C=C,
         M=M,
         D=D,
@@ -249,11 +251,29 @@ def _push_response(system: System, at: Posture, A: np.ndarray, by_push: np.ndarr
     )
 
 
-def _names(system: System, count: int) -> tuple[str, ...]:
-    """Names of the axes of the positions, also where r = q."""
-    if system.layout.joint:
-        return ("x", "z") if count == 2 else ("x", "y", "z")
-    return tuple(system.coordinates[i].name for i in system.layout.places)
+def _push_axes(system: System, at: Posture) -> tuple[PushAxis, ...]:
+    """Axes of pushes: along the positions in r, and those about which the tool turns when one of its angles changes
+    alone; where r = q, along and about the world's axes as far as the arm can follow."""
+    layout, coordinates = system.layout, system.coordinates
+    rows = system.charted.chart(at.estimate.p, at.t).G[: layout.positions]
+    forces = np.hstack([rows / np.linalg.norm(rows, axis=1, keepdims=True), np.zeros_like(rows)])
+    planar = layout.positions == 2
+    if layout.joint:
+        names = ("x", "z") if planar else ("x", "y", "z")
+        about = ("y",) if planar and layout.n > 2 else ("x", "y", "z") if layout.n > 5 else ()
+        turns = {name: (f"about {name}", np.eye(3)["xyz".index(name)]) for name in about}
+    else:
+        names = tuple(coordinates[i].name for i in layout.places)
+        omega = at.estimate.J_w @ at.task.J_q_inv
+        turns = {
+            name: (f"about the axis of {name}", omega[:, i] / np.linalg.norm(omega[:, i]))
+            for i in layout.turns
+            for name in [coordinates[i].name.removeprefix("ℓ·")]
+        }
+    return (
+        *(PushAxis(name, f"along {name}", FORCE, wrench) for name, wrench in zip(names, forces, strict=True)),
+        *(PushAxis(name, words, MOMENT, np.concatenate([np.zeros(3), axis])) for name, (words, axis) in turns.items()),
+    )
 
 
 def force_factor(system: System, at: Posture) -> float:

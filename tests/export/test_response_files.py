@@ -36,12 +36,13 @@ def test_the_table_has_target_sampled_loop_and_measured_points(
 ) -> None:
     assert execute(["response", str(known), "--out", str(tmp_path / "out"), "--measure", "4", "--chirp", "1", "9"]) == 0
     said = capsys.readouterr().out
-    assert "along x: within 10% of the target's impedance up to" in said
+    assert re.search("^along x.* about the axis of γ: within 10% of the target's impedance up to", said, re.MULTILINE)
     assert "measured: within " in said
     assert "force loop" not in said
     assert "poles of the target model at 9.35 1/s, damping 0.802" in said  # sqrt(700 / 8), 120 / (2 sqrt(700 8))
     with (tmp_path / "out" / "response.csv").open(encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
+    l = assemble(load("ur5-impedance")).layout.l
     for row in rows:
         s = 2j * np.pi * float(row["frequency [Hz]"])
         wanted = 8.0 * s + 120.0 + 700.0 / s
@@ -49,11 +50,15 @@ def test_the_table_has_target_sampled_loop_and_measured_points(
         if float(row["frequency [Hz]"]) < 10.0:
             assert float(row["impedance [N·s/m] along x"]) == pytest.approx(abs(wanted), rel=near)
             assert float(row["phase [deg] along x"]) == pytest.approx(np.angle(wanted, deg=True), abs=90.0 * near)
+            about = float(row["impedance [N·m·s/rad] about the axis of β"])
+            assert about == pytest.approx(abs(wanted) * l**2, rel=near)
+            assert float(row["smallest [N·m·s/rad]"]) == pytest.approx(abs(wanted) * l**2, rel=near)
     assert {row["kind"] for row in rows} == {"target", "sampled", "measured"}
     assert sum(row["kind"] == "measured" for row in rows) == 15  # the sine's and 14 of the chirp
     assert [row["passive"] for row in rows if row["kind"] == "target"] == ["yes"] * 200
     written = letters_of((tmp_path / "out" / "response.svg").read_bytes())
     assert "impedance along x" in written
+    assert "turn about the axis of α under a step of 1 N·m" in written
     assert "poles, imaginary over real part" in written
 
 
@@ -82,6 +87,7 @@ def test_the_force_loop_has_its_margins_and_a_table_of_gain_and_phase(
     [
         (("ur5-motion", "--at", "-1"), "--at -1: allowed: 0 s or more"),
         (("ur5-motion", "--newtons", "0"), "--newtons 0: allowed: more than 0 N"),
+        (("ur5-motion", "--newton-metres", "-2"), "--newton-metres -2: allowed: more than 0 N·m"),
         (("ur5-motion", "--measure", "400"), "--measure 400: Hz; allowed: 0.0167 to 250 Hz with this period"),
         (("ur5-motion", "--chirp", "9", "2"), "--chirp 9 2: Hz; allowed: the lower one first"),
         (
@@ -101,10 +107,17 @@ def test_what_has_no_response_is_refused_in_a_sentence(
 
 
 @pytest.mark.parametrize(
-    ("scenario", "lines"), [("ur5-hybrid", 1), ("ur5-constrained", 0), ("planar2r-semicircle", 1), ("ur5-motion", 0)]
+    ("scenario", "forces", "moments"),
+    [
+        ("ur5-hybrid", 1, 0),
+        ("ur5-constrained", 0, 0),
+        ("planar2r-semicircle", 1, 0),
+        ("ur5-motion", 0, 0),
+        ("panda-align", 1, 3),
+    ],
 )
 def test_the_page_draws_a_line_for_each_axis_that_yields_and_says_where_the_model_feels_no_force(
-    scenario: str, lines: int
+    scenario: str, forces: int, moments: int
 ) -> None:
     system = assemble(load(scenario))
     loop = sampled_loop(system, system.q_0, 0.0)
@@ -114,9 +127,10 @@ def test_the_page_draws_a_line_for_each_axis_that_yields_and_says_where_the_mode
     html = impedance_html(response, [Measured(2.0, admittance)], "measured <here>")
     assert "nan" not in html
     assert "measured &lt;here&gt;" in html
-    assert html.count("<title>measured along") == lines
-    assert html.count("<title>sampled loop along") == lines
-    assert ("<svg" in html) == (lines > 0)
+    for what in ("measured", "sampled loop"):
+        assert html.count(f"<title>{what} along") == forces
+        assert html.count(f"<title>{what} about the axis of") == moments
+    assert html.count("<svg") == (forces > 0) + (moments > 0)
     assert "the target model feels no force, and the arm " in html
     figure = figure_of(loop, response, [], "")
     assert "inf" not in render(figure, "svg").decode()

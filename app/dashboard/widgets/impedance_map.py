@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 from html import escape
 
 import numpy as np
@@ -12,56 +13,85 @@ from app.dashboard.theme.colors import SERIES, css
 from app.dashboard.widgets.equation import symbol
 from app.export.response_files import told
 from app.session.push_measurement import Measured
-from app.simulation.push_response import PushResponse, along_axes, passive
+from app.simulation.push_response import Push, PushResponse, along_axes, passive
 from app.simulation.sampled_frequencies import LOWEST
 
 _SIZE = (336, 172)
 _LEFT, _RIGHT, _TOP, _BOTTOM = 34, 330, 18, 150  # px, edges of the frame
 _POINTS = 70
+_LEAST = 1e-3  # of an impedance that is drawn
 _TALLEST = 6  # decades of impedance at most, upwards from the least
 
 
+@dataclass(frozen=True)
+class _Drawn:
+    """What a map draws of a response.
+    frequency: (N,) Hz.
+    sampled, target: (N, p), impedance along each axis, of the sampled loop and of the target model.
+    passive: (N,), whether no sinusoidal push gets energy from the arm.
+    points: measured ones."""
+
+    response: PushResponse
+    frequency: np.ndarray
+    sampled: np.ndarray
+    target: np.ndarray
+    passive: np.ndarray
+    points: Sequence[Measured]
+
+
 def impedance_html(response: PushResponse, points: Sequence[Measured] = (), measured: str = "") -> str:
-    """Map of the impedance along each axis, as HTML: a dashed line for the target model, a solid one for the sampled
-    loop, hatched where the loop is not passive, and dots of measured points; below it a description in words. Words
-    alone where no push moves the tool.
+    """Maps of the impedance along each axis to forces and to moments, as HTML: a dashed line for the target model, a
+    solid one for the sampled loop, hatched where the loop is not passive, and dots of measured points; below them a
+    description in words. Words alone where no push moves the tool.
     measured: words on the measured points."""
     frequency = response.frequencies(_POINTS)
     sampled, target = response.admittance(frequency), response.target(frequency)
-    lines = [along_axes(sampled), along_axes(target)]
+    drawn = _Drawn(response, frequency, along_axes(sampled), along_axes(target), passive(sampled), points)
+    maps = "".join(_map(drawn, push, axes) for push, axes in response.kinds.items())
     said = "<br>".join(escape(line) for line in (*told(response), *([measured] if measured else [])))
-    known = np.concatenate([line[np.isfinite(line)] for line in lines])
-    if not known.size:
+    if not maps:
         return f'<div class="vs-checks"><div class="vs-note">A push on the tool:<br>{said}</div></div>'
-    low = math.floor(math.log10(max(float(known.min()), 1e-3)) - 0.05)
-    high = min(math.ceil(math.log10(max(float(known.max()), 1e-3)) + 0.05), low + _TALLEST)
+    return (
+        f'<div class="vs-checks">{maps}<div class="vs-note">Dashed: the target model (8), solid: the sampled loop; '
+        f"hatched: a sine gets energy from it.<br>{said}</div></div>"
+    )
+
+
+def _map(drawn: _Drawn, push: Push, axes: Sequence[int]) -> str:
+    """Map for pushes of one kind, "" where none of them moves the tool."""
+    response = drawn.response
+    known = np.concatenate([line[np.isfinite(line)] for line in (drawn.sampled[:, axes], drawn.target[:, axes])])
+    if not known.size:
+        return ""
+    low = math.floor(math.log10(max(float(known.min()), _LEAST)) - 0.05)
+    high = min(math.ceil(math.log10(max(float(known.max()), _LEAST)) + 0.05), low + _TALLEST)
     last = math.floor(math.log10(response.highest))
     parts = [
-        *_hatched(frequency, passive(sampled), response),
+        *_hatched(drawn.frequency, drawn.passive, response),
         *(_upright(k, response) for k in range(math.ceil(math.log10(LOWEST)), last + 1)),
         *(_level(k, low, high) for k in range(low, high + 1)),
         *(
-            f'<path fill="none" stroke="{css(SERIES[axis])}" stroke-width="{width}" {dash} d="{path}">'
-            f"<title>{escape(what)} along {escape(name)}</title></path>"
+            f'<path fill="none" stroke="{css(SERIES[place])}" stroke-width="{width}" {dash} d="{path}">'
+            f"<title>{escape(what)} {escape(response.axes[axis].words)}</title></path>"
             for what, line, width, dash in (
-                ("target model", lines[1], 1.4, 'stroke-dasharray="5 4"'),
-                ("sampled loop", lines[0], 2, ""),
+                ("target model", drawn.target, 1.4, 'stroke-dasharray="5 4"'),
+                ("sampled loop", drawn.sampled, 2, ""),
             )
-            for axis, name in enumerate(response.axes)
-            if (path := _path(frequency, line[:, axis], low, high, response))
+            for place, axis in enumerate(axes)
+            if (path := _path(drawn.frequency, line[:, axis], low, high, response))
         ),
-        *_dots(points, low, high, response),
-        f'<text x="{_LEFT}" y="11">impedance [N·s/m]</text>',
+        *_dots(drawn, axes, low, high),
+        f'<text x="{_LEFT}" y="11">impedance [{push.impedance}]</text>',
         f'<text x="{_RIGHT}" y="{_SIZE[1] - 4}" text-anchor="end">f [Hz]</text>',
     ]
-    legend = " ".join(
-        f'<b style="color:{css(SERIES[axis])}">{symbol(name)}</b>' for axis, name in enumerate(response.axes)
+    legend = ", ".join(
+        f'<b style="color:{css(SERIES[place])}">{symbol(response.axes[axis].words)}</b>'
+        for place, axis in enumerate(axes)
     )
     return (
-        '<div class="vs-checks"><div class="vs-note">A push on the tool meets, along '
-        f"{legend}; dashed: the target model (8), solid: the sampled loop; hatched: a sine gets energy from it.</div>"
+        f'<div class="vs-note">A {push.name} on the tool meets, {legend}:</div>'
         f'<svg class="vs-poles" viewBox="0 0 {_SIZE[0]} {_SIZE[1]}" role="img" '
-        f'aria-label="impedance over frequency">{"".join(parts)}</svg><div class="vs-note">{said}</div></div>'
+        f'aria-label="impedance to {push.name}s over frequency">{"".join(parts)}</svg>'
     )
 
 
@@ -85,18 +115,20 @@ def _path(frequency: np.ndarray, impedance: np.ndarray, low: int, high: int, res
     return " ".join(path)
 
 
-def _dots(points: Sequence[Measured], low: int, high: int, response: PushResponse) -> list[str]:
-    """Dots of the measured points inside the frame, as SVG."""
+def _dots(drawn: _Drawn, axes: Sequence[int], low: int, high: int) -> list[str]:
+    """Dots of the measured points along these axes inside the frame, as SVG."""
+    points, response = drawn.points, drawn.response
     if not points:
         return []
-    impedance = along_axes(np.array([point.admittance for point in points]))
+    impedance = along_axes(np.array([point.admittance for point in points]))[:, axes]
     inside = np.isfinite(impedance) & (impedance <= 10.0**high) & (impedance >= 10.0**low)
     return [
         f'<circle class="measured" cx="{_x(points[k].frequency, response):.1f}" '
-        f'cy="{_y(float(impedance[k, axis]), low, high):.1f}" r="2.6" fill="none" stroke="{css(SERIES[axis])}">'
-        f"<title>measured along {escape(response.axes[axis])}: {impedance[k, axis]:.3g} N·s/m at "
+        f'cy="{_y(float(impedance[k, place]), low, high):.1f}" r="2.6" fill="none" stroke="{css(SERIES[place])}">'
+        f"<title>measured {escape(axis.words)}: {impedance[k, place]:.3g} {axis.push.impedance} at "
         f"{points[k].frequency:.3g} Hz</title></circle>"
-        for k, axis in np.argwhere(inside)
+        for k, place in np.argwhere(inside)
+        for axis in [response.axes[axes[place]]]
     ]
 
 

@@ -26,6 +26,7 @@ from app.simulation.sampled_stability import RespondingLoop
 from app.storage.recording_files import Tell
 
 FIGURES: dict[str, Format] = {"SVG": "svg", "PDF": "pdf", "PNG": "png"}
+_SIZES = f"{push_measurement.NEWTONS:g} N, or {push_measurement.NEWTON_METRES:g} N·m,"
 RESPONSE, FORCE_LOOP = "CSV", "force loop"
 
 
@@ -47,7 +48,7 @@ class _Measurement:
     def told(self, response: PushResponse) -> str:
         """Words on the measured points, for the text below the map. response: predicted."""
         told = push_measurement.told(self.points, response, self.beside)
-        return f"dots: a chirp of {push_measurement.NEWTONS:g} N from t = {self.t:.2f} s on; {told}"
+        return f"dots: a chirp of {_SIZES} from t = {self.t:.2f} s on; {told}"
 
 
 class ImpedanceView:
@@ -56,9 +57,9 @@ class ImpedanceView:
     def __init__(self, desk: Desk) -> None:
         self._desk, gui = desk, desk.gui
         self._html = gui.add_html("")
-        newtons = f"{push_measurement.NEWTONS:g} N"
         hint = (
-            f"A push of {newtons} that sweeps over the frequencies, along each axis, on copies of this run beside it."
+            f"A push of {_SIZES} that sweeps over the frequencies, along and about each axis, on copies of this run "
+            "beside it."
         )
         self._button = gui.add_button("Measure with a push", color="gray", visible=False, hint=hint)
         self._files = gui.add_button_group(
@@ -77,7 +78,7 @@ class ImpedanceView:
         if loop.response is None or not self._busy.acquire(blocking=False):
             return
         try:
-            job = MadeJob(encoded, (state, loop.response.directions, chirp_for(state)))
+            job = MadeJob(encoded, (state, loop.response.axes, chirp_for(state)))
             points = decoded(self._desk.export_jobs.made(job, lambda _: None))
             self._measurement = _Measurement(snapshot.scenario, state.t, loop, points, not_linear(state))
         except (ExportError, OSError) as error:
