@@ -22,7 +22,7 @@ class Sensing(NamedTuple):
     bias: (6,).
     gain, filters: of the low-pass, whether there is one.
     filtered, begun: its last output (6,), whether there is one.
-    late: readings by which the sensor is late.
+    late: (6,), readings by which each entry is late.
     held: readings in the line when it was begun."""
 
     bias: np.ndarray
@@ -30,7 +30,7 @@ class Sensing(NamedTuple):
     filters: bool
     filtered: np.ndarray
     begun: bool
-    late: int
+    late: np.ndarray
     held: int
 
 
@@ -44,7 +44,7 @@ def read_force(sensing, errors, line, k, force):
             previous = sensing.filtered[a] if sensing.begun else reading
             sensing.filtered[a] = reading = filtered_further(sensing.gain, previous, reading)
         line[sensing.held + k, a] = reading
-        force[a] = line[max(0, sensing.held + k - sensing.late), a]
+        force[a] = line[max(0, sensing.held + k - sensing.late[a]), a]
     sensing.begun = True
 
 
@@ -68,7 +68,7 @@ class ReadingsAhead:
                 filters=low_pass is not None,
                 filtered=filtered[0] if len(filtered) else np.zeros(6),
                 begun=len(filtered) > 0,
-                late=0 if self._delay is None else self._delay.sensor.late,
+                late=np.zeros(6, dtype=np.int64) if self._delay is None else self._delay.sensor.lateness,
                 held=len(held),
             )
         )

@@ -29,7 +29,10 @@ class Sensor(Section, frozen=True, forbid_unknown_fields=True):
         ),
     ] = 0.0
     moment_bias: Annotated[Vector3, field("bias of the moments", "N·m", Widget("bias"))] = (0.0, 0.0, 0.0)
-    delay: Annotated[float, field("delay", "s", decades("delay", 1e-3, 0.1, zero=True), ge=0, le=1)] = 0.0
+    delay: Annotated[float, field("delay of the forces", "s", decades("delay", 1e-3, 0.1, zero=True), ge=0, le=1)] = 0.0
+    moment_delay: Annotated[
+        float, field("delay of the moments", "s", decades("of moments", 1e-3, 0.1, zero=True), ge=0, le=1)
+    ] = 0.0
     cutoff: Annotated[
         float,
         field("first-order low-pass, 0 for none", "Hz", decades("low-pass", 1, 1000, zero=True), ge=0, le=1e5),
@@ -47,9 +50,14 @@ class ForceSensor:
     period: float
 
     @property
+    def lateness(self) -> np.ndarray:
+        """Numbers (6,) of readings by which each entry of the wrench is late."""
+        return np.repeat([round(each / self.period) for each in (self.settings.delay, self.settings.moment_delay)], 3)
+
+    @property
     def late(self) -> int:
-        """Number of readings by which it is late."""
-        return round(self.settings.delay / self.period)
+        """Number of readings by which the latest entry is late."""
+        return int(self.lateness.max())
 
     def steady(self) -> ForceSensor:
         """The sensor without noise and bias: its reading depends on the force alone."""
@@ -171,11 +179,12 @@ class LowPass(Stage):
 
 
 class Delay(Stage):
-    """A delay line of readings, oldest first, the last output at its head."""
+    """A delay line of readings, oldest first; forces and moments leave it after delays of their own."""
 
     def __init__(self, sensor: ForceSensor, seed: int) -> None:
         super().__init__(sensor, seed)
         self._line: deque[np.ndarray] = deque(maxlen=1 + sensor.late)
+        self._lateness = sensor.lateness
 
     @staticmethod
     def acts(sensor: ForceSensor) -> bool:
@@ -183,7 +192,9 @@ class Delay(Stage):
 
     def read(self, reading: np.ndarray) -> np.ndarray:
         self._line.append(reading.copy())  # the given array may be a live view of the force
-        return self._line[0]
+        newest = len(self._line) - 1
+        forces, moments = (self._line[max(newest - self._lateness[a], 0)] for a in (0, 3))
+        return np.concatenate([forces[:3], moments[3:]])
 
     @property
     def full(self) -> bool:

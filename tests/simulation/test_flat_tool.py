@@ -211,7 +211,7 @@ def test_steady_moment_of_an_impedance_against_a_tilted_plane() -> None:
 
 
 def test_compiled_run_has_the_rows_of_the_steps() -> None:
-    noise = {"sensor__moment_noise": 0.01, "sensor__delay": 0.002, "contact__B_e": 20.0}
+    noise = {"sensor__moment_noise": 0.01, "sensor__moment_delay": 0.002, "contact__B_e": 20.0}
     stepped, compiled = (ClosedLoop(changed(shipped()[ALIGN], **noise)) for _ in range(2))
     CompiledRun(compiled).advance(300)
     for _ in range(300):

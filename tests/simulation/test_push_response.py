@@ -79,7 +79,7 @@ def test_a_known_arm_has_the_targets_impedance_as_sampling_becomes_fine() -> Non
     [
         ("ur5-impedance", {}),
         ("ur5-impedance-6d", {}),
-        ("ur5-impedance-6d", {"delay": 0.005, "cutoff": 60.0}),
+        ("ur5-impedance-6d", {"delay": 0.002, "moment_delay": 0.005, "cutoff": 60.0}),
         ("ur5-hybrid-impedance", {}),
         ("ur5-constrained", {}),
         ("panda-align", {}),

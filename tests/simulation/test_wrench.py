@@ -165,7 +165,7 @@ def sensor(**settings: object) -> ForceSensor:
     return ForceSensor(Sensor(**settings), 0.001)
 
 
-def test_moments_have_noise_and_bias_of_their_own_and_share_delay() -> None:
+def test_moments_have_noise_bias_and_delay_of_their_own() -> None:
     noisy = sensor(moment_noise=0.02, moment_bias=(0.1, 0.0, -0.2))
     reader, wrench = ForceReader(noisy, 4), np.arange(6.0)
     readings = np.array([reader.read(wrench) for _ in range(4000)])
@@ -173,9 +173,12 @@ def test_moments_have_noise_and_bias_of_their_own_and_share_delay() -> None:
     np.testing.assert_allclose(readings[:, 3:].mean(axis=0), [3.1, 4.0, 4.8], atol=1.5e-3)
     np.testing.assert_allclose(readings[:, 3:].std(axis=0), 0.02, rtol=0.05)
 
-    late = ForceReader(sensor(delay=0.003), 0)
-    read = np.array([late.read(np.full(6, float(k))) for k in range(6)])
-    np.testing.assert_array_equal(read[:, [0, 5]], np.array([[0, 0, 0, 0, 1, 2]] * 2, dtype=float).T)
+    for forces, moments in ((3, 0), (1, 3), (2, 2)):
+        late = ForceReader(sensor(delay=0.001 * forces, moment_delay=0.001 * moments), 0)
+        read = np.array([late.read(np.full(6, float(k))) for k in range(6)])
+        expected = np.maximum(np.arange(6.0)[:, None] - [forces] * 3, 0.0)
+        np.testing.assert_array_equal(read[:, :3], expected)
+        np.testing.assert_array_equal(read[:, 3:], np.maximum(np.arange(6.0)[:, None] - [moments] * 3, 0.0))
 
 
 def test_noise_of_the_forces_is_the_same_whatever_that_of_the_moments() -> None:
