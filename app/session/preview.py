@@ -14,6 +14,7 @@ from app.analysis.metrics import (
     FORCE_RESOLUTION,
     MOTION_RESOLUTION,
     MULTIPLIERS,
+    angle_error,
     force_error,
     motion_error,
     settling_time,
@@ -29,6 +30,7 @@ from app.simulation.recording import Epoch
 from app.simulation.search_memory import Memory
 from app.simulation.state import State
 from app.simulation.system import System
+from environments.trajectories.point_to_point import Hold
 
 POINTS = 200  # about the number of pixels that a plot has ahead of now
 STEADY = 1e-6  # N, by which a desired force may vary in the tail and still count as constant
@@ -68,11 +70,13 @@ class Figures(Struct, frozen=True):
     force_overshoot: float | None  # how far the force goes beyond its final value, seen from its beginning, N
     contact_largest: float | None  # force on the surface where it is not controlled, N
     contact_final: float | None  # mean of that force over the tail, N
-    motion_largest: float  # largest position error, m
+    motion_largest: float | None  # largest position error, m; None where no position is free
     motion_grows: bool  # whether that is the last one, after a tail in which it has grown
-    motion_error: float  # largest position error in the tail, m
-    motion_settling: float  # of the position error, s
+    motion_error: float | None  # largest position error in the tail, m
+    motion_settling: float | None  # of the position error, s
     motion_overshoot: float | None  # how far the position error goes to the other side after its largest value, m
+    angle_largest: float | None  # largest error of the angles, rad; None where they neither yield nor follow a path
+    angle_error: float | None  # largest error of the angles in the tail, rad
     torque_largest: float  # largest torque of any joint, as applied, N m
     reaching_time: float | None  # s, until s is reached; None under a law without the gain d
     reaching_time_promised: float  # (18), s
@@ -222,8 +226,9 @@ class Foresight:
     def _figures(self, record: Mapping[str, np.ndarray], thinned: dict[str, np.ndarray]) -> Figures:
         loop, system, t = self._loop, self._loop.system, record["t"]
         tail, robust = tail_of(t), system.controller.law.robust
-        deviations = _path_error(system, thinned)
-        path, behind = np.linalg.norm(deviations, axis=1), tail_of(thinned["t"])
+        deviations, behind = _path_error(system, thinned), tail_of(thinned["t"])
+        path = np.linalg.norm(deviations, axis=1) if deviations.shape[1] else None
+        angles = angle_error(system, thinned) if _turns(system) else None
         error = predicted = settling = overshoot = pressing = pressed = None
         if system.m:
             deviation, f_nd = force_error(system, record), record["F_cd"][tail, : system.m]
@@ -244,11 +249,13 @@ class Foresight:
             force_overshoot=overshoot,
             contact_largest=pressing,
             contact_final=pressed,
-            motion_largest=float(path.max()),
-            motion_grows=bool(path[-1] > (1.0 - GROWTH) * path.max() and path[-1] > (1.0 + GROWTH) * path[behind][0]),
-            motion_error=float(path[behind].max()),
-            motion_settling=settling_time(thinned["t"], path, MOTION_RESOLUTION),
-            motion_overshoot=_other_side(deviations) if self._push else None,
+            motion_largest=None if path is None else float(path.max()),
+            motion_grows=path is not None and _grows(path, behind),
+            motion_error=None if path is None else float(path[behind].max()),
+            motion_settling=None if path is None else settling_time(thinned["t"], path, MOTION_RESOLUTION),
+            motion_overshoot=_other_side(deviations) if self._push and path is not None else None,
+            angle_largest=None if angles is None else float(angles.max()),
+            angle_error=None if angles is None else float(angles[behind].max()),
             torque_largest=float(np.abs(record["tau_applied"]).max()),
             reaching_time=(np.inf if loop.reaching_time is None else loop.reaching_time) if robust else None,
             reaching_time_promised=loop.certificate.t_r,
@@ -263,6 +270,18 @@ def _pushed(system: System, t: float, newtons: float) -> Scenario:
     truth, scenario = TruthSection(push=push, push_start=t, push_duration=LASTS), system.scenario
     once = {name: getattr(truth, name) for name in truth.__struct_fields__ if name.startswith("push")}
     return msgspec.structs.replace(scenario, truth=msgspec.structs.replace(scenario.truth, **once))
+
+
+def _turns(system: System) -> bool:
+    """Whether the angles yield to a moment or follow a path."""
+    first = system.layout.end_of_places
+    yields = (system.controller.model.K_f[first:] * system.controller.controlled).any()
+    return bool(yields) or not isinstance(system.scenario.rotation, Hold)
+
+
+def _grows(path: np.ndarray, tail: np.ndarray) -> bool:
+    """Whether the last of these errors (N,) is about the largest one, after a tail in which they have grown."""
+    return bool(path[-1] > (1.0 - GROWTH) * path.max() and path[-1] > (1.0 + GROWTH) * path[tail][0])
 
 
 def _beyond(signal: np.ndarray, final: float) -> float:

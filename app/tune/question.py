@@ -8,14 +8,15 @@ from typing import Annotated, ClassVar
 from msgspec import Meta
 
 from app.scenario.schema import Scenario, ScenarioError
+from app.simulation.controller_builder import mode_of
+from app.simulation.environment_builder import positions_of, robot_of
 from app.sweep.figures_of_run import COLUMNS
 from app.sweep.question import Axis, Design, Sweep, SweepQuestion, fingerprint
-from controllers.modes import MODES
 from parameters import allowed
 
 AIMS = (
-    "motion_error", "force_error", "constraint_violation", "settling_time", "reaching_time", "band_time", "residual",
-    "torque_variation", "saturated_share",
+    "motion_error", "angle_error", "force_error", "constraint_violation", "settling_time", "reaching_time", "band_time",
+    "residual", "torque_variation", "saturated_share",
 )  # fmt: skip
 MOST_AIMS = 2  # the front of two aims is a line, that of more cannot be drawn
 SHAPE = "allowed: PATH=LOW:HIGH, with :log behind where its logarithm is to be drawn evenly"
@@ -56,7 +57,9 @@ def require_sound(tuning: Tuning) -> None:
             raise ScenarioError(f"--for {aim!r:.60}; {allowed(aim, AIMS)}")
     known, mode = _known(tuning.scenario), tuning.scenario.mode
     if without := [aim for aim in tuning.aims if aim not in known]:
-        raise ScenarioError(f"--for {without[0]}: a run in {mode} mode has none; allowed: {', '.join(known)}")
+        raise ScenarioError(
+            f"--for {without[0]}: a run of this scenario in {mode} mode has none; allowed: {', '.join(known)}"
+        )
     if not 1 <= len(set(tuning.aims)) == len(tuning.aims) <= MOST_AIMS:
         given = " ".join(tuning.aims) or "nothing"
         raise ScenarioError(f"--for {given}; allowed: one figure or two different ones of {', '.join(AIMS)}")
@@ -66,11 +69,18 @@ def require_sound(tuning: Tuning) -> None:
 
 
 def _known(scenario: Scenario) -> list[str]:
-    """Aims that runs in the scenario's mode have."""
-    mode = MODES[scenario.mode]
-    without = {"force_error"} if not mode.on_surface else set()
-    without |= {"constraint_violation"} if "rigid" not in mode.contacts else set()
-    return [aim for aim in AIMS if aim not in without]
+    """Aims that runs of the scenario have."""
+    mode, robot = mode_of(scenario), robot_of(scenario)
+    joint, places = scenario.task_space.kind == "joint", positions_of(robot)
+    if scenario.face.flat and mode.on_surface:
+        places += 2  # its tilts
+    without = {
+        "motion_error": not joint and mode.m() >= places,
+        "angle_error": joint or robot.n == places,
+        "force_error": not mode.on_surface,
+        "constraint_violation": "rigid" not in mode.contacts,
+    }
+    return [aim for aim in AIMS if not without.get(aim, False)]
 
 
 def moved(text: str) -> Axis:

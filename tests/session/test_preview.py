@@ -154,6 +154,27 @@ def test_under_impedance_the_path_error_is_that_of_the_plots() -> None:
     assert outlook.figures.motion_error == pytest.approx(drawn[outlook.ahead > 0.8].max(), rel=1e-3)
 
 
+def test_a_tool_that_is_twisted_shows_its_angle_error() -> None:
+    """At the end of a long twist the springs K_m of the angles hold it: M / (l^2 K_m)."""
+    scenario = edited(edited(shipped()["ur5-impedance-6d"], "motion", "hold"), "truth.push", [0.0, 0.0, 0.0])
+    scenario = edited(edited(scenario, "truth.push_start", 0.0), "truth.push_moment", [0.0, 0.0, 0.5])
+    loop = running(edited(scenario, "truth.push_duration", 20.0))
+    figures = figures_of(Question(1, loop.state.copy(), loop.system.scenario, 3.0))
+    expected = 0.5 / (loop.system.layout.l**2 * 1500.0)
+    assert (figures.angle_largest, figures.angle_error) == (pytest.approx(expected, rel=1e-3),) * 2
+
+
+@pytest.mark.parametrize(
+    ("scenario", "path", "angle"),
+    [("ur5-hybrid", True, False), ("panda-elbow", True, True), ("planar3r-corner", False, True)],
+)
+def test_only_errors_of_what_is_free_are_told(scenario: str, path: bool, angle: bool) -> None:
+    state = running(shipped()[scenario], 5).state.copy()
+    figures = figures_of(Question(1, state, state.scenario, 0.05, push=30.0))
+    assert all((told is not None) == path for told in (figures.motion_largest, figures.motion_error))
+    assert all((told is not None) == angle for told in (figures.angle_largest, figures.angle_error))
+
+
 @pytest.mark.parametrize("periods", [1, 2, 3, 1000])
 def test_a_horizon_of_any_length_is_answered(periods: int) -> None:
     loop = running(shipped()["planar2r-semicircle"], 5)

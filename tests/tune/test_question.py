@@ -44,15 +44,26 @@ def test_a_gain_that_makes_no_sense_is_refused(text: str, sentence: str) -> None
     ("changes", "sentence"),
     [
         ({"aims": ()}, "--for nothing; allowed: one figure or two"),
-        ({"aims": ("force_eror",)}, "--for 'force_eror'; allowed: motion_error, force_error"),
+        ({"aims": ("force_eror",)}, "--for 'force_eror'; allowed: motion_error, angle_error, force_error"),
         ({"aims": ("force_eror",)}, "did you mean force_error?"),
         ({"aims": ("residual", "residual")}, "allowed: one figure or two different ones"),
         ({"aims": ("residual", "force_error", "motion_error")}, "allowed: one figure or two"),
         (
             {"scenario": shipped()["ur5-motion"]},
-            "--for force_error: a run in motion mode has none; allowed: motion_error",
+            "--for force_error: a run of this scenario in motion mode has none; allowed: motion_error, angle_error",
         ),
-        ({"aims": ("constraint_violation",)}, "--for constraint_violation: a run in hybrid mode has none"),
+        (
+            {"scenario": shipped()["planar3r-corner"], "aims": ("motion_error",)},
+            "--for motion_error: a run of this scenario in hybrid mode has none; allowed: angle_error, force_error",
+        ),
+        (
+            {"scenario": shipped()["planar2r-semicircle"], "aims": ("angle_error",)},
+            "--for angle_error: a run of this scenario in constrained mode has none; allowed: motion_error",
+        ),
+        (
+            {"aims": ("constraint_violation",)},
+            "--for constraint_violation: a run of this scenario in hybrid mode has none",
+        ),
         ({"vary": ()}, "--move: no gain may move"),
         ({"vary": (moved("controller.layr=1:2"),)}, "controller.layr: no such field"),
         ({"vary": (moved("controller.layer=1:2"),) * 2}, "controller.layer twice"),

@@ -38,6 +38,7 @@ MOST = 4  # gains that a search may vary
 AIMS = {
     "force error": "force_error",
     "path error": "motion_error",
+    "angle error": "angle_error",
     "torque variation": "torque_variation",
     "settling time": "settling_time",
     "residual of (8)": "residual",

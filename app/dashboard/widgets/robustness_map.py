@@ -41,6 +41,7 @@ ARMS = {"the scenario's own": 0, "4 of the declared set": 4, "8 of the declared 
 METRICS = {
     "force error at the end": ("force_error", 1.0, "N"),
     "path error at the end": ("motion_error", 1e3, "mm"),
+    "angle error at the end": ("angle_error", 1e3, "mrad"),
     "variation of the torques": ("torque_variation", 1.0, "N·m/s"),
     "residual of (8)": ("residual", 1.0, "N"),
     "settling time": ("settling_time", 1.0, "s"),

@@ -142,7 +142,11 @@ def _rows(units: Units) -> tuple[_Row, ...]:
         return "F_d varies" if by_37 is None else f"by (37) {_small(by_37, 1e-3)} N"
 
     def largest(figures: Figures) -> str | None:
-        return f"{'≥ ' if figures.motion_grows else ''}{length(figures.motion_largest)}"
+        most = length(figures.motion_largest)
+        return None if most is None else f"{'≥ ' if figures.motion_grows else ''}{most}"
+
+    def angle(value: float | None) -> str | None:
+        return None if value is None else f"{_small(value * 1e3, 1e-4)} mrad"
 
     return (
         _Row("force error at the end", lambda f: _newtons(f.force_error), predicted),
@@ -154,6 +158,8 @@ def _rows(units: Units) -> tuple[_Row, ...]:
         _Row("deflection at the end", lambda f: length(f.motion_error)),
         _Row("path within 2 % after", lambda f: _seconds(f.motion_settling)),
         _Row("swing to the other side", lambda f: length(f.motion_overshoot)),
+        _Row("largest angle error", lambda f: angle(f.angle_largest)),
+        _Row("angle error at the end", lambda f: angle(f.angle_error)),
         _Row("largest torque of a joint", lambda f: f"{_small(f.torque_largest, 1e-3)} N·m"),
         _Row(
             "layer reached after",
