@@ -19,6 +19,7 @@ from app.scenario.data import edited, from_plain, of_kind, to_plain
 from app.scenario.schema import (
     BlendSection,
     ContactSection,
+    ControllerSection,
     ForceInJoints,
     IrregularCorner,
     IrregularSurface,
@@ -233,6 +234,8 @@ def told(asked: Scenario, done: Scenario) -> str:
     adapted += [f"{each} surface taken away" for each in taken]
     if asked.face.flat and not done.face.flat:
         adapted.append("the tool touches with a point")
+    if asked.controller.K_s != done.controller.K_s:
+        adapted.append(f"boundary layer {done.controller.layer:.3g}, and K_s, by the characteristic length ℓ")
     if asked.controller.gain != done.controller.gain:
         adapted.append(f"gain d {done.controller.gain}")
     return f"Adapted: {'; '.join(adapted)}." if adapted else ""
@@ -413,7 +416,30 @@ def _adapted(before: Scenario, scenario: Scenario) -> Scenario:
     known = new @ old.T if alike and new.shape[1] == old.shape[1] else None
     angles, before_angles = _rotated(scenario), _rotated(before)
     rotation = scenario.rotation.within(np.eye(angles, before_angles), angles) if angles else Hold()
-    return msgspec.structs.replace(scenario, motion=scenario.motion.within(known, len(new)), rotation=rotation)
+    paths = {"motion": scenario.motion.within(known, len(new)), "rotation": rotation}
+    return msgspec.structs.replace(scenario, **paths, controller=_converted(before, scenario))
+
+
+def _converted(before: Scenario, scenario: Scenario) -> ControllerSection:
+    """The controller with its boundary layer, its K_s and its constant d in the units of r: joints in place of metres
+    count l times, and their torques 1/l times. The margin epsilon stays: it covers what a period of held torque adds.
+    """
+    joints = [each.task_space.kind == "joint" for each in (before, scenario)]
+    controller, l = scenario.controller, scenario.task_space.characteristic_length
+    if joints[0] == joints[1]:
+        return controller
+    metres = l if joints[1] else 1.0 / l
+    factors = {"layer": 1.0 / metres, "K_s": metres**2, "d": metres}
+    changed = {name: _times(factor, getattr(controller, name)) for name, factor in factors.items()}
+    return msgspec.structs.replace(controller, **changed)
+
+
+def _times(factor: float, value: Any) -> Any:
+    """Product to three digits, so that a conversion forth and back leaves a short number as it was. value: a number, or
+    a table of numbers."""
+    if isinstance(value, tuple):
+        return tuple(_times(factor, each) for each in value)
+    return float(f"{factor * value:.3g}")
 
 
 def _rotated(scenario: Scenario) -> int:

@@ -20,7 +20,7 @@ import pinocchio as pin
 from app.scenario.schema import Declared, ScenarioError
 from app.session.headless_run import play
 from app.simulation.closed_loop import ClosedLoop
-from app.simulation.push_response import FORCE, PushAxis, PushResponse
+from app.simulation.push_response import FORCE, RIGID, PushAxis, PushResponse
 from app.simulation.search_memory import Memory
 from app.simulation.state import State, blending
 from app.simulation.system import System, assemble
@@ -207,10 +207,13 @@ def not_linear(state: State) -> tuple[str, ...]:
 def told(points: Sequence[Measured], response: PushResponse, beside: Sequence[str]) -> str:
     """Sentence on how far the measured points are from what the sampled loop predicts, and where that is far, on what
     the prediction leaves out. beside: of `not_linear`."""
-    found = np.array([point.admittance for point in points])
-    predicted = response.admittance(np.array([point.frequency for point in points]))
-    found, predicted = (np.abs(response.in_metres(each)) for each in (found - predicted, predicted))
-    apart = found.max(axis=(1, 2)) / np.maximum(predicted.max(axis=(1, 2)), 1e-300)
+    frequency = np.array([point.frequency for point in points])
+    found, predicted = np.array([point.admittance for point in points]), response.admittance(frequency)
+    apart, predicted = (np.abs(response.in_metres(each)).max(axis=(1, 2)) for each in (found - predicted, predicted))
+    yields = np.maximum(apart, predicted) / (2 * np.pi * frequency)
+    if yields.max() <= RIGID:
+        return "measured: the tool does not yield, as predicted"
+    apart = apart / np.maximum(predicted, 2 * np.pi * frequency * RIGID)
     worst = int(apart.argmax())
     far = apart[worst] > FAR
     frequencies = "1 frequency" if len(points) == 1 else f"{len(points)} frequencies"

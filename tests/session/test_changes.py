@@ -8,10 +8,11 @@ import pytest
 
 from app.scenario.data import differences, edited, shipped
 from app.scenario.schema import Scenario, ScenarioError
-from app.session.changes import in_mode, on_robot, on_surface, possible, told
+from app.session.changes import in_coordinates, in_mode, on_robot, on_surface, possible, told
 from app.session.commands import Edit, Fork, Pause, Reset, TakeWayOut
 from app.session.runner import Runner
 from app.simulation.closed_loop import ClosedLoop
+from app.simulation.compiled_run import CompiledRun
 from app.simulation.system import assemble
 from controllers.modes import MODES
 from environments.robots import CATALOGUE
@@ -83,6 +84,25 @@ def test_of_a_path_in_space_a_planar_arm_keeps_what_lies_in_its_plane() -> None:
     scenario = shipped()["ur5-impedance"]
     x, _, z = scenario.motion.displacement
     assert on_robot(scenario, "planar3r").motion.displacement == (x, z)
+
+
+@pytest.mark.parametrize("arm", [arm for arm in CATALOGUE if arm != "planar3r"])  # whose last link is too light for d
+def test_joints_as_coordinates_keep_the_promise_with_gains_converted_by_the_characteristic_length(arm: str) -> None:
+    scenario = shipped()["ur5-motion"]
+    if arm != "ur5":
+        scenario = possible(on_robot(scenario, arm), ClosedLoop).system.scenario
+    asked = edited(scenario, "task_space.kind", "joint")
+    loop = possible(in_coordinates(scenario, "kind", "joint"), ClosedLoop)
+    done, l = loop.system.scenario, scenario.task_space.characteristic_length
+    assert done.controller.layer == pytest.approx(scenario.controller.layer / l, rel=2e-3)
+    assert done.controller.K_s == pytest.approx(scenario.controller.K_s * l**2, rel=2e-3)
+    assert "boundary layer 0.0667, and K_s, by the characteristic length" in told(asked, done)
+    CompiledRun(loop).advance(1500)
+    assert loop.standing.now.verdict == "holds"
+    assert np.abs(loop.recording.at(loop.t)["e_r"]).max() < 2e-4  # rad
+    back = in_coordinates(done, "kind", "cartesian").controller
+    assert back == scenario.controller
+    assert in_mode(done, "impedance").controller == scenario.controller
 
 
 def test_a_path_that_is_too_long_for_an_arm_is_halved_until_it_can_be_followed() -> None:
