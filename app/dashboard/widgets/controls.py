@@ -26,6 +26,7 @@ from app.lessons.answers import Notebook
 from app.lessons.class_desk import ClassDesk
 from app.scenario.data import kind_of
 from app.scenario.schema import FieldInfo, Scenario, field_info
+from app.scenario.units import label_with_joints
 from app.session.commands import Command, Edit
 from app.session.snapshot import Snapshot
 from app.storage.uploaded_urdfs import UploadedUrdfs
@@ -210,6 +211,7 @@ class Number:
 
     def __init__(self, desk: Desk, place: Place, label: str, scale: Scale | None = None) -> None:
         self._desk, self._place, self._label, self._scale = desk, place, label, scale
+        self._labels = (label, label_with_joints(place.path, label))
         self._answer = AwaitedAnswer()
         self._form = desk.gui.add_form(None)
         with self._form:
@@ -313,6 +315,10 @@ class Number:
             self._form.visible = value is not None
         if value is None or self._answer.awaited(snapshot) or self._desk.whatif.holds(self):
             return
+        in_metres, with_joints = self._labels
+        label = with_joints if snapshot.system.layout.joint else in_metres
+        if in_metres != with_joints and label != self._label:
+            self.set_label(label)
         value = self._desk.whatif.moved(snapshot).get(self._place, value)
         self._text.value = written(value)
         if self._slider is not None and self._scale is not None:
