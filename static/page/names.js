@@ -30,7 +30,9 @@ const call = () => {
     const label = [...tied].map((each) => each.textContent.trim()).find(Boolean);
     if (!label) continue;
     set(control, "aria-label", label);
-    const shown = row?.querySelector("input:not([type=hidden])")?.value, unit = /\[(.*)\]/.exec(label)?.[1] ?? "";
+    const shown = row?.querySelector("input:not([type=hidden])")?.value;
+    const above = row?.parentElement?.querySelector("[data-unit]"); // the note with the unit of a target model's rows
+    const unit = /\[(.*)\]/.exec(label)?.[1] ?? above?.dataset.unit ?? "";
     // the time has no number while the run goes on
     if (control.role === "slider") set(control, "aria-valuetext", shown ? `${shown} ${unit}`.trim() : "now");
   }

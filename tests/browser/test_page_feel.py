@@ -195,6 +195,9 @@ def test_everything_has_a_name_and_a_slider_its_value_with_unit(session: Session
     expect(slider).to_have_attribute("aria-valuetext", "20 N")
     session.runner.post(Edit("force.value", 25.0))
     expect(slider).to_have_attribute("aria-valuetext", "25 N")
+    session.tab("Model")
+    row = page.get_by_role("slider", name=re.compile("^M_?m φ$"))
+    expect(row).to_have_attribute("aria-valuetext", re.compile(r"^\S+ kg$"))
     for tab in ("Controller", "World", "Robot", "View", "Task"):
         session.tab(tab)
         page.wait_for_function("""() => [...document.querySelectorAll("button, input, [role=slider], [role=tab]")]

@@ -28,11 +28,12 @@ class _Quantity:
     """Quantity with a number for each task coordinate.
     place: returns the place of a coordinate's number; takes the coordinate, from 0, and whether places are linked.
     scale: of the sliders.
-    note: returns the text above them."""
+    note: returns the text above them; unit: that of the numbers, "" for none."""
 
     place: Callable[[int, Callable[[], bool]], Place]
     scale: Scale
     note: Callable[[Snapshot], str]
+    unit: Callable[[Snapshot], str]
 
 
 class _View(Protocol):
@@ -133,7 +134,8 @@ class _PerCoordinate:
                 if i < len(snapshot.coordinates):
                     row.set_label(f"{name} {symbol(snapshot.coordinates[i].name)}")
                     row.enable(not is_fixed(snapshot, name, i))
-            self._notes[name].content = f'<div class="vs-note">{quantity.note(snapshot)}</div>'
+            note, unit = quantity.note(snapshot), quantity.unit(snapshot)
+            self._notes[name].content = f'<div class="vs-note" data-unit="{unit}">{note}</div>'
 
 
 def matrix_note(snapshot: Snapshot, name: str, meaning: str, metric: str, angular: str) -> str:
@@ -176,6 +178,7 @@ def _diagonal(name: str, meaning: str, metric: str, angular: str, scale: Scale) 
         lambda i, linked: DiagonalPlace(f"target_model.{name}", i, linked),
         scale,
         lambda snapshot: matrix_note(snapshot, name, meaning, metric, angular),
+        lambda snapshot: angular if snapshot.system.units == JOINT else metric,
     )
 
 
@@ -190,10 +193,12 @@ _OSCILLATORS = {
         lambda i, linked: OscillatorPlace("target_model", "omega", i, linked),
         decades(1, 200),
         lambda snapshot: oscillator_note(snapshot, "rad/s"),
+        lambda _: "rad/s",
     ),
     "ζ": _Quantity(
         lambda i, linked: OscillatorPlace("target_model", "zeta", i, linked),
         decades(0.05, 5),
         lambda snapshot: oscillator_note(snapshot, "damping ratio"),
+        lambda _: "",
     ),
 }
