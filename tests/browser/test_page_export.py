@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from pathlib import Path
 
@@ -34,6 +35,22 @@ def test_figures_data_and_scenario_are_handed_over_and_the_run_goes_on(session: 
     svg = letters_of(taken(session, "SVG", tmp_path).read_bytes())
     assert "tracking error" in svg
     assert "hybrid mode" in svg
+    height = session.page.get_by_label("Height [mm]")
+    for given, sentence in (
+        ("two", "height: 'two'; allowed: a number of mm"),
+        ("9", "height: 9 mm; allowed: 20 to"),
+        ("30", "height: 30 mm; allowed: at least"),
+    ):
+        height.fill(given)
+        height.press("Enter")
+        session.page.get_by_role("button", name="SVG", exact=True).click()
+        session.page.get_by_text(sentence).wait_for()
+    height.fill("321")
+    height.press("Enter")
+    high = taken(session, "SVG", tmp_path).read_text(encoding="utf-8")
+    assert float(re.findall(r'height="([0-9.]+)pt"', high)[0]) == pytest.approx(321.0 / 25.4 * 72.0, rel=1e-4)
+    height.fill("")
+    height.press("Enter")
     assert taken(session, "PDF", tmp_path).read_bytes().startswith(b"%PDF-")
     with np.load(taken(session, "NPZ", tmp_path)) as saved:
         rows = session.now.recording.signals(("q",), saved["t"][0], saved["t"][-1])

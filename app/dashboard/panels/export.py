@@ -24,7 +24,7 @@ from app.export.export_jobs import (
     PlaybackJob,
     file_name,
 )
-from app.export.figures import DOUBLE, SINGLE, FigureOptions
+from app.export.figures import DOUBLE, MM, SINGLE, FigureOptions
 from app.export.formats import ALL_PLOTS, Format
 from app.export.playback_frames import playback_frames
 from app.scenario.data import from_file, to_toml
@@ -46,6 +46,14 @@ TYPES = {f"{size} pt": float(size) for size in (7, 6, 8, 9, 10, 12)}
 SHOWN, WHOLE = "as shown by the plots", "the whole run"
 
 
+def _millimetres(text: str) -> float | None:
+    """Length in inches of a text in mm, None for an empty one. Raises ValueError."""
+    try:
+        return float(text) * MM if text.strip() else None
+    except ValueError as error:
+        raise ValueError(f"height: {text.strip()!r:.40}; allowed: a number of mm, or nothing") from error
+
+
 class ExportPanel:
     """Export panel. Each file is made from the present snapshot in another process, so that the run goes on; one file
     at a time, see `FileDelivery`."""
@@ -58,6 +66,7 @@ class ExportPanel:
         self._plots = gui.add_dropdown("Figure of", plots, hint="All plots, those of a tab, or a single one.")
         self._lines = gui.add_text("Lines", "", hint="By their names in the legends, with commas between; empty: all.")
         self._width = gui.add_dropdown("Width", tuple(WIDTHS), hint="Of the figure: of a journal's column or its page.")
+        self._height = gui.add_text("Height [mm]", "", hint="Of the figure; empty: as the plots need.")
         self._type = gui.add_dropdown("Type", tuple(TYPES), hint="Size of the figure's text.")
         self._letters = gui.add_checkbox("Letters (a), (b)", False, hint="Before the titles of the plots.")
         self._caption = gui.add_checkbox("Caption", True, hint="The scenario's numbers, below.")
@@ -88,12 +97,17 @@ class ExportPanel:
         form: Format = event.target.value.lower()
         plots, viewing = plots_of([self._plots.value]), self._desk.viewing
         lines = [name for name in map(str.strip, self._lines.value.split(",")) if name]
-        options = FigureOptions(
-            width=WIDTHS[self._width.value],
-            type_size=TYPES[self._type.value],
-            letters=self._letters.value,
-            caption=self._caption.value,
-        )
+        try:
+            options = FigureOptions(
+                width=WIDTHS[self._width.value],
+                height=_millimetres(self._height.value),
+                type_size=TYPES[self._type.value],
+                letters=self._letters.value,
+                caption=self._caption.value,
+            )
+        except ValueError as error:
+            self._desk.complain(f"The figure was not made: {error}")
+            return
 
         def make(snapshot: Snapshot, tell: Tell) -> bytes:
             setup = Setup.of(snapshot, viewing.coordinate, viewing.joint)
