@@ -42,7 +42,7 @@ def figure_of(loop: RespondingLoop, response: PushResponse, points: Sequence[Mea
     charts = [
         _chart(
             f"impedance {axis.words}",
-            axis.push.impedance,
+            axis.kind.impedance,
             [
                 _line("target model (8)", ORANGE, frequency, z_target[:, k], dashed=True),
                 _line("sampled loop", BLUE, frequency, z_sampled[:, k]),
@@ -87,8 +87,8 @@ def _of_steps(response: PushResponse) -> list[Chart]:
                 Curve("target model (8)", ORANGE, times, 1e3 * wish, dashed=True),
                 Curve("sampled loop", BLUE, times, 1e3 * way),
             )
-            title = f"{axis.push.motion} {axis.words} under a step of 1 {axis.push.unit}"
-            charts.append(Chart(title, f"m{axis.push.way}", curves))
+            title = f"{axis.kind.motion} {axis.words} under a step of 1 {axis.kind.unit}"
+            charts.append(Chart(title, f"m{axis.kind.way}", curves))
     return charts
 
 
@@ -171,7 +171,7 @@ def table_of(response: PushResponse, points: Sequence[Measured]) -> str:
     alongs = [
         f"{what} {axis.words}"
         for axis in response.axes
-        for what in (f"impedance [{axis.push.impedance}]", "phase [deg]")
+        for what in (f"impedance [{axis.kind.impedance}]", "phase [deg]")
     ]
     extremes = [f"{which} [{push.impedance}]" for push in response.kinds for which in ("largest", "smallest")]
     rows.writerow(["kind", "frequency [Hz]", *alongs, *extremes, "passive"])
@@ -220,7 +220,7 @@ def _passive(response: PushResponse, frequency: np.ndarray, sampled: np.ndarray)
 
 
 def _followed(axis: PushAxis, frequency: np.ndarray, sampled: np.ndarray, target: np.ndarray) -> str:
-    push = axis.push
+    push = axis.kind
     if not np.abs(target).max() > NOTHING:
         largest = np.abs(sampled / (2 * np.pi * frequency)).max()
         yields = f"yields by {1e6 * largest:.3g} µ{push.way} per {push.unit} at most"

@@ -66,7 +66,7 @@ class PushExperiment:
         memory: Memory | None = None,
     ) -> None:
         self._state, self._axes = replace(state.copy(), grip=None), axes
-        self._sizes = [newtons if axis.push == FORCE else newton_metres for axis in axes]
+        self._sizes = [newtons if axis.kind == FORCE else newton_metres for axis in axes]
         self._wrenches = np.array([axis.wrench for axis in axes])
         self._system, self._h = _holding(state, memory), state.scenario.controller.period
 

@@ -20,7 +20,7 @@ RIGID = 1e-9  # m per N, or rad per N m: a compliance below this counts as none
 ROUNDING = 1e-9  # share of the admittance's largest entry by which an eigenvalue may be below zero, for rounding
 
 
-class Push(NamedTuple):
+class PushKind(NamedTuple):
     """Kind of a push.
     unit: of the push; way: unit of the tool's motion, which is called `motion`; impedance: unit of what the push meets.
     """
@@ -32,8 +32,8 @@ class Push(NamedTuple):
     impedance: str
 
 
-FORCE = Push("force", "N", "way", "m", "N·s/m")
-MOMENT = Push("moment", "N·m", "turn", "rad", "N·m·s/rad")
+FORCE = PushKind("force", "N", "way", "m", "N·s/m")
+MOMENT = PushKind("moment", "N·m", "turn", "rad", "N·m·s/rad")
 
 
 @dataclass(frozen=True)
@@ -41,12 +41,12 @@ class PushAxis:
     """Axis through the tool point of a push.
     name: of the axis, or of the angle that changes when the tool turns about it.
     words: the name with its preposition.
-    push: a force along the axis, or a moment about it.
+    kind: a force along the axis, or a moment about it.
     wrench: (6,), the unit push in the world; times the tool's velocity and angular velocity it is the speed."""
 
     name: str
     words: str
-    push: Push
+    kind: PushKind
     wrench: np.ndarray
 
 
@@ -81,16 +81,16 @@ class PushResponse(SampledFrequencies):
         return np.array([axis.wrench for axis in self.axes])
 
     @property
-    def kinds(self) -> dict[Push, list[int]]:
+    def kinds(self) -> dict[PushKind, list[int]]:
         """Numbers of the axes of each kind of push that there is."""
         return {kind: found for kind in (FORCE, MOMENT) if (found := self._of(kind))}
 
-    def _of(self, kind: Push) -> list[int]:
-        return [k for k, axis in enumerate(self.axes) if axis.push == kind]
+    def _of(self, kind: PushKind) -> list[int]:
+        return [k for k, axis in enumerate(self.axes) if axis.kind == kind]
 
     def in_metres(self, admittance: np.ndarray) -> np.ndarray:
         """Admittance (N, p, p) in m/s per N, where an angle counts l times, and a moment 1/l times."""
-        scale = np.array([1.0 if axis.push == FORCE else self.l for axis in self.axes])
+        scale = np.array([1.0 if axis.kind == FORCE else self.l for axis in self.axes])
         return scale[:, None] * admittance * scale
 
     def step(self, seconds: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

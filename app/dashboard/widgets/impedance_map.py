@@ -13,7 +13,7 @@ from app.dashboard.theme.colors import SERIES, css
 from app.dashboard.widgets.equation import symbol
 from app.export.response_files import told
 from app.session.push_measurement import Measured
-from app.simulation.push_response import Push, PushResponse, along_axes, passive
+from app.simulation.push_response import PushKind, PushResponse, along_axes, passive
 from app.simulation.sampled_frequencies import LOWEST
 
 _SIZE = (336, 172)
@@ -57,7 +57,7 @@ def impedance_html(response: PushResponse, points: Sequence[Measured] = (), meas
     )
 
 
-def _map(drawn: _Drawn, push: Push, axes: Sequence[int]) -> str:
+def _map(drawn: _Drawn, push: PushKind, axes: Sequence[int]) -> str:
     """Map for pushes of one kind, "" where none of them moves the tool."""
     response = drawn.response
     known = np.concatenate([line[np.isfinite(line)] for line in (drawn.sampled[:, axes], drawn.target[:, axes])])
@@ -125,7 +125,7 @@ def _dots(drawn: _Drawn, axes: Sequence[int], low: int, high: int) -> list[str]:
     return [
         f'<circle class="measured" cx="{_x(points[k].frequency, response):.1f}" '
         f'cy="{_y(float(impedance[k, place]), low, high):.1f}" r="2.6" fill="none" stroke="{css(SERIES[place])}">'
-        f"<title>measured {escape(axis.words)}: {impedance[k, place]:.3g} {axis.push.impedance} at "
+        f"<title>measured {escape(axis.words)}: {impedance[k, place]:.3g} {axis.kind.impedance} at "
         f"{points[k].frequency:.3g} Hz</title></circle>"
         for k, place in np.argwhere(inside)
         for axis in [response.axes[axes[place]]]
