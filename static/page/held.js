@@ -1,15 +1,19 @@
-// On a phone the plots lie beside the sliders, out of sight: while a slider is held, the plot that it matters for lies over
-// the scene.
+// On a phone plots and what-if lie beside the sliders, out of sight: while a slider is held, the plot that it matters for
+// lies over the scene, and below it the numbers of what-if.
 const MATTERS = [ // words of the row's label, and of the plot's title
   [/^(K_f|K_e|K̂_e|B_e|M_e|F_d|λ)|\[N\]|friction/, /force/],
   [/^(constant d|margin|layer|K_s|F_1|F_2)/, /sliding/],
   [/./, /./],
 ];
 let lent = null; // what has been taken out of its place
+const told = document.createElement("div");
+told.className = "vs-told";
+told.ariaHidden = "true"; // what-if tells it
 const giveBack = () => {
   if (!lent) return;
   const { box, chart, width, height } = lent;
   lent = null;
+  told.remove();
   delete box.dataset.heldPlot;
   box.parentElement.style.minHeight = "";
   chart.setSize({ width, height });
@@ -28,6 +32,10 @@ const lend = (row) => {
 };
 const fill = () => {
   if (!lent) return;
+  const facts = document.querySelector(".vs-held .vs-foreseen")?.outerHTML ?? "";
+  if (told.innerHTML !== facts) told.innerHTML = facts;
+  if (!facts) told.remove();
+  else if (!told.isConnected) document.body.append(told);
   const { box, chart } = lent, height = Math.max(box.clientHeight - (chart.root.offsetHeight - chart.height) - 8, 90);
   if (Math.abs(height - chart.height) > 2) chart.setSize({ width: box.clientWidth - 4, height });
 };

@@ -142,7 +142,9 @@ def test_the_keyboard_leads_from_event_to_event(session: Session):
 
 
 @pytest.mark.usefixtures("own_page")
-def test_on_a_phone_a_held_slider_shows_its_plot(served: tuple[Dashboard, Runner], open_page: Callable[..., Page]):
+def test_on_a_phone_a_held_slider_shows_its_plot_and_the_numbers_of_what_if(
+    served: tuple[Dashboard, Runner], open_page: Callable[..., Page]
+):
     page = open_page(served[0].url, **PHONE)
     row = page.locator("form:visible", has=page.get_by_text("F_d [N]", exact=True))
     row.locator("[role=slider][aria-valuetext]").wait_for()
@@ -159,9 +161,17 @@ def test_on_a_phone_a_held_slider_shows_its_plot(served: tuple[Dashboard, Runner
     assert over["y"] == 0
     assert over["width"] == pytest.approx(390, abs=1)
     assert over["y"] + over["height"] < box["y"]
+    told = page.locator(".vs-told")
+    expect(told).to_contain_text("force error at the end")
+    below = told.bounding_box()
+    assert below is not None
+    assert below["y"] + below["height"] < box["y"]
+    page.wait_for_function("document.querySelector('[data-held-plot]').getBoundingClientRect().bottom <= "
+                           "document.querySelector('.vs-told').getBoundingClientRect().top + 1")  # fmt: skip
     assert row.locator(".mantine-Slider-trackContainer").bounding_box() == box  # it has not moved under the finger
     touch.send("Input.dispatchTouchEvent", {"type": "touchEnd", "touchPoints": []})
     expect(lent).to_have_count(0)
+    expect(told).to_have_count(0)
 
 
 def drawings() -> Iterator[tuple[str, Drawing]]:
