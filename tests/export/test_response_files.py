@@ -31,6 +31,7 @@ def known(tmp_path: Path) -> Path:
     return path
 
 
+@pytest.mark.slow  # long simulations
 def test_the_table_has_target_sampled_loop_and_measured_points(
     known: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -60,6 +60,7 @@ def test_surfaces_that_are_parallel_at_the_tool_make_no_corner() -> None:
 CORNERS = ("ur5-corner", "ur5-corner-coupled", "ur5-corner-rigid", "ur5-groove-moving", "planar3r-corner")
 
 
+@pytest.mark.slow  # long simulations
 @pytest.mark.parametrize("name", CORNERS)
 def test_shipped_corners_are_pressed_and_followed_by_a_heavier_arm(name: str) -> None:
     loop, _ = simulate(load(name))
@@ -325,6 +326,7 @@ def test_a_corner_that_the_arm_cannot_reach_has_a_way_out() -> None:
     assert told(parallel, done) == "Adapted: second surface taken away."
 
 
+@pytest.mark.slow  # long simulations
 def test_three_surfaces_hold_the_tool_in_a_point_and_each_gets_its_force() -> None:
     scenario = edited(load("ur5-corner"), "motion", {"kind": "hold"})
     scenario = edited(with_further(scenario, "third", "elastic"), "third.force.value", 15.0)

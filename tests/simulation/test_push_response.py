@@ -74,6 +74,7 @@ def test_a_known_arm_has_the_targets_impedance_as_sampling_becomes_fine() -> Non
     assert apart[2] < 0.01
 
 
+@pytest.mark.slow  # long simulations
 @pytest.mark.parametrize(
     ("scenario", "sensor"),
     [
@@ -112,6 +113,7 @@ def test_a_sinusoidal_push_on_the_whole_simulation_meets_the_predicted_admittanc
     np.testing.assert_allclose(apart, 0.0, atol=0.02 * np.abs(predicted).max())
 
 
+@pytest.mark.slow  # long simulations
 def test_a_chirp_measures_mass_damper_and_spring_in_the_midst_of_a_motion() -> None:
     """The tool is on its way when the push begins, and the sensor is noisy: both cancel."""
     data = to_plain(known_arm())
@@ -137,6 +139,7 @@ def test_a_chirp_measures_mass_damper_and_spring_in_the_midst_of_a_motion() -> N
     assert "leaves out" not in told(points, sampled, not_linear(loop.state))
 
 
+@pytest.mark.slow  # long simulations
 def test_a_measurement_far_from_its_prediction_says_what_that_leaves_out() -> None:
     data = to_plain(known_arm())
     data["truth"] |= {"coulomb": 5.0}
@@ -147,6 +150,7 @@ def test_a_measurement_far_from_its_prediction_says_what_that_leaves_out() -> No
     assert sentence.endswith("leaves out: dry friction in the joints")
 
 
+@pytest.mark.slow  # long simulations
 def test_a_gain_by_17_that_grows_with_the_push_is_named_where_it_is_the_reason() -> None:
     """Without it the same push meets the prediction; the arm's weight, which is not known, makes s rest off zero."""
     errors, sentences = [], []
