@@ -70,6 +70,23 @@ def test_what_is_shown_again_is_the_recording_and_then_the_run_goes_on(noisy: Ti
     np.testing.assert_array_equal(line.recording.rows()[:1200], rows)
 
 
+@pytest.mark.parametrize("t", [0.03, 0.07, 0.29, 0.47])
+def test_a_contact_that_is_lost_and_met_again_is_so_when_looked_back_at(t: float) -> None:
+    """A tool on a rigid surface that only pushes is pulled off it for a tenth of a second: forked before, within and
+    after, the run is the same to the last bit."""
+    scenario = edited(edited(shipped()["ur5-constrained"], "simulation.leaving_domain", "flag"), "motion", "hold")
+    for path, value in {"push": [0.0, 0.0, 60.0], "push_start": 0.05, "push_duration": 0.1}.items():
+        scenario = edited(scenario, f"truth.{path}", value)
+    line = run(line_of(scenario), 600)
+    rows, pressed = line.recording.rows(), line.recording.signals(("multiplier",))["multiplier"].ravel()
+    lost = np.flatnonzero(pressed == 0.0)
+    assert 50 <= lost[0] < lost[-1] < 500
+    assert pressed[-1] > 0.0
+    line.seek(t)
+    line.fork()
+    np.testing.assert_array_equal(run(line, 600 - round(1e3 * t)).recording.rows(), rows)
+
+
 def test_a_fork_without_a_change_becomes_the_same_run_again() -> None:
     line = run(line_of(shipped()["planar3r-hybrid"]), 1000)
     rows = line.recording.rows()
