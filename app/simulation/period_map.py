@@ -91,7 +91,7 @@ class PeriodMap:
         self._arm, self._row = ControlledArm(still, state), Record.zeros(Row, system.layout.n).data
         self._push[:] = 0.0
         self._added, self._reading = np.zeros(6), np.zeros(6)
-        self._blank, controller = state.evaluation.copy().data, system.controller
+        self._blank, controller = state.evaluation.copy(), system.controller
         self._parts = [state.arm.views.q, state.arm.views.q_dot]
         if controller.law.robust:
             self._parts.append(state.evaluation.views.z)
@@ -109,7 +109,7 @@ class PeriodMap:
         system, state, controller, n = self._still, self._state, self._still.controller, len(at.q)
         task, basis = at.task, free_directions(system, at)
         q_dot = -task.J_q_inv @ task.v_t
-        state.arm.data[:] = system.plant.start(at.q, q_dot, at.t).data
+        state.arm.take(system.plant.start(at.q, q_dot, at.t))
         load = state.arm.read().load
         met = load.multiplier.copy()
         felt = at.across @ met[: len(system.surfaces)]
@@ -120,7 +120,8 @@ class PeriodMap:
         r_d = task.r + self._yields @ e_Fc
         plan = system.plan.held(r_d, met)
         self._arm.settings.write("plan", plan)
-        state.t, state.evaluation.data[:], state.x[:] = at.t, self._blank, 0.0
+        state.evaluation.take(self._blank)
+        state.t, state.x[:] = at.t, 0.0
         reference = Planned(plan).at(at.t)
         _, seen = self._observer.at(state.arm.views.q, state.arm.views.q_dot, at.t)
         e_r, e_r_dot = seen.r - reference.r_d, seen.r_dot - reference.r_d_dot

@@ -114,7 +114,7 @@ class SampledLoops:
 
     def __init__(self, system: System) -> None:
         self.system = system
-        self._maps: dict[bool, PeriodMap] = {}  # by whether the arm touches
+        self._maps: dict[tuple[bool, bool], PeriodMap] = {}  # by whether the arm touches, and whether moments are read
 
     def at(self, q: np.ndarray, t: float) -> SampledLoop:
         """The sampled loop in contact, if the scenario has a contact, otherwise in free motion, at the posture q (n,)
@@ -146,15 +146,20 @@ class SampledLoops:
         at = Posture.of(system, q, t)
         around_rest = self._map(at, touching=True)
         model, sampled = _poles(system, at, loop.A)
-        response = _push_response(system, at, around_rest, loop.A)
+        if around_rest.keeps_moments:
+            response = _push_response(system, at, loop.A, around_rest.by_push())
+        else:
+            pushed = self._map(at, touching=True, moments=True)
+            response = _push_response(system, at, pushed.jacobian(), pushed.by_push())
         if _reads_contact(system):
             force_loop = ForceLoop(system.scenario.controller.period, loop.A, around_rest.by_reading(), loop.C)
         return RespondingLoop(**vars(loop), model=model, sampled=sampled, response=response, force_loop=force_loop)
 
-    def _map(self, at: Posture, *, touching: bool) -> PeriodMap:
-        known = self._maps.get(touching)
+    def _map(self, at: Posture, *, touching: bool, moments: bool = False) -> PeriodMap:
+        known = self._maps.get((touching, moments))
         if known is None:
-            known = self._maps[touching] = PeriodMap(self.system, at, touching=touching)
+            known = PeriodMap(self.system, at, touching=touching, moments=moments)
+            self._maps[touching, moments] = known
         else:
             known.rest_at(at)
         return known
@@ -222,12 +227,9 @@ def _in_contact(system: System, at: Posture) -> tuple[np.ndarray, np.ndarray, np
     return basis.T @ M @ basis, basis.T @ B @ basis, basis.T @ K @ basis
 
 
-def _push_response(system: System, at: Posture, around_rest: PeriodMap, A: np.ndarray) -> PushResponse:
-    """Response of the tool to a push. A (k, k): of the control period."""
+def _push_response(system: System, at: Posture, A: np.ndarray, by_push: np.ndarray) -> PushResponse:
+    """Response of the tool to a push. A (k, k), by_push (k, 6): of the control period."""
     controller, estimate, J_inv = system.controller, at.estimate, at.task.J_q_inv
-    if not around_rest.keeps_moments:
-        around_rest = PeriodMap(system, at, moments=True)
-        A = around_rest.jacobian()
     axes = _push_axes(system, at)
     wrenches = np.array([axis.wrench for axis in axes])
     basis = free_directions(system, at)
@@ -241,7 +243,7 @@ def _push_response(system: System, at: Posture, around_rest: PeriodMap, A: np.nd
         period=system.scenario.controller.period,
         l=system.layout.l,
         A=A,
-        B=around_rest.by_push() @ wrenches.T,
+        B=by_push @ wrenches.T,
         C=C,
         M=M,
         D=D,

@@ -46,7 +46,7 @@ TYPES = {f"{size} pt": float(size) for size in (7, 6, 8, 9, 10, 12)}
 SHOWN, WHOLE = "as shown by the plots", "the whole run"
 
 
-def _millimetres(text: str) -> float | None:
+def _inches(text: str) -> float | None:
     """Length in inches of a text in mm, None for an empty one. Raises ValueError."""
     try:
         return float(text) * MM if text.strip() else None
@@ -100,7 +100,7 @@ class ExportPanel:
         try:
             options = FigureOptions(
                 width=WIDTHS[self._width.value],
-                height=_millimetres(self._height.value),
+                height=_inches(self._height.value),
                 type_size=TYPES[self._type.value],
                 letters=self._letters.value,
                 caption=self._caption.value,
