@@ -93,12 +93,14 @@ class Mode:
 
     def environment(self, n: int, K_e_hat: np.ndarray | float) -> np.ndarray:
         """Stiffness (n, n) N/m that the model meets: K_e_hat (33), a number, (m,) or (m, m), or a rigid surface (41),
-        infinite on the diagonal, along the controlled normals, 0 elsewhere."""
+        infinite on the diagonal, along the controlled normals, 0 elsewhere. A matrix (k, k) has the followed surfaces
+        of the same body, too."""
         m, stiffness = self.m(), np.zeros((n, n))
         if self.rigid:
             K_e_hat = np.inf
         if np.ndim(K_e_hat) == 2:
-            stiffness[:m, :m] = K_e_hat
+            k = np.shape(K_e_hat)[0]
+            stiffness[:k, :k] = K_e_hat
         else:
             stiffness[np.arange(m), np.arange(m)] = K_e_hat
         return stiffness
@@ -113,8 +115,7 @@ class Mode:
     def check(self, model: TargetModel, K_e_hat: np.ndarray | float, surfaces: SurfaceRange | None = None) -> None:
         """Raise InvalidGain, naming matrix and reason, unless the mode admits the model.
 
-        K_e_hat: estimated stiffness (N/m), a number, (m,) or (m, m), of the controlled normals, with which the model
-        must be stable.
+        K_e_hat: estimated stiffness (N/m), with which the model must be stable, see `environment`.
         surfaces: all surfaces that the tool may touch, on which the model must be stable, None for none.
         """
         m, n = self.m(), model.n

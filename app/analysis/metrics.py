@@ -11,7 +11,6 @@ from msgspec import Struct
 
 from app.scenario.units import Units
 from app.simulation.closed_loop import ClosedLoop
-from app.simulation.controller_builder import compensation, true_stiffness
 from app.simulation.engines import Engine
 from app.simulation.recording import Epoch, Recording
 from app.simulation.system import System
@@ -171,23 +170,6 @@ def angle_error(system: System, record: Mapping[str, np.ndarray]) -> np.ndarray 
     if layout.joint or layout.end_of_places == layout.n:
         return None
     return np.linalg.norm(record["e_r"][:, layout.end_of_places :], axis=1) / layout.l
-
-
-def steady_force_error(system: System, f_nd: np.ndarray, s: np.ndarray) -> float | None:
-    """Steady-state force error f_n - f_nd (N) by (37), for constant desired forces f_nd (m,) N, moments over l among
-    them; on several surfaces the norm of their errors; None where no force is controlled.
-    It includes the error, by (14), due to an s (n,) m/s that stays within the boundary layer, where A is not 0.
-    On a rigid surface r_fd = 0, and (41) leaves no error but that due to s."""
-    if not (m := system.m):
-        return None
-    model = system.controller.model
-    rest = model.left_by_layer(compensation(system.scenario, system.layout.n), s)[:m]
-    if system.plant.kind.rigid:
-        errors = np.linalg.solve(model.K_f[:m, :m], rest)
-    else:
-        K_e, r_fd = true_stiffness(system.scenario), system.plan.compliance[:m, :m] @ f_nd
-        errors = model.steady_forces(K_e, r_fd, f_nd, rest) - f_nd
-    return float(errors[0]) if system.pressed == 1 else float(np.linalg.norm(errors[: system.pressed]))
 
 
 def settling_time(t: np.ndarray, signal: np.ndarray, resolution: float) -> float:

@@ -9,9 +9,10 @@ from typing import NamedTuple
 import numpy as np
 import pinocchio as pin
 
+from app.analysis.steady_force import steady_forces
 from app.scenario.schema import Scenario
 from app.simulation.control_period import Observer
-from app.simulation.controller_builder import believed_compliance, compensation, law_of, true_stiffness
+from app.simulation.controller_builder import compensation, law_of
 from app.simulation.environment_builder import truth_of
 from app.simulation.recording import Epoch
 from app.simulation.system import System
@@ -202,19 +203,17 @@ class Known(Mapping[str, np.ndarray]):
         system, m, s = self._analysis.system, self._analysis.system.m, self._rows["s"]
         if not m:
             return self["yielding_force"][:, None]
-        f_nd = self._rows["F_cd"][:, :m]
-        numbers, settled = self._numbers(), np.empty_like(f_nd)
+        r_d, F_cd = self._rows["r_d"], self._rows["F_cd"]
+        numbers, settled = self._numbers(), np.empty_like(F_cd[:, :m])
         for number in np.unique(numbers):
             epoch, rows = self._epochs[number], np.flatnonzero(numbers == number)
-            K_e = true_stiffness(epoch.scenario)
-            r_fd = f_nd @ believed_compliance(epoch.scenario).T
             for piece in [rows] if epoch.blend is None else rows[:, None]:
                 model = epoch.model_at(float(self._rows["t"][piece[0]]))
-                rest = model.left_by_layer(compensation(epoch.scenario, model.n), s[piece].T)[:m].T
+                rest = model.left_by_layer(compensation(epoch.scenario, model.n), s[piece].T).T
                 if system.plant.kind.rigid:
-                    settled[piece] = f_nd[piece] + np.linalg.solve(model.K_f[:m, :m], rest.T).T
+                    settled[piece] = F_cd[piece, :m] + np.linalg.solve(model.K_f[:m, :m], rest[:, :m].T).T
                 else:
-                    settled[piece] = model.steady_forces(K_e, r_fd[piece], f_nd[piece], rest)
+                    settled[piece] = steady_forces(epoch.scenario, model, r_d[piece], F_cd[piece], rest)
         return settled[:, : system.pressed]
 
     def _V(self, s_norm: np.ndarray) -> np.ndarray:

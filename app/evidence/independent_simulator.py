@@ -212,9 +212,10 @@ class Wish:
     """Wish: the reference of the law.
     displacement: (n,) m, of r_d, which goes there from its start and back, once in 2 pi / omega s.
     omega: rad/s.
-    mean, swing: (m,) N, of f_nd = mean + swing sin(f_omega t).
+    mean, swing: (p,) N, of f_nd = mean + swing sin(f_omega t).
     f_omega: rad/s.
-    compliance: (m, m) m/N, of r_fd = compliance f_nd, (33)."""
+    compliance, beside: (p, p) m/N and (p, m - p) N/m, of r_fd = compliance (f_nd - beside r_od), (33), where r_od is
+    the desired distance from the other m - p surfaces, all of which are touched."""
 
     displacement: np.ndarray
     omega: float
@@ -222,6 +223,7 @@ class Wish:
     swing: np.ndarray
     f_omega: float
     compliance: np.ndarray
+    beside: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -335,9 +337,10 @@ class PaperLoop:
         r_d = start + to * (1 - c) / 2
         rate, acceleration = to * w.omega * s / 2, to * w.omega**2 * c / 2
         fc, fs = np.cos(w.f_omega * t), np.sin(w.f_omega * t)
-        r_d[: self.m] = w.compliance @ (w.mean + w.swing * fs)
-        rate[: self.m] = w.compliance @ w.swing * w.f_omega * fc
-        acceleration[: self.m] = -w.compliance @ w.swing * w.f_omega**2 * fs
+        p, m = len(w.mean), self.m
+        r_d[:p] = w.compliance @ (w.mean + w.swing * fs - w.beside @ r_d[p:m])
+        rate[:p] = w.compliance @ (w.swing * w.f_omega * fc - w.beside @ rate[p:m])
+        acceleration[:p] = w.compliance @ (-w.swing * w.f_omega**2 * fs - w.beside @ acceleration[p:m])
         return r_d, rate, acceleration, w.mean + w.swing * fs
 
     @cached_property
@@ -347,10 +350,10 @@ class PaperLoop:
     def forces(self, m: Motion, lam: np.ndarray, f_nd: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """F_r and e_Fc (n,) N, where the sensor measures the force of the multipliers lam (m,) N and the push; (40)
         leaves the multipliers whose force is nearest to the measured one."""
-        F, k = m.wrench(lam) - self.world.push, len(m.normals)
+        F, k, p = m.wrench(lam) - self.world.push, len(m.normals), len(f_nd)
         F_r = np.linalg.solve(m.J_q.T, m.J.T @ F)
         e_F = F_r.copy() if self.world.all else np.zeros(self.n)
-        e_F[: self.m] = np.concatenate([np.linalg.lstsq(m.normals.T, F[:3])[0], F_r[k : self.m]]) - f_nd
+        e_F[:p] = np.concatenate([np.linalg.lstsq(m.normals.T, F[:3])[0], F_r[k : self.m]])[:p] - f_nd
         return F_r, e_F
 
     def law(self, m: Motion, q: np.ndarray, q_dot: np.ndarray, z: np.ndarray, lam: np.ndarray, t: float) -> Answer:

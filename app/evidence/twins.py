@@ -64,7 +64,8 @@ class Twin:
     surfaces: their number.
     pushed: whether a constant wrench acts on the tool.
     flat: whether the tool touches with a flat face, and the plane tilts.
-    coupled: whether the surfaces belong to one elastic body."""
+    coupled: whether the surfaces belong to one elastic body.
+    followed: number of the surfaces whose distance is followed, the last ones; the tool touches them, too."""
 
     robot: str
     mode: Literal["hybrid", "hybrid-impedance", "constrained"]
@@ -78,6 +79,7 @@ class Twin:
     pushed: bool = False
     flat: bool = False
     coupled: bool = False
+    followed: int = 0
 
     @property
     def n(self) -> int:
@@ -86,7 +88,12 @@ class Twin:
     @property
     def m(self) -> int:
         """Number of controlled forces and moments."""
-        return 3 if self.flat else self.surfaces
+        return 3 if self.flat else self.surfaces - self.followed
+
+    @property
+    def tilts(self) -> int:
+        """Number of coordinates that are tilts of a flat tool."""
+        return 2 if self.flat else 0
 
     @property
     def rigid(self) -> bool:
@@ -94,8 +101,8 @@ class Twin:
 
     @property
     def moves(self) -> bool:
-        """Whether the tool moves along the surfaces: more positions are coordinates than there are surfaces."""
-        return arm(self.robot).layout.positions > self.surfaces
+        """Whether a position follows a path: more of them are coordinates than there are controlled forces."""
+        return arm(self.robot).layout.positions > self.surfaces - self.followed
 
     @property
     def turns(self) -> bool:
@@ -123,7 +130,7 @@ class Twin:
         for matrix, low, high in ((M_m, 6.0, 14.0), (B_m, 150.0, 300.0), (K_m, 1000.0, 4000.0)):
             matrix[m:, m:] = random_spd(random, n - m, low, high)
         if self.mode == "hybrid-impedance":
-            K_f[m:, m:] = random_spd(random, n - m, 0.5, 1.5)
+            K_f[m:, m:] = 0.8 * np.eye(n - m) if self.followed else random_spd(random, n - m, 0.5, 1.5)
         if m > 1:
             for matrix, low, high in ((M_m, 8.0, 14.0), (B_m, 150.0, 250.0), (K_f, 0.7, 1.0)):
                 matrix[:m, :m] = random_spd(random, m, low, high)
@@ -135,17 +142,22 @@ class Twin:
     def wish(self) -> Wish:
         displacement = np.zeros(self.n)
         if self.moves:
-            displacement[self.m] = WAY
+            displacement[self.m] = self.way
         if self.turns:
             system = arm(self.robot)
-            displacement[system.layout.positions + self.m - self.surfaces] = system.layout.l * TURN
-        k, l = self.surfaces, arm(self.robot).layout.l
+            displacement[system.layout.positions + self.tilts] = system.layout.l * TURN
+        k, p, l = self.surfaces, self.surfaces - self.followed, arm(self.robot).layout.l
         moments = np.array(MOMENTS) / l if self.flat else np.zeros(0)
         stiffness = np.concatenate([BELIEVED[:k], np.full(len(moments), K_T_HAT / l**2)])
-        believed = self._with_coupling(np.diag(stiffness), "K_e_hat")
-        compliance = np.zeros((k, k)) if self.rigid else np.linalg.inv(believed)
-        forces, swings = np.concatenate([FORCES[:k], moments]), np.concatenate([SWINGS[:k], 0.0 * moments])
-        return Wish(displacement, 2 * np.pi, forces, swings, 2 * np.pi * 3.0, compliance)
+        believed, m = self._with_coupling(np.diag(stiffness), "K_e_hat"), self.m
+        compliance = np.zeros((m, m)) if self.rigid else np.linalg.inv(believed[:m, :m])
+        forces, swings = np.concatenate([FORCES[:p], moments]), np.concatenate([SWINGS[:p], 0.0 * moments])
+        return Wish(displacement, 2 * np.pi, forces, swings, 2 * np.pi * 3.0, compliance, believed[:m, m:])
+
+    @property
+    def way(self) -> float:
+        """Length (m) of the path of the first free position, which is a depth where a surface is followed."""
+        return DEPTH if self.followed else WAY
 
     def _with_coupling(self, diagonal: np.ndarray, name: str) -> np.ndarray:
         """Matrix (m, m) with the entries off its diagonal that couple the surfaces of one body. name: in COUPLING."""
@@ -181,11 +193,14 @@ class Twin:
         gains, met = self.gains(), [self._met(i, each) for i, each in enumerate(self.all_surfaces())]
         push = {"push": PUSH[:3].tolist(), "push_moment": PUSH[3:].tolist(), "push_start": 0.0, "push_duration": 3600.0}
         further = {
-            name: {"surface": surface, "contact": contact, "force": force, "K_e_hat": K_e_hat}
-            for name, (surface, contact, force), K_e_hat in zip(
-                ("second", "third"), met[1:], BELIEVED[1:], strict=False
+            name: {
+                "surface": surface, "contact": contact, "force": force, "K_e_hat": K_e_hat,
+                "control": "force" if number < self.surfaces - self.followed else "path",
+            }
+            for number, name, (surface, contact, force), K_e_hat in zip(
+                (1, 2), ("second", "third"), met[1:], BELIEVED[1:], strict=False
             )
-        }
+        }  # fmt: skip
         R = arm(self.robot).nominal.evaluate(arm(self.robot).q_0, np.zeros(self.n)).R
         return from_plain({
             **further,
@@ -206,7 +221,7 @@ class Twin:
             "contact": met[0][1],
             "force": met[0][2],
             "sensor": {"ideal": self.ideal},
-            "motion": {"kind": "line", "displacement": [WAY], "period": 1.0, "ramp": 0.0}
+            "motion": {"kind": "line", "displacement": [self.way], "period": 1.0, "ramp": 0.0}
             if self.moves else {"kind": "hold"},
             "rotation": {"kind": "line", "displacement": [TURN], "period": 1.0, "ramp": 0.0}
             if self.turns else {"kind": "hold"},
@@ -216,8 +231,8 @@ class Twin:
     def paper(self) -> PaperLoop:
         scenario = self.scenario(0.001)
         truth, k, l = scenario.truth, self.surfaces, scenario.task_space.characteristic_length
-        turning = np.full(self.m - k, K_T / l**2)
-        M_e, K_e = self.M_e * np.eye(self.m), np.diag(np.concatenate([STIFFNESS[:k], turning]))
+        turning = np.full(self.tilts, K_T / l**2)
+        M_e, K_e = self.M_e * np.eye(k + self.tilts), np.diag(np.concatenate([STIFFNESS[:k], turning]))
         B_e = np.diag(np.concatenate([DAMPING[:k], turning * DAMPING[0] / STIFFNESS[0]]))
         if self.M_e:
             M_e = self._with_coupling(M_e, "M_e")

@@ -8,7 +8,7 @@ import numpy as np
 from app.scenario.data import edited
 from app.scenario.schema import Scenario, ScenarioError
 from app.session.changes import WayOut
-from app.simulation.controller_builder import believed_stiffness, matrices_of, surfaces_met
+from app.simulation.controller_builder import matrices_of, require_admitted, surfaces_met
 from app.simulation.system import System
 from controllers.target_model import InvalidGain, TargetModel
 
@@ -32,11 +32,11 @@ def way_to_model(running: System, asked: Scenario) -> WayOut | None:
     if not all(np.isfinite(matrix).all() for matrix in given.values()):
         return None
     end = {name: 0.5 * (matrix + matrix.T) for name, matrix in given.items()}
-    K_e_hat, surfaces = believed_stiffness(scenario), surfaces_met(scenario, mode, layout)
+    surfaces = surfaces_met(scenario, mode, layout)
 
     def allowed(share: float) -> bool:
         try:
-            mode.check(TargetModel(**_between(start, end, share)), K_e_hat, surfaces)
+            require_admitted(TargetModel(**_between(start, end, share)), scenario, mode, surfaces)
         except InvalidGain:
             return False
         return True

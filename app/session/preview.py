@@ -18,9 +18,9 @@ from app.analysis.metrics import (
     force_error,
     motion_error,
     settling_time,
-    steady_force_error,
     tail_of,
 )
+from app.analysis.steady_force import steady_force_error
 from app.scenario.schema import Scenario, TruthSection
 from app.session.arm_band import Band, BandStretch, uncertain
 from app.simulation.closed_loop import ClosedLoop
@@ -34,6 +34,7 @@ from environments.trajectories.point_to_point import Hold
 
 POINTS = 200  # about the number of pixels that a plot has ahead of now
 STEADY = 1e-6  # N, by which a desired force may vary in the tail and still count as constant
+STILL = 1e-6  # m, the same of a distance that is followed
 BEGINS, LASTS = 0.1, 1.0  # s after now, and s, of the push on an arm that nothing else would move
 GROWTH = 0.02  # share by which an error has to differ from another one to count as another
 LOOKS = 50  # instants at which the reference is compared with the present one
@@ -231,10 +232,11 @@ class Foresight:
         angles = angle_error(system, thinned) if _turns(system) else None
         error = predicted = settling = overshoot = pressing = pressed = None
         if system.m:
-            deviation, f_nd = force_error(system, record), record["F_cd"][tail, : system.m]
+            deviation, f_nd = force_error(system, record), record["F_cd"][tail]
             error = float(deviation[tail].mean())
-            s = record["s"][tail].mean(axis=0)
-            predicted = steady_force_error(system, f_nd[-1], s) if np.ptp(f_nd, axis=0).max() < STEADY else None
+            if np.ptp(f_nd, axis=0).max() < STEADY and not _moves_faces(system, record["r_d"][tail]):
+                s = record["s"][tail].mean(axis=0)
+                predicted = steady_force_error(system, record["r_d"][-1], f_nd[-1], s)
             settling = settling_time(t, deviation, FORCE_RESOLUTION)
             overshoot = _beyond(deviation, error)
         elif system.plant.kind.touches:
@@ -270,6 +272,11 @@ def _pushed(system: System, t: float, newtons: float) -> Scenario:
     truth, scenario = TruthSection(push=push, push_start=t, push_duration=LASTS), system.scenario
     once = {name: getattr(truth, name) for name in truth.__struct_fields__ if name.startswith("push")}
     return msgspec.structs.replace(scenario, truth=msgspec.structs.replace(scenario.truth, **once))
+
+
+def _moves_faces(system: System, r_d: np.ndarray) -> bool:
+    """Whether the tool moves followed faces of a body that it presses. r_d: (N, n)."""
+    return bool(system.plan.followed.sets and np.ptp(r_d[:, system.m : len(system.surfaces)], axis=0).max() > STILL)
 
 
 def _turns(system: System) -> bool:

@@ -148,7 +148,8 @@ def _holding(state: State, memory: Memory | None) -> System:
         system = replace(system, controller=system.controller.following(system.blend.at(t)))
     now, forces = system.reference(t), np.zeros(3)
     forces[: system.m] = now.F_cd[: system.m]
-    plan = system.plan.held(now.r_d, forces)._replace(compliance=system.plan.compliance)
+    asked = system.plan
+    plan = asked.held(now.r_d, forces)._replace(compliance=asked.compliance, followed=asked.followed)
     return replace(system, plan=plan, blend=None)
 
 

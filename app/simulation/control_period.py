@@ -13,6 +13,7 @@ from app.simulation.error_model import ErrorModel, doubt
 from app.simulation.true_errors import UNKNOWN, TrueArm, TrueErrors, judge_errors
 from controllers.bounds import sum_of
 from controllers.control_law import ControlOutput, Gains, Reference, Told, add_up, clear
+from controllers.followed_faces import FollowedFaces, set_pressed
 from controllers.laws import table
 from controllers.nominal_model import ON_LINE, Estimate, LinkConstants, NominalModel, estimates
 from controllers.premises import (
@@ -72,10 +73,12 @@ class ReferencePlan(NamedTuple):
     """Plan of the reference.
     start: (n,), r at t = 0, to which motion and shift add.
     compliance: (3, 3) m/N, r_fd per f_nd on the surfaces, K_e_hat^-1 in (33), 0 on rigid surfaces (41).
+    followed: the faces of the same body that the tool follows at a distance.
     m: number of force-controlled directions."""
 
     start: np.ndarray
     compliance: np.ndarray
+    followed: FollowedFaces
     m: int
     motion: Course
     rotation: Course
@@ -85,9 +88,12 @@ class ReferencePlan(NamedTuple):
     def held(self, r: np.ndarray, f: np.ndarray) -> ReferencePlan:
         """Plan of staying at r (n,) with the present forces f (3,) N."""
         still = course_of("motion", Hold(), len(r), range(0))
-        here, stiff = SmoothShift.fresh(np.zeros_like(r), 1.0), np.zeros((3, 3))
-        forces = self.forces.held(f)
-        return self._replace(start=r, compliance=stiff, motion=still, rotation=still, shift=here, forces=forces)
+        here, forces = SmoothShift.fresh(np.zeros_like(r), 1.0), self.forces.held(f)
+        return self.stiff()._replace(start=r, motion=still, rotation=still, shift=here, forces=forces)
+
+    def stiff(self) -> ReferencePlan:
+        """Plan without the r_fd that forces ask for."""
+        return self._replace(compliance=np.zeros((3, 3)), followed=FollowedFaces.none())
 
 
 class ObservationModel(NamedTuple):
@@ -214,7 +220,7 @@ class Evaluation(NamedTuple):
 @inline
 def reference_at(plan, t, reference):
     """Compute the `Reference` at t (s): r_d = start + motion + rotation + shift; in the first m coordinates r_d is
-    r_fd = K_e_hat^-1 f_nd (33), and F_cd = f_nd."""
+    r_fd = K_e_hat^-1 f_nd (33), with what followed faces of the same body add, and F_cd = f_nd."""
     path_at(plan.motion, t, reference.r_d, reference.r_d_dot, reference.r_d_ddot)
     add_path(plan.rotation, t, reference.r_d, reference.r_d_dot, reference.r_d_ddot)
     add_shift(plan.shift, t, reference.r_d, reference.r_d_dot, reference.r_d_ddot)
@@ -230,6 +236,28 @@ def reference_at(plan, t, reference):
             reference.r_d_dot[j] += plan.compliance[j, i] * f_dot
             reference.r_d_ddot[j] += plan.compliance[j, i] * f_ddot
         reference.F_cd[i] = f
+    if plan.followed.sets > 0:
+        _add_followed(plan, t, reference)
+
+
+@inline
+def _add_followed(plan, t, reference):
+    """Add to r_fd what the faces ask for that the tool follows at r_pd."""
+    faces, r_d = plan.followed, reference.r_d
+    f_2 = reference.F_cd[1] if plan.m > 1 else r_d[1]
+    last = 0.0 if faces.surfaces < 3 else r_d[2]
+    pressed = set_pressed(faces, (reference.F_cd[0], f_2, last))
+    if pressed == faces.sets:
+        return
+    for i in range(faces.surfaces):
+        if i < plan.m:
+            w, w_dot, w_ddot = force_at(one_of(plan.forces, i), t)
+        else:
+            w, w_dot, w_ddot = r_d[i], reference.r_d_dot[i], reference.r_d_ddot[i]
+        for j in range(plan.m):
+            r_d[j] += faces.added[pressed, j, i] * w
+            reference.r_d_dot[j] += faces.added[pressed, j, i] * w_dot
+            reference.r_d_ddot[j] += faces.added[pressed, j, i] * w_ddot
 
 
 @inline

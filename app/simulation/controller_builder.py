@@ -8,13 +8,14 @@ from scipy.linalg import block_diag
 from app.process.own_code import own_code
 from app.scenario.schema import Matrix, Scenario, ScenarioError, TargetModelSection, after_blend, scenario_errors
 from app.simulation.domain import Constants
-from app.simulation.environment_builder import beside_diagonal, environment_of
+from app.simulation.environment_builder import believed_matrix, environment_of
 from controllers import modes
 from controllers.blend import ModelBlend, certify
 from controllers.bounds import Uncertainty
 from controllers.compensator import Compensator
 from controllers.control_law import ControlLaw
 from controllers.controller import Controller
+from controllers.followed_faces import FollowedFaces
 from controllers.laws.table import LAWS
 from controllers.modes import Mode
 from controllers.nominal_model import LinkRates
@@ -79,18 +80,33 @@ def mode_of(scenario: Scenario) -> Mode:
 
 def believed_stiffness(scenario: Scenario) -> np.ndarray:
     """Estimated stiffness (m, m) N/m of the surfaces whose force is controlled, and of a flat tool's tilts, K_e_hat in
-    (33)."""
+    (33), while the tool holds the other surfaces of the same body."""
     pressed = mode_of(scenario).pressed
-    diagonal = np.diag([each.K_e_hat for each in scenario.surfaces[:pressed]])
-    beside = beside_diagonal(scenario, "K_e_hat")[:pressed, :pressed]
-    return _with_tilts(scenario, diagonal.reshape(beside.shape) + beside, scenario.face.K_t_hat)
+    return _with_tilts(scenario, believed_matrix(scenario)[:pressed, :pressed], scenario.face.K_t_hat)
 
 
 def believed_compliance(scenario: Scenario) -> np.ndarray:
-    """Inverse (m, m) m/N of `believed_stiffness`, with which (33) gives r_fd."""
-    stiffness = believed_stiffness(scenario)
+    """Compliance (m, m) m/N of r_fd, (33), while the tool presses no other surface: inverse of `believed_stiffness`,
+    unless there are others of the same body, which then yield, too."""
+    mode, stiffness = mode_of(scenario), believed_stiffness(scenario)
+    if followed_faces(scenario).sets:
+        return np.linalg.inv(believed_matrix(scenario))[: mode.pressed, : mode.pressed]
     diagonal = np.diag(stiffness)
     return np.diag(1.0 / diagonal) if (stiffness == np.diag(diagonal)).all() else np.linalg.inv(stiffness)
+
+
+def followed_faces(scenario: Scenario) -> FollowedFaces:
+    """Faces whose distance is followed, of the body that the mode presses."""
+    mode, surfaces = mode_of(scenario), scenario.surfaces
+    if mode.rigid or not 0 < mode.pressed < len(surfaces):
+        return FollowedFaces.none()
+    unilateral = [each.contact.unilateral for each in surfaces]
+    return FollowedFaces.of(believed_matrix(scenario), mode.pressed, unilateral)
+
+
+def stiffness_met(scenario: Scenario) -> np.ndarray:
+    """Estimated stiffness (m, m) N/m that the target model meets, or (k, k) where it has followed faces."""
+    return believed_matrix(scenario) if followed_faces(scenario).sets else believed_stiffness(scenario)
 
 
 def true_stiffness(scenario: Scenario) -> np.ndarray:
@@ -186,15 +202,22 @@ def blend_of(scenario: Scenario, mode: Mode, layout: TaskLayout) -> ModelBlend |
     start = target_model(scenario, n)
     try:
         end = target_model(after_blend(scenario), n)
-        mode.check(end, believed_stiffness(scenario), surfaces)
+        require_admitted(end, scenario, mode, surfaces)
     except (InvalidGain, ScenarioError) as error:
         raise ScenarioError(f"blend.to: {error}") from error
-    certificate = certify(start, end, mode.environment(n, believed_stiffness(scenario)), surfaces)
+    certificate = certify(start, end, mode.environment(n, stiffness_met(scenario)), surfaces)
     if not certificate.stable:
         raise ScenarioError(
             f"blend.to: {certificate.sentence}; allowed: a model to which the way has its poles left of 0"
         )
     return ModelBlend(start, end, scenario.blend.at, scenario.blend.over, certificate)
+
+
+def require_admitted(model: TargetModel, scenario: Scenario, mode: Mode, surfaces: SurfaceRange | None) -> None:
+    """Raise InvalidGain unless the mode admits the model, whether the tool presses the followed faces or not."""
+    mode.check(model, stiffness_met(scenario), surfaces)
+    if followed_faces(scenario).sets:
+        mode.check(model, np.linalg.inv(believed_compliance(scenario)), surfaces)
 
 
 def z_at_start(scenario: Scenario, n: int) -> np.ndarray:
@@ -209,7 +232,7 @@ def controller_of(scenario: Scenario, robot: Robot, mode: Mode, layout: TaskLayo
     """Controller of the scenario: its law with its gains. Raises ScenarioError and InvalidGain."""
     n, c = layout.n, scenario.controller
     model = target_model(scenario, n)
-    mode.check(model, believed_stiffness(scenario), surfaces_met(scenario, mode, layout))
+    require_admitted(model, scenario, mode, surfaces_met(scenario, mode, layout))
     if mode.feedback == "all" and mode.m() < len(scenario.surfaces) > 1 and not passive(model.after(mode.m())):
         raise InvalidGain(
             "target_model: not passive with its K_f, which among several surfaces is not enough to be stable; allowed: "

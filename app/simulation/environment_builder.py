@@ -198,23 +198,21 @@ def environment_of(scenario: Scenario) -> EnvironmentMatrices:
     )
 
 
-def require_coupling(scenario: Scenario, mode: Mode, K_e_hat: np.ndarray) -> None:
-    """Raise ScenarioError unless the matrices over coupled surfaces are what (28), (32) and (33) admit, and all of
-    these surfaces are pressed where the mode presses any. K_e_hat: (m, m) N/m, of those that are."""
-    environment, k = environment_of(scenario), len(scenario.surfaces)
-    if np.count_nonzero(K_e_hat - np.diag(np.diag(K_e_hat))):
+def believed_matrix(scenario: Scenario) -> np.ndarray:
+    """Estimated stiffness (k, k) N/m of all k surfaces, K_e_hat in (33)."""
+    return np.diag([each.K_e_hat for each in scenario.surfaces]) + beside_diagonal(scenario, "K_e_hat")
+
+
+def require_coupling(scenario: Scenario, mode: Mode) -> None:
+    """Raise ScenarioError unless the matrices over coupled surfaces are what (28), (32) and (33) admit."""
+    environment, k, K_e_hat = environment_of(scenario), len(scenario.surfaces), believed_matrix(scenario)
+    if mode.pressed and np.count_nonzero(K_e_hat - np.diag(np.diag(K_e_hat))):
         _require_definite(scenario, "K_e_hat", K_e_hat, "definite")
     if not environment.coupled:
         return
     _require_definite(scenario, "K_e", environment.K_e[:k, :k], "definite")
     _require_definite(scenario, "B_e", environment.B_e[:k, :k], "semidefinite")
     _require_definite(scenario, "M_e", environment.M_e[:k, :k], "semidefinite")
-    followed = next((each for each in scenario.surfaces if mode.on_surface and not each.pressed), None)
-    if followed is not None:
-        raise ScenarioError(
-            f"{followed.path}control: 'path' on a surface that `coupling` couples with others; allowed: 'force', or "
-            "coupling.K_e, coupling.B_e and coupling.M_e = [0, 0, 0]"
-        )
 
 
 def _require_definite(

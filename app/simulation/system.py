@@ -24,9 +24,9 @@ from app.scenario.units import CARTESIAN, JOINT, Units
 from app.simulation.control_period import Forces, Observer, Planned, ReferencePlan
 from app.simulation.controller_builder import (
     believed_compliance,
-    believed_stiffness,
     blend_of,
     controller_of,
+    followed_faces,
     mode_of,
     uncertainty_of,
     z_at_start,
@@ -258,7 +258,7 @@ def _assemble(scenario: Scenario, previous: System | None, memory: Memory) -> Sy
     robot = previous.robot if previous is not None and same_robot else robot_of(scenario)
     nominal = _nominal(robot, previous)
     require_surfaces(scenario, mode, positions_of(robot), robot.n)
-    require_coupling(scenario, mode, believed_stiffness(scenario))
+    require_coupling(scenario, mode)
     require_face(scenario, mode, robot)
     surfaces = _surfaces_in_use(scenario, robot, nominal, previous)
     plant = _plant(scenario, robot, surfaces, previous)
@@ -286,6 +286,7 @@ def _assemble(scenario: Scenario, previous: System | None, memory: Memory) -> Sy
     plan = ReferencePlan(
         start=start,
         compliance=np.zeros((3, 3)) if mode.rigid else _compliance(scenario),
+        followed=followed_faces(scenario),
         m=mode.m(),
         motion=motion,
         rotation=rotation,
@@ -298,8 +299,8 @@ def _assemble(scenario: Scenario, previous: System | None, memory: Memory) -> Sy
         constants = previous.constants
     else:
         # the arm is on the surface, not at r_fd (33) within it; only estimates taken along r_d are needed there, too
-        compliance = plan.compliance if scenario.controller.estimates == "along-reference" else np.zeros((3, 3))
-        unshifted = Planned(plan._replace(compliance=compliance, shift=SmoothShift.fresh(0.0 * shift, 1.0)))
+        on_it = plan if scenario.controller.estimates == "along-reference" else plan.stiff()
+        unshifted = Planned(on_it._replace(shift=SmoothShift.fresh(0.0 * shift, 1.0)))
         rules = scenario.simulation
         if mode.on_surface:
             _require_within_reach(scenario, mode, observer, unshifted.at(0.0), q_0)

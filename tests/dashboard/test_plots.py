@@ -8,9 +8,10 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from app.analysis.metrics import FIGURES, steady_force_error
+from app.analysis.metrics import FIGURES
 from app.analysis.perturbation import Known, PerturbationAnalysis
 from app.analysis.spectrum import amplitude_spectrum, variation_rate
+from app.analysis.steady_force import steady_force_error
 from app.analysis.thinning import Grid
 from app.dashboard.plots.charts import BUCKETS, ChartLine, Frame, Setup
 from app.dashboard.plots.paper_figures import figure_of, plots_of
@@ -239,7 +240,7 @@ def test_predicted_steady_force_has_what_the_boundary_layer_leaves_where_a_is_no
     assert seen["multiplier"][-1] == pytest.approx(steady, abs=0.01)
     if loop.system.m:
         assert abs(steady - 20.0) > 0.5
-        predicted = steady_force_error(loop.system, np.array([20.0]), seen["s"][-1])
+        predicted = steady_force_error(loop.system, seen["r_d"][-1], seen["F_cd"][-1], seen["s"][-1])
         assert predicted == pytest.approx(seen["multiplier"][-1] - 20.0, abs=0.01)
 
 

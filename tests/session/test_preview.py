@@ -17,7 +17,8 @@ import msgspec
 import numpy as np
 import pytest
 
-from app.analysis.metrics import BAND, settling_time, steady_force_error
+from app.analysis.metrics import BAND, settling_time
+from app.analysis.steady_force import steady_force_error
 from app.scenario.data import edited, from_plain, shipped, to_plain
 from app.scenario.schema import Scenario
 from app.session.preview import LASTS, Figures, Foresight, Hurry, Outlook, PreviewDone, PreviewRefusal, Question
@@ -126,7 +127,7 @@ def test_final_force_error_is_that_of_37(K_m1: float, K_e: float) -> None:
     assert figures.force_error_predicted == pytest.approx(expected, abs=1e-9)
     assert figures.force_error == pytest.approx(expected, abs=0.02)
     assert figures.left is None
-    assert steady_force_error(running(shipped()["ur5-motion"], 1).system, np.array([20.0]), np.zeros(6)) is None
+    assert steady_force_error(running(shipped()["ur5-motion"], 1).system, *np.zeros((3, 6))) is None
 
 
 def test_settling_of_the_force_is_that_of_the_target_model() -> None:

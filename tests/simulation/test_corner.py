@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from app.analysis.metrics import measure, steady_force_error
+from app.analysis.metrics import measure
+from app.analysis.steady_force import steady_force_error
 from app.scenario.data import edited, from_plain, load, shipped, to_plain
 from app.scenario.schema import IrregularCorner, Scenario, ScenarioError
 from app.session.changes import in_mode, possible, told, way_out, with_control, with_further
@@ -139,7 +140,8 @@ def test_normal_errors_obey_35_with_full_matrices_and_settle_at_37(between: floa
     loop, _ = simulate(edited(loop.system.scenario, "simulation.duration", 3.0))
     last = loop.recording.at(loop.t)
     np.testing.assert_allclose([last["multiplier"][0], last["multiplier_2"][0]], settled, rtol=1e-3)
-    assert steady_force_error(loop.system, f_nd, last["s"]) == pytest.approx(np.linalg.norm(error), rel=1e-3)
+    predicted = steady_force_error(loop.system, last["r_d"], last["F_cd"], last["s"])
+    assert predicted == pytest.approx(np.linalg.norm(error), rel=1e-3)
     in_contact = np.linalg.eigvals(A)
     found = loop.sampled.model
     assert max(np.abs(found - pole).min() / abs(pole) for pole in in_contact) < 1e-6

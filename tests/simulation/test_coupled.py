@@ -10,6 +10,8 @@ import pinocchio as pin
 import pytest
 from scipy.optimize import nnls
 
+from app.analysis.metrics import measure
+from app.analysis.steady_force import steady_force_error
 from app.scenario.caption import caption
 from app.scenario.data import edited, from_plain, load, to_plain
 from app.scenario.schema import Scenario, ScenarioError
@@ -185,6 +187,62 @@ def test_matrices_of_a_first_and_a_third_surface_without_a_second_one() -> None:
     np.testing.assert_array_equal(plan.compliance[:2, :2], believed_compliance(scenario))
 
 
+OUT = {(2, 1): (-0.006,), (3, 1): (-0.006, 0.006), (3, 2): (0.006,)}  # m, from where the tool stands
+
+
+def following(k: int, p: int, **fields: object) -> Scenario:
+    """The arm between k planes of one body of which it presses p, believed as it is, and follows the others, in and out
+    of the body."""
+    controls = {f"{section}.control": "path" for section in ("second", "third")[p - 1 : k - 1]}
+    known = {"coupling.K_e_hat": BESIDE["K_e"], "second.K_e_hat": 2000.0, "third.K_e_hat": 2500.0}
+    path = {"motion": "line", "motion.displacement": list(OUT[k, p]), "motion.period": 4.0}
+    own = {"controller.K_e_hat": DIAGONALS["K_e"][0], "force.value": 12.0, "second.force.value": 7.0}
+    return faces(k, "elastic", **(controls | known | own | path | fields))
+
+
+@pytest.mark.parametrize(("k", "p"), [(2, 1), (3, 1), (3, 2)])
+@pytest.mark.parametrize("unilateral", [True, False])
+def test_pressing_one_face_and_following_another_of_the_same_body(k: int, p: int, *, unilateral: bool) -> None:
+    """r_fd is where the body would bear f_nd while the tool is at r_pd: by least energy, or K_e r_fd = f_nd for faces
+    that pull, too. Derivatives by differences, but where a face is met or left."""
+    kept = {f"{section}contact.unilateral": unilateral for section in ("", "second.", "third.")[:k]}
+    system, K_e = assemble(following(k, p, **kept)), matrix("K_e", k)
+    f_nd, h, seen = np.array([12.0, 7.0])[:p], 1e-5, set()
+    for t in np.linspace(0.0, 4.0, 41):
+        at, before, after = (system.reference(float(t) + dt) for dt in (0.0, -h, h))
+        force = pressed(K_e, at.r_d[:k]) if unilateral else K_e @ at.r_d[:k]
+        np.testing.assert_allclose(force[:p], f_nd, atol=1e-9)
+        np.testing.assert_array_equal(at.F_cd[:p], f_nd)
+        if t > 0.0:
+            np.testing.assert_allclose(at.r_d_dot, (after.r_d - before.r_d) / (2 * h), atol=1e-7)
+            np.testing.assert_allclose(at.r_d_ddot, (after.r_d_dot - before.r_d_dot) / (2 * h), atol=1e-5)
+        seen.add(tuple((force[p:] != 0.0).tolist()))
+    assert len(seen) > 1 or not unilateral
+
+
+def test_a_followed_face_is_met_and_left_without_a_force_error() -> None:
+    """With the believed body the true one (36) holds, and with another one and K_m1 > 0 the steady force is
+    predicted."""
+    loop = ClosedLoop(following(2, 1, **{"simulation.integrator": "leapfrog"}))
+    CompiledRun(loop).advance(4000)
+    seen = loop.recording.signals(("t", "multiplier", "multiplier_2"))
+    settled = seen["t"] > 1.0
+    assert np.abs(seen["multiplier"][settled] - 12.0).max() < 0.1
+    assert len(set((seen["multiplier_2"][settled] > 0.0).tolist())) == 2
+    assert measure(loop).promise.verdict == "holds"
+    for depth in (0.004, -0.004):
+        wrong = {"coupling.K_e_hat": [-500.0, 0.0, 0.0], "target_model.K_m": [900.0, 4000.0] + 4 * [4000.0]}
+        resting = following(2, 1, **wrong, **{"motion.displacement": [0.0], "shift.by": [depth], "shift.duration": 0.5})
+        loop = ClosedLoop(resting)
+        CompiledRun(loop).advance(3000)
+        last = loop.recording.at(loop.t)
+        assert (last["multiplier_2"][0] > 0.0) == (depth > 0.0)
+        predicted = steady_force_error(loop.system, last["r_d"], last["F_cd"], last["s"])
+        assert predicted is not None
+        assert abs(predicted) > 0.2
+        assert last["multiplier"][0] - 12.0 == pytest.approx(predicted, abs=2e-3)
+
+
 def test_the_force_loop_of_coupled_masses_has_its_factor() -> None:
     """The largest eigenvalue of the map from a reading of the force to the force in the period after it."""
     found = []
@@ -258,8 +316,9 @@ def to_third(scenario: Scenario) -> Scenario:
 
 def test_changes_of_a_coupled_corner_that_are_made_with_one_choice() -> None:
     scenario = load("ur5-corner-coupled")
-    with pytest.raises(ScenarioError, match=r"second\.control: 'path' on a surface that `coupling` couples"):
-        assemble(with_control(scenario, "second.control", "path"))
+    followed = possible(with_control(scenario, "second.control", "path"), assemble)
+    assert followed.plan.followed.sets == 1
+    assert not possible(with_control(load("ur5-corner"), "second.control", "path"), assemble).plan.followed.sets
     assert possible(in_mode(scenario, "constrained"), assemble).plant.kind.rigid
     assert possible(in_mode(scenario, "impedance"), assemble).plant.environment.coupled
     assert not possible(with_further(scenario, "second", "free"), assemble).plant.environment.coupled

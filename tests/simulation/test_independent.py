@@ -37,6 +37,12 @@ TWINS = {
     "ur5 in a corner with masses": Twin("ur5", "hybrid", M_e=3.0, ideal=True, surfaces=3),
     "ur5 in a coupled corner": Twin("ur5", "hybrid", surfaces=3, coupled=True),
     "ur5 in a coupled corner with masses": Twin("ur5", "hybrid", M_e=3.0, ideal=True, surfaces=3, coupled=True),
+    "ur5 in a coupled corner, one face pressed and two followed": Twin(
+        "ur5", "hybrid", surfaces=3, coupled=True, followed=2
+    ),
+    "ur5 yielding in a coupled corner, one face followed": Twin(
+        "ur5", "hybrid-impedance", surfaces=3, coupled=True, followed=1
+    ),
     "ur5 in a rigid corner": Twin("ur5", "constrained", SPHERE, moving=False, ideal=True, surfaces=2),
 }
 
@@ -57,7 +63,7 @@ def test_each_term_at_random_states(twin: Twin) -> None:
         k = twin.surfaces
         np.testing.assert_allclose(task.normals[:k], m.normals, atol=1e-7)
 
-        lam = random.uniform(0.0, 30.0, twin.m)
+        lam = random.uniform(0.0, 30.0, twin.surfaces + twin.tilts)
         felt, F = FeedforwardModel.at(estimate), m.wrench(lam) - paper.world.push
         out = system.controller.evaluate(z, system.reference(t), task, estimate, felt, q, q_dot, F)
         answer = paper.law(m, q, q_dot, z, lam, t)
@@ -77,7 +83,11 @@ def test_each_term_at_random_states(twin: Twin) -> None:
 ALONE = {name: twin for name, twin in TWINS.items() if twin.surfaces == 1}
 LOOPS = ALONE | {
     name: TWINS[name]
-    for name in ("ur5 between a sphere and a plane, pushed and twisted", "ur5 in a coupled corner with masses")
+    for name in (
+        "ur5 between a sphere and a plane, pushed and twisted",
+        "ur5 in a coupled corner with masses",
+        "ur5 in a coupled corner, one face pressed and two followed",
+    )
 }
 PLANTS = ALONE | {
     name: TWINS[name]
@@ -88,7 +98,7 @@ PLANTS = ALONE | {
 @pytest.mark.parametrize(
     "twin",
     [t for t in TWINS.values() if t.ideal or not t.rigid],
-    ids=lambda t: f"{t.robot} {t.mode} {t.surfaces} {t.flat} {t.coupled}",
+    ids=lambda t: f"{t.robot} {t.mode} {t.surfaces} {t.flat} {t.coupled} {t.followed}",
 )
 def test_recorded_residual_is_that_of_the_target_model(twin: Twin) -> None:
     """M_m e_ddot + B_m e_dot + K_m e + K_f e_Fc (8), with q_ddot under the recorded torque by (2)."""

@@ -19,7 +19,13 @@ from app.scenario.data import edited
 from app.scenario.schema import Scenario, ScenarioError
 from app.session.commands import Edit
 from app.session.snapshot import Snapshot
-from app.simulation.controller_builder import believed_stiffness, mode_of, surfaces_met, target_model
+from app.simulation.controller_builder import (
+    mode_of,
+    require_admitted,
+    stiffness_met,
+    surfaces_met,
+    target_model,
+)
 from app.simulation.force_margin import ForceLoop, in_words
 from app.simulation.sampled_stability import oscillations
 from controllers.blend import BlendCertificate, certify
@@ -59,13 +65,13 @@ def judge_asked(snapshot: Snapshot, edit: Edit) -> Judgement:
 
 
 def _judge(model: TargetModel, scenario: Scenario, layout: TaskLayout) -> Judgement:
-    mode, K_e_hat = mode_of(scenario), believed_stiffness(scenario)
+    mode = mode_of(scenario)
     try:
-        mode.check(model, K_e_hat, surfaces_met(scenario, mode, layout))
+        require_admitted(model, scenario, mode, surfaces_met(scenario, mode, layout))
         refusal = ""
     except InvalidGain as error:
         refusal = str(error)
-    return Judgement(model, mode.poles(model, K_e_hat), refusal)
+    return Judgement(model, mode.poles(model, stiffness_met(scenario)), refusal)
 
 
 def judge_blend(snapshot: Snapshot, edit: Edit) -> BlendCertificate | None:

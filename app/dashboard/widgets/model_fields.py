@@ -15,7 +15,7 @@ from app.dashboard.widgets.equation import is_fixed
 from app.dashboard.widgets.matrix_text import written
 from app.session.commands import Blend, Edit
 from app.session.snapshot import Snapshot
-from app.simulation.controller_builder import believed_stiffness
+from app.simulation.controller_builder import stiffness_met
 from controllers.second_order import Oscillators, oscillators, shaped
 
 
@@ -38,7 +38,7 @@ def applying(edit: Edit, over: float) -> Edit | Blend:
 
 def environment_of(snapshot: Snapshot) -> np.ndarray:
     """Stiffness (n, n) N/m that the controller assumes the model to meet; see `Mode.environment`."""
-    return snapshot.system.mode.environment(len(snapshot.coordinates), believed_stiffness(snapshot.scenario))
+    return snapshot.system.mode.environment(len(snapshot.coordinates), stiffness_met(snapshot.scenario))
 
 
 def pressed_on(snapshot: Snapshot) -> np.ndarray:

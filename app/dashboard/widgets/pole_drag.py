@@ -20,7 +20,7 @@ from app.dashboard.widgets.pole_map import grouped
 from app.dashboard.widgets.whatif import HeldControl
 from app.session.commands import Edit
 from app.session.snapshot import Snapshot
-from app.simulation.controller_builder import believed_stiffness
+from app.simulation.controller_builder import stiffness_met
 from controllers.second_order import moved, poles_of
 from controllers.target_model import TargetModel
 
@@ -104,7 +104,7 @@ class PoleDrag:
 def numbered_poles(snapshot: Snapshot) -> list[complex]:
     """Poles (1/s) of the running model as the pole map numbers them."""
     model = TargetModel(**snapshot.matrices)
-    found = snapshot.system.mode.poles(model, believed_stiffness(snapshot.scenario))
+    found = snapshot.system.mode.poles(model, stiffness_met(snapshot.scenario))
     return [pole.value for pole in grouped(found)]
 
 
