@@ -130,7 +130,10 @@ const enlist = (entry) => {
   ranged(chart.scales.y);
   chart.axes[0].space = () => 40; // px: three numbers in a narrow dock, too
   const axis = chart.axes[1];
-  if (chart.scales.y?.distr === 3) Object.assign(axis, { values: decades, splits: halved(axis.splits), filter: (_, at) => at });
+  if (chart.scales.y?.distr === 3) {
+    Object.assign(axis, { values: decades, splits: halved(axis.splits), filter: (_, at) => at });
+    axis.grid.filter = (_, at) => at.map((v) => (/^1e/.test((+v.toPrecision(9)).toExponential()) ? v : null)); // decades
+  }
   else Object.assign(axis, { values: (_, at) => written(at), splits: three(axis.splits) });
   if (document.documentElement.dataset.mantineColorScheme === "light") relight(chart);
   return entry;
@@ -152,6 +155,9 @@ setInterval(() => {
     if (stands(chart) && (!chart.axes[0]._splits || crowded(chart))) chart.setSize({ width: chart.width, height: chart.height });
     follow(chart);
     const markers = chart.root.querySelectorAll(".u-legend .u-marker");
-    chart.series.forEach(({ dash }, i) => markers[i]?.toggleAttribute("data-dashed", !!dash)); // as its line
+    chart.series.forEach(({ dash, width, fill }, i) => {
+      markers[i]?.toggleAttribute("data-dashed", !!dash); // as its line
+      markers[i]?.toggleAttribute("data-shading", !!fill && !width);
+    });
   }
 }, 400);

@@ -10,6 +10,7 @@ const short = (value) => (Number.isFinite(value) ? `${+value.toPrecision(3)}` : 
 // no finer than a plot can show: half a thousandth of its axis, in round numbers
 const onAxis = (plot, value) => {
   const { min, max, distr } = plot.scales.y ?? {};
+  if (distr === 3 && value <= 1.0001 * min) return `≤ ${short(value)}`; // at its foot stands zero, too
   if (distr === 3 || !(max > min)) return short(value);
   const step = 10 ** Math.floor(Math.log10((max - min) / 500));
   return short(+(Math.round(value / step) * step).toPrecision(12));

@@ -33,11 +33,11 @@ setInterval(() => {
   requestRender();
 }, 300);
 
-// Force arrows stand before all else, the arm too, for which viser has no option: they are drawn last but for labels, on
-// a depth that the first of them clears.
-const ARROWS = /^\/force\/\w+$/, LATE = 9000; // labels come at 10,000
+// Force arrows and the ball that can be dragged stand before all else, the arm too, for which viser has no option: they
+// are drawn last but for labels, on a depth that the first of them clears. The ball hides no arrow.
+const FIRST = /^\/(force\/\w+|hand\/handle)$/, BALL = "/hand/handle", LATE = 9000; // labels come at 10,000
 let cleared = -1; // number of the picture
-const forward = (mesh) => {
+const forward = (mesh, hides) => {
   const prepare = mesh.onBeforeRender;
   mesh.renderOrder = LATE;
   mesh.onBeforeRender = function (renderer, ...rest) {
@@ -48,9 +48,11 @@ const forward = (mesh) => {
     }
     prepare.call(this, renderer, ...rest);
   };
-  Object.assign(mesh.material, { transparent: true, needsUpdate: true }); // drawn after all that is opaque
+  // transparent: drawn after all that is opaque
+  Object.assign(mesh.material, { transparent: true, depthWrite: hides, needsUpdate: true });
 };
 setInterval(() => {
   for (const [name, node] of Object.entries(window.__viserMutable?.nodeRefFromName ?? {}))
-    if (ARROWS.test(name)) node?.traverse((part) => { if (part.isMesh && part.renderOrder !== LATE) forward(part); });
+    if (FIRST.test(name))
+      node?.traverse((part) => { if (part.isMesh && part.renderOrder !== LATE) forward(part, name !== BALL); });
 }, 300);

@@ -159,6 +159,9 @@ class WorldPanel:
         def choosable(scenario: Scenario) -> bool:
             return there(scenario) and MODES[scenario.mode].on_surface
 
+        def asked(scenario: Scenario) -> bool:
+            return choosable(scenario) and getattr(scenario, section).control == "force"
+
         springs, massive = of_contact(lambda kind: kind.springs), of_contact(lambda kind: kind.massive)
         kinds = {contact.title: kind for kind, contact in CONTACTS.items()}
         with (folder := desk.gui.add_folder(f"{section.capitalize()} surface", expand_by_default=False)):
@@ -190,8 +193,8 @@ class WorldPanel:
                     {"its normal force": "force", "the distance from it": "path"},
                     choosable,
                 ),
-                kind_choice(desk, f"{section}.force", "Force", FORCE_PROFILES, {}, choosable),
-                *field_controls(desk, f"{section}.force", FORCE_PROFILES, {}, choosable),
+                kind_choice(desk, f"{section}.force", "Force", FORCE_PROFILES, {}, asked),
+                *field_controls(desk, f"{section}.force", FORCE_PROFILES, {}, asked),
             ]
         return folder
 

@@ -136,8 +136,16 @@ def _force(setup: Setup) -> Drawing:
             ChartLine(f"desired normal{_on(setup, i)}", DESIRED, column("F_cd", i), dashed=True, width=2.0),
             ChartLine(f"measured normal{_on(setup, i)}", _MEASURED[i], column("F_c", i), compared=True, band=SPREAD),
         ]
-    lines.append(ChartLine("push", PUSH, norm("F_push")))
+    lines += [*_followed(setup), ChartLine("push", PUSH, norm("F_push"))]
     return Drawing("force on the environment  [N]", lines, at_least=(0.0, 1.0))
+
+
+def _followed(setup: Setup) -> list[ChartLine]:
+    """Lines of the normal forces, as they really are, on surfaces whose distance is followed beside pressed ones."""
+    return [
+        ChartLine(f"not controlled{_on(setup, i)}", _MEASURED[i], column(MULTIPLIERS[i]), compared=True, band=SPREAD)
+        for i in range(setup.normal, setup.surfaces)
+    ]
 
 
 def _on(setup: Setup, i: int) -> str:
@@ -191,6 +199,7 @@ def _normal_force(setup: Setup) -> Drawing | None:
             lines.append(
                 ChartLine(f"really there{on}", _MEASURED[i], column(MULTIPLIERS[i]), compared=True, band=SPREAD)
             )
+    lines += _followed(setup) if setup.normal else []
     return Drawing("normal force  [N]", lines, at_least=(0.0, 1.0))
 
 

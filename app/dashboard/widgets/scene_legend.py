@@ -53,29 +53,29 @@ def legend_html(look: Look, legend: Legend, snapshot: Snapshot) -> str:
         colors = ", ".join(css(color) for color in ERROR_COLORS)
         bar = f'<span class="vs-bar" style="background: linear-gradient(90deg, {colors})">'
         lines.append(f"<div class='vs-row'>path error&ensp;0 {bar}</span> {1e3 * legend.error:g} mm</div>")
-    keys = [_key(TIP, "tool tip")]
+    places = [_key(TIP, "tool tip")]
     if look.desired_path:
-        keys.append(_key(DESIRED, "desired"))
+        places.append(_key(DESIRED, "desired"))
     if look.tool_path and not look.error_colors:
-        keys.append(_key(TOOL_PATH, "tool"))
-    if look.forces:
-        keys += [_key(MEASURED, "force"), _key(DESIRED, "desired force")]
+        places.append(_key(TOOL_PATH, "tool"))
+    forces = [_key(MEASURED, "force"), _key(DESIRED, "desired force")] if look.forces else []
     if look.forces or snapshot.push.any():
-        keys += [_key(PUSH, "push"), f"100 mm = {legend.newtons:g} N"]
+        forces += [_key(PUSH, "push"), f"<span>100 mm = {legend.newtons:g} N</span>"]
     if snapshot.push_moment.any():
-        keys.append(f"turned: 100 mm = {NEWTON_METRES:g} N·m")
+        forces.append(f"<span>turned: 100 mm = {NEWTON_METRES:g} N·m</span>")
+    model, frame, arms = [], [], []
     if look.spring and snapshot.tool_desired is not None:
         times = "" if look.times == 1.0 else f", deflection × {look.times:g}"
-        keys.append(_key(MODEL, f"spring and damper of (8){times}"))
+        model.append(_key(MODEL, f"spring and damper of (8){times}"))
     if look.frame:
         names = [] if snapshot.system.layout.joint else [snapshot.coordinates[i] for i in snapshot.system.layout.places]
-        keys += [_key(SERIES[i], coordinate.name) for i, coordinate in enumerate(names)]
+        frame += [_key(SERIES[i], coordinate.name) for i, coordinate in enumerate(names)]
     if look.pinned_arms and snapshot.pinned:
-        keys += [_key(RUNS[pinned.place], escape(pinned.title)) for pinned in snapshot.pinned]
+        arms += [_key(RUNS[pinned.place], escape(pinned.title)) for pinned in snapshot.pinned]
     if look.ghost:
         away = "out of reach" if legend.ghost is None else f"{1e3 * legend.ghost:.3f} mm away"
-        keys.append(_key(GHOST, f"ghost, {away}"))
-    lines.append(f"<div class='vs-row'>{' '.join(keys)}</div>")
+        arms.append(_key(GHOST, f"ghost, {away}"))
+    lines += [f"<div class='vs-row'>{' '.join(keys)}</div>" for keys in (places, forces, model, frame, arms) if keys]
     return "".join(lines)
 
 
