@@ -30,12 +30,34 @@ const share = () => {
   if (innerWidth <= 576 || document.documentElement.matches("[data-stage]")) return; // viser's layout for a phone
   for (const edge of document.querySelectorAll("[data-dock-region-resize]")) {
     const side = edge.dataset.dockRegionResize, is = width(edge);
-    if (is < 60 || pulled.has(side)) continue; // closed
+    if (is < 60 || pulled.has(side)) continue; // closed or folded
     const wanted = Math.min(MOST[side], Math.max(LEAST[side], innerWidth - REST[side]));
     if (Math.abs(wanted - is) > 2) pull(edge, side === "left" ? wanted - is : is - wanted);
   }
 };
 setInterval(share, 500);
+// The controls fold away, and stay: viser would take them down, and with them the timeline and the buttons over the scene.
+const FOLD = '[data-dock-region-collapse="right"]', page = document.documentElement;
+const folded = () => page.matches("[data-folded]");
+const folds = (e) =>
+  e.target instanceof Element && (e.target.closest(FOLD) || (folded() && e.target.matches('[data-dock-region="right"]')));
+const fold = (e) => {
+  e.preventDefault();
+  e.stopPropagation();
+  page.toggleAttribute("data-folded");
+};
+for (const kind of ["pointerdown", "pointerup"]) document.addEventListener(kind, (e) => { if (folds(e)) e.stopPropagation(); }, true);
+document.addEventListener("click", (e) => { if (folds(e)) fold(e); }, true);
+document.addEventListener("keydown", (e) => { if (folds(e) && /^(Enter| )$/.test(e.key)) fold(e); }, true);
+setInterval(() => {
+  const open = !folded(), name = open ? "Collapse panel area" : "Expand panel area";
+  for (const handle of document.querySelectorAll(FOLD)) {
+    if (handle.ariaExpanded !== String(open)) handle.ariaExpanded = String(open);
+    if (handle.ariaLabel !== name) handle.ariaLabel = name;
+    const tip = handle.matches(":hover") && document.querySelector(".mantine-Tooltip-tooltip");
+    if (tip && !open && tip.textContent === "Collapse") tip.textContent = "Expand";
+  }
+}, 300);
 document.addEventListener("keydown", (e) => {
   const edge = edgeOf(e);
   if (!edge || !/^Arrow(Left|Right)$/.test(e.key)) return;

@@ -62,6 +62,35 @@ def test_no_control_is_covered_at_any_size_and_dock_width(session: Session):
 
 
 @pytest.mark.usefixtures("own_page")
+def test_controls_that_are_folded_away_leave_timeline_buttons_and_style(session: Session):
+    """viser takes down what it collapses. By mouse and by key; a plot is then enlarged over the whole window."""
+    page = session.page
+    handle = page.locator('[data-dock-region-collapse="right"]')
+    scene, title = page.locator("canvas[data-engine]"), page.locator(".u-title:visible").first
+    before = title.evaluate("(e) => getComputedStyle(e).fontFamily")
+    plot = page.locator(".uplot-container:visible").first
+    for by in (handle.click, lambda: handle.press("Enter")):
+        by()
+        page.wait_for_function("document.querySelector('canvas[data-engine]').getBoundingClientRect().right > 1240")
+        expect(handle).to_have_attribute("aria-expanded", "false")
+        for kept in (".vs-timeline", ".vs-acts button", ".vs-legend-button"):
+            expect(page.locator(kept).first).to_be_visible()
+        expect(page.get_by_role("tab", name="Task", exact=True)).to_be_hidden()
+        assert title.evaluate("(e) => getComputedStyle(e).fontFamily") == before
+        require_nothing_covered(session, "folded")
+        page.get_by_role("button", name="step", exact=True).click()
+        session.wait(lambda now: now.phase == "paused")
+        plot.hover()
+        plot.get_by_role("button", name="enlarge").click()
+        page.wait_for_function("document.querySelector('[data-large]').getBoundingClientRect().width > 1150")
+        page.keyboard.press("Escape")
+        page.mouse.click(1268, 400)  # the strip that is left of them
+        expect(page.get_by_role("tab", name="Task", exact=True)).to_be_visible()
+        expect(handle).to_have_attribute("aria-expanded", "true")
+    expect(scene).to_be_visible()
+
+
+@pytest.mark.usefixtures("own_page")
 def test_the_presentation_has_the_sliders_moved_last_of_any_tab_and_covers_nothing(session: Session):
     page = session.page
     session.choose("Scenario", "Panda presses, elbow angle added (Remark 5)")

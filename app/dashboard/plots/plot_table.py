@@ -136,11 +136,11 @@ def _force(setup: Setup) -> Drawing:
             ChartLine(f"desired normal{_on(setup, i)}", DESIRED, column("F_cd", i), dashed=True, width=2.0),
             ChartLine(f"measured normal{_on(setup, i)}", _MEASURED[i], column("F_c", i), compared=True, band=SPREAD),
         ]
-    lines += [*_followed(setup), ChartLine("push", PUSH, norm("F_push"))]
+    lines += [*_not_controlled(setup), ChartLine("push", PUSH, norm("F_push"))]
     return Drawing("force on the environment  [N]", lines, at_least=(0.0, 1.0))
 
 
-def _followed(setup: Setup) -> list[ChartLine]:
+def _not_controlled(setup: Setup) -> list[ChartLine]:
     """Lines of the normal forces, as they really are, on surfaces whose distance is followed beside pressed ones."""
     return [
         ChartLine(f"not controlled{_on(setup, i)}", _MEASURED[i], column(MULTIPLIERS[i]), compared=True, band=SPREAD)
@@ -199,7 +199,7 @@ def _normal_force(setup: Setup) -> Drawing | None:
             lines.append(
                 ChartLine(f"really there{on}", _MEASURED[i], column(MULTIPLIERS[i]), compared=True, band=SPREAD)
             )
-    lines += _followed(setup) if setup.normal else []
+    lines += _not_controlled(setup) if setup.normal else []
     return Drawing("normal force  [N]", lines, at_least=(0.0, 1.0))
 
 

@@ -54,10 +54,12 @@ def injected_html() -> str:
     """The style sheet and the script, as an invisible piece of HTML."""
     # a client that lost its connection gets this HTML again; the script runs once
     blocks = "".join(f"{{\n{_read(name)}}}\n" for name in _SCRIPTS)
-    script = f"if (!window.vsmrcLab) {{\nwindow.vsmrcLab = true;\n{blocks}}}"
+    # the sheet leaves the panel, which viser may take down
+    kept = 'document.body.append(document.querySelector("#vs-sheet"));'
+    script = f"if (!window.vsmrcLab) {{\nwindow.vsmrcLab = true;\n{kept}\n{blocks}}}"
     script = script.replace("&", "&amp;").replace('"', "&quot;")
     sheet = font_faces() + css_variables() + "".join(_read(name) for name in _SHEETS)
-    return f'<style>{sheet}</style><img src="{_PIXEL}" style="display:none" onload="{script}">'
+    return f'<style id="vs-sheet">{sheet}</style><img src="{_PIXEL}" style="display:none" onload="{script}">'
 
 
 def _read(name: str) -> str:
