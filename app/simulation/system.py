@@ -65,7 +65,7 @@ from controllers import modes
 from controllers.blend import ModelBlend
 from controllers.control_law import Reference
 from controllers.controller import Controller
-from controllers.modes import Mode
+from controllers.modes import MODES, Mode
 from controllers.nominal_model import NO_RATES, Estimate, NominalModel
 from controllers.target_model import InvalidGain
 from controllers.task_space import TaskLayout, TaskSpace
@@ -311,7 +311,12 @@ def _assemble(scenario: Scenario, previous: System | None, memory: Memory) -> Sy
         constants = constants_over(omega, rules.sigma_min, uncertainty, nominal, observer, memory)
     mobility = _mobility(scenario, plant, constants, nominal, memory, previous)
     stations = _stations(scenario, constants, previous)
-    controller = controller_of(scenario, robot, mode, layout, constants)
+    # within a blend the controller of `previous` is on its way to another model
+    same = previous is not None and previous.constants is constants and previous.blend is None
+    if previous is not None and same and _ruling(previous.scenario) == _ruling(scenario):
+        controller = previous.controller
+    else:
+        controller = controller_of(scenario, robot, mode, layout, constants)
     return System(
         scenario=scenario,
         robot=robot,
@@ -518,6 +523,14 @@ def _shaping(scenario: Scenario) -> tuple[object, ...]:
             *((each.force, each.K_e_hat) for each in scenario.surfaces),
         )
     return where
+
+
+def _ruling(scenario: Scenario) -> tuple[object, ...]:
+    """Parts of the scenario that the controller depends on, besides the constants over Omega: all but what it is not
+    told of the true arm and of the contact, and what is asked of it."""
+    told = ("robot", "mode", "task_space", "declared", "controller", "target_model", "second", "third", "coupling", "face")
+    met = scenario.contact if MODES[scenario.mode].feedback == "all" else scenario.contact.nature
+    return *(getattr(scenario, name) for name in told), met, scenario.contact.unilateral
 
 
 def _coordinates(layout: TaskLayout, mode: Mode) -> tuple[Coordinate, ...]:

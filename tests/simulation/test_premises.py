@@ -305,6 +305,28 @@ def test_the_plant_stays_where_nothing_of_it_is_changed() -> None:
         assert assemble(other, system).plant is not system.plant, path
 
 
+def test_the_controller_stays_where_it_is_told_of_no_change() -> None:
+    system, yielding = assemble(changed("ur5-hybrid")), assemble(changed("ur5-impedance"))
+    for path, value in (
+        ("truth.link_scaling", 1.1),
+        ("contact.K_e", 2e4),
+        ("force.value", 17.0),
+        ("sensor.delay", 0.002),
+    ):
+        assert assemble(edited(system.scenario, path, value), system).controller is system.controller, path
+    for before, path, value in (
+        (system, "controller.K_s", 70.0),
+        (system, "controller.K_e_hat", 2e4),
+        (system, "controller.A", -1.0),
+        (system, "declared.link_scaling", 0.1),
+        (system, "target_model.M_m", [12.0] * 6),
+        (system, "motion.radius", 0.03),
+        (system, "contact.kind", "mass-damper-spring"),
+        (yielding, "contact.K_e", 2e4),
+    ):
+        assert assemble(edited(before.scenario, path, value), before).controller is not before.controller, path
+
+
 def test_a_run_taken_up_before_a_blend_knows_nothing_of_the_model_within_it() -> None:
     """As a timeline takes it up, with the system of the instant that is left."""
     still = edited(changed("ur5-impedance"), "motion", {"kind": "hold"})
