@@ -194,7 +194,7 @@ class Account(Struct, frozen=True):
     angle_max: float | None  # rad
     force_rms: float | None  # of f_n - f_nd, N
     force_max: float | None  # N
-    s_max: float | None  # of ||s||, m/s; None under a law without the gain d, where s means nothing
+    s_max: float | None  # of ||s||, m/s, under a law with the gain d; None without one, where s means nothing
     residual_rms: float  # of the target model (8), N
     effort: float  # RMS of ||tau|| as applied, N m
     variation: float  # of the commanded torques: sum of their |changes| per second, N m/s
@@ -272,7 +272,7 @@ def account(system: System, recording: Recording, t_from: float, t_to: float) ->
         angle_max=_largest(angles),
         force_rms=None if force is None else _rms(force),
         force_max=_largest(force),
-        s_max=float(record["s_norm"].max()) if (record["d"] > 0.0).any() else None,
+        s_max=float(record["s_norm"][gained].max()) if (gained := record["d"] > 0.0).any() else None,
         residual_rms=_rms(np.linalg.norm(record["residual"], axis=1)),
         effort=_rms(np.linalg.norm(record["tau_applied"], axis=1)),
         variation=float(np.abs(np.diff(record["tau"], axis=0)).sum() / (t[-1] - t[0])),

@@ -21,11 +21,13 @@ _TOLD = 3  # changed fields that an edit names
 
 @dataclass(frozen=True)
 class Event:
-    """Something that happened at t (s), in a few words."""
+    """Something that happened at t (s), in a few words. changed: fields that an edit changed, by dotted path, with
+    their new values."""
 
     t: float
     kind: Kind
     what: str
+    changed: tuple[tuple[str, object], ...] = ()
 
 
 class RunEvents:
@@ -90,4 +92,4 @@ def _edit(before: Epoch, after: Epoch) -> Event | None:
     if not changed:
         return None
     told = ", ".join(f"{path} = {new}" for path, new in list(changed.items())[:_TOLD])
-    return Event(after.t, "edit", told + (", …" if len(changed) > _TOLD else ""))
+    return Event(after.t, "edit", told + (", …" if len(changed) > _TOLD else ""), tuple(changed.items()))

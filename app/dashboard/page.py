@@ -51,6 +51,7 @@ from app.export.export_jobs import ExportJobs
 from app.lessons.answers import Notebook
 from app.lessons.class_desk import ClassDesk
 from app.scenario.data import shipped
+from app.session.commands import DropWayOut
 from app.session.preview_client import Previewer
 from app.session.runner import Runner
 from app.session.snapshot import Snapshot
@@ -350,6 +351,7 @@ class _View:
     def complain(self, sentence: str) -> None:
         """Show a refusal, until another edit is accepted, another run begins or COMPLAINT_SHOWN is over."""
         log.info("refused", sentence=sentence)
+        self._runner.post(DropWayOut())
         self._say("Refused", sentence)
 
     def fail(self, sentence: str) -> None:

@@ -151,6 +151,11 @@ class TakeWayOut:
 
 
 @dataclass(frozen=True)
+class DropWayOut:
+    """Forget the way out of the last refusal: another one, of the page, has come after it."""
+
+
+@dataclass(frozen=True)
 class PushNow:
     """Begin the scenario's push now; where it has none, a push by `changes.PUSH`."""
 
@@ -184,5 +189,6 @@ Command = (
     | Blend
     | PushNow
     | TakeWayOut
+    | DropWayOut
     | Push
 )

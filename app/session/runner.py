@@ -23,6 +23,7 @@ from app.session.commands import (
     Blend,
     Command,
     Continue,
+    DropWayOut,
     Edit,
     EditAll,
     Fork,
@@ -365,6 +366,8 @@ class Runner:
                 self._way_out = None  # also where that instant is no longer known
                 self._carry_out(Seek(way.fork_at))
                 self._carry_out(Fork())
+            case DropWayOut():
+                self._way_out = None
             case TakeWayOut():
                 raise ScenarioError("way out: there is none; allowed: after a refusal that names one")
             case Fork():

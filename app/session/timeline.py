@@ -22,6 +22,7 @@ from environments.push import Grip
 SPACING = 0.25  # s, between two states that are kept
 MOST = 6000  # states that are kept; a run with a full recording has 4800, and one for every change
 PINNED = 60.0  # s of a run that a pin keeps
+BEFORE = 10.0  # s of them that lie before the instant looked at, from which another run goes on
 NAME = 24  # letters of the name of a pinned run
 
 
@@ -36,7 +37,7 @@ class _Key:
 
 @dataclass(frozen=True)
 class Pinned:
-    """A run as it was when it was pinned: its last minute, up to t (s).
+    """A run as it was when it was pinned, up to t (s): its last minute, or that about the instant looked at.
     name: as the user calls it, "" for none.
     place: which of the `PINS` places it has, counted from 0; it decides its colour."""
 
@@ -187,8 +188,10 @@ class Timeline:
         self._add(self._pinned())
 
     def _pinned(self) -> Pinned:
-        end = self._end
-        return Pinned(self._pins + 1, end.system, end.recording.branch(end.t - PINNED, np.inf), end.t)
+        end, back = self._end, self._back
+        last = end.t if back is None else min(end.t, back.t + PINNED - BEFORE)
+        to = np.inf if last == end.t else last
+        return Pinned(self._pins + 1, end.system, end.recording.branch(last - PINNED, to), last)
 
     def _add(self, pinned: Pinned) -> None:
         self._pins = pinned.number

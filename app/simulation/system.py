@@ -528,7 +528,18 @@ def _shaping(scenario: Scenario) -> tuple[object, ...]:
 def _ruling(scenario: Scenario) -> tuple[object, ...]:
     """Parts of the scenario that the controller depends on, besides the constants over Omega: all but what it is not
     told of the true arm and of the contact, and what is asked of it."""
-    told = ("robot", "mode", "task_space", "declared", "controller", "target_model", "second", "third", "coupling", "face")
+    told = (
+        "robot",
+        "mode",
+        "task_space",
+        "declared",
+        "controller",
+        "target_model",
+        "second",
+        "third",
+        "coupling",
+        "face",
+    )
     met = scenario.contact if MODES[scenario.mode].feedback == "all" else scenario.contact.nature
     return *(getattr(scenario, name) for name in told), met, scenario.contact.unilateral
 

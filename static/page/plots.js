@@ -27,8 +27,18 @@ const follow = (plot) => {
   const free = is(homes.get(plot)) || is([x[0], x[x.length - 1]]);
   if (!(home[0] < home[1])) return;
   homes.set(plot, home);
+  plot.root.closest(".uplot-container")?.toggleAttribute("data-zoomed", !free && !is(home));
   if (free && !is(home)) setTimeout(() => { if (stands(plot)) plot.setScale("x", { min: home[0], max: home[1] }); });
 };
+// All time axes are zoomed into at once, by the crosshair that they share, and out again, too.
+window.vsmrcWhole = () => {
+  for (const { chart } of Object.values(window.__viserTestpoints?.uplots ?? {}))
+    if (stands(chart) && chart.scales.x.distr === 1 && homes.has(chart)) {
+      const [min, max] = homes.get(chart);
+      chart.setScale("x", { min, max });
+    }
+};
+document.addEventListener("dblclick", (e) => { if (e.target instanceof Element && e.target.closest(".u-over")) window.vsmrcWhole(); });
 // 3:1 on white is a relative luminance of 0.3 at most. The lightest colours become the darkest, so that yellow and
 // orange stay apart. viser makes every chart anew when the theme changes.
 const pen = document.createElement("canvas").getContext("2d");

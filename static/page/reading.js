@@ -66,12 +66,11 @@ const unit = (value, name) => (Number.isFinite(value) ? `${short(value)} ${name}
 const told = (plot, shares, table) => {
   const { min, max } = plot.scales.x, [from, to] = [...shares].sort((a, b) => a - b).map((s) => min + s * (max - min));
   const lines = plot.series.map((series, i) => [series, i]).slice(1)
-    .filter(([series]) => series.show && measurable(series)).slice(0, 8);
+    .filter(([series]) => series.show && measurable(series)).map(([series, i]) => [series, i, between(plot, valuesOf(plot, i), from, to)])
+    .filter(([, , found]) => found).slice(0, 8); // a run that has nothing there is left out
   const measure = /\[[^\]]*\]\s*$/.exec(plot.root.querySelector(".u-title")?.textContent ?? "")?.[0].trim() ?? "";
-  const rows = [["", `Δy ${measure}`.trim(), "overshoot", "settling, 2 %"], ...lines.map(([series, i]) => {
-    const found = between(plot, valuesOf(plot, i), from, to);
-    return [series.label, found ? onAxis(plot, found.step) : "–", unit(Math.round(10 * found?.overshoot) / 10, "%"), unit(found?.settling, "s")];
-  })];
+  const rows = [["", `Δy ${measure}`.trim(), "overshoot", "settling, 2 %"], ...lines.map(([series, , found]) =>
+    [series.label, onAxis(plot, found.step), unit(Math.round(10 * found.overshoot) / 10, "%"), unit(found.settling, "s")])];
   table.replaceChildren(...[[`Δt = ${short(to - from)} s`], ...rows].map((cells, i) => {
     const line = document.createElement("tr");
     line.append(...cells.map((text, j) => {
@@ -119,6 +118,13 @@ const row = (name, value, color) => {
   told.textContent = `${+value.toPrecision(4)}`;
   line.style.color = color;
   return line;
+};
+// uPlot draws the point of a line that is not there at its plot's corner.
+const pointed = (plot) => {
+  const { idx } = plot.cursor;
+  plot.root.querySelectorAll(".u-cursor-pt").forEach((point, i) => {
+    point.style.visibility = idx == null || Number.isFinite(plot.data[i + 1]?.[idx]) ? "" : "hidden";
+  });
 };
 const tell = (plot) => {
   const { idx, left, top } = plot.cursor, hovered = plot.over.matches(":hover");
@@ -180,6 +186,11 @@ const grow = (box) => {
 };
 document.addEventListener("click", (e) => {
   const box = e.target instanceof Element && e.target.closest(".uplot-container"), button = box && e.target.closest("button");
+  if (button?.matches(".vs-unzoom")) {
+    e.stopPropagation();
+    window.vsmrcWhole();
+    return;
+  }
   const again = box === large(), measures = button?.matches(".vs-measure");
   if (!button && (!large() || again)) return;
   if (measures) {
@@ -202,7 +213,7 @@ const read = new WeakSet();
 setInterval(() => {
   for (const plot of charts().filter((plot) => !read.has(plot))) {
     read.add(plot);
-    (plot.hooks.setCursor ??= []).push(tell);
+    (plot.hooks.setCursor ??= []).push(pointed, tell);
     (plot.hooks.setSize ??= []).push(fit);
     valued(plot);
     setTimeout(() => inLegend(plot)); // a run that stands still is not drawn again
@@ -211,7 +222,9 @@ setInterval(() => {
     const button = document.createElement("button");
     Object.assign(button, { className: "vs-measure", textContent: "Δ", title: "two cursors: Δt, Δy, overshoot, settling" });
     button.setAttribute("aria-label", "measure with two cursors");
-    box.append(button);
+    const whole = document.createElement("button");
+    Object.assign(whole, { className: "vs-unzoom", textContent: "whole window", title: "the whole window again, in all plots" });
+    box.append(button, whole);
   }
   for (const { again } of measured.values()) again();
   const enlarged = large() && chartIn(large());

@@ -65,7 +65,8 @@ def test_a_push_by_the_button_is_no_edit_and_an_edit_says_what(pushed: Scenario)
     line.edit(edited(line.loop.system.scenario, "controller.law", "computed-torque"))
     ran(line, 0.26)
     last = RunEvents().of(line.recording, line.end, None, ())[-1]
-    assert last == Event(last.t, "edit", "controller.law = computed-torque")
+    changed = (("controller.law", "computed-torque"),)
+    assert last == Event(last.t, "edit", "controller.law = computed-torque", changed)
 
 
 def test_contact_and_a_run_that_leaves_the_domain() -> None:

@@ -9,7 +9,7 @@ import pytest
 from app.scenario.data import differences, edited, shipped
 from app.scenario.schema import Scenario, ScenarioError
 from app.session.changes import in_coordinates, in_mode, on_robot, on_surface, possible, told
-from app.session.commands import Edit, Fork, Pause, Reset, TakeWayOut
+from app.session.commands import DropWayOut, Edit, Fork, Pause, Reset, TakeWayOut
 from app.session.runner import Runner
 from app.simulation.closed_loop import ClosedLoop
 from app.simulation.compiled_run import CompiledRun
@@ -166,6 +166,16 @@ def test_a_refusal_has_a_way_out_that_works(
     for _ in range(50):
         runner._step()
     assert runner._loop.stopped is None
+
+
+def test_a_refusal_of_the_page_has_not_the_way_out_of_the_one_before() -> None:
+    runner = Runner(shipped()["ur5-hybrid"])
+    runner._obey([Edit("force.value", -20.0)])
+    assert runner._publish().way_out
+    runner._obey([DropWayOut()])
+    assert runner._publish().way_out is None
+    runner._obey([TakeWayOut()])
+    assert runner._publish().scenario == shipped()["ur5-hybrid"]
 
 
 def test_a_fork_at_the_end_of_a_run_has_a_way_out_to_the_last_change() -> None:

@@ -13,6 +13,7 @@ from app.dashboard.scene import pinned_arms
 from app.dashboard.scene.pinned_arms import posture
 from app.scenario.data import differences, edited, shipped
 from app.scenario.schema import Scenario, ScenarioError
+from app.session import timeline
 from app.session.changes import in_mode
 from app.session.snapshot import Snapshot
 from app.session.timeline import PINS, Timeline
@@ -279,7 +280,39 @@ def test_figures_of_a_pinned_run_stay_when_the_running_one_goes_on_beyond_it(noi
     share = f"{100.0 * (figures.path_rms / now.path_rms - 1.0):+.0f} %"
     assert f'<td>{1e3 * figures.path_rms:.3g} <span class="vs-dim vs-against">({share})</span></td>' in html
     assert "—" not in html
-    assert "—" in table_html(cast(Snapshot, seen), 0.4, over="same")  # it had not come that far
+    same = table_html(cast(Snapshot, seen), 0.4, over="same")  # the last instants that both have
+    assert "—" not in same
+    then = account(noisy.loop.system, noisy.recording, pinned.t - 0.4, pinned.t)
+    assert then is not None
+    assert then.path_max == figures.path_max
+    assert f"<td>{1e3 * then.path_rms:.3g}</td>" in same
+
+
+def test_a_fork_keeps_of_the_run_that_it_leaves_what_came_after_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(timeline, "PINNED", 0.6)
+    monkeypatch.setattr(timeline, "BEFORE", 0.1)
+    line = run(line_of(shipped()["planar3r-hybrid"]), 2000)
+    rows = line.recording.rows()
+    line.seek(0.4)
+    line.fork()
+    left = line.pinned[-1]
+    assert left.t == pytest.approx(0.9)
+    np.testing.assert_array_equal(left.recording.rows(0.4, 0.9), rows[(rows[:, 0] >= 0.4) & (rows[:, 0] <= 0.9)])
+    assert left.recording.rows()[-1, 0] == pytest.approx(0.9)
+
+
+def test_the_sliding_variable_is_measured_only_under_a_law_that_has_it(noisy: Timeline) -> None:
+    robust = account(noisy.loop.system, noisy.recording, 0.0, noisy.loop.t)
+    swapped = run(line_of(shipped()["planar3r-hybrid"]), 300)
+    swapped.edit(edited(swapped.loop.system.scenario, "controller.law", "computed-torque"))
+    run(swapped, 300)
+    both = account(swapped.loop.system, swapped.recording, 0.0, swapped.loop.t)
+    first = account(swapped.loop.system, swapped.recording, 0.0, 0.2995)
+    assert robust is not None
+    assert both is not None
+    assert first is not None
+    assert robust.s_max is not None
+    assert both.s_max == first.s_max
 
 
 def test_a_pinned_run_has_a_name_and_a_colour_of_its_own(noisy: Timeline) -> None:

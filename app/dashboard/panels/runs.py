@@ -13,13 +13,12 @@ from app.analysis.metrics import FIGURES, Account, ShownFigure, account
 from app.dashboard.theme.colors import RUNS, css
 from app.dashboard.theme.style import COMMIT, MARKS
 from app.dashboard.widgets.controls import Desk
-from app.dashboard.widgets.matrix_text import written
+from app.dashboard.widgets.field_words import in_words
 from app.scenario.data import differences
 from app.session.commands import Pin, Rename, Unpin
 from app.session.snapshot import Snapshot
 from app.session.timeline import Pinned
 from app.storage.session_index import PINS
-from app.sweep.titles import said, title_of, unit_of
 
 Over = Literal["own", "same"]
 OVER: dict[str, Over] = {"each run's own last seconds": "own", "the same instants": "same"}
@@ -108,19 +107,22 @@ def _note(snapshot: Snapshot, window: float, over: Over) -> str:
         )
     if over == "own":
         return f"Of every run its own last {window:g} s; in brackets: against the present run."
-    start = max(snapshot.t - window, 0.0)
-    return f"From t = {start:.2f} to {snapshot.t:.2f} s of every run; in brackets: against the present run."
+    end = _last_of_all(snapshot)
+    span = f"t = {max(end - window, 0.0):.2f} to {end:.2f} s"
+    return f"From {span} of every run, the last instants that all have; in brackets: against the present run."
+
+
+def _last_of_all(snapshot: Snapshot) -> float:
+    """Last instant that all runs have, s."""
+    return min(snapshot.t, *(pinned.t for pinned in snapshot.pinned))
 
 
 def table_html(snapshot: Snapshot, window: float, over: Over = "own") -> str:
     """Table of figures over `window` s as HTML: a column for each run, with the difference of a pinned run from the
     present one in per cent; below it the differences of each pinned run's scenario.
     over: whether each run is measured over its own last seconds, or all over the same instants."""
-    ends = [p.t if over == "own" else snapshot.t for p in snapshot.pinned]
-    runs = [
-        (snapshot.system, snapshot.recording, snapshot.t),
-        *((p.system, p.recording, end) for p, end in zip(snapshot.pinned, ends, strict=True)),
-    ]
+    shown, same = (snapshot, *snapshot.pinned), _last_of_all(snapshot)
+    runs = [(each.system, each.recording, each.t if over == "own" else same) for each in shown]
     systems = tuple(system for system, _, _ in runs)
     accounts = tuple(account(system, rows, end - window, end) for system, rows, end in runs)
     heads = "".join(f'<th><i class="vs-dot" style="background: {css(RUNS[p.place])}"></i> {escape(p.title)}</th>'
@@ -156,18 +158,8 @@ def _against(value: float | None, now: float | None) -> str:
 def _told(pinned: Pinned, snapshot: Snapshot) -> str:
     """Differences of the pinned run's scenario from the running one, as HTML."""
     different = differences(snapshot.scenario, pinned.scenario)
-    parts = [f"{title_of(path)}: {_short(path, theirs)}" for path, (_, theirs) in list(different.items())[:_TOLD]]
+    parts = [in_words(path, theirs) for path, (_, theirs) in list(different.items())[:_TOLD]]
     if len(different) > _TOLD:
         parts.append(f"{len(different) - _TOLD} more")
     what = "; ".join(parts) or "as now"
     return f'<div class="vs-note"><b>{escape(pinned.title)}</b> up to {pinned.t:.2f} s: {escape(what)}</div>'
-
-
-def _short(path: str, value: object) -> str:
-    """Value of the field at a dotted path in words, with its unit."""
-    if value is None:
-        return "the mode's own"
-    if isinstance(value, bool | str):
-        return said(path, value)
-    text = written(value) if isinstance(value, float | int) else str(value)
-    return f"{text if len(text) < 40 else f'{text[:37]}…'} {unit_of(path)}".rstrip()

@@ -2,22 +2,24 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Coroutine
 from dataclasses import dataclass
 from html import escape
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import viser
 
 from app.analysis.run_events import Event, RunEvents
 from app.dashboard.theme.style import COMMIT, ESCAPED, MARKS, RELEASED
 from app.dashboard.widgets.controls import AwaitedAnswer, Desk
+from app.dashboard.widgets.field_words import in_words
 from app.session.commands import Command, Fork, Pause, Pin, Play, Reset, Seek, SetSpeed, StepOnce, ToEnd
 from app.session.snapshot import Snapshot
 
 _SPEEDS = {"1/20×": 0.05, "1/5×": 0.2, "1/2×": 0.5, "1×": 1.0, "2×": 2.0, "5×": 5.0, "10×": 10.0}
 _STRIDE = 0.1  # s, step of an arrow key with Shift
+NAMED = 3  # fields that a tick names
+ROOM = 400  # letters of a tick that tells of several events
 APART = 0.025  # share of the timeline, the least distance between two ticks of one kind
 _SAME = 1e-3  # s: the nearest event counts as the instant looked at up to this distance
 
@@ -160,22 +162,40 @@ def _ticks_html(snapshot: Snapshot, events: tuple[Event, ...]) -> str:
     places = ((event, (event.t - snapshot.first) / known) for event in events if known > 0.0)
     ticks = "".join(
         f'<i class="vs-tick vs-{event.kind}" data-seek="{event.t:.4f}" style="left:{share:.1%}" '
-        f'title="{event.t:.2f} s: {escape(event.what)}"></i>'
-        for event, share in apart([place for place in places if 0.0 <= place[1] <= 1.0])
+        f'title="{escape(told)}"></i>'
+        for event, share, told in apart([place for place in places if 0.0 <= place[1] <= 1.0])
     )
     return f'<div class="vs-ticks">{ticks}</div>'
 
 
-def apart(places: list[tuple[Event, float]]) -> list[tuple[Event, float]]:
-    """Events whose ticks are at least `APART` from the next tick of their kind, so that each can be pressed.
+class Tick(NamedTuple):
+    """Tick of an event. share: its position on the timeline. told: what happened, also just before, in words."""
+
+    event: Event
+    share: float
+    told: str
+
+
+def apart(places: list[tuple[Event, float]]) -> list[Tick]:
+    """Ticks that are at least `APART` from the next one of their kind, so that each can be pressed; that one tells of
+    the nearer ones, too, as far as it has room.
     places: events and their positions as shares of the timeline, in order of time."""
-    following: dict[str, float] = {}
-    kept = []
+    following: dict[str, int] = {}  # number of the last tick of each kind
+    ticks: list[Tick] = []
     for event, share in reversed(places):
-        if following.get(event.kind, math.inf) - share >= APART:
-            following[event.kind] = share
-            kept.append((event, share))
-    return kept[::-1]
+        number = following.get(event.kind)
+        if number is None or ticks[number].share - share >= APART:
+            following[event.kind] = len(ticks)
+            ticks.append(Tick(event, share, _told(event)))
+        elif len(ticks[number].told) < ROOM:
+            ticks[number] = ticks[number]._replace(told=f"{_told(event)}\n{ticks[number].told}")
+    return ticks[::-1]
+
+
+def _told(event: Event) -> str:
+    words = [in_words(path, value) for path, value in event.changed[:NAMED]]
+    more = ["…"] if len(event.changed) > NAMED else []
+    return f"{event.t:.2f} s: {'; '.join(words + more) or event.what}"
 
 
 class _Time:
