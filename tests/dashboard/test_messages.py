@@ -59,6 +59,7 @@ def test_a_run_at_rest_sends_nothing_and_a_moving_one_does(dashboard: Dashboard)
 
 def test_of_a_path_only_the_newest_piece_is_sent(dashboard: Dashboard) -> None:
     trail = Trail(dashboard._server.scene, "/test_trail", (1, 2, 3), 1.0)
+    assert {piece._line.colors.shape for piece in trail._pieces} == {(PIECE, 2, 3)}  # else pages draw it white later
     points = 2.0 * SPACING * np.arange(PIECES * PIECE + 20)[:, None] * [1.0, 0.0, 0.0]
     for point in points:
         trail.extend(point)

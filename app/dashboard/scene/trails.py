@@ -76,8 +76,10 @@ class _Piece:
         self.points: list[np.ndarray] = []
         self.errors: list[float] = []
         self.largest = 0.0  # of the errors, m
+        # a colour for each end from the beginning: a page draws a line white that had one colour when it came
+        plain = np.tile(np.array(color, dtype=np.uint8), (PIECE, 2, 1))
         self._line = scene.add_line_segments(
-            name, np.zeros((PIECE, 2, 3)), color, thickness=thickness, thickness_units="screen", visible=False
+            name, np.zeros((PIECE, 2, 3)), plain, thickness=thickness, thickness_units="screen", visible=False
         )
         self._changed = self._shown = False
         self._colored_to: float | None = None
