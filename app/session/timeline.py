@@ -55,7 +55,10 @@ class Pinned:
 
     @property
     def scenario(self) -> Scenario:
-        return self.system.scenario
+        """Scenario of its last control period: one that has been changed since has not been run yet."""
+        now = self.t - 0.5 * self.system.scenario.controller.period
+        ran = [epoch.scenario for epoch in self.recording.epochs if epoch.t < now]
+        return ran[-1] if ran else self.system.scenario
 
 
 class Timeline:

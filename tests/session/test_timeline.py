@@ -301,6 +301,16 @@ def test_a_fork_keeps_of_the_run_that_it_leaves_what_came_after_it(monkeypatch: 
     assert left.recording.rows()[-1, 0] == pytest.approx(0.9)
 
 
+def test_a_pinned_run_is_told_by_what_it_has_run_with() -> None:
+    line = run(line_of(shipped()["planar3r-hybrid"]), 300)
+    line.edit(edited(line.loop.system.scenario, "force.value", 11.0))
+    line.pin()
+    assert line.pinned[-1].scenario.force.value == 20.0
+    run(line, 10)
+    line.pin()
+    assert line.pinned[-1].scenario.force.value == 11.0
+
+
 def test_the_sliding_variable_is_measured_only_under_a_law_that_has_it(noisy: Timeline) -> None:
     robust = account(noisy.loop.system, noisy.recording, 0.0, noisy.loop.t)
     swapped = run(line_of(shipped()["planar3r-hybrid"]), 300)

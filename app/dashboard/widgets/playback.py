@@ -203,7 +203,7 @@ class _Time:
 
     def __init__(self, desk: Desk) -> None:
         self._desk, self._answer = desk, AwaitedAnswer()
-        hint = "Look back: the run holds, and everything is shown as it was at this instant. Play shows it again."
+        hint = "Look back: the run holds, and arm, forces and plots are those of this instant. Play shows it again."
         with desk.gui.add_form(None):
             self._text = desk.gui.add_text("time t [s]", "", hint=hint)
             self._slider = desk.gui.add_slider("", 0.0, 1.0, 0.0005, 1.0, marks=(), hint=hint)
