@@ -47,7 +47,7 @@ from app.session.commands import (
 )
 from app.session.nearest_model import way_to_model
 from app.session.pacing import Pace, PaceMeter, Schedule
-from app.session.snapshot import Snapshot, snapshot_of
+from app.session.snapshot import PREPARING, Snapshot, snapshot_of
 from app.session.timeline import Timeline
 from app.simulation.closed_loop import ClosedLoop
 from app.storage.constants_store import kept_memory
@@ -64,7 +64,6 @@ UNREAD = 0.25  # s, until a snapshot that nobody has read is replaced
 LAG = 0.1  # s of wall time that the loop may fall behind before simulated time slows
 MEASURE = 0.25  # s, between two measurements of the pace, each over the last `WATCHED` s
 WATCHED = 2.0
-PREPARING = "preparing another arm or contact; the very first one of its kind takes some seconds to compile"
 ENDING = 1.0  # s to wait for the end of the thread
 SILENCE = 10.0  # s without a round of the thread: it hangs
 SLOWEST, FASTEST = 0.01, 100.0

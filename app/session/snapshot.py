@@ -22,6 +22,9 @@ from environments.robots import Robot
 from environments.surfaces.table import Surface
 
 
+PREPARING = "preparing another arm or contact; the first one of its kind is compiled, which may take a minute"
+
+
 @dataclass(frozen=True)
 class Snapshot:
     """View of the loop at one moment, for the screen. Its arrays are never changed afterwards.

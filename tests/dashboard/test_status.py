@@ -12,7 +12,7 @@ from app.dashboard.widgets.status import status_html
 from app.scenario.data import edited, load
 from app.scenario.schema import Scenario
 from app.session.changes import in_mode, on_robot, on_surface
-from app.session.snapshot import Snapshot, snapshot_of
+from app.session.snapshot import PREPARING, Snapshot, snapshot_of
 from app.simulation.closed_loop import ClosedLoop
 
 SHIPPED = load("ur5-hybrid")
@@ -57,3 +57,10 @@ def test_a_warning_says_when_its_cause_is_over() -> None:
     while loop.standing.now.verdict != "holds" and loop.t < 3.0:
         loop.step()
     assert f"{loop.warning}{AGAIN}{loop.kept.since:.3f} s" in status_html(snapshot_of(loop), "")
+
+
+def test_a_run_that_is_being_prepared_does_not_say_that_it_runs(snapshot: Snapshot) -> None:
+    html = status_html(replace(snapshot, notice=PREPARING), "")
+    assert "preparing" in html
+    assert ">running<" not in html
+    assert "×</b>" not in html

@@ -10,7 +10,7 @@ from app.dashboard.widgets.chips import CHIP_OF, ChipClass, chip
 from app.scenario.caption import title_of
 from app.scenario.schema import Scenario
 from app.session.pacing import Pace
-from app.session.snapshot import Snapshot
+from app.session.snapshot import PREPARING, Snapshot
 from app.simulation.verdict import PromiseVerdict
 from controllers.modes import MODES
 
@@ -22,7 +22,7 @@ def status_html(snapshot: Snapshot, complaint: str, begun_from: Scenario | None 
     of a stop, the complaint and the notice.
     begun_from: the shipped scenario of the running one's name, None for none."""
     scenario = snapshot.scenario
-    pace = snapshot.pace
+    pace = None if snapshot.notice == PREPARING else snapshot.pace  # it stands still meanwhile
     lines = [
         '<div class="vs-row"><span class="vs-title" role="heading" aria-level="1">'
         f"{_title(scenario, begun_from)}</span></div>",
@@ -68,6 +68,8 @@ def splash_html(text: str) -> str:
 
 
 def _phase(snapshot: Snapshot) -> str:
+    if snapshot.notice == PREPARING:
+        return chip("preparing", "vs-warn")
     if snapshot.looking_back:
         return chip("shown again" if snapshot.phase == "running" else "looking back", "vs-warn")
     looks: dict[str, ChipClass] = {"running": "vs-good", "paused": "vs-warn", "stopped": "vs-bad"}
