@@ -21,7 +21,6 @@ from app.simulation.verdict import Standing
 from environments.robots import Robot
 from environments.surfaces.table import Surface
 
-
 PREPARING = "preparing another arm or contact; the first one of its kind is compiled, which may take a minute"
 
 
