@@ -395,7 +395,7 @@ class Simulation(Section, frozen=True, forbid_unknown_fields=True):
     domain_radius: Annotated[float, field("Omega: postures within this of the reference", "rad", gt=0, le=3)] = 0.15
     sigma_min: Annotated[float, field("J_q counts as singular below this singular value", "m", ge=0, le=1)] = 0.01
     leaving_domain: Annotated[
-        Literal["stop", "flag"], field("singular J_q, ||q_dot|| beyond 20 rad/s, or a rigid surface lost", "")
+        Literal["stop", "flag"], field("singular J_q, joints faster than 20 rad/s, or a rigid surface lost", "")
     ] = "stop"
     bound_violation: Annotated[Literal["stop", "flag"], field("||s|| over its envelope (20)", "")] = "flag"
 

@@ -8,9 +8,15 @@ import re
 from app.export.figures import plain_number
 from app.scenario.schema import FieldInfo, field_info
 from app.simulation.controller_builder import laws
+from controllers.modes import MODES
 
 # of the fields that are offered first, and of those whose meaning in the schema goes on from the field before
 TITLES = {
+    "mode": "mode",
+    "robot.name": "robot",
+    "contact.kind": "contact",
+    "controller.switching": "switching function",
+    "simulation.leaving_domain": "where the arm leaves the domain",
     "contact.K_e": "stiffness of the surface",
     "truth.link_scaling": "mass of the true links, factor",
     "truth.payload_mass": "payload",
@@ -91,6 +97,8 @@ def said(path: str, value: object) -> str:
     """Value of a field in words: of a law its title, of a number three digits."""
     if path == "controller.law" and (law := laws().get(str(value))) is not None:
         return law.title
+    if path == "mode" and str(value) in MODES:
+        return MODES[str(value)].label
     return plain_number(float(f"{value:.3g}"), None) if isinstance(value, float) else str(value)
 
 

@@ -3,12 +3,17 @@ const place = () => {
   const box = document.querySelector("canvas[data-engine]")?.getBoundingClientRect();
   for (const side of box ? ["left", "top", "width", "height"] : [])
     document.documentElement.style.setProperty(`--vs-scene-${side}`, `${Math.round(box[side])}px`);
-  // what lies over it stands one below the other: buttons, messages, the window of a held slider; and nothing is scrolled
+  // what lies over it stands one below the other: buttons, the window of a held slider, messages; and nothing is scrolled
   // under the status line
   for (const part of ["acts", "strip", "status"]) {
     const high = document.querySelector(`.vs-${part}`)?.offsetHeight ?? 0;
     document.documentElement.style.setProperty(`--vs-${part}-height`, `${high}px`);
   }
+  // below the window of a held slider, which a message must not move under the mouse
+  const held = document.querySelector("[data-floating-window]:has(.vs-held)")?.getBoundingClientRect();
+  const above = box && held?.height && held.top < box.top + 0.4 * box.height && held.bottom + 72 < box.bottom;
+  if (above) document.documentElement.style.setProperty("--vs-strip-top", `${Math.round(held.bottom + 8)}px`);
+  else document.documentElement.style.removeProperty("--vs-strip-top");
   document.documentElement.toggleAttribute("data-narrow", !!box && box.width < 180); // no room for the equation
 };
 setInterval(place, 200);

@@ -154,10 +154,10 @@ def test_camera_and_switches_are_the_pages_and_not_the_runs(scene: Scene):
     scene.page.get_by_role("checkbox", name="Ghost").click()
     scene.page.locator(".vs-note", has_text="mm away").wait_for()
     for name in ("Error colours", "Forces", "Task frame", "Surface", "Grid", "Tool path", "Desired path", "Ghost"):
-        scene.page.get_by_role("checkbox", name=name, exact=True).click()
+        scene.page.get_by_role("checkbox", name=name, exact=True).uncheck()
     legend.wait_for(state="hidden")
     for name in ("Error colours", "Forces", "Task frame", "Surface", "Grid", "Tool path", "Desired path"):
-        scene.page.get_by_role("checkbox", name=name, exact=True).click()
+        scene.page.get_by_role("checkbox", name=name, exact=True).check()
     session.choose("Force arrows", "100 mm = 5 N")
     scene.page.locator(".vs-note", has_text="100 mm = 5 N").wait_for()
     session.choose("Force arrows", "automatic")

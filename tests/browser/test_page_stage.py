@@ -31,7 +31,7 @@ def test_the_timeline_has_a_tick_for_what_has_happened_and_leads_there(session: 
     session.wait(lambda now: now.scenario.force.value == 25.0)
     tick = page.locator(".vs-tick.vs-push").last
     tick.wait_for()
-    page.locator(".vs-tick.vs-edit[title*='force.value = 25']").wait_for()
+    page.locator(".vs-tick.vs-edit[title*='desired force: 25 N']").wait_for()
     session.wait(lambda now: now.t > pushed + 2.0)
     tick.click()
     session.wait(lambda now: now.looking_back)

@@ -272,12 +272,17 @@ class Number:
         self._desk.choose(self.row)
         edit = self._place.edit(snapshot, value)
         if self._desk.whatif.on:
-            held = HeldControl(
-                edit, self._label, written(value), self, event.client.client_id, moved=self._moved(snapshot, value)
-            )
+            told, client = f"{written(value)} {self._unit_beside(snapshot)}".rstrip(), event.client.client_id
+            held = HeldControl(edit, self._label, told, self, client, moved=self._moved(snapshot, value))
             self._desk.whatif.hold(held)
         else:
             self._ask(snapshot, edit, seconds=0.5)
+
+    def _unit_beside(self, snapshot: Snapshot) -> str:
+        """Unit of the number where the label has none; of r = q it would be another one."""
+        info = self._place.info
+        plain = info is None or "[" in self._label or snapshot.system.layout.joint
+        return "" if plain or info is None or info.unit == "1" else info.unit
 
     def _let_go(self, *, apply: bool) -> None:
         snapshot = self._desk.snapshot()
