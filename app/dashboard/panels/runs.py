@@ -13,7 +13,7 @@ from app.analysis.metrics import FIGURES, Account, ShownFigure, account
 from app.dashboard.theme.colors import RUNS, css
 from app.dashboard.theme.style import COMMIT, MARKS
 from app.dashboard.widgets.controls import Desk
-from app.dashboard.widgets.field_words import in_words
+from app.dashboard.widgets.field_words import field_in_words
 from app.scenario.data import differences
 from app.session.commands import Pin, Rename, Unpin
 from app.session.snapshot import Snapshot
@@ -158,7 +158,7 @@ def _against(value: float | None, now: float | None) -> str:
 def _told(pinned: Pinned, snapshot: Snapshot) -> str:
     """Differences of the pinned run's scenario from the running one, as HTML."""
     different = differences(snapshot.scenario, pinned.scenario)
-    parts = [in_words(path, theirs) for path, (_, theirs) in list(different.items())[:_TOLD]]
+    parts = [field_in_words(path, theirs) for path, (_, theirs) in list(different.items())[:_TOLD]]
     if len(different) > _TOLD:
         parts.append(f"{len(different) - _TOLD} more")
     what = "; ".join(parts) or "as now"

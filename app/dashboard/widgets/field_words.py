@@ -8,7 +8,7 @@ from app.sweep.titles import said, title_of, unit_of
 LONGEST = 40  # letters of a value
 
 
-def in_words(path: str, value: object) -> str:
+def field_in_words(path: str, value: object) -> str:
     """The field at a dotted path and its value in words, with the unit."""
     return f"{title_of(path)}: {_value(path, value)}"
 

@@ -12,7 +12,7 @@ import viser
 from app.analysis.run_events import Event, RunEvents
 from app.dashboard.theme.style import COMMIT, ESCAPED, MARKS, RELEASED
 from app.dashboard.widgets.controls import AwaitedAnswer, Desk
-from app.dashboard.widgets.field_words import in_words
+from app.dashboard.widgets.field_words import field_in_words
 from app.session.commands import Command, Fork, Pause, Pin, Play, Reset, Seek, SetSpeed, StepOnce, ToEnd
 from app.session.snapshot import Snapshot
 
@@ -193,7 +193,7 @@ def apart(places: list[tuple[Event, float]]) -> list[Tick]:
 
 
 def _told(event: Event) -> str:
-    words = [in_words(path, value) for path, value in event.changed[:NAMED]]
+    words = [field_in_words(path, value) for path, value in event.changed[:NAMED]]
     more = ["…"] if len(event.changed) > NAMED else []
     return f"{event.t:.2f} s: {'; '.join(words + more) or event.what}"
 
