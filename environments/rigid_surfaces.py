@@ -1,6 +1,6 @@
 """Rigid surfaces: steps that bring the arm onto those that hold it, q by Newton's method and q_dot by an impact, (39).
 
-`around` is a `PlantWorkspace`, `arm` an `Arm`, M (n, n) kg m^2, each as `environments.plant` has them.
+`around` is a `PlantWorkspace`, `arm` an `Arm`, M (n, n) kg m^2, each as `environments.acceleration` has them.
 """
 
 from __future__ import annotations

@@ -21,7 +21,7 @@ from environments.contact import Contact
 from environments.contact_kinds import ContactKind
 from environments.coupled_surfaces import EnvironmentMatrices
 from environments.integrators import Integrator
-from environments.plant import Truth
+from environments.truth import Truth
 
 ROUNDING = 1e-7  # of the radius of an undamped oscillator, which is 1
 

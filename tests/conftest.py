@@ -63,7 +63,7 @@ def constants_searched_once(request: pytest.FixtureRequest) -> Iterator[None]:
     Tests of the search itself have a fixture of this name that does nothing.
     """
     with pytest.MonkeyPatch.context() as patch:
-        if system := sys.modules.get("app.simulation.system"):  # else no test of this file assembles
+        if system := sys.modules.get("app.simulation.assembly"):  # else no test of this file assembles
             known = request.getfixturevalue("known_constants")
             patch.setattr(system, "Memory", lambda: known)
         yield

@@ -11,13 +11,13 @@ import pinocchio as pin
 
 from app.analysis.steady_force import steady_forces
 from app.scenario.schema import Scenario
-from app.simulation.control_period import Observer
 from app.simulation.controller_builder import compensation, law_of
 from app.simulation.environment_builder import truth_of
+from app.simulation.observation import Observer
 from app.simulation.recording import Epoch
 from app.simulation.system import System
 from controllers.nominal_model import NominalModel
-from environments.plant import Truth
+from environments.truth import Truth
 
 Signals = Mapping[str, np.ndarray]
 

@@ -19,9 +19,9 @@ from app.process.atomic_write import write_whole
 from app.scenario.data import to_toml
 from app.scenario.schema import Scenario, ScenarioError, scenario_errors
 from app.session.snapshot import snapshot_of
+from app.simulation.assembly import assemble
 from app.simulation.closed_loop import ClosedLoop
 from app.simulation.recording import Recording
-from app.simulation.system import assemble
 from app.storage.recording_files import TooLarge, table, write_csv, write_npz
 
 

@@ -16,8 +16,9 @@ from app.scenario.data import edited, from_plain, shipped, to_plain
 from app.scenario.declared_bounds import outside
 from app.scenario.schema import Scenario
 from app.session.headless_run import play
+from app.simulation.assembly import assemble
 from app.simulation.closed_loop import ClosedLoop
-from app.simulation.system import System, assemble
+from app.simulation.system import System
 
 PLANTS, LOT = 100, 10  # number of plants, and of those in a job
 DURATION, SETTLED = 4.0, 1.5  # s, length of a run, and instant from which on its figures count

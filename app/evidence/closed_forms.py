@@ -18,9 +18,10 @@ from app.process.markdown import Table
 from app.scenario.data import edited, from_plain, shipped, to_plain
 from app.scenario.schema import ControllerSection, Scenario
 from app.session.headless_run import simulate
+from app.simulation.assembly import assemble
 from app.simulation.closed_loop import ClosedLoop
 from app.simulation.controller_builder import law_of
-from app.simulation.system import System, assemble
+from app.simulation.system import System
 
 K_E = 10_000.0  # N/m, of the surface in (35)-(37)
 STEADY_ROBOTS = ("ur5", "planar3r")

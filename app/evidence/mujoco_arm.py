@@ -9,8 +9,9 @@ import numpy as np
 import pinocchio as pin
 
 from app.simulation.system import System
+from environments.acceleration import PlantState
 from environments.contact import Contact
-from environments.plant import Plant, PlantState
+from environments.plant import Plant
 
 PROBE = 1e-3  # m, radius of the ball at the tool point that touches MuJoCo's plane
 INTEGRATORS = {"semi-implicit-euler": mujoco.mjtIntegrator.mjINT_EULER, "rk4": mujoco.mjtIntegrator.mjINT_RK4}

@@ -19,8 +19,9 @@ from app.scenario.data import edited, shipped
 from app.scenario.schema import Scenario
 from app.session.changes import on_robot
 from app.session.headless_run import play
+from app.simulation.assembly import assemble
 from app.simulation.closed_loop import ClosedLoop
-from app.simulation.system import System, assemble
+from app.simulation.system import System
 from environments.contact import Contact
 from environments.contact_kinds import CONTACTS
 from environments.plant import Plant

@@ -14,9 +14,10 @@ from app.evidence.independent_simulator import Face, Gains, PaperLoop, Surface, 
 from app.scenario.data import edited, from_plain
 from app.scenario.schema import Scenario
 from app.session.headless_run import simulate
+from app.simulation.assembly import assemble
 from app.simulation.closed_loop import ClosedLoop
 from app.simulation.environment_builder import face_axes
-from app.simulation.system import System, assemble
+from app.simulation.system import System
 from environments.integrators import Integrator
 from environments.plant import Plant
 

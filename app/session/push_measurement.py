@@ -19,11 +19,12 @@ import pinocchio as pin
 
 from app.scenario.schema import Declared, ScenarioError
 from app.session.headless_run import play
+from app.simulation.assembly import assemble
 from app.simulation.closed_loop import ClosedLoop
 from app.simulation.push_response import FORCE, RIGID, PushAxis, PushResponse
 from app.simulation.search_memory import Memory
 from app.simulation.state import State, blending
-from app.simulation.system import System, assemble
+from app.simulation.system import System
 from controllers.laws.table import LAWS
 from environments.push import TimedPush
 

@@ -13,6 +13,7 @@ import structlog
 from app.process.own_code import OwnCodeError
 from app.scenario.declared_bounds import outside
 from app.scenario.schema import Scenario, ScenarioError, TruthSection, after_blend
+from app.simulation.assembly import assemble, with_truth
 from app.simulation.control_period import Alarm, Evaluation, Setting
 from app.simulation.controlled_arm import ControlledArm, PeriodAddresses
 from app.simulation.premise_watch import PremiseWatch, losses
@@ -20,7 +21,7 @@ from app.simulation.recording import Recording
 from app.simulation.sampled_stability import RespondingLoop
 from app.simulation.search_memory import Memory
 from app.simulation.state import State, blending, observed
-from app.simulation.system import System, assemble
+from app.simulation.system import System
 from app.simulation.true_errors import beyond
 from app.simulation.verdict import Standing
 from controllers.blend import ModelBlend
@@ -237,7 +238,7 @@ class ClosedLoop:
         previous: a system whose parts are used again where they are the same.
         """
         twin = object.__new__(ClosedLoop)
-        system = self.system.with_truth(truth, previous)
+        system = with_truth(self.system, truth, previous)
         twin.recording = Recording(system.layout.n, history)
         twin.recording.epochs.append(self.state.epoch)
         twin._bind(system, self.state.copy(), self._arm.settings_with(system))

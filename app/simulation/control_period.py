@@ -9,13 +9,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from app.simulation.error_model import ErrorModel, doubt
+from app.simulation.observation import Observation, ObservationModel, observe
+from app.simulation.planned_reference import ReferencePlan, reference_at
 from app.simulation.true_errors import UNKNOWN, TrueArm, TrueErrors, judge_errors
 from controllers.bounds import sum_of
 from controllers.control_law import ControlOutput, Gains, Reference, Told, add_up, clear
-from controllers.followed_faces import FollowedFaces, set_pressed
 from controllers.laws import table
-from controllers.nominal_model import ON_LINE, Estimate, LinkConstants, NominalModel, estimates
+from controllers.nominal_model import ON_LINE
 from controllers.premises import (
     CONTACT,
     DECLARED,
@@ -37,92 +37,9 @@ from controllers.premises import (
 from controllers.reference_estimates import FeedforwardModel, take_estimates
 from controllers.sliding import measure
 from controllers.switching import SAMPLING_SHARE
-from controllers.task_space import Scratch, TaskLayout, TaskSpace, task_space
-from environments.force_profiles.force_profile import ForceCourse
-from environments.force_profiles.table import force_at
-from environments.plant import limited
-from environments.shift import SmoothShift, add_shift
-from environments.surfaces.chart import Chart, Shapes, one_of
-from environments.surfaces.table import task_chart
-from environments.trajectories.point_to_point import Hold
-from environments.trajectories.table import add_path, course_of, path_at
-from environments.trajectories.trajectory import Course
+from environments.truth import limited
 from kernels import inline, kernel
 from kernels.algebra import copy, norm, row_times
-from kernels.records import Record
-
-
-class Forces(NamedTuple):
-    """Courses of the desired normal force on up to three surfaces."""
-
-    first: ForceCourse
-    second: ForceCourse
-    third: ForceCourse
-
-    @classmethod
-    def of(cls, courses: tuple[ForceCourse, ...]) -> Forces:
-        """Courses on one, two or three surfaces."""
-        return cls._make((*courses, *courses[-1:], *courses[-1:])[:3])
-
-    def held(self, f: np.ndarray) -> Forces:
-        """Forces f (3,) N from now on."""
-        return Forces._make(each._replace(start=value, change=0.0) for each, value in zip(self, f, strict=True))
-
-
-class ReferencePlan(NamedTuple):
-    """Plan of the reference.
-    start: (n,), r at t = 0, to which motion and shift add.
-    compliance: (3, 3) m/N, r_fd per f_nd on the surfaces, K_e_hat^-1 in (33), 0 on rigid surfaces (41).
-    followed: the faces of the same body that the tool follows at a distance.
-    m: number of force-controlled directions."""
-
-    start: np.ndarray
-    compliance: np.ndarray
-    followed: FollowedFaces
-    m: int
-    motion: Course
-    rotation: Course
-    shift: SmoothShift
-    forces: Forces
-
-    def held(self, r: np.ndarray, f: np.ndarray) -> ReferencePlan:
-        """Plan of staying at r (n,) with the present forces f (3,) N."""
-        still = course_of("motion", Hold(), len(r), range(0))
-        here, forces = SmoothShift.fresh(np.zeros_like(r), 1.0), self.forces.held(f)
-        return self.stiff()._replace(start=r, motion=still, rotation=still, shift=here, forces=forces)
-
-    def stiff(self) -> ReferencePlan:
-        """Plan without the r_fd that forces ask for."""
-        return self._replace(compliance=np.zeros((3, 3)), followed=FollowedFaces.none())
-
-
-class ObservationModel(NamedTuple):
-    """Model by which the controller observes the arm.
-    links: see `NominalModel`; errors: of these.
-    shapes: the surfaces (or Cartesian axes) that give the task coordinates."""
-
-    links: LinkConstants
-    errors: ErrorModel
-    shapes: Shapes
-    layout: TaskLayout
-
-
-class Observation(NamedTuple):
-    """The controller's observation of one state q (n,) rad, q_dot (n,) rad/s; spare: memory for another chart."""
-
-    q: np.ndarray
-    q_dot: np.ndarray
-    estimate: Estimate
-    chart: Chart
-    spare: Chart
-    task: TaskSpace
-    work: Scratch
-
-    @classmethod
-    def zeros(cls, n: int) -> Observation:
-        """Observation of n coordinates."""
-        charts = Chart.zeros(), Chart.zeros()
-        return cls(np.zeros(n), np.zeros(n), Estimate.zeros(n), *charts, TaskSpace.zeros(n), Scratch.zeros(n))
 
 
 class Alarm(IntFlag):
@@ -215,59 +132,6 @@ class Evaluation(NamedTuple):
         watched = Watched(1.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0)
         law = (v, f, f, seen, reference, feedforward, output, v, v, False, False, 0, UNKNOWN)
         return cls(*law, PremiseTable.fresh(), watched, Held.zeros(n), Kept.fresh(), Room.zeros(n))
-
-
-@inline
-def reference_at(plan, t, reference):
-    """Compute the `Reference` at t (s): r_d = start + motion + rotation + shift; in the first m coordinates r_d is
-    r_fd = K_e_hat^-1 f_nd (33), with what followed faces of the same body add, and F_cd = f_nd."""
-    path_at(plan.motion, t, reference.r_d, reference.r_d_dot, reference.r_d_ddot)
-    add_path(plan.rotation, t, reference.r_d, reference.r_d_dot, reference.r_d_ddot)
-    add_shift(plan.shift, t, reference.r_d, reference.r_d_dot, reference.r_d_ddot)
-    for i in range(reference.r_d.shape[0]):
-        reference.r_d[i] += plan.start[i]
-        reference.F_cd[i] = 0.0
-    for i in range(plan.m):
-        reference.r_d[i] = reference.r_d_dot[i] = reference.r_d_ddot[i] = 0.0
-    for i in range(plan.m):
-        f, f_dot, f_ddot = force_at(one_of(plan.forces, i), t)
-        for j in range(plan.m):
-            reference.r_d[j] += plan.compliance[j, i] * f
-            reference.r_d_dot[j] += plan.compliance[j, i] * f_dot
-            reference.r_d_ddot[j] += plan.compliance[j, i] * f_ddot
-        reference.F_cd[i] = f
-    if plan.followed.sets > 0:
-        _add_followed(plan, t, reference)
-
-
-@inline
-def _add_followed(plan, t, reference):
-    """Add to r_fd what the faces ask for that the tool follows at r_pd."""
-    faces, r_d = plan.followed, reference.r_d
-    f_2 = reference.F_cd[1] if plan.m > 1 else r_d[1]
-    last = 0.0 if faces.surfaces < 3 else r_d[2]
-    pressed = set_pressed(faces, (reference.F_cd[0], f_2, last))
-    if pressed == faces.sets:
-        return
-    for i in range(faces.surfaces):
-        if i < plan.m:
-            w, w_dot, w_ddot = force_at(one_of(plan.forces, i), t)
-        else:
-            w, w_dot, w_ddot = r_d[i], reference.r_d_dot[i], reference.r_d_ddot[i]
-        for j in range(plan.m):
-            r_d[j] += faces.added[pressed, j, i] * w
-            reference.r_d_dot[j] += faces.added[pressed, j, i] * w_dot
-            reference.r_d_ddot[j] += faces.added[pressed, j, i] * w_ddot
-
-
-@inline
-def observe(observation_model, momenta, C, J, J_dot, placements, t, seen):
-    """Estimates and task coordinates of a state, Remark 1 and (3), from the arrays of `nominal_model.Terms` there."""
-    links = observation_model.links
-    estimates(links, momenta, C, J, J_dot, placements, seen.q_dot, seen.estimate)
-    doubt(observation_model.errors, links, placements, seen.q, seen.q_dot, t, seen.estimate)
-    task_chart(observation_model.shapes, seen.estimate.p, t, seen.spare, seen.chart)
-    task_space(observation_model.layout, seen.chart, seen.estimate, seen.q, seen.q_dot, seen.work, seen.task)
 
 
 def asked(torque: Callable[..., None]) -> Any:
@@ -557,54 +421,3 @@ def watch_posture(setting, evaluation, centres):
         evaluation.watched,
     )
     return nearest
-
-
-@kernel
-def _observe_alone(observation_model, momenta, C, J, J_dot, placements, t, seen):
-    observe(observation_model[0], momenta, C, J, J_dot, placements, t, seen[0])
-
-
-@kernel
-def _reference_alone(plan, t, reference):
-    reference_at(plan[0], t, reference[0])
-
-
-class Observer:
-    """Observer of the arm: `observe` for use outside kernels."""
-
-    def __init__(
-        self, model: NominalModel, shapes: Shapes, layout: TaskLayout, errors: ErrorModel | None = None
-    ) -> None:
-        errors = ErrorModel.none(layout.n) if errors is None else errors
-        self.observation_model = ObservationModel(model.constants, errors, shapes, layout)
-        self._model, self._record = model, Record(self.observation_model)
-        self._blank = Record.zeros(Observation, layout.n)
-
-    @property
-    def fingerprint(self) -> bytes:
-        """Bytes of `observation_model`: observers with the same bytes observe the same."""
-        return self._record.data.tobytes()
-
-    def at(self, q: np.ndarray, q_dot: np.ndarray, t: float) -> tuple[Estimate, TaskSpace]:
-        """Estimates and task coordinates at q (n,) rad, q_dot (n,) rad/s, time t (s).
-
-        Raises ValueError where J_q is exactly singular.
-        """
-        seen = self._blank.copy()
-        seen.data["q"], seen.data["q_dot"] = q, q_dot
-        _observe_alone(self._record.data, *self._model.update(q, q_dot), t, seen.data)
-        return seen.part("estimate"), seen.part("task")
-
-
-class Planned:
-    """Planned reference: `reference_at` for use outside kernels."""
-
-    def __init__(self, plan: ReferencePlan) -> None:
-        self._plan = Record(plan)
-        self._blank = Record.zeros(Reference, len(plan.start))
-
-    def at(self, t: float) -> Reference:
-        """r_d and F_cd with their derivatives at time t (s)."""
-        reference = self._blank.copy()
-        _reference_alone(self._plan.data, t, reference.data)
-        return reference.read()

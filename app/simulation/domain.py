@@ -9,8 +9,9 @@ import numpy as np
 import pinocchio as pin
 
 from app.scenario.schema import PathOutOfReach, ScenarioError
-from app.simulation.control_period import Observer, Planned
 from app.simulation.extremes import OUTSIDE, Effort, Objectives, ObjectiveValue, Omega, Place, largest
+from app.simulation.observation import Observer
+from app.simulation.planned_reference import Planned
 from app.simulation.search_memory import Memory, Numbers, key_of
 from controllers.bounds import InertiaRange, Uncertainty
 from controllers.control_law import Reference

@@ -29,7 +29,6 @@ from environments.coupled_surfaces import EnvironmentMatrices
 from environments.force_profiles.force_profile import ForceCourse
 from environments.force_profiles.step import ConstantForce
 from environments.force_profiles.table import course_of as force_course
-from environments.plant import Truth
 from environments.push import TimedPush
 from environments.surfaces import own as own_surfaces
 from environments.surfaces.corner import Corner
@@ -40,6 +39,7 @@ from environments.trajectories import own as own_trajectories
 from environments.trajectories.point_to_point import Hold
 from environments.trajectories.table import course_of, numbered
 from environments.trajectories.trajectory import Course, spread
+from environments.truth import Truth
 from parameters import Matrix
 
 SOFTEST = 1e-3  # N/m: of a surface without stiffness a face has no size

@@ -8,9 +8,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from app.simulation.control_period import Planned
 from app.simulation.controlled_arm import ControlledArm
 from app.simulation.environment_builder import face_axes
+from app.simulation.planned_reference import Planned
 from app.simulation.signals import Row
 from app.simulation.state import State
 from app.simulation.system import System

@@ -18,7 +18,7 @@ from controllers.reaching import ReachingCertificate
 from controllers.reference_estimates import Start
 from controllers.switching import SAMPLING_SHARE
 from controllers.task_space import TaskSpace
-from environments.plant import PlantState
+from environments.acceleration import PlantState
 from environments.push import Grip
 from environments.sensors import ForceReader
 from environments.shift import SmoothShift
@@ -76,7 +76,8 @@ class State:
     @classmethod
     def at(cls, system: System, q: np.ndarray, q_dot: np.ndarray, t: float) -> State:
         """State of a run that begins at t (s) with the arm at q (n,) rad, q_dot (n,) rad/s; on a rigid surface the arm
-        is brought there. Raises ValueError when the rigid surface cannot be reached from q."""
+        is brought there. Its epoch promises nothing until the run's watch begins one. Raises ValueError when the rigid
+        surface cannot be reached from q."""
         arm, evaluation = system.plant.start(q, q_dot, t), Record.zeros(Evaluation, system.layout.n)
         evaluation.views.z[:] = system.z_0
         return cls(
@@ -90,7 +91,7 @@ class State:
             shift=system.plan.shift,
             along=None,
             grip=None,
-            epoch=epoch_at(system, t, arm, evaluation),
+            epoch=Epoch(t, system.scenario, system.controller.model, UNPROMISED, blend=system.blend),
             judged=Judged(None, np.full(system.robot.n, np.nan), t),
             stopped=None,
             flagged=None,
@@ -102,6 +103,7 @@ class State:
         return replace(self, **of_its_own)
 
 
+UNPROMISED = ReachingCertificate(*5 * (np.nan,))
 CHANGING = (Record, ForceReader, np.ndarray)
 
 

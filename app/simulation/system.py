@@ -1,4 +1,4 @@
-"""System of a scenario, checked: its objects; the one place where controllers, environments and app meet."""
+"""System of a scenario: its objects, which `app.simulation.assembly` checks and puts together."""
 
 from __future__ import annotations
 
@@ -6,85 +6,32 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
-import msgspec
 import numpy as np
 
-from app.scenario.schema import (
-    ForceInJoints,
-    IrregularCorner,
-    IrregularSurface,
-    Scenario,
-    ScenarioError,
-    SurfaceOutOfReach,
-    TooStiff,
-    TruthSection,
-    field_info,
-)
+from app.scenario.schema import Scenario
 from app.scenario.units import CARTESIAN, JOINT, Units
-from app.simulation.control_period import Forces, Observer, Planned, ReferencePlan
-from app.simulation.controller_builder import (
-    believed_compliance,
-    blend_of,
-    controller_of,
-    followed_faces,
-    mode_of,
-    uncertainty_of,
-    z_at_start,
-)
-from app.simulation.domain import Constants, centres, constants_over, mobility_over, posture_at, span_of
-from app.simulation.environment_builder import (
-    contacts_of,
-    environment_of,
-    face_axes,
-    face_of,
-    forces_of,
-    level_of,
-    motion_of,
-    positions_of,
-    push_of,
-    require_coupling,
-    require_face,
-    require_pushing,
-    require_reachable_moment,
-    require_surfaces,
-    robot_of,
-    rotation_of,
-    spread_over,
-    surfaces_of,
-    task_axes,
-    task_joints,
-    task_surface,
-    tool_at_start,
-    truth_of,
-)
-from app.simulation.error_model import ErrorModel
-from app.simulation.extremes import Omega
+from app.simulation.domain import Constants, posture_at
+from app.simulation.observation import Observer
+from app.simulation.planned_reference import Planned, ReferencePlan
 from app.simulation.search_memory import Memory
 from app.simulation.stations import Stations
-from controllers import modes
 from controllers.blend import ModelBlend
 from controllers.control_law import Reference
 from controllers.controller import Controller
-from controllers.modes import MODES, Mode
-from controllers.nominal_model import NO_RATES, Estimate, NominalModel
-from controllers.target_model import InvalidGain
+from controllers.modes import Mode
+from controllers.nominal_model import Estimate, NominalModel
 from controllers.task_space import TaskLayout, TaskSpace
 from environments import robots
-from environments.contact_kinds import nature_of
 from environments.plant import Plant
 from environments.push import TimedPush
 from environments.sensors import ForceSensor
 from environments.shift import SmoothShift
-from environments.step_resolution import Mobility, Oscillator, oscillators, resolved, substeps_needed
+from environments.step_resolution import Mobility
 from environments.surfaces.corner import Corner
 from environments.surfaces.table import Surface
-from environments.urdf import RobotError
 
 if TYPE_CHECKING:
     from app.simulation.sampled_stability import SampledLoop
-
-EASE = 1.5  # factor on the period for which substeps are proposed, so that with those the plant also settles
-ON_SURFACE = 1e-6  # m, by which the tool may be off its starting place on the surface
 
 
 @dataclass(frozen=True)
@@ -113,6 +60,7 @@ class System:
     charted: gives the task coordinates: the surfaces, or Cartesian axes.
     stations: at which the sampled loops are judged.
     mobility: the true arm's largest over Omega.
+    observer: with the controller's model of the arm.
     controller: with the target model in force, from which `blend`, if there is one, leads to another.
     q_0: (n,) rad, posture at the start.
     z_0: (n,) m/s, z of (9) at the start, unless `controller.on_change` is "remove" (Remark 2).
@@ -128,6 +76,7 @@ class System:
     surfaces: tuple[Surface, ...]
     charted: Surface | Corner
     nominal: NominalModel
+    observer: Observer
     plant: Plant
     constants: Constants
     stations: Stations
@@ -156,11 +105,6 @@ class System:
     def surface(self) -> Surface:
         """First surface."""
         return self.surfaces[0]
-
-    @cached_property
-    def observer(self) -> Observer:
-        """Observer with the controller's model of the arm."""
-        return Observer(self.nominal, self.charted.shapes, self.layout, ErrorModel.of(self.scenario, self.q_0))
 
     @cached_property
     def planned(self) -> Planned:
@@ -198,24 +142,6 @@ class System:
         begun = self.with_shift(SmoothShift.fresh(shift.end, shift.duration))
         return begun if self.blend is None else begun.with_controller(self.controller.following(self.blend.start))
 
-    def with_truth(self, truth: TruthSection, previous: System | None) -> System:
-        """The system with another true arm, of which the controller knows nothing. Raises ScenarioError.
-
-        previous: a system whose parts are used again where they are the same.
-        """
-        scenario, robot = msgspec.structs.replace(self.scenario, truth=truth), self.robot
-        plant = _plant(scenario, robot, self.surfaces, previous)
-        mobility = _mobility(scenario, plant, self.constants, self.nominal, self.memory, previous)
-        return replace(
-            self,
-            scenario=scenario,
-            nominal=_nominal(robot, previous),
-            plant=plant,
-            mobility=mobility,
-            push=push_of(scenario),
-            sampled_loops=_sampled_loops(scenario, self.stations, self.controller, previous),
-        )
-
     def with_controller(self, controller: Controller) -> System:
         """The system with this controller, for another target model in force."""
         return replace(self, controller=controller, sampled_loops={})
@@ -229,357 +155,3 @@ class System:
         g = np.zeros(3)
         g[: self.layout.positions] = r_d[list(self.layout.places)]
         return self.charted.point(g, t)
-
-
-def assemble(scenario: Scenario, previous: System | None = None, memory: Memory | None = None) -> System:
-    """System of a scenario; equal parts of `previous` are used again, and the results that `memory` has, by default
-    that of `previous`.
-
-    Raises ScenarioError with one sentence that names the field, its value and what is allowed.
-    """
-    try:
-        known = memory or (previous.memory if previous is not None else Memory())
-        return _assemble(scenario, previous, known)
-    except (InvalidGain, RobotError) as error:
-        raise ScenarioError(str(error)) from error
-
-
-def _assemble(scenario: Scenario, previous: System | None, memory: Memory) -> System:
-    mode = mode_of(scenario)
-    if scenario.contact.kind not in mode.contacts:
-        raise ScenarioError(
-            f"contact.kind: {scenario.contact.kind!r} in {mode.name} mode; allowed: {', '.join(mode.contacts)}"
-        )
-    if scenario.task_space.kind == "joint" and not mode.in_joints:
-        raise ForceInJoints(
-            f"task_space.kind: 'joint' in {mode.name} mode; allowed: 'cartesian' (joint in motion mode)"
-        )
-    same_robot = previous is not None and previous.scenario.robot == scenario.robot
-    robot = previous.robot if previous is not None and same_robot else robot_of(scenario)
-    nominal = _nominal(robot, previous)
-    require_surfaces(scenario, mode, positions_of(robot), robot.n)
-    require_coupling(scenario, mode)
-    require_face(scenario, mode, robot)
-    surfaces = _surfaces_in_use(scenario, robot, nominal, previous)
-    plant = _plant(scenario, robot, surfaces, previous)
-    q_0 = _start(scenario, plant, robot, nominal)
-    in_corner = mode.on_surface and len(surfaces) > 1
-    layout = _layout(scenario, mode, robot, nominal, q_0, plant.surface)
-    cartesian = Surface.cartesian(task_axes(scenario, robot))
-    charted = cartesian
-    if mode.on_surface:
-        charted = task_surface(scenario, surfaces, nominal.evaluate(q_0, np.zeros(robot.n)).p)
-    require_pushing(scenario, mode)
-    require_reachable_moment(scenario, mode)
-    motion, rotation, forces = motion_of(scenario, mode, layout), rotation_of(scenario, layout), forces_of(scenario)
-    shift = spread_over("shift.by", scenario.shift.by, mode, layout)
-
-    observer = Observer(nominal, charted.shapes, layout, ErrorModel.of(scenario, q_0))
-    try:
-        start = observer.at(q_0, np.zeros(robot.n), 0.0)[1].r
-    except ValueError as error:
-        kind = IrregularCorner if in_corner else ScenarioError
-        raise kind(
-            f"robot.posture: {np.round(q_0, 4).tolist()} rad; allowed: one at which J_q is not singular"
-            + ("" if scenario.task_space.supplemental is None else ", or other joints in task_space.supplemental")
-        ) from error
-    plan = ReferencePlan(
-        start=start,
-        compliance=np.zeros((3, 3)) if mode.rigid else _compliance(scenario),
-        followed=followed_faces(scenario),
-        m=mode.m(),
-        motion=motion,
-        rotation=rotation,
-        shift=SmoothShift.fresh(shift, scenario.shift.duration),
-        forces=Forces.of(forces),
-    )
-    # the start is compared, too: onto a rigid surface the true arm's masses say which way it goes
-    alike = previous is not None and _shaping(previous.scenario) == _shaping(scenario)
-    if previous is not None and alike and np.array_equal(previous.q_0, q_0):
-        constants = previous.constants
-    else:
-        # the arm is on the surface, not at r_fd (33) within it; only estimates taken along r_d are needed there, too
-        on_it = plan if scenario.controller.estimates == "along-reference" else plan.stiff()
-        unshifted = Planned(on_it._replace(shift=SmoothShift.fresh(0.0 * shift, 1.0)))
-        rules = scenario.simulation
-        if mode.on_surface:
-            _require_within_reach(scenario, mode, observer, unshifted.at(0.0), q_0)
-        along = centres(observer.at, unshifted, shift, q_0, rules.duration)
-        span = span_of(surfaces, rules.duration) if mode.on_surface else 0.0
-        omega = Omega(along, rules.domain_radius, span)
-        uncertainty = uncertainty_of(scenario, robot, 0.0, NO_RATES)
-        constants = constants_over(omega, rules.sigma_min, uncertainty, nominal, observer, memory)
-    mobility = _mobility(scenario, plant, constants, nominal, memory, previous)
-    stations = _stations(scenario, constants, previous)
-    # within a blend the controller of `previous` is on its way to another model
-    same = previous is not None and previous.constants is constants and previous.blend is None
-    if previous is not None and same and _ruling(previous.scenario) == _ruling(scenario):
-        controller = previous.controller
-    else:
-        controller = controller_of(scenario, robot, mode, layout, constants)
-    return System(
-        scenario=scenario,
-        robot=robot,
-        mode=mode,
-        layout=layout,
-        coordinates=_coordinates(layout, mode),
-        surfaces=surfaces,
-        charted=charted,
-        nominal=nominal,
-        plant=plant,
-        constants=constants,
-        stations=stations,
-        mobility=mobility,
-        controller=controller,
-        blend=blend_of(scenario, mode, layout),
-        sensor=ForceSensor(scenario.sensor, scenario.controller.period),
-        push=push_of(scenario),
-        plan=plan,
-        q_0=q_0,
-        z_0=z_at_start(scenario, robot.n),
-        memory=memory,
-        sampled_loops=_sampled_loops(scenario, stations, controller, previous),
-    )
-
-
-def _nominal(robot: robots.Robot, previous: System | None) -> NominalModel:
-    if previous is not None and previous.robot is robot:
-        return previous.nominal
-    return NominalModel(robot.model, robot.tool_joint, robot.tool_placement)
-
-
-def _plant(scenario: Scenario, robot: robots.Robot, surfaces: tuple[Surface, ...], previous: System | None) -> Plant:
-    """Plant of a scenario, that of `previous` where it is the same."""
-    alike = previous is not None and previous.robot is robot and previous.surfaces is surfaces
-    if previous is not None and alike and _nature(previous.scenario) == _nature(scenario):
-        return previous.plant
-    return Plant(
-        robot,
-        truth_of(scenario, robot),
-        surfaces,
-        nature_of(tuple(each.contact.nature for each in scenario.surfaces)),
-        contacts_of(scenario),
-        scenario.simulation.integrator,
-        scenario.simulation.substeps,
-        face_of(scenario, robot),
-        environment_of(scenario),
-    )
-
-
-def _nature(scenario: Scenario) -> tuple[object, ...]:
-    """Parts of the scenario that the plant is made of, besides arm and surfaces."""
-    rules, met = scenario.simulation, tuple((each.place, each.contact) for each in scenario.surfaces)
-    return scenario.truth, met, scenario.face, scenario.coupling, rules.integrator, rules.substeps
-
-
-def _mobility(
-    scenario: Scenario,
-    plant: Plant,
-    constants: Constants,
-    nominal: NominalModel,
-    memory: Memory,
-    previous: System | None,
-) -> Mobility:
-    """The true arm's largest mobility over Omega. Raises TooStiff where the plant's step cannot follow it."""
-    if previous is not None and previous.constants is constants and previous.scenario.truth == scenario.truth:
-        mobility = previous.mobility
-        if previous.plant is plant and previous.scenario.controller.period == scenario.controller.period:
-            return mobility
-    else:
-        touched = replace(constants.omega, span=span_of(plant.surfaces, scenario.simulation.duration))
-        # the believed arm is the same in all runs of a sweep, and a search takes longer than a run
-        believed = mobility_over(touched, plant.robot.model, plant.surfaces, nominal, memory)
-        mobility = believed.at_most_for(plant.model, plant.robot.model)
-        if mobility is None or _unresolved(scenario, plant, mobility):
-            mobility = mobility_over(touched, plant.model, plant.surfaces, nominal, memory)
-    _require_resolved(scenario, plant, mobility)
-    return mobility
-
-
-def _stations(scenario: Scenario, constants: Constants, previous: System | None) -> Stations:
-    duration = scenario.simulation.duration
-    if previous is not None and previous.constants is constants and previous.scenario.simulation.duration == duration:
-        return previous.stations
-    return Stations.along(constants.omega, duration)
-
-
-def _sampled_loops(
-    scenario: Scenario, stations: Stations, controller: Controller, previous: System | None
-) -> dict[int, SampledLoop]:
-    """Memory of the sampled loops at these stations: that of `previous` where the loops are the same, else an empty
-    one. Within a blend they differ, since its model is in no scenario."""
-    alike = previous is not None and previous.stations is stations and previous.controller.model.same(controller.model)
-    if previous is not None and alike and _looped(previous.scenario) == _looped(scenario):
-        return previous.sampled_loops
-    return {}
-
-
-def _looped(scenario: Scenario) -> Scenario:
-    """The scenario without what a sampled loop at rest at a station does not depend on: its names, and the forces that
-    are asked for."""
-    plain = Scenario()
-    second = msgspec.structs.replace(scenario.second, force=plain.second.force)
-    third = msgspec.structs.replace(scenario.third, force=plain.third.force)
-    return msgspec.structs.replace(scenario, name="", title="", force=plain.force, second=second, third=third)
-
-
-def _compliance(scenario: Scenario) -> np.ndarray:
-    """Compliance (3, 3) m/N of r_fd, (33): that of the surfaces whose force is controlled."""
-    compliance, believed = np.zeros((3, 3)), believed_compliance(scenario)
-    compliance[: len(believed), : len(believed)] = believed
-    return compliance
-
-
-def _surfaces_in_use(
-    scenario: Scenario, robot: robots.Robot, nominal: NominalModel, previous: System | None
-) -> tuple[Surface, ...]:
-    """Surfaces of the scenario; one typed as a formula is checked where the tool will meet it."""
-    if previous is not None and _judged_by(previous.scenario) == _judged_by(scenario):
-        return previous.surfaces
-    surfaces = surfaces_of(scenario, tool_at_start(robot, nominal))
-    on_surface = modes.MODES[scenario.mode].on_surface
-    for surface, each in zip(surfaces, scenario.surfaces, strict=True):
-        if on_surface or each.contact.nature.touches:
-            try:
-                surface.require_regular(scenario.simulation.duration)
-            except ValueError as error:
-                raise IrregularSurface(f"{each.path}{error}") from error
-    return surfaces
-
-
-def _judged_by(scenario: Scenario) -> tuple[object, ...]:
-    touched = tuple((each.form, each.contact.kind) for each in scenario.surfaces)
-    return touched, scenario.robot, scenario.mode, scenario.simulation
-
-
-def _start(scenario: Scenario, plant: Plant, robot: robots.Robot, nominal: NominalModel) -> np.ndarray:
-    """Posture (n,) rad at the start, on rigid surfaces. Raises ScenarioError, which names the surface that is farthest
-    from the tool, or IrregularCorner."""
-    try:
-        return plant.start(robot.posture, np.zeros(robot.n), 0.0).views.q
-    except ValueError as error:
-        tool, kind = tool_at_start(robot, nominal), IrregularCorner if len(plant.surfaces) > 1 else ScenarioError
-        task_surface(scenario, plant.surfaces, tool)  # dependent normals are another reason
-        farthest = int(np.argmax([abs(each.chart(tool, 0.0).g[0]) for each in plant.surfaces]))
-        path = scenario.surfaces[farthest].path
-        raise kind(
-            f"{path}{error}; allowed: one that the arm reaches, by {path}surface.origin or robot.posture"
-        ) from error
-
-
-def _require_within_reach(
-    scenario: Scenario, mode: modes.Mode, observer: Observer, reference: Reference, q_0: np.ndarray
-) -> None:
-    """Raise SurfaceOutOfReach where Newton's method does not bring the tool from q_0 (n,) rad to its starting place on
-    the surfaces; of several it names the one that is farthest from the tool."""
-    estimate, task = observer.at(q_0, np.zeros_like(q_0), 0.0)
-    try:
-        q, _ = posture_at(observer.at, q_0, reference, 0.0)
-        away = float(np.abs(observer.at(q, np.zeros_like(q), 0.0)[1].r - reference.r_d).max())
-    except ValueError:  # J_q exactly singular on the way
-        away = np.inf
-    if not away < ON_SURFACE:
-        farthest = int(np.abs(task.r[: mode.normals]).argmax())
-        path, depth = scenario.surfaces[farthest].path, float(task.r[farthest])
-        side, tool = "behind" if depth > 0.0 else "ahead of", np.round(estimate.p, 3).tolist()
-        raise SurfaceOutOfReach(
-            f"{path}surface: out of the arm's reach, {abs(depth):.3g} m {side} the tool at {tool} m; "
-            f"allowed: one that the arm reaches, by {path}surface.origin or robot.posture"
-        )
-
-
-def _layout(
-    scenario: Scenario, mode: Mode, robot: robots.Robot, nominal: NominalModel, q_0: np.ndarray, surface: Surface
-) -> TaskLayout:
-    joints, angles = task_joints(scenario, robot)
-    estimate = nominal.evaluate(q_0, np.zeros(robot.n))
-    flat = scenario.face.flat and mode.on_surface
-    supplemental = np.zeros(robot.n, dtype=np.int64)
-    supplemental[: len(joints)] = joints
-    return TaskLayout(
-        n=robot.n,
-        joint=scenario.task_space.kind == "joint",
-        positions=positions_of(robot),
-        angles=angles,
-        supplemental=supplemental,
-        l=scenario.task_space.characteristic_length,
-        R_ref=estimate.R,
-        tilts=2 if flat else 0,
-        face=face_axes(scenario) if flat else np.zeros((2, 3)),
-        level=level_of(scenario, estimate.R, surface.chart(estimate.p, 0.0).G[0]) if flat else np.zeros((2, 3)),
-    )
-
-
-def _shaping(scenario: Scenario) -> tuple[object, ...]:
-    """Parts of the scenario that Omega and the constants over it depend on, besides the start."""
-    names = ("robot", "task_space", "declared", "mode", "motion", "rotation", "shift", "simulation")
-    where = (*(getattr(scenario, name) for name in names), scenario.face.flat, scenario.face.normal)
-    where = (*where, *((each.form, each.pressed) for each in scenario.surfaces))
-    if scenario.controller.estimates == "along-reference":
-        return (
-            *where,
-            scenario.face,
-            scenario.coupling.K_e_hat,
-            *((each.force, each.K_e_hat) for each in scenario.surfaces),
-        )
-    return where
-
-
-def _ruling(scenario: Scenario) -> tuple[object, ...]:
-    """Parts of the scenario that the controller depends on, besides the constants over Omega: all but what it is not
-    told of the true arm and of the contact, and what is asked of it."""
-    told = (
-        "robot",
-        "mode",
-        "task_space",
-        "declared",
-        "controller",
-        "target_model",
-        "second",
-        "third",
-        "coupling",
-        "face",
-    )
-    met = scenario.contact if MODES[scenario.mode].feedback == "all" else scenario.contact.nature
-    return *(getattr(scenario, name) for name in told), met, scenario.contact.unilateral
-
-
-def _coordinates(layout: TaskLayout, mode: Mode) -> tuple[Coordinate, ...]:
-    if layout.joint:
-        return tuple(Coordinate(f"q{joint + 1}", "rad") for joint in range(layout.n))
-    cartesian = ["x", "z"] if layout.positions == 2 else ["x", "y", "z"]
-    places = _PLACES[mode.surfaces] if mode.on_surface else cartesian
-    angles = {0: [], 1: ["ℓ·θ"], 3: ["ℓ·α", "ℓ·β", "ℓ·γ"]}[layout.angles]
-    extra = [f"ℓ·q{joint + 1}" for joint in layout.supplemental_joints]
-    names = [*places[: layout.positions], *angles, *extra]
-    if layout.tilts:
-        names = ["φ", "ℓ·θ₁", "ℓ·θ₂", *places[1:], "ℓ·γ", *extra]
-    return tuple(Coordinate(name, "m", layout.l if name.startswith("ℓ") else None) for name in names)
-
-
-# names of the positions by the number of surfaces among them
-_PLACES = {1: ["φ", "ψ₁", "ψ₂"], 2: ["φ₁", "φ₂", "ψ"], 3: ["φ₁", "φ₂", "φ₃"]}
-
-
-def _require_resolved(scenario: Scenario, plant: Plant, mobility: Mobility) -> None:
-    """Refuse contacts and frictions that the plant's step cannot follow where the arm is most mobile: the plant would
-    explode whatever the controller does."""
-    integrator, period = scenario.simulation.integrator, scenario.controller.period
-    for o in _unresolved(scenario, plant, mobility):
-        enough = substeps_needed(integrator, o, EASE * period, int(field_info("simulation.substeps").largest or 1))
-        raise TooStiff(
-            f"{o.field}: {o.value:g} {o.unit} is too stiff for {plant.substeps} step(s) of {integrator} per control "
-            f"period of {period:g} s, the plant would explode; allowed: "
-            + ("" if enough is None else f"simulation.substeps >= {enough}, or ")
-            + "a smaller value",
-            enough,
-        )
-
-
-def _unresolved(scenario: Scenario, plant: Plant, mobility: Mobility) -> list[Oscillator]:
-    """Oscillators of the plant that its step does not follow."""
-    step = scenario.controller.period / plant.substeps
-    K_t = scenario.face.K_t if scenario.face.flat else 0.0
-    parts = (plant.kind, plant.contacts, plant.environment, plant.truth)
-    known = oscillators(*parts, mobility, K_t, plant.model.nv)
-    return [o for o in known if not resolved(scenario.simulation.integrator, o, step)]

@@ -10,8 +10,9 @@ import numpy as np
 from app.scenario.declared_bounds import outside
 from app.scenario.schema import STATED_IN, Scenario
 from controllers.nominal_model import Estimate, LinkConstants, Stated, estimates
-from environments.plant import Plant, Resistance, resistance_torque
+from environments.plant import Plant
 from environments.robots import Robot
+from environments.truth import Resistance, resistance_torque
 from kernels import inline
 from kernels.algebra import norm
 from kernels.rigid_body import Chain, Motion, estimated_terms, place, travel, weigh

@@ -75,6 +75,9 @@ def task_chart(shapes, p, t, spare, chart):
                 chart.G_p[2, k, a] = 0.0
 
 
+_BLANK = Record(Chart.zeros())
+
+
 @kernel
 def _chart_alone(shapes, p, t, spare, chart):
     task_chart(shapes[0], p, t, spare[0], chart[0])
@@ -82,7 +85,7 @@ def _chart_alone(shapes, p, t, spare, chart):
 
 def chart_at(shapes: np.ndarray, p: np.ndarray, t: float) -> Chart:
     """Chart of the point p (3,) m at time t (s); shapes: data of a record of `Shapes`."""
-    spare, chart = Record(Chart.zeros()), Record(Chart.zeros())
+    spare, chart = _BLANK.copy(), _BLANK.copy()
     _chart_alone(shapes, p, t, spare.data, chart.data)
     return chart.read()
 

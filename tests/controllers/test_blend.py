@@ -19,8 +19,8 @@ from app.session.commands import Blend, Edit
 from app.session.headless_run import simulate, write
 from app.session.runner import Runner
 from app.session.timeline import Timeline
+from app.simulation.assembly import assemble
 from app.simulation.closed_loop import ClosedLoop
-from app.simulation.system import assemble
 from controllers.blend import axis_matrix, blended, certify, shared_sliding
 from controllers.dominance import By, dominates, hurwitz_on_hull, schur_on_hull
 from controllers.segment import _bialternate, rightmost

@@ -20,7 +20,7 @@ from controllers.nominal_model import _SYMMETRIC, ON_LINE, Estimate, LinkRates, 
 from controllers.reference_estimates import FeedforwardModel
 from controllers.switching import Switching
 from controllers.task_space import TaskSpace
-from environments.plant import Truth
+from environments.truth import Truth
 from tests.support.arms import CERTAIN, ROBOTS, State, charted, random_law, random_reference
 
 CHART = "sphere outside"  # moves, and is curved

@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 from app.scenario.data import edited, load
+from app.simulation.assembly import assemble
 from app.simulation.closed_loop import ClosedLoop
 from app.simulation.sampled_stability import sampled_loop
-from app.simulation.system import System, assemble
+from app.simulation.system import System
 from controllers.laws import KINDS
 from controllers.laws.table import LAWS, WITHIN, number_of
 from controllers.premises import Premise

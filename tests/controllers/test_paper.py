@@ -11,7 +11,8 @@ import pytest
 
 from app.scenario.data import edited, from_plain, shipped, to_plain
 from app.scenario.schema import ScenarioError
-from app.simulation.system import System, assemble
+from app.simulation.assembly import assemble
+from app.simulation.system import System
 from controllers.compensator import Compensator
 from controllers.control_law import Reference
 from controllers.nominal_model import Estimate

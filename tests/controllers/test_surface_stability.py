@@ -9,8 +9,8 @@ from scipy.optimize import minimize
 from app.scenario.data import edited, shipped
 from app.scenario.schema import Scenario, ScenarioError
 from app.session.changes import blending_to, in_mode
+from app.simulation.assembly import assemble
 from app.simulation.closed_loop import ClosedLoop
-from app.simulation.system import assemble
 from controllers.surface_stability import SurfaceRange, passive, unstable_surface
 from controllers.target_model import TargetModel
 from tests.support.arms import random_spd

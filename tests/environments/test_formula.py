@@ -13,8 +13,8 @@ from hypothesis import strategies as st
 from app.scenario.data import edited, from_plain, from_toml, shipped, to_plain, to_toml
 from app.scenario.schema import Scenario, ScenarioError
 from app.session.changes import on_surface
+from app.simulation.assembly import assemble
 from app.simulation.closed_loop import ClosedLoop
-from app.simulation.system import assemble
 from environments.bytecode import OUTPUTS, bytecode_of, run
 from environments.formula import FormulaError, parse
 from environments.surfaces.form import SurfaceMotion

@@ -17,8 +17,8 @@ from app.dashboard.view_options import FINE
 from app.scenario.data import edited, from_toml, shipped, to_toml
 from app.scenario.schema import ScenarioError
 from app.session.changes import with_robot
+from app.simulation.assembly import assemble
 from app.simulation.closed_loop import ClosedLoop
-from app.simulation.system import assemble
 from app.storage import uploaded_urdfs
 from environments import robots, urdf
 from environments.robots import CATALOGUE, Robot, RobotError

@@ -32,9 +32,9 @@ from app.scenario.data import edited, from_file, from_toml, load, to_toml
 from app.scenario.schema import Scenario, ScenarioError
 from app.session import headless_run
 from app.session.snapshot import Snapshot, snapshot_of
+from app.simulation.assembly import assemble
 from app.simulation.closed_loop import ClosedLoop
 from app.simulation.recording import BLOCK, Recording
-from app.simulation.system import assemble
 from app.storage.recording_files import TooLarge, read_npz, table, write_csv, write_npz
 from tests.support.svg import letters_of
 

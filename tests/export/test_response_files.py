@@ -15,8 +15,8 @@ from app.export.figures import render
 from app.export.response_files import figure_of
 from app.scenario.data import from_plain, load, to_plain, to_toml
 from app.session.push_measurement import Measured
+from app.simulation.assembly import assemble
 from app.simulation.sampled_stability import sampled_loop
-from app.simulation.system import assemble
 from tests.support.svg import letters_of
 
 

@@ -8,7 +8,7 @@ import pytest
 
 from controllers.nominal_model import NominalModel, Terms
 from environments import robots
-from environments.plant import Truth
+from environments.truth import Truth
 from kernels.records import Record
 from kernels.rigid_body import Chain, Motion, drive_motion, estimate_motion
 

@@ -15,9 +15,9 @@ from app.scenario.caption import caption
 from app.scenario.data import edited, from_toml, load, to_toml
 from app.scenario.schema import Scenario, ScenarioError
 from app.session.headless_run import simulate
+from app.simulation.assembly import assemble
 from app.simulation.closed_loop import ClosedLoop
 from app.simulation.sampled_stability import sampled_loop
-from app.simulation.system import assemble
 from controllers.premises import Premise
 
 pytestmark = pytest.mark.slow  # it compiles what is of no use to another process

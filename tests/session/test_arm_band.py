@@ -15,10 +15,10 @@ from app.scenario.schema import Scenario, TruthSection
 from app.session.arm_band import SEED, SIGNALS, ArmsAhead, Band, BandStretch, TrueArms
 from app.session.preview import Foresight, Outlook, Question
 from app.session.preview_client import Previewer
+from app.simulation.assembly import assemble
 from app.simulation.closed_loop import ClosedLoop
 from app.simulation.compiled_run import CompiledRun
 from app.simulation.search_memory import Memory
-from app.simulation.system import assemble
 from drivers.waiting import until
 
 pytestmark = pytest.mark.slow  # processes of its own
@@ -91,8 +91,9 @@ def test_arms_in_two_threads_share_no_model_of_the_arm() -> None:
     loop = running(edited(shipped()["ur5-hybrid"], "controller.estimates", "along-reference"))
     arms, stretch = TrueArms(Memory()), foresight_of(loop, loop.system.scenario).stretch
     whole(arms.run(stretch, COUNT))
-    models = {id(system.nominal.data) for system in (arms._begun.system, *arms._systems.values()) if arms._begun}
-    assert len(models) == COUNT + 1
+    systems = [system for system in (arms._begun.system, *arms._systems.values()) if arms._begun]
+    assert len({id(system.nominal.data) for system in systems}) == COUNT + 1
+    assert all(system.observer.model is system.nominal for system in systems)
     band = whole(arms.run(stretch, COUNT))
     for number in range(COUNT):
         own = ClosedLoop.resume(loop.state.copy())

@@ -11,9 +11,9 @@ from app.scenario.schema import Scenario, ScenarioError
 from app.session.changes import in_coordinates, in_mode, on_robot, on_surface, possible, told
 from app.session.commands import DropWayOut, Edit, Fork, Pause, Reset, TakeWayOut
 from app.session.runner import Runner
+from app.simulation.assembly import assemble
 from app.simulation.closed_loop import ClosedLoop
 from app.simulation.compiled_run import CompiledRun
-from app.simulation.system import assemble
 from controllers.modes import MODES
 from environments.robots import CATALOGUE
 from environments.surfaces.table import SURFACES

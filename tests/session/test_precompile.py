@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from app.process import precompile
-from app.simulation.system import assemble
+from app.simulation.assembly import assemble
 from app.workers.precompile import to_compile
 from environments.robots import CATALOGUE
 

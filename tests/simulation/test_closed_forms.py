@@ -22,8 +22,9 @@ from app.simulation.closed_loop import ClosedLoop
 from controllers.force_loop import force_loop_factor
 from environments.contact import Contact
 from environments.contact_kinds import CONTACTS as KINDS
-from environments.plant import Plant, Truth
+from environments.plant import Plant
 from environments.sensors import ForceReader, ForceSensor, Sensor
+from environments.truth import Truth
 from tests.support.arms import CHARTS, arm, at_rest, charted, random_spd
 from tests.support.cases import scenario_of
 

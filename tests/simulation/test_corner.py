@@ -12,8 +12,8 @@ from app.scenario.data import edited, from_plain, load, shipped, to_plain
 from app.scenario.schema import IrregularCorner, Scenario, ScenarioError
 from app.session.changes import in_mode, possible, told, way_out, with_control, with_further
 from app.session.headless_run import simulate
+from app.simulation.assembly import assemble
 from app.simulation.closed_loop import ClosedLoop
-from app.simulation.system import assemble
 from environments.surfaces.corner import Corner
 from environments.surfaces.form import SurfaceMotion
 from tests.support.arms import answered

@@ -16,12 +16,13 @@ from app.scenario.caption import caption
 from app.scenario.data import edited, from_plain, load, to_plain
 from app.scenario.schema import Scenario, ScenarioError
 from app.session.changes import in_mode, possible, with_control, with_further
+from app.simulation.assembly import assemble
 from app.simulation.closed_loop import ClosedLoop
 from app.simulation.compiled_run import CompiledRun
 from app.simulation.controller_builder import believed_compliance, believed_stiffness, true_stiffness
 from app.simulation.period_map import Posture, period_matrix
 from app.simulation.sampled_stability import force_factor
-from app.simulation.system import System, assemble
+from app.simulation.system import System
 from environments.coupled_surfaces import EnvironmentMatrices
 from environments.plant import Plant
 from tests.support.arms import answered

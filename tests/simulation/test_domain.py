@@ -18,11 +18,12 @@ from app.scenario.data import edited, from_plain, shipped
 from app.scenario.departures import Departure
 from app.scenario.schema import Declared, ScenarioError
 from app.session.changes import on_robot
+from app.simulation.assembly import assemble
 from app.simulation.domain import MARGIN, mobility_over, span_of
 from app.simulation.environment_builder import truth_of
 from app.simulation.extremes import OUTSIDE, Effort, ObjectiveValue, Omega, Place, largest
 from app.simulation.search_memory import Memory
-from app.simulation.system import System, assemble
+from app.simulation.system import System
 from app.storage.constants_store import KEPT, ConstantsStore
 from controllers.bounds import InertiaRange
 from controllers.nominal_model import Steepness

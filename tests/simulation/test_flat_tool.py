@@ -11,11 +11,12 @@ from app.analysis.metrics import force_error, moment_error
 from app.scenario.data import edited, shipped
 from app.scenario.schema import Scenario, ScenarioError
 from app.session.headless_run import simulate
+from app.simulation.assembly import assemble
 from app.simulation.closed_loop import ClosedLoop
 from app.simulation.compiled_run import CompiledRun
 from app.simulation.controller_builder import believed_stiffness, true_stiffness
 from app.simulation.sampled_stability import sampled_loop
-from app.simulation.system import System, assemble
+from app.simulation.system import System
 from controllers.reference_estimates import FeedforwardModel
 from environments.contact import FEET, face_radius
 from environments.surfaces.plane import Plane, Tilt

@@ -12,8 +12,8 @@ from app.evidence.independent_simulator import order
 from app.evidence.twins import Twin, bands, loop_errors, plant_errors
 from app.scenario.data import from_plain, shipped, to_plain
 from app.scenario.schema import Scenario
+from app.simulation.assembly import assemble
 from app.simulation.closed_loop import ClosedLoop
-from app.simulation.system import assemble
 from controllers.reference_estimates import FeedforwardModel
 from environments.integrators import Integrator
 

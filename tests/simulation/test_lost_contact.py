@@ -10,12 +10,14 @@ import pytest
 
 from app.scenario.data import edited, load
 from app.scenario.schema import Scenario
+from app.simulation.assembly import assemble
 from app.simulation.closed_loop import ClosedLoop
 from app.simulation.compiled_run import CompiledRun
-from app.simulation.system import System, assemble
+from app.simulation.system import System
+from environments.acceleration import PlantState
 from environments.contact import Contact
 from environments.contact_kinds import CONTACTS
-from environments.plant import Plant, PlantState
+from environments.plant import Plant
 from tests.support.surfaces import plane
 
 H, HELD = 1e-3, 1e-9

@@ -18,8 +18,8 @@ from app.scenario.data import edited, shipped
 from app.scenario.schema import Scenario, ScenarioError
 from app.session.runner import Runner
 from app.session.timeline import Timeline
+from app.simulation.assembly import assemble
 from app.simulation.closed_loop import ClosedLoop
-from app.simulation.system import assemble
 from controllers.reference_estimates import FeedforwardModel
 from controllers.switching import Switching
 from tests.support.arms import charted, random_law, random_reference, random_state

@@ -18,11 +18,11 @@ from app.scenario.data import edited, shipped
 from app.scenario.schema import Scenario, ScenarioError
 from app.session.headless_run import simulate
 from app.session.snapshot import snapshot_of
+from app.simulation.assembly import assemble
 from app.simulation.closed_loop import ClosedLoop
 from app.simulation.controlled_arm import ControlledArm
 from app.simulation.sampled_stability import sampled_loop
 from app.simulation.stations import APART
-from app.simulation.system import assemble
 from controllers.premises import STATEMENTS, Premise
 from tests.support.arms import random_spd
 

@@ -10,6 +10,7 @@ import pytest
 from app.scenario.data import edited, from_plain, load, to_plain
 from app.scenario.schema import Scenario
 from app.session.push_measurement import Chirp, PushExperiment, not_linear, told
+from app.simulation.assembly import assemble
 from app.simulation.closed_loop import ClosedLoop
 from app.simulation.force_margin import ForceLoop
 from app.simulation.period_map import Posture, period_matrix
@@ -23,7 +24,7 @@ from app.simulation.push_response import (
     passive,
 )
 from app.simulation.sampled_stability import sampled_loop
-from app.simulation.system import System, assemble
+from app.simulation.system import System
 from environments.push import TimedPush
 
 

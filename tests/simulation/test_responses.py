@@ -13,10 +13,10 @@ from app.evidence.closed_forms import certain, changed, pressed
 from app.scenario.data import edited, from_plain, shipped, to_plain
 from app.scenario.schema import Scenario, ScenarioError
 from app.session.headless_run import simulate
+from app.simulation.assembly import assemble
 from app.simulation.closed_loop import ClosedLoop
-from app.simulation.system import assemble
 from controllers.force_loop import force_loop_factor
-from environments.plant import Truth
+from environments.truth import Truth
 from tests.support.cases import scenario_of
 
 pytestmark = pytest.mark.slow  # long or many simulations

@@ -14,10 +14,11 @@ from scipy.linalg import expm
 from app.scenario.data import edited, shipped
 from app.scenario.schema import Scenario, ScenarioError
 from app.session.changes import in_mode, on_robot
+from app.simulation.assembly import assemble
 from app.simulation.closed_loop import ClosedLoop
 from app.simulation.period_map import Posture, period_matrix
 from app.simulation.sampled_stability import force_factor, sampled_loop
-from app.simulation.system import System, assemble
+from app.simulation.system import System
 from controllers.premises import Premise
 from environments.contact import Contact
 from environments.contact_kinds import CONTACTS

@@ -12,8 +12,8 @@ from app.scenario.data import edited, from_plain, load, to_plain
 from app.scenario.schema import Scenario, ScenarioError, field_info
 from app.session.changes import in_coordinates, in_mode, on_robot, possible, told
 from app.session.headless_run import simulate
+from app.simulation.assembly import assemble
 from app.simulation.closed_loop import ClosedLoop
-from app.simulation.system import assemble
 
 TURN = (0.2, -0.15, 0.3)  # rad
 

@@ -12,12 +12,13 @@ from app.scenario.data import edited, from_plain, shipped, to_plain
 from app.scenario.departures import Departure
 from app.scenario.schema import Scenario
 from app.session.headless_run import simulate
+from app.simulation.assembly import assemble
 from app.simulation.environment_builder import truth_of
-from app.simulation.system import System, assemble
+from app.simulation.system import System
 from controllers.bounds import Equivalent, InertiaRange, required_gain
 from controllers.nominal_model import ON_LINE
 from controllers.reaching import ReachingCertificate, lyapunov_bound
-from environments.plant import Truth
+from environments.truth import Truth
 from tests.support.cases import scenario_of
 
 pytestmark = pytest.mark.slow  # long or many simulations

@@ -13,8 +13,9 @@ from app.scenario.data import edited, shipped
 from app.scenario.declared_bounds import outside
 from app.scenario.schema import Scenario
 from app.session.changes import on_robot
+from app.simulation.assembly import assemble
 from app.simulation.closed_loop import ClosedLoop
-from app.simulation.system import System, assemble
+from app.simulation.system import System
 from controllers.reference_estimates import FeedforwardModel
 from environments.push import Grip, TimedPush
 from environments.sensors import ForceReader, ForceSensor, Sensor

@@ -18,7 +18,7 @@ from controllers.controller import Controller
 from controllers.laws.table import LAWS
 from controllers.switching import Switching, unit_factor
 from controllers.target_model import TargetModel
-from environments.plant import PlantState
+from environments.acceleration import PlantState
 from environments.robots import CATALOGUE
 from environments.surfaces.corner import Corner
 from environments.surfaces.form import SurfaceMotion

@@ -1,0 +1,228 @@
+"""Acceleration of the true arm, (2), under a torque and the load of its contacts, in compiled functions."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from environments.contact import (
+    SETS,
+    ContactForce,
+    Holding,
+    MultiplierWork,
+    ToolContacts,
+    World,
+    add_contact_force,
+    add_drift,
+    elastic_load,
+    find_touched,
+    heavy_multipliers,
+    let_go,
+    one_sided,
+    place_tool,
+    touch_at,
+)
+from environments.surfaces.chart import one_of
+from environments.truth import Resistance, resistance_torque
+from kernels import inline, kernel
+from kernels.algebra import copy, cross, dot, solve_spd, transposed_times
+from kernels.records import Record
+
+
+class Arm(NamedTuple):
+    """State of the arm.
+    q, q_dot: (n,).
+    load: the contact's `ContactForce` in this state; with a rigid or heavy environment that of the last step, since it
+    depends on the torque.
+    q_ddot: (n,), of the period before: that of its first integration step.
+    holding: rigid surfaces that the tool is held on."""
+
+    q: np.ndarray
+    q_dot: np.ndarray
+    load: ContactForce
+    q_ddot: np.ndarray
+    holding: Holding
+
+    @classmethod
+    def zeros(cls, n: int) -> Arm:
+        """State at rest, all joints at zero."""
+        return cls(np.zeros(n), np.zeros(n), ContactForce.zeros(n), np.zeros(n), Holding.none())
+
+
+PlantState = Record[Arm]
+
+
+class PlantWorkspace(NamedTuple):
+    """Workspace of the plant, for what its kernels compute between two of Pinocchio's calls.
+    resistance: friction and disturbance of the arm's joints.
+    touch, multipliers: geometry of the contacts, and memory for their multipliers.
+    torque: (n,) N m, that moves the arm.
+    push, pushed: (3,) N, a force on the tool, and (n,) N m, its torque.
+    factor: (n, n), memory for Cholesky's factor.
+    speeds, accelerations: (n,), sums of q_dot and q_ddot over the stages of Runge and Kutta."""
+
+    world: World
+    resistance: Resistance
+    touch: ToolContacts
+    multipliers: MultiplierWork
+    torque: np.ndarray
+    push: np.ndarray
+    pushed: np.ndarray
+    factor: np.ndarray
+    speeds: np.ndarray
+    accelerations: np.ndarray
+
+    @classmethod
+    def of(cls, world: World, resistance: Resistance, n: int) -> PlantWorkspace:
+        """Workspace of an arm with n joints."""
+        v = np.zeros(n)
+        met = (ToolContacts.zeros(n), MultiplierWork.zeros(n))
+        return cls(world, resistance, *met, v, np.zeros(3), v, np.zeros((n, n)), v, v)
+
+
+@inline
+def _accelerate(around, M, bias, arm, tau, t):
+    """Compute q_ddot under the torque tau and the present load."""
+    torque = around.torque
+    resistance_torque(around.resistance, arm.q_dot, t, torque)
+    for i in range(torque.shape[0]):
+        torque[i] = tau[i] - bias[i] - torque[i] - arm.load.torque[i]
+    solve_spd(M, torque, around.factor, arm.q_ddot)
+
+
+@kernel
+def accelerate_free(around, M, bias, arm, tau, t):
+    """Compute q_ddot in free space under the torque tau; bias (n,) N m: C q_dot + G."""
+    _accelerate(around[0], M, bias, arm[0], tau, t)
+
+
+@kernel
+def accelerate_elastic(around, M, bias, J, rotation, translation, arm, tau, t):
+    """Compute the load in the present state, and q_ddot under the torque tau against it."""
+    around, arm = around[0], arm[0]
+    touch_at(around.world, J, rotation, translation, arm.q_dot, t, around.touch)
+    elastic_load(around.world, around.touch, around.multipliers, arm.load)
+    _accelerate(around, M, bias, arm, tau, t)
+
+
+@inline
+def _find_multipliers(around, M):
+    """Compute the multipliers of heavy contacts, with friction for the signs `side` of them."""
+    world, touch, work = around.world, around.touch, around.multipliers
+    k = world.shapes.number
+    for j in range(k):
+        met = one_of(touch, j)
+        for a in range(3):
+            around.push[a] = met.chart.G[0, a] + work.side[j] * met.drag[a]
+        transposed_times(touch.tool.J_v, around.push, around.pushed)
+        solve_spd(M, around.pushed, around.factor, work.directions[j])
+        for i in range(k):
+            work.mobility[i, j] = dot(one_of(touch, i).pull, work.directions[j])
+    heavy_multipliers(world, touch, work, work.found)
+
+
+@inline
+def _accelerate_against(around, M, bias, arm, tau, t):
+    """Compute the multipliers of the surfaces that the tool touches, `work.touches`, under the torque tau, and q_ddot
+    without them."""
+    world, touch, torque, n = around.world, around.touch, around.torque, arm.q.shape[0]
+    work = around.multipliers
+    for a in range(3):
+        around.push[a] = 0.0
+    for i in range(world.shapes.number):
+        add_contact_force(one_of(world.contacts, i), 0.0, work.touches[i] > 0, one_of(touch, i), around.push)
+    transposed_times(touch.tool.J_v, around.push, around.pushed)
+    resistance_torque(around.resistance, arm.q_dot, t, torque)
+    for i in range(n):
+        torque[i] = tau[i] - bias[i] - torque[i] - around.pushed[i]
+    solve_spd(M, torque, around.factor, arm.q_ddot)  # without the multipliers
+    for i in range(world.shapes.number):
+        met = one_of(touch, i)
+        work.free[i] = dot(met.pull, arm.q_ddot) + met.phi_ddot_bias
+        work.side[i] = 1.0
+    _find_multipliers(around, M)
+    turned = False
+    for i in range(world.shapes.number):  # where a bilateral surface pulls, friction still opposes the slip
+        if work.found[i] < 0.0 and not one_of(world.contacts, i).unilateral:
+            work.side[i], turned = -1.0, True
+    if turned:
+        _find_multipliers(around, M)
+
+
+@kernel
+def accelerate_heavy(around, M, bias, J, J_dot, rotation, translation, arm, tau, t):
+    """Compute q_ddot under the torque tau, and the load, which depends on it.
+
+    A rigid surface that only pushes, but would have to pull, is let go, each by itself: of the sets of surfaces to let
+    go, the first one is taken with which none that is held pulls, and none that is let go is entered. Without friction
+    there is just one. With much Coulomb friction there may be none; then all are let go.
+    """
+    around, arm = around[0], arm[0]
+    world, touch, n = around.world, around.touch, arm.q.shape[0]
+    work, load, holding = around.multipliers, arm.load, arm.holding
+    touch_at(world, J, rotation, translation, arm.q_dot, t, touch)
+    add_drift(world, J, J_dot, arm.q_dot, touch)
+    for trial in range(SETS + 1):
+        if not world.rigid:
+            find_touched(world, touch, holding.held, work)
+        elif not let_go(world, holding.held, trial, work.touches):
+            continue
+        _accelerate_against(around, M, bias, arm, tau, t)
+        if trial == 0:
+            copy(work.found, work.whole)
+        if not world.rigid or one_sided(world, holding.held, work, work.free, work.found):
+            break
+    if world.rigid:
+        for i in range(world.shapes.number):
+            if holding.held[i] > 0 and work.touches[i] == 0:
+                holding.held[i], holding.lost[i], holding.pull[i] = 0, t, work.whole[i]
+    for a in range(6):
+        load.wrench[a] = 0.0
+    for i in range(world.shapes.number):
+        contact, met, multiplier = one_of(world.contacts, i), one_of(touch, i), work.found[i]
+        load.multiplier[i], load.phi[i] = multiplier, met.phi
+        for j in range(n):
+            arm.q_ddot[j] -= work.directions[i, j] * multiplier
+        add_contact_force(contact, multiplier, work.touches[i] > 0, met, load.wrench)
+    transposed_times(touch.tool.J_v, load.wrench, load.torque)
+
+
+@kernel
+def load_at(around, J, rotation, translation, arm, t):
+    around, arm = around[0], arm[0]
+    world = around.world
+    touch_at(world, J, rotation, translation, arm.q_dot, t, around.touch)
+    elastic_load(world, around.touch, around.multipliers, arm.load)
+
+
+@kernel
+def penetration_at(around, J, rotation, translation, arm, t):
+    touch_at(around[0].world, J, rotation, translation, arm[0].q_dot, t, around[0].touch)
+    for i in range(around[0].world.shapes.number):
+        arm[0].load.phi[i] = one_of(around[0].touch, i).phi
+
+
+@kernel
+def force_of(around, J, rotation, translation, arm, multiplier, t, force):
+    """Compute the wrench (6,) of the tool on the environment for multipliers (3,) N."""
+    world, around = around[0].world, around[0]
+    touch_at(world, J, rotation, translation, arm[0].q_dot, t, around.touch)
+    find_touched(world, around.touch, arm[0].holding.held, around.multipliers)
+    for a in range(6):
+        force[a] = 0.0
+    for i in range(world.shapes.number):
+        contact, met, touches = one_of(world.contacts, i), one_of(around.touch, i), around.multipliers.touches[i] > 0
+        add_contact_force(contact, multiplier[i], touches, met, force)
+
+
+@kernel
+def torque_of_push(around, J, rotation, translation, push, torque):
+    """Compute the torque (n,) N m of a push on the tool, a wrench (6,)."""
+    tool = around[0].touch.tool.p
+    place_tool(around[0].world.lever, rotation, translation, tool)
+    for j in range(torque.shape[0]):
+        about = cross(tool, (J[3, j], J[4, j], J[5, j]))
+        torque[j] = 0.0
+        for a in range(3):
+            torque[j] += (J[a, j] - about[a]) * push[a] + J[3 + a, j] * push[3 + a]
