@@ -11,7 +11,6 @@ import numpy as np
 import structlog
 
 from app.process.own_code import OwnCodeError
-from app.scenario.declared_bounds import outside
 from app.scenario.schema import Scenario, ScenarioError, TruthSection, after_blend
 from app.simulation.assembly import assemble, with_truth
 from app.simulation.control_period import Alarm, Evaluation, Setting
@@ -114,7 +113,7 @@ def standing_of(system: System, state: State) -> Standing:
     evaluation = state.evaluation
     table, kept = evaluation.part("table"), evaluation.part("kept")
     stated, errors = evaluation.part("seen").estimate.stated, evaluation.part("errors")
-    outsiders = outside(system.scenario) + beyond(errors, stated, system.scenario.declared.least_inertia)
+    outsiders = system.outsiders + beyond(errors, stated, system.scenario.declared.least_inertia)
     lost = losses(system, state.arm.views.holding)
     waiting = kept.periods > 0 and state.steps == 0
     return Standing(table, kept, state.stopped, outsiders, system.units, lost, waiting)

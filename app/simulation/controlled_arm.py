@@ -45,6 +45,7 @@ class ControlledArm:
     settings: the data of the system that the compiled functions read.
     along: the estimates taken beforehand (Remark 3), None where they are taken on-line.
     ideal: whether the force sensor is ideal on a rigid or heavy surface; on others that makes no difference.
+    scripted: the push at fixed times, None for none.
     push: (6,), wrench of hand and timed push on the tool over this period; push_torque: (n,) N m, its joint torques.
     """
 
@@ -58,7 +59,7 @@ class ControlledArm:
         arm, evaluation = state.arm, state.evaluation
         self._q, self._q_dot, self._force = arm.views.q, arm.views.q_dot, arm.views.load.wrench
         self.ideal = system.scenario.sensor.ideal and system.plant.kind.heavy
-        self._scripted = system.push if system.push.acts else None
+        self.scripted = system.push if system.push.acts else None
         self._applied, self.push = evaluation.views.applied, evaluation.views.push
         self.push_torque, self._pushed = np.zeros(system.robot.n), True
         if settings is None:
@@ -92,7 +93,7 @@ class ControlledArm:
     def settings_with(self, system: System) -> Record[Setting]:
         """The settings for a system that differs in the true arm only: a copy takes a tenth of the time."""
         twin = self.settings.copy()
-        twin.write("true_arm", TrueArm.of(system.scenario, system.plant, system.robot))
+        twin.write("true_arm", _true_arm_of(system))
         twin.data["torque_limit"] = system.plant.truth.torque_limit
         return twin
 
@@ -108,7 +109,7 @@ class ControlledArm:
     def _push_tool(self) -> bool:
         """Compute the wrench of hand and timed push on the tool over this period; returns whether there is one. The
         usual period has none and takes no time."""
-        grip, script = self._state.grip, self._scripted
+        grip, script = self._state.grip, self.scripted
         force = None if script is None else script.at(self._state.t)
         pushed = force is not None or grip is not None
         if pushed:
@@ -227,5 +228,9 @@ def _setting_of(system: System, *, online: bool) -> Setting:
         heavy=plant.kind.heavy,
         torque_limit=np.broadcast_to(plant.truth.torque_limit, system.robot.n),
         limits=Limits(scenario.simulation.sigma_min, SPEED_LIMIT, pushes_only, pressed),
-        true_arm=TrueArm.of(scenario, plant, system.robot),
+        true_arm=_true_arm_of(system),
     )
+
+
+def _true_arm_of(system: System) -> TrueArm:
+    return TrueArm.of(system.scenario.declared, system.plant, system.robot, len(system.outsiders))

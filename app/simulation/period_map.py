@@ -21,6 +21,7 @@ from environments.sensors import ForceReader
 from kernels.records import Record
 
 STEP, FORCE_STEP = 1e-3, 1e-3  # steps of the differences: in boundary layers, and N
+NO_PUSH = TimedPush(np.zeros(3), 0.0, 0.0)
 
 
 @dataclass(frozen=True)
@@ -79,17 +80,15 @@ class PeriodMap:
     def __init__(self, system: System, at: Posture, *, touching: bool = True, moments: bool = False) -> None:
         self._felt = 6 if moments or system.plant.face.flat else 3  # entries of a reading
         self._observer = system.observer
-        self._push = np.full((2, 3), FORCE_STEP)  # `ControlledArm` would ignore a push that is zero when it is made
         self._still = still = replace(
             system,
             plant=system.plant.smooth(touching=touching),
             sensor=system.sensor.steady(),
-            push=TimedPush(self._push[0], 0.0, math.inf, moment=self._push[1]),
+            push=NO_PUSH,
             blend=None,
         )
         self._state = state = State.at(still, at.q, np.zeros_like(at.q), at.t)
         self._arm, self._row = ControlledArm(still, state), Record.zeros(Row, system.layout.n).data
-        self._push[:] = 0.0
         self._added, self._reading = np.zeros(6), np.zeros(6)
         self._blank, controller = state.evaluation.copy(), system.controller
         self._parts = [state.arm.views.q, state.arm.views.q_dot]
@@ -214,7 +213,9 @@ class PeriodMap:
 
     def _pushed(self, axis: int, size: float) -> np.ndarray:
         """The state after a period at rest with a push."""
-        self._push.flat[axis] = size
+        wrench = np.zeros(6)
+        wrench[axis] = size
+        self._arm.scripted = TimedPush(wrench[:3], 0.0, math.inf, moment=wrench[3:])
         after = self._after(self._base)
-        self._push[:] = 0.0
+        self._arm.scripted = None
         return after

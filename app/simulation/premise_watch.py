@@ -8,7 +8,6 @@ from typing import TypeVar
 
 import numpy as np
 
-from app.scenario.declared_bounds import outside
 from app.scenario.schema import UnboundedGain
 from app.simulation.control_period import Alarm, Evaluation
 from app.simulation.controlled_arm import ControlledArm
@@ -73,9 +72,8 @@ class PremiseWatch:
         evaluation.data["watched"]["V_band"] = 0.0
         anew = Kept.fresh()._replace(reaching=state.epoch.certificate.bound, broken=before.broken, begun=state.t)
         evaluation.write("kept", anew._replace(periods=before.periods, lost=before.lost))
-        outsiders = len(outside(system.scenario))
         self._state_premise(Premise.LAW, float(not system.controller.law.robust), 0.0)
-        self._state_premise(Premise.DECLARED, float(outsiders), 0.0)
+        self._state_premise(Premise.DECLARED, float(len(system.outsiders)), 0.0)
         nearest, distance = system.constants.omega.centre_near(state.arm.views.q)
         self._state_premise(Premise.DOMAIN, distance, system.constants.radius)
         if self._arm.settings.views.limits.pushes_only.any():

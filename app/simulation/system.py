@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from app.scenario.declared_bounds import outside
 from app.scenario.schema import Scenario
 from app.scenario.units import CARTESIAN, JOINT, Units
 from app.simulation.domain import Constants, posture_at
@@ -110,6 +111,11 @@ class System:
     def planned(self) -> Planned:
         """Reference of the run, as a function of time."""
         return Planned(self.plan)
+
+    @cached_property
+    def outsiders(self) -> tuple[str, ...]:
+        """Inequalities between truth and declaration that the true arm violates, see `declared_bounds.outside`."""
+        return outside(self.scenario)
 
     @property
     def units(self) -> Units:

@@ -7,8 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from app.scenario.declared_bounds import outside
-from app.scenario.schema import STATED_IN, Scenario
+from app.scenario.schema import STATED_IN, Declared
 from controllers.nominal_model import Estimate, LinkConstants, Stated, estimates
 from environments.plant import Plant
 from environments.robots import Robot
@@ -50,12 +49,12 @@ class TrueArm(NamedTuple):
     estimate: Estimate
 
     @classmethod
-    def of(cls, scenario: Scenario, plant: Plant, robot: Robot) -> TrueArm:
-        """True arm of a scenario."""
-        declared, n = scenario.declared, robot.n
+    def of(cls, declared: Declared, plant: Plant, robot: Robot, outsiders: int) -> TrueArm:
+        """True arm of a plant. outsiders: number of the inequalities that it violates whatever the state."""
+        n = robot.n
         return cls(
             judged=any(getattr(declared, name) is not None for name in STATED_IN),
-            outsiders=float(len(outside(scenario))),
+            outsiders=float(outsiders),
             least_inertia=declared.least_inertia,
             links=LinkConstants.of(plant.model, robot.tool_joint, robot.tool_placement),
             chain=plant.chain,
